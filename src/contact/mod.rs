@@ -1,0 +1,3 @@
+//! Contact laws: numbers in, numbers out.
+
+pub mod lee_hurley;

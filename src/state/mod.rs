@@ -1,0 +1,7 @@
+//! Grains, contacts, walls and the cell: what a run consists of between two steps.
+
+mod sample;
+mod snapshot;
+
+pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
+pub use snapshot::{ContactState, GrainState, Snapshot};
