@@ -8,5 +8,7 @@ pub mod contact;
 pub mod domain;
 pub mod failure;
 pub mod io;
+pub mod kernel;
 pub mod report;
+pub mod simd;
 pub mod state;

@@ -1,7 +1,11 @@
 //! Grains, contacts, walls and the cell: what a run consists of between two steps.
 
+mod contacts;
+mod grains;
 mod sample;
 mod snapshot;
 
+pub use contacts::{Contacts, Touching};
+pub use grains::{Force, Grains, body, field};
 pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
 pub use snapshot::{ContactState, GrainState, Snapshot};
