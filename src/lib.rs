@@ -9,6 +9,7 @@ pub mod domain;
 pub mod failure;
 pub mod io;
 pub mod kernel;
+pub mod neighbour;
 pub mod report;
 pub mod simd;
 pub mod state;
