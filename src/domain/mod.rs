@@ -1,8 +1,10 @@
 //! The ranks: what they exchange. Physics never names MPI.
 
 mod solo;
+mod world;
 
 pub use solo::Solo;
+pub use world::World;
 
 /// What a rank says to its neighbours in every step: the records of its border grains, and where theirs land.
 pub struct Link<'a> {
