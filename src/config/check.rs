@@ -2,7 +2,7 @@
 
 use super::checker::{Bounds, Checker, Key, NOT_NEGATIVE, POSITIVE};
 use super::derived::{self, LEAST_HEIGHT, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
-use super::raw::{self, Number, Raw};
+use super::raw::{self, Number, Raw, show};
 use super::scene::*;
 use super::source::Input;
 use super::write::{self, DampingChoice, LoadChoice};
@@ -71,6 +71,14 @@ pub(super) fn scene(
     let load = derive_load(&mut c, &material, &sample, load_choice, &load_key)?;
     let mean_overlap = sample.mean_diameter() / load.stiffness_number;
     let contact_time = derived::contact_time(&material, &sample, mean_overlap);
+    check_range(
+        &c,
+        &[
+            ("pressure", load.pressure),
+            ("normal force", load.normal_force),
+            ("time scale of a contact", contact_time),
+        ],
+    )?;
     let time_step = check_step(&mut c, contact_time, &step_key, step, force)?;
 
     let mut scene = Scene {
@@ -187,7 +195,7 @@ fn check_size(c: &mut Checker<'_>, sample: &Sample, places: &Places) -> Result<(
     if a > b {
         c.refuse_among(
             &[radius_min, radius_max],
-            &format!("radius_min = {a:?} is greater than radius_max = {b:?}; it must not be"),
+            &format!("radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"),
         );
     }
     c.settle()?;
@@ -196,8 +204,8 @@ fn check_size(c: &mut Checker<'_>, sample: &Sample, places: &Places) -> Result<(
         c.refuse_among(
             &[length, radius_max],
             &format!(
-                "the cell is too narrow for its grains: length = {:?} m; give at least 4 diameters of the largest, {least:.3e} m",
-                sample.length
+                "the cell is too narrow for its grains: length = {} m; give at least 4 diameters of the largest, {least:.3e} m",
+                show(sample.length)
             ),
         );
     }
@@ -205,12 +213,17 @@ fn check_size(c: &mut Checker<'_>, sample: &Sample, places: &Places) -> Result<(
     let height = derived::packed_height(sample);
     let needed = LEAST_HEIGHT * sample.mean_diameter();
     if height < needed {
+        let least = derived::least_grains(sample);
+        let remedy = if least <= f64::from(u32::MAX) {
+            format!("give at least {least} grains or a shorter cell")
+        } else {
+            "give a shorter cell".into()
+        };
         c.refuse_among(
             places,
             &format!(
-                "box too small for its walls: {} grains fill about {height:.2e} m of height, but two walls of one mean diameter and five between them take {needed:.2e} m; give at least {} grains or a shorter cell",
-                sample.grains,
-                derived::least_grains(sample)
+                "box too small for its walls: {} grains fill about {height:.2e} m of height, but two walls of one mean diameter and five between them take {needed:.2e} m; {remedy}",
+                sample.grains
             ),
         );
     }
@@ -271,12 +284,14 @@ fn derive_load(
             c.refuse(
                 key,
                 &format!(
-                    "gives a mean overlap outside {:.1e} … {:.3} mean diameters; it must lie in {:.3e} … {:.3e} {unit}, found {:?}",
+                    "gives a mean overlap outside {:.1e} … {:.3} mean diameters; it must lie in {:.3e} … {:.3e} {unit}, found {}",
                     1.0 / STIFFNESS_NUMBER_MAX,
                     1.0 / STIFFNESS_NUMBER_MIN,
                     least * factor,
                     most * factor,
-                    key.given.as_ref().map_or(f64::NAN, |(_, Number(x))| *x),
+                    key.given
+                        .as_ref()
+                        .map_or(String::new(), |(_, Number(x))| show(*x)),
                 ),
             );
             Err(c
@@ -341,6 +356,16 @@ fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: raw::Bookkeeping) -> Book
     }
 }
 
+/// Values that are each within their bounds can still overflow together, such as a radius of 1e-200 m squared.
+fn check_range(c: &Checker<'_>, derived: &[(&str, f64)]) -> Result<(), Failure> {
+    match derived.iter().find(|(_, x)| !x.is_normal()) {
+        Some((name, x)) => Err(c.out_of_range(&format!(
+            "the {name} comes out as {x:?}; check the units (SI) of [material], [sample] and [load]"
+        ))),
+        None => Ok(()),
+    }
+}
+
 fn check_step(
     c: &mut Checker<'_>,
     contact_time: f64,
@@ -350,18 +375,13 @@ fn check_step(
 ) -> Result<TimeStep, Failure> {
     let limit = derived::step_limit(contact_time);
     let default = derived::default_step(contact_time);
-    // Values that are absurd each in its own way can overflow together, such as a radius of 1e-200.
-    if !limit.is_normal() || !default.is_normal() {
-        return Err(c.out_of_range(&format!(
-            "the limit of the time step comes out as {limit:?} s; check the units (SI) of [material] and [sample]"
-        )));
-    }
     let step = given.unwrap_or(default);
     if step > limit && !force {
         c.refuse(
             key,
             &format!(
-                "{step:?} s is over the stability limit 2/omega_max = {limit:.3e} s; give less, or leave it out for {default:.3e} s, or run it all the same with time.force = true"
+                "{} s is over the stability limit 2/omega_max = {limit:.3e} s; give less, or leave it out for {default:.3e} s, or run it all the same with time.force = true",
+                show(step)
             ),
         );
     }

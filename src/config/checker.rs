@@ -2,7 +2,7 @@
 
 use toml::Spanned;
 
-use super::raw::{Flag, Number, Text, Whole};
+use super::raw::{Flag, Number, Text, Whole, show};
 use super::source::Input;
 use crate::failure::Failure;
 
@@ -98,7 +98,7 @@ impl<'a> Checker<'a> {
                 let name = self.input.source.name();
                 (
                     usize::MAX,
-                    format!("{name}: there is no [{table}]; it lacks {what}"),
+                    format!("{name}: [{table}] is missing; it must have {what}"),
                 )
             }
         };
@@ -109,9 +109,9 @@ impl<'a> Checker<'a> {
     pub fn number(&mut self, key: &Key<Number>, bounds: &Bounds) -> Option<f64> {
         let Number(x) = key.given.as_ref()?.1;
         if !x.is_finite() {
-            self.refuse(key, &format!("must be a finite number, found {x:?}"));
+            self.refuse(key, &format!("must be a finite number, found {}", show(x)));
         } else if !(bounds.hold)(x) {
-            self.refuse(key, &format!("{}, found {x:?}", bounds.words));
+            self.refuse(key, &format!("{}, found {}", bounds.words, show(x)));
         }
         Some(x)
     }

@@ -35,7 +35,10 @@ pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<(),
                 match entry.get_mut() {
                     DeValue::Table(inner) => inner,
                     _ => {
-                        return refuse(&format!("{name} is not a table in {}", input.source.name()));
+                        return refuse(&format!(
+                            "{name} is not a table in {}",
+                            input.source.name()
+                        ));
                     }
                 }
             }

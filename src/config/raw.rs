@@ -19,43 +19,47 @@ pub struct Text(pub String);
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flag(pub bool);
 
+/// Any TOML value, kept if `take` finds the kind that is expected.
+fn take<'de, D: Deserializer<'de>, T>(
+    d: D,
+    expected: &str,
+    take: impl Fn(&toml::Value) -> Option<T>,
+) -> Result<T, D::Error> {
+    let out_of_range =
+        |_| D::Error::custom(format!("expected {expected}, found a number out of range"));
+    let value = toml::Value::deserialize(d).map_err(out_of_range)?;
+    take(&value).ok_or_else(|| D::Error::custom(mismatch(expected, &value)))
+}
+
 impl<'de> Deserialize<'de> for Number {
     fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        match toml::Value::deserialize(d)? {
-            toml::Value::Float(x) => Ok(Number(x)),
-            toml::Value::Integer(n) => Ok(Number(n as f64)),
-            other => Err(D::Error::custom(mismatch("a number", &other))),
-        }
+        take(d, "a number", |value| match value {
+            toml::Value::Float(x) => Some(Number(*x)),
+            toml::Value::Integer(n) => Some(Number(*n as f64)),
+            _ => None,
+        })
     }
 }
 
 impl<'de> Deserialize<'de> for Whole {
     fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        match toml::Value::deserialize(d)? {
-            toml::Value::Integer(n) => Ok(Whole(n)),
-            other => Err(D::Error::custom(mismatch(
-                "an integer without decimal point or exponent",
-                &other,
-            ))),
-        }
+        take(d, "an integer without decimal point or exponent", |value| {
+            value.as_integer().map(Whole)
+        })
     }
 }
 
 impl<'de> Deserialize<'de> for Text {
     fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        match toml::Value::deserialize(d)? {
-            toml::Value::String(s) => Ok(Text(s)),
-            other => Err(D::Error::custom(mismatch("a string in quotes", &other))),
-        }
+        take(d, "a string in quotes", |value| {
+            value.as_str().map(|s| Text(s.into()))
+        })
     }
 }
 
 impl<'de> Deserialize<'de> for Flag {
     fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        match toml::Value::deserialize(d)? {
-            toml::Value::Boolean(b) => Ok(Flag(b)),
-            other => Err(D::Error::custom(mismatch("true or false", &other))),
-        }
+        take(d, "true or false", |value| value.as_bool().map(Flag))
     }
 }
 
@@ -63,13 +67,22 @@ fn mismatch(expected: &str, found: &toml::Value) -> String {
     let found = match found {
         toml::Value::String(s) => format!("the string {s:?}"),
         toml::Value::Integer(n) => format!("the integer {n}"),
-        toml::Value::Float(x) => format!("the number {x:?}"),
+        toml::Value::Float(x) => format!("the number {}", show(*x)),
         toml::Value::Boolean(b) => format!("the boolean {b}"),
         toml::Value::Datetime(d) => format!("the date {d}"),
         toml::Value::Array(_) => "an array".into(),
         toml::Value::Table(_) => "a table".into(),
     };
     format!("expected {expected}, found {found}")
+}
+
+/// The shortest decimal that reads back to the same bits, without many zeros.
+pub fn show(x: f64) -> String {
+    if x.is_finite() && x.abs() >= 1e7 {
+        format!("{x:e}")
+    } else {
+        format!("{x:?}")
+    }
 }
 
 /// A table of optional keys that remember their place, and the names of its keys.

@@ -3,6 +3,7 @@
 
 use std::fmt::Write;
 
+use super::raw::show;
 use super::scene::{Drive, Scene};
 
 /// How the damping was given.
@@ -20,7 +21,7 @@ pub(super) enum LoadChoice {
     NormalForce(f64),
 }
 
-/// Lines of TOML; `{:?}` prints the shortest number that reads back to the same bits.
+/// Lines of TOML.
 struct Lines(String);
 
 impl Lines {
@@ -34,7 +35,7 @@ impl Lines {
     }
 
     fn number(&mut self, key: &str, x: f64) {
-        self.line(&format!("{key} = {x:?}"));
+        self.line(&format!("{key} = {}", show(x)));
     }
 
     fn whole(&mut self, key: &str, n: u64) {
