@@ -55,8 +55,13 @@ pub trait Drive {
     /// After the grains' drift: the wall grains' predicted velocities.
     fn predict(&mut self, step: f64, grains: &mut Grains);
     /// Forces of the walls on the grains that are no contacts between grains. Returns a grain whose overlap is outside the law.
-    fn forces(&mut self, level: Level, length: f64, step: f64, grains: &mut Grains)
-    -> Option<usize>;
+    fn forces(
+        &mut self,
+        level: Level,
+        length: f64,
+        step: f64,
+        grains: &mut Grains,
+    ) -> Option<usize>;
     /// Adds this rank's part of the force on the top along y.
     fn load(&self, grains: &Grains, fixed: &FixedPoint, to: &mut Accumulator);
     /// Second half kick, by the force on the top along y (N/m).
@@ -303,4 +308,3 @@ impl Drive for NoWalls {
 
     fn renumber(&mut self, _: &Grains, _: f64) {}
 }
-

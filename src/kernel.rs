@@ -121,9 +121,8 @@ fn blocks<L: Lanes, C: ContactLaw, const SAMPLE: bool>(
         };
         if C::FRICTION {
             // v_t = (v_i - v_j)·t̂ - (R_i ω_i + R_j ω_j), and R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j
-            let slip = |u: L, v: L, w: L, w_j: L| {
-                v.mul_add(n_x, -(u * n_y)) - r_i.mul_add(w, sum * w_j)
-            };
+            let slip =
+                |u: L, v: L, w: L, w_j: L| v.mul_add(n_x, -(u * n_y)) - r_i.mul_add(w, sum * w_j);
             let w_j = L::gather(token, record, j, field::W);
             let half_w_j = L::gather(token, record, j, field::HALF_W);
             motion.tangential_velocity = slip(d[field::U], d[field::V], d[field::W], w_j);

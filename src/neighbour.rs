@@ -112,10 +112,17 @@ mod tests {
     /// Against all pairs, in narrow and wide cells, with ghosts.
     #[test]
     fn finds_what_a_search_over_all_pairs_finds() {
-        for (length, count, owned) in [(2.5, 12, 12), (5.0, 60, 60), (20.0, 300, 300), (20.0, 300, 180)] {
+        for (length, count, owned) in [
+            (2.5, 12, 12),
+            (5.0, 60, 60),
+            (20.0, 300, 300),
+            (20.0, 300, 180),
+        ] {
             let mut seed = 7u64;
             let mut random = || {
-                seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                seed = seed
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
                 (seed >> 11) as f64 / (1u64 << 53) as f64
             };
             let states: Vec<GrainState> = (0..count)
@@ -132,7 +139,11 @@ mod tests {
             for ghost in &states[owned..] {
                 grains.push(ghost);
             }
-            let window = Window { length, from: 0.0, width: length };
+            let window = Window {
+                length,
+                from: 0.0,
+                width: length,
+            };
             let found = pairs(&grains, window, 1.1, 0.1);
             let mut expected = Vec::new();
             for a in 0..states.len() {

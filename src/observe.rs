@@ -92,7 +92,10 @@ pub fn series<E: Exchange>(
 
     let mut message = [0i64; 3 * (LIMBS + 1) + 3];
     let (sums, tail) = message.split_at_mut(3 * (LIMBS + 1));
-    for (part, limbs) in [shear, normal, kinetic].iter().zip(sums.chunks_mut(LIMBS + 1)) {
+    for (part, limbs) in [shear, normal, kinetic]
+        .iter()
+        .zip(sums.chunks_mut(LIMBS + 1))
+    {
         part.write(limbs);
     }
     tail.copy_from_slice(&counts);

@@ -109,11 +109,16 @@ mod tests {
         let grains = lattice.insert(&SAMPLE, 3, 0..SAMPLE.grains);
         for (k, a) in grains.iter().enumerate() {
             assert_eq!(a.id, k as u32);
-            assert!(a.position[1] >= a.radius && a.position[1] + a.radius <= lattice.total_height());
+            assert!(
+                a.position[1] >= a.radius && a.position[1] + a.radius <= lattice.total_height()
+            );
             for b in &grains[k + 1..] {
                 let dx = (a.position[0] - b.position[0]).abs();
                 let dx = dx.min(SAMPLE.length - dx);
-                assert!(dx.hypot(a.position[1] - b.position[1]) >= (a.radius + b.radius) * (1.0 - 1e-12));
+                assert!(
+                    dx.hypot(a.position[1] - b.position[1])
+                        >= (a.radius + b.radius) * (1.0 - 1e-12)
+                );
             }
         }
         let mean = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;

@@ -35,7 +35,12 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     drive.drift(step, &mut system.grains);
     let fastest = half_kick_and_drift(&mut system.grains, step, system.length);
     drive.predict(step, &mut system.grains);
-    let rebuild = system.list.moved(fastest.max(drive.speed()), step, &system.grains, system.length);
+    let rebuild = system.list.moved(
+        fastest.max(drive.speed()),
+        step,
+        &system.grains,
+        system.length,
+    );
     system.clock.end(Phase::Motion);
 
     system.slabs.exchange(exchange, &mut system.grains, || ());
@@ -135,7 +140,11 @@ fn half_kick_and_drift(grains: &mut Grains, step: f64, length: f64) -> f64 {
         r[HALF_V] = r[V] + dv;
         r[HALF_W] = r[W] + dw;
         let x = r[X] + step * r[HALF_U];
-        r[X] = if x < 0.0 || x >= length { wrapped(x, length) } else { x };
+        r[X] = if x < 0.0 || x >= length {
+            wrapped(x, length)
+        } else {
+            x
+        };
         r[Y] += step * r[HALF_V];
         r[U] = r[HALF_U] + du;
         r[V] = r[HALF_V] + dv;
@@ -145,7 +154,11 @@ fn half_kick_and_drift(grains: &mut Grains, step: f64, length: f64) -> f64 {
         fastest = if speed > fastest { speed } else { fastest };
     }
     // A comparison drops NaN, a sum keeps it.
-    if (sum * 0.0).is_nan() { f64::NAN } else { fastest.sqrt() }
+    if (sum * 0.0).is_nan() {
+        f64::NAN
+    } else {
+        fastest.sqrt()
+    }
 }
 
 /// x in [0, length), in the very step in which it left.

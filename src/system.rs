@@ -121,7 +121,9 @@ impl List {
             let dy = r.0[field::Y] - o[1];
             dx * dx + dy * dy
         });
-        squares.fold(0.0, |a: f64, b| if b > a { b } else { a }).sqrt()
+        squares
+            .fold(0.0, |a: f64, b| if b > a { b } else { a })
+            .sqrt()
     }
 
     pub fn forced(&self, steps: u64) -> bool {
@@ -176,7 +178,9 @@ impl System {
 
     /// This rank's grains.
     pub fn grain_states(&self) -> Vec<GrainState> {
-        (0..self.grains.owned).map(|g| self.grains.state(g)).collect()
+        (0..self.grains.owned)
+            .map(|g| self.grains.state(g))
+            .collect()
     }
 
     /// The touching contacts that this rank has, also those it shares.

@@ -18,12 +18,26 @@ pub struct Scene {
     pub toml: String,
 }
 
+impl Scene {
+    /// δ̄ = d̄/κ (m): overlap of two grains of the mean radius that carry P d̄.
+    pub fn mean_overlap(&self) -> f64 {
+        self.sample.mean_diameter() / self.load.stiffness_number
+    }
+}
+
 /// Of the grains: E (Pa), ν, ρ (kg/m³).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     pub young_modulus: f64,
     pub poisson_ratio: f64,
     pub density: f64,
+}
+
+impl Material {
+    /// E* (Pa) of two grains: 1/E* = 2 (1-ν²)/E.
+    pub fn effective_modulus(&self) -> f64 {
+        self.young_modulus / (2.0 * (1.0 - self.poisson_ratio * self.poisson_ratio))
+    }
 }
 
 /// LH appendix A: μ_s, μ_r, α (normal and tangential damping ratio), η_r.

@@ -188,10 +188,8 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
             );
             let k_t = c(self.stiffness) / compliance;
             let last = L::load(token, &history[1]);
-            let trial = -(c(0.5) * (last + k_t)).mul_add(
-                motion.tangential_increment,
-                -L::load(token, &history[0]),
-            );
+            let trial = -(c(0.5) * (last + k_t))
+                .mul_add(motion.tangential_increment, -L::load(token, &history[0]));
             let limit = c(self.friction) * normal;
             sliding = trial.abs().greater(limit);
             let elastic = limit.copy_sign(trial).select(sliding, trial);
@@ -204,10 +202,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
         if ROLLING {
             let at = Self::PARAMETERS - 3;
             let place = Self::HISTORY - 1;
-            let trial = -p(at).mul_add(
-                motion.rolling_increment,
-                -L::load(token, &history[place]),
-            );
+            let trial = -p(at).mul_add(motion.rolling_increment, -L::load(token, &history[place]));
             let limit = p(at + 2) * normal;
             let limited = trial.abs().greater(limit);
             let elastic = limit.copy_sign(trial).select(limited, trial);

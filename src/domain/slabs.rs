@@ -37,7 +37,11 @@ struct Neighbour {
 /// How many slabs wider than `reach` (m) a cell of `length` (m) holds; one rank needs room for nearest images.
 pub fn most_ranks(length: f64, reach: f64) -> usize {
     let slabs = (length / reach) as usize;
-    if slabs as f64 * reach < length { slabs } else { slabs - 1 }
+    if slabs as f64 * reach < length {
+        slabs
+    } else {
+        slabs - 1
+    }
 }
 
 impl Slabs {

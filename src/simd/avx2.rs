@@ -175,10 +175,8 @@ impl Lanes for Avx2 {
     fn greater(self, other: Self) -> Mask2 {
         // SAFETY: a value of this type exists only where a token was shown.
         Mask2(
-            self.zip(other, |a, b| unsafe {
-                _mm256_cmp_pd::<_CMP_GT_OQ>(a, b)
-            })
-            .0,
+            self.zip(other, |a, b| unsafe { _mm256_cmp_pd::<_CMP_GT_OQ>(a, b) })
+                .0,
         )
     }
 

@@ -129,8 +129,8 @@ impl Lanes for Portable {
     #[inline(always)]
     fn exponent_mantissa(self) -> (Self, Self) {
         let exponent = self.map(|x| ((x.to_bits() >> 52) as i64 - 1023) as f64);
-        let mantissa =
-            self.map(|x| f64::from_bits(x.to_bits() & 0x000f_ffff_ffff_ffff | 0x3ff0_0000_0000_0000));
+        let mantissa = self
+            .map(|x| f64::from_bits(x.to_bits() & 0x000f_ffff_ffff_ffff | 0x3ff0_0000_0000_0000));
         (exponent, mantissa)
     }
 

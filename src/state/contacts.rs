@@ -69,16 +69,19 @@ impl Contacts {
 
     /// The touching contacts with local indices, in list order.
     pub fn touching(&self) -> impl Iterator<Item = Touching> + '_ {
-        self.touching.iter().enumerate().flat_map(move |(block, &mask)| {
-            (0..LANES)
-                .filter(move |lane| mask >> lane & 1 == 1)
-                .map(move |lane| Touching {
-                    block,
-                    lane,
-                    i: self.i[block][lane] as usize,
-                    j: self.j[block][lane] as usize,
-                })
-        })
+        self.touching
+            .iter()
+            .enumerate()
+            .flat_map(move |(block, &mask)| {
+                (0..LANES)
+                    .filter(move |lane| mask >> lane & 1 == 1)
+                    .map(move |lane| Touching {
+                        block,
+                        lane,
+                        i: self.i[block][lane] as usize,
+                        j: self.j[block][lane] as usize,
+                    })
+            })
     }
 
     /// What a touching contact remembers.
