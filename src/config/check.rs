@@ -7,6 +7,7 @@ use super::scene::*;
 use super::source::Input;
 use super::write::{self, DampingChoice, LoadChoice};
 use crate::failure::Failure;
+use crate::simd::Level;
 
 pub(super) const LAW: &str = "lee-hurley";
 
@@ -350,9 +351,21 @@ fn check_output(c: &mut Checker<'_>, output: raw::Output) -> Output {
 fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: raw::Bookkeeping) -> Bookkeeping {
     let skin = c.number(&key!(bookkeeping.skin), &UNIT);
     let rebuild_every = c.whole(&key!(bookkeeping.rebuild_every), 0, i64::MAX);
+    let simd_key = key!(bookkeeping.simd);
+    let name = c.text(&simd_key).unwrap_or_else(|| "auto".into());
+    let simd = SIMD_NAMES.iter().find(|known| **known == name);
+    if simd.is_none() {
+        c.refuse(
+            &simd_key,
+            &format!("unknown instruction set {name:?}; it is one of {}", SIMD_NAMES.join(", ")),
+        );
+    } else if Level::named(&name).is_none() {
+        c.refuse(&simd_key, &format!("this processor has no {name}; \"auto\" takes the best it has"));
+    }
     Bookkeeping {
         skin,
         rebuild_every: rebuild_every.map_or(0, i64::unsigned_abs),
+        simd: simd.copied().unwrap_or("auto"),
     }
 }
 
@@ -389,6 +402,6 @@ fn check_step(
     Ok(TimeStep {
         step,
         limit,
-        exact_frames: given.is_none(),
+        given: given.is_some(),
     })
 }

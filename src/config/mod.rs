@@ -98,7 +98,7 @@ mod tests {
         assert_eq!(scene.shear.drive, Drive::InertialNumber(2e-4));
         assert_eq!(scene.output.progress_lines, 20);
         assert_eq!(scene.bookkeeping.skin, None);
-        assert!(scene.time_step.exact_frames);
+        assert!(!scene.time_step.given);
     }
 
     /// The numbers of the paper, and samples about as high as they are long.
@@ -177,7 +177,8 @@ mod tests {
             scene.bookkeeping,
             Bookkeeping {
                 skin: None,
-                rebuild_every: 0
+                rebuild_every: 0,
+                simd: "auto"
             }
         );
     }
@@ -201,6 +202,6 @@ mod tests {
         let sets = ["time.step=1e-6", "time.force=true"].map(String::from);
         let time_step = load(&Source::embedded(), &sets).unwrap().time_step;
         assert_eq!(time_step.step, 1e-6);
-        assert!(time_step.limit < 1e-6 && !time_step.exact_frames);
+        assert!(time_step.limit < 1e-6 && time_step.given);
     }
 }

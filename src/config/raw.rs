@@ -148,7 +148,8 @@ table!(Output {
 });
 table!(Bookkeeping {
     skin: Number,
-    rebuild_every: Whole
+    rebuild_every: Whole,
+    simd: Text,
 });
 
 /// The whole file.

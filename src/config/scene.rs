@@ -79,12 +79,12 @@ pub struct Load {
     pub stiffness_number: f64,
 }
 
-/// Δt (s) and the limit 2/ω_max (s). `exact_frames`: Δt was not given, so the run shortens it until Δγ of the frames is a whole number of steps.
+/// Δt (s) and the limit 2/ω_max (s). `given`: by the user, not derived.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeStep {
     pub step: f64,
     pub limit: f64,
-    pub exact_frames: bool,
+    pub given: bool,
 }
 
 /// Insertion and compression between smooth planes under P.
@@ -132,4 +132,9 @@ pub struct Bookkeeping {
     pub skin: Option<f64>,
     /// Rebuild at least every so many steps; 0 only when needed.
     pub rebuild_every: u64,
+    /// Instruction set of the kernel: one of `SIMD_NAMES`.
+    pub simd: &'static str,
 }
+
+/// The instruction sets that may be asked for; `auto` is the best that the processor has.
+pub const SIMD_NAMES: [&str; 4] = ["auto", "avx512", "avx2", "portable"];

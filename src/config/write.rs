@@ -84,7 +84,7 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     }
 
     t.table("time");
-    if !scene.time_step.exact_frames {
+    if scene.time_step.given {
         t.number("step", scene.time_step.step);
     }
     t.line(&format!("force = {force}"));
@@ -113,6 +113,7 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
         t.number("skin", skin);
     }
     t.whole("rebuild_every", scene.bookkeeping.rebuild_every);
+    t.text("simd", scene.bookkeeping.simd);
     t.0
 }
 
