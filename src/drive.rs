@@ -23,6 +23,11 @@ pub struct Piston {
 }
 
 impl Piston {
+    /// ÿ (m/s²) under the force (N/m) of the grains, before the first step.
+    pub fn start(&mut self, force: f64) {
+        self.acceleration = (force - self.load) / self.mass;
+    }
+
     fn half_kick_and_drift(&mut self, step: f64) {
         self.velocity += 0.5 * step * self.acceleration;
         self.height += step * self.velocity;
@@ -48,6 +53,7 @@ pub trait Drive {
         0.0
     }
     fn piston(&self) -> &Piston;
+    fn piston_mut(&mut self) -> &mut Piston;
     /// Fastest that a wall moves (m/s).
     fn speed(&self) -> f64;
     /// First half kick and drift of the walls.
@@ -103,6 +109,15 @@ impl Planes {
             contacts: Contacts::default(),
         }
     }
+
+    /// Adds this rank's part of the force (N/m) on a plane, away from the sample.
+    pub fn load_on(&self, upper: bool, fixed: &FixedPoint, to: &mut Accumulator) {
+        for (k, &(_, side)) in self.near.iter().enumerate() {
+            if side == upper {
+                fixed.add(to, self.force[2 * k][1].abs());
+            }
+        }
+    }
 }
 
 impl Drive for Planes {
@@ -114,6 +129,10 @@ impl Drive for Planes {
 
     fn piston(&self) -> &Piston {
         &self.piston
+    }
+
+    fn piston_mut(&mut self) -> &mut Piston {
+        &mut self.piston
     }
 
     fn speed(&self) -> f64 {
@@ -170,11 +189,7 @@ impl Drive for Planes {
     }
 
     fn load(&self, _grains: &Grains, fixed: &FixedPoint, to: &mut Accumulator) {
-        for (k, &(_, upper)) in self.near.iter().enumerate() {
-            if upper {
-                fixed.add(to, -self.force[2 * k][1]);
-            }
-        }
+        self.load_on(true, fixed, to);
     }
 
     fn kick(&mut self, step: f64, force: f64, _grains: &mut Grains) {
@@ -234,6 +249,10 @@ impl Drive for GrainWalls {
         &self.piston
     }
 
+    fn piston_mut(&mut self) -> &mut Piston {
+        &mut self.piston
+    }
+
     fn speed(&self) -> f64 {
         0.0
     }
@@ -288,6 +307,10 @@ impl Drive for NoWalls {
 
     fn piston(&self) -> &Piston {
         &self.0
+    }
+
+    fn piston_mut(&mut self) -> &mut Piston {
+        &mut self.0
     }
 
     fn speed(&self) -> f64 {

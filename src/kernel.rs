@@ -4,7 +4,7 @@
 //! and the forces of a block are added to the grains one contact after the other, in list order.
 
 use crate::contact::{ContactLaw, Motion, Response};
-use crate::simd::{self, Avx2, Avx512, LANES, Lanes, Level, Mask, Portable, PortableToken, Row};
+use crate::simd::{LANES, Lanes, Level, Mask, Row, Work};
 use crate::state::{Contacts, Force, field};
 
 /// What only frames and time series want of the contacts; rows per block as in [`Contacts`].
@@ -50,26 +50,33 @@ pub fn contact_forces<C: ContactLaw>(
             }
             samples.sliding.clear();
             samples.sliding.resize(blocks, 0);
-            dispatch::<C, true>(level, law, &mut pass, samples)
+            level.run(Blocks::<C, true> {
+                law,
+                pass: &mut pass,
+                samples,
+            })
         }
-        None => dispatch::<C, false>(level, law, &mut pass, &mut ContactForces::default()),
+        None => level.run(Blocks::<C, false> {
+            law,
+            pass: &mut pass,
+            samples: &mut ContactForces::default(),
+        }),
     }
 }
 
-fn dispatch<C: ContactLaw, const SAMPLE: bool>(
-    level: Level,
-    law: &C,
-    pass: &mut Pass<'_>,
-    samples: &mut ContactForces,
-) -> Option<(usize, usize)> {
-    match level {
-        Level::Avx512(token) => simd::with_avx512(token, || {
-            blocks::<Avx512, C, SAMPLE>(token, law, pass, samples)
-        }),
-        Level::Avx2(token) => simd::with_avx2(token, || {
-            blocks::<Avx2, C, SAMPLE>(token, law, pass, samples)
-        }),
-        Level::Portable => blocks::<Portable, C, SAMPLE>(PortableToken, law, pass, samples),
+/// One pass over all blocks.
+struct Blocks<'a, 'b, C, const SAMPLE: bool> {
+    law: &'a C,
+    pass: &'a mut Pass<'b>,
+    samples: &'a mut ContactForces,
+}
+
+impl<C: ContactLaw, const SAMPLE: bool> Work for Blocks<'_, '_, C, SAMPLE> {
+    type Output = Option<(usize, usize)>;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, token: L::Token) -> Self::Output {
+        blocks::<L, C, SAMPLE>(token, self.law, self.pass, self.samples)
     }
 }
 

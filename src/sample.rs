@@ -11,15 +11,14 @@ use crate::config::Sample;
 use crate::state::{GrainState, body};
 
 /// Room for the largest grain, over its diameter.
-const ROOM: f64 = 1.02;
+const ROOM: f64 = 1.05;
 
-/// A loose square lattice, jittered as far as each grain's cell allows; ids run up column after column.
+/// Columns of loosely stacked grains, jittered as far as each grain's cell allows; ids run up column after column.
 #[derive(Debug, Clone, Copy)]
 pub struct Lattice {
     columns: u32,
     grains: u32,
     width: f64,
-    height: f64,
 }
 
 impl Lattice {
@@ -30,48 +29,43 @@ impl Lattice {
             columns,
             grains: sample.grains,
             width: sample.length / columns as f64,
-            height: room,
         }
     }
 
-    /// Height that holds all grains (m).
-    pub fn total_height(&self) -> f64 {
-        self.height * self.grains.div_ceil(self.columns) as f64
-    }
-
-    /// Column and row of a grain: the first columns hold one more where the grains do not fill the last row.
-    fn place(&self, id: u32) -> (u32, u32) {
+    /// The ids of a column: the first ones hold one more where the grains do not fill the last row.
+    fn ids(&self, column: u32) -> Range<u32> {
         let (rows, longer) = (self.grains / self.columns, self.grains % self.columns);
-        let in_longer = longer * (rows + 1);
-        if id < in_longer {
-            (id / (rows + 1), id % (rows + 1))
-        } else {
-            (longer + (id - in_longer) / rows, (id - in_longer) % rows)
-        }
+        let first = |c: u32| c * rows + c.min(longer);
+        first(column)..first(column + 1)
     }
 
-    /// The grains of these ids, at rest. Every id has its own random stream, so any rank may make any grain.
-    pub fn insert(&self, sample: &Sample, seed: u64, ids: Range<u32>) -> Vec<GrainState> {
-        ids.map(|id| {
+    /// The grains at rest of this rank's share of the columns. Every grain has its own random stream, so any rank may make it.
+    pub fn insert(&self, sample: &Sample, seed: u64, rank: usize, ranks: usize) -> Vec<GrainState> {
+        let part = |r: usize| (self.columns as u64 * r as u64 / ranks as u64) as u32;
+        let columns = part(rank)..part(rank + 1);
+        columns.flat_map(|c| self.column(sample, seed, c)).collect()
+    }
+
+    fn column(&self, sample: &Sample, seed: u64, column: u32) -> Vec<GrainState> {
+        let mut bottom = 0.0;
+        let grain = |id| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             random.set_stream(id as u64);
-            let radius = sample.radius_min
-                + random.random::<f64>() * (sample.radius_max - sample.radius_min);
-            let (column, row) = self.place(id);
-            let mut within = |cell: u32, size: f64| {
-                let free = size - 2.0 * radius;
-                size * cell as f64 + radius + free * random.random::<f64>()
-            };
-            let x = within(column, self.width);
-            let y = within(row, self.height);
+            let mut uniform = || random.random::<f64>();
+            let radius = sample.radius_min + uniform() * (sample.radius_max - sample.radius_min);
+            let free = self.width - 2.0 * radius;
+            let x = self.width * column as f64 + radius + free * uniform();
+            let gap = 2.0 * radius * (ROOM - 1.0);
+            let y = bottom + radius + gap * uniform();
+            bottom += 2.0 * radius + gap;
             GrainState {
                 id,
                 position: [if x < sample.length { x } else { 0.0 }, y],
                 radius,
                 ..GrainState::zeroed()
             }
-        })
-        .collect()
+        };
+        self.ids(column).map(grain).collect()
     }
 }
 
@@ -106,7 +100,8 @@ mod tests {
     #[test]
     fn grains_do_not_overlap_and_their_sizes_are_uniform() {
         let lattice = Lattice::new(&SAMPLE);
-        let grains = lattice.insert(&SAMPLE, 3, 0..SAMPLE.grains);
+        let grains = lattice.insert(&SAMPLE, 3, 0, 1);
+        assert_eq!(grains.len(), SAMPLE.grains as usize);
         for (k, a) in grains.iter().enumerate() {
             assert_eq!(a.id, k as u32);
             assert!(
@@ -127,11 +122,11 @@ mod tests {
     }
 
     #[test]
-    fn any_part_is_the_same_as_the_whole() {
+    fn any_share_is_the_same_as_the_whole() {
         let lattice = Lattice::new(&SAMPLE);
-        let whole = lattice.insert(&SAMPLE, 3, 0..SAMPLE.grains);
-        let part = lattice.insert(&SAMPLE, 3, 400..500);
-        assert_eq!(whole[400..500], part);
-        assert_ne!(lattice.insert(&SAMPLE, 4, 0..10), whole[..10]);
+        let whole = lattice.insert(&SAMPLE, 3, 0, 1);
+        let shares: Vec<_> = (0..5).flat_map(|r| lattice.insert(&SAMPLE, 3, r, 5)).collect();
+        assert_eq!(whole, shares);
+        assert_ne!(lattice.insert(&SAMPLE, 4, 0, 1), whole);
     }
 }

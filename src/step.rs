@@ -12,14 +12,7 @@ use crate::kernel::{ContactForces, Pass, contact_forces};
 use crate::state::{Grains, field};
 use crate::system::System;
 
-/// What all ranks agree on in a step.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Verdict {
-    /// Some rank was asked to stop.
-    pub stop: bool,
-}
-
-/// Advances everything by Δt. `stop`: this rank was asked to stop. `samples` are filled where given.
+/// Advances everything by Δt. `stop`: this rank was asked to stop; returned: some rank was. `samples` are filled where given.
 pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     exchange: &E,
     system: &mut System,
@@ -27,7 +20,7 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     drive: &mut D,
     stop: bool,
     samples: Option<&mut ContactForces>,
-) -> Result<Verdict, Failure> {
+) -> Result<bool, Failure> {
     let step = system.step;
     system.steps += 1;
     system.clock.start();
@@ -49,21 +42,8 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     let outside = forces(system, law, drive, step, samples);
     system.clock.end(Phase::Contacts);
 
-    let mut load = Accumulator::default();
-    drive.load(&system.grains, &system.fixed, &mut load);
-    let mut message = [0i64; LIMBS + 4];
-    load.write(&mut message);
-    message[LIMBS + 1] = (rebuild || system.list.forced(system.steps)) as i64;
-    message[LIMBS + 2] = outside.is_some() as i64;
-    message[LIMBS + 3] = stop as i64;
-    exchange.sum(&mut message);
-    if message[LIMBS + 2] > 0 {
-        return Err(system.explain(exchange, outside));
-    }
-    let load = system.fixed.value(Accumulator::read(&message));
-    if load.is_nan() {
-        return Err(system.explain(exchange, None));
-    }
+    let rebuild = rebuild || system.list.forced(system.steps);
+    let (load, [rebuild, stop]) = agree(exchange, system, drive, outside, [rebuild, stop])?;
     drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Walls);
 
@@ -73,13 +53,50 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     second_kick(&mut system.grains);
     system.clock.end(Phase::Motion);
 
-    if message[LIMBS + 1] > 0 {
+    if rebuild {
         system.rebuild(exchange, law, drive)?;
         system.clock.end(Phase::Rebuild);
     }
-    Ok(Verdict {
-        stop: message[LIMBS + 3] > 0,
-    })
+    Ok(stop)
+}
+
+/// Forces and the wall's acceleration at the start of a stage: nothing moves, no history advances.
+pub fn initial_forces<C: ContactLaw, D: Drive, E: Exchange>(
+    exchange: &E,
+    system: &mut System,
+    law: &C,
+    drive: &mut D,
+    samples: Option<&mut ContactForces>,
+) -> Result<(), Failure> {
+    let outside = forces(system, law, drive, 0.0, samples);
+    let (load, []) = agree(exchange, system, drive, outside, [])?;
+    drive.piston_mut().start(load);
+    Ok(())
+}
+
+/// The force on the top along y (N/m), and which of the questions some rank answers with yes: one message for all that
+/// the ranks must agree on.
+fn agree<D: Drive, const K: usize>(
+    exchange: &impl Exchange,
+    system: &System,
+    drive: &D,
+    outside: Option<Outside>,
+    questions: [bool; K],
+) -> Result<(f64, [bool; K]), Failure> {
+    let mut load = Accumulator::default();
+    drive.load(&system.grains, &system.fixed, &mut load);
+    let mut message = [0i64; LIMBS + 4];
+    load.write(&mut message);
+    message[LIMBS + 1] = outside.is_some() as i64;
+    for (to, yes) in message[LIMBS + 2..].iter_mut().zip(questions) {
+        *to = yes as i64;
+    }
+    exchange.sum(&mut message);
+    let load = system.fixed.value(Accumulator::read(&message));
+    if message[LIMBS + 1] > 0 || load.is_nan() {
+        return Err(system.explain(exchange, outside));
+    }
+    Ok((load, std::array::from_fn(|k| message[LIMBS + 2 + k] > 0)))
 }
 
 /// All forces at the present positions; histories advance by `step` (s). Returns what was outside the law.

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{LANES, Lanes, Mask, Row};
+use super::{LANES, Lanes, Mask, Row, Work};
 
 /// Proof that this processor has AVX2 and FMA.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,15 +15,14 @@ impl Avx2Token {
     }
 }
 
-/// Compiles `f`, which must be inlined, for AVX2.
-#[inline]
-pub fn run<R>(_: Avx2Token, f: impl FnOnce() -> R) -> R {
+/// The work, compiled for this instruction set.
+pub(super) fn run<W: Work>(token: Avx2Token, work: W) -> W::Output {
     #[target_feature(enable = "avx2,fma")]
-    fn inner<R>(f: impl FnOnce() -> R) -> R {
-        f()
+    fn compiled<W: Work>(token: Avx2Token, work: W) -> W::Output {
+        work.run::<Avx2>(token)
     }
     // SAFETY: the token proves that the processor has these features.
-    unsafe { inner(f) }
+    unsafe { compiled(token, work) }
 }
 
 #[derive(Debug, Clone, Copy)]

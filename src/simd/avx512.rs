@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{LANES, Lanes, Mask, Row};
+use super::{LANES, Lanes, Mask, Row, Work};
 
 /// Proof that this processor has AVX-512 F and DQ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,15 +19,14 @@ impl Avx512Token {
     }
 }
 
-/// Compiles `f`, which must be inlined, for AVX-512.
-#[inline]
-pub fn run<R>(_: Avx512Token, f: impl FnOnce() -> R) -> R {
+/// The work, compiled for this instruction set.
+pub(super) fn run<W: Work>(token: Avx512Token, work: W) -> W::Output {
     #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
-    fn inner<R>(f: impl FnOnce() -> R) -> R {
-        f()
+    fn compiled<W: Work>(token: Avx512Token, work: W) -> W::Output {
+        work.run::<Avx512>(token)
     }
     // SAFETY: the token proves that the processor has these features.
-    unsafe { inner(f) }
+    unsafe { compiled(token, work) }
 }
 
 #[derive(Debug, Clone, Copy)]
