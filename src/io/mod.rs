@@ -1,1 +1,9 @@
+//! Files: trajectory, checkpoint, log, and what says where a run came from.
 
+pub mod checkpoint;
+pub mod collective;
+pub mod h5;
+mod layout;
+pub mod log;
+pub mod provenance;
+pub mod trajectory;
