@@ -162,7 +162,7 @@ fn write_one<T: H5Type + Copy>(
 ) -> Result<(), Failure> {
     let width = shape.get(1).copied().unwrap_or(1) as u64;
     let slab = Slab::rows(first, mine.len() as u64 / width, width);
-    file.dataset::<T>(name, shape, None)?.write(&[slab], mine)
+    file.dataset::<T>(name, shape, None)?.write(slab, mine)
 }
 
 fn write_records<R: Record>(

@@ -305,10 +305,6 @@ impl Slab {
             count: [count, width, 1],
         }
     }
-
-    fn elements(&self, dimensions: usize) -> u64 {
-        self.count[..dimensions].iter().product()
-    }
 }
 
 /// A dataset of an [`H5File`].
@@ -336,48 +332,45 @@ impl<T: H5Type + Copy> Column<T> {
         done.map_err(|e| self.context.failure(&self.name, "resize", &e))
     }
 
-    /// This rank's part, which may be nothing: the union of `slabs`, in the order of the dataset. Collective.
-    pub fn write(&self, slabs: &[Slab], data: &[T]) -> Result<(), Failure> {
+    /// This rank's part: `slab`, which may be empty, of which `data` are the values in order. Collective.
+    pub fn write(&self, slab: Slab, data: &[T]) -> Result<(), Failure> {
         let dimensions = self.shape.len();
         assert!((1..=3).contains(&dimensions), "one to three dimensions");
-        let selected: u64 = slabs.iter().map(|s| s.elements(dimensions)).sum();
+        let count = &slab.count[..dimensions];
+        let selected: u64 = count.iter().product();
         assert_eq!(
             selected,
             data.len() as u64,
             "{}: as many values as places",
             self.name
         );
+        // Of the same shape as the slab, without which HDF5 maps values to places one by one.
+        let shape: Vec<usize> = count.iter().map(|&n| n.max(1) as usize).collect();
         let write = || -> hdf5::Result<()> {
-            let (place, memory) = (
-                self.dataset.space()?,
-                Dataspace::try_new(data.len().max(1))?,
-            );
+            let (place, memory) = (self.dataset.space()?, Dataspace::try_new(shape)?);
             hdf5::sync::sync(|| {
-                select(place.id(), slabs, dimensions)?;
+                select(place.id(), slab, dimensions)?;
                 if data.is_empty() {
-                    select(memory.id(), &[], 1)?;
+                    select(memory.id(), slab, dimensions)?;
                 }
-                let (dataset, datatype, transfer) = (
-                    self.dataset.id(),
-                    self.datatype.id(),
-                    self.context.transfer.id(),
-                );
+                let (dataset, datatype) = (self.dataset.id(), self.datatype.id());
+                let (memory, place) = (memory.id(), place.id());
+                let transfer = self.context.transfer.id();
                 let data = data.as_ptr().cast();
-                // SAFETY: the ids are alive; `datatype` describes T, and `memory` selects the elements of `data`, as many as `place` does.
-                hdf5::h5check(unsafe {
-                    h5d::H5Dwrite(dataset, datatype, memory.id(), place.id(), transfer, data)
-                })?;
-                Ok(())
+                // SAFETY: the ids are alive; `datatype` describes T, and `memory` selects all of `data`, as many as `place` does.
+                let written =
+                    unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
+                hdf5::h5check(written).map(drop)
             })
         };
         write().map_err(|e| self.context.failure(&self.name, "write", &e))
     }
 
-    /// A new number of rows, of which these are this rank's. Collective.
-    pub fn append(&mut self, rows: u64, slabs: &[Slab], data: &[T]) -> Result<(), Failure> {
+    /// A new number of rows, and this rank's part of them. Collective.
+    pub fn append(&mut self, rows: u64, slab: Slab, data: &[T]) -> Result<(), Failure> {
         // The write is made in any case: others wait for it.
         let resized = self.resize(rows);
-        let written = self.write(slabs, data);
+        let written = self.write(slab, data);
         resized.and(written)
     }
 
@@ -392,19 +385,16 @@ impl<T: H5Type + Copy> Column<T> {
     }
 }
 
-/// The union of the slabs in a dataspace; nothing where there is nothing in them.
-fn select(space: hid_t, slabs: &[Slab], dimensions: usize) -> hdf5::Result<()> {
-    // SAFETY: the caller's dataspace is alive.
-    hdf5::h5check(unsafe { h5s::H5Sselect_none(space) })?;
-    let mut operation = h5s::H5S_seloper_t::H5S_SELECT_SET;
-    for slab in slabs.iter().filter(|s| s.elements(dimensions) > 0) {
-        let (start, count): ([hsize_t; 3], [hsize_t; 3]) = (slab.start, slab.count);
-        let (all, one) = (std::ptr::null(), std::ptr::null());
-        // SAFETY: `start` and `count` have at least as many entries as the dataspace has dimensions; null stride and block mean 1.
-        hdf5::h5check(unsafe {
-            h5s::H5Sselect_hyperslab(space, operation, start.as_ptr(), all, count.as_ptr(), one)
-        })?;
-        operation = h5s::H5S_seloper_t::H5S_SELECT_OR;
+/// The slab in a dataspace; nothing where there is nothing in it.
+fn select(space: hid_t, slab: Slab, dimensions: usize) -> hdf5::Result<()> {
+    if slab.count[..dimensions].contains(&0) {
+        // SAFETY: the caller's dataspace is alive.
+        return hdf5::h5check(unsafe { h5s::H5Sselect_none(space) }).map(drop);
     }
-    Ok(())
+    let set = h5s::H5S_seloper_t::H5S_SELECT_SET;
+    let (start, count): ([hsize_t; 3], [hsize_t; 3]) = (slab.start, slab.count);
+    let (start, count, one) = (start.as_ptr(), count.as_ptr(), std::ptr::null());
+    // SAFETY: `start` and `count` have at least as many entries as the dataspace has dimensions; null stride and block mean 1.
+    let selected = unsafe { h5s::H5Sselect_hyperslab(space, set, start, one, count, one) };
+    hdf5::h5check(selected).map(drop)
 }

@@ -1,5 +1,6 @@
 //! Files: trajectory, checkpoint, log, and what says where a run came from.
 
+mod batch;
 pub mod checkpoint;
 pub mod collective;
 pub mod h5;

@@ -1,8 +1,9 @@
 //! The writer of `run.h5`: frames and time series, written by all ranks together, many at once.
 
+use super::batch::{Frames, Part, Shares, length};
 use super::collective::{IdBlocks, Outcome, agree, records_of};
 use super::h5::{Attribute, Column, H5File, Slab};
-use super::layout::{BOX, CHUNK_FRAMES, Columns, ELEMENTS, Mode, PARAMETERS, PARTICLES, describe};
+use super::layout::{BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, describe};
 use crate::domain::{Exchange, total};
 use crate::failure::Failure;
 use crate::state::{ContactSample, GrainSample, SeriesRow};
@@ -52,29 +53,6 @@ pub struct TrajectoryWriter {
     frames_written: u64,
     contacts_written: u64,
     rows_written: u64,
-}
-
-/// This rank's part of the frames that wait to be written.
-#[derive(Default)]
-struct Frames {
-    step: Vec<u64>,
-    time: Vec<f64>,
-    /// Grains and contacts of each frame.
-    counts: Vec<[usize; 2]>,
-    grains: Vec<GrainSample>,
-    contacts: Vec<ContactSample>,
-}
-
-/// The waiting frames of the ids of this rank's block, as columns.
-struct Part {
-    /// [F][block][3], [F][block][3], [F][block].
-    values: [Vec<f64>; 3],
-    /// Contacts of each frame.
-    counts: Vec<u64>,
-    i: Vec<u32>,
-    j: Vec<u32>,
-    forces: [Vec<f64>; 5],
-    sliding: Vec<u8>,
 }
 
 impl TrajectoryWriter {
@@ -206,35 +184,30 @@ impl TrajectoryWriter {
         let file = &self.file;
         let grains = self.blocks.grains as usize;
         let name = |part: &str| format!("{PARTICLES}/{part}");
-        let mine = [Slab::rows(ids.start, ids.end - ids.start, 1)];
+        let mine = Slab::rows(ids.start, length(&ids), 1);
         let id: Vec<u32> = shapes.iter().map(|g| g.id).collect();
         let body: Vec<u8> = shapes.iter().map(|g| g.body as u8).collect();
         let radius: Vec<f64> = shapes.iter().map(|g| g.radius).collect();
         let mass: Vec<f64> = shapes.iter().map(|g| g.mass).collect();
         let edges = [header.length, header.height, 0.0];
-        let (one, three) = (only_rank_0(exchange, 0, 1), only_rank_0(exchange, 0, 3));
-        let count = |n: usize| if exchange.rank() == 0 { n } else { 0 };
+        let root = exchange.rank() == 0;
+        let edges = if root { &edges[..] } else { &[] };
+        let all = Slab::rows(0, edges.len() as u64, 1);
 
         let mut outcome = Outcome::default();
-        outcome.note(fixed(file, &name("id"), grains, &mine, &id));
-        outcome.note(fixed(file, &name("body"), grains, &mine, &body));
-        outcome.note(fixed(file, &name("radius"), grains, &mine, &radius));
-        outcome.note(fixed(file, &name("mass"), grains, &mine, &mass));
-        outcome.note(fixed(
-            file,
-            &format!("{BOX}/edges"),
-            3,
-            &three,
-            &edges[..count(3)],
-        ));
-        outcome.note(self.columns.offset.append(1, &one, &[0][..count(1)]));
+        outcome.note(fixed(file, &name("id"), grains, mine, &id));
+        outcome.note(fixed(file, &name("body"), grains, mine, &body));
+        outcome.note(fixed(file, &name("radius"), grains, mine, &radius));
+        outcome.note(fixed(file, &name("mass"), grains, mine, &mass));
+        outcome.note(fixed(file, &format!("{BOX}/edges"), 3, all, edges));
+        outcome.note(by_root(root, &mut self.columns.offset, 0, &[0]));
         outcome.note(self.file.flush());
         outcome.agree(exchange)
     }
 
     /// Frames so far, with those that wait to be written.
     pub fn frames(&self) -> u64 {
-        self.frames_written + self.frames.step.len() as u64
+        self.frames_written + self.frames.len() as u64
     }
 
     /// Rows of the time series so far, with those that wait to be written.
@@ -252,13 +225,8 @@ impl TrajectoryWriter {
         grains: &[GrainSample],
         contacts: &[ContactSample],
     ) -> Result<(), Failure> {
-        let frames = &mut self.frames;
-        frames.step.push(step);
-        frames.time.push(time);
-        frames.counts.push([grains.len(), contacts.len()]);
-        frames.grains.extend_from_slice(grains);
-        frames.contacts.extend_from_slice(contacts);
-        if frames.step.len() < self.batch {
+        self.frames.push(step, time, grains, contacts);
+        if self.frames.len() < self.batch {
             return Ok(());
         }
         self.write_frames(exchange)
@@ -308,51 +276,57 @@ impl TrajectoryWriter {
     }
 
     fn write_frames(&mut self, exchange: &impl Exchange) -> Result<(), Failure> {
-        if self.frames.step.is_empty() {
+        let count = self.frames.len() as u64;
+        if count == 0 {
             return Ok(());
         }
-        let frames = std::mem::take(&mut self.frames);
-        let messages = exchange.all_to_all(frames.messages(&self.blocks, exchange.size()));
-        let count = frames.step.len() as u64;
-        let ids = self.blocks.range(exchange.rank());
-        let part = Part::assemble(&messages, count as usize, ids.start, ids.end);
+        let shares = Shares {
+            frames: count,
+            grains: self.blocks.grains,
+            ranks: self.blocks.ranks,
+        };
+        let messages = exchange.all_to_all(self.frames.messages(&shares));
+        let share = shares.of(exchange.rank());
+        let part = Part::assemble(&messages, &share);
         drop(messages);
 
-        // Where each frame's contacts begin, and among them those of this rank's block.
-        let by_rank = exchange.gather(bytemuck::cast_slice(&part.counts));
-        let by_rank: Vec<Vec<u64>> = by_rank.iter().map(|b| records_of(b).collect()).collect();
-        let (mut ends, mut mine) = (Vec::new(), Vec::new());
+        // Shares follow each other in the order of the file, so a rank's contacts are one stretch of it.
+        let mut counts = vec![0; count as usize];
+        let first = share.frames.start as usize;
+        counts[first..first + part.counts.len()].copy_from_slice(&part.counts);
+        exchange.sum(&mut counts);
+        let begin = self.contacts_written + exchange.sum_below(part.i.len() as u64);
+        let stretch = Slab::rows(begin, part.i.len() as u64, 1);
         let mut end = self.contacts_written;
-        for f in 0..count as usize {
-            let below: u64 = by_rank[..exchange.rank()].iter().map(|c| c[f]).sum();
-            mine.push(Slab::rows(end + below, part.counts[f], 1));
-            end += by_rank.iter().map(|c| c[f]).sum::<u64>();
+        let mut ends = Vec::with_capacity(counts.len());
+        for count in counts {
+            end += count as u64;
             ends.push(end);
         }
 
         let (before, after) = (self.frames_written, self.frames_written + count);
-        let block = [Slab {
-            start: [before, ids.start, 0],
-            count: [count, ids.end - ids.start, 3],
-        }];
+        let block = Slab {
+            start: [before + share.frames.start, share.ids.start, 0],
+            count: [length(&share.frames), length(&share.ids), 3],
+        };
         let root = exchange.rank() == 0;
         let columns = &mut self.columns;
         let mut outcome = Outcome::default();
         for (column, values) in columns.values.iter_mut().zip(&part.values) {
-            outcome.note(column.append(after, &block, values));
+            outcome.note(column.append(after, block, values));
         }
-        outcome.note(columns.i.append(end, &mine, &part.i));
-        outcome.note(columns.j.append(end, &mine, &part.j));
+        outcome.note(columns.i.append(end, stretch, &part.i));
+        outcome.note(columns.j.append(end, stretch, &part.j));
         for (column, values) in columns.forces.iter_mut().zip(&part.forces) {
-            outcome.note(column.append(end, &mine, values));
+            outcome.note(column.append(end, stretch, values));
         }
-        outcome.note(columns.sliding.append(end, &mine, &part.sliding));
-        outcome.note(by_root(root, &mut columns.step, before, &frames.step));
-        outcome.note(by_root(root, &mut columns.time, before, &frames.time));
+        outcome.note(columns.sliding.append(end, stretch, &part.sliding));
+        outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
+        outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
         outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));
         outcome.note(self.file.flush());
         (self.frames_written, self.contacts_written) = (after, end);
-        self.frames = frames.emptied();
+        self.frames.clear();
         outcome.agree(exchange)
     }
 
@@ -379,140 +353,6 @@ impl TrajectoryWriter {
     }
 }
 
-impl Frames {
-    /// To each rank what belongs to its block of ids: per frame how many grains and contacts, then the grains, then the contacts.
-    fn messages(&self, blocks: &IdBlocks, ranks: usize) -> Vec<Vec<u8>> {
-        let frames = self.step.len();
-        let mut counts = vec![vec![[0u64; 2]; frames]; ranks];
-        let (mut grains, mut contacts) = (vec![Vec::new(); ranks], vec![Vec::new(); ranks]);
-        let (mut g, mut c) = (0, 0);
-        for (f, &[n_grains, n_contacts]) in self.counts.iter().enumerate() {
-            for grain in &self.grains[g..g + n_grains] {
-                let to = blocks.holder(grain.id as u32);
-                counts[to][f][0] += 1;
-                grains[to].push(*grain);
-            }
-            for contact in &self.contacts[c..c + n_contacts] {
-                let to = blocks.holder(contact.i);
-                counts[to][f][1] += 1;
-                contacts[to].push(*contact);
-            }
-            (g, c) = (g + n_grains, c + n_contacts);
-        }
-        let parts = counts.iter().zip(&grains).zip(&contacts);
-        parts
-            .map(|((counts, grains), contacts)| {
-                let counts: &[u8] = bytemuck::cast_slice(counts);
-                [
-                    counts,
-                    bytemuck::cast_slice(grains),
-                    bytemuck::cast_slice(contacts),
-                ]
-                .concat()
-            })
-            .collect()
-    }
-
-    /// Nothing, with the room kept.
-    fn emptied(mut self) -> Self {
-        self.step.clear();
-        self.time.clear();
-        self.counts.clear();
-        self.grains.clear();
-        self.contacts.clear();
-        self
-    }
-}
-
-impl Part {
-    /// From one message of each rank the frames of the ids [start, end).
-    fn assemble(messages: &[Vec<u8>], frames: usize, start: u64, end: u64) -> Part {
-        let block = (end - start) as usize;
-        let mut part = Part {
-            values: ELEMENTS.map(|(_, width)| vec![0.0; frames * block * width]),
-            counts: Vec::with_capacity(frames),
-            i: Vec::new(),
-            j: Vec::new(),
-            forces: Default::default(),
-            sliding: Vec::new(),
-        };
-        let mut counts: Vec<Vec<[u64; 2]>> = Vec::new();
-        let (mut grains, mut contacts): (Vec<&[u8]>, Vec<&[u8]>) = (Vec::new(), Vec::new());
-        for message in messages {
-            let (head, rest) = message.split_at(frames * size_of::<[u64; 2]>());
-            let of_frames: Vec<[u64; 2]> = records_of(head).collect();
-            let all: u64 = of_frames.iter().map(|c| c[0]).sum();
-            let (of_grains, of_contacts) = rest.split_at(all as usize * size_of::<GrainSample>());
-            counts.push(of_frames);
-            grains.push(of_grains);
-            contacts.push(of_contacts);
-        }
-        let mut seen = vec![false; block];
-        let mut found: Vec<ContactSample> = Vec::new();
-        let mut order: Vec<(u64, u32)> = Vec::new();
-        for f in 0..frames {
-            seen.fill(false);
-            found.clear();
-            for (rank, counts) in counts.iter().enumerate() {
-                let [n_grains, n_contacts] = counts[f].map(|n| n as usize);
-                for grain in records_of::<GrainSample>(take(
-                    &mut grains[rank],
-                    n_grains * size_of::<GrainSample>(),
-                )) {
-                    let n = (grain.id - start) as usize;
-                    assert!(!seen[n], "grain {} twice in a frame", grain.id);
-                    seen[n] = true;
-                    let at = f * block + n;
-                    part.values[0][3 * at..][..2].copy_from_slice(&grain.position);
-                    part.values[1][3 * at..][..2].copy_from_slice(&grain.velocity);
-                    part.values[2][at] = grain.angular_velocity;
-                }
-                let bytes = take(&mut contacts[rank], n_contacts * size_of::<ContactSample>());
-                found.extend(records_of::<ContactSample>(bytes));
-            }
-            let missing = seen.iter().position(|s| !s);
-            assert!(
-                missing.is_none(),
-                "grain {} is not in a frame",
-                start as usize + missing.unwrap_or(0)
-            );
-            order.clear();
-            let key = |c: &ContactSample| u64::from(c.i) << 32 | u64::from(c.j);
-            order.extend(found.iter().enumerate().map(|(n, c)| (key(c), n as u32)));
-            // Stable, as that sort merges the runs in which each rank's contacts come.
-            order.sort_by_key(|&(key, _)| key);
-            let twice = order.windows(2).find(|w| w[0].0 == w[1].0);
-            assert!(
-                twice.is_none(),
-                "contact {:?} twice in a frame",
-                twice.map(|w| (w[0].0 >> 32, w[0].0 as u32))
-            );
-            part.push(order.iter().map(|&(_, n)| &found[n as usize]));
-        }
-        part
-    }
-
-    /// One frame's contacts, in order.
-    fn push<'a>(&mut self, contacts: impl ExactSizeIterator<Item = &'a ContactSample> + Clone) {
-        self.counts.push(contacts.len() as u64);
-        self.i.extend(contacts.clone().map(|c| c.i));
-        self.j.extend(contacts.clone().map(|c| c.j));
-        self.forces[0].extend(contacts.clone().map(|c| c.normal_force));
-        self.forces[1].extend(contacts.clone().map(|c| c.tangential_force));
-        self.forces[2].extend(contacts.clone().map(|c| c.tangential_history));
-        self.forces[3].extend(contacts.clone().map(|c| c.rolling_history));
-        self.forces[4].extend(contacts.clone().map(|c| c.overlap));
-        self.sliding.extend(contacts.map(|c| c.sliding as u8));
-    }
-}
-
-/// The next so many bytes.
-fn take<'a>(bytes: &mut &'a [u8], length: usize) -> &'a [u8] {
-    let (now, later) = bytes.split_at(length);
-    *bytes = later;
-    now
-}
-
 /// Rank 0's attributes, on every rank: HDF5 wants the same from all.
 fn shared(
     exchange: &impl Exchange,
@@ -523,23 +363,15 @@ fn shared(
         .expect("attributes are texts and finite numbers")
 }
 
-fn only_rank_0(exchange: &impl Exchange, start: u64, count: u64) -> [Slab; 1] {
-    [Slab::rows(
-        start,
-        if exchange.rank() == 0 { count } else { 0 },
-        1,
-    )]
-}
-
 /// A dataset of one dimension and fixed size, written once.
 fn fixed<T: H5Type + Copy>(
     file: &H5File,
     name: &str,
     size: usize,
-    slabs: &[Slab],
+    slab: Slab,
     data: &[T],
 ) -> Result<(), Failure> {
-    file.dataset::<T>(name, &[size], None)?.write(slabs, data)
+    file.dataset::<T>(name, &[size], None)?.write(slab, data)
 }
 
 /// Appends after `before` rows what every rank knows and rank 0 writes.
@@ -551,7 +383,7 @@ fn by_root<T: H5Type + Copy>(
 ) -> Result<(), Failure> {
     let after = before + data.len() as u64;
     let mine = if root { data } else { &[] };
-    column.append(after, &[Slab::rows(before, mine.len() as u64, 1)], mine)
+    column.append(after, Slab::rows(before, mine.len() as u64, 1), mine)
 }
 
 /// N, and the number of contacts in the first `frames` frames, of a file that is ours and long enough.
