@@ -8,5 +8,6 @@ pub mod contact;
 pub mod domain;
 pub mod failure;
 pub mod io;
+pub mod reduce;
 pub mod report;
 pub mod state;

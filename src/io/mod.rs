@@ -1,0 +1,4 @@
+//! Files in and out.
+
+pub mod reduced_writer;
+pub mod run_reader;
