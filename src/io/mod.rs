@@ -2,3 +2,4 @@
 
 pub mod reduced_writer;
 pub mod run_reader;
+pub mod text_writer;
