@@ -46,7 +46,7 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Radius of the neighbourhood in mean radii of the grains
-        #[arg(long, value_name = "R", default_value_t = analysis::dmin::RADIUS)]
+        #[arg(long, value_name = "R", default_value_t = analysis::dmin::RADIUS, allow_negative_numbers = true)]
         radius: f64,
     },
     /// Write a table of the stick and slip phases of τ into phases.csv

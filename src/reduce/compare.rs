@@ -149,12 +149,12 @@ impl Comparison {
         ] = head;
         writeln!(
             output,
-            "{field:<20}{values:>12}{differing:>12}{absolute:>14}  {at:<30}{relative:>14}  {there:<30}{first}"
+            "{field:<24}{values:>12}{differing:>12}{absolute:>14}  {at:<30}{relative:>14}  {there:<30}{first}"
         )?;
         for field in &self.fields {
             writeln!(
                 output,
-                "{:<20}{:>12}{:>12}{:>14.4e}  {:<30}{:>14.4e}  {:<30}{}",
+                "{:<24}{:>12}{:>12}{:>14.4e}  {:<30}{:>14.4e}  {:<30}{}",
                 field.name,
                 field.compared,
                 field.differing,

@@ -139,16 +139,16 @@ impl Plot<'_> {
         self.pixel_box([[a, top], [b, bottom]], colour, opacity);
     }
 
-    /// Text at a point of the data, centred, `raise` pixels above it.
-    pub fn note(&mut self, at: [f64; 2], raise: f64, text: &str, colour: RGBColor) {
-        let [x, y] = self.pixel(at);
-        self.text(
-            [x, y - raise],
-            text,
-            FONT,
-            (HPos::Center, VPos::Bottom),
-            colour,
-        );
+    /// Text beside a place on the x axis, at the top and on the side where there is room.
+    pub fn note(&mut self, x: f64, text: &str) {
+        let [[left, top], [right, _]] = self.frame();
+        let [x, _] = self.pixel([x, self.y[0]]);
+        let (side, x) = if x > 0.5 * (left + right) {
+            (HPos::Right, x - 7.0)
+        } else {
+            (HPos::Left, x + 7.0)
+        };
+        self.text([x, top + 8.0], text, FONT, (side, VPos::Top), INK);
     }
 
     /// Paints over all that was drawn outside the axes. Call it before the axes.
@@ -237,12 +237,11 @@ impl Plot<'_> {
         let [[_, top], [right, bottom]] = self.frame();
         let (left, right) = (right + 18.0, right + 36.0);
         let height = bottom - top;
-        for piece in 0..PIECES {
-            let y = bottom - height * piece as f64 / PIECES as f64;
-            // Half a pixel of overlap, lest the page shine through between the pieces.
-            let next = (y - height / PIECES as f64 - 0.5).max(top);
+        // Each piece reaches down to the end and the next one covers it, so that no seam shows between them.
+        for piece in (0..PIECES).rev() {
+            let upper = bottom - height * (piece + 1) as f64 / PIECES as f64;
             let colour = scale.at((piece as f64 + 0.5) / PIECES as f64);
-            self.pixel_box([[left, next], [right, y]], colour, 1.0);
+            self.pixel_box([[left, upper], [right, bottom]], colour, 1.0);
         }
         let corners = [
             [left, top],
@@ -362,7 +361,12 @@ fn typeset(svg: &str) -> String {
             if shifted {
                 out.push_str(&format!("<tspan dy=\"{up}\">"));
             }
-            rest = after;
+            // Renderers drop a space at the beginning of a tspan.
+            let spaced = after.strip_prefix(' ').filter(|_| shifted);
+            if spaced.is_some() {
+                out.push('\u{a0}');
+            }
+            rest = spaced.unwrap_or(after);
         }
         out.push_str(if shifted {
             rest.trim_end_matches('\n')

@@ -1,6 +1,8 @@
 //! τ(γ): the whole run, and the largest drop.
 
-use super::colour::{GREY, INK, SLIP, STICK};
+use plotters::style::RGBColor;
+
+use super::colour::{GREY, INK, SLIP, STICK, WHITE};
 use super::plot::{Layout, Plot, figure};
 use super::ticks;
 use crate::analysis::phases::{Kind, Phase};
@@ -16,12 +18,12 @@ const VISIBLE: f64 = 0.02;
 pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -> String {
     let percent = percent_of(strain);
     let x = padded(percent.iter().copied(), 0.0);
-    let y = padded(tau.iter().copied(), 0.06);
+    let y = padded(tau.iter().copied(), 0.1);
     figure(LAYOUT, x, y, |plot| {
         let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 6));
         plot.grid(&x_ticks, &y_ticks);
         let rows: Vec<usize> = (0..tau.len()).collect();
-        draw(plot, &percent, tau, &rows, INK_OF_SMALL, 0.7);
+        draw(plot, &percent, tau, &rows, GREY, 0.7);
         for phase in phases
             .iter()
             .filter(|phase| phase.change.abs() >= VISIBLE * (y[1] - y[0]))
@@ -36,8 +38,8 @@ pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>
             );
         }
         if let Some(drop) = drop {
-            let point = [percent[drop.start], tau[drop.start]];
-            plot.note(point, 5.0, "largest drop", INK);
+            plot.upright(percent[drop.start], INK);
+            plot.note(percent[drop.start], "largest drop");
         }
         plot.clip();
         plot.axes(
@@ -49,12 +51,10 @@ pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>
         plot.legend(&[
             (STICK, "stick"),
             (SLIP, "slip"),
-            (INK_OF_SMALL, "phases below 2 % of the range of τ"),
+            (GREY, "phases below 2 % of the range of τ"),
         ]);
     })
 }
-
-const INK_OF_SMALL: plotters::style::RGBColor = GREY;
 
 /// τ around a drop with its phases shaded; `frames`: γ of the frames that the maps are made of.
 pub fn around(
@@ -101,13 +101,13 @@ pub fn around(
         let dashed = "dashed: the frames of the maps below";
         let mut legend = vec![(STICK, "stick"), (SLIP, "slip"), (INK, "τ")];
         if frames.is_some() {
-            legend.push((super::colour::WHITE, dashed));
+            legend.push((WHITE, dashed));
         }
         plot.legend(&legend);
     })
 }
 
-fn colour(kind: Kind) -> plotters::style::RGBColor {
+fn colour(kind: Kind) -> RGBColor {
     match kind {
         Kind::Stick => STICK,
         Kind::Slip => SLIP,
@@ -143,14 +143,7 @@ fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
 }
 
 /// The rows as lines, broken at values that are not finite, with no more points than the figure can show.
-fn draw(
-    plot: &mut Plot,
-    x: &[f64],
-    y: &[f64],
-    rows: &[usize],
-    colour: plotters::style::RGBColor,
-    width: f64,
-) {
+fn draw(plot: &mut Plot, x: &[f64], y: &[f64], rows: &[usize], colour: RGBColor, width: f64) {
     for stretch in rows.split(|&row| !y[row].is_finite()) {
         let points: Vec<[f64; 2]> = stretch.iter().map(|&row| [x[row], y[row]]).collect();
         let points = decimate(&points, 1.0 / plot.scale());
@@ -188,7 +181,7 @@ mod tests {
     #[test]
     fn decimation_keeps_the_ends_and_the_extremes_of_every_column() {
         let points: Vec<[f64; 2]> = (0..100_000)
-            .map(|k| [f64::from(k) * 1e-4, f64::from((k * 7919) % 1000)])
+            .map(|k| [f64::from(k) * 1e-4, f64::from((k * 7919 + 137) % 1000)])
             .collect();
         let kept = decimate(&points, 1.0);
         assert_eq!(kept.len(), 40);

@@ -221,7 +221,15 @@ fn open_file(path: &Path) -> Result<File, Failure> {
             "{name}: is not an HDF5 file: {FOREIGN}"
         )));
     }
-    File::open(path).map_err(|e| Failure::input(format!("{name}: is damaged: {}", one_line(&e))))
+    File::open(path).map_err(|e| {
+        let reason = one_line(&e);
+        let state = if reason.contains("lock file") {
+            "is being written"
+        } else {
+            "is damaged"
+        };
+        Failure::input(format!("{name}: {state}: {reason}"))
+    })
 }
 
 /// What HDF5 says of an error: the outermost and the innermost reason, on one line.
