@@ -22,6 +22,10 @@ pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>
     figure(LAYOUT, x, y, |plot| {
         let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 6));
         plot.grid(&x_ticks, &y_ticks);
+        if let Some(drop) = drop {
+            plot.upright(percent[drop.start], INK);
+            plot.note(percent[drop.start], "largest drop");
+        }
         let rows: Vec<usize> = (0..tau.len()).collect();
         draw(plot, &percent, tau, &rows, GREY, 0.7);
         for phase in phases
@@ -36,10 +40,6 @@ pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>
                 colour(phase.kind),
                 1.1,
             );
-        }
-        if let Some(drop) = drop {
-            plot.upright(percent[drop.start], INK);
-            plot.note(percent[drop.start], "largest drop");
         }
         plot.clip();
         plot.axes(
