@@ -3,11 +3,25 @@
 //! Read `step` first; `docs/` has the scheme, the contracts and the file formats.
 
 pub mod analysis;
+pub mod clock;
 pub mod config;
 pub mod contact;
 pub mod domain;
+pub mod drive;
 pub mod failure;
 pub mod io;
+pub mod kernel;
+pub mod neighbour;
+pub mod observe;
+pub mod record;
 pub mod reduce;
 pub mod report;
+pub mod run;
+pub mod sample;
+pub mod schedule;
+pub mod signals;
+pub mod simd;
 pub mod state;
+pub mod step;
+pub mod system;
+pub mod terminal;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::neighbourhood::Cells;
 use super::rattlers;
-use crate::state::{Frame, Grains};
+use crate::state::{Disks, Frame};
 
 /// Radius of the neighbourhood over r̄ in LH section 3.2.
 pub const RADIUS: f64 = 5.0;
@@ -34,7 +34,7 @@ impl NonAffine {
     /// Separations are nearest images along x in both frames, so that nothing jumps at the seam.
     pub fn between(
         &mut self,
-        grains: &Grains,
+        grains: &Disks,
         radius: f64,
         earlier: &Frame,
         later: &Frame,
@@ -97,7 +97,7 @@ mod tests {
 
     const L: f64 = 48e-6;
 
-    fn packing(n: usize) -> Grains {
+    fn packing(n: usize) -> Disks {
         let mut random = ChaCha8Rng::seed_from_u64(7);
         let radius: Vec<f64> = (0..n)
             .map(|_| 0.5e-6 * (1.0 + random.random::<f64>()))
@@ -105,7 +105,7 @@ mod tests {
         grains_in(L, &radius)
     }
 
-    fn dmin(grains: &Grains, earlier: &Frame, later: &Frame) -> Vec<f64> {
+    fn dmin(grains: &Disks, earlier: &Frame, later: &Frame) -> Vec<f64> {
         let mut values = vec![0.0; grains.count()];
         let radius = RADIUS * grains.mean_radius();
         NonAffine::default().between(grains, radius, earlier, later, &mut values);
@@ -113,7 +113,7 @@ mod tests {
     }
 
     /// Asks D²min ≤ 1e-24 r̄² of every grain.
-    fn assert_affine(grains: &Grains, earlier: &Frame, later: &Frame) {
+    fn assert_affine(grains: &Disks, earlier: &Frame, later: &Frame) {
         let square = grains.mean_radius().powi(2);
         for (n, value) in dmin(grains, earlier, later).into_iter().enumerate() {
             assert!(
@@ -157,7 +157,7 @@ mod tests {
     }
 
     /// B1 minimised over Γ by SVD of the whole design matrix; neighbours by trying every grain and image.
-    fn direct(grains: &Grains, rattler: &[bool], earlier: &Frame, later: &Frame, i: usize) -> f64 {
+    fn direct(grains: &Disks, rattler: &[bool], earlier: &Frame, later: &Frame, i: usize) -> f64 {
         let nearest = |a: [f64; 2], b: [f64; 2]| {
             let image = |k: f64| [b[0] - a[0] + k * grains.length, b[1] - a[1]];
             let by_length = |a: &[f64; 2], b: &[f64; 2]| a[0].abs().total_cmp(&b[0].abs());
@@ -229,7 +229,7 @@ mod tests {
         }
     }
 
-    /// Grains of radius 1 at the given places, and the same ones displaced a little.
+    /// Disks of radius 1 at the given places, and the same ones displaced a little.
     fn small(points: &[[f64; 2]]) -> Vec<f64> {
         let grains = grains_in(100.0, &vec![1.0; points.len()]);
         let points: Vec<_> = points.iter().map(|r| Vector2::new(r[0], r[1])).collect();

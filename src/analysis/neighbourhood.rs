@@ -18,7 +18,7 @@ impl Cells {
     /// Sorts the grains into cells.
     ///
     /// `length`: L_x (m); `radius`: of the search (m); `position`: [N] (m), wrapped into [0, L_x);
-    /// `included`: [N], the grains to be found. Grains of a cell keep the order of their ids.
+    /// `included`: [N], the grains to be found. Disks of a cell keep the order of their ids.
     pub fn fill(
         &mut self,
         length: f64,

@@ -1,11 +1,11 @@
-//! Grains that bear no load.
+//! Disks that bear no load.
 
-use crate::state::{Frame, Grains};
+use crate::state::{Disks, Frame};
 
 /// Marks the rattlers of a frame: free grains with two or fewer contacts, wall grains with one or fewer (LH section 3.2).
 ///
 /// `rattler` becomes [N], by grain id. Every contact of the frame counts, whatever its force.
-pub fn mark(grains: &Grains, frame: &Frame, rattler: &mut Vec<bool>) {
+pub fn mark(grains: &Disks, frame: &Frame, rattler: &mut Vec<bool>) {
     let mut contacts = vec![0u32; grains.count()];
     for contact in &frame.contacts {
         contacts[contact.i as usize] += 1;

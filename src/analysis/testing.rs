@@ -4,12 +4,12 @@ use nalgebra::{Matrix2, Vector2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::state::{ContactSample, Frame, Grains};
+use crate::state::{ContactSample, Disks, Frame};
 
 /// Free grains of the given radii in a cell of length L_x.
-pub fn grains_in(length: f64, radius: &[f64]) -> Grains {
+pub fn grains_in(length: f64, radius: &[f64]) -> Disks {
     let n = radius.len();
-    Grains {
+    Disks {
         radius: radius.to_vec(),
         body: vec![0; n],
         mass: vec![1.0; n],
@@ -48,7 +48,7 @@ pub fn mapped(points: &[Vector2<f64>], map: Matrix2<f64>) -> Vec<Vector2<f64>> {
 }
 
 /// A frame of these points, wrapped into [0, L_x), in which no grain is a rattler.
-pub fn frame(grains: &Grains, points: &[Vector2<f64>]) -> Frame {
+pub fn frame(grains: &Disks, points: &[Vector2<f64>]) -> Frame {
     Frame {
         position: points
             .iter()

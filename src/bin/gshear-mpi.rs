@@ -1,1 +1,157 @@
-fn main() {}
+//! The simulation: parse, run, exit code.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+
+use gshear::config::{self, Scene, Source};
+use gshear::domain::{Exchange, World};
+use gshear::failure::{Failure, STOPPED_EARLY};
+use gshear::io::checkpoint;
+use gshear::run::{Ending, Options, Run};
+use gshear::state::Snapshot;
+
+/// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
+#[derive(Debug, Parser)]
+#[command(version, about, max_term_width = 100)]
+#[command(after_help = "\
+Without CONFIG.toml the embedded default scene runs (configs/plane-shear-2d.toml, the fast version of Lee & Hurley).
+
+Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, checkpoint.h5 and the one before it, scene.toml.
+Reduce them with gshear-reduce report.
+
+Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint (signal, --walltime or --stop-at: go on
+with --resume); 1 anything else.
+
+SIGTERM, SIGINT, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
+struct Arguments {
+    /// The scene; see docs/config.md
+    #[arg(value_name = "CONFIG.toml", conflicts_with = "resume")]
+    config: Option<PathBuf>,
+    /// Folder of the results [default: out/<name of the config>; with --resume the checkpoint's folder]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replaces a value of the scene, as in --set shear.strain=0.2; may be given many times
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    set: Vec<String>,
+    /// Goes on from a checkpoint, exactly, on any number of ranks
+    #[arg(long, value_name = "CHECKPOINT")]
+    resume: Option<PathBuf>,
+    /// Checks the scene, prints it with every default filled in, and ends
+    #[arg(long)]
+    check: bool,
+    /// Stops at a checkpoint after this time, such as 3h50m, 90s or 2:30:00
+    #[arg(long, value_name = "TIME", value_parser = wall_time)]
+    walltime: Option<Duration>,
+    /// Stops at a checkpoint after this step of the shear
+    #[arg(long, value_name = "STEP")]
+    stop_at: Option<u64>,
+}
+
+/// 3h50m, 90s, 45 (minutes, as Slurm), 2:30:00.
+fn wall_time(text: &str) -> Result<Duration, String> {
+    let wrong = || format!("{text:?} is no time; write 3h50m, 90s, 2:30:00, or minutes");
+    let seconds = |parts: &[&str], units: &[u64]| -> Option<u64> {
+        parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
+            part.parse::<u64>().ok()?.checked_mul(*unit)?.checked_add(sum)
+        })
+    };
+    let parts: Vec<&str> = text.split(':').collect();
+    let total = match parts.len() {
+        2 => seconds(&parts, &[60, 1]),
+        3 => seconds(&parts, &[3600, 60, 1]),
+        1 if text.bytes().all(|b| b.is_ascii_digit()) => seconds(&parts, &[60]),
+        1 => {
+            let mut rest = text;
+            let mut sum = Some(0u64);
+            for (letter, unit) in [('d', 86400), ('h', 3600), ('m', 60), ('s', 1)] {
+                if let Some((number, after)) = rest.split_once(letter) {
+                    rest = after;
+                    let part = seconds(&[number], &[unit]);
+                    sum = sum.zip(part).and_then(|(a, b)| a.checked_add(b));
+                }
+            }
+            sum.filter(|_| rest.is_empty())
+        }
+        _ => None,
+    };
+    total
+        .filter(|&s| s > 0)
+        .map(Duration::from_secs)
+        .ok_or_else(wrong)
+}
+
+fn main() -> ExitCode {
+    let world = World::start();
+    let speaks = world.rank() == 0;
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(e) => {
+            if speaks {
+                let _ = e.print();
+            }
+            return ExitCode::from(e.exit_code() as u8);
+        }
+    };
+    let code = match go(&world, &arguments) {
+        Ok(Ending::Done) => 0,
+        Ok(Ending::Stopped) => STOPPED_EARLY,
+        Err(failure) => {
+            if speaks {
+                eprintln!("error: {failure}");
+            }
+            failure.exit_code()
+        }
+    };
+    ExitCode::from(code as u8)
+}
+
+fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
+    let (scene, out, snapshot) = set_up(world, arguments)?;
+    if arguments.check {
+        if world.rank() == 0 {
+            print!("{}", scene.toml);
+        }
+        return Ok(Ending::Done);
+    }
+    let options = Options {
+        out,
+        stop_at: arguments.stop_at,
+        wall_time: arguments.walltime,
+    };
+    Run::new(world, &scene, &options)?.run(snapshot)
+}
+
+type SetUp = (Scene, PathBuf, Option<Snapshot>);
+
+fn set_up(world: &World, arguments: &Arguments) -> Result<SetUp, Failure> {
+    if let Some(path) = &arguments.resume {
+        let (toml, snapshot) = checkpoint::read(world, path)?;
+        let source = Source::new(format!("{} (its scene)", path.display()), toml);
+        let scene = config::load(&source, &arguments.set)?;
+        let beside = path.parent().unwrap_or(std::path::Path::new(".")).into();
+        return Ok((scene, arguments.out.clone().unwrap_or(beside), Some(snapshot)));
+    }
+    // One rank reads, so that all run the same scene.
+    let read = match &arguments.config {
+        Some(path) if world.rank() == 0 => Source::read(path),
+        Some(path) => Ok(Source::new(path.display().to_string(), "")),
+        None => Ok(Source::embedded()),
+    };
+    let source = gshear::io::collective::agree(world, read)?;
+    let text = world.broadcast(source.text().as_bytes().to_vec());
+    let source = Source::new(source.name(), String::from_utf8_lossy(&text));
+    let scene = config::load(&source, &arguments.set)?;
+    let name = arguments
+        .config
+        .as_deref()
+        .and_then(|p| p.file_stem())
+        .map_or("plane-shear-2d".into(), |s| s.to_string_lossy());
+    let out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("out").join(&*name));
+    Ok((scene, out, None))
+}

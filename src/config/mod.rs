@@ -1,5 +1,207 @@
 //! The configuration: raw (serde, unknown keys denied), then checked (a scene in which nothing is optional any more).
+//!
+//! [`load`] is the way in. Every message names file and line, or the `--set` it comes from.
 
+mod check;
+mod checker;
+pub mod derived;
+mod keys;
+mod overrides;
+mod raw;
 mod scene;
+mod source;
+mod write;
+
+use serde::Deserialize;
+use toml::Spanned;
+use toml::de::DeTable;
 
 pub use scene::*;
+pub use source::Source;
+
+use crate::failure::Failure;
+use source::Input;
+
+/// Reads a configuration, replaces values by the overrides (`key.path=value`, as of `--set`), checks it and derives the rest.
+///
+/// An override's value is TOML, or a bare word taken as a string; `none` takes a key away.
+///
+/// # Errors
+/// `Failure::Input` with the first problem: where it is, what is wrong, and what would be right.
+pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
+    let input = Input { source, overrides };
+    let mut tree = DeTable::parse(source.text())
+        .map_err(|e| {
+            let offset = e.span().map_or(0, |span| span.start);
+            let line = source.text().lines().nth(input.line(offset) - 1);
+            let message = e.message().trim_end_matches(", expected nothing");
+            let what = match line.map(str::trim) {
+                None | Some("") => format!("not TOML: {message}"),
+                Some(line) => format!("not TOML: {message}: `{line}`"),
+            };
+            input.failure(offset, "", &what)
+        })?
+        .into_inner();
+    keys::check_known(&tree, &input)?;
+    let tables = tree
+        .keys()
+        .map(|key| (key.get_ref().to_string(), key.span().start))
+        .collect();
+    overrides::apply(&mut tree, &input)?;
+
+    let paths = paths(&tree);
+    let all = 0..input.override_offset(overrides.len());
+    let raw =
+        raw::Raw::deserialize(toml::Deserializer::from(Spanned::new(all, tree))).map_err(|e| {
+            let offset = e.span().map_or(0, |span| span.start);
+            let path = paths.iter().find(|(at, _)| *at == offset);
+            input.failure(offset, path.map_or("", |(_, path)| path), e.message())
+        })?;
+    check::scene(raw, input, tables)
+}
+
+/// Where each value begins, and its key's path.
+fn paths(tree: &DeTable<'_>) -> Vec<(usize, String)> {
+    let mut all = Vec::new();
+    for (key, value) in tree.iter() {
+        match value.get_ref().as_table() {
+            Some(table) => all.extend(
+                table
+                    .iter()
+                    .map(|(k, v)| (v.span().start, format!("{}.{}", key.get_ref(), k.get_ref()))),
+            ),
+            None => all.push((value.span().start, key.get_ref().to_string())),
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn shipped(name: &str) -> Scene {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("configs")
+            .join(name);
+        Source::read(path)
+            .and_then(|source| load(&source, &[]))
+            .unwrap()
+    }
+
+    #[test]
+    fn the_embedded_scene_is_the_shipped_one() {
+        let scene = load(&Source::embedded(), &[]).unwrap();
+        assert_eq!(scene, shipped("plane-shear-2d.toml"));
+        assert_eq!(scene.shear.drive, Drive::InertialNumber(2e-4));
+        assert_eq!(scene.output.progress_lines, 20);
+        assert_eq!(scene.bookkeeping.skin, None);
+        assert!(!scene.time_step.given);
+    }
+
+    /// The numbers of the paper, and samples about as high as they are long.
+    #[test]
+    fn the_scenes_of_the_paper() {
+        let small = shipped("lee-hurley-small.toml");
+        let large = shipped("lee-hurley-large.toml");
+        for (scene, frame, start) in [(&small, 7.2e-7, 0.022), (&large, 1.8e-6, 0.054)] {
+            assert_eq!(scene.shear.drive, Drive::InertialNumber(4e-6));
+            assert_eq!(scene.load.stiffness_number, 1e4);
+            assert!((13e3..14e3).contains(&scene.load.pressure));
+            assert_eq!(scene.contact.damping_ratio, 0.1);
+            assert_eq!(scene.output.frame_strain, frame);
+            assert_eq!(scene.output.frame_start, start);
+            let frames = (scene.shear.strain - start) / frame;
+            assert!((frames - 130_000.0).abs() < 1.0, "{frames}");
+            let ratio = derived::packed_height(&scene.sample) / scene.sample.length;
+            assert!((0.9..1.1).contains(&ratio), "{ratio}");
+        }
+        assert_eq!(small.contact, large.contact);
+        assert_eq!(small.material, large.material);
+        // P follows from κ and E* alone.
+        let difference = small.load.pressure - large.load.pressure;
+        assert!(difference.abs() < 1e-12 * small.load.pressure);
+    }
+
+    #[test]
+    fn every_key_is_documented() {
+        let doc = include_str!("../../docs/config.md");
+        let tables = raw::TABLES
+            .iter()
+            .flat_map(|(table, keys)| keys.iter().map(move |key| format!("{table}.{key}")));
+        let tops = raw::TOP_KEYS.iter().map(|key| key.to_string());
+        let mut rows = 0;
+        for path in tops.chain(tables) {
+            assert!(doc.contains(&format!("| `{path}` |")), "{path}");
+            rows += 1;
+        }
+        assert_eq!(doc.matches("\n| `").count(), rows);
+    }
+
+    /// The defaults of docs/config.md.
+    #[test]
+    fn defaults() {
+        let text = "
+            material = { young_modulus = 1e9, poisson_ratio = 0.2, density = 2500 }
+            contact = { friction = 0.7, damping_ratio = 0.1 }
+            sample = { grains = 1000, radius_min = 0.5e-6, radius_max = 1e-6, length = 48e-6 }
+            load.stiffness_number = 10_000
+            shear = { velocity = 1e-4, strain = 0.1 }
+        ";
+        let scene = load(&Source::new("least.toml", text), &[]).unwrap();
+        assert_eq!(scene.title, "Plane shear");
+        assert_eq!(scene.seed, 1);
+        assert_eq!(scene.contact.rolling_friction, 0.0);
+        assert_eq!(scene.contact.rolling_damping_ratio, 0.0);
+        assert_eq!(
+            scene.pack,
+            Pack {
+                friction: 0.0,
+                tolerance: 1e-7,
+                max_steps: 5_000_000
+            }
+        );
+        assert_eq!(
+            scene.output,
+            Output {
+                frame_strain: 1e-4,
+                frame_start: 0.0,
+                series_strain: 1e-5,
+                checkpoint_strain: 0.02,
+                progress_lines: 20
+            }
+        );
+        assert_eq!(
+            scene.bookkeeping,
+            Bookkeeping {
+                skin: None,
+                rebuild_every: 0,
+                simd: "auto"
+            }
+        );
+    }
+
+    #[test]
+    fn load_is_given_in_three_ways() {
+        let by = |sets: [&str; 2]| load(&Source::embedded(), &sets.map(String::from)).unwrap();
+        let reference = load(&Source::embedded(), &[]).unwrap().load;
+        let p = format!("load.pressure={:?}", reference.pressure);
+        let n = format!("load.normal_force={:?}", reference.normal_force);
+        for set in [p, n] {
+            let load = by(["load.stiffness_number=none", &set]).load;
+            assert!((load.stiffness_number / 1e4 - 1.0).abs() < 1e-14);
+            assert!((load.pressure / reference.pressure - 1.0).abs() < 1e-15);
+            assert!((load.normal_force / reference.normal_force - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_forced_step_is_taken_as_it_is() {
+        let sets = ["time.step=1e-6", "time.force=true"].map(String::from);
+        let time_step = load(&Source::embedded(), &sets).unwrap().time_step;
+        assert_eq!(time_step.step, 1e-6);
+        assert!(time_step.limit < 1e-6 && time_step.given);
+    }
+}

@@ -18,12 +18,26 @@ pub struct Scene {
     pub toml: String,
 }
 
+impl Scene {
+    /// δ̄ = d̄/κ (m): overlap of two grains of the mean radius that carry P d̄.
+    pub fn mean_overlap(&self) -> f64 {
+        self.sample.mean_diameter() / self.load.stiffness_number
+    }
+}
+
 /// Of the grains: E (Pa), ν, ρ (kg/m³).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     pub young_modulus: f64,
     pub poisson_ratio: f64,
     pub density: f64,
+}
+
+impl Material {
+    /// E* (Pa) of two grains: 1/E* = 2 (1-ν²)/E.
+    pub fn effective_modulus(&self) -> f64 {
+        self.young_modulus / (2.0 * (1.0 - self.poisson_ratio * self.poisson_ratio))
+    }
 }
 
 /// LH appendix A: μ_s, μ_r, α (normal and tangential damping ratio), η_r.
@@ -65,12 +79,12 @@ pub struct Load {
     pub stiffness_number: f64,
 }
 
-/// Δt (s) and the limit 2/ω_max (s). `exact_frames`: Δt was not given, so the run shortens it until Δγ of the frames is a whole number of steps.
+/// Δt (s) and the limit 2/ω_max (s). `given`: by the user, not derived.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeStep {
     pub step: f64,
     pub limit: f64,
-    pub exact_frames: bool,
+    pub given: bool,
 }
 
 /// Insertion and compression between smooth planes under P.
@@ -118,4 +132,9 @@ pub struct Bookkeeping {
     pub skin: Option<f64>,
     /// Rebuild at least every so many steps; 0 only when needed.
     pub rebuild_every: u64,
+    /// Instruction set of the kernel: one of `SIMD_NAMES`.
+    pub simd: &'static str,
 }
+
+/// The instruction sets that may be asked for; `auto` is the best that the processor has.
+pub const SIMD_NAMES: [&str; 4] = ["auto", "avx512", "avx2", "portable"];

@@ -1,8 +1,14 @@
 //! The ranks: what they exchange. Physics never names MPI.
 
+mod exact_sum;
+mod slabs;
 mod solo;
+mod world;
 
+pub use exact_sum::{Accumulator, FixedPoint, LIMBS};
+pub use slabs::{Slabs, most_ranks};
 pub use solo::Solo;
+pub use world::World;
 
 /// What a rank says to its neighbours in every step: the records of its border grains, and where theirs land.
 pub struct Link<'a> {

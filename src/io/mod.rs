@@ -1,5 +1,13 @@
-//! Files in and out.
+//! Files: trajectory, checkpoint, log, what says where a run came from, and what is read back and reduced.
 
+mod batch;
+pub mod checkpoint;
+pub mod collective;
+pub mod h5;
+mod layout;
+pub mod log;
+pub mod provenance;
 pub mod reduced_writer;
 pub mod run_reader;
 pub mod text_writer;
+pub mod trajectory;

@@ -5,7 +5,7 @@ use plotters::style::RGBColor;
 use super::colour::{CHANGE, FORCE, GRAIN, GREY, VIRIDIS, WALL, WHITE};
 use super::plot::{Layout, Plot, figure};
 use super::ticks::{self, Tick};
-use crate::state::{ContactSample, Frame, Grains};
+use crate::state::{ContactSample, Disks, Frame};
 
 const WIDTH: f64 = 900.0;
 const MARGIN: [f64; 4] = [72.0, 36.0, 104.0, 58.0];
@@ -25,7 +25,7 @@ pub struct View {
 
 impl View {
     /// The whole sample or, of one with more than [`MOST_GRAINS`] grains, the part around `centre` with about so many.
-    pub fn of(grains: &Grains, frame: &Frame, centre: [f64; 2]) -> Self {
+    pub fn of(grains: &Disks, frame: &Frame, centre: [f64; 2]) -> Self {
         let reach = grains.radius.iter().copied().fold(0.0, f64::max);
         let heights = frame.position.iter().map(|r| r[1]);
         let low = heights.clone().fold(f64::INFINITY, f64::min) - reach;
@@ -75,7 +75,7 @@ impl View {
 
 /// Normal forces of a frame: lines between the centres of touching grains, width and colour by F_n.
 /// `greatest`: F_n (N/m) at the end of the scale, so that two frames can share one.
-pub fn forces(grains: &Grains, frame: &Frame, view: View, greatest: f64, title: &str) -> String {
+pub fn forces(grains: &Disks, frame: &Frame, view: View, greatest: f64, title: &str) -> String {
     let greatest = if greatest > 0.0 { greatest } else { 1.0 };
     map(view, |plot| {
         background(plot, grains, frame, view);
@@ -129,7 +129,7 @@ pub fn changes(earlier: &Frame, later: &Frame) -> Vec<f64> {
 
 /// The differential force network between two frames, drawn on the later one.
 pub fn force_changes(
-    grains: &Grains,
+    grains: &Disks,
     earlier: &Frame,
     later: &Frame,
     view: View,
@@ -159,7 +159,7 @@ pub fn force_changes(
 }
 
 /// D²min [N] (m²) of the grains of a frame on a logarithmic scale, over r̄²; undefined grains are white.
-pub fn dmin(grains: &Grains, frame: &Frame, dmin: &[f64], view: View, title: &str) -> String {
+pub fn dmin(grains: &Disks, frame: &Frame, dmin: &[f64], view: View, title: &str) -> String {
     let square = grains.mean_radius().powi(2);
     let level = |value: f64| (value / square).log10();
     let mut levels: Vec<f64> = dmin
@@ -221,7 +221,7 @@ fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
         .collect()
 }
 
-fn background(plot: &mut Plot, grains: &Grains, frame: &Frame, view: View) {
+fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: View) {
     let scale = plot.scale();
     for n in 0..grains.count() {
         let fill = if grains.body[n] == 0 { GRAIN } else { WALL };
@@ -234,7 +234,7 @@ fn background(plot: &mut Plot, grains: &Grains, frame: &Frame, view: View) {
 /// A grain and, at the seam, its image at the other end.
 fn disk(
     plot: &mut Plot,
-    grains: &Grains,
+    grains: &Disks,
     frame: &Frame,
     view: View,
     n: usize,
@@ -250,7 +250,7 @@ fn disk(
 /// Lines between centres; the share of a contact, -1 … 1, gives the width and the colour. The strongest lie on top.
 fn lines(
     plot: &mut Plot,
-    grains: &Grains,
+    grains: &Disks,
     frame: &Frame,
     view: View,
     shares: &[f64],
@@ -314,7 +314,7 @@ mod tests {
 
     #[test]
     fn a_contact_across_the_seam_is_drawn_at_both_ends_and_is_short() {
-        let grains = Grains {
+        let grains = Disks {
             radius: vec![1.0; 2],
             body: vec![0; 2],
             mass: vec![1.0; 2],
@@ -362,7 +362,7 @@ mod tests {
     #[test]
     fn great_samples_are_shown_in_part() {
         let n = 4 * MOST_GRAINS;
-        let grains = Grains {
+        let grains = Disks {
             radius: vec![0.1; n],
             body: vec![0; n],
             mass: vec![1.0; n],

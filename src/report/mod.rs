@@ -16,7 +16,7 @@ use self::summary::{Event, Summary};
 use crate::failure::Failure;
 use crate::io::run_reader::Run;
 use crate::io::text_writer;
-use crate::state::Grains;
+use crate::state::Disks;
 
 /// A figure of the report: its file, what it shows, and itself.
 struct Figure {
@@ -83,7 +83,7 @@ fn figures(run: &Run, summary: &Summary) -> Vec<Figure> {
     figures
 }
 
-fn maps(grains: &Grains, event: &Event) -> [Figure; 4] {
+fn maps(grains: &Disks, event: &Event) -> [Figure; 4] {
     let view = View::of(grains, &event.later, event.centre());
     let greatest = map::scale_of_forces([&event.earlier, &event.later]);
     let [t, u] = event.frames;
@@ -97,7 +97,7 @@ fn maps(grains: &Grains, event: &Event) -> [Figure; 4] {
         ""
     };
     let network = "Lines join the centres of touching grains; their width and colour give the normal force, \
-                   on the same scale before and after. Grains of the walls are grey.";
+                   on the same scale before and after. Disks of the walls are grey.";
     [
         Figure {
             name: "force-network-before",

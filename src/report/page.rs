@@ -55,7 +55,7 @@ fn facts(run: &Run, summary: &Summary) -> Vec<(String, String)> {
     let walls = run.grains().body.iter().filter(|body| **body != 0).count();
     facts.push(("Run", escape(&run.path().display().to_string())));
     facts.push((
-        "Grains",
+        "Disks",
         format!("{}, {walls} of them in the walls", run.grains().count()),
     ));
     facts.push((

@@ -6,7 +6,7 @@ use crate::analysis::dmin::{NonAffine, RADIUS};
 use crate::analysis::phases::{self, Kind, Phase};
 use crate::failure::Failure;
 use crate::io::run_reader::{Parameter, Run};
-use crate::state::{Frame, Grains};
+use crate::state::{Disks, Frame};
 
 /// Mean and standard deviation (of the values themselves, divided by their number).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -104,7 +104,7 @@ impl Event {
     }
 
     /// Greatest D²min over r̄²; `None` where it is nowhere defined.
-    pub fn greatest_dmin(&self, grains: &Grains) -> Option<f64> {
+    pub fn greatest_dmin(&self, grains: &Disks) -> Option<f64> {
         let defined = self.dmin.iter().copied().filter(|value| value.is_finite());
         defined
             .reduce(f64::max)

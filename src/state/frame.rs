@@ -4,7 +4,7 @@ use super::ContactSample;
 
 /// What never changes during a run, by grain id; N grains.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grains {
+pub struct Disks {
     /// [N] R (m).
     pub radius: Vec<f64>,
     /// [N] 0 free, 1 bottom wall, 2 top wall.
@@ -15,7 +15,7 @@ pub struct Grains {
     pub length: f64,
 }
 
-impl Grains {
+impl Disks {
     /// N, walls included.
     pub fn count(&self) -> usize {
         self.radius.len()

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gshear::state::{ContactSample, Frame, Grains, SERIES_COLUMNS};
+use gshear::state::{ContactSample, Disks, Frame, SERIES_COLUMNS};
 use hdf5::types::VarLenUnicode;
 use hdf5::{File, Group, H5Type, SimpleExtents};
 use ndarray::{Array1, Array2, Array3};
@@ -15,7 +15,7 @@ pub const STEPS_PER_ROW: u64 = 100;
 
 /// What the file will hold; change it before writing.
 pub struct Fixture {
-    pub grains: Grains,
+    pub grains: Disks,
     pub height: f64,
     pub frames: Vec<Frame>,
     pub series_step: Vec<u64>,
@@ -33,7 +33,7 @@ impl Fixture {
         let mut uniform = move || random.random::<f64>();
         let spacing = 1.5e-6;
         let length = spacing * columns as f64;
-        let mut grains = Grains {
+        let mut grains = Disks {
             radius: vec![],
             body: vec![],
             mass: vec![],
@@ -315,7 +315,7 @@ pub fn strain_of(step: u64, height: f64) -> f64 {
 }
 
 /// A frame of grains at the given places, not wrapped, with a contact wherever two of them overlap.
-fn frame_of(grains: &Grains, step: u64, points: &[[f64; 2]]) -> Frame {
+fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
     let position: Vec<[f64; 2]> = points
         .iter()
         .map(|r| [r[0].rem_euclid(grains.length), r[1]])

@@ -12,7 +12,7 @@ use ndarray::{Ix1, Ix2, Ix3, s};
 
 use self::source::{FOREIGN, Source, one_line};
 use crate::failure::Failure;
-use crate::state::{ContactSample, Frame, Grains, SERIES_COLUMNS};
+use crate::state::{ContactSample, Disks, Frame, SERIES_COLUMNS};
 
 /// An attribute of `parameters`.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,7 +61,7 @@ impl Series {
 /// An open `run.h5`. What is small is read on opening; frames are read on demand.
 pub struct Run {
     path: PathBuf,
-    grains: Grains,
+    grains: Disks,
     /// Height of the box at the start of the shear (m).
     height: f64,
     parameters: BTreeMap<String, Parameter>,
@@ -116,7 +116,7 @@ impl Run {
                 "does not hold L_x > 0, height, 0",
             ));
         }
-        let grains = Grains {
+        let grains = Disks {
             radius: source.of_length("particles/trajectory/radius", n)?,
             body: source.of_length("particles/trajectory/body", n)?,
             mass: source.of_length("particles/trajectory/mass", n)?,
@@ -202,7 +202,7 @@ impl Run {
         }
     }
 
-    pub fn grains(&self) -> &Grains {
+    pub fn grains(&self) -> &Disks {
         &self.grains
     }
 

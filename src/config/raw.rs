@@ -1,0 +1,224 @@
+//! The configuration as it is written: every key optional, types checked, nothing else.
+
+use serde::de::{Deserialize, Deserializer, Error};
+use toml::Spanned;
+
+/// A TOML number: an integer is taken as one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Number(pub f64);
+
+/// A TOML integer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Whole(pub i64);
+
+/// A TOML string.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Text(pub String);
+
+/// A TOML boolean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flag(pub bool);
+
+/// Any TOML value, kept if `take` finds the kind that is expected.
+fn take<'de, D: Deserializer<'de>, T>(
+    d: D,
+    expected: &str,
+    take: impl Fn(&toml::Value) -> Option<T>,
+) -> Result<T, D::Error> {
+    let out_of_range =
+        |_| D::Error::custom(format!("expected {expected}, found a number out of range"));
+    let value = toml::Value::deserialize(d).map_err(out_of_range)?;
+    take(&value).ok_or_else(|| D::Error::custom(mismatch(expected, &value)))
+}
+
+impl<'de> Deserialize<'de> for Number {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        take(d, "a number", |value| match value {
+            toml::Value::Float(x) => Some(Number(*x)),
+            toml::Value::Integer(n) => Some(Number(*n as f64)),
+            _ => None,
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for Whole {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        take(d, "an integer without decimal point or exponent", |value| {
+            value.as_integer().map(Whole)
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for Text {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        take(d, "a string in quotes", |value| {
+            value.as_str().map(|s| Text(s.into()))
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for Flag {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        take(d, "true or false", |value| value.as_bool().map(Flag))
+    }
+}
+
+fn mismatch(expected: &str, found: &toml::Value) -> String {
+    let found = match found {
+        toml::Value::String(s) => format!("the string {s:?}"),
+        toml::Value::Integer(n) => format!("the integer {n}"),
+        toml::Value::Float(x) => format!("the number {}", show(*x)),
+        toml::Value::Boolean(b) => format!("the boolean {b}"),
+        toml::Value::Datetime(d) => format!("the date {d}"),
+        toml::Value::Array(_) => "an array".into(),
+        toml::Value::Table(_) => "a table".into(),
+    };
+    format!("expected {expected}, found {found}")
+}
+
+/// The shortest decimal that reads back to the same bits, without many zeros.
+pub fn show(x: f64) -> String {
+    if x.is_finite() && x.abs() >= 1e7 {
+        format!("{x:e}")
+    } else {
+        format!("{x:?}")
+    }
+}
+
+/// A table of optional keys that remember their place, and the names of its keys.
+macro_rules! table {
+    ($(#[$doc:meta])* $name:ident { $($key:ident: $kind:ty),* $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Debug, Default, serde::Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct $name {
+            $(pub $key: Option<Spanned<$kind>>,)*
+        }
+
+        impl $name {
+            pub const KEYS: &[&str] = &[$(stringify!($key)),*];
+        }
+    };
+}
+
+table!(Material {
+    young_modulus: Number,
+    poisson_ratio: Number,
+    density: Number
+});
+table!(Contact {
+    law: Text,
+    friction: Number,
+    rolling_friction: Number,
+    damping_ratio: Number,
+    restitution: Number,
+    rolling_damping_ratio: Number,
+});
+table!(Sample {
+    grains: Whole,
+    radius_min: Number,
+    radius_max: Number,
+    length: Number
+});
+table!(Load {
+    stiffness_number: Number,
+    pressure: Number,
+    normal_force: Number
+});
+table!(Time {
+    step: Number,
+    force: Flag
+});
+table!(Pack {
+    friction: Number,
+    tolerance: Number,
+    max_steps: Whole
+});
+table!(Shear {
+    inertial_number: Number,
+    velocity: Number,
+    strain: Number
+});
+table!(Output {
+    frame_strain: Number,
+    frame_start: Number,
+    series_strain: Number,
+    checkpoint_strain: Number,
+    progress_lines: Whole,
+});
+table!(Bookkeeping {
+    skin: Number,
+    rebuild_every: Whole,
+    simd: Text,
+});
+
+/// The whole file.
+#[derive(Debug, Default, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Raw {
+    pub title: Option<Spanned<Text>>,
+    pub seed: Option<Spanned<Whole>>,
+    pub material: Material,
+    pub contact: Contact,
+    pub sample: Sample,
+    pub load: Load,
+    pub time: Time,
+    pub pack: Pack,
+    pub shear: Shear,
+    pub output: Output,
+    pub bookkeeping: Bookkeeping,
+}
+
+/// Keys outside every table.
+pub const TOP_KEYS: &[&str] = &["title", "seed"];
+
+/// Every table and its keys.
+pub const TABLES: &[(&str, &[&str])] = &[
+    ("material", Material::KEYS),
+    ("contact", Contact::KEYS),
+    ("sample", Sample::KEYS),
+    ("load", Load::KEYS),
+    ("time", Time::KEYS),
+    ("pack", Pack::KEYS),
+    ("shear", Shear::KEYS),
+    ("output", Output::KEYS),
+    ("bookkeeping", Bookkeeping::KEYS),
+];
+
+/// The keys of a table.
+pub fn keys_of(table: &str) -> Option<&'static [&'static str]> {
+    TABLES
+        .iter()
+        .find(|(name, _)| *name == table)
+        .map(|(_, keys)| *keys)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `TABLES` is a second list beside `Raw`: each table and each key of it must be one that serde knows.
+    #[test]
+    fn every_listed_key_is_known_to_serde() {
+        for key in TOP_KEYS {
+            let text = format!("{key} = 2000-01-01");
+            let e = toml::from_str::<Raw>(&text).unwrap_err();
+            assert!(e.message().starts_with("expected"), "{key}: {e}");
+        }
+        for (table, keys) in TABLES {
+            for key in *keys {
+                let text = format!("{table}.{key} = 2000-01-01");
+                let e = toml::from_str::<Raw>(&text).unwrap_err();
+                assert!(e.message().starts_with("expected"), "{table}.{key}: {e}");
+            }
+        }
+        let e = toml::from_str::<Raw>("nonsense = 1").unwrap_err();
+        for name in TOP_KEYS.iter().chain(TABLES.iter().map(|(name, _)| name)) {
+            assert!(e.message().contains(&format!("`{name}`")), "{name}: {e}");
+        }
+        assert_eq!(
+            e.message().matches('`').count() / 2,
+            1 + TOP_KEYS.len() + TABLES.len()
+        );
+    }
+}

@@ -1,0 +1,254 @@
+//! Slabs along x: who owns which grain, who sees whose, and the moves between them.
+
+use std::ops::Range;
+
+use bytemuck::{allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
+
+use super::{Exchange, Link};
+use crate::failure::Failure;
+use crate::neighbour::Window;
+use crate::simd::Row;
+use crate::state::{ContactState, GrainState, Grains};
+
+/// Columns of the histogram by which the cuts are balanced.
+const BINS: usize = 8192;
+
+/// The slabs of all ranks, and this rank's part in the exchange.
+#[derive(Debug)]
+pub struct Slabs {
+    /// L_x (m).
+    length: f64,
+    /// Slab r is [cuts[r], cuts[r + 1]).
+    pub cuts: Vec<f64>,
+    links: Vec<Neighbour>,
+}
+
+/// What goes to and comes from one neighbouring rank in every step.
+#[derive(Debug)]
+struct Neighbour {
+    rank: usize,
+    /// Own grains that it sees.
+    send: Vec<u32>,
+    buffer: Vec<Row>,
+    /// Where its grains are among the local ones.
+    ghosts: Range<usize>,
+}
+
+/// How many slabs wider than `reach` (m) a cell of `length` (m) holds; one rank needs room for nearest images.
+pub fn most_ranks(length: f64, reach: f64) -> usize {
+    let slabs = (length / reach) as usize;
+    if slabs as f64 * reach < length {
+        slabs
+    } else {
+        slabs - 1
+    }
+}
+
+impl Slabs {
+    pub fn new(exchange: &impl Exchange, length: f64) -> Self {
+        let size = exchange.size();
+        Self {
+            length,
+            cuts: (0..=size)
+                .map(|r| length * r as f64 / size as f64)
+                .collect(),
+            links: Vec::new(),
+        }
+    }
+
+    /// The rank whose slab holds x ∈ [0, L_x).
+    fn owner(&self, x: f64) -> usize {
+        let slabs = self.cuts.len() - 1;
+        self.cuts[1..slabs].partition_point(|&cut| cut <= x)
+    }
+
+    /// Moves the cuts to where the number of grains is balanced, then every grain, with the contacts it has, to the rank
+    /// that owns it. Returns this rank's grains by id, and all contacts of theirs (with others', too) by (i, j).
+    pub fn redistribute(
+        &mut self,
+        exchange: &impl Exchange,
+        grains: Vec<GrainState>,
+        mut contacts: Vec<ContactState>,
+        reach: f64,
+    ) -> Result<(Vec<GrainState>, Vec<ContactState>), Failure> {
+        let (size, me) = (exchange.size(), exchange.rank());
+        let mut mine = grains;
+        if size > 1 {
+            self.balance(exchange, &mine, reach)?;
+            let mut leaving: Vec<(u32, usize)> = Vec::new();
+            let mut grains_to = vec![Vec::new(); size];
+            let mut contacts_to = vec![Vec::new(); size];
+            mine.retain(|g| {
+                let owner = self.owner(g.position[0]);
+                if owner != me {
+                    leaving.push((g.id, owner));
+                    grains_to[owner].push(*g);
+                }
+                owner == me
+            });
+            leaving.sort_unstable();
+            let destination = |id| {
+                leaving
+                    .binary_search_by_key(&id, |l| l.0)
+                    .ok()
+                    .map(|k| leaving[k].1)
+            };
+            for contact in &contacts {
+                let (a, b) = (destination(contact.i), destination(contact.j));
+                for to in [a, b.filter(|_| b != a)].into_iter().flatten() {
+                    contacts_to[to].push(*contact);
+                }
+            }
+            for bytes in exchange.all_to_all(as_bytes(&grains_to)) {
+                mine.extend(pod_collect_to_vec::<u8, GrainState>(&bytes));
+            }
+            for bytes in exchange.all_to_all(as_bytes(&contacts_to)) {
+                contacts.extend(pod_collect_to_vec::<u8, ContactState>(&bytes));
+            }
+        }
+        mine.sort_unstable_by_key(|g| g.id);
+        contacts.sort_unstable_by_key(|c| (c.i, c.j));
+        contacts.dedup_by_key(|c| (c.i, c.j));
+        Ok((mine, contacts))
+    }
+
+    fn balance(
+        &mut self,
+        exchange: &impl Exchange,
+        grains: &[GrainState],
+        reach: f64,
+    ) -> Result<(), Failure> {
+        let size = exchange.size();
+        let most = most_ranks(self.length, reach);
+        if size > most {
+            return Err(Failure::input(format!(
+                "{size} ranks are too many: a slab must be wider than the interaction range of {reach:.4e} m, and the cell is \
+                 {:.4e} m long; run it on 1 to {} ranks",
+                self.length,
+                most.max(1),
+            )));
+        }
+        let mut histogram = vec![0i64; BINS];
+        for g in grains {
+            let bin = (g.position[0] / self.length * BINS as f64) as usize;
+            histogram[bin.min(BINS - 1)] += 1;
+        }
+        exchange.sum(&mut histogram);
+        let total: i64 = histogram.iter().sum();
+        let (mut below, mut bin) = (0, 0);
+        for r in 1..size {
+            let wanted = total * r as i64 / size as i64;
+            while below + histogram[bin] < wanted {
+                below += histogram[bin];
+                bin += 1;
+            }
+            let part = (wanted - below) as f64 / histogram[bin].max(1) as f64;
+            self.cuts[r] = self.length * (bin as f64 + part) / BINS as f64;
+        }
+        // A little more than the range, so that rounding cannot make a slab too narrow.
+        let narrowest = reach + (self.length / size as f64 - reach) * 1e-3;
+        for r in 1..size {
+            self.cuts[r] = self.cuts[r].max(self.cuts[r - 1] + narrowest);
+        }
+        for r in (1..size).rev() {
+            self.cuts[r] = self.cuts[r].min(self.cuts[r + 1] - narrowest);
+        }
+        Ok(())
+    }
+
+    /// Finds the own grains within `reach` (m) of a neighbour's slab, and adds the neighbours' as ghosts.
+    pub fn attach_ghosts(&mut self, exchange: &impl Exchange, grains: &mut Grains, reach: f64) {
+        let (size, me) = (exchange.size(), exchange.rank());
+        self.links.clear();
+        if size == 1 {
+            return;
+        }
+        let (left, right) = ((me + size - 1) % size, (me + 1) % size);
+        let (from, to) = (self.cuts[me], self.cuts[me + 1]);
+        let near = |g: &u32, side: usize| {
+            let x = grains.record[*g as usize].0[0];
+            (side == left && x - from < reach) || (side == right && to - x < reach)
+        };
+        let mut states = vec![Vec::new(); size];
+        let mut ranks = vec![left, right];
+        ranks.dedup();
+        for rank in ranks {
+            let send: Vec<u32> = (0..grains.owned as u32).filter(|g| near(g, rank)).collect();
+            states[rank] = send.iter().map(|&g| grains.state(g as usize)).collect();
+            self.links.push(Neighbour {
+                rank,
+                buffer: vec![Row::ZERO; send.len()],
+                send,
+                ghosts: 0..0,
+            });
+        }
+        let received = exchange.all_to_all(as_bytes(&states));
+        for link in &mut self.links {
+            let begin = grains.local();
+            for ghost in pod_collect_to_vec::<u8, GrainState>(&received[link.rank]) {
+                grains.push(&ghost);
+            }
+            link.ghosts = begin..grains.local();
+        }
+    }
+
+    /// Sends the border grains' records and receives the ghosts', while `meanwhile` runs.
+    pub fn exchange(
+        &mut self,
+        exchange: &impl Exchange,
+        grains: &mut Grains,
+        meanwhile: impl FnOnce(),
+    ) {
+        if self.links.is_empty() {
+            return meanwhile();
+        }
+        let (own, mut ghosts) = grains.record.split_at_mut(grains.owned);
+        let mut messages = Vec::with_capacity(2);
+        for link in &mut self.links {
+            for (to, &g) in link.buffer.iter_mut().zip(&link.send) {
+                *to = own[g as usize];
+            }
+            let (receive, rest) = ghosts.split_at_mut(link.ghosts.len());
+            ghosts = rest;
+            messages.push(Link {
+                rank: link.rank,
+                send: cast_slice(&link.buffer),
+                receive: cast_slice_mut(receive),
+            });
+        }
+        exchange.halo(&mut messages, meanwhile);
+    }
+
+    /// Where this rank's grains and ghosts are.
+    pub fn window(&self, exchange: &impl Exchange, reach: f64) -> Window {
+        let me = exchange.rank();
+        let (from, to) = (self.cuts[me], self.cuts[me + 1]);
+        let wide = to - from + 2.0 * reach;
+        if exchange.size() == 1 || wide >= self.length {
+            Window {
+                length: self.length,
+                from: 0.0,
+                width: self.length,
+            }
+        } else {
+            Window {
+                length: self.length,
+                from: from - reach,
+                width: wide,
+            }
+        }
+    }
+
+    /// Bytes that this rank sends per step, and messages.
+    pub fn traffic(&self) -> (usize, usize) {
+        let rows: usize = self.links.iter().map(|l| l.send.len()).sum();
+        (rows * size_of::<Row>(), self.links.len())
+    }
+}
+
+fn as_bytes<T: bytemuck::NoUninit>(messages: &[Vec<T>]) -> Vec<Vec<u8>> {
+    messages
+        .iter()
+        .map(|m| cast_slice::<T, u8>(m).to_vec())
+        .collect()
+}

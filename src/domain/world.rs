@@ -1,0 +1,222 @@
+//! Many ranks, by MPI.
+
+use super::{Exchange, Link};
+use mpi::Threading;
+use mpi::collective::SystemOperation;
+use mpi::datatype::{Partition, PartitionMut};
+use mpi::environment::Universe;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::*;
+
+/// All ranks of the job. Dropping it ends MPI, so every file opened with its communicator must be closed before.
+pub struct World {
+    communicator: SimpleCommunicator,
+    rank: usize,
+    size: usize,
+    // Dropped last: ends MPI.
+    _universe: Universe,
+}
+
+impl World {
+    /// Starts MPI, under mpirun or as a single rank without it. To be called first thing in `main`, while there is one thread, and once.
+    ///
+    /// From here on a panic on any rank prints its message and ends the whole job with exit code 1; otherwise the others would wait for ever.
+    pub fn start() -> World {
+        const EAGER_LIMIT: &str = "OMPI_MCA_btl_vader_eager_limit";
+        // A halo message of 4 KiB just misses Open MPI's default, beyond which sender and receiver first shake hands.
+        if std::env::var_os(EAGER_LIMIT).is_none() {
+            // SAFETY: the caller has started no other thread yet, so nobody reads the environment meanwhile.
+            unsafe { std::env::set_var(EAGER_LIMIT, "16384") };
+        }
+        let (universe, _) =
+            mpi::initialize_with_threading(Threading::Funneled).expect("MPI is started once");
+        let message = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            message(panic);
+            if !mpi::environment::is_finalized() {
+                SimpleCommunicator::world().abort(1);
+            }
+        }));
+        let communicator = universe.world();
+        World {
+            rank: communicator.rank() as usize,
+            size: communicator.size() as usize,
+            communicator,
+            _universe: universe,
+        }
+    }
+
+    /// Ends every rank with this exit code, for a failure that only one rank knows of. Not collective.
+    pub fn abort(&self, exit_code: i32) -> ! {
+        self.communicator.abort(exit_code)
+    }
+
+    /// Counts of bytes that MPI can address, and where each begins.
+    fn layout(lengths: impl Iterator<Item = usize>) -> (Vec<i32>, Vec<i32>, usize) {
+        let (mut counts, mut starts, mut end) = (Vec::new(), Vec::new(), 0usize);
+        for length in lengths {
+            starts.push(end as i32);
+            counts.push(length as i32);
+            end += length;
+            assert!(
+                i32::try_from(end).is_ok(),
+                "a message of more than 2 GiB: use more ranks"
+            );
+        }
+        (counts, starts, end)
+    }
+
+    fn split(bytes: &[u8], counts: &[i32], starts: &[i32]) -> Vec<Vec<u8>> {
+        let pieces = starts.iter().zip(counts);
+        pieces
+            .map(|(&s, &c)| bytes[s as usize..][..c as usize].to_vec())
+            .collect()
+    }
+}
+
+/// The same bytes, but where there are none at an address that is one. Rust gives an empty slice of bytes the address 1,
+/// which is Open MPI's MPI_IN_PLACE; receive buffers are kept a byte longer than needed for the same reason.
+fn addressable(bytes: &[u8]) -> &[u8] {
+    if bytes.is_empty() { &[0][..0] } else { bytes }
+}
+
+impl Exchange for World {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn size(&self) -> usize {
+        self.size
+    }
+
+    /// `None` for a single rank: HDF5's plain driver serves it faster.
+    fn communicator(&self) -> Option<mpi::ffi::MPI_Comm> {
+        (self.size > 1).then(|| self.communicator.as_raw())
+    }
+
+    fn all_to_all(&self, mut send: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+        assert_eq!(send.len(), self.size, "a message for every rank");
+        if self.size == 1 {
+            return send;
+        }
+        let own = std::mem::take(&mut send[self.rank]);
+        let (counts, starts, _) = Self::layout(send.iter().map(Vec::len));
+        let mut arriving = vec![0i32; self.size];
+        self.communicator
+            .all_to_all_into(&counts[..], &mut arriving[..]);
+        let (arriving, places, end) = Self::layout(arriving.iter().map(|&c| c as usize));
+        let outgoing = send.concat();
+        let mut incoming = vec![0u8; end + 1];
+        self.communicator.all_to_all_varcount_into(
+            &Partition::new(addressable(&outgoing), &counts[..], &starts[..]),
+            &mut PartitionMut::new(&mut incoming[..], &arriving[..], &places[..]),
+        );
+        let mut received = Self::split(&incoming, &arriving, &places);
+        received[self.rank] = own;
+        received
+    }
+
+    /// Several links with one rank pair up in their order: the n-th with rank r here with the n-th with this rank there.
+    fn halo(&self, links: &mut [Link<'_>], meanwhile: impl FnOnce()) {
+        mpi::request::scope(|scope| {
+            let (mut receives, mut sends) = (
+                Vec::with_capacity(links.len()),
+                Vec::with_capacity(links.len()),
+            );
+            for Link {
+                rank,
+                send,
+                receive,
+            } in links.iter_mut()
+            {
+                let neighbour = self.communicator.process_at_rank(*rank as i32);
+                let expected = receive.len();
+                receives.push((
+                    expected,
+                    neighbour.immediate_receive_into(scope, &mut **receive),
+                ));
+                sends.push(neighbour.immediate_send(scope, *send));
+            }
+            meanwhile();
+            for (expected, receive) in receives {
+                let came = receive.wait().count(f64::equivalent_datatype());
+                assert_eq!(came as usize, expected, "length of a neighbour's message");
+            }
+            for send in sends {
+                send.wait();
+            }
+        });
+    }
+
+    fn sum(&self, values: &mut [i64]) {
+        if self.size == 1 {
+            return;
+        }
+        // A step's sums are few: no allocation for them. As u64, whose overflow wraps by definition.
+        let mut copy = [0u64; 64];
+        for part in bytemuck::cast_slice_mut::<i64, u64>(values).chunks_mut(64) {
+            let copy = &mut copy[..part.len()];
+            copy.copy_from_slice(part);
+            self.communicator
+                .all_reduce_into(&*copy, part, SystemOperation::sum());
+        }
+    }
+
+    fn sum_below(&self, value: u64) -> u64 {
+        let mut below = 0u64;
+        self.communicator
+            .exclusive_scan_into(&value, &mut below, SystemOperation::sum());
+        // MPI leaves rank 0's answer undefined.
+        if self.rank == 0 { 0 } else { below }
+    }
+
+    /// NaN where any rank's is: MPI alone may lose it.
+    fn maximum(&self, value: f64) -> f64 {
+        if self.size == 1 {
+            return value;
+        }
+        let mine = [
+            f64::from(u8::from(value.is_nan())),
+            if value.is_nan() {
+                f64::NEG_INFINITY
+            } else {
+                value
+            },
+        ];
+        let mut all = [0.0; 2];
+        self.communicator
+            .all_reduce_into(&mine[..], &mut all[..], SystemOperation::max());
+        if all[0] > 0.0 { f64::NAN } else { all[1] }
+    }
+
+    fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        let mut lengths = vec![0u64; self.size];
+        self.communicator
+            .all_gather_into(&(bytes.len() as u64), &mut lengths[..]);
+        let (counts, starts, end) = Self::layout(lengths.iter().map(|&l| l as usize));
+        let mut all = vec![0u8; end + 1];
+        self.communicator.all_gather_varcount_into(
+            addressable(bytes),
+            &mut PartitionMut::new(&mut all[..], &counts[..], &starts[..]),
+        );
+        Self::split(&all, &counts, &starts)
+    }
+
+    fn broadcast(&self, mut bytes: Vec<u8>) -> Vec<u8> {
+        if self.size == 1 {
+            return bytes;
+        }
+        let root = self.communicator.process_at_rank(0);
+        let mut length = bytes.len() as u64;
+        root.broadcast_into(&mut length);
+        bytes.resize(length as usize, 0);
+        if length > 0 {
+            root.broadcast_into(&mut bytes[..]);
+        }
+        bytes
+    }
+
+    fn barrier(&self) {
+        self.communicator.barrier();
+    }
+}

@@ -1,0 +1,192 @@
+//! What is measured of a run: time series rows, frames, the digest. None of it reaches the trajectory.
+
+use xxhash_rust::xxh3::xxh3_128;
+
+use crate::contact::ContactLaw;
+use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
+use crate::drive::Piston;
+use crate::kernel::ContactForces;
+use crate::state::{ContactSample, GrainSample, SeriesRow, body, field};
+use crate::system::System;
+
+/// What the time series needs to know of the whole sample.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    /// Thickness of both walls together (m): the piston's height less this is that of the sheared layer.
+    pub walls: f64,
+    /// Area of the free grains (m²).
+    pub free_area: f64,
+    pub free_grains: u64,
+    /// For energies (J/m).
+    pub energy: FixedPoint,
+}
+
+impl Frame {
+    /// Of the grains as they are; collective.
+    pub fn measure(exchange: &impl Exchange, system: &System, walls: f64, energy: f64) -> Self {
+        let area = FixedPoint::new(system.length * system.length);
+        let mut sum = Accumulator::default();
+        let mut count = 0;
+        for g in 0..system.grains.owned {
+            if system.grains.body[g] == body::FREE {
+                let r = system.grains.radius[g];
+                area.add(&mut sum, std::f64::consts::PI * r * r);
+                count += 1;
+            }
+        }
+        let [free_area] = area.total(exchange, [sum]);
+        Self {
+            walls,
+            free_area,
+            free_grains: crate::domain::total(exchange, count),
+            energy: FixedPoint::new(energy),
+        }
+    }
+}
+
+/// Kinetic energy of the free grains (J/m); collective.
+pub fn kinetic_energy(exchange: &impl Exchange, system: &System, energy: &FixedPoint) -> f64 {
+    energy.total(exchange, [own_kinetic_energy(system, energy)])[0]
+}
+
+fn own_kinetic_energy(system: &System, energy: &FixedPoint) -> Accumulator {
+    use field::{U, V, W};
+    let grains = &system.grains;
+    let mut sum = Accumulator::default();
+    for g in 0..grains.owned {
+        if grains.body[g] == body::FREE {
+            let (r, m, radius) = (&grains.record[g].0, grains.mass[g], grains.radius[g]);
+            let spin = 0.5 * radius * radius * r[W] * r[W];
+            energy.add(&mut sum, 0.5 * m * (r[U] * r[U] + r[V] * r[V] + spin));
+        }
+    }
+    sum
+}
+
+/// A row of the time series, from the forces of the last step; collective.
+pub fn series<E: Exchange>(
+    exchange: &E,
+    system: &System,
+    samples: &ContactForces,
+    piston: &Piston,
+    frame: &Frame,
+    strain: f64,
+) -> SeriesRow {
+    let grains = &system.grains;
+    let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
+    for g in 0..grains.owned {
+        if grains.body[g] == body::TOP {
+            system.fixed.add(&mut shear, -grains.force[g][0]);
+            system.fixed.add(&mut normal, grains.force[g][1]);
+        }
+    }
+    // Contacts, sliding contacts, and the ends of contacts that are at free grains.
+    let mut counts = [0i64; 3];
+    for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
+        let free = |g: usize| (grains.body[g] == body::FREE) as i64;
+        counts[0] += 1;
+        counts[1] += (samples.sliding[at.block] >> at.lane & 1) as i64;
+        counts[2] += free(at.i) + free(at.j);
+    }
+    let kinetic = own_kinetic_energy(system, &frame.energy);
+
+    let mut message = [0i64; 3 * (LIMBS + 1) + 3];
+    let (sums, tail) = message.split_at_mut(3 * (LIMBS + 1));
+    for (part, limbs) in [shear, normal, kinetic]
+        .iter()
+        .zip(sums.chunks_mut(LIMBS + 1))
+    {
+        part.write(limbs);
+    }
+    tail.copy_from_slice(&counts);
+    exchange.sum(&mut message);
+    let part = |k: usize| Accumulator::read(&message[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)]);
+    let [contacts, sliding, ends] = message[3 * (LIMBS + 1)..] else {
+        unreachable!("three counts were sent")
+    };
+    let (shear_force, normal_force) = (system.fixed.value(part(0)), system.fixed.value(part(1)));
+    let wall_height = piston.height - frame.walls;
+    SeriesRow {
+        strain,
+        stress_ratio: shear_force / normal_force,
+        normal_force,
+        shear_force,
+        wall_height,
+        solid_fraction: frame.free_area / (system.length * wall_height),
+        coordination: ends as f64 / frame.free_grains as f64,
+        kinetic_energy: frame.energy.value(part(2)),
+        sliding_fraction: if contacts > 0 {
+            sliding as f64 / contacts as f64
+        } else {
+            0.0
+        },
+        wall_velocity: piston.velocity,
+    }
+}
+
+/// This rank's part of a frame: its grains, and the contacts whose first grain it owns.
+pub fn frame<C: ContactLaw>(
+    system: &System,
+    samples: &ContactForces,
+) -> (Vec<GrainSample>, Vec<ContactSample>) {
+    let grains = (0..system.grains.owned)
+        .map(|g| {
+            let state = system.grains.state(g);
+            GrainSample {
+                id: state.id as u64,
+                position: state.position,
+                velocity: state.velocity,
+                angular_velocity: state.angular_velocity,
+            }
+        })
+        .collect();
+    let contacts = system
+        .contacts
+        .touching()
+        .filter(|at| at.i < system.grains.owned)
+        .map(|at| {
+            let state = system.contacts.state::<C>(at, &system.grains.id);
+            ContactSample {
+                i: state.i,
+                j: state.j,
+                normal_force: samples.normal[at.block].0[at.lane],
+                tangential_force: samples.tangential[at.block].0[at.lane],
+                tangential_history: state.history[0],
+                rolling_history: state.history[2],
+                overlap: samples.overlap[at.block].0[at.lane],
+                sliding: (samples.sliding[at.block] >> at.lane & 1) as u64,
+            }
+        })
+        .collect();
+    (grains, contacts)
+}
+
+/// Digest of the state: every grain, every touching contact with its history, the walls, the step. It is the sum of 128-bit
+/// hashes of them, so it does not depend on who holds what; collective.
+pub fn digest<C: ContactLaw, E: Exchange>(
+    exchange: &E,
+    system: &System,
+    piston: &Piston,
+    step: u64,
+) -> String {
+    // Two sums of 64 bits, each wrapping.
+    let mut halves = [0i64; 2];
+    let mut add = |bytes: &[u8]| {
+        let hash = xxh3_128(bytes);
+        halves[0] = halves[0].wrapping_add(hash as u64 as i64);
+        halves[1] = halves[1].wrapping_add((hash >> 64) as u64 as i64);
+    };
+    for g in system.grain_states() {
+        add(bytemuck::bytes_of(&g));
+    }
+    for c in system.own_contact_states::<C>() {
+        add(bytemuck::bytes_of(&c));
+    }
+    if exchange.rank() == 0 {
+        let wall = [piston.height, piston.velocity, piston.acceleration];
+        add(bytemuck::cast_slice(&wall));
+        add(&step.to_le_bytes());
+    }
+    exchange.sum(&mut halves);
+    format!("{:016x}{:016x}", halves[1] as u64, halves[0] as u64)
+}

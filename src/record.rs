@@ -1,0 +1,164 @@
+//! What a run leaves in its folder: `run.h5`, `log.csv`, `scene.toml`, checkpoints.
+
+use std::path::Path;
+
+use crate::config::Scene;
+use crate::domain::Exchange;
+use crate::failure::Failure;
+use crate::io::checkpoint;
+use crate::io::collective::agree;
+use crate::io::h5::Attribute;
+use crate::io::log::Log;
+use crate::io::provenance;
+use crate::io::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
+use crate::run::Options;
+use crate::schedule::Schedule;
+use crate::state::{ContactSample, GrainSample, SeriesRow, Snapshot};
+use crate::system::System;
+
+pub const RUN_FILE: &str = "run.h5";
+pub const LOG_FILE: &str = "log.csv";
+pub const SCENE_FILE: &str = "scene.toml";
+
+/// The files of a run in the shear stage. Every call is collective.
+pub struct Recorder {
+    trajectory: TrajectoryWriter,
+    log: Log,
+}
+
+impl Recorder {
+    /// New files, or those of the run that is gone on with, cut back to the frames and rows `written` at its checkpoint.
+    /// Where the folder holds no such run, new ones that begin there.
+    pub fn open<E: Exchange>(
+        exchange: &E,
+        scene: &Scene,
+        schedule: &Schedule,
+        system: &System,
+        options: &Options,
+        written: Option<[u64; 2]>,
+    ) -> Result<Self, Failure> {
+        folder(exchange, &options.out)?;
+        let (run, log) = (options.out.join(RUN_FILE), options.out.join(LOG_FILE));
+        let there = exchange.broadcast(vec![u8::from(run.exists())])[0] == 1;
+        if let (Some([frames, rows]), true) = (written, there) {
+            return Ok(Self {
+                trajectory: TrajectoryWriter::open_to_append(exchange, &run, frames, rows)?,
+                log: Log::open_to_append(exchange, &log, rows)?,
+            });
+        }
+        let wrote = if exchange.rank() == 0 {
+            let path = options.out.join(SCENE_FILE);
+            std::fs::write(&path, &scene.toml)
+                .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
+        } else {
+            Ok(())
+        };
+        agree(exchange, wrote)?;
+        let grains: Vec<GrainShape> = (0..system.grains.owned)
+            .map(|g| GrainShape {
+                id: system.grains.id[g],
+                body: system.grains.body[g],
+                radius: system.grains.radius[g],
+                mass: system.grains.mass[g],
+            })
+            .collect();
+        let attributes = [
+            ("scene", Attribute::Text(scene.toml.clone())),
+            ("version", Attribute::Text(provenance::VERSION.into())),
+            ("git_commit", Attribute::Text(provenance::GIT_COMMIT.into())),
+            ("ranks", Attribute::Count(exchange.size() as u64)),
+            ("processor", Attribute::Text(provenance::processor())),
+            ("started", Attribute::Text(provenance::now())),
+            ("time_step", Attribute::Number(schedule.step)),
+            ("frame_strain", Attribute::Number(schedule.strain(schedule.frames))),
+            ("steps_per_frame", Attribute::Count(schedule.frames)),
+            ("inertial_number", Attribute::Number(schedule.inertial_number(scene))),
+            ("stiffness_number", Attribute::Number(scene.load.stiffness_number)),
+            ("wall_speed", Attribute::Number(schedule.speed)),
+            ("normal_force", Attribute::Number(scene.load.normal_force)),
+            ("pressure", Attribute::Number(scene.load.pressure)),
+            ("height_start", Attribute::Number(schedule.height)),
+        ];
+        let header = RunHeader {
+            length: system.length,
+            height: schedule.height,
+            grains: &grains,
+            attributes: &attributes,
+        };
+        Ok(Self {
+            trajectory: TrajectoryWriter::create(exchange, &run, &header)?,
+            log: Log::create(exchange, &log)?,
+        })
+    }
+
+    pub fn series<E: Exchange>(
+        &mut self,
+        exchange: &E,
+        step: u64,
+        time: f64,
+        row: &SeriesRow,
+    ) -> Result<(), Failure> {
+        self.trajectory.series(exchange, step, time, row)?;
+        // A failure of the log is rank 0's alone, and told at the next flush.
+        self.log.row(step, time, row).or(Ok(()))
+    }
+
+    pub fn frame<E: Exchange>(
+        &mut self,
+        exchange: &E,
+        step: u64,
+        time: f64,
+        grains: &[GrainSample],
+        contacts: &[ContactSample],
+    ) -> Result<(), Failure> {
+        self.trajectory.frame(exchange, step, time, grains, contacts)
+    }
+
+    /// Everything to the files. Returns the frames and rows in them.
+    pub fn flush<E: Exchange>(&mut self, exchange: &E) -> Result<[u64; 2], Failure> {
+        self.trajectory.flush(exchange)?;
+        agree(exchange, self.log.flush())?;
+        Ok([self.trajectory.frames(), self.trajectory.rows()])
+    }
+
+    /// Closes the files; with the digest of the last state and the speed (grain-steps per second and rank) where the run is
+    /// complete.
+    pub fn finish<E: Exchange>(
+        mut self,
+        exchange: &E,
+        system: &System,
+        speed: f64,
+        digest: &str,
+        complete: bool,
+    ) -> Result<(), Failure> {
+        self.flush(exchange)?;
+        let attributes = [
+            ("digest", Attribute::Text(digest.into())),
+            ("speed", Attribute::Number(speed)),
+            ("rank_map", Attribute::Numbers(system.slabs.cuts.clone())),
+        ];
+        let known = if complete { &attributes[..] } else { &[] };
+        self.trajectory.finish(exchange, known)
+    }
+}
+
+/// A checkpoint in the run's folder; each contact on the rank that has its first grain.
+pub fn checkpoint<E: Exchange>(
+    exchange: &E,
+    out: &Path,
+    scene: &str,
+    snapshot: &Snapshot,
+) -> Result<(), Failure> {
+    folder(exchange, out)?;
+    checkpoint::write(exchange, out, scene, snapshot)
+}
+
+fn folder<E: Exchange>(exchange: &E, out: &Path) -> Result<(), Failure> {
+    let made = if exchange.rank() == 0 {
+        std::fs::create_dir_all(out)
+            .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))
+    } else {
+        Ok(())
+    };
+    agree(exchange, made)
+}

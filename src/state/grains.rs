@@ -1,0 +1,136 @@
+//! The grains of this rank: its own, sorted by id, then its ghosts, then one filler that touches nothing.
+
+use crate::simd::Row;
+
+use super::GrainState;
+
+/// Places in a grain's record.
+pub mod field {
+    /// Wrapped position (m).
+    pub const X: usize = 0;
+    pub const Y: usize = 1;
+    /// Velocity (m/s) and angular velocity (rad/s) of the half step.
+    pub const HALF_U: usize = 2;
+    pub const HALF_V: usize = 3;
+    pub const HALF_W: usize = 4;
+    /// The same of the full step; while the forces are computed, as predicted.
+    pub const U: usize = 5;
+    pub const V: usize = 6;
+    pub const W: usize = 7;
+}
+
+/// What a grain belongs to.
+pub mod body {
+    pub const FREE: u32 = 0;
+    pub const BOTTOM: u32 = 1;
+    pub const TOP: u32 = 2;
+}
+
+/// F_x, F_y (N/m), torque (N), and one to fill up.
+pub type Force = [f64; 4];
+
+/// Structure of arrays over own grains, ghosts and the filler; what only own grains need is shorter.
+#[derive(Debug, Default)]
+pub struct Grains {
+    /// Number of own grains.
+    pub owned: usize,
+    pub id: Vec<u32>,
+    pub body: Vec<u32>,
+    pub radius: Vec<f64>,
+    pub record: Vec<Row>,
+    pub force: Vec<Force>,
+    /// m (kg/m), own grains.
+    pub mass: Vec<f64>,
+    /// ½Δt/m and ½Δt/I, own grains; 0 for those of walls.
+    pub half_kick: Vec<[f64; 2]>,
+}
+
+impl Grains {
+    /// Number of own grains and ghosts.
+    pub fn local(&self) -> usize {
+        self.id.len()
+    }
+
+    /// Index of the filler.
+    pub fn filler(&self) -> u32 {
+        self.id.len() as u32
+    }
+
+    /// Own grains, sorted by id, without ghosts. `density` in kg/m³, `step` Δt in s.
+    pub fn replace(&mut self, own: &[GrainState], density: f64, step: f64) {
+        self.owned = own.len();
+        self.id.clear();
+        self.body.clear();
+        self.radius.clear();
+        self.record.clear();
+        self.force.clear();
+        self.mass.clear();
+        for g in own {
+            self.push(g);
+            self.mass
+                .push(std::f64::consts::PI * density * g.radius * g.radius);
+        }
+        self.set_step(step);
+    }
+
+    /// Own grain or ghost.
+    pub fn push(&mut self, g: &GrainState) {
+        self.id.push(g.id);
+        self.body.push(g.body);
+        self.radius.push(g.radius);
+        let ([x, y], [u, v], w) = (g.position, g.velocity, g.angular_velocity);
+        self.record.push(Row([x, y, u, v, w, u, v, w]));
+        self.force.push([g.force[0], g.force[1], g.torque, 0.0]);
+    }
+
+    /// Ends the list with the grain that touches nothing.
+    pub fn close(&mut self) {
+        self.record.push(Row::ZERO);
+        self.force.push([0.0; 4]);
+    }
+
+    /// Sets Δt (s).
+    pub fn set_step(&mut self, step: f64) {
+        self.half_kick.clear();
+        for g in 0..self.owned {
+            let (m, r) = (self.mass[g], self.radius[g]);
+            self.half_kick.push(if self.body[g] == body::FREE {
+                [0.5 * step / m, 0.5 * step / (0.5 * m * r * r)]
+            } else {
+                [0.0; 2]
+            });
+        }
+    }
+
+    pub fn state(&self, g: usize) -> GrainState {
+        let r = &self.record[g].0;
+        let f = &self.force[g];
+        GrainState {
+            id: self.id[g],
+            body: self.body[g],
+            position: [r[field::X], r[field::Y]],
+            velocity: [r[field::U], r[field::V]],
+            angular_velocity: r[field::W],
+            radius: self.radius[g],
+            force: [f[0], f[1]],
+            torque: f[2],
+        }
+    }
+
+    /// Own grains of a body.
+    pub fn of_body(&self, body: u32) -> Vec<u32> {
+        (0..self.owned as u32)
+            .filter(|&g| self.body[g as usize] == body)
+            .collect()
+    }
+
+    /// Heap in use (bytes).
+    pub fn memory(&self) -> usize {
+        use std::mem::size_of;
+        (self.id.capacity() + self.body.capacity()) * size_of::<u32>()
+            + (self.radius.capacity() + self.mass.capacity()) * size_of::<f64>()
+            + self.record.capacity() * size_of::<Row>()
+            + self.force.capacity() * size_of::<Force>()
+            + self.half_kick.capacity() * size_of::<[f64; 2]>()
+    }
+}

@@ -1,0 +1,313 @@
+//! All that a rank holds between two steps, and the upkeep of its lists.
+
+use crate::clock::Clock;
+use crate::config::Bookkeeping;
+use crate::contact::ContactLaw;
+use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
+use crate::drive::Drive;
+use crate::failure::Failure;
+use crate::neighbour;
+use crate::simd::Level;
+use crate::state::{ContactState, Contacts, GrainState, Grains, field};
+use crate::step::Outside;
+
+/// Skins over d̄ between which an adaptive one stays.
+const THINNEST_SKIN: f64 = 0.01;
+const THICKEST_SKIN: f64 = 0.4;
+
+/// Grains, contacts, slabs: the state and its bookkeeping.
+#[derive(Debug)]
+pub struct System {
+    pub level: Level,
+    /// L_x (m).
+    pub length: f64,
+    /// ρ (kg/m³).
+    pub density: f64,
+    /// Δt (s).
+    pub step: f64,
+    /// Steps since this process began.
+    pub steps: u64,
+    /// For forces (N/m).
+    pub fixed: FixedPoint,
+    pub grains: Grains,
+    pub contacts: Contacts,
+    pub slabs: Slabs,
+    pub list: List,
+    pub clock: Clock,
+}
+
+/// How long the list of pairs stays complete.
+#[derive(Debug)]
+pub struct List {
+    /// Greatest diameter (m).
+    diameter: f64,
+    /// Present skin (m): pairs are listed up to R_i + R_j + skin.
+    skin: f64,
+    /// Least and greatest skin (m); equal where the skin is given.
+    range: [f64; 2],
+    /// Rebuild at least every so many steps; 0 only when needed.
+    every: u64,
+    /// Step of the last rebuild.
+    built: u64,
+    pub rebuilds: u64,
+    /// No grain has moved further since the last rebuild (m).
+    bound: f64,
+    /// Where the own grains were then.
+    origin: Vec<[f64; 2]>,
+    /// A coordinate is no number, or a grain moved further than half a skin before the list could be rebuilt.
+    pub unsound: bool,
+}
+
+impl List {
+    /// `exchange.size()` slabs must be wider than the interaction range.
+    fn new(
+        exchange: &impl Exchange,
+        bookkeeping: &Bookkeeping,
+        length: f64,
+        largest_radius: f64,
+        mean_diameter: f64,
+    ) -> Result<Self, Failure> {
+        let diameter = 2.0 * largest_radius;
+        let size = exchange.size();
+        let [thin, thick] = match bookkeeping.skin {
+            Some(skin) => [skin; 2],
+            None => [THINNEST_SKIN, THICKEST_SKIN],
+        };
+        let widest = 0.98 * length / size as f64 - diameter;
+        let range = [thin * mean_diameter, (thick * mean_diameter).min(widest)];
+        let most = most_ranks(0.98 * length, diameter + range[0]);
+        if range[1] < range[0] {
+            return Err(Failure::input(format!(
+                "{size} ranks are too many for this cell: a slab must be wider than the interaction range (the greatest \
+                 diameter and the skin, {:.4e} m), and the cell is sample.length = {length:.4e} m long; run it on 1 to {} ranks",
+                diameter + range[0],
+                most.max(1),
+            )));
+        }
+        Ok(Self {
+            diameter,
+            skin: range[0].max(range[1].min(0.1 * mean_diameter)),
+            range,
+            every: bookkeeping.rebuild_every,
+            built: 0,
+            rebuilds: 0,
+            bound: 0.0,
+            origin: Vec::new(),
+            unsound: false,
+        })
+    }
+
+    /// Grains moved by up to `fastest` (m/s) for `step` (s). Returns whether the list must be rebuilt after this step.
+    pub fn moved(&mut self, fastest: f64, step: f64, grains: &Grains, length: f64) -> bool {
+        let half = 0.5 * self.skin;
+        self.bound += step * fastest;
+        // The next step may be faster, if not twice as fast.
+        let margin = 2.0 * step * fastest;
+        if self.bound + margin > half {
+            let exact = self.displacement(grains, length);
+            self.bound = exact;
+            self.unsound = !(exact <= half);
+        }
+        self.unsound |= fastest.is_nan();
+        // Rebuild a little early rather than look at every grain in every step.
+        self.bound + margin > 0.9 * half
+    }
+
+    /// How far the own grain that moved most has moved (m).
+    fn displacement(&self, grains: &Grains, length: f64) -> f64 {
+        let squares = self.origin.iter().zip(&grains.record).map(|(o, r)| {
+            let mut dx = r.0[field::X] - o[0];
+            dx -= length * (dx / length).round();
+            let dy = r.0[field::Y] - o[1];
+            dx * dx + dy * dy
+        });
+        squares
+            .fold(0.0, |a: f64, b| if b > a { b } else { a })
+            .sqrt()
+    }
+
+    pub fn forced(&self, steps: u64) -> bool {
+        self.every > 0 && steps - self.built >= self.every
+    }
+
+    fn reach(&self) -> f64 {
+        self.diameter + self.skin
+    }
+
+    /// A thicker skin where the list is rebuilt often, a thinner one where it lasts.
+    fn adapt(&mut self, steps: u64) {
+        let lasted = steps - self.built;
+        if self.rebuilds > 0 && self.every == 0 {
+            if lasted < 300 {
+                self.skin *= 1.5;
+            } else if lasted > 2000 {
+                self.skin *= 0.7;
+            }
+            self.skin = self.skin.clamp(self.range[0], self.range[1]);
+        }
+    }
+}
+
+impl System {
+    #[expect(clippy::too_many_arguments, reason = "the parts of a system, once")]
+    pub fn new<E: Exchange>(
+        exchange: &E,
+        level: Level,
+        bookkeeping: &Bookkeeping,
+        length: f64,
+        radii: [f64; 2],
+        density: f64,
+        step: f64,
+        typical_force: f64,
+    ) -> Result<Self, Failure> {
+        let [largest, mean] = radii;
+        Ok(Self {
+            level,
+            length,
+            density,
+            step,
+            steps: 0,
+            fixed: FixedPoint::new(typical_force),
+            grains: Grains::default(),
+            contacts: Contacts::default(),
+            slabs: Slabs::new(exchange, length),
+            list: List::new(exchange, bookkeeping, length, largest, 2.0 * mean)?,
+            clock: Clock::default(),
+        })
+    }
+
+    /// This rank's grains.
+    pub fn grain_states(&self) -> Vec<GrainState> {
+        (0..self.grains.owned)
+            .map(|g| self.grains.state(g))
+            .collect()
+    }
+
+    /// The touching contacts that this rank has, also those it shares.
+    pub fn contact_states<C: ContactLaw>(&self) -> Vec<ContactState> {
+        self.contacts
+            .touching()
+            .map(|at| self.contacts.state::<C>(at, &self.grains.id))
+            .collect()
+    }
+
+    /// The touching contacts whose first grain this rank owns: each contact on one rank.
+    pub fn own_contact_states<C: ContactLaw>(&self) -> Vec<ContactState> {
+        self.contacts
+            .touching()
+            .filter(|at| at.i < self.grains.owned)
+            .map(|at| self.contacts.state::<C>(at, &self.grains.id))
+            .collect()
+    }
+
+    /// Migrates, re-sorts, and lists the pairs anew.
+    pub fn rebuild<C: ContactLaw, D: Drive, E: Exchange>(
+        &mut self,
+        exchange: &E,
+        law: &C,
+        drive: &mut D,
+    ) -> Result<(), Failure> {
+        let (grains, contacts) = (self.grain_states(), self.contact_states::<C>());
+        self.list.adapt(self.steps);
+        self.replace(exchange, law, drive, grains, contacts)
+    }
+
+    /// Takes these grains and contacts, wherever they belong, as the whole state. Every contact must be with the ranks that
+    /// have its grains.
+    pub fn replace<C: ContactLaw, D: Drive, E: Exchange>(
+        &mut self,
+        exchange: &E,
+        law: &C,
+        drive: &mut D,
+        grains: Vec<GrainState>,
+        contacts: Vec<ContactState>,
+    ) -> Result<(), Failure> {
+        let reach = self.list.reach();
+        let (own, remembered) = self.slabs.redistribute(exchange, grains, contacts, reach)?;
+        self.grains.replace(&own, self.density, self.step);
+        self.slabs.attach_ghosts(exchange, &mut self.grains, reach);
+        let window = self.slabs.window(exchange, reach);
+        let pairs = neighbour::pairs(&self.grains, window, reach, self.list.skin);
+        self.grains.close();
+        self.contacts
+            .replace(law, &pairs, &self.grains.radius, self.grains.filler());
+        self.contacts.remember::<C>(&remembered, &self.grains.id);
+        drive.renumber(&self.grains, self.list.skin);
+
+        self.list.bound = 0.0;
+        self.list.built = self.steps;
+        self.list.rebuilds += 1;
+        self.list.origin.clear();
+        self.list.origin.extend(
+            self.grains.record[..self.grains.owned]
+                .iter()
+                .map(|r| [r.0[field::X], r.0[field::Y]]),
+        );
+        Ok(())
+    }
+
+    /// One message, the same on every rank, of what was outside the law on some.
+    pub fn explain(&self, exchange: &impl Exchange, outside: Option<Outside>) -> Failure {
+        let place = |g: usize| {
+            let r = &self.grains.record[g].0;
+            format!("({:.6e}, {:.6e}) m", r[field::X], r[field::Y])
+        };
+        let message = match outside {
+            None => String::new(),
+            Some(Outside::Pair(block, lane)) => {
+                let (i, j) = (
+                    self.contacts.i[block][lane] as usize,
+                    self.contacts.j[block][lane] as usize,
+                );
+                let (a, b) = (&self.grains.record[i].0, &self.grains.record[j].0);
+                let mut dx = a[field::X] - b[field::X];
+                dx -= self.length * (dx / self.length).round();
+                let dy = a[field::Y] - b[field::Y];
+                let sum = self.contacts.geometry[block][0].0[lane];
+                format!(
+                    "grains {} at {} and {} at {} overlap by {:.3e} m, {:.1} % of the sum of their radii: outside the contact law",
+                    self.grains.id[i],
+                    place(i),
+                    self.grains.id[j],
+                    place(j),
+                    sum - (dx * dx + dy * dy).sqrt(),
+                    100.0 * (1.0 - (dx * dx + dy * dy).sqrt() / sum),
+                )
+            }
+            Some(Outside::Plane(g)) => format!(
+                "grain {} of radius {:.4e} m at {} overlaps a wall too much: outside the contact law",
+                self.grains.id[g],
+                self.grains.radius[g],
+                place(g),
+            ),
+            Some(Outside::Number) => {
+                let bad = (0..self.grains.owned)
+                    .find(|&g| !self.grains.record[g].0.iter().all(|x| x.is_finite()));
+                match bad {
+                    Some(g) => format!(
+                        "the position or velocity of grain {} at {} is no number",
+                        self.grains.id[g],
+                        place(g)
+                    ),
+                    None => format!(
+                        "a grain moved further than half the skin ({:.3e} m) in one step",
+                        0.5 * self.list.skin
+                    ),
+                }
+            }
+        };
+        let said = exchange.gather(message.as_bytes());
+        let first = said.iter().find(|m| !m.is_empty());
+        Failure::numbers(first.map_or_else(
+            || "a global sum is out of range".into(),
+            |m| format!("step {}: {}", self.steps, String::from_utf8_lossy(m)),
+        ))
+    }
+
+    /// Heap in use on this rank (bytes).
+    pub fn memory(&self) -> usize {
+        self.grains.memory()
+            + self.contacts.memory()
+            + self.list.origin.capacity() * size_of::<[f64; 2]>()
+    }
+}

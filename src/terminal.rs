@@ -1,0 +1,194 @@
+//! What a person sees of a run. Rank 0 speaks.
+
+use std::io::IsTerminal;
+use std::path::Path;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::config::{Drive as SceneDrive, Scene};
+use crate::domain::Exchange;
+use crate::drive::Piston;
+use crate::io::provenance;
+use crate::schedule::Schedule;
+use crate::simd::Level;
+use crate::state::SeriesRow;
+use crate::system::System;
+
+/// Lines of progress, and a bar where there is a terminal.
+pub struct Terminal {
+    speaks: bool,
+    bar: ProgressBar,
+    latest: Option<SeriesRow>,
+    packing_lines: u64,
+}
+
+impl Terminal {
+    pub fn new(speaks: bool) -> Self {
+        let bar = if speaks && std::io::stderr().is_terminal() {
+            ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr())
+        } else {
+            ProgressBar::hidden()
+        };
+        let style = ProgressStyle::with_template("{msg} [{bar:30}] {percent:>3} % {elapsed} left {eta}")
+            .expect("a sound template");
+        bar.set_style(style.progress_chars("=> "));
+        Self {
+            speaks,
+            bar,
+            latest: None,
+            packing_lines: 0,
+        }
+    }
+
+    fn say(&self, line: impl AsRef<str>) {
+        if self.speaks {
+            self.bar.suspend(|| println!("{}", line.as_ref()));
+        }
+    }
+
+    pub fn header(&self, exchange: &impl Exchange, scene: &Scene, level: Level) {
+        self.say(format!(
+            "{}: {}",
+            provenance::printed(),
+            scene.title
+        ));
+        self.say(format!(
+            "{} on {} ({}); {} grains, L_x = {:.4e} m",
+            ranks(exchange.size()),
+            provenance::processor(),
+            level.name(),
+            scene.sample.grains,
+            scene.sample.length,
+        ));
+        self.say(format!(
+            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} N/m",
+            scene.load.stiffness_number, scene.load.pressure, scene.load.normal_force,
+        ));
+        self.say(format!(
+            "step:  dt = {:.4e} s, limit {:.4e} s",
+            scene.time_step.step, scene.time_step.limit
+        ));
+    }
+
+    /// `kinetic`: energy per grain over P d̄ δ̄.
+    pub fn packing(&mut self, step: u64, piston: &Piston, kinetic: f64) {
+        let every = 1u64 << self.packing_lines.min(20);
+        if step >= 10_000 * every {
+            self.packing_lines += 1;
+            self.say(format!(
+                "pack:  step {step}, height {:.4e} m, kinetic energy per grain {kinetic:.1e} P d delta",
+                piston.height
+            ));
+        }
+    }
+
+    pub fn packed(&self, step: u64, height: f64) {
+        self.say(format!(
+            "pack:  at rest after {step} steps; walls frozen, {height:.6e} m between them"
+        ));
+    }
+
+    pub fn shearing(&self, scene: &Scene, schedule: &Schedule, first: u64) {
+        let given = match scene.shear.drive {
+            SceneDrive::InertialNumber(_) => "I given",
+            SceneDrive::Velocity(_) => "V given",
+        };
+        self.say(format!(
+            "shear: I = {:.4e}, V = {:.6e} m/s ({given}); shear rate {:.4e} /s",
+            schedule.inertial_number(scene),
+            schedule.speed,
+            schedule.speed / schedule.height,
+        ));
+        let every = |name: &str, steps: u64| match steps {
+            0 => format!("no {name}"),
+            n => format!("{name} every {n} steps ({:.4e} strain)", schedule.strain(n)),
+        };
+        self.say(format!(
+            "shear: {} steps to strain {:.4}; {}, {}, {}",
+            schedule.total,
+            schedule.strain(schedule.total),
+            every("frames", schedule.frames),
+            every("series", schedule.series),
+            every("checkpoints", schedule.checkpoints),
+        ));
+        if first > 0 {
+            self.say(format!(
+                "shear: goes on from step {first}, strain {:.6}",
+                schedule.strain(first)
+            ));
+        }
+        self.bar.set_length(schedule.total);
+        self.bar.set_position(first);
+        self.bar.reset_eta();
+    }
+
+    pub fn latest(&mut self, row: &SeriesRow) {
+        self.latest = Some(*row);
+    }
+
+    pub fn progress(&self, schedule: &Schedule, grains: u32, first: u64, step: u64, elapsed: Duration) {
+        if !self.speaks {
+            return;
+        }
+        let done = (step - first) as f64;
+        let seconds = elapsed.as_secs_f64();
+        let left = seconds / done * (schedule.total - step) as f64;
+        let stress = self.latest.map_or(String::new(), |row| {
+            format!(" tau {:.4} phi {:.4}", row.stress_ratio, row.solid_fraction)
+        });
+        self.say(format!(
+            "{:5.1} % step {step} strain {:.5}{stress} | {:.1} million grain-steps/s, {} left",
+            100.0 * step as f64 / schedule.total as f64,
+            schedule.strain(step),
+            1e-6 * grains as f64 * done / seconds,
+            duration(left),
+        ));
+        self.bar.set_position(step);
+        self.bar.set_message(format!("strain {:.5}{stress}", schedule.strain(step)));
+    }
+
+    pub fn stopped(&self, out: &Path, stage: &str, step: u64) {
+        self.say(format!(
+            "stopped in {stage} at step {step}; go on with --resume {}",
+            out.join("checkpoint.h5").display()
+        ));
+    }
+
+    /// `rate`: grain-steps per second and rank.
+    pub fn end(
+        &self,
+        exchange: &impl Exchange,
+        system: &System,
+        phases: &str,
+        rate: f64,
+        digest: &str,
+        out: &Path,
+    ) {
+        self.bar.finish_and_clear();
+        let memory = exchange.maximum(system.memory() as f64);
+        let rebuilds = system.list.rebuilds;
+        let (bytes, messages) = system.slabs.traffic();
+        self.say(format!("results in {}", out.display()));
+        self.say(phases.trim_end());
+        self.say(format!(
+            "{rebuilds} list rebuilds; {messages} messages of {bytes} bytes per step from rank 0; state {:.0} bytes per grain of a rank",
+            memory / system.grains.owned.max(1) as f64
+        ));
+        self.say(format!("speed {rate:.4e}"));
+        self.say(format!("digest {digest}"));
+    }
+}
+
+fn ranks(n: usize) -> String {
+    if n == 1 { "1 rank".into() } else { format!("{n} ranks") }
+}
+
+fn duration(seconds: f64) -> String {
+    let s = seconds.max(0.0) as u64;
+    match s {
+        0..60 => format!("{s} s"),
+        60..3600 => format!("{} min {:02} s", s / 60, s % 60),
+        _ => format!("{} h {:02} min", s / 3600, s % 3600 / 60),
+    }
+}

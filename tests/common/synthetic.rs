@@ -1,0 +1,123 @@
+//! Made-up grains, frames and checkpoints: every number a function of what it belongs to, and of nothing else.
+
+#![allow(dead_code)]
+
+use gshear::io::h5::Attribute;
+use gshear::io::trajectory::{GrainShape, RunHeader};
+use gshear::state::{ContactSample, ContactState, GrainSample, GrainState, SeriesRow, Snapshot};
+
+fn hash(a: u64, b: u64, c: u64) -> u64 {
+    let mut x =
+        a.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ b.wrapping_mul(0xbf58_476d_1ce4_e5b9) ^ c << 17;
+    for _ in 0..3 {
+        x = (x ^ x >> 31).wrapping_mul(0x94d0_49bb_1331_11eb);
+    }
+    x ^ x >> 29
+}
+
+fn number(a: u64, b: u64, c: u64) -> f64 {
+    hash(a, b, c) as f64 / u64::MAX as f64 - 0.5
+}
+
+/// The rank that has grain `id` at time `t`: irregular, and another one now and then.
+pub fn owner(t: u64, id: u64, ranks: usize) -> usize {
+    (hash(t / 7, id, 99) % (2 * ranks as u64 - 1)) as usize / 2
+}
+
+pub fn shapes(grains: u64) -> Vec<GrainShape> {
+    let shape = |id| GrainShape {
+        id: id as u32,
+        body: (id % 3) as u32,
+        radius: 1.0 + number(0, id, 1),
+        mass: 1.0 + number(0, id, 2),
+    };
+    (0..grains).map(shape).collect()
+}
+
+pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
+    RunHeader {
+        length: 20.0,
+        height: 15.5,
+        grains,
+        attributes: &[],
+    }
+}
+
+pub fn attributes() -> Vec<(&'static str, Attribute)> {
+    vec![
+        ("scene", "seed = 1\n[sample]\n# µ\n".into()),
+        ("ranks", 7.into()),
+        ("time_step", 6.0e-11.into()),
+    ]
+}
+
+pub fn at_the_end() -> Vec<(&'static str, Attribute)> {
+    vec![
+        ("digest", "0123456789abcdef".into()),
+        ("speed", 1.5e7.into()),
+        ("rank_map", vec![0.0, 10.0, 20.0].into()),
+    ]
+}
+
+pub fn grain(t: u64, id: u64) -> GrainSample {
+    GrainSample {
+        id,
+        position: [number(t, id, 3), number(t, id, 4)],
+        velocity: [number(t, id, 5), number(t, id, 6)],
+        angular_velocity: number(t, id, 7),
+    }
+}
+
+/// Pairs (i, j) in order; some frames have none.
+pub fn pairs(t: u64, grains: u64) -> Vec<(u32, u32)> {
+    let mut pairs = Vec::new();
+    for i in 0..if t % 9 == 4 { 0 } else { grains } {
+        let some = (i + 1..grains).filter(|j| hash(t, i, 1000 + j) % (grains / 2 + 1) == 0);
+        pairs.extend(some.map(|j| (i as u32, j as u32)));
+    }
+    pairs
+}
+
+pub fn contact(t: u64, (i, j): (u32, u32)) -> ContactSample {
+    let of = |c| number(t, u64::from(i) << 32 | u64::from(j), c);
+    ContactSample {
+        i,
+        j,
+        normal_force: of(1),
+        tangential_force: of(2),
+        tangential_history: of(3),
+        rolling_history: of(4),
+        overlap: of(5),
+        sliding: u64::from(of(6) > 0.0),
+    }
+}
+
+pub fn row(k: u64) -> SeriesRow {
+    bytemuck::cast::<[f64; 10], _>(std::array::from_fn(|c| number(k, c as u64, 8)))
+}
+
+/// All of a checkpoint at `t`, with contacts in order.
+pub fn snapshot(t: u64, grains: u64) -> Snapshot {
+    let grain = |id| GrainState {
+        id: id as u32,
+        body: (id % 3) as u32,
+        position: [number(t, id, 10), number(t, id, 11)],
+        velocity: [number(t, id, 12), number(t, id, 13)],
+        angular_velocity: number(t, id, 14),
+        radius: number(t, id, 15),
+        force: [number(t, id, 16), number(t, id, 17)],
+        torque: number(t, id, 18),
+    };
+    let contact = |(i, j)| ContactState {
+        i,
+        j,
+        history: std::array::from_fn(|c| {
+            number(t, u64::from(i) << 32 | u64::from(j), 19 + c as u64)
+        }),
+    };
+    Snapshot {
+        header: format!("{{\"step\":{t}}}"),
+        grains: (0..grains).map(grain).collect(),
+        contacts: pairs(t, grains).into_iter().map(contact).collect(),
+    }
+}
