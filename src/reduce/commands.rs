@@ -29,18 +29,27 @@ pub struct Arguments {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Show what is in a run
-    Info { run: PathBuf },
+    Info {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+    },
     /// Compare two runs field by field, to the last bit
     ///
     /// Prints for every field how many values differ, the largest absolute and relative difference and where it is.
     /// NaN equals NaN. Frames are compared one by one in their order, contacts by their ids.
     /// Exit code 0 where all is equal, 1 where anything differs.
-    Compare { a: PathBuf, b: PathBuf },
+    Compare {
+        /// A run.h5, or the folder that holds one
+        a: PathBuf,
+        /// Another run.h5, or the folder that holds one
+        b: PathBuf,
+    },
     /// Write D²min between consecutive frames into reduced.h5 (Lee & Hurley, appendix B)
     ///
     /// Dataset dmin/value[frame][grain] in m²; NaN in frame 0, for rattlers of the earlier frame, and where fewer than
     /// two neighbours or neighbours on one line leave it undefined.
     Dmin {
+        /// A run.h5, or the folder that holds one
         run: PathBuf,
         /// Folder to write into [default: the run's]
         #[arg(long, value_name = "DIR")]
@@ -53,6 +62,7 @@ pub enum Command {
     ///
     /// Phases are the maximal monotone runs of τ in the time series, whose interval is the Δγ that t_p is counted in.
     Phases {
+        /// A run.h5, or the folder that holds one
         run: PathBuf,
         /// Folder to write into [default: the run's]
         #[arg(long, value_name = "DIR")]
@@ -60,6 +70,7 @@ pub enum Command {
     },
     /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
     Report {
+        /// A run.h5, or the folder that holds one
         run: PathBuf,
         /// Folder to write into [default: the run's folder + /report]
         #[arg(long, value_name = "DIR")]
