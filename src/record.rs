@@ -70,10 +70,19 @@ impl Recorder {
             ("processor", Attribute::Text(provenance::processor())),
             ("started", Attribute::Text(provenance::now())),
             ("time_step", Attribute::Number(schedule.step)),
-            ("frame_strain", Attribute::Number(schedule.strain(schedule.frames))),
+            (
+                "frame_strain",
+                Attribute::Number(schedule.strain(schedule.frames)),
+            ),
             ("steps_per_frame", Attribute::Count(schedule.frames)),
-            ("inertial_number", Attribute::Number(schedule.inertial_number(scene))),
-            ("stiffness_number", Attribute::Number(scene.load.stiffness_number)),
+            (
+                "inertial_number",
+                Attribute::Number(schedule.inertial_number(scene)),
+            ),
+            (
+                "stiffness_number",
+                Attribute::Number(scene.load.stiffness_number),
+            ),
             ("wall_speed", Attribute::Number(schedule.speed)),
             ("normal_force", Attribute::Number(scene.load.normal_force)),
             ("pressure", Attribute::Number(scene.load.pressure)),
@@ -111,7 +120,8 @@ impl Recorder {
         grains: &[GrainSample],
         contacts: &[ContactSample],
     ) -> Result<(), Failure> {
-        self.trajectory.frame(exchange, step, time, grains, contacts)
+        self.trajectory
+            .frame(exchange, step, time, grains, contacts)
     }
 
     /// Everything to the files. Returns the frames and rows in them.

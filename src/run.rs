@@ -97,8 +97,9 @@ struct State {
 
 impl<'a, E: Exchange> Run<'a, E> {
     pub fn new(exchange: &'a E, scene: &'a Scene, options: &'a Options) -> Result<Self, Failure> {
-        let level = Level::named(scene.bookkeeping.simd)
-            .ok_or_else(|| Failure::input(format!("this processor has no {}", scene.bookkeeping.simd)))?;
+        let level = Level::named(scene.bookkeeping.simd).ok_or_else(|| {
+            Failure::input(format!("this processor has no {}", scene.bookkeeping.simd))
+        })?;
         Ok(Self {
             exchange,
             scene,
@@ -125,11 +126,23 @@ impl<'a, E: Exchange> Run<'a, E> {
                 pack_contact.friction = self.scene.pack.friction;
                 let material = &self.scene.material;
                 let packed = if pack_contact.friction == 0.0 {
-                    self.pack(&LeeHurley::<false, false>::new(material, &pack_contact), drag, state)?
+                    self.pack(
+                        &LeeHurley::<false, false>::new(material, &pack_contact),
+                        drag,
+                        state,
+                    )?
                 } else if pack_contact.rolling_friction == 0.0 {
-                    self.pack(&LeeHurley::<true, false>::new(material, &pack_contact), drag, state)?
+                    self.pack(
+                        &LeeHurley::<true, false>::new(material, &pack_contact),
+                        drag,
+                        state,
+                    )?
                 } else {
-                    self.pack(&LeeHurley::<true, true>::new(material, &pack_contact), drag, state)?
+                    self.pack(
+                        &LeeHurley::<true, true>::new(material, &pack_contact),
+                        drag,
+                        state,
+                    )?
                 };
                 match packed {
                     Some(packed) => packed,
@@ -139,10 +152,26 @@ impl<'a, E: Exchange> Run<'a, E> {
         };
         let material = &self.scene.material;
         match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
-            (false, false) => self.shear(&LeeHurley::<false, false>::new(material, contact), height, state),
-            (false, true) => self.shear(&LeeHurley::<false, true>::new(material, contact), height, state),
-            (true, false) => self.shear(&LeeHurley::<true, false>::new(material, contact), height, state),
-            (true, true) => self.shear(&LeeHurley::<true, true>::new(material, contact), height, state),
+            (false, false) => self.shear(
+                &LeeHurley::<false, false>::new(material, contact),
+                height,
+                state,
+            ),
+            (false, true) => self.shear(
+                &LeeHurley::<false, true>::new(material, contact),
+                height,
+                state,
+            ),
+            (true, false) => self.shear(
+                &LeeHurley::<true, false>::new(material, contact),
+                height,
+                state,
+            ),
+            (true, true) => self.shear(
+                &LeeHurley::<true, true>::new(material, contact),
+                height,
+                state,
+            ),
         }
     }
 
@@ -224,7 +253,8 @@ impl<'a, E: Exchange> Run<'a, E> {
     fn asked_to_stop(&self) -> bool {
         let out_of_time = self.options.wall_time;
         self.signals.received()
-            || (self.exchange.rank() == 0 && out_of_time.is_some_and(|t| self.started.elapsed() >= t))
+            || (self.exchange.rank() == 0
+                && out_of_time.is_some_and(|t| self.started.elapsed() >= t))
     }
 
     /// Compresses the sample between smooth planes until it is at rest, and freezes the walls. `None` where it was stopped.
@@ -251,8 +281,15 @@ impl<'a, E: Exchange> Run<'a, E> {
         let energy = Frame::measure(exchange, &system, 0.0, unit);
         let at_rest = scene.pack.tolerance * unit * sample.grains as f64;
         loop {
-            let stop = advance(exchange, &mut system, law, &mut drive, self.asked_to_stop(), None)
-                .map_err(|e| in_stage(e, "packing"))?;
+            let stop = advance(
+                exchange,
+                &mut system,
+                law,
+                &mut drive,
+                self.asked_to_stop(),
+                None,
+            )
+            .map_err(|e| in_stage(e, "packing"))?;
             step += 1;
             if step % LOOK == 0 {
                 let kinetic = observe::kinetic_energy(exchange, &system, &energy.energy);
@@ -260,7 +297,8 @@ impl<'a, E: Exchange> Run<'a, E> {
                 drive.load_on(false, &system.fixed, &mut carried);
                 let [carried] = system.fixed.total(exchange, [carried]);
                 let carried = carried / load.normal_force;
-                self.terminal.packing(step, &drive.piston, kinetic / (unit * sample.grains as f64));
+                self.terminal
+                    .packing(step, &drive.piston, kinetic / (unit * sample.grains as f64));
                 // The bottom feels the load only when the sample is compressed all through.
                 if carried > 0.5 {
                     drive.drag = resting_drag;
@@ -278,11 +316,21 @@ impl<'a, E: Exchange> Run<'a, E> {
                 }
             }
             if stop || step % PACK_CHECKPOINT == 0 {
-                record::checkpoint(exchange, &self.options.out, &scene.toml, &Snapshot {
-                    header: header(Stage::Pack { drag: drive.drag }, step, &drive.piston, [0; 2]),
-                    grains: system.grain_states(),
-                    contacts: system.own_contact_states::<C>(),
-                })?;
+                record::checkpoint(
+                    exchange,
+                    &self.options.out,
+                    &scene.toml,
+                    &Snapshot {
+                        header: header(
+                            Stage::Pack { drag: drive.drag },
+                            step,
+                            &drive.piston,
+                            [0; 2],
+                        ),
+                        grains: system.grain_states(),
+                        contacts: system.own_contact_states::<C>(),
+                    },
+                )?;
                 if stop {
                     self.terminal.stopped(&self.options.out, "packing", step);
                     return Ok(None);
@@ -344,7 +392,8 @@ impl<'a, E: Exchange> Run<'a, E> {
         let energy = scene.load.pressure * thickness * scene.mean_overlap();
         let frame = Frame::measure(exchange, &system, 2.0 * thickness, energy);
         self.terminal.shearing(scene, &schedule, first);
-        let mut recorder = Recorder::open(exchange, scene, &schedule, &system, options, state.written)?;
+        let mut recorder =
+            Recorder::open(exchange, scene, &schedule, &system, options, state.written)?;
         let mut samples = ContactForces::default();
         let mut step = first;
 
@@ -374,7 +423,8 @@ impl<'a, E: Exchange> Run<'a, E> {
             let time = schedule.time(step);
             if series {
                 let strain = schedule.strain(step);
-                let row = observe::series(exchange, &system, &samples, &drive.piston, &frame, strain);
+                let row =
+                    observe::series(exchange, &system, &samples, &drive.piston, &frame, strain);
                 recorder.series(exchange, step, time, &row)?;
                 self.terminal.latest(&row);
             }
@@ -384,23 +434,36 @@ impl<'a, E: Exchange> Run<'a, E> {
             }
             if schedule.checkpoint_due(step) || stopped || step == schedule.total {
                 let written = recorder.flush(exchange)?;
-                record::checkpoint(exchange, &options.out, &scene.toml, &Snapshot {
-                    header: header(Stage::Shear { height }, step, &drive.piston, written),
-                    grains: system.grain_states(),
-                    contacts: system.own_contact_states::<C>(),
-                })?;
+                record::checkpoint(
+                    exchange,
+                    &options.out,
+                    &scene.toml,
+                    &Snapshot {
+                        header: header(Stage::Shear { height }, step, &drive.piston, written),
+                        grains: system.grain_states(),
+                        contacts: system.own_contact_states::<C>(),
+                    },
+                )?;
             }
             system.clock.end(Phase::Output);
             if step % schedule.progress == 0 {
-                self.terminal.progress(&schedule, scene.sample.grains, first, step, clock_start.elapsed());
+                self.terminal.progress(
+                    &schedule,
+                    scene.sample.grains,
+                    first,
+                    step,
+                    clock_start.elapsed(),
+                );
             }
         }
         let seconds = exchange.maximum(clock_start.elapsed().as_secs_f64());
-        let rate = scene.sample.grains as f64 * (step - first) as f64 / seconds / exchange.size() as f64;
+        let rate =
+            scene.sample.grains as f64 * (step - first) as f64 / seconds / exchange.size() as f64;
         let digest = observe::digest::<C, E>(exchange, &system, &drive.piston, step);
         recorder.finish(exchange, &system, rate, &digest, !stopped)?;
         let phases = system.clock.table(exchange);
-        self.terminal.end(exchange, &system, &phases, rate, &digest, &options.out);
+        self.terminal
+            .end(exchange, &system, &phases, rate, &digest, &options.out);
         if stopped {
             self.terminal.stopped(&options.out, "shear", step);
             return Ok(Ending::Stopped);

@@ -125,7 +125,9 @@ mod tests {
     fn any_share_is_the_same_as_the_whole() {
         let lattice = Lattice::new(&SAMPLE);
         let whole = lattice.insert(&SAMPLE, 3, 0, 1);
-        let shares: Vec<_> = (0..5).flat_map(|r| lattice.insert(&SAMPLE, 3, r, 5)).collect();
+        let shares: Vec<_> = (0..5)
+            .flat_map(|r| lattice.insert(&SAMPLE, 3, r, 5))
+            .collect();
         assert_eq!(whole, shares);
         assert_ne!(lattice.insert(&SAMPLE, 4, 0, 1), whole);
     }

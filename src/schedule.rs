@@ -120,7 +120,11 @@ mod tests {
             let s = Schedule::new(&scene, 40e-6);
             (s.step, s.total, s.speed)
         };
-        let other = ["output.frame_strain=3.3e-5", "output.series_strain=0.0", "output.frame_start=0.01"];
+        let other = [
+            "output.frame_strain=3.3e-5",
+            "output.series_strain=0.0",
+            "output.frame_start=0.01",
+        ];
         assert_eq!(with(&[]), with(&other.map(String::from)));
     }
 }

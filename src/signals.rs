@@ -15,7 +15,8 @@ impl Signals {
         let flag = Arc::new(AtomicBool::new(false));
         let failed = |e| Failure::other(format!("signals cannot be caught: {e}"));
         for signal in [SIGTERM, SIGINT] {
-            signal_hook::flag::register_conditional_shutdown(signal, 1, flag.clone()).map_err(failed)?;
+            signal_hook::flag::register_conditional_shutdown(signal, 1, flag.clone())
+                .map_err(failed)?;
         }
         for signal in [SIGTERM, SIGINT, SIGUSR1, SIGUSR2] {
             signal_hook::flag::register(signal, flag.clone()).map_err(failed)?;

@@ -30,8 +30,9 @@ impl Terminal {
         } else {
             ProgressBar::hidden()
         };
-        let style = ProgressStyle::with_template("{msg} [{bar:30}] {percent:>3} % {elapsed} left {eta}")
-            .expect("a sound template");
+        let style =
+            ProgressStyle::with_template("{msg} [{bar:30}] {percent:>3} % {elapsed} left {eta}")
+                .expect("a sound template");
         bar.set_style(style.progress_chars("=> "));
         Self {
             speaks,
@@ -48,11 +49,7 @@ impl Terminal {
     }
 
     pub fn header(&self, exchange: &impl Exchange, scene: &Scene, level: Level) {
-        self.say(format!(
-            "{}: {}",
-            provenance::printed(),
-            scene.title
-        ));
+        self.say(format!("{}: {}", provenance::printed(), scene.title));
         self.say(format!(
             "{} on {} ({}); {} grains, L_x = {:.4e} m",
             ranks(exchange.size()),
@@ -127,7 +124,14 @@ impl Terminal {
         self.latest = Some(*row);
     }
 
-    pub fn progress(&self, schedule: &Schedule, grains: u32, first: u64, step: u64, elapsed: Duration) {
+    pub fn progress(
+        &self,
+        schedule: &Schedule,
+        grains: u32,
+        first: u64,
+        step: u64,
+        elapsed: Duration,
+    ) {
         if !self.speaks {
             return;
         }
@@ -145,7 +149,8 @@ impl Terminal {
             duration(left),
         ));
         self.bar.set_position(step);
-        self.bar.set_message(format!("strain {:.5}{stress}", schedule.strain(step)));
+        self.bar
+            .set_message(format!("strain {:.5}{stress}", schedule.strain(step)));
     }
 
     pub fn stopped(&self, out: &Path, stage: &str, step: u64) {
@@ -181,7 +186,11 @@ impl Terminal {
 }
 
 fn ranks(n: usize) -> String {
-    if n == 1 { "1 rank".into() } else { format!("{n} ranks") }
+    if n == 1 {
+        "1 rank".into()
+    } else {
+        format!("{n} ranks")
+    }
 }
 
 fn duration(seconds: f64) -> String {

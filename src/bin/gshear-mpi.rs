@@ -55,7 +55,10 @@ fn wall_time(text: &str) -> Result<Duration, String> {
     let wrong = || format!("{text:?} is no time; write 3h50m, 90s, 2:30:00, or minutes");
     let seconds = |parts: &[&str], units: &[u64]| -> Option<u64> {
         parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
-            part.parse::<u64>().ok()?.checked_mul(*unit)?.checked_add(sum)
+            part.parse::<u64>()
+                .ok()?
+                .checked_mul(*unit)?
+                .checked_add(sum)
         })
     };
     let parts: Vec<&str> = text.split(':').collect();
@@ -132,7 +135,11 @@ fn set_up(world: &World, arguments: &Arguments) -> Result<SetUp, Failure> {
         let source = Source::new(format!("{} (its scene)", path.display()), toml);
         let scene = config::load(&source, &arguments.set)?;
         let beside = path.parent().unwrap_or(std::path::Path::new(".")).into();
-        return Ok((scene, arguments.out.clone().unwrap_or(beside), Some(snapshot)));
+        return Ok((
+            scene,
+            arguments.out.clone().unwrap_or(beside),
+            Some(snapshot),
+        ));
     }
     // One rank reads, so that all run the same scene.
     let read = match &arguments.config {

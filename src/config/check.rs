@@ -357,10 +357,16 @@ fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: raw::Bookkeeping) -> Book
     if simd.is_none() {
         c.refuse(
             &simd_key,
-            &format!("unknown instruction set {name:?}; it is one of {}", SIMD_NAMES.join(", ")),
+            &format!(
+                "unknown instruction set {name:?}; it is one of {}",
+                SIMD_NAMES.join(", ")
+            ),
         );
     } else if Level::named(&name).is_none() {
-        c.refuse(&simd_key, &format!("this processor has no {name}; \"auto\" takes the best it has"));
+        c.refuse(
+            &simd_key,
+            &format!("this processor has no {name}; \"auto\" takes the best it has"),
+        );
     }
     Bookkeeping {
         skin,
