@@ -129,15 +129,6 @@ impl H5File {
         })
     }
 
-    pub fn path(&self) -> &Path {
-        &self.context.path
-    }
-
-    /// For reading what is there.
-    pub fn inner(&self) -> &hdf5::File {
-        &self.file
-    }
-
     /// A group, with those it lies in.
     pub fn group(&self, name: &str) -> Result<(), Failure> {
         let made = self.file.create_group(name);
@@ -354,10 +345,6 @@ pub struct Column<T> {
 }
 
 impl<T: H5Type + Copy> Column<T> {
-    pub fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-
     /// A new number of rows. Collective.
     pub fn resize(&mut self, rows: u64) -> Result<(), Failure> {
         if rows as usize == self.shape[0] {
@@ -408,16 +395,6 @@ impl<T: H5Type + Copy> Column<T> {
         let resized = self.resize(rows);
         let written = self.write(slab, data);
         resized.and(written)
-    }
-
-    /// Values [start, start + count) of a dataset of one dimension. Not collective.
-    pub fn read(&self, start: u64, count: u64) -> Result<Vec<T>, Failure> {
-        let values = self
-            .dataset
-            .read_slice_1d::<T, _>(start as usize..(start + count) as usize);
-        values
-            .map(|v| v.to_vec())
-            .map_err(|e| self.context.failure(&self.name, "read", &e))
     }
 }
 
