@@ -109,7 +109,7 @@ impl List {
         if self.bound + margin > half {
             let exact = self.displacement(grains, length);
             self.bound = exact;
-            self.unsound = !(exact <= half);
+            self.unsound = exact.is_nan() || exact > half;
         }
         self.unsound |= fastest.is_nan();
         // Rebuild a little early rather than look at every grain in every step.

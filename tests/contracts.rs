@@ -58,7 +58,10 @@ fn bookkeeping_never_reaches_the_numbers() {
         (1, &["bookkeeping.simd=portable"]),
         (2, &["bookkeeping.skin=0.05", "bookkeeping.rebuild_every=7"]),
         (3, &["bookkeeping.skin=0.3"]),
-        (3, &["bookkeeping.simd=portable", "bookkeeping.rebuild_every=13"]),
+        (
+            3,
+            &["bookkeeping.simd=portable", "bookkeeping.rebuild_every=13"],
+        ),
         (5, &["bookkeeping.skin=0.05"]),
     ] {
         let other = folder.path().join("other");
@@ -97,7 +100,9 @@ fn grains_cross(folder: &Path) {
             crossed += usize::from((a - b).abs() > 0.5 * length);
         }
     }
-    let offset: Vec<u64> = read("connectivity/contacts/offset").read_raw().expect("offsets");
+    let offset: Vec<u64> = read("connectivity/contacts/offset")
+        .read_raw()
+        .expect("offsets");
     let of = |name: &str| read(&format!("connectivity/contacts/{name}"));
     let i: Vec<u32> = of("i").read_raw().expect("i");
     let j: Vec<u32> = of("j").read_raw().expect("j");
@@ -127,19 +132,37 @@ fn output_changes_nothing() {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
     let start = stopped(&folder.path().join("start"), 1, 1);
-    let run = |name: &str, ranks, set: &[&str]| resumed(&start, &folder.path().join(name), ranks, set);
+    let run =
+        |name: &str, ranks, set: &[&str]| resumed(&start, &folder.path().join(name), ranks, set);
     let expected = run("plain", 1, &[]).digest();
-    let none = ["output.frame_strain=0.0", "output.series_strain=0.0", "output.progress_lines=0"];
-    let much = ["output.frame_strain=1e-9", "output.series_strain=1e-9", "output.checkpoint_strain=0.1"];
-    let late = ["output.frame_strain=0.013", "output.frame_start=0.5", "output.series_strain=0.1"];
+    let none = [
+        "output.frame_strain=0.0",
+        "output.series_strain=0.0",
+        "output.progress_lines=0",
+    ];
+    let much = [
+        "output.frame_strain=1e-9",
+        "output.series_strain=1e-9",
+        "output.checkpoint_strain=0.1",
+    ];
+    let late = [
+        "output.frame_strain=0.013",
+        "output.frame_start=0.5",
+        "output.series_strain=0.1",
+    ];
     for (name, ranks, set) in [("none", 1, none), ("much", 2, much), ("late", 3, late)] {
         assert_eq!(run(name, ranks, &set).digest(), expected, "{name}");
     }
     let frames = |name: &str| {
         let file = hdf5::File::open(folder.path().join(name).join("run.h5")).expect("run.h5");
-        file.dataset("particles/trajectory/position/step").expect("step").size()
+        file.dataset("particles/trajectory/position/step")
+            .expect("step")
+            .size()
     };
-    assert!(frames("much") > 50 * frames("plain") && frames("none") == 0, "the outputs differ");
+    assert!(
+        frames("much") > 50 * frames("plain") && frames("none") == 0,
+        "the outputs differ"
+    );
 }
 
 /// Contract 3, on other numbers of ranks, and the files go on as if nothing had been.
@@ -153,7 +176,11 @@ fn a_stopped_run_goes_on_exactly() {
         let broken = folder.path().join(format!("broken-{step}"));
         let checkpoint = stopped(&broken, before, step);
         let outcome = resumed(&checkpoint, &broken, after, &[]);
-        assert_eq!(outcome.digest(), expected, "{before} ranks to step {step}, then {after}");
+        assert_eq!(
+            outcome.digest(),
+            expected,
+            "{before} ranks to step {step}, then {after}"
+        );
         same_run(&unbroken, &broken);
         let log = |folder: &Path| std::fs::read(folder.join("log.csv")).expect("log.csv");
         assert_eq!(log(&unbroken), log(&broken));
@@ -178,9 +205,16 @@ fn a_signal_stops_at_a_checkpoint() {
         if outcome.code != 75 {
             break outcome;
         }
-        assert!(outcome.text.contains("stopped in packing"), "{}", outcome.text);
+        assert!(
+            outcome.text.contains("stopped in packing"),
+            "{}",
+            outcome.text
+        );
         stops += 1;
-        arguments = vec![format!("--resume={}", broken.join("checkpoint.h5").display())];
+        arguments = vec![format!(
+            "--resume={}",
+            broken.join("checkpoint.h5").display()
+        )];
     };
     assert!(stops > 0);
     assert_eq!(outcome.digest(), expected);

@@ -7,14 +7,16 @@ pub mod synthetic;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// `mpirun -n ranks program`, also as root and on fewer cores than ranks; ended after 120 s.
+/// `mpirun -n ranks program`, also as root and on fewer cores than ranks; ended after 600 s, long though ranks wait for each other
+/// on cores that others use.
 pub fn mpirun(ranks: usize, program: impl AsRef<Path>) -> Command {
     let mut command = Command::new("mpirun");
     command
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
-        .args(["--bind-to", "none", "--timeout", "120"])
+        .env("OMPI_MCA_mpi_yield_when_idle", "1")
+        .args(["--bind-to", "none", "--timeout", "600"])
         .args(["-n", &ranks.to_string()])
         .arg(program.as_ref());
     command
@@ -72,7 +74,8 @@ impl Outcome {
     pub fn digest(&self) -> String {
         assert_eq!(self.code, 0, "{}", self.text);
         let line = self.text.lines().find_map(|l| l.strip_prefix("digest "));
-        line.unwrap_or_else(|| panic!("no digest in\n{}", self.text)).to_string()
+        line.unwrap_or_else(|| panic!("no digest in\n{}", self.text))
+            .to_string()
     }
 }
 
