@@ -166,6 +166,8 @@ impl H5File {
                     .shape(SimpleExtents::from_vec(extents.collect()))
                     .chunk(chunk.to_vec())
                     .fill_time(FillTime::Never)
+                    // A file of one rank may be gone on with on many, which can only write to chunks that are there already.
+                    .alloc_time(Some(AllocTime::Early))
                     .create(name)
             }
         };
