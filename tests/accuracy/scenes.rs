@@ -389,7 +389,7 @@ pub fn sticking_shear() -> Scene {
         rolling_friction: 0.5,
         ..LAW
     };
-    sheared(law, 0.3, 0.2, 0.0, 20e-9)
+    sheared(law, 0.3, 0.2, -1e5, 12e-9)
 }
 
 /// Both contacts slide and are at the limit of the rolling torque, and the load grows.
