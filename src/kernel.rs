@@ -128,17 +128,19 @@ fn blocks<L: Lanes, C: ContactLaw, const SAMPLE: bool>(
         };
         if C::FRICTION {
             // v_t = (v_i - v_j)·t̂ - (R_i ω_i + R_j ω_j), and R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j
-            let slip =
-                |u: L, v: L, w: L, w_j: L| v.mul_add(n_x, -(u * n_y)) - r_i.mul_add(w, sum * w_j);
+            let across = |u: L, v: L| v.mul_add(n_x, -(u * n_y));
+            let turning = |w: L, w_j: L| r_i.mul_add(w, sum * w_j);
             let w_j = L::gather(token, record, j, field::W);
             let half_w_j = L::gather(token, record, j, field::HALF_W);
-            motion.tangential_velocity = slip(d[field::U], d[field::V], d[field::W], w_j);
-            motion.tangential_increment = slip(
-                d[field::HALF_U],
-                d[field::HALF_V],
-                d[field::HALF_W],
-                half_w_j,
-            ) * step;
+            motion.tangential_velocity =
+                across(d[field::U], d[field::V]) - turning(d[field::W], w_j);
+            // The half-step velocity belongs to t̂ of the half step, when r was r - ½Δt v. As v × v = 0, only the length
+            // of r differs: (v·t̂)(t+½Δt) = (v·t̂) |r|/|r - ½Δt v|. Left out, F_t^e would be of first order where n turns.
+            let (half_u, half_v) = (d[field::HALF_U], d[field::HALF_V]);
+            let half_normal = half_u.mul_add(n_x, half_v * n_y);
+            let longer = (c(0.5) * step * per_distance).mul_add(half_normal, c(1.0));
+            motion.tangential_increment =
+                across(half_u, half_v).mul_add(longer, -turning(d[field::HALF_W], half_w_j)) * step;
         }
         if C::ROLLING {
             motion.rolling_velocity = d[field::W];
