@@ -71,10 +71,10 @@ fn check(world: &World) {
             .is_nan()
     );
 
-    assert_eq!(world.gather(&[]), vec![Vec::new(); size]);
+    assert_eq!(world.gather(&[]), vec![Vec::<u8>::new(); size]);
     assert_eq!(
         world.all_to_all(vec![Vec::new(); size]),
-        vec![Vec::new(); size]
+        vec![Vec::<u8>::new(); size]
     );
     assert!(world.broadcast(Vec::new()).is_empty());
     let all = world.gather(&vec![rank as u8; rank]);
