@@ -25,7 +25,7 @@
 set -u
 
 if [ $# -lt 1 ] || [ $# -gt 2 ]; then
-    echo "usage: sbatch $0 CONFIG.toml [CHECKPOINT]" >&2
+    echo "usage: sbatch job-scripts/slurm.sh CONFIG.toml [CHECKPOINT]" >&2
     exit 2
 fi
 config=$1
@@ -43,9 +43,11 @@ if [ "$(id -u)" = 0 ]; then # In a container.
 fi
 
 if [ -n "$checkpoint" ]; then
-    arguments=(--resume "$checkpoint")
+    folder=$(dirname "$checkpoint")
+    arguments=(--resume "$checkpoint" --out "$folder")
 else
-    arguments=("$config" --out "out/$(basename "$config" .toml)-$SLURM_JOB_ID")
+    folder=out/$(basename "$config" .toml)-$SLURM_JOB_ID
+    arguments=("$config" --out "$folder")
 fi
 
 # The program's own clock, in case the signal does not come through: what is left of the job, less three minutes for the last
@@ -59,13 +61,13 @@ fi
 
 # srun sends the signal to the ranks. Where Slurm has no pmix (srun --mpi=list), set LAUNCH=mpirun: then the clock above stops it.
 case ${LAUNCH:-srun} in
-srun) launch=(srun --mpi=pmix --cpu-bind=cores) ;;
+srun) launch=(srun --mpi=pmix) ;;
 *) launch=(mpirun) ;;
 esac
 echo "${launch[*]} $program ${arguments[*]}"
 "${launch[@]}" "$program" "${arguments[@]}"
 code=$?
 if [ "$code" = 75 ]; then
-    echo "stopped early; go on with: sbatch $0 $config <folder of the results>/checkpoint.h5"
+    echo "stopped early; go on with: sbatch job-scripts/slurm.sh $config $folder/checkpoint.h5"
 fi
 exit "$code"
