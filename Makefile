@@ -12,6 +12,8 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 endif
 # More ranks than cores are slow, but right.
 export OMPI_MCA_rmaps_base_oversubscribe ?= 1
+# Bound ranks of two runs would share the first cores and leave the others idle.
+export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
 .PHONY: help deps build run test scaling bench accuracy clean
