@@ -14,6 +14,7 @@ pub mod kernel;
 pub mod neighbour;
 pub mod observe;
 pub mod record;
+pub mod reduce;
 pub mod report;
 pub mod run;
 pub mod sample;

@@ -291,7 +291,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             )
             .map_err(|e| in_stage(e, "packing"))?;
             step += 1;
-            if step % LOOK == 0 {
+            if step.is_multiple_of(LOOK) {
                 let kinetic = observe::kinetic_energy(exchange, &system, &energy.energy);
                 let mut carried = Accumulator::default();
                 drive.load_on(false, &system.fixed, &mut carried);
@@ -315,7 +315,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                     )));
                 }
             }
-            if stop || step % PACK_CHECKPOINT == 0 {
+            if stop || step.is_multiple_of(PACK_CHECKPOINT) {
                 record::checkpoint(
                     exchange,
                     &self.options.out,
@@ -446,7 +446,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                 )?;
             }
             system.clock.end(Phase::Output);
-            if step % schedule.progress == 0 {
+            if schedule.progress_due(step) {
                 self.terminal.progress(
                     &schedule,
                     scene.sample.grains,

@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(grains.len(), SAMPLE.grains as usize);
         for (k, a) in grains.iter().enumerate() {
             assert_eq!(a.id, k as u32);
-            assert!(a.position[1] >= a.radius);
+            assert!(a.position[1] >= a.radius && (0.0..SAMPLE.length).contains(&a.position[0]));
             for b in &grains[k + 1..] {
                 let dx = (a.position[0] - b.position[0]).abs();
                 let dx = dx.min(SAMPLE.length - dx);

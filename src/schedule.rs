@@ -56,10 +56,10 @@ impl Schedule {
             first_frame: steps(scene.output.frame_start),
             series: steps(scene.output.series_strain),
             checkpoints: steps(scene.output.checkpoint_strain),
-            progress: total
-                .checked_div(scene.output.progress_lines)
-                .unwrap_or(0)
-                .max(1),
+            progress: match scene.output.progress_lines {
+                0 => 0,
+                lines => (total / lines).max(1),
+            },
         }
     }
 
@@ -86,13 +86,17 @@ impl Schedule {
         due(self.series, step)
     }
 
+    pub fn progress_due(&self, step: u64) -> bool {
+        due(self.progress, step)
+    }
+
     pub fn checkpoint_due(&self, step: u64) -> bool {
         step > 0 && due(self.checkpoints, step)
     }
 }
 
 fn due(every: u64, step: u64) -> bool {
-    every > 0 && step % every == 0
+    every > 0 && step.is_multiple_of(every)
 }
 
 #[cfg(test)]

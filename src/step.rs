@@ -25,6 +25,11 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     system.steps += 1;
     system.clock.start();
 
+    // Not at the end of the last step: what was sampled there belongs to the list it was sampled with.
+    if system.list.due {
+        system.rebuild(exchange, law, drive)?;
+        system.clock.end(Phase::Rebuild);
+    }
     drive.drift(step, &mut system.grains);
     let fastest = half_kick_and_drift(&mut system.grains, step, system.length);
     drive.predict(step, &mut system.grains);
@@ -43,7 +48,8 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     system.clock.end(Phase::Contacts);
 
     let rebuild = rebuild || system.list.forced(system.steps);
-    let (load, [rebuild, stop]) = agree(exchange, system, drive, outside, [rebuild, stop])?;
+    let (load, [due, stop]) = agree(exchange, system, drive, outside, [rebuild, stop])?;
+    system.list.due = due;
     drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Walls);
 
@@ -53,10 +59,6 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     second_kick(&mut system.grains);
     system.clock.end(Phase::Motion);
 
-    if rebuild {
-        system.rebuild(exchange, law, drive)?;
-        system.clock.end(Phase::Rebuild);
-    }
     Ok(stop)
 }
 

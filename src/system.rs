@@ -50,6 +50,8 @@ pub struct List {
     /// Step of the last rebuild.
     built: u64,
     pub rebuilds: u64,
+    /// To be rebuilt before the next step.
+    pub due: bool,
     /// No grain has moved further since the last rebuild (m).
     bound: f64,
     /// Where the own grains were then.
@@ -91,6 +93,7 @@ impl List {
             every: bookkeeping.rebuild_every,
             built: 0,
             rebuilds: 0,
+            due: false,
             bound: 0.0,
             origin: Vec::new(),
             unsound: false,
@@ -106,7 +109,7 @@ impl List {
         if self.bound + margin > half {
             let exact = self.displacement(grains, length);
             self.bound = exact;
-            self.unsound = !(exact <= half);
+            self.unsound = exact.is_nan() || exact > half;
         }
         self.unsound |= fastest.is_nan();
         // Rebuild a little early rather than look at every grain in every step.
@@ -234,6 +237,7 @@ impl System {
         self.contacts.remember::<C>(&remembered, &self.grains.id);
         drive.renumber(&self.grains, self.list.skin);
 
+        self.list.due = false;
         self.list.bound = 0.0;
         self.list.built = self.steps;
         self.list.rebuilds += 1;

@@ -284,3 +284,21 @@ fn damage_gives_one_message_on_all_ranks() {
     std::fs::remove_file(&path).unwrap();
     assert!(message(2).contains("there is no such checkpoint"));
 }
+
+#[test]
+fn a_full_disk_ends_every_rank_with_one_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    for ranks in [1, 2] {
+        // Beyond the limit a write fails, as on a full disk.
+        let limited = "trap '' XFSZ; ulimit -f 65536; exec \"$0\" \"$@\"";
+        let mut command = mpirun(ranks, "sh");
+        command.args(["-c", limited]).arg(example("io_check"));
+        let output = command.arg("time").arg(folder.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(
+            said.contains("time.h5: ") && said.contains(": cannot "),
+            "{said}"
+        );
+    }
+}

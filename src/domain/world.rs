@@ -22,7 +22,7 @@ const OPEN_MPI: [(&str, &str); 2] = [
     // A halo message of 4 KiB just misses the default, beyond which sender and receiver first shake hands.
     ("OMPI_MCA_btl_vader_eager_limit", "16384"),
     // A waiting rank lets others have its core. It costs nothing where each rank has one; where other work shares the cores, two
-    // ranks ran 2 to 12 times as fast.
+    // ranks ran several times as fast.
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
 

@@ -196,17 +196,18 @@ impl Part {
     }
 
     /// One frame's contacts, in order.
-    fn push<'a>(&mut self, contacts: impl ExactSizeIterator<Item = &'a ContactSample> + Clone) {
+    fn push<'a>(&mut self, contacts: impl ExactSizeIterator<Item = &'a ContactSample>) {
         self.counts.push(contacts.len() as i64);
-        self.i.extend(contacts.clone().map(|c| c.i));
-        self.j.extend(contacts.clone().map(|c| c.j));
-        let [normal, tangential, history, rolling, overlap] = &mut self.forces;
-        normal.extend(contacts.clone().map(|c| c.normal_force));
-        tangential.extend(contacts.clone().map(|c| c.tangential_force));
-        history.extend(contacts.clone().map(|c| c.tangential_history));
-        rolling.extend(contacts.clone().map(|c| c.rolling_history));
-        overlap.extend(contacts.clone().map(|c| c.overlap));
-        self.sliding.extend(contacts.map(|c| c.sliding as u8));
+        for c in contacts {
+            self.i.push(c.i);
+            self.j.push(c.j);
+            self.forces[0].push(c.normal_force);
+            self.forces[1].push(c.tangential_force);
+            self.forces[2].push(c.tangential_history);
+            self.forces[3].push(c.rolling_history);
+            self.forces[4].push(c.overlap);
+            self.sliding.push(c.sliding as u8);
+        }
     }
 }
 

@@ -147,8 +147,8 @@ pub fn write(
     }
     write_records(&file, &mut outcome, blocks.grains, ids.start, &grains);
     write_records(&file, &mut outcome, all_contacts, first_contact, &contacts);
-    outcome.note(file.close());
-    outcome.agree(exchange)?;
+    file.agree(exchange, outcome)?;
+    agree(exchange, file.close())?;
     let moved = if root { replace(folder) } else { Ok(()) };
     agree(exchange, moved)
 }

@@ -1,5 +1,7 @@
 //! HDF5 written by all ranks together. The only unsafe code of the files: what the `hdf5` crate lacks are collective transfers.
 
+use super::collective::Outcome;
+use crate::domain::Exchange;
 use crate::failure::Failure;
 use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
@@ -8,6 +10,7 @@ use hdf5_sys::h5i::hid_t;
 use hdf5_sys::{h5d, h5p, h5s};
 use mpi::ffi::MPI_Comm;
 use serde::{Deserialize, Serialize};
+use std::cell::Cell;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -62,16 +65,22 @@ struct Context {
     path: PathBuf,
     /// How raw data travel: collectively where there are several ranks.
     transfer: PropertyList,
+    /// Whether a call has failed. The file is then left as it is: to close it the ranks would wait for each other in vain.
+    failed: Cell<bool>,
 }
 
 impl Context {
     fn failure(&self, object: &str, what: &str, error: &dyn std::fmt::Display) -> Failure {
+        self.failed.set(true);
         let file = self.path.display();
         Failure::other(format!("{file}: {object}: cannot {what}: {error}"))
     }
 }
 
 /// A file open for writing on all ranks. Every call is collective, with the same arguments on every rank but the data.
+///
+/// After a failure nothing more is written, nor is the file closed, and a job of several ranks should end by
+/// [`World::abort`](crate::domain::World::abort): in ending MPI, HDF5 would try to close it still.
 pub struct H5File {
     file: hdf5::File,
     context: Rc<Context>,
@@ -115,17 +124,9 @@ impl H5File {
             context: Rc::new(Context {
                 path: path.into(),
                 transfer,
+                failed: Cell::new(false),
             }),
         })
-    }
-
-    pub fn path(&self) -> &Path {
-        &self.context.path
-    }
-
-    /// For reading what is there.
-    pub fn inner(&self) -> &hdf5::File {
-        &self.file
     }
 
     /// A group, with those it lies in.
@@ -257,12 +258,38 @@ impl H5File {
             .map_err(|e| self.context.failure("/", "flush", &e))
     }
 
-    /// Columns of it must not be used any more.
+    /// Agrees on the failures of the calls so far. Where there are any, every rank leaves the file as it is.
+    pub fn agree(&self, exchange: &impl Exchange, outcome: Outcome) -> Result<(), Failure> {
+        let agreed = outcome.agree(exchange);
+        if agreed.is_err() {
+            self.context.failed.set(true);
+        }
+        agreed
+    }
+
+    /// Columns of it must be gone.
     pub fn close(self) -> Result<(), Failure> {
-        let context = self.context;
-        self.file
-            .close()
-            .map_err(|e| context.failure("/", "close", &e))
+        let file = self.file.clone();
+        let context = self.context.clone();
+        drop(self);
+        file.close().map_err(|e| context.failure("/", "close", &e))
+    }
+}
+
+impl Drop for H5File {
+    fn drop(&mut self) {
+        if self.context.failed.get() {
+            // One reference more than is ever given back keeps it open.
+            std::mem::forget(self.file.clone());
+        }
+    }
+}
+
+impl<T> Drop for Column<T> {
+    fn drop(&mut self) {
+        if self.context.failed.get() {
+            std::mem::forget(self.dataset.clone());
+        }
     }
 }
 
@@ -318,10 +345,6 @@ pub struct Column<T> {
 }
 
 impl<T: H5Type + Copy> Column<T> {
-    pub fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-
     /// A new number of rows. Collective.
     pub fn resize(&mut self, rows: u64) -> Result<(), Failure> {
         if rows as usize == self.shape[0] {
@@ -372,16 +395,6 @@ impl<T: H5Type + Copy> Column<T> {
         let resized = self.resize(rows);
         let written = self.write(slab, data);
         resized.and(written)
-    }
-
-    /// Values [start, start + count) of a dataset of one dimension. Not collective.
-    pub fn read(&self, start: u64, count: u64) -> Result<Vec<T>, Failure> {
-        let values = self
-            .dataset
-            .read_slice_1d::<T, _>(start as usize..(start + count) as usize);
-        values
-            .map(|v| v.to_vec())
-            .map_err(|e| self.context.failure(&self.name, "read", &e))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Files: trajectory, checkpoint, log, and what says where a run came from.
+//! Files: trajectory, checkpoint, log, what says where a run came from, and what is read back and reduced.
 
 mod batch;
 pub mod checkpoint;
@@ -7,4 +7,7 @@ pub mod h5;
 mod layout;
 pub mod log;
 pub mod provenance;
+pub mod reduced_writer;
+pub mod run_reader;
+pub mod text_writer;
 pub mod trajectory;

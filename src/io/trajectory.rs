@@ -10,6 +10,7 @@ use crate::state::{ContactSample, GrainSample, SeriesRow};
 use bytemuck::{Pod, Zeroable};
 use hdf5::H5Type;
 use std::path::Path;
+use std::time::Instant;
 
 /// What never changes of a grain. `body`: 0 free, 1 bottom wall, 2 top wall; R (m), m (kg, in 2D kg/m).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -40,6 +41,8 @@ const AT_THE_END: [&str; 3] = ["digest", "speed", "rank_map"];
 const BATCH_BYTES: usize = 16 << 20;
 /// Rows of the time series gathered before they are written.
 const BATCH_ROWS: usize = 1024;
+/// Written batches reach the disk at least as often, if frames come as often.
+const FLUSH_SECONDS: f64 = 2.0;
 
 /// `run.h5`, open for writing. What is in it does not depend on the number of ranks. Every call is collective.
 pub struct TrajectoryWriter {
@@ -53,6 +56,7 @@ pub struct TrajectoryWriter {
     frames_written: u64,
     contacts_written: u64,
     rows_written: u64,
+    flushed: Instant,
 }
 
 impl TrajectoryWriter {
@@ -149,8 +153,8 @@ impl TrajectoryWriter {
             .observables
             .iter_mut()
             .for_each(|c| outcome.note(c.resize(rows)));
-        outcome.note(writer.file.flush());
-        outcome.agree(exchange)?;
+        writer.file.agree(exchange, outcome)?;
+        writer.flush_file(exchange)?;
         Ok(writer)
     }
 
@@ -167,6 +171,7 @@ impl TrajectoryWriter {
             frames_written: 0,
             contacts_written: 0,
             rows_written: 0,
+            flushed: Instant::now(),
         }
     }
 
@@ -201,8 +206,8 @@ impl TrajectoryWriter {
         outcome.note(fixed(file, &name("mass"), grains, mine, &mass));
         outcome.note(fixed(file, &format!("{BOX}/edges"), 3, all, edges));
         outcome.note(by_root(root, &mut self.columns.offset, 0, &[0]));
-        outcome.note(self.file.flush());
-        outcome.agree(exchange)
+        self.file.agree(exchange, outcome)?;
+        self.flush_file(exchange)
     }
 
     /// Frames so far, with those that wait to be written.
@@ -251,8 +256,7 @@ impl TrajectoryWriter {
     pub fn flush(&mut self, exchange: &impl Exchange) -> Result<(), Failure> {
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
-        let flushed = self.file.flush();
-        agree(exchange, flushed)
+        self.flush_file(exchange)
     }
 
     /// Writes what waits, then the attributes of `parameters` known only at the end (those of rank 0), and closes the file.
@@ -270,9 +274,9 @@ impl TrajectoryWriter {
         for (name, value) in shared(exchange, attributes.collect()) {
             outcome.note(self.file.attribute(PARAMETERS, &name, &value));
         }
+        self.file.agree(exchange, outcome)?;
         drop(self.columns);
-        outcome.note(self.file.close());
-        outcome.agree(exchange)
+        agree(exchange, self.file.close())
     }
 
     fn write_frames(&mut self, exchange: &impl Exchange) -> Result<(), Failure> {
@@ -324,10 +328,26 @@ impl TrajectoryWriter {
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
         outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
         outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));
-        outcome.note(self.file.flush());
+        self.file.agree(exchange, outcome)?;
         (self.frames_written, self.contacts_written) = (after, end);
         self.frames.clear();
-        outcome.agree(exchange)
+        self.flush_now_and_then(exchange)
+    }
+
+    /// Waiting for the disk after every batch would double the cost of fast runs' frames.
+    fn flush_now_and_then(&mut self, exchange: &impl Exchange) -> Result<(), Failure> {
+        // The ranks' clocks differ, and all must do the same.
+        if exchange.maximum(self.flushed.elapsed().as_secs_f64()) < FLUSH_SECONDS {
+            return Ok(());
+        }
+        self.flush_file(exchange)
+    }
+
+    fn flush_file(&mut self, exchange: &impl Exchange) -> Result<(), Failure> {
+        let mut outcome = Outcome::default();
+        outcome.note(self.file.flush());
+        self.flushed = Instant::now();
+        self.file.agree(exchange, outcome)
     }
 
     fn write_rows(&mut self, exchange: &impl Exchange) -> Result<(), Failure> {
@@ -347,9 +367,9 @@ impl TrajectoryWriter {
             let values: Vec<f64> = rows.iter().map(|r| r.2.columns()[n]).collect();
             outcome.note(by_root(root, column, before, &values));
         }
-        outcome.note(self.file.flush());
+        self.file.agree(exchange, outcome)?;
         self.rows_written += rows.len() as u64;
-        outcome.agree(exchange)
+        self.flush_now_and_then(exchange)
     }
 }
 

@@ -7,6 +7,7 @@ use super::Lanes;
 /// x = m 2^e with m in [√½, √2); ln m from s = f/(2 + f), f = m - 1, by the minimax polynomial of FreeBSD's `e_log.c`
 /// (|error| < 2^-58.45).
 #[inline(always)]
+#[expect(clippy::excessive_precision, reason = "the digits of the source")]
 pub fn ln<L: Lanes>(token: L::Token, x: L) -> L {
     let c = |v| L::splat(token, v);
     let (e, m) = x.exponent_mantissa();

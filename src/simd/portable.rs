@@ -144,8 +144,8 @@ impl Lanes for Portable {
         let mut out = [Portable([0.0; LANES]); LANES];
         for lane in 0..LANES {
             let (a, b) = (&records[i[lane] as usize], &records[j[lane] as usize]);
-            for field in 0..LANES {
-                out[field].0[lane] = a.0[field] - b.0[field];
+            for (field, lanes) in out.iter_mut().enumerate() {
+                lanes.0[lane] = a.0[field] - b.0[field];
             }
         }
         out

@@ -1,11 +1,13 @@
 //! Grains, contacts, walls and the cell: what a run consists of between two steps.
 
 mod contacts;
+mod frame;
 mod grains;
 mod sample;
 mod snapshot;
 
 pub use contacts::{Contacts, Touching};
+pub use frame::{Disks, Frame};
 pub use grains::{Force, Grains, body, field};
 pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
 pub use snapshot::{ContactState, GrainState, Snapshot};

@@ -7,14 +7,16 @@ pub mod synthetic;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// `mpirun -n ranks program`, also as root and on fewer cores than ranks; ended after 120 s.
+/// `mpirun -n ranks program`, also as root and on fewer cores than ranks; ended after 600 s, long though ranks wait for each other
+/// on cores that others use.
 pub fn mpirun(ranks: usize, program: impl AsRef<Path>) -> Command {
     let mut command = Command::new("mpirun");
     command
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
-        .args(["--bind-to", "none", "--timeout", "120"])
+        .env("OMPI_MCA_mpi_yield_when_idle", "1")
+        .args(["--bind-to", "none", "--timeout", "600"])
         .args(["-n", &ranks.to_string()])
         .arg(program.as_ref());
     command
@@ -51,4 +53,118 @@ pub fn succeed(command: &mut Command) -> Output {
         String::from_utf8_lossy(&output.stderr)
     );
     output
+}
+
+/// How a run of gshear-mpi ended, and all it said.
+pub struct Outcome {
+    pub code: i32,
+    pub text: String,
+}
+
+impl Outcome {
+    fn of(output: Output) -> Self {
+        Self {
+            code: output.status.code().unwrap_or(-1),
+            text: String::from_utf8_lossy(&output.stdout).into_owned()
+                + &String::from_utf8_lossy(&output.stderr),
+        }
+    }
+
+    /// The digest of a run that ended well.
+    pub fn digest(&self) -> String {
+        assert_eq!(self.code, 0, "{}", self.text);
+        let line = self.text.lines().find_map(|l| l.strip_prefix("digest "));
+        line.unwrap_or_else(|| panic!("no digest in\n{}", self.text))
+            .to_string()
+    }
+}
+
+/// `gshear-mpi arguments` on ranks, with its results in `folder`; on one rank without mpirun.
+pub fn gshear_mpi(ranks: usize, folder: &Path, arguments: &[String]) -> Outcome {
+    let program = env!("CARGO_BIN_EXE_gshear-mpi");
+    let mut command = if ranks == 1 {
+        Command::new(program)
+    } else {
+        mpirun(ranks, program)
+    };
+    command.args(arguments).arg("--out").arg(folder);
+    Outcome::of(command.output().expect("the program starts"))
+}
+
+/// The same on one rank, asked to stop as soon as it has begun to pack.
+pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
+    use std::io::{BufRead, BufReader, Read};
+    let mut child = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"))
+        .args(arguments)
+        .arg("--out")
+        .arg(folder)
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut lines = BufReader::new(child.stdout.take().expect("its output"));
+    let mut text = String::new();
+    while !text.contains("step:") && lines.read_line(&mut text).expect("text") > 0 {}
+    succeed(Command::new("kill").args(["-USR1", &child.id().to_string()]));
+    lines.read_to_string(&mut text).expect("text");
+    let status = child.wait().expect("its end");
+    Outcome {
+        code: status.code().unwrap_or(-1),
+        text,
+    }
+}
+
+/// Only one test of a file at a time: ranks that wait for each other spin.
+pub fn alone() -> std::sync::MutexGuard<'static, ()> {
+    static ONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
+    ONE.lock().unwrap_or_else(|e| e.into_inner())
+}
+
+/// All datasets of two runs' `run.h5` are the same, to the last bit.
+pub fn same_run(a: &Path, b: &Path) {
+    let open = |folder: &Path| hdf5::File::open(folder.join("run.h5")).expect("run.h5");
+    let (a, b) = (open(a), open(b));
+    let sorted = |file| {
+        let mut names = datasets(file, "");
+        names.sort();
+        names
+    };
+    let names = sorted(&a);
+    assert!(names.len() > 30, "{names:?}");
+    assert_eq!(names, sorted(&b));
+    for name in names {
+        let read = |file: &hdf5::File| {
+            let dataset = file.dataset(&name).expect("a dataset");
+            let kind = dataset.dtype().expect("its type");
+            let bytes: Vec<u8> = if kind.is::<f64>() {
+                bytemuck::cast_slice(&dataset.read_raw::<f64>().expect("f64")).to_vec()
+            } else if kind.is::<u64>() {
+                bytemuck::cast_slice(&dataset.read_raw::<u64>().expect("u64")).to_vec()
+            } else if kind.is::<u32>() {
+                bytemuck::cast_slice(&dataset.read_raw::<u32>().expect("u32")).to_vec()
+            } else {
+                dataset.read_raw::<u8>().expect("u8")
+            };
+            (dataset.shape(), bytes)
+        };
+        assert!(read(&a) == read(&b), "{name} differs");
+    }
+}
+
+/// Paths of all datasets below a group.
+fn datasets(file: &hdf5::File, path: &str) -> Vec<String> {
+    let group = if path.is_empty() {
+        file.as_group().expect("the root")
+    } else {
+        file.group(path).expect("a group")
+    };
+    let mut found = Vec::new();
+    for name in group.member_names().expect("members") {
+        let child = format!("{path}/{name}");
+        if group.dataset(&name).is_ok() {
+            found.push(child);
+        } else {
+            found.extend(datasets(file, &child));
+        }
+    }
+    found
 }

@@ -72,7 +72,7 @@ pub fn grain(t: u64, id: u64) -> GrainSample {
 pub fn pairs(t: u64, grains: u64) -> Vec<(u32, u32)> {
     let mut pairs = Vec::new();
     for i in 0..if t % 9 == 4 { 0 } else { grains } {
-        let some = (i + 1..grains).filter(|j| hash(t, i, 1000 + j) % (grains / 2 + 1) == 0);
+        let some = (i + 1..grains).filter(|j| hash(t, i, 1000 + j).is_multiple_of(grains / 2 + 1));
         pairs.extend(some.map(|j| (i as u32, j as u32)));
     }
     pairs

@@ -1,0 +1,96 @@
+//! Cells for finding all grains within a radius, periodic along x.
+
+/// Linear cells at least as wide as the search radius. Reused from frame to frame without allocating.
+#[derive(Debug, Default)]
+pub struct Cells {
+    columns: usize,
+    rows: usize,
+    width: f64,
+    height: f64,
+    bottom: f64,
+    /// First entry of each cell in `members`; one more at the end.
+    start: Vec<u32>,
+    members: Vec<u32>,
+    cell: Vec<u32>,
+}
+
+impl Cells {
+    /// Sorts the grains into cells.
+    ///
+    /// `length`: L_x (m); `radius`: of the search (m); `position`: [N] (m), wrapped into [0, L_x);
+    /// `included`: [N], the grains to be found. Disks of a cell keep the order of their ids.
+    pub fn fill(
+        &mut self,
+        length: f64,
+        radius: f64,
+        position: &[[f64; 2]],
+        included: impl Fn(usize) -> bool,
+    ) {
+        let mut low = f64::INFINITY;
+        let mut high = f64::NEG_INFINITY;
+        for (_, r) in position.iter().enumerate().filter(|(n, _)| included(*n)) {
+            low = low.min(r[1]);
+            high = high.max(r[1]);
+        }
+        // More cells than grains would only cost memory.
+        let most = position.len().max(1);
+        self.columns = ((length / radius).floor() as usize).clamp(1, most);
+        self.rows = (((high - low) / radius).floor().max(0.0) as usize)
+            .clamp(1, most.div_ceil(self.columns));
+        self.width = length / self.columns as f64;
+        self.height = (high - low) / self.rows as f64;
+        self.bottom = low;
+
+        self.start.clear();
+        self.start.resize(self.columns * self.rows + 1, 0);
+        self.cell.clear();
+        self.cell.resize(position.len(), u32::MAX);
+        for (n, r) in position.iter().enumerate().filter(|(n, _)| included(*n)) {
+            let (column, row) = self.at(*r);
+            let cell = row * self.columns + column;
+            self.cell[n] = cell as u32;
+            self.start[cell + 1] += 1;
+        }
+        for cell in 1..self.start.len() {
+            self.start[cell] += self.start[cell - 1];
+        }
+        self.members.clear();
+        self.members
+            .resize(*self.start.last().unwrap_or(&0) as usize, 0);
+        for (n, &cell) in self
+            .cell
+            .iter()
+            .enumerate()
+            .filter(|(_, cell)| **cell != u32::MAX)
+        {
+            let next = &mut self.start[cell as usize];
+            self.members[*next as usize] = n as u32;
+            *next += 1;
+        }
+        // Filling moved every start to its end.
+        self.start.rotate_right(1);
+        self.start[0] = 0;
+    }
+
+    /// Calls `found` once for every included grain that may lie within the radius of `r`, the one at `r` as well.
+    pub fn near(&self, r: [f64; 2], mut found: impl FnMut(usize)) {
+        let (column, row) = self.at(r);
+        for row in row.saturating_sub(1)..=(row + 1).min(self.rows - 1) {
+            // With fewer than three columns the left and the right one are the same.
+            for step in 0..self.columns.min(3) {
+                let column =
+                    (column + self.columns + step - usize::from(self.columns > 2)) % self.columns;
+                let cell = row * self.columns + column;
+                let members =
+                    &self.members[self.start[cell] as usize..self.start[cell + 1] as usize];
+                members.iter().for_each(|&n| found(n as usize));
+            }
+        }
+    }
+
+    fn at(&self, r: [f64; 2]) -> (usize, usize) {
+        let column = (r[0] / self.width) as usize;
+        let row = ((r[1] - self.bottom) / self.height).max(0.0) as usize;
+        (column.min(self.columns - 1), row.min(self.rows - 1))
+    }
+}

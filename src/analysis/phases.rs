@@ -1,0 +1,217 @@
+//! Stick and slip phases of τ (LH section 3.2).
+
+/// A phase is long where t_p exceeds this many intervals (LH section 3.3).
+pub const LONG: usize = 3;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// τ increases.
+    Stick,
+    /// τ decreases.
+    Slip,
+}
+
+impl Kind {
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Stick => "stick",
+            Kind::Slip => "slip",
+        }
+    }
+}
+
+/// A maximal monotone run of τ: rows `start` … `end` of the series. The next phase starts where this one ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Phase {
+    pub start: usize,
+    pub end: usize,
+    /// γ at the start and at the end.
+    pub strain: [f64; 2],
+    /// Δτ_p = τ(end) - τ(start).
+    pub change: f64,
+    pub kind: Kind,
+}
+
+impl Phase {
+    /// t_p in intervals Δγ of the series.
+    pub fn duration(&self) -> usize {
+        self.end - self.start
+    }
+
+    /// t_p as strain.
+    pub fn duration_strain(&self) -> f64 {
+        self.strain[1] - self.strain[0]
+    }
+
+    /// t_p > 3Δγ.
+    pub fn is_long(&self) -> bool {
+        self.duration() > LONG
+    }
+}
+
+/// The phases of τ(γ), both [L]. Rows are those of the time series, whose interval is the Δγ that t_p is counted in.
+///
+/// A plateau continues the phase before it, a leading one joins the first phase. A value that is not finite ends a
+/// phase and belongs to none. A stretch in which τ never changes has no phase.
+pub fn find(strain: &[f64], tau: &[f64]) -> Vec<Phase> {
+    let mut phases = Vec::new();
+    let mut from = 0;
+    while from < tau.len() {
+        if !tau[from].is_finite() {
+            from += 1;
+            continue;
+        }
+        let to = (from..tau.len())
+            .find(|&k| !tau[k].is_finite())
+            .unwrap_or(tau.len());
+        find_finite(strain, tau, from, to, &mut phases);
+        from = to;
+    }
+    phases
+}
+
+/// The phases within the rows `from` … `to - 1`, all of them finite.
+fn find_finite(strain: &[f64], tau: &[f64], from: usize, to: usize, phases: &mut Vec<Phase>) {
+    let mut start = from;
+    let mut kind = None;
+    let mut close = |start: usize, end: usize, kind: Kind| {
+        let (strain, change) = ([strain[start], strain[end]], tau[end] - tau[start]);
+        phases.push(Phase {
+            start,
+            end,
+            strain,
+            change,
+            kind,
+        });
+    };
+    for k in from + 1..to {
+        let now = if tau[k] < tau[k - 1] {
+            Kind::Slip
+        } else if tau[k] > tau[k - 1] {
+            Kind::Stick
+        } else {
+            continue;
+        };
+        if let Some(before) = kind.replace(now)
+            && before != now
+        {
+            close(start, k - 1, before);
+            start = k - 1;
+        }
+    }
+    if let Some(kind) = kind {
+        close(start, to - 1, kind);
+    }
+}
+
+/// The slip phase with the greatest loss of τ; the first of equal ones.
+pub fn largest_drop(phases: &[Phase]) -> Option<&Phase> {
+    let slips = phases.iter().filter(|phase| phase.kind == Kind::Slip);
+    slips.reduce(|most, phase| {
+        if phase.change < most.change {
+            phase
+        } else {
+            most
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// (start, end, Δτ_p, kind) of the phases of τ on γ = 0, 1, 2, …
+    fn phases(tau: &[f64]) -> Vec<(usize, usize, f64, Kind)> {
+        let strain: Vec<f64> = (0..tau.len()).map(|k| k as f64).collect();
+        let found = find(&strain, tau);
+        for phase in &found {
+            assert_eq!(phase.strain, [phase.start as f64, phase.end as f64]);
+        }
+        found
+            .iter()
+            .map(|p| (p.start, p.end, p.change, p.kind))
+            .collect()
+    }
+
+    use Kind::{Slip, Stick};
+
+    #[test]
+    fn phases_alternate_and_share_their_ends() {
+        let tau = [0.0, 1.0, 3.0, 2.0, -1.0, 0.0];
+        assert_eq!(
+            phases(&tau),
+            [(0, 2, 3.0, Stick), (2, 4, -4.0, Slip), (4, 5, 1.0, Stick)]
+        );
+    }
+
+    #[test]
+    fn a_plateau_continues_the_phase_before_it() {
+        // Within a phase, at a maximum, at a minimum, and at the end.
+        let tau = [0.0, 1.0, 1.0, 2.0, 2.0, 2.0, 1.0, 1.0, 3.0, 3.0];
+        assert_eq!(
+            phases(&tau),
+            [(0, 5, 2.0, Stick), (5, 7, -1.0, Slip), (7, 9, 2.0, Stick)]
+        );
+    }
+
+    #[test]
+    fn a_leading_plateau_joins_the_first_phase() {
+        assert_eq!(
+            phases(&[1.0, 1.0, 0.0, 2.0]),
+            [(0, 2, -1.0, Slip), (2, 3, 2.0, Stick)]
+        );
+    }
+
+    #[test]
+    fn what_is_not_finite_splits() {
+        let tau = [
+            f64::NAN,
+            0.0,
+            1.0,
+            f64::NAN,
+            2.0,
+            3.0,
+            f64::INFINITY,
+            5.0,
+            4.0,
+        ];
+        assert_eq!(
+            phases(&tau),
+            [(1, 2, 1.0, Stick), (4, 5, 1.0, Stick), (7, 8, -1.0, Slip)]
+        );
+    }
+
+    #[test]
+    fn flat_short_and_empty_series_have_no_phase() {
+        for tau in [
+            &[][..],
+            &[1.0],
+            &[2.0, 2.0, 2.0],
+            &[0.0, -0.0],
+            &[f64::NAN; 3],
+        ] {
+            assert_eq!(phases(tau), []);
+        }
+    }
+
+    #[test]
+    fn long_is_more_than_three_intervals() {
+        let tau = [0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0, -1.0, 0.0];
+        let strain: Vec<f64> = (0..9).map(|k| 0.5 * k as f64).collect();
+        let found = find(&strain, &tau);
+        let lengths: Vec<_> = found
+            .iter()
+            .map(|p| (p.duration(), p.duration_strain(), p.is_long()))
+            .collect();
+        assert_eq!(lengths, [(3, 1.5, false), (4, 2.0, true), (1, 0.5, false)]);
+    }
+
+    #[test]
+    fn the_largest_drop_is_the_first_of_the_deepest_slips() {
+        let tau = [0.0, 2.0, 1.0, 9.0, 6.0, 7.0, 4.0];
+        let strain = [0.0; 7];
+        let drop = *largest_drop(&find(&strain, &tau)).expect("a slip");
+        assert_eq!((drop.start, drop.end), (3, 4));
+        assert!(largest_drop(&find(&strain, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])).is_none());
+    }
+}

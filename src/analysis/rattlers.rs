@@ -1,0 +1,42 @@
+//! Disks that bear no load.
+
+use crate::state::{Disks, Frame};
+
+/// Marks the rattlers of a frame: free grains with two or fewer contacts, wall grains with one or fewer (LH section 3.2).
+///
+/// `rattler` becomes [N], by grain id. Every contact of the frame counts, whatever its force.
+pub fn mark(grains: &Disks, frame: &Frame, rattler: &mut Vec<bool>) {
+    let mut contacts = vec![0u32; grains.count()];
+    for contact in &frame.contacts {
+        contacts[contact.i as usize] += 1;
+        contacts[contact.j as usize] += 1;
+    }
+    rattler.clear();
+    rattler.extend(
+        contacts
+            .iter()
+            .zip(&grains.body)
+            .map(|(&contacts, &body)| contacts <= if body == 0 { 2 } else { 1 }),
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::testing::{contact, grains_in};
+
+    #[test]
+    fn a_free_grain_needs_three_contacts_and_a_wall_grain_two() {
+        let mut grains = grains_in(10.0, &[1.0; 5]);
+        grains.body = vec![0, 0, 1, 2, 0];
+        // Contacts of the grains 0 … 4: 3, 2, 2, 1, 0.
+        let contacts = vec![contact(0, 1), contact(0, 2), contact(0, 3), contact(1, 2)];
+        let frame = Frame {
+            contacts,
+            ..Frame::default()
+        };
+        let mut rattler = vec![true; 9];
+        mark(&grains, &frame, &mut rattler);
+        assert_eq!(rattler, [false, true, false, true, true]);
+    }
+}

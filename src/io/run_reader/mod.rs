@@ -1,0 +1,416 @@
+//! Reads `run.h5` (docs/file-formats.md): serially, by blocks of frames, so that memory does not grow with the run.
+
+mod source;
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use hdf5::{Dataset, H5Type};
+use ndarray::{Ix1, Ix2, Ix3, s};
+
+use self::source::{FOREIGN, Source, one_line};
+use crate::failure::Failure;
+use crate::state::{ContactSample, Disks, Frame, SERIES_COLUMNS};
+
+/// An attribute of `parameters`.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Parameter {
+    Text(String),
+    Integer(i64),
+    Number(f64),
+    Numbers(Vec<f64>),
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Parameter::Text(text) => f.write_str(text),
+            Parameter::Integer(value) => write!(f, "{value}"),
+            Parameter::Number(value) => write!(f, "{value:?}"),
+            Parameter::Numbers(values) => write!(f, "{values:?}"),
+        }
+    }
+}
+
+/// The time series; L rows, as far as every column goes.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Series {
+    /// [L] steps since the start of the shear.
+    pub step: Vec<u64>,
+    /// [L] (s).
+    pub time: Vec<f64>,
+    /// [columns of `SERIES_COLUMNS`][L].
+    pub columns: Vec<Vec<f64>>,
+}
+
+impl Series {
+    /// A column of `SERIES_COLUMNS`, [L]. Panics on any other name.
+    pub fn column(&self, name: &str) -> &[f64] {
+        let at = SERIES_COLUMNS.iter().position(|column| *column == name);
+        &self.columns[at.unwrap_or_else(|| panic!("{name} is no column of the time series"))]
+    }
+
+    /// L.
+    pub fn rows(&self) -> usize {
+        self.step.len()
+    }
+}
+
+/// An open `run.h5`. What is small is read on opening; frames are read on demand.
+pub struct Run {
+    path: PathBuf,
+    grains: Disks,
+    /// Height of the box at the start of the shear (m).
+    height: f64,
+    parameters: BTreeMap<String, Parameter>,
+    series: Series,
+    step: Vec<u64>,
+    time: Vec<f64>,
+    offset: Vec<u64>,
+    position: Dataset,
+    velocity: Dataset,
+    angular_velocity: Dataset,
+    contacts: ContactColumns,
+}
+
+struct ContactColumns {
+    i: Dataset,
+    j: Dataset,
+    normal_force: Dataset,
+    tangential_force: Dataset,
+    tangential_history: Dataset,
+    rolling_history: Dataset,
+    overlap: Dataset,
+    sliding: Dataset,
+}
+
+impl Run {
+    /// Opens a run: a `run.h5`, or the folder that holds one.
+    ///
+    /// A run that was stopped early is read as far as every one of its datasets goes.
+    /// Errors: `Failure::Input` that names the file and the object that is missing, damaged or of the wrong shape.
+    pub fn open(run: &Path) -> Result<Self, Failure> {
+        let path = if run.is_dir() {
+            run.join("run.h5")
+        } else {
+            run.to_path_buf()
+        };
+        hdf5::silence_errors(true);
+        let source = Source::open(&path)?;
+
+        let id: Vec<u32> = source.all("particles/trajectory/id")?;
+        let n = id.len();
+        if let Some(row) = (0..n).find(|&row| id[row] as usize != row) {
+            let found = id[row];
+            return Err(source.wrong(
+                "particles/trajectory/id",
+                format!("row {row} is grain {found}; rows must be 0 … N-1"),
+            ));
+        }
+        let edges: Vec<f64> = source.all("particles/trajectory/box/edges")?;
+        if edges.len() != 3 || edges[0].is_nan() || edges[0] <= 0.0 {
+            return Err(source.wrong(
+                "particles/trajectory/box/edges",
+                "does not hold L_x > 0, height, 0",
+            ));
+        }
+        let grains = Disks {
+            radius: source.of_length("particles/trajectory/radius", n)?,
+            body: source.of_length("particles/trajectory/body", n)?,
+            mass: source.of_length("particles/trajectory/mass", n)?,
+            length: edges[0],
+        };
+        let parameters = source.parameters()?;
+        let finished = parameters.contains_key("digest");
+        let series = source.series(finished)?;
+
+        let position = source.frames("particles/trajectory/position/value", &[n, 3])?;
+        let velocity = source.frames("particles/trajectory/velocity/value", &[n, 3])?;
+        let angular_velocity =
+            source.frames("particles/trajectory/angular_velocity/value", &[n])?;
+        let mut step: Vec<u64> = source.all("particles/trajectory/position/step")?;
+        let mut time: Vec<f64> = source.all("particles/trajectory/position/time")?;
+        let mut offset: Vec<u64> = source.all("connectivity/contacts/offset")?;
+        let column = |name: &str| source.frames(&format!("connectivity/contacts/{name}"), &[]);
+        let contacts = ContactColumns {
+            i: column("i")?,
+            j: column("j")?,
+            normal_force: column("normal_force")?,
+            tangential_force: column("tangential_force")?,
+            tangential_history: column("tangential_history")?,
+            rolling_history: column("rolling_history")?,
+            overlap: column("overlap")?,
+            sliding: column("sliding")?,
+        };
+
+        let stored = contacts.shortest();
+        if let Some(t) = (1..offset.len()).find(|&t| offset[t] < offset[t - 1]) {
+            return Err(source.wrong(
+                "connectivity/contacts/offset",
+                format!("decreases at frame {t}"),
+            ));
+        }
+        let whole = offset
+            .iter()
+            .take_while(|&&end| end <= stored)
+            .count()
+            .saturating_sub(1);
+        let lengths = [
+            ("particles/trajectory/position/value", position.shape()[0]),
+            ("particles/trajectory/velocity/value", velocity.shape()[0]),
+            (
+                "particles/trajectory/angular_velocity/value",
+                angular_velocity.shape()[0],
+            ),
+            ("particles/trajectory/position/step", step.len()),
+            ("particles/trajectory/position/time", time.len()),
+            ("connectivity/contacts", whole),
+        ];
+        let frames = source.common_length(&lengths, finished, "frames")?;
+        step.truncate(frames);
+        time.truncate(frames);
+        offset.truncate(frames + 1);
+
+        Ok(Run {
+            grains,
+            height: edges[1],
+            parameters,
+            series,
+            step,
+            time,
+            offset,
+            position,
+            velocity,
+            angular_velocity,
+            contacts,
+            path,
+        })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The folder of the file.
+    pub fn folder(&self) -> &Path {
+        match self.path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        }
+    }
+
+    pub fn grains(&self) -> &Disks {
+        &self.grains
+    }
+
+    /// Height of the box at the start of the shear (m).
+    pub fn height(&self) -> f64 {
+        self.height
+    }
+
+    pub fn series(&self) -> &Series {
+        &self.series
+    }
+
+    /// All attributes of `parameters`, by name.
+    pub fn parameters(&self) -> &BTreeMap<String, Parameter> {
+        &self.parameters
+    }
+
+    /// A parameter that is text; `None` where it is missing.
+    pub fn text(&self, name: &str) -> Option<&str> {
+        match self.parameters.get(name) {
+            Some(Parameter::Text(text)) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// A parameter that is a number; `None` where it is missing.
+    pub fn number(&self, name: &str) -> Option<f64> {
+        match self.parameters.get(name) {
+            Some(Parameter::Number(value)) => Some(*value),
+            Some(Parameter::Integer(value)) => Some(*value as f64),
+            _ => None,
+        }
+    }
+
+    /// The scene as TOML, every default filled in.
+    pub fn scene(&self) -> &str {
+        self.text("scene").unwrap_or_default()
+    }
+
+    /// Digest of the last state; `None` where the run was stopped early.
+    pub fn digest(&self) -> Option<&str> {
+        self.text("digest")
+    }
+
+    /// T.
+    pub fn frames(&self) -> usize {
+        self.step.len()
+    }
+
+    /// [T] steps of the frames.
+    pub fn frame_steps(&self) -> &[u64] {
+        &self.step
+    }
+
+    /// [T+1] first contact of each frame, as far as whole frames go.
+    pub fn contact_offsets(&self) -> &[u64] {
+        &self.offset
+    }
+
+    /// [T] γ of the frames: V t/H, since the wall moves at the constant velocity V and γ = 0 at t = 0.
+    pub fn frame_strains(&self) -> Result<Vec<f64>, Failure> {
+        let need = |name: &str| {
+            let missing = || {
+                Failure::input(format!(
+                    "{}: parameters: attribute {name} is missing: {FOREIGN}",
+                    self.path.display()
+                ))
+            };
+            self.number(name).ok_or_else(missing)
+        };
+        let rate = need("wall_speed")? / need("height_start")?;
+        Ok(self.time.iter().map(|time| rate * time).collect())
+    }
+
+    /// Frame t < T.
+    pub fn frame(&self, t: usize) -> Result<Frame, Failure> {
+        Ok(self.block(t..t + 1)?.swap_remove(0))
+    }
+
+    /// The frames of a range within 0 … T.
+    pub fn block(&self, range: Range<usize>) -> Result<Vec<Frame>, Failure> {
+        let planar = |dataset: &Dataset| -> Result<Vec<Vec<[f64; 2]>>, Failure> {
+            let values: ndarray::Array3<f64> = dataset
+                .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
+                .map_err(|e| self.damaged(dataset, &e))?;
+            if values.slice(s![.., .., 2]).iter().any(|z| *z != 0.0) {
+                let name = dataset.name();
+                return Err(Failure::input(format!(
+                    "{}: {}: z is not 0: only 2D runs can be reduced",
+                    self.path.display(),
+                    &name[1..]
+                )));
+            }
+            Ok(values
+                .outer_iter()
+                .map(|frame| frame.outer_iter().map(|row| [row[0], row[1]]).collect())
+                .collect())
+        };
+        let position = planar(&self.position)?;
+        let velocity = planar(&self.velocity)?;
+        let angular_velocity = self
+            .angular_velocity
+            .read_slice::<f64, _, Ix2>(s![range.start..range.end, ..])
+            .map_err(|e| self.damaged(&self.angular_velocity, &e))?;
+        let mut contacts = self.contacts(range.clone())?.into_iter();
+        let first = self.offset[range.start];
+        debug_assert_eq!(contacts.len() as u64, self.offset[range.end] - first);
+
+        let frames = range
+            .clone()
+            .zip(position)
+            .zip(velocity)
+            .zip(angular_velocity.outer_iter());
+        Ok(frames
+            .map(|(((t, position), velocity), angular_velocity)| Frame {
+                step: self.step[t],
+                time: self.time[t],
+                position,
+                velocity,
+                angular_velocity: angular_velocity.to_vec(),
+                contacts: contacts
+                    .by_ref()
+                    .take((self.offset[t + 1] - self.offset[t]) as usize)
+                    .collect(),
+            })
+            .collect())
+    }
+
+    /// How many frames to read at a time so that a block stays near 64 MiB.
+    pub fn block_length(&self) -> usize {
+        let frames = self.frames().max(1);
+        let contacts = self.offset.last().map_or(0, |all| *all as usize) / frames;
+        let bytes =
+            self.grains.count() * 11 * size_of::<f64>() + contacts * 2 * size_of::<ContactSample>();
+        ((64 << 20) / bytes.max(1)).clamp(1, 512)
+    }
+
+    fn contacts(&self, frames: Range<usize>) -> Result<Vec<ContactSample>, Failure> {
+        let rows = self.offset[frames.start] as usize..self.offset[frames.end] as usize;
+        let columns = &self.contacts;
+        let (i, j) = (
+            self.column::<u32>(&columns.i, &rows)?,
+            self.column::<u32>(&columns.j, &rows)?,
+        );
+        let normal_force = self.column::<f64>(&columns.normal_force, &rows)?;
+        let tangential_force = self.column::<f64>(&columns.tangential_force, &rows)?;
+        let tangential_history = self.column::<f64>(&columns.tangential_history, &rows)?;
+        let rolling_history = self.column::<f64>(&columns.rolling_history, &rows)?;
+        let overlap = self.column::<f64>(&columns.overlap, &rows)?;
+        let sliding = self.column::<u8>(&columns.sliding, &rows)?;
+        let n = self.grains.count();
+        if let Some(k) = (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
+            let (file, row) = (self.path.display(), rows.start + k);
+            return Err(Failure::input(format!(
+                "{file}: connectivity/contacts: row {row} joins grains {} and {}; ids must be i < j < {n}",
+                i[k], j[k]
+            )));
+        }
+        let contact = |k: usize| ContactSample {
+            i: i[k],
+            j: j[k],
+            normal_force: normal_force[k],
+            tangential_force: tangential_force[k],
+            tangential_history: tangential_history[k],
+            rolling_history: rolling_history[k],
+            overlap: overlap[k],
+            sliding: u64::from(sliding[k]),
+        };
+        Ok((0..i.len()).map(contact).collect())
+    }
+
+    fn column<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
+        if rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        let values = dataset
+            .read_slice::<T, _, Ix1>(s![rows.start..rows.end])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        Ok(values.into_raw_vec_and_offset().0)
+    }
+
+    fn damaged(&self, dataset: &Dataset, error: &hdf5::Error) -> Failure {
+        Failure::input(format!(
+            "{}: {} cannot be read: {}",
+            self.path.display(),
+            &dataset.name()[1..],
+            one_line(error)
+        ))
+    }
+}
+
+impl ContactColumns {
+    /// Rows that every column has.
+    fn shortest(&self) -> u64 {
+        let columns = [
+            &self.i,
+            &self.j,
+            &self.normal_force,
+            &self.tangential_force,
+            &self.tangential_history,
+            &self.rolling_history,
+            &self.overlap,
+            &self.sliding,
+        ];
+        columns
+            .iter()
+            .map(|dataset| dataset.size() as u64)
+            .min()
+            .unwrap_or(0)
+    }
+}

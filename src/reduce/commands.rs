@@ -1,0 +1,120 @@
+//! The command line, and which command does what.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+
+use crate::failure::Failure;
+use crate::io::run_reader::Run;
+use crate::{analysis, report};
+
+use super::{compare, dmin, info, phases};
+
+/// Reduces the runs of gshear-mpi: what is in them, D²min, stick and slip phases, and a report with figures.
+///
+/// RUN is a run.h5 or the folder that holds one. Runs that were stopped early are read as far as they go.
+///
+/// Exit codes: 0 done; 1 the runs differ (compare), or anything not named here; 2 bad input (file or arguments).
+#[derive(Debug, Parser)]
+#[command(name = "gshear-reduce", version, max_term_width = 100)]
+pub struct Arguments {
+    /// Threads that work on frames [default: one per core]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Show what is in a run
+    Info {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+    },
+    /// Compare two runs field by field, to the last bit
+    ///
+    /// Prints for every field how many values differ, the largest absolute and relative difference and where it is.
+    /// NaN equals NaN. Frames are compared one by one in their order, contacts by their ids.
+    /// Exit code 0 where all is equal, 1 where anything differs.
+    Compare {
+        /// A run.h5, or the folder that holds one
+        a: PathBuf,
+        /// Another run.h5, or the folder that holds one
+        b: PathBuf,
+    },
+    /// Write D²min between consecutive frames into reduced.h5 (Lee & Hurley, appendix B)
+    ///
+    /// Dataset dmin/value[frame][grain] in m²; NaN in frame 0, for rattlers of the earlier frame, and where fewer than
+    /// two neighbours or neighbours on one line leave it undefined.
+    Dmin {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+        /// Folder to write into [default: the run's]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Radius of the neighbourhood in mean radii of the grains
+        #[arg(long, value_name = "R", default_value_t = analysis::dmin::RADIUS, allow_negative_numbers = true)]
+        radius: f64,
+    },
+    /// Write a table of the stick and slip phases of τ into phases.csv
+    ///
+    /// Phases are the maximal monotone runs of τ in the time series, whose interval is the Δγ that t_p is counted in.
+    Phases {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+        /// Folder to write into [default: the run's]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
+    Report {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+        /// Folder to write into [default: the run's folder + /report]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+}
+
+/// Does what the command line asks for; what it finds goes to `output`.
+///
+/// Returns the exit code: 0, or 1 where `compare` found a difference. Errors: bad files, or output that cannot be written.
+pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> {
+    if let Some(threads) = arguments.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+        pool.build_global()
+            .map_err(|e| Failure::other(format!("threads: {e}")))?;
+    }
+    match &arguments.command {
+        Command::Info { run } => info::print(&Run::open(run)?, output)?,
+        Command::Compare { a, b } => {
+            let comparison = compare::runs(&Run::open(a)?, &Run::open(b)?)?;
+            comparison.print(output).map_err(lost)?;
+            return Ok(i32::from(!comparison.equal()));
+        }
+        Command::Dmin { run, out, radius } => {
+            let run = Run::open(run)?;
+            let path = dmin::write(&run, out.as_deref().unwrap_or(run.folder()), *radius)?;
+            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+        }
+        Command::Phases { run, out } => {
+            let run = Run::open(run)?;
+            phases::write(&run, out.as_deref().unwrap_or(run.folder()), output)?;
+        }
+        Command::Report { run, out } => {
+            let run = Run::open(run)?;
+            let folder = out.clone().unwrap_or_else(|| run.folder().join("report"));
+            let page = report::write(&run, &folder)?;
+            writeln!(output, "wrote {}", page.display()).map_err(lost)?;
+        }
+    }
+    output.flush().map_err(lost)?;
+    Ok(0)
+}
+
+/// Output that could not be written, to a terminal or a pipe.
+pub(super) fn lost(error: std::io::Error) -> Failure {
+    Failure::other(format!("standard output: {error}"))
+}

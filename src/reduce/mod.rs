@@ -1,0 +1,9 @@
+//! The commands of `gshear-reduce`.
+
+mod commands;
+pub mod compare;
+mod dmin;
+mod info;
+mod phases;
+
+pub use commands::{Arguments, Command, run};

@@ -1,0 +1,67 @@
+//! Colours that everybody can tell apart: the palette of Okabe & Ito, and scales of even lightness.
+
+use plotters::style::RGBColor;
+
+pub const INK: RGBColor = RGBColor(0x22, 0x26, 0x2b);
+pub const GREY: RGBColor = RGBColor(0x8a, 0x91, 0x99);
+pub const PALE: RGBColor = RGBColor(0xe4, 0xe7, 0xea);
+pub const WHITE: RGBColor = RGBColor(0xff, 0xff, 0xff);
+/// Free grains, and wall grains, where they are only the background.
+pub const GRAIN: RGBColor = RGBColor(0xf3, 0xf4, 0xf6);
+pub const WALL: RGBColor = RGBColor(0xc3, 0xc8, 0xce);
+pub const STICK: RGBColor = RGBColor(0x00, 0x72, 0xb2);
+pub const SLIP: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
+
+/// A colour scale by equidistant stops.
+pub struct Scale(&'static [u32]);
+
+/// Sequential, light to dark: forces on white.
+pub const FORCE: Scale = Scale(&[0xd3dfee, 0x9ecae1, 0x5ba3cf, 0x2878b8, 0x0d519c, 0x08306b]);
+/// Viridis: D²min.
+pub const VIRIDIS: Scale = Scale(&[
+    0x440154, 0x482878, 0x3e4a89, 0x31688e, 0x26828e, 0x1f9e89, 0x35b779, 0x6ece58, 0xb5de2b,
+    0xfde725,
+]);
+/// Diverging, loss to gain: vermillion, pale, blue.
+pub const CHANGE: Scale = Scale(&[
+    0x9c3b00, 0xd55e00, 0xf2b48a, 0xe4e7ea, 0x8fc1e3, 0x0072b2, 0x004a75,
+]);
+
+impl Scale {
+    /// The colour at 0 … 1; beyond the ends it is theirs.
+    pub fn at(&self, value: f64) -> RGBColor {
+        let last = self.0.len() - 1;
+        let place = value.clamp(0.0, 1.0) * last as f64;
+        let stop = (place as usize).min(last - 1);
+        let part = place - stop as f64;
+        let channel = |shift: u32| {
+            let [a, b] =
+                [self.0[stop], self.0[stop + 1]].map(|colour| f64::from((colour >> shift) & 0xff));
+            (a + (b - a) * part).round() as u8
+        };
+        RGBColor(channel(16), channel(8), channel(0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scale_passes_through_its_stops_and_stays_at_its_ends() {
+        for (value, colour) in [
+            (-1.0, 0x440154),
+            (0.0, 0x440154),
+            (1.0 / 3.0, 0x31688e),
+            (1.0, 0xfde725),
+            (2.0, 0xfde725),
+        ] {
+            let RGBColor(r, g, b) = VIRIDIS.at(value);
+            assert_eq!(
+                u32::from(r) << 16 | u32::from(g) << 8 | u32::from(b),
+                colour,
+                "at {value}"
+            );
+        }
+    }
+}

@@ -1,0 +1,426 @@
+//! A pair of axes to draw on, by the SVG backend of plotters.
+
+use plotters::backend::{DrawingBackend, SVGBackend};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, FontTransform, IntoFont, RGBColor, ShapeStyle, TextStyle};
+
+use super::colour::{GREY, INK, PALE, Scale, WHITE};
+use super::ticks::Tick;
+
+/// plotters knows whole pixels only; it is given a canvas this many times larger, which the SVG header shrinks again.
+const FINE: f64 = 10.0;
+const FONT: f64 = 13.0;
+
+/// Where the axes lie in a figure, in pixels of the figure.
+#[derive(Debug, Clone, Copy)]
+pub struct Layout {
+    pub size: [f64; 2],
+    /// Left, top, right, bottom.
+    pub margin: [f64; 4],
+}
+
+/// A figure in the making. Data run over `x` and `y`; sizes and widths are pixels.
+pub struct Plot<'a> {
+    backend: SVGBackend<'a>,
+    layout: Layout,
+    x: [f64; 2],
+    y: [f64; 2],
+}
+
+/// Draws a figure and returns it as SVG. In text `_{…}` and `^{…}` set indices and powers.
+pub fn figure(layout: Layout, x: [f64; 2], y: [f64; 2], draw: impl FnOnce(&mut Plot)) -> String {
+    let mut svg = String::new();
+    let size = layout.size.map(|side| (side * FINE) as u32);
+    let mut plot = Plot {
+        backend: SVGBackend::with_string(&mut svg, (size[0], size[1])),
+        layout,
+        x,
+        y,
+    };
+    let whole = [[0.0, 0.0], layout.size];
+    plot.pixel_box(whole, WHITE, 1.0);
+    draw(&mut plot);
+    plot.backend.present().expect(IN_MEMORY);
+    drop(plot);
+    let [width, height] = layout.size;
+    let body = svg.find('>').map_or("", |end| &svg[end + 1..]);
+    let header = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} {}\" \
+         stroke-linejoin=\"round\" stroke-linecap=\"round\">",
+        size[0], size[1]
+    );
+    header + &typeset(body)
+}
+
+const IN_MEMORY: &str = "drawing into a string does not fail";
+
+impl Plot<'_> {
+    /// Pixel of a point of the data.
+    fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [[left, top], [right, bottom]] = self.frame();
+        let part = |value: f64, [low, high]: [f64; 2]| (value - low) / (high - low);
+        [
+            left + (right - left) * part(x, self.x),
+            bottom - (bottom - top) * part(y, self.y),
+        ]
+    }
+
+    /// Upper left and lower right corner of the axes.
+    fn frame(&self) -> [[f64; 2]; 2] {
+        let Layout {
+            size: [width, height],
+            margin: [left, top, right, bottom],
+        } = self.layout;
+        [[left, top], [width - right, height - bottom]]
+    }
+
+    /// Pixels of one unit of x.
+    pub fn scale(&self) -> f64 {
+        let [[left, _], [right, _]] = self.frame();
+        (right - left) / (self.x[1] - self.x[0])
+    }
+
+    /// A line through points of the data.
+    pub fn line(&mut self, points: &[[f64; 2]], colour: RGBColor, width: f64) {
+        let path: Vec<_> = points
+            .iter()
+            .map(|point| fine(self.pixel(*point)))
+            .collect();
+        self.backend
+            .draw_path(path, &stroke(colour, width))
+            .expect(IN_MEMORY);
+    }
+
+    /// A filled polygon of the data.
+    pub fn area(&mut self, points: &[[f64; 2]], colour: RGBColor, opacity: f64) {
+        let path: Vec<_> = points
+            .iter()
+            .map(|point| fine(self.pixel(*point)))
+            .collect();
+        self.backend
+            .fill_polygon(path, &colour.mix(opacity))
+            .expect(IN_MEMORY);
+    }
+
+    /// A disk with an outline; `radius` in pixels.
+    pub fn disk(
+        &mut self,
+        centre: [f64; 2],
+        radius: f64,
+        fill: RGBColor,
+        outline: Option<RGBColor>,
+    ) {
+        let (centre, radius) = (fine(self.pixel(centre)), (radius * FINE).round() as u32);
+        self.backend
+            .draw_circle(centre, radius, &fill, true)
+            .expect(IN_MEMORY);
+        if let Some(outline) = outline {
+            self.backend
+                .draw_circle(centre, radius, &stroke(outline, 0.5), false)
+                .expect(IN_MEMORY);
+        }
+    }
+
+    /// A vertical line over the whole height, dashed.
+    pub fn upright(&mut self, x: f64, colour: RGBColor) {
+        let [[_, top], [_, bottom]] = self.frame();
+        let [x, _] = self.pixel([x, self.y[0]]);
+        let mut y = top;
+        while y < bottom {
+            self.pixel_line([[x, y], [x, (y + 5.0).min(bottom)]], colour, 1.2);
+            y += 9.0;
+        }
+    }
+
+    /// A band over the whole height.
+    pub fn band(&mut self, from: f64, to: f64, colour: RGBColor, opacity: f64) {
+        let [[left, top], [right, bottom]] = self.frame();
+        let [a, b] = [from, to].map(|x| self.pixel([x, self.y[0]])[0].clamp(left, right));
+        self.pixel_box([[a, top], [b, bottom]], colour, opacity);
+    }
+
+    /// Text beside a place on the x axis, at the top and on the side where there is room.
+    pub fn note(&mut self, x: f64, text: &str) {
+        let [[left, top], [right, _]] = self.frame();
+        let [x, _] = self.pixel([x, self.y[0]]);
+        let (side, x) = if x > 0.5 * (left + right) {
+            (HPos::Right, x - 7.0)
+        } else {
+            (HPos::Left, x + 7.0)
+        };
+        self.text([x, top + 8.0], text, FONT, (side, VPos::Top), INK);
+    }
+
+    /// Paints over all that was drawn outside the axes. Call it before the axes.
+    pub fn clip(&mut self) {
+        let [[left, top], [right, bottom]] = self.frame();
+        let [width, height] = self.layout.size;
+        let far = 4000.0;
+        for edge in [
+            [[-far, -far], [left, height + far]],
+            [[right, -far], [width + far, height + far]],
+            [[-far, -far], [width + far, top]],
+            [[-far, bottom], [width + far, height + far]],
+        ] {
+            self.pixel_box(edge, WHITE, 1.0);
+        }
+    }
+
+    /// Pale lines at the ticks, behind the data.
+    pub fn grid(&mut self, x: &[Tick], y: &[Tick]) {
+        let [[left, top], [right, bottom]] = self.frame();
+        for (value, _) in x {
+            let [at, _] = self.pixel([*value, self.y[0]]);
+            self.pixel_line([[at, top], [at, bottom]], PALE, 0.8);
+        }
+        for (value, _) in y {
+            let [_, at] = self.pixel([self.x[0], *value]);
+            self.pixel_line([[left, at], [right, at]], PALE, 0.8);
+        }
+    }
+
+    /// The axes with their ticks and labels.
+    pub fn axes(&mut self, x: &[Tick], y: &[Tick], x_label: &str, y_label: &str) {
+        let [[left, top], [right, bottom]] = self.frame();
+        let corners = [
+            [left, top],
+            [right, top],
+            [right, bottom],
+            [left, bottom],
+            [left, top],
+        ];
+        corners
+            .windows(2)
+            .for_each(|side| self.pixel_line([side[0], side[1]], INK, 1.0));
+        for (value, label) in x {
+            let [at, _] = self.pixel([*value, self.y[0]]);
+            self.pixel_line([[at, bottom], [at, bottom + 5.0]], INK, 1.0);
+            self.text(
+                [at, bottom + 9.0],
+                label,
+                FONT,
+                (HPos::Center, VPos::Top),
+                INK,
+            );
+        }
+        for (value, label) in y {
+            let [_, at] = self.pixel([self.x[0], *value]);
+            self.pixel_line([[left - 5.0, at], [left, at]], INK, 1.0);
+            self.text(
+                [left - 9.0, at],
+                label,
+                FONT,
+                (HPos::Right, VPos::Center),
+                INK,
+            );
+        }
+        let below = [(left + right) / 2.0, bottom + 30.0];
+        self.text(below, x_label, FONT + 1.0, (HPos::Center, VPos::Top), INK);
+        self.upright_text([16.0, (top + bottom) / 2.0], y_label);
+    }
+
+    /// Line samples and their names in a row above the axes, from the left.
+    pub fn legend(&mut self, entries: &[(RGBColor, &str)]) {
+        let [[left, top], _] = self.frame();
+        let (mut x, y) = (left, top - 14.0);
+        for (colour, name) in entries {
+            self.pixel_box([[x, y - 3.0], [x + 22.0, y + 3.0]], *colour, 1.0);
+            self.text([x + 28.0, y], name, FONT, (HPos::Left, VPos::Center), INK);
+            let length = name.chars().filter(|c| !"_^{}".contains(*c)).count();
+            x += 28.0 + 7.2 * length as f64 + 22.0;
+        }
+    }
+
+    /// A colour bar at the right of the axes; `ticks` on 0 … 1.
+    pub fn colour_bar(&mut self, scale: &Scale, ticks: &[Tick], label: &str) {
+        const PIECES: usize = 128;
+        let [[_, top], [right, bottom]] = self.frame();
+        let (left, right) = (right + 18.0, right + 36.0);
+        let height = bottom - top;
+        // Each piece reaches down to the end and the next one covers it, so that no seam shows between them.
+        for piece in (0..PIECES).rev() {
+            let upper = bottom - height * (piece + 1) as f64 / PIECES as f64;
+            let colour = scale.at((piece as f64 + 0.5) / PIECES as f64);
+            self.pixel_box([[left, upper], [right, bottom]], colour, 1.0);
+        }
+        let corners = [
+            [left, top],
+            [right, top],
+            [right, bottom],
+            [left, bottom],
+            [left, top],
+        ];
+        corners
+            .windows(2)
+            .for_each(|side| self.pixel_line([side[0], side[1]], INK, 0.8));
+        for (value, text) in ticks {
+            let y = bottom - height * value;
+            self.pixel_line([[right, y], [right + 4.0, y]], INK, 0.8);
+            self.text(
+                [right + 8.0, y],
+                text,
+                FONT,
+                (HPos::Left, VPos::Center),
+                INK,
+            );
+        }
+        self.upright_text([self.layout.size[0] - 14.0, (top + bottom) / 2.0], label);
+    }
+
+    /// A line of text over the axes, from their left end.
+    pub fn title(&mut self, text: &str) {
+        let [[left, top], _] = self.frame();
+        self.text(
+            [left, top - 14.0],
+            text,
+            FONT,
+            (HPos::Left, VPos::Center),
+            INK,
+        );
+    }
+
+    /// Text in the middle of the axes, where there is nothing to draw.
+    pub fn apology(&mut self, text: &str) {
+        let [[left, top], [right, bottom]] = self.frame();
+        let middle = [(left + right) / 2.0, (top + bottom) / 2.0];
+        self.text(middle, text, FONT + 1.0, (HPos::Center, VPos::Center), GREY);
+    }
+
+    fn pixel_line(&mut self, [from, to]: [[f64; 2]; 2], colour: RGBColor, width: f64) {
+        self.backend
+            .draw_line(fine(from), fine(to), &stroke(colour, width))
+            .expect(IN_MEMORY);
+    }
+
+    fn pixel_box(&mut self, [a, b]: [[f64; 2]; 2], colour: RGBColor, opacity: f64) {
+        self.backend
+            .draw_rect(fine(a), fine(b), &colour.mix(opacity), true)
+            .expect(IN_MEMORY);
+    }
+
+    fn text(
+        &mut self,
+        at: [f64; 2],
+        text: &str,
+        size: f64,
+        anchor: (HPos, VPos),
+        colour: RGBColor,
+    ) {
+        let style = font(size, &colour).pos(Pos::new(anchor.0, anchor.1));
+        self.backend
+            .draw_text(text, &style, fine(at))
+            .expect(IN_MEMORY);
+    }
+
+    fn upright_text(&mut self, at: [f64; 2], text: &str) {
+        let style = font(FONT + 1.0, &INK).pos(Pos::new(HPos::Center, VPos::Center));
+        let style = style.transform(FontTransform::Rotate270);
+        self.backend
+            .draw_text(text, &style, fine(at))
+            .expect(IN_MEMORY);
+    }
+}
+
+/// plotters divides the size of fonts by 1.24 for SVG.
+fn font(size: f64, colour: &RGBColor) -> TextStyle<'_> {
+    TextStyle::from(("Helvetica, Arial, sans-serif", size * 1.24 * FINE).into_font()).color(colour)
+}
+
+fn fine(at: [f64; 2]) -> (i32, i32) {
+    ((at[0] * FINE).round() as i32, (at[1] * FINE).round() as i32)
+}
+
+fn stroke(colour: RGBColor, width: f64) -> ShapeStyle {
+    ShapeStyle {
+        color: colour.to_rgba(),
+        filled: false,
+        stroke_width: (width * FINE).round().max(1.0) as u32,
+    }
+}
+
+/// Sets `_{…}` and `^{…}` as indices and powers. plotters ends every text with a line break, so that lines are texts.
+fn typeset(svg: &str) -> String {
+    let mut out = String::with_capacity(svg.len());
+    for line in svg.split_inclusive('\n') {
+        let mut rest = line;
+        let mut shifted = false;
+        while let Some((before, mark, inner, after)) = next_mark(rest) {
+            let (down, up) = if mark == '_' {
+                ("0.3em", "-0.219em")
+            } else {
+                ("-0.55em", "0.4015em")
+            };
+            out.push_str(before);
+            if shifted {
+                out.push_str("</tspan>");
+            }
+            out.push_str(&format!(
+                "<tspan dy=\"{down}\" font-size=\"73%\">{inner}</tspan>"
+            ));
+            shifted = !after.trim_end().is_empty();
+            if shifted {
+                out.push_str(&format!("<tspan dy=\"{up}\">"));
+            }
+            // Renderers drop a space at the beginning of a tspan.
+            let spaced = after.strip_prefix(' ').filter(|_| shifted);
+            if spaced.is_some() {
+                out.push('\u{a0}');
+            }
+            rest = spaced.unwrap_or(after);
+        }
+        out.push_str(if shifted {
+            rest.trim_end_matches('\n')
+        } else {
+            rest
+        });
+        if shifted {
+            out.push_str("</tspan>\n");
+        }
+    }
+    out
+}
+
+/// Text before the next mark, the mark, what it encloses, and the text after it.
+fn next_mark(text: &str) -> Option<(&str, char, &str, &str)> {
+    let at = [text.find("_{"), text.find("^{")]
+        .into_iter()
+        .flatten()
+        .min()?;
+    let end = at + text[at..].find('}')?;
+    Some((
+        &text[..at],
+        text[at..].chars().next()?,
+        &text[at + 2..end],
+        &text[end + 1..],
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices_and_powers_are_set_and_undone() {
+        let set = typeset("|Δτ_{p}|/r^{2}\n<a b_=\"c\"/>\n");
+        let expected = "|Δτ<tspan dy=\"0.3em\" font-size=\"73%\">p</tspan><tspan dy=\"-0.219em\">|/r</tspan>\
+                        <tspan dy=\"-0.55em\" font-size=\"73%\">2</tspan>\n<a b_=\"c\"/>\n";
+        assert_eq!(set, expected);
+    }
+
+    #[test]
+    fn points_land_on_their_pixels() {
+        let layout = Layout {
+            size: [200.0, 100.0],
+            margin: [50.0, 10.0, 50.0, 40.0],
+        };
+        let svg = figure(layout, [0.0, 10.0], [-1.0, 1.0], |plot| {
+            assert_eq!(plot.scale(), 10.0);
+            plot.line(&[[0.0, -1.0], [10.0, 1.0], [5.0, 0.0]], INK, 2.0);
+        });
+        assert!(
+            svg.contains("points=\"500,600 1500,100 1000,350 \""),
+            "{svg}"
+        );
+        assert!(svg.contains("stroke-width=\"20\"") && svg.contains("viewBox=\"0 0 2000 1000\""));
+    }
+}

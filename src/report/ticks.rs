@@ -1,0 +1,118 @@
+//! Round numbers along an axis, and prefixes of units.
+
+/// A tick: where, and what to write there.
+pub type Tick = (f64, String);
+
+/// About `wanted` round numbers within `low` … `high`, at steps of 1, 2 or 5 times a power of ten.
+pub fn round(low: f64, high: f64, wanted: usize) -> Vec<Tick> {
+    let span = high - low;
+    if !(span.is_finite() && span > 0.0) {
+        return Vec::new();
+    }
+    let raw = span / wanted.max(1) as f64;
+    let power = raw.log10().floor();
+    let unit = 10f64.powf(power);
+    let factor = [1.0, 2.0, 5.0]
+        .into_iter()
+        .find(|factor| factor * unit >= raw * 0.999)
+        .unwrap_or(10.0);
+    let step = factor * unit;
+    let decimals = if factor == 10.0 { -power - 1.0 } else { -power }.max(0.0) as usize;
+    let first = (low / step - 1e-9).ceil() as i64;
+    let last = (high / step + 1e-9).floor() as i64;
+    let tick = |k: i64| {
+        let value = k as f64 * step;
+        (value, format!("{value:.decimals$}").replace('-', "−"))
+    };
+    (first..=last).map(tick).collect()
+}
+
+/// The powers of ten within 10^low … 10^high, on an axis of logarithms; every second, third, … where there are many.
+pub fn decades(low: f64, high: f64, most: usize) -> Vec<Tick> {
+    let (first, last) = ((low - 1e-9).ceil() as i64, (high + 1e-9).floor() as i64);
+    let step = ((last - first).max(0) as usize / most.max(1) + 1) as i64;
+    let tick = |k: i64| {
+        (
+            k as f64,
+            format!("10^{{{}}}", k.to_string().replace('-', "−")),
+        )
+    };
+    (first..=last)
+        .filter(|k| k.rem_euclid(step) == 0)
+        .map(tick)
+        .collect()
+}
+
+/// The factor and the prefix by which a value is written with one to three digits before the point.
+pub fn prefix(value: f64) -> (f64, &'static str) {
+    const PREFIXES: [(i32, &str); 9] = [
+        (-12, "p"),
+        (-9, "n"),
+        (-6, "µ"),
+        (-3, "m"),
+        (0, ""),
+        (3, "k"),
+        (6, "M"),
+        (9, "G"),
+        (12, "T"),
+    ];
+    let power = (value.abs().log10() / 3.0).floor() * 3.0;
+    let power = if power.is_finite() {
+        (power as i32).clamp(-12, 12)
+    } else {
+        0
+    };
+    let (power, name) = PREFIXES[((power + 12) / 3) as usize];
+    (10f64.powi(-power), name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(ticks: Vec<Tick>) -> Vec<String> {
+        ticks.into_iter().map(|(_, label)| label).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_and_within_the_axis() {
+        assert_eq!(labels(round(0.0, 10.0, 5)), ["0", "2", "4", "6", "8", "10"]);
+        assert_eq!(labels(round(-0.13, 0.27, 4)), ["−0.1", "0.0", "0.1", "0.2"]);
+        assert_eq!(
+            labels(round(5.1234, 5.1291, 3)),
+            ["5.124", "5.126", "5.128"]
+        );
+        assert_eq!(
+            labels(round(0.0, 70.0, 10)),
+            ["0", "10", "20", "30", "40", "50", "60", "70"]
+        );
+        assert!(round(1.0, 1.0, 5).is_empty() && round(f64::NAN, 1.0, 5).is_empty());
+    }
+
+    #[test]
+    fn decades_thin_out() {
+        assert_eq!(
+            labels(decades(-3.2, 0.0, 9)),
+            ["10^{−3}", "10^{−2}", "10^{−1}", "10^{0}"]
+        );
+        assert_eq!(labels(decades(0.0, 8.0, 4)).len(), 3);
+    }
+
+    #[test]
+    fn prefixes_leave_one_to_three_digits() {
+        let values = [
+            (48e-6, 48.0, "µ"),
+            (0.75, 750.0, "m"),
+            (1.0, 1.0, ""),
+            (13e3, 13.0, "k"),
+        ];
+        for (value, shown, name) in values {
+            let (factor, prefix) = prefix(value);
+            assert!(
+                (value * factor - shown).abs() < 1e-9 * shown && prefix == name,
+                "{value}: {factor} {prefix}"
+            );
+        }
+        assert_eq!(prefix(0.0), (1.0, ""));
+    }
+}

@@ -1,0 +1,74 @@
+//! `gshear-reduce` through its binary, on made-up runs.
+
+mod compare;
+mod fixture;
+mod reading;
+mod results;
+
+use std::process::{Command, Output};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use fixture::Fixture;
+use tempfile::TempDir;
+
+/// Held by every test: a child process would inherit files that another test has open, and HDF5's locks on them.
+fn alone() -> MutexGuard<'static, ()> {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn reduce(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gshear-reduce"))
+        .args(arguments)
+        .output()
+        .expect("the program runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("UTF-8")
+}
+
+/// A folder with the run of `fixture` in it.
+fn folder_with(fixture: &Fixture) -> (TempDir, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    fixture.write(&folder.path().join("run.h5"));
+    let path = folder.path().to_str().expect("UTF-8").to_string();
+    (folder, path)
+}
+
+/// Asks for exit code 0 and nothing on standard error; returns standard output.
+fn done(arguments: &[&str]) -> String {
+    let output = reduce(arguments);
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{arguments:?}: {}",
+        text(&output.stderr)
+    );
+    assert_eq!(text(&output.stderr), "");
+    text(&output.stdout)
+}
+
+/// Asks for exit code 2 and one line on standard error; returns it.
+fn refused(arguments: &[&str]) -> String {
+    let output = reduce(arguments);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+    assert_eq!(message.lines().count(), 1, "{message}");
+    assert!(message.starts_with("error: "), "{message}");
+    message
+}
+
+#[test]
+fn bad_arguments_are_refused() {
+    let _alone = alone();
+    let (_folder, path) = folder_with(&Fixture::small());
+    assert!(refused(&["dmin", &path, "--radius", "-1"]).contains("--radius -1"));
+    for arguments in [
+        &["melt", &path][..],
+        &["info"],
+        &["info", &path, "--threads", "0"],
+    ] {
+        assert_eq!(reduce(arguments).status.code(), Some(2), "{arguments:?}");
+    }
+}

@@ -1,0 +1,269 @@
+//! `dmin`, `phases` and `report`.
+
+use std::path::{Path, PathBuf};
+
+use gshear::state::Frame;
+
+use crate::fixture::Fixture;
+use crate::{alone, done, folder_with};
+
+#[test]
+fn dmin_is_written_for_every_frame() {
+    let _alone = alone();
+    let mut fixture = Fixture::sheared(16, 12, 7);
+    // Frame 3 is an affine map of frame 2: simple shear, which keeps the period.
+    fixture.frames[3] = Frame {
+        step: 3000,
+        ..fixture.frames[2].clone()
+    };
+    let length = fixture.grains.length;
+    fixture.frames[3]
+        .position
+        .iter_mut()
+        .for_each(|r| r[0] = (r[0] + 0.01 * r[1]).rem_euclid(length));
+    let (folder, path) = folder_with(&fixture);
+    done(&["dmin", &path, "--threads", "2"]);
+    assert!(!folder.path().join("reduced.h5.part").exists());
+
+    let file = hdf5::File::open(folder.path().join("reduced.h5")).expect("reduced.h5");
+    let values = file
+        .dataset("dmin/value")
+        .expect("values")
+        .read_2d::<f64>()
+        .expect("[T][N]");
+    let strain = file
+        .dataset("dmin/strain")
+        .expect("strain")
+        .read_1d::<f64>()
+        .expect("[T]");
+    assert_eq!((values.dim(), strain.len()), ((7, 192), 7));
+    assert!(values.row(0).iter().all(|value| value.is_nan()));
+    let radius = fixture.grains.mean_radius();
+    for t in 1..7 {
+        let mut contacts = vec![0; 192];
+        for contact in &fixture.frames[t - 1].contacts {
+            contacts[contact.i as usize] += 1;
+            contacts[contact.j as usize] += 1;
+        }
+        for n in 0..192 {
+            let few = contacts[n] <= if fixture.grains.body[n] == 0 { 2 } else { 1 };
+            assert_eq!(values[[t, n]].is_nan(), few, "frame {t} grain {n}");
+            if t == 3 && !few {
+                assert!(
+                    values[[t, n]] <= 1e-24 * radius * radius,
+                    "grain {n}: {:e}",
+                    values[[t, n]]
+                );
+            }
+        }
+    }
+    assert!(values.iter().any(|value| *value > 1e-9 * radius * radius));
+
+    let elsewhere = folder.path().join("elsewhere");
+    done(&[
+        "dmin",
+        &path,
+        "--threads",
+        "1",
+        "--out",
+        elsewhere.to_str().expect("UTF-8"),
+    ]);
+    let file = hdf5::File::open(elsewhere.join("reduced.h5")).expect("reduced.h5");
+    let again = file
+        .dataset("dmin/value")
+        .expect("values")
+        .read_2d::<f64>()
+        .expect("[T][N]");
+    let bits = |values: &ndarray::Array2<f64>| {
+        values
+            .iter()
+            .map(|value| value.to_bits())
+            .collect::<Vec<_>>()
+    };
+    assert!(bits(&values) == bits(&again), "threads reach the numbers");
+}
+
+#[test]
+fn phases_are_tabulated() {
+    let _alone = alone();
+    let mut fixture = Fixture::small();
+    let tau: Vec<f64> = (0..51)
+        .map(|row| {
+            if row < 20 {
+                f64::from(row)
+            } else {
+                100.0 - 0.25 * f64::from(row)
+            }
+        })
+        .collect();
+    fixture.series[1] = tau;
+    let (folder, path) = folder_with(&fixture);
+    let told = done(&["phases", &path]);
+    assert!(told.contains("largest drop: Δτ_p = -7.5000e0"), "{told}");
+    let csv = std::fs::read_to_string(folder.path().join("phases.csv")).expect("the table");
+    let rows: Vec<Vec<&str>> = csv
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').collect())
+        .collect();
+    assert_eq!(rows.len(), 2);
+    assert_eq!(rows[0][..7], ["0", "stick", "long", "0", "20", "0", "2000"]);
+    assert_eq!(
+        rows[1][..7],
+        ["1", "slip", "long", "20", "50", "2000", "5000"]
+    );
+    assert_eq!(
+        (rows[0][9], rows[0][11], rows[1][11]),
+        ("20", "95.0", "-7.5")
+    );
+    assert_eq!(rows[1][8].parse(), Ok(fixture.series[0][50]));
+}
+
+/// Checks that tags are nested and closed, that attributes are quoted, and that no `<` or `&` stands alone.
+fn assert_well_formed(xml: &str, file: &Path) {
+    let mut open: Vec<&str> = Vec::new();
+    let mut rest = xml;
+    while let Some(at) = rest.find('<') {
+        let words = &rest[..at];
+        for entity in words.match_indices('&').map(|(at, _)| &words[at..]) {
+            let known = ["&lt;", "&gt;", "&amp;", "&quot;", "&apos;"];
+            assert!(
+                known.iter().any(|known| entity.starts_with(known)),
+                "{}: {entity}",
+                file.display()
+            );
+        }
+        let end = at
+            + rest[at..]
+                .find('>')
+                .unwrap_or_else(|| panic!("{}: an open tag", file.display()));
+        let tag = &rest[at + 1..end];
+        rest = &rest[end + 1..];
+        assert!(
+            !tag.contains('<') && tag.matches('"').count().is_multiple_of(2),
+            "{}: <{tag}>",
+            file.display()
+        );
+        if let Some(name) = tag.strip_prefix('/') {
+            assert_eq!(open.pop(), Some(name), "{}: </{name}>", file.display());
+        } else if !tag.ends_with('/') && !tag.starts_with('!') {
+            open.push(tag.split_whitespace().next().expect("a name"));
+        }
+    }
+    assert!(
+        open.is_empty(),
+        "{}: {open:?} are not closed",
+        file.display()
+    );
+}
+
+/// Makes a report and returns the names of its files, each of them checked.
+fn report_of(fixture: &Fixture) -> (Vec<String>, serde_json::Value, String) {
+    let (folder, path) = folder_with(fixture);
+    done(&["report", &path]);
+    let entries = std::fs::read_dir(folder.path().join("report")).expect("the report");
+    let mut files: Vec<PathBuf> = entries
+        .map(|entry| entry.expect("an entry").path())
+        .collect();
+    files.sort();
+    for file in files.iter().filter(|file| !file.ends_with("summary.json")) {
+        assert_well_formed(&std::fs::read_to_string(file).expect("text"), file);
+    }
+    let read = |name: &str| {
+        std::fs::read_to_string(folder.path().join("report").join(name)).expect("text")
+    };
+    let summary = serde_json::from_str(&read("summary.json")).expect("JSON");
+    let names = files.iter().map(|file| {
+        file.file_name()
+            .expect("a name")
+            .to_str()
+            .expect("UTF-8")
+            .to_string()
+    });
+    (names.collect(), summary, read("index.html"))
+}
+
+#[test]
+fn a_report_has_every_figure_and_needs_nothing_else() {
+    let _alone = alone();
+    let (names, summary, page) = report_of(&Fixture::sheared(16, 12, 20));
+    let expected = [
+        "dmin.svg",
+        "force-change.svg",
+        "force-network-after.svg",
+        "force-network-before.svg",
+        "index.html",
+        "largest-drop.svg",
+        "phase-histogram.svg",
+        "stress-strain.svg",
+        "summary.json",
+    ];
+    assert_eq!(names, expected);
+    assert_eq!(page.matches("<svg ").count(), 7);
+    assert!(page.contains("Made up &lt;for&gt; tests &amp; nothing else"));
+    let links = page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+    assert!(
+        !links.contains("http") && !links.contains("src=") && !links.contains("href="),
+        "the page stands alone"
+    );
+    assert_eq!(summary["digest"], "00c0ffee00c0ffee");
+    assert_eq!(summary["grains"], 192);
+    let [earlier, later] = [0, 1].map(|k| summary["maps"]["frames"][k].as_u64().expect("a frame"));
+    assert!(earlier < later && later < 20);
+}
+
+#[test]
+fn a_summary_has_the_numbers_of_the_run() {
+    let _alone = alone();
+    let mut fixture = Fixture::small();
+    // Strain 0 … 50, τ = 1 in the first half, then 2 and 4 in turn: mean 3, deviation 1 but for the odd row.
+    fixture.series[0] = (0..51).map(f64::from).collect();
+    fixture.series[1] = (0..51)
+        .map(|row| {
+            if row < 25 {
+                1.0
+            } else {
+                f64::from(2 + 2 * (row % 2))
+            }
+        })
+        .collect();
+    let (_, summary, _) = report_of(&fixture);
+    // Rows 25 … 50: 13 times 4, 13 times 2.
+    assert_eq!(summary["stress_ratio_latter_half"]["mean"], 3.0);
+    assert_eq!(
+        summary["stress_ratio_latter_half"]["standard_deviation"],
+        1.0
+    );
+    assert_eq!(
+        summary["phases"]["stick"],
+        serde_json::json!({ "long": 1, "short": 12 })
+    );
+    assert_eq!(
+        summary["phases"]["slip"],
+        serde_json::json!({ "long": 0, "short": 13 })
+    );
+    assert_eq!(summary["largest_drop"]["delta_tau"], -2.0);
+    assert_eq!(summary["largest_drop"]["rows"], serde_json::json!([25, 26]));
+    // Frames are every tenth row.
+    assert_eq!(summary["maps"]["frames"], serde_json::json!([2, 3]));
+}
+
+#[test]
+fn a_report_of_next_to_nothing_says_so() {
+    let _alone = alone();
+    let mut fixture = Fixture::small();
+    fixture.frames.clear();
+    fixture.digest = None;
+    let (names, summary, page) = report_of(&fixture);
+    assert!(
+        !names.contains(&"dmin.svg".to_string())
+            && names.contains(&"stress-strain.svg".to_string())
+    );
+    assert!(summary["maps"].is_null() && summary["digest"].is_null());
+    assert!(page.contains("there are no maps") && page.contains("stopped early"));
+
+    fixture.series.iter_mut().for_each(Vec::clear);
+    fixture.series_step.clear();
+    let (_, summary, _) = report_of(&fixture);
+    assert!(summary["largest_drop"].is_null());
+}
