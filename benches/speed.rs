@@ -1,0 +1,219 @@
+//! Speed of whole runs, through the real program: medians of several repetitions, and ratios of runs taken in turn.
+//!
+//! `cargo bench` runs the small scenes in a few minutes; `cargo bench -- large` adds 100,000 disks, which take an hour to pack.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const REPETITIONS: usize = 5;
+
+/// A scene packed once, from whose first shear step every run goes on.
+struct Packed {
+    name: &'static str,
+    checkpoint: PathBuf,
+    /// γ of a run.
+    strain: f64,
+}
+
+/// What a run says of itself.
+struct Said {
+    /// Grain-steps per second, all ranks together (millions).
+    speed: f64,
+    digest: String,
+    text: String,
+}
+
+fn program(ranks: usize) -> Command {
+    let program = env!("CARGO_BIN_EXE_gshear-mpi");
+    if ranks == 1 {
+        return Command::new(program);
+    }
+    let mut command = Command::new("mpirun");
+    command
+        .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
+        .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+        .args(["--bind-to", "none", "-n", &ranks.to_string(), program]);
+    command
+}
+
+fn run(command: &mut Command, ranks: usize, accepted: i32) -> Said {
+    let output = command.output().expect("the program starts");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(
+        output.status.code(),
+        Some(accepted),
+        "{command:?}\n{text}{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let after = |word: &str| {
+        text.lines()
+            .find_map(|l| l.strip_prefix(word))
+            .unwrap_or("")
+    };
+    Said {
+        speed: after("speed ").parse::<f64>().unwrap_or(f64::NAN) * ranks as f64 * 1e-6,
+        digest: after("digest ").into(),
+        text,
+    }
+}
+
+/// Packs a scene on two ranks, unless it was packed before. `set` belongs to the scene.
+fn pack(folder: &Path, name: &'static str, config: &str, set: &[&str], strain: f64) -> Packed {
+    let out = folder.join(name);
+    let checkpoint = out.join("checkpoint.h5");
+    if !checkpoint.exists() {
+        eprintln!("packing {name} …");
+        let config = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("configs")
+            .join(config);
+        let mut command = program(2);
+        command
+            .arg(config)
+            .arg("--out")
+            .arg(&out)
+            .args(["--stop-at", "1"]);
+        command.args(set.iter().map(|s| format!("--set={s}")));
+        run(&mut command, 2, 75);
+    }
+    Packed {
+        name,
+        checkpoint,
+        strain,
+    }
+}
+
+impl Packed {
+    fn run(&self, folder: &Path, ranks: usize, set: &[&str]) -> Said {
+        let out = folder.join("run");
+        let mut command = program(ranks);
+        command
+            .arg("--resume")
+            .arg(&self.checkpoint)
+            .arg("--out")
+            .arg(&out);
+        command.arg(format!("--set=shear.strain={}", self.strain));
+        command.args(set.iter().map(|s| format!("--set={s}")));
+        let said = run(&mut command, ranks, 0);
+        std::fs::remove_dir_all(&out).expect("the run's folder");
+        said
+    }
+
+    /// Two kinds of run in turn. Prints both medians and the median ratio of b to a.
+    fn pair(&self, folder: &Path, what: &str, a: (usize, &[&str]), b: (usize, &[&str])) {
+        let mut speeds = [Vec::new(), Vec::new()];
+        let mut ratios = Vec::new();
+        let mut digests = Vec::new();
+        for _ in 0..REPETITIONS {
+            let (first, second) = (self.run(folder, a.0, a.1), self.run(folder, b.0, b.1));
+            ratios.push(second.speed / first.speed);
+            speeds[0].push(first.speed);
+            speeds[1].push(second.speed);
+            digests.extend([first.digest, second.digest]);
+        }
+        let equal = digests.iter().all(|d| *d == digests[0]);
+        println!(
+            "{:<22}{what:<38}{:>9.1}{:>9.1}{:>9.3}{:>16}",
+            self.name,
+            median(&mut speeds[0]),
+            median(&mut speeds[1]),
+            median(&mut ratios),
+            if equal { "equal" } else { "different" },
+        );
+    }
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn main() {
+    let large = std::env::args().any(|a| a == "large");
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("speed");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let quiet = ["output.frame_strain=0.0", "output.checkpoint_strain=0.0"];
+    let plain = ["output.checkpoint_strain=0.0"];
+
+    let default = pack(&folder, "default-1000", "plane-shear-2d.toml", &[], 0.01);
+    let fast = [
+        "shear.inertial_number=2e-4",
+        "output.frame_strain=1e-4",
+        "output.frame_start=0.0",
+    ];
+    let five = pack(&folder, "large-5000", "lee-hurley-large.toml", &fast, 0.003);
+
+    let processor = gshear::io::provenance::processor();
+    println!(
+        "{REPETITIONS} repetitions, medians; million grain-steps per second of all ranks; {processor}"
+    );
+    println!(
+        "{:<22}{:<38}{:>9}{:>9}{:>9}{:>16}",
+        "scene", "a, b", "a", "b", "b/a", "digests"
+    );
+    for scene in [&default, &five] {
+        scene.pair(
+            &folder,
+            "1 rank, 2 ranks; no frames",
+            (1, &quiet),
+            (2, &quiet),
+        );
+    }
+    default.pair(
+        &folder,
+        "1 rank; no frames, with frames",
+        (1, &quiet),
+        (1, &plain),
+    );
+    default.pair(
+        &folder,
+        "2 ranks; no frames, with frames",
+        (2, &quiet),
+        (2, &plain),
+    );
+    let frictionless = [
+        quiet[0],
+        quiet[1],
+        "contact.friction=0.0",
+        "contact.rolling_friction=0.0",
+    ];
+    let no_rolling = [quiet[0], quiet[1], "contact.rolling_friction=0.0"];
+    default.pair(
+        &folder,
+        "1 rank; full law, without rolling",
+        (1, &quiet),
+        (1, &no_rolling),
+    );
+    default.pair(
+        &folder,
+        "1 rank; full law, frictionless",
+        (1, &quiet),
+        (1, &frictionless),
+    );
+    for simd in ["avx2", "portable"] {
+        let set = [quiet[0], quiet[1], &format!("bookkeeping.simd={simd}")];
+        default.pair(
+            &folder,
+            &format!("1 rank; best instructions, {simd}"),
+            (1, &quiet),
+            (1, &set),
+        );
+    }
+    if large {
+        // As high as the default scene, but a hundred times as long.
+        let wide = [
+            "sample.grains=100000",
+            "sample.length=4.8e-3",
+            "pack.tolerance=1e-4",
+        ];
+        let hundred = pack(&folder, "wide-100000", "plane-shear-2d.toml", &wide, 0.0001);
+        hundred.pair(
+            &folder,
+            "1 rank, 2 ranks; no frames",
+            (1, &quiet),
+            (2, &quiet),
+        );
+        let memory = hundred.run(&folder, 2, &quiet).text;
+        let line = memory.lines().find(|l| l.contains("bytes per grain"));
+        println!("{}", line.unwrap_or(""));
+    }
+}
