@@ -36,7 +36,7 @@ fn bad_scenes_are_refused_and_nothing_is_written() {
     paths.sort();
     // All of them are tested in bad_input.rs; here is to see that the program passes on what it is told.
     for path in paths.iter().step_by(11) {
-        let text = std::fs::read_to_string(&path).expect("a bad input is text");
+        let text = std::fs::read_to_string(path).expect("a bad input is text");
         let expected = text
             .lines()
             .next()

@@ -104,7 +104,8 @@ pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
     let mut lines = BufReader::new(child.stdout.take().expect("its output"));
     let mut text = String::new();
     while !text.contains("step:") && lines.read_line(&mut text).expect("text") > 0 {}
-    succeed(Command::new("kill").args(["-USR1", &child.id().to_string()]));
+    // The one of the shell, since a bare Debian has no other.
+    succeed(Command::new("sh").args(["-c", &format!("kill -USR1 {}", child.id())]));
     lines.read_to_string(&mut text).expect("text");
     let status = child.wait().expect("its end");
     Outcome {

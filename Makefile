@@ -1,0 +1,60 @@
+RANKS ?= 2
+MPIRUN ?= mpirun
+OUT ?= out/plane-shear-2d
+
+PROGRAM := target/release/gshear-mpi
+REDUCE := target/release/gshear-reduce
+
+# Open MPI wants to be told twice that root is meant, as in a container.
+ifeq ($(shell id -u),0)
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+endif
+# More ranks than cores are slow, but right.
+export OMPI_MCA_rmaps_base_oversubscribe ?= 1
+# Bound ranks of two runs would share the first cores and leave the others idle.
+export OMPI_MCA_hwloc_base_binding_policy ?= none
+export MPIRUN
+
+.PHONY: help deps build run test scaling bench accuracy clean
+
+help:
+	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
+	@echo "make test      format, lints and every test, those through mpirun among them"
+	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
+	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
+	@echo "make bench     benchmarks"
+	@echo "make accuracy  the contact law against an independent integration"
+	@echo "make deps      install the system packages that are missing (Debian, Ubuntu)"
+	@echo "make clean     remove target/ (results in out/ stay)"
+
+deps:
+	@scripts/deps
+
+build: deps
+	cargo build --release --locked
+
+run: build
+	$(MPIRUN) -n $(RANKS) $(PROGRAM) --out $(OUT)
+	$(REDUCE) report $(OUT)/run.h5
+	@echo
+	@echo "Results in $(OUT):"
+	@ls -lh $(OUT) | awk 'NR > 1 { printf "  %-24s %s\n", $$NF, $$5 }'
+
+# All in the release profile: the tests run real programs, and one profile builds the dependencies once.
+test: deps
+	cargo fmt --check
+	cargo clippy --release --locked --all-targets -- -D warnings
+	cargo test --release --locked
+
+scaling: build
+	@scripts/scaling
+
+bench: deps
+	cargo bench --locked
+
+accuracy: deps
+	cargo run --release --locked --example accuracy
+
+clean:
+	cargo clean
