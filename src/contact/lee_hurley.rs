@@ -44,16 +44,11 @@ pub struct LeeHurley<const FRICTION: bool, const ROLLING: bool> {
     poisson: f64,
 }
 
-/// 1/E* = 2(1-ν²)/E for grains of one material (A3).
-pub fn effective_modulus(young_modulus: f64, poisson_ratio: f64) -> f64 {
-    young_modulus / (2.0 * (1.0 - poisson_ratio * poisson_ratio))
-}
-
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     pub fn new(material: &crate::config::Material, contact: &crate::config::Contact) -> Self {
         let nu = material.poisson_ratio;
         Self {
-            stiffness: PI * effective_modulus(material.young_modulus, nu),
+            stiffness: PI * material.effective_modulus(),
             density: PI * material.density,
             damping_ratio: contact.damping_ratio,
             friction: contact.friction,
@@ -272,7 +267,7 @@ mod tests {
     /// A2 itself: with the force of the closed form, a² = 4FR*/(πE*) and k_n of A2 give back the force.
     #[test]
     fn closed_form_satisfies_the_implicit_law() {
-        let (e, r1, r2) = (effective_modulus(1e9, 0.2), 0.5e-6, 0.9e-6);
+        let (e, r1, r2) = (MATERIAL.effective_modulus(), 0.5e-6, 0.9e-6);
         for exponent in -30..-9 {
             let overlap = (r1 + r2) * 2f64.powi(exponent);
             let force = normal_stiffness(e, r1, r2, overlap) * overlap;
@@ -288,7 +283,7 @@ mod tests {
         let law = LeeHurley::<true, true>::new(&MATERIAL, &CONTACT);
         for (ratio, expected) in [(0.005, 0.733), (0.01, 0.718), (0.05, 0.645), (0.1, 0.594)] {
             let r = 1e-6;
-            let e = effective_modulus(1e9, 0.2);
+            let e = MATERIAL.effective_modulus();
             // δ from a: F = πE*a²/(4R*), δ = F/k_n.
             let ell: f64 = (16.0f64 / (ratio * ratio)).ln();
             let k_n = PI * e / (ell - 1.0);
@@ -302,7 +297,7 @@ mod tests {
     fn slides_at_the_limit_and_remembers_it() {
         let law = LeeHurley::<true, true>::new(&MATERIAL, &CONTACT);
         let state = touch(&law, 1e-6, 1e-10, 1e-9, 0.0);
-        let force = normal_stiffness(effective_modulus(1e9, 0.2), 1e-6, 1e-6, 1e-10) * 1e-10;
+        let force = normal_stiffness(MATERIAL.effective_modulus(), 1e-6, 1e-6, 1e-10) * 1e-10;
         assert!((state[0] + 0.7 * force).abs() < 1e-15 * force);
     }
 

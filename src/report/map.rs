@@ -92,7 +92,11 @@ pub fn forces(grains: &Disks, frame: &Frame, view: View, greatest: f64, title: &
             greatest * factor,
         );
         plot.clip();
-        plot.colour_bar(&FORCE, &ticks, &format!("normal force F_{{n}} ({unit}N/m)"));
+        plot.colour_bar(
+            &FORCE,
+            &ticks,
+            &format!("normal force F_{{n}}\u{a0}({unit}N/m)"),
+        );
         plot.title(title);
     })
 }
