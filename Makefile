@@ -38,7 +38,7 @@ run: build
 	$(MPIRUN) -n $(RANKS) $(PROGRAM) --out $(OUT)
 	$(REDUCE) report $(OUT)/run.h5
 	@echo
-	@echo "Results in $(OUT):"
+	@echo "Results in $(OUT); open $(OUT)/report/index.html"
 	@ls -lh $(OUT) | awk 'NR > 1 { printf "  %-24s %s\n", $$NF, $$5 }'
 
 # All in the release profile: the tests run real programs, and one profile builds the dependencies once.
