@@ -105,6 +105,11 @@ fn main() -> ExitCode {
             if speaks {
                 eprintln!("error: {failure}");
             }
+            if let (Failure::Other(_), true) = (&failure, world.size() > 1) {
+                // HDF5 would try to close a broken file while MPI ends, and might wait for ever.
+                world.barrier();
+                world.abort(failure.exit_code());
+            }
             failure.exit_code()
         }
     };
