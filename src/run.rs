@@ -280,6 +280,8 @@ impl<'a, E: Exchange> Run<'a, E> {
         let resting_drag = DRAG_RESTING / inertial_time(scene);
         let energy = Frame::measure(exchange, &system, 0.0, unit);
         let at_rest = scene.pack.tolerance * unit * sample.grains as f64;
+        // The energy of a wave goes with the square of its pressure.
+        let balance = scene.pack.tolerance.sqrt().max(1e-3);
         loop {
             let stop = advance(
                 exchange,
@@ -303,7 +305,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                 if carried > 0.5 {
                     drive.drag = resting_drag;
                 }
-                if kinetic < at_rest && (carried - 1.0).abs() < 1e-3 {
+                if kinetic < at_rest && (carried - 1.0).abs() < balance {
                     break;
                 }
                 if step >= scene.pack.max_steps {

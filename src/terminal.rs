@@ -20,7 +20,7 @@ pub struct Terminal {
     speaks: bool,
     bar: ProgressBar,
     latest: Option<SeriesRow>,
-    packing_lines: u64,
+    next_packing_line: u64,
 }
 
 impl Terminal {
@@ -38,7 +38,7 @@ impl Terminal {
             speaks,
             bar,
             latest: None,
-            packing_lines: 0,
+            next_packing_line: 10_000,
         }
     }
 
@@ -70,9 +70,9 @@ impl Terminal {
 
     /// `kinetic`: energy per grain over P d̄ δ̄.
     pub fn packing(&mut self, step: u64, piston: &Piston, kinetic: f64) {
-        let every = 1u64 << self.packing_lines.min(20);
-        if step >= 10_000 * every {
-            self.packing_lines += 1;
+        // Ever more rarely, since nobody knows how long it takes.
+        if step >= self.next_packing_line {
+            self.next_packing_line = 2 * step;
             self.say(format!(
                 "pack:  step {step}, height {:.4e} m, kinetic energy per grain {kinetic:.1e} P d delta",
                 piston.height
