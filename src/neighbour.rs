@@ -1,6 +1,6 @@
 //! Which grains may come to touch: cells, then pairs.
 
-use crate::state::{Grains, body};
+use crate::state::{Grains, body, nearest_image};
 
 /// The stretch of the periodic cell in which a rank has grains, its own and ghosts.
 #[derive(Debug, Clone, Copy)]
@@ -89,8 +89,7 @@ pub fn pairs(grains: &Grains, window: Window, reach: f64, skin: f64) -> Vec<[u32
                 {
                     continue;
                 }
-                let mut dx = x(h) - x_g;
-                dx -= window.length * (dx / window.length).round();
+                let dx = nearest_image(x(h) - x_g, window.length);
                 let dy = y(h) - y_g;
                 let range = grains.radius[g] + grains.radius[h] + skin;
                 if dx * dx + dy * dy < range * range {

@@ -24,6 +24,8 @@ pub const SCENE_FILE: &str = "scene.toml";
 pub struct Recorder {
     trajectory: TrajectoryWriter,
     log: Log,
+    /// What failed of the log since the last flush.
+    log_state: Result<(), Failure>,
 }
 
 impl Recorder {
@@ -44,6 +46,7 @@ impl Recorder {
             return Ok(Self {
                 trajectory: TrajectoryWriter::open_to_append(exchange, &run, frames, rows)?,
                 log: Log::open_to_append(exchange, &log, rows)?,
+                log_state: Ok(()),
             });
         }
         let wrote = if exchange.rank() == 0 {
@@ -97,6 +100,7 @@ impl Recorder {
         Ok(Self {
             trajectory: TrajectoryWriter::create(exchange, &run, &header)?,
             log: Log::create(exchange, &log)?,
+            log_state: Ok(()),
         })
     }
 
@@ -108,8 +112,10 @@ impl Recorder {
         row: &SeriesRow,
     ) -> Result<(), Failure> {
         self.trajectory.series(exchange, step, time, row)?;
-        // A failure of the log is rank 0's alone, and told at the next flush.
-        self.log.row(step, time, row).or(Ok(()))
+        // A failure of the log is rank 0's alone: all are told at the next flush.
+        self.log_state = std::mem::replace(&mut self.log_state, Ok(()))
+            .and_then(|()| self.log.row(step, time, row));
+        Ok(())
     }
 
     pub fn frame<E: Exchange>(
@@ -127,7 +133,8 @@ impl Recorder {
     /// Everything to the files. Returns the frames and rows in them.
     pub fn flush<E: Exchange>(&mut self, exchange: &E) -> Result<[u64; 2], Failure> {
         self.trajectory.flush(exchange)?;
-        agree(exchange, self.log.flush())?;
+        let logged = std::mem::replace(&mut self.log_state, Ok(())).and_then(|()| self.log.flush());
+        agree(exchange, logged)?;
         Ok([self.trajectory.frames(), self.trajectory.rows()])
     }
 

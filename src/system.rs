@@ -8,7 +8,7 @@ use crate::drive::Drive;
 use crate::failure::Failure;
 use crate::neighbour;
 use crate::simd::Level;
-use crate::state::{ContactState, Contacts, GrainState, Grains, field};
+use crate::state::{ContactState, Contacts, GrainState, Grains, field, nearest_image};
 use crate::step::Outside;
 
 /// Skins over d̄ between which an adaptive one stays.
@@ -119,8 +119,7 @@ impl List {
     /// How far the own grain that moved most has moved (m).
     fn displacement(&self, grains: &Grains, length: f64) -> f64 {
         let squares = self.origin.iter().zip(&grains.record).map(|(o, r)| {
-            let mut dx = r.0[field::X] - o[0];
-            dx -= length * (dx / length).round();
+            let dx = nearest_image(r.0[field::X] - o[0], length);
             let dy = r.0[field::Y] - o[1];
             dx * dx + dy * dy
         });
@@ -264,8 +263,7 @@ impl System {
                     self.contacts.j[block][lane] as usize,
                 );
                 let (a, b) = (&self.grains.record[i].0, &self.grains.record[j].0);
-                let mut dx = a[field::X] - b[field::X];
-                dx -= self.length * (dx / self.length).round();
+                let dx = nearest_image(a[field::X] - b[field::X], self.length);
                 let dy = a[field::Y] - b[field::Y];
                 let sum = self.contacts.geometry[block][0].0[lane];
                 format!(

@@ -179,9 +179,8 @@ impl Plot<'_> {
         }
     }
 
-    /// The axes with their ticks and labels.
-    pub fn axes(&mut self, x: &[Tick], y: &[Tick], x_label: &str, y_label: &str) {
-        let [[left, top], [right, bottom]] = self.frame();
+    /// The edges of a box of pixels.
+    fn outline(&mut self, [[left, top], [right, bottom]]: [[f64; 2]; 2], width: f64) {
         let corners = [
             [left, top],
             [right, top],
@@ -191,7 +190,13 @@ impl Plot<'_> {
         ];
         corners
             .windows(2)
-            .for_each(|side| self.pixel_line([side[0], side[1]], INK, 1.0));
+            .for_each(|side| self.pixel_line([side[0], side[1]], INK, width));
+    }
+
+    /// The axes with their ticks and labels.
+    pub fn axes(&mut self, x: &[Tick], y: &[Tick], x_label: &str, y_label: &str) {
+        let [[left, top], [right, bottom]] = self.frame();
+        self.outline([[left, top], [right, bottom]], 1.0);
         for (value, label) in x {
             let [at, _] = self.pixel([*value, self.y[0]]);
             self.pixel_line([[at, bottom], [at, bottom + 5.0]], INK, 1.0);
@@ -243,16 +248,7 @@ impl Plot<'_> {
             let colour = scale.at((piece as f64 + 0.5) / PIECES as f64);
             self.pixel_box([[left, upper], [right, bottom]], colour, 1.0);
         }
-        let corners = [
-            [left, top],
-            [right, top],
-            [right, bottom],
-            [left, bottom],
-            [left, top],
-        ];
-        corners
-            .windows(2)
-            .for_each(|side| self.pixel_line([side[0], side[1]], INK, 0.8));
+        self.outline([[left, top], [right, bottom]], 0.8);
         for (value, text) in ticks {
             let y = bottom - height * value;
             self.pixel_line([[right, y], [right + 4.0, y]], INK, 0.8);

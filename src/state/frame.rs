@@ -1,5 +1,7 @@
 //! What comes back out of a run's file: the grains as they are for the whole run, and frames.
 
+use super::nearest_image;
+
 use super::ContactSample;
 
 /// What never changes during a run, by grain id; N grains.
@@ -28,8 +30,7 @@ impl Disks {
 
     /// r_to - r_from (m), nearest image along x.
     pub fn separation(&self, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
-        let x = to[0] - from[0];
-        [x - self.length * (x / self.length).round(), to[1] - from[1]]
+        [nearest_image(to[0] - from[0], self.length), to[1] - from[1]]
     }
 }
 

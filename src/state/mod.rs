@@ -1,11 +1,13 @@
 //! Grains, contacts, walls and the cell: what a run consists of between two steps.
 
+mod cell;
 mod contacts;
 mod frame;
 mod grains;
 mod sample;
 mod snapshot;
 
+pub use cell::nearest_image;
 pub use contacts::{Contacts, Touching};
 pub use frame::{Disks, Frame};
 pub use grains::{Force, Grains, body, field};
