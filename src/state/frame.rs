@@ -1,8 +1,6 @@
 //! What comes back out of a run's file: the grains as they are for the whole run, and frames.
 
-use super::nearest_image;
-
-use super::ContactSample;
+use super::{ContactSample, nearest_image};
 
 /// What never changes during a run, by grain id; N grains.
 #[derive(Debug, Clone, PartialEq)]
