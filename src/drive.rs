@@ -6,7 +6,7 @@ use crate::config::Contact;
 use crate::contact::lee_hurley::LeeHurley;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{Pass, contact_forces};
-use crate::simd::{Level, Row};
+use crate::simd::{Level, Quad, Record};
 use crate::state::{Contacts, Force, Grains, body, field};
 
 /// The rigid body on top: m_w ÿ = F_y - N - c ẏ, by the grains' own Verlet scheme. SI units, per unit depth.
@@ -73,7 +73,7 @@ pub trait Drive {
     /// Second half kick, by the force on the top along y (N/m).
     fn kick(&mut self, step: f64, force: f64, grains: &mut Grains);
     /// The grains of this rank are others than before, and may move by half a skin (m) until the next time.
-    fn renumber(&mut self, grains: &Grains, skin: f64);
+    fn renumber(&mut self, level: Level, grains: &Grains, skin: f64);
 }
 
 /// Smooth rigid planes at y = 0 and y = height, the upper one pressed by N.
@@ -87,7 +87,7 @@ pub struct Planes {
     law: LeeHurley<false, false>,
     /// Grains near a plane, and whether it is the upper one.
     near: Vec<(u32, bool)>,
-    record: Vec<Row>,
+    record: Vec<Record>,
     force: Vec<Force>,
     contacts: Contacts,
 }
@@ -166,7 +166,7 @@ impl Drive for Planes {
             self.record[2 * k] = own;
             self.record[2 * k + 1] = image;
         }
-        self.force.fill([0.0; 4]);
+        self.force.fill(Quad::ZERO);
         let outside = contact_forces(
             level,
             &self.law,
@@ -183,7 +183,7 @@ impl Drive for Planes {
             grains.force[g as usize][1] += self.force[2 * k][1];
         }
         outside.map(|(block, lane)| {
-            let k = self.contacts.i[block][lane] as usize / 2;
+            let k = self.contacts.pairs.blocks()[block].i[lane] as usize / 2;
             self.near[k].0 as usize
         })
     }
@@ -196,7 +196,7 @@ impl Drive for Planes {
         self.piston.full_kick(step, force, self.drag);
     }
 
-    fn renumber(&mut self, grains: &Grains, skin: f64) {
+    fn renumber(&mut self, level: Level, grains: &Grains, skin: f64) {
         self.near.clear();
         for g in 0..grains.owned {
             let (y, reach) = (grains.record[g].0[field::Y], grains.radius[g] + skin);
@@ -214,11 +214,11 @@ impl Drive for Planes {
             .flat_map(|&(g, _)| [grains.radius[g as usize]; 2])
             .collect();
         self.record.clear();
-        self.record.resize(radius.len() + 1, Row::ZERO);
+        self.record.resize(radius.len() + 1, Record::ZERO);
         self.force.clear();
-        self.force.resize(radius.len() + 1, [0.0; 4]);
+        self.force.resize(radius.len() + 1, Quad::ZERO);
         self.contacts
-            .replace(&self.law, &pairs, &radius, radius.len() as u32);
+            .replace(level, &self.law, &pairs, &radius, radius.len() as u32);
     }
 }
 
@@ -281,7 +281,7 @@ impl Drive for GrainWalls {
         self.impose(self.piston.velocity, grains);
     }
 
-    fn renumber(&mut self, grains: &Grains, _skin: f64) {
+    fn renumber(&mut self, _: Level, grains: &Grains, _: f64) {
         self.top = grains.of_body(body::TOP);
     }
 }
@@ -329,5 +329,5 @@ impl Drive for NoWalls {
 
     fn kick(&mut self, _: f64, _: f64, _: &mut Grains) {}
 
-    fn renumber(&mut self, _: &Grains, _: f64) {}
+    fn renumber(&mut self, _: Level, _: &Grains, _: f64) {}
 }

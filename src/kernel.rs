@@ -1,10 +1,12 @@
-//! The loop over the contacts, for any law, eight pairs at a time.
+//! The loop over the contacts, for any law, sixteen pairs at a time.
 //!
 //! What contract 1 rests on: every pair is evaluated in one orientation from the wrapped coordinates of its two grains,
 //! and the forces of a block are added to the grains one contact after the other, in list order.
 
-use crate::contact::{ContactLaw, Motion, Response};
-use crate::simd::{LANES, Lanes, Level, Mask, Row, Work};
+use std::ops::Range;
+
+use crate::contact::{CARRY, ContactLaw, Motion, Response};
+use crate::simd::{LANES, Lanes, Level, Mask, Record, Row, Work, inverse_sqrt};
 use crate::state::{Contacts, Force, field};
 
 /// What only frames and time series want of the contacts; rows per block as in [`Contacts`].
@@ -14,12 +16,12 @@ pub struct ContactForces {
     pub tangential: Vec<Row>,
     pub overlap: Vec<Row>,
     /// Lanes at the Coulomb limit.
-    pub sliding: Vec<u8>,
+    pub sliding: Vec<u16>,
 }
 
 /// Forces of one pass over the contacts.
 pub struct Pass<'a> {
-    pub record: &'a [Row],
+    pub record: &'a [Record],
     /// Added to.
     pub force: &'a mut [Force],
     pub contacts: &'a mut Contacts,
@@ -39,7 +41,7 @@ pub fn contact_forces<C: ContactLaw>(
 ) -> Option<(usize, usize)> {
     match pass.samples.take() {
         Some(samples) => {
-            let blocks = pass.contacts.i.len();
+            let blocks = pass.contacts.pairs.blocks().len();
             for rows in [
                 &mut samples.normal,
                 &mut samples.tangential,
@@ -71,129 +73,228 @@ struct Blocks<'a, 'b, C, const SAMPLE: bool> {
     samples: &'a mut ContactForces,
 }
 
+/// Blocks that go through the phases of a pass together: enough for the processor to overlap them, few enough for its
+/// first-level cache.
+const CHUNK: usize = 8;
+
+/// What one phase leaves to the next, per block.
+struct Scratch {
+    /// Differences of the records, and of the second grain the last two fields.
+    difference: [[Row; 8]; CHUNK],
+    last_of_j: [[Row; 2]; CHUNK],
+    motion: [Motion; CHUNK],
+    /// n.
+    direction: [[Row; 2]; CHUNK],
+    carry: [[Row; CARRY]; CHUNK],
+    response: [Response; CHUNK],
+}
+
+impl Scratch {
+    const ZERO: Self = Self {
+        difference: [[Row::ZERO; 8]; CHUNK],
+        last_of_j: [[Row::ZERO; 2]; CHUNK],
+        motion: [Motion::ZERO; CHUNK],
+        direction: [[Row::ZERO; 2]; CHUNK],
+        carry: [[Row::ZERO; CARRY]; CHUNK],
+        response: [Response::NONE; CHUNK],
+    };
+}
+
 impl<C: ContactLaw, const SAMPLE: bool> Work for Blocks<'_, '_, C, SAMPLE> {
     type Output = Option<(usize, usize)>;
 
+    /// Phases of short chains of operations each, so that the processor has several blocks under way.
     #[inline(always)]
-    fn run<L: Lanes>(self, token: L::Token) -> Self::Output {
-        blocks::<L, C, SAMPLE>(token, self.law, self.pass, self.samples)
+    fn run<L: Lanes>(mut self, token: L::Token) -> Self::Output {
+        let mut scratch = Scratch::ZERO;
+        let mut outside = None;
+        let blocks = self.pass.contacts.pairs.blocks().len();
+        for first in (0..blocks).step_by(CHUNK) {
+            let chunk = first..blocks.min(first + CHUNK);
+            self.differ::<L>(token, chunk.clone(), &mut scratch);
+            self.move_pairs::<L>(token, chunk.clone(), &mut scratch);
+            let found = self.evaluate::<L>(token, chunk.clone(), &mut scratch);
+            outside = outside.or(found);
+            self.add::<L>(token, chunk, &scratch);
+        }
+        outside
     }
 }
 
-#[inline(always)]
-fn blocks<L: Lanes, C: ContactLaw, const SAMPLE: bool>(
-    token: L::Token,
-    law: &C,
-    pass: &mut Pass<'_>,
-    samples: &mut ContactForces,
-) -> Option<(usize, usize)> {
-    let c = |v| L::splat(token, v);
-    let (length, per_length) = (c(pass.length), c(1.0 / pass.length));
-    let step = c(pass.step);
-    let contacts = &mut *pass.contacts;
-    let record = pass.record;
-    let force = &mut *pass.force;
-    let mut outside = None;
-
-    for block in 0..contacts.i.len() {
-        let (i, j) = (&contacts.i[block], &contacts.j[block]);
-        let d = L::differences(token, record, i, j);
-        let dx = (-(d[field::X] * per_length).round()).mul_add(length, d[field::X]);
-        let dy = d[field::Y];
-        let distance = dx.mul_add(dx, dy * dy).sqrt();
-        let [sum, r_i] = &contacts.geometry[block];
-        let (sum, r_i) = (L::load(token, sum), L::load(token, r_i));
-        let overlap = sum - distance;
-        let touching = overlap.greater(c(0.0));
-        let history = &mut contacts.history[block * C::HISTORY..(block + 1) * C::HISTORY];
-        let bits = touching.bits();
-        if bits == 0 {
-            if contacts.touching[block] != 0 {
-                history.fill(Row::ZERO);
-                contacts.touching[block] = 0;
+impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, '_, C, SAMPLE> {
+    /// How the grains of the pairs differ.
+    #[inline(always)]
+    fn differ<L: Lanes>(&mut self, token: L::Token, chunk: Range<usize>, scratch: &mut Scratch) {
+        let (record, pairs) = (self.pass.record, &self.pass.contacts.pairs);
+        for ((block, difference), last_of_j) in chunk
+            .zip(&mut scratch.difference)
+            .zip(&mut scratch.last_of_j)
+        {
+            let d = L::differences(token, record, pairs, block);
+            for (d, row) in d.into_iter().zip(difference) {
+                d.store(row);
             }
-            continue;
-        }
-        contacts.touching[block] = bits;
-
-        let per_distance = c(1.0) / distance;
-        let (n_x, n_y) = (dx * per_distance, dy * per_distance);
-        let mut motion = Motion {
-            overlap,
-            normal_velocity: d[field::U].mul_add(n_x, d[field::V] * n_y),
-            tangential_velocity: c(0.0),
-            tangential_increment: c(0.0),
-            rolling_velocity: c(0.0),
-            rolling_increment: c(0.0),
-        };
-        if C::FRICTION {
-            // v_t = (v_i - v_j)·t̂ - (R_i ω_i + R_j ω_j), and R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j
-            let across = |u: L, v: L| v.mul_add(n_x, -(u * n_y));
-            let turning = |w: L, w_j: L| r_i.mul_add(w, sum * w_j);
-            let w_j = L::gather(token, record, j, field::W);
-            let half_w_j = L::gather(token, record, j, field::HALF_W);
-            motion.tangential_velocity =
-                across(d[field::U], d[field::V]) - turning(d[field::W], w_j);
-            // The half-step velocity belongs to t̂ of the half step, when r was r - ½Δt v. As v × v = 0, only the length
-            // of r differs: (v·t̂)(t+½Δt) = (v·t̂) |r|/|r - ½Δt v|. Left out, F_t^e would be of first order where n turns.
-            let (half_u, half_v) = (d[field::HALF_U], d[field::HALF_V]);
-            let half_normal = half_u.mul_add(n_x, half_v * n_y);
-            let longer = (c(0.5) * step * per_distance).mul_add(half_normal, c(1.0));
-            motion.tangential_increment =
-                across(half_u, half_v).mul_add(longer, -turning(d[field::HALF_W], half_w_j)) * step;
-        }
-        if C::ROLLING {
-            motion.rolling_velocity = d[field::W];
-            motion.rolling_increment = d[field::HALF_W] * step;
-        }
-
-        let parameters = &contacts.parameters[block * C::PARAMETERS..(block + 1) * C::PARAMETERS];
-        let Response {
-            normal,
-            tangential,
-            rolling,
-            sliding,
-            beyond,
-        } = law.evaluate(token, parameters, history, motion, touching);
-        if beyond.bits() != 0 && outside.is_none() {
-            outside = Some((block, beyond.bits().trailing_zeros() as usize));
-        }
-        if SAMPLE {
-            normal.store(&mut samples.normal[block]);
-            tangential.store(&mut samples.tangential[block]);
-            overlap.store(&mut samples.overlap[block]);
-            samples.sliding[block] = sliding.bits();
-        }
-
-        let mut f = [Row::ZERO; 4];
-        if C::FRICTION {
-            (normal * n_x - tangential * n_y).store(&mut f[0]);
-            (normal * n_y + tangential * n_x).store(&mut f[1]);
-            // Torque on i: -R_i F_t + M, on j: -R_j F_t - M.
-            (rolling - r_i * tangential).store(&mut f[2]);
-            (-(sum - r_i) * tangential - rolling).store(&mut f[3]);
-        } else {
-            (normal * n_x).store(&mut f[0]);
-            (normal * n_y).store(&mut f[1]);
-            if C::ROLLING {
-                rolling.store(&mut f[2]);
-                (-rolling).store(&mut f[3]);
+            if C::FRICTION {
+                let [half_w, w] = L::last_fields(token, record, pairs, block);
+                half_w.store(&mut last_of_j[0]);
+                w.store(&mut last_of_j[1]);
             }
-        }
-        let mut rest = bits;
-        while rest != 0 {
-            let lane = rest.trailing_zeros() as usize % LANES;
-            rest &= rest - 1;
-            let (fx, fy) = (f[0].0[lane], f[1].0[lane]);
-            let on_i = &mut force[i[lane] as usize];
-            on_i[0] += fx;
-            on_i[1] += fy;
-            on_i[2] += f[2].0[lane];
-            let on_j = &mut force[j[lane] as usize];
-            on_j[0] -= fx;
-            on_j[1] -= fy;
-            on_j[2] += f[3].0[lane];
         }
     }
-    outside
+
+    /// How the pairs move.
+    #[inline(always)]
+    fn move_pairs<L: Lanes>(
+        &mut self,
+        token: L::Token,
+        chunk: Range<usize>,
+        scratch: &mut Scratch,
+    ) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let (length, per_length) = (c(self.pass.length), c(1.0 / self.pass.length));
+        let step = c(self.pass.step);
+        let contacts = &mut *self.pass.contacts;
+        let blocks = contacts.geometry[chunk.clone()]
+            .iter()
+            .zip(&mut contacts.touching[chunk])
+            .zip(scratch.difference.iter().zip(&scratch.last_of_j))
+            .zip(scratch.motion.iter_mut().zip(&mut scratch.direction));
+        for ((([sum, r_i], touching), (difference, last_of_j)), (motion, direction)) in blocks {
+            let d = |k: usize| load(&difference[k]);
+            let (dx, dy) = (d(field::X), d(field::Y));
+            let dx = (-(dx * per_length).round()).mul_add(length, dx);
+            let square = dx.mul_add(dx, dy * dy);
+            let per_distance = inverse_sqrt(token, square);
+            // Within 0.501 ulp, as the overlap is the small difference of two lengths.
+            let near = square * per_distance;
+            let distance = (c(0.5) * per_distance).mul_add((-near).mul_add(near, square), near);
+            let (n_x, n_y) = (dx * per_distance, dy * per_distance);
+            let sum = load(sum);
+            let overlap = sum - distance;
+            overlap.store(&mut motion.overlap);
+            n_x.store(&mut direction[0]);
+            n_y.store(&mut direction[1]);
+            let (u, v) = (d(field::U), d(field::V));
+            u.mul_add(n_x, v * n_y).store(&mut motion.normal_velocity);
+            let (half_u, half_v) = (d(field::HALF_U), d(field::HALF_V));
+            let half_normal = half_u.mul_add(n_x, half_v * n_y);
+            if C::FRICTION {
+                // v_t = (v_i - v_j)·t̂ - (R_i ω_i + R_j ω_j), and R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j
+                let r_i = load(r_i);
+                let across = |u: L, v: L| v.mul_add(n_x, -(u * n_y));
+                let turning = |w: L, w_j: L| r_i.mul_add(w, sum * w_j);
+                let (half_w_j, w_j) = (load(&last_of_j[0]), load(&last_of_j[1]));
+                (across(u, v) - turning(d(field::W), w_j)).store(&mut motion.tangential_velocity);
+                // The half-step velocity belongs to t̂ of the half step, when r was r - ½Δt v. As v × v = 0, only the length
+                // of r differs: (v·t̂)(t+½Δt) = (v·t̂) |r|/|r - ½Δt v|. Left out, F_t^e would be of first order where n turns.
+                let longer = (c(0.5) * step * per_distance).mul_add(half_normal, c(1.0));
+                (across(half_u, half_v).mul_add(longer, -turning(d(field::HALF_W), half_w_j))
+                    * step)
+                    .store(&mut motion.tangential_increment);
+            }
+            if C::ROLLING {
+                motion.rolling_velocity = difference[field::W];
+                (d(field::HALF_W) * step).store(&mut motion.rolling_increment);
+            }
+            *touching = overlap.greater(c(0.0)).bits();
+            // A pair that touched a step ago overlaps by more than it has come nearer since.
+            let nearer = -half_normal * step;
+            let new = nearer.greater(overlap).bits() & *touching;
+            if new != 0 {
+                first_touch(motion, nearer.to_row(), new);
+            }
+        }
+    }
+
+    /// The law. Returns a pair whose overlap is outside it, if there is one.
+    #[inline(always)]
+    fn evaluate<L: Lanes>(
+        &mut self,
+        token: L::Token,
+        chunk: Range<usize>,
+        scratch: &mut Scratch,
+    ) -> Option<(usize, usize)> {
+        let contacts = &mut *self.pass.contacts;
+        let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
+        self.law.evaluate::<L>(
+            token,
+            &mut crate::contact::Blocks {
+                parameters: &contacts.parameters[rows(C::PARAMETERS)],
+                history: &mut contacts.history[rows(C::HISTORY)],
+                motion: &scratch.motion[..chunk.len()],
+                carry: &mut scratch.carry[..chunk.len()],
+                response: &mut scratch.response[..chunk.len()],
+            },
+        );
+        let mut outside = None;
+        let touching = &contacts.touching[chunk.clone()];
+        for ((block, touching), response) in chunk.zip(touching).zip(&scratch.response) {
+            let beyond = response.beyond & touching;
+            if beyond != 0 && outside.is_none() {
+                outside = Some((block, beyond.trailing_zeros() as usize));
+            }
+        }
+        outside
+    }
+
+    /// What it all comes to for the grains, one pair after the other: pairs that do not touch add zeros, and so nothing.
+    #[inline(always)]
+    fn add<L: Lanes>(&mut self, token: L::Token, chunk: Range<usize>, scratch: &Scratch) {
+        let load = |row: &Row| L::load(token, row);
+        let zero = L::splat(token, 0.0);
+        let force = &mut *self.pass.force;
+        let contacts = &*self.pass.contacts;
+        for (k, block) in chunk.enumerate() {
+            let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
+            let touching = load(&motion.overlap).greater(zero);
+            let [n_x, n_y] = &scratch.direction[k];
+            let (n_x, n_y) = (
+                load(n_x).select(touching, zero),
+                load(n_y).select(touching, zero),
+            );
+            let normal = load(&response.normal).select(touching, zero);
+            if SAMPLE {
+                self.samples.normal[block] = response.normal;
+                self.samples.overlap[block] = motion.overlap;
+                if C::FRICTION {
+                    self.samples.tangential[block] = response.tangential;
+                    self.samples.sliding[block] = response.sliding & contacts.touching[block];
+                }
+            }
+            let mut terms = [normal * n_x, normal * n_y, zero, zero];
+            if C::FRICTION {
+                let tangential = load(&response.tangential).select(touching, zero);
+                let [sum, r_i] = &contacts.geometry[block];
+                let (sum, r_i) = (load(sum), load(r_i));
+                terms = [
+                    normal.mul_add(n_x, -(tangential * n_y)),
+                    normal.mul_add(n_y, tangential * n_x),
+                    -r_i * tangential,
+                    (r_i - sum) * tangential,
+                ];
+            }
+            if C::ROLLING {
+                let rolling = load(&response.rolling).select(touching, zero);
+                terms[2] = terms[2] + rolling;
+                terms[3] = terms[3] - rolling;
+            }
+            L::add_to_pairs(terms, force, &contacts.pairs, block);
+        }
+    }
+}
+
+/// The step in which a pair comes to touch: it touches for a part θ = δ/(-v_n Δt) of the step only, so that is the part of the
+/// increments that counts; and as the kicks of this force stand for the time from t-½Δt to t+½Δt, of which the pair touches
+/// ½+θ, the damping that sets in with a jump is scaled by it. Left out, an impact would be of first order in Δt.
+#[cold]
+fn first_touch(motion: &mut Motion, nearer: Row, new: u16) {
+    for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
+        let part = motion.overlap.0[lane] / nearer.0[lane];
+        motion.tangential_increment.0[lane] *= part;
+        motion.rolling_increment.0[lane] *= part;
+        motion.normal_velocity.0[lane] *= 0.5 + part;
+        motion.tangential_velocity.0[lane] *= 0.5 + part;
+        motion.rolling_velocity.0[lane] *= 0.5 + part;
+    }
 }

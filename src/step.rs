@@ -9,6 +9,7 @@ use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::Drive;
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Pass, contact_forces};
+use crate::simd::Quad;
 use crate::state::{Grains, field};
 use crate::system::System;
 
@@ -109,7 +110,7 @@ pub fn forces<C: ContactLaw, D: Drive>(
     step: f64,
     samples: Option<&mut ContactForces>,
 ) -> Option<Outside> {
-    system.grains.force.fill([0.0; 4]);
+    system.grains.force.fill(Quad::ZERO);
     let at_plane = drive
         .forces(system.level, system.length, step, &mut system.grains)
         .map(Outside::Plane);

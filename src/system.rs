@@ -231,10 +231,15 @@ impl System {
         let window = self.slabs.window(exchange, reach);
         let pairs = neighbour::pairs(&self.grains, window, reach, self.list.skin);
         self.grains.close();
-        self.contacts
-            .replace(law, &pairs, &self.grains.radius, self.grains.filler());
+        self.contacts.replace(
+            self.level,
+            law,
+            &pairs,
+            &self.grains.radius,
+            self.grains.filler(),
+        );
         self.contacts.remember::<C>(&remembered, &self.grains.id);
-        drive.renumber(&self.grains, self.list.skin);
+        drive.renumber(self.level, &self.grains, self.list.skin);
 
         self.list.due = false;
         self.list.bound = 0.0;
@@ -259,8 +264,8 @@ impl System {
             None => String::new(),
             Some(Outside::Pair(block, lane)) => {
                 let (i, j) = (
-                    self.contacts.i[block][lane] as usize,
-                    self.contacts.j[block][lane] as usize,
+                    self.contacts.pairs.blocks()[block].i[lane] as usize,
+                    self.contacts.pairs.blocks()[block].j[lane] as usize,
                 );
                 let (a, b) = (&self.grains.record[i].0, &self.grains.record[j].0);
                 let dx = nearest_image(a[field::X] - b[field::X], self.length);

@@ -7,7 +7,7 @@ use bytemuck::{allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
 use super::{Exchange, Link};
 use crate::failure::Failure;
 use crate::neighbour::Window;
-use crate::simd::Row;
+use crate::simd::Record;
 use crate::state::{ContactState, GrainState, Grains};
 
 /// Columns of the histogram by which the cuts are balanced.
@@ -29,7 +29,7 @@ struct Neighbour {
     rank: usize,
     /// Own grains that it sees.
     send: Vec<u32>,
-    buffer: Vec<Row>,
+    buffer: Vec<Record>,
     /// Where its grains are among the local ones.
     ghosts: Range<usize>,
 }
@@ -177,7 +177,7 @@ impl Slabs {
             states[rank] = send.iter().map(|&g| grains.state(g as usize)).collect();
             self.links.push(Neighbour {
                 rank,
-                buffer: vec![Row::ZERO; send.len()],
+                buffer: vec![Record::ZERO; send.len()],
                 send,
                 ghosts: 0..0,
             });
@@ -242,7 +242,7 @@ impl Slabs {
     /// Bytes that this rank sends per step, and messages.
     pub fn traffic(&self) -> (usize, usize) {
         let rows: usize = self.links.iter().map(|l| l.send.len()).sum();
-        (rows * size_of::<Row>(), self.links.len())
+        (rows * size_of::<Record>(), self.links.len())
     }
 }
 

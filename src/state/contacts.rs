@@ -1,7 +1,7 @@
-//! The canonical half list and what the contacts remember, in blocks of eight pairs.
+//! The canonical half list and what the contacts remember, in blocks of sixteen pairs.
 
 use crate::contact::ContactLaw;
-use crate::simd::{LANES, Row};
+use crate::simd::{LANES, Lanes, Level, PairList, Pairs, Row, Work};
 
 use super::ContactState;
 
@@ -12,9 +12,8 @@ use super::ContactState;
 #[derive(Debug, Default)]
 pub struct Contacts {
     /// Pairs, without those that fill up the last block.
-    pub pairs: usize,
-    pub i: Vec<[u32; LANES]>,
-    pub j: Vec<[u32; LANES]>,
+    pub count: usize,
+    pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
     pub geometry: Vec<[Row; 2]>,
     /// `ContactLaw::PARAMETERS` rows per block.
@@ -22,49 +21,48 @@ pub struct Contacts {
     /// `ContactLaw::HISTORY` rows per block.
     pub history: Vec<Row>,
     /// Lanes that touched when the forces were last computed.
-    pub touching: Vec<u8>,
+    pub touching: Vec<u16>,
 }
 
 impl Contacts {
     /// Replaces the list by the sorted `pairs` of local indices; `filler` is a grain that touches nothing.
     pub fn replace<C: ContactLaw>(
         &mut self,
+        level: Level,
         law: &C,
         pairs: &[[u32; 2]],
         radius: &[f64],
         filler: u32,
     ) {
         let blocks = pairs.len().div_ceil(LANES);
-        self.pairs = pairs.len();
-        self.i.clear();
-        self.i.resize(blocks, [filler; LANES]);
-        self.j.clear();
-        self.j.resize(blocks, [filler; LANES]);
+        self.count = pairs.len();
+        self.pairs.clear();
         self.geometry.clear();
-        self.geometry
-            .resize(blocks, [Row([-1.0; LANES]), Row([0.0; LANES])]);
         self.parameters.clear();
         self.parameters.resize(blocks * C::PARAMETERS, Row::ZERO);
         self.history.clear();
         self.history.resize(blocks * C::HISTORY, Row::ZERO);
         self.touching.clear();
         self.touching.resize(blocks, 0);
-        let mut numbers = vec![0.0; C::PARAMETERS];
-        for (k, &[i, j]) in pairs.iter().enumerate() {
-            let (block, lane) = (k / LANES, k % LANES);
-            let (r_i, r_j) = (radius[i as usize], radius[j as usize]);
-            self.i[block][lane] = i;
-            self.j[block][lane] = j;
-            self.geometry[block][0].0[lane] = r_i + r_j;
-            self.geometry[block][1].0[lane] = r_i;
-            law.parameters(r_i, r_j, &mut numbers);
-            for (row, &number) in self.parameters[block * C::PARAMETERS..]
-                .iter_mut()
-                .zip(&numbers)
-            {
-                row.0[lane] = number;
+        for block in pairs.chunks(LANES) {
+            let mut of_block = Pairs {
+                i: [filler; LANES],
+                j: [filler; LANES],
+            };
+            let mut geometry = [Row([-1.0; LANES]), Row([1.0; LANES])];
+            for (lane, &[i, j]) in block.iter().enumerate() {
+                of_block.i[lane] = i;
+                of_block.j[lane] = j;
+                geometry[0].0[lane] = radius[i as usize] + radius[j as usize];
+                geometry[1].0[lane] = radius[i as usize];
             }
+            self.pairs.push(of_block);
+            self.geometry.push(geometry);
         }
+        level.run(Parameters {
+            law,
+            contacts: self,
+        });
     }
 
     /// The touching contacts with local indices, in list order.
@@ -78,8 +76,8 @@ impl Contacts {
                     .map(move |lane| Touching {
                         block,
                         lane,
-                        i: self.i[block][lane] as usize,
-                        j: self.j[block][lane] as usize,
+                        i: self.pairs.blocks()[block].i[lane] as usize,
+                        j: self.pairs.blocks()[block].j[lane] as usize,
                     })
             })
     }
@@ -101,11 +99,11 @@ impl Contacts {
     /// Gives the pairs of the list their history back. `remembered` is sorted by (i, j); pairs that are not in it start anew.
     pub fn remember<C: ContactLaw>(&mut self, remembered: &[ContactState], id: &[u32]) {
         let mut rest = remembered.iter().peekable();
-        for k in 0..self.pairs {
+        for k in 0..self.count {
             let (block, lane) = (k / LANES, k % LANES);
             let pair = (
-                id[self.i[block][lane] as usize],
-                id[self.j[block][lane] as usize],
+                id[self.pairs.blocks()[block].i[lane] as usize],
+                id[self.pairs.blocks()[block].j[lane] as usize],
             );
             while rest.next_if(|c| (c.i, c.j) < pair).is_some() {}
             if let Some(contact) = rest.next_if(|c| (c.i, c.j) == pair) {
@@ -122,10 +120,30 @@ impl Contacts {
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
         use std::mem::size_of;
-        (self.i.capacity() + self.j.capacity()) * size_of::<[u32; LANES]>()
+        self.pairs.memory()
             + self.geometry.capacity() * size_of::<[Row; 2]>()
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Row>()
             + self.touching.capacity()
+    }
+}
+
+/// The law's parameters of every block, from its geometry.
+struct Parameters<'a, C> {
+    law: &'a C,
+    contacts: &'a mut Contacts,
+}
+
+impl<C: ContactLaw> Work for Parameters<'_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, token: L::Token) {
+        let contacts = self.contacts;
+        let blocks = contacts.parameters.chunks_exact_mut(C::PARAMETERS);
+        for ([sum, r_i], out) in contacts.geometry.iter().zip(blocks) {
+            let (sum, r_i) = (L::load(token, sum), L::load(token, r_i));
+            self.law.parameters(token, r_i, sum - r_i, out);
+        }
     }
 }
 

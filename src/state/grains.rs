@@ -1,6 +1,6 @@
 //! The grains of this rank: its own, sorted by id, then its ghosts, then one filler that touches nothing.
 
-use crate::simd::Row;
+use crate::simd::{Quad, Record};
 
 use super::GrainState;
 
@@ -9,13 +9,14 @@ pub mod field {
     /// Wrapped position (m).
     pub const X: usize = 0;
     pub const Y: usize = 1;
-    /// Velocity (m/s) and angular velocity (rad/s) of the half step.
-    pub const HALF_U: usize = 2;
-    pub const HALF_V: usize = 3;
-    pub const HALF_W: usize = 4;
-    /// The same of the full step; while the forces are computed, as predicted.
-    pub const U: usize = 5;
-    pub const V: usize = 6;
+    /// Velocity of the full step (m/s); while the forces are computed, as predicted.
+    pub const U: usize = 2;
+    pub const V: usize = 3;
+    /// Velocity of the half step (m/s).
+    pub const HALF_U: usize = 4;
+    pub const HALF_V: usize = 5;
+    /// Angular velocity (rad/s) of the half step and of the full step. The kernel reads these two again: last.
+    pub const HALF_W: usize = 6;
     pub const W: usize = 7;
 }
 
@@ -27,7 +28,7 @@ pub mod body {
 }
 
 /// F_x, F_y (N/m), torque (N), and one to fill up.
-pub type Force = [f64; 4];
+pub type Force = Quad;
 
 /// Structure of arrays over own grains, ghosts and the filler; what only own grains need is shorter.
 #[derive(Debug, Default)]
@@ -37,7 +38,7 @@ pub struct Grains {
     pub id: Vec<u32>,
     pub body: Vec<u32>,
     pub radius: Vec<f64>,
-    pub record: Vec<Row>,
+    pub record: Vec<Record>,
     pub force: Vec<Force>,
     /// m (kg/m), own grains.
     pub mass: Vec<f64>,
@@ -79,14 +80,15 @@ impl Grains {
         self.body.push(g.body);
         self.radius.push(g.radius);
         let ([x, y], [u, v], w) = (g.position, g.velocity, g.angular_velocity);
-        self.record.push(Row([x, y, u, v, w, u, v, w]));
-        self.force.push([g.force[0], g.force[1], g.torque, 0.0]);
+        self.record.push(Record([x, y, u, v, u, v, w, w]));
+        self.force
+            .push(Quad([g.force[0], g.force[1], g.torque, 0.0]));
     }
 
     /// Ends the list with the grain that touches nothing.
     pub fn close(&mut self) {
-        self.record.push(Row::ZERO);
-        self.force.push([0.0; 4]);
+        self.record.push(Record::ZERO);
+        self.force.push(Quad::ZERO);
     }
 
     /// Sets Δt (s).
@@ -129,7 +131,7 @@ impl Grains {
         use std::mem::size_of;
         (self.id.capacity() + self.body.capacity()) * size_of::<u32>()
             + (self.radius.capacity() + self.mass.capacity()) * size_of::<f64>()
-            + self.record.capacity() * size_of::<Row>()
+            + self.record.capacity() * size_of::<Record>()
             + self.force.capacity() * size_of::<Force>()
             + self.half_kick.capacity() * size_of::<[f64; 2]>()
     }
