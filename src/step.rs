@@ -9,7 +9,7 @@ use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::Drive;
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Pass, contact_forces};
-use crate::simd::Quad;
+use crate::simd::{Lanes, Quad, Work};
 use crate::state::{Grains, field};
 use crate::system::System;
 
@@ -32,7 +32,11 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
         system.clock.end(Phase::Rebuild);
     }
     drive.drift(step, &mut system.grains);
-    let fastest = half_kick_and_drift(&mut system.grains, step, system.length);
+    let fastest = system.level.run(HalfKickAndDrift {
+        grains: &mut system.grains,
+        step,
+        length: system.length,
+    });
     drive.predict(step, &mut system.grains);
     let rebuild = system.list.moved(
         fastest.max(drive.speed()),
@@ -57,7 +61,7 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     if D::DRAG {
         slow_down(&mut system.grains, drive.drag());
     }
-    second_kick(&mut system.grains);
+    system.level.run(SecondKick(&mut system.grains));
     system.clock.end(Phase::Motion);
 
     Ok(stop)
@@ -144,40 +148,57 @@ pub enum Outside {
 }
 
 /// v(t+½Δt), x(t+Δt) wrapped along x, and the predicted v(t+Δt). Returns the greatest speed (m/s), NaN where one is none.
-fn half_kick_and_drift(grains: &mut Grains, step: f64, length: f64) -> f64 {
-    use field::*;
-    let mut fastest = 0.0f64;
-    let mut sum = 0.0;
-    let own = grains.owned;
-    for ((record, force), [linear, angular]) in grains.record[..own]
-        .iter_mut()
-        .zip(&grains.force)
-        .zip(&grains.half_kick)
-    {
-        let r = &mut record.0;
-        let (du, dv, dw) = (linear * force[0], linear * force[1], angular * force[2]);
-        r[HALF_U] = r[U] + du;
-        r[HALF_V] = r[V] + dv;
-        r[HALF_W] = r[W] + dw;
-        let x = r[X] + step * r[HALF_U];
-        r[X] = if x < 0.0 || x >= length {
-            wrapped(x, length)
+struct HalfKickAndDrift<'a> {
+    grains: &'a mut Grains,
+    step: f64,
+    length: f64,
+}
+
+impl Work for HalfKickAndDrift<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) -> f64 {
+        use field::*;
+        let Self {
+            grains,
+            step,
+            length,
+        } = self;
+        let mut fastest = 0.0f64;
+        let mut sum = 0.0;
+        let own = grains.owned;
+        for ((record, force), kick) in grains.record[..own]
+            .iter_mut()
+            .zip(&grains.force)
+            .zip(&grains.half_kick)
+        {
+            let r = &mut record.0;
+            let [linear, angular] = *kick;
+            let (du, dv, dw) = (linear * force[0], linear * force[1], angular * force[2]);
+            r[HALF_U] = r[U] + du;
+            r[HALF_V] = r[V] + dv;
+            r[HALF_W] = r[W] + dw;
+            let x = r[X] + step * r[HALF_U];
+            r[X] = if x < 0.0 || x >= length {
+                wrapped(x, length)
+            } else {
+                x
+            };
+            r[Y] += step * r[HALF_V];
+            r[U] = r[HALF_U] + du;
+            r[V] = r[HALF_V] + dv;
+            r[W] = r[HALF_W] + dw;
+            let speed = r[HALF_U] * r[HALF_U] + r[HALF_V] * r[HALF_V];
+            sum += speed + r[HALF_W];
+            fastest = if speed > fastest { speed } else { fastest };
+        }
+        // A comparison drops NaN, a sum keeps it.
+        if (sum * 0.0).is_nan() {
+            f64::NAN
         } else {
-            x
-        };
-        r[Y] += step * r[HALF_V];
-        r[U] = r[HALF_U] + du;
-        r[V] = r[HALF_V] + dv;
-        r[W] = r[HALF_W] + dw;
-        let speed = r[HALF_U] * r[HALF_U] + r[HALF_V] * r[HALF_V];
-        sum += speed + r[HALF_W];
-        fastest = if speed > fastest { speed } else { fastest };
-    }
-    // A comparison drops NaN, a sum keeps it.
-    if (sum * 0.0).is_nan() {
-        f64::NAN
-    } else {
-        fastest.sqrt()
+            fastest.sqrt()
+        }
     }
 }
 
@@ -199,17 +220,26 @@ fn slow_down(grains: &mut Grains, drag: f64) {
 }
 
 /// v(t+Δt), in place of the predicted one.
-fn second_kick(grains: &mut Grains) {
-    use field::*;
-    let own = grains.owned;
-    for ((record, force), [linear, angular]) in grains.record[..own]
-        .iter_mut()
-        .zip(&grains.force)
-        .zip(&grains.half_kick)
-    {
-        let r = &mut record.0;
-        r[U] = r[HALF_U] + linear * force[0];
-        r[V] = r[HALF_V] + linear * force[1];
-        r[W] = r[HALF_W] + angular * force[2];
+struct SecondKick<'a>(&'a mut Grains);
+
+impl Work for SecondKick<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) {
+        use field::*;
+        let grains = self.0;
+        let own = grains.owned;
+        for ((record, force), kick) in grains.record[..own]
+            .iter_mut()
+            .zip(&grains.force)
+            .zip(&grains.half_kick)
+        {
+            let r = &mut record.0;
+            let [linear, angular] = *kick;
+            r[U] = r[HALF_U] + linear * force[0];
+            r[V] = r[HALF_V] + linear * force[1];
+            r[W] = r[HALF_W] + angular * force[2];
+        }
     }
 }

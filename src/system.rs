@@ -12,8 +12,11 @@ use crate::state::{ContactState, Contacts, GrainState, Grains, field, nearest_im
 use crate::step::Outside;
 
 /// Skins over d̄ between which an adaptive one stays.
-const THINNEST_SKIN: f64 = 0.01;
+const THINNEST_SKIN: f64 = 0.002;
 const THICKEST_SKIN: f64 = 0.4;
+const FIRST_SKIN: f64 = 0.02;
+/// Steps for which a list of the best skin lasts: a rebuild costs about as much as ten steps.
+const BEST_LIFE: f64 = 400.0;
 
 /// Grains, contacts, slabs: the state and its bookkeeping.
 #[derive(Debug)]
@@ -88,7 +91,7 @@ impl List {
         }
         Ok(Self {
             diameter,
-            skin: range[0].max(range[1].min(0.1 * mean_diameter)),
+            skin: (FIRST_SKIN * mean_diameter).clamp(range[0], range[1]),
             range,
             every: bookkeeping.rebuild_every,
             built: 0,
@@ -136,15 +139,11 @@ impl List {
         self.diameter + self.skin
     }
 
-    /// A thicker skin where the list is rebuilt often, a thinner one where it lasts.
+    /// A thicker skin where the list is rebuilt often, a thinner one where it lasts: pairs that do not touch cost time too.
     fn adapt(&mut self, steps: u64) {
         let lasted = steps - self.built;
         if self.rebuilds > 0 && self.every == 0 {
-            if lasted < 300 {
-                self.skin *= 1.5;
-            } else if lasted > 2000 {
-                self.skin *= 0.7;
-            }
+            self.skin *= (BEST_LIFE / lasted as f64).clamp(0.5, 2.0);
             self.skin = self.skin.clamp(self.range[0], self.range[1]);
         }
     }

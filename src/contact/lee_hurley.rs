@@ -200,9 +200,10 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
 // Places in what is carried from loop to loop.
 const Y: usize = 0;
 const G: usize = 1;
+const PER_M: usize = 1;
 const M: usize = 2;
 const ROOT_X: usize = 0;
-const ROOT_COMPLIANCE: usize = 1;
+const ROOT_COMPLIANCE: usize = 3;
 
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     /// F_n; carries on m and √x.
@@ -224,14 +225,14 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
         for carry in carry[..blocks.motion.len()].iter_mut() {
             let (m, per_m) = root(token, load(&carry[G]), load(&carry[M]));
             m.store(&mut carry[M]);
-            per_m.store(&mut carry[G]);
+            per_m.store(&mut carry[PER_M]);
         }
         for (((p, motion), carry), response) in parameters()
             .zip(blocks.motion)
             .zip(carry)
             .zip(&mut *blocks.response)
         {
-            let (m, per_m) = (load(&carry[M]), load(&carry[G]));
+            let (m, per_m) = (load(&carry[M]), load(&carry[PER_M]));
             let x = load(&carry[Y]) * per_m;
             let root_x = x * inverse_sqrt(token, x);
             root_x.store(&mut carry[ROOT_X]);
@@ -284,7 +285,11 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let touching = load(&motion.overlap).greater(zero);
             let root = load(&carry[ROOT_COMPLIANCE]);
             let k_t = c(self.stiffness) * (root * root);
-            let trial = (c(-0.5) * (load(&history[1]) + k_t))
+            let last = load(&history[1]);
+            // From the touch on k_t has grown as about δ^(1/(m-1)), of which the mean is (1 - 1/m) k_t.
+            let first = (c(-2.0) * k_t).mul_add(load(&carry[PER_M]), k_t);
+            let last = last.select(last.greater(zero), first);
+            let trial = (c(-0.5) * (last + k_t))
                 .mul_add(load(&motion.tangential_increment), load(&history[0]));
             let limit = c(self.friction) * load(&response.normal);
             let sliding = trial.abs().greater(limit);
