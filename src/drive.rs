@@ -173,7 +173,9 @@ impl Drive for Planes {
             Pass {
                 record: &self.record,
                 force: &mut self.force,
+                blocks: 0..self.contacts.blocks(),
                 contacts: &mut self.contacts,
+                unit: grains.unit,
                 length,
                 step,
                 samples: None,
@@ -214,11 +216,11 @@ impl Drive for Planes {
             .flat_map(|&(g, _)| [grains.radius[g as usize]; 2])
             .collect();
         self.record.clear();
-        self.record.resize(radius.len() + 1, Record::ZERO);
+        self.record.resize(radius.len(), Record::ZERO);
         self.force.clear();
-        self.force.resize(radius.len() + 1, Quad::ZERO);
+        self.force.resize(radius.len(), Quad::ZERO);
         self.contacts
-            .replace(level, &self.law, &pairs, &radius, radius.len() as u32);
+            .replace(level, &self.law, &pairs, &radius, radius.len());
     }
 }
 

@@ -1,13 +1,13 @@
 //! The loop over the contacts, for any law, sixteen pairs at a time.
 //!
 //! What contract 1 rests on: every pair is evaluated in one orientation from the wrapped coordinates of its two grains,
-//! and the forces of a block are added to the grains one contact after the other, in list order.
+//! and forces are rounded to a common unit ([`ForceUnit`]), whose multiples add up exactly in any order.
 
 use std::ops::Range;
 
 use crate::contact::{CARRY, ContactLaw, Motion, Response};
 use crate::simd::{LANES, Lanes, Level, Mask, Record, Row, Work, inverse_sqrt};
-use crate::state::{Contacts, Force, field};
+use crate::state::{Contacts, Force, ForceUnit, field};
 
 /// What only frames and time series want of the contacts; rows per block as in [`Contacts`].
 #[derive(Debug, Default)]
@@ -19,17 +19,32 @@ pub struct ContactForces {
     pub sliding: Vec<u16>,
 }
 
+impl ContactForces {
+    /// Room for so many blocks.
+    pub fn prepare(&mut self, blocks: usize) {
+        for rows in [&mut self.normal, &mut self.tangential, &mut self.overlap] {
+            rows.clear();
+            rows.resize(blocks, Row::ZERO);
+        }
+        self.sliding.clear();
+        self.sliding.resize(blocks, 0);
+    }
+}
+
 /// Forces of one pass over the contacts.
 pub struct Pass<'a> {
     pub record: &'a [Record],
     /// Added to.
     pub force: &'a mut [Force],
     pub contacts: &'a mut Contacts,
+    /// Which blocks of them.
+    pub blocks: Range<usize>,
+    pub unit: ForceUnit,
     /// L_x (m).
     pub length: f64,
     /// Δt (s); 0 evaluates the forces without advancing the histories.
     pub step: f64,
-    /// Filled where given.
+    /// Filled where given, and then as long as `contacts`.
     pub samples: Option<&'a mut ContactForces>,
 }
 
@@ -40,24 +55,11 @@ pub fn contact_forces<C: ContactLaw>(
     mut pass: Pass<'_>,
 ) -> Option<(usize, usize)> {
     match pass.samples.take() {
-        Some(samples) => {
-            let blocks = pass.contacts.pairs.blocks().len();
-            for rows in [
-                &mut samples.normal,
-                &mut samples.tangential,
-                &mut samples.overlap,
-            ] {
-                rows.clear();
-                rows.resize(blocks, Row::ZERO);
-            }
-            samples.sliding.clear();
-            samples.sliding.resize(blocks, 0);
-            level.run(Blocks::<C, true> {
-                law,
-                pass: &mut pass,
-                samples,
-            })
-        }
+        Some(samples) => level.run(Blocks::<C, true> {
+            law,
+            pass: &mut pass,
+            samples,
+        }),
         None => level.run(Blocks::<C, false> {
             law,
             pass: &mut pass,
@@ -108,14 +110,15 @@ impl<C: ContactLaw, const SAMPLE: bool> Work for Blocks<'_, '_, C, SAMPLE> {
     fn run<L: Lanes>(mut self, token: L::Token) -> Self::Output {
         let mut scratch = Scratch::ZERO;
         let mut outside = None;
-        let blocks = self.pass.contacts.pairs.blocks().len();
-        for first in (0..blocks).step_by(CHUNK) {
-            let chunk = first..blocks.min(first + CHUNK);
+        let blocks = self.pass.blocks.clone();
+        for first in blocks.clone().step_by(CHUNK) {
+            let chunk = first..blocks.end.min(first + CHUNK);
             self.differ::<L>(token, chunk.clone(), &mut scratch);
             self.move_pairs::<L>(token, chunk.clone(), &mut scratch);
             let found = self.evaluate::<L>(token, chunk.clone(), &mut scratch);
             outside = outside.or(found);
-            self.add::<L>(token, chunk, &scratch);
+            let found = self.add::<L>(token, chunk, &scratch);
+            outside = outside.or(found);
         }
         outside
     }
@@ -238,11 +241,24 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, '_, C, SAMPLE> {
         outside
     }
 
-    /// What it all comes to for the grains, one pair after the other: pairs that do not touch add zeros, and so nothing.
+    /// What it all comes to for the grains: pairs that do not touch add zeros. Returns a pair whose force is too great to be
+    /// rounded to the unit, if there is one.
     #[inline(always)]
-    fn add<L: Lanes>(&mut self, token: L::Token, chunk: Range<usize>, scratch: &Scratch) {
+    fn add<L: Lanes>(
+        &mut self,
+        token: L::Token,
+        chunk: Range<usize>,
+        scratch: &Scratch,
+    ) -> Option<(usize, usize)> {
         let load = |row: &Row| L::load(token, row);
-        let zero = L::splat(token, 0.0);
+        let c = |v| L::splat(token, v);
+        let zero = c(0.0);
+        let unit = self.pass.unit;
+        // Adding 3·2^51 units leaves no bit below the unit; subtracting them is exact.
+        let [force_shift, torque_shift] =
+            [unit.force, unit.torque].map(|u| c(u * (3u64 << 51) as f64));
+        let largest = c(unit.largest());
+        let mut outside = None;
         let force = &mut *self.pass.force;
         let contacts = &*self.pass.contacts;
         for (k, block) in chunk.enumerate() {
@@ -279,8 +295,19 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, '_, C, SAMPLE> {
                 terms[2] = terms[2] + rolling;
                 terms[3] = terms[3] - rolling;
             }
-            L::add_to_pairs(terms, force, &contacts.pairs, block);
+            let greater = terms[0].abs().max(terms[1].abs()).greater(largest).bits();
+            if greater != 0 && outside.is_none() {
+                outside = Some((block, greater.trailing_zeros() as usize));
+            }
+            let rounded = [
+                (terms[0] + force_shift) - force_shift,
+                (terms[1] + force_shift) - force_shift,
+                (terms[2] + torque_shift) - torque_shift,
+                (terms[3] + torque_shift) - torque_shift,
+            ];
+            L::add_to_pairs(rounded, force, &contacts.pairs, block);
         }
+        outside
     }
 }
 

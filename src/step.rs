@@ -3,13 +3,15 @@
 //! Velocity Verlet with positions at t+Δt and velocities at t+½Δt when the forces are computed. Damping forces take the
 //! full-step velocity predicted from the last acceleration, so the scheme stays second order with damping (physics.md).
 
+use std::ops::Range;
+
 use crate::clock::Phase;
 use crate::contact::ContactLaw;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::Drive;
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Pass, contact_forces};
-use crate::simd::{Lanes, Quad, Work};
+use crate::simd::{Lanes, Quad, Record, Work};
 use crate::state::{Grains, field};
 use crate::system::System;
 
@@ -46,23 +48,21 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     );
     system.clock.end(Phase::Motion);
 
-    system.slabs.exchange(exchange, &mut system.grains, || ());
-    system.clock.end(Phase::Exchange);
-
-    let outside = forces(system, law, drive, step, samples);
-    system.clock.end(Phase::Contacts);
+    let outside = forces(exchange, system, law, drive, step, samples);
 
     let rebuild = rebuild || system.list.forced(system.steps);
-    let (load, [due, stop]) = agree(exchange, system, drive, outside, [rebuild, stop])?;
+    let mut message = Message::new(system, drive, outside, [rebuild, stop]);
+    exchange.sum_during(&mut message.0, || {
+        if D::DRAG {
+            slow_down(&mut system.grains, drive.drag());
+        }
+        system.level.run(SecondKick(&mut system.grains));
+        system.clock.end(Phase::Motion);
+    });
+    let (load, [due, stop]) = message.read(exchange, system, outside)?;
     system.list.due = due;
     drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Walls);
-
-    if D::DRAG {
-        slow_down(&mut system.grains, drive.drag());
-    }
-    system.level.run(SecondKick(&mut system.grains));
-    system.clock.end(Phase::Motion);
 
     Ok(stop)
 }
@@ -75,65 +75,110 @@ pub fn initial_forces<C: ContactLaw, D: Drive, E: Exchange>(
     drive: &mut D,
     samples: Option<&mut ContactForces>,
 ) -> Result<(), Failure> {
-    let outside = forces(system, law, drive, 0.0, samples);
-    let (load, []) = agree(exchange, system, drive, outside, [])?;
+    let outside = forces(exchange, system, law, drive, 0.0, samples);
+    let mut message = Message::new(system, drive, outside, []);
+    exchange.sum_during(&mut message.0, || ());
+    let (load, []) = message.read(exchange, system, outside)?;
     drive.piston_mut().start(load);
     Ok(())
 }
 
-/// The force on the top along y (N/m), and which of the questions some rank answers with yes: one message for all that
-/// the ranks must agree on.
-fn agree<D: Drive, const K: usize>(
-    exchange: &impl Exchange,
-    system: &System,
-    drive: &D,
-    outside: Option<Outside>,
-    questions: [bool; K],
-) -> Result<(f64, [bool; K]), Failure> {
-    let mut load = Accumulator::default();
-    drive.load(&system.grains, &system.fixed, &mut load);
-    let mut message = [0i64; LIMBS + 4];
-    load.write(&mut message);
-    message[LIMBS + 1] = outside.is_some() as i64;
-    for (to, yes) in message[LIMBS + 2..].iter_mut().zip(questions) {
-        *to = yes as i64;
+/// All that the ranks must agree on in a step, to be added up: the force on the top along y, whether something failed, and K
+/// questions that are answered with yes where some rank says so.
+struct Message<const K: usize>([i64; LIMBS + 4]);
+
+impl<const K: usize> Message<K> {
+    fn new(
+        system: &System,
+        drive: &impl Drive,
+        outside: Option<Outside>,
+        questions: [bool; K],
+    ) -> Self {
+        let mut load = Accumulator::default();
+        drive.load(&system.grains, &system.fixed, &mut load);
+        let mut message = [0i64; LIMBS + 4];
+        load.write(&mut message);
+        message[LIMBS + 1] = outside.is_some() as i64;
+        for (to, yes) in message[LIMBS + 2..].iter_mut().zip(questions) {
+            *to = yes as i64;
+        }
+        Self(message)
     }
-    exchange.sum(&mut message);
-    let load = system.fixed.value(Accumulator::read(&message));
-    if message[LIMBS + 1] > 0 || load.is_nan() {
-        return Err(system.explain(exchange, outside));
+
+    /// The force (N/m) and the answers.
+    fn read(
+        &self,
+        exchange: &impl Exchange,
+        system: &System,
+        outside: Option<Outside>,
+    ) -> Result<(f64, [bool; K]), Failure> {
+        let load = system.fixed.value(Accumulator::read(&self.0));
+        if self.0[LIMBS + 1] > 0 || load.is_nan() {
+            return Err(system.explain(exchange, outside));
+        }
+        Ok((load, std::array::from_fn(|k| self.0[LIMBS + 2 + k] > 0)))
     }
-    Ok((load, std::array::from_fn(|k| message[LIMBS + 2 + k] > 0)))
 }
 
-/// All forces at the present positions; histories advance by `step` (s). Returns what was outside the law.
-pub fn forces<C: ContactLaw, D: Drive>(
+/// All forces at the present positions, those of inner contacts while the ghosts' records are on their way; histories advance by
+/// `step` (s). Returns what was outside the law.
+pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
+    exchange: &E,
     system: &mut System,
     law: &C,
     drive: &mut D,
     step: f64,
-    samples: Option<&mut ContactForces>,
+    mut samples: Option<&mut ContactForces>,
 ) -> Option<Outside> {
-    system.grains.force.fill(Quad::ZERO);
-    let at_plane = drive
-        .forces(system.level, system.length, step, &mut system.grains)
-        .map(Outside::Plane);
-    let grains = &mut system.grains;
-    let at_pair = contact_forces(
-        system.level,
-        law,
-        Pass {
-            record: &grains.record,
-            force: &mut grains.force,
-            contacts: &mut system.contacts,
-            length: system.length,
-            step,
-            samples,
-        },
-    );
-    let at_pair = at_pair.map(|(block, lane)| Outside::Pair(block, lane));
-    let unsound = system.list.unsound.then_some(Outside::Number);
-    at_plane.or(at_pair).or(unsound)
+    let System {
+        level,
+        length,
+        grains,
+        contacts,
+        slabs,
+        clock,
+        list,
+        ..
+    } = system;
+    grains.force.fill(Quad::ZERO);
+    let at_plane = drive.forces(*level, *length, step, grains);
+    if let Some(samples) = &mut samples {
+        samples.prepare(contacts.blocks());
+    }
+    let (owned, unit) = (grains.owned, grains.unit);
+    let (inner, all) = (contacts.inner, contacts.blocks());
+    let force = &mut grains.force;
+    let mut work = |record: &[Record], blocks: Range<usize>| {
+        contact_forces(
+            *level,
+            law,
+            Pass {
+                record,
+                force,
+                contacts,
+                blocks,
+                unit,
+                length: *length,
+                step,
+                samples: samples.as_deref_mut(),
+            },
+        )
+    };
+    let mut at_inner = None;
+    slabs.exchange(exchange, &mut grains.record, owned, |own| {
+        clock.end(Phase::Exchange);
+        at_inner = work(own, 0..inner);
+        clock.end(Phase::Contacts);
+    });
+    clock.end(Phase::Exchange);
+    let at_border = work(&grains.record, inner..all);
+    clock.end(Phase::Contacts);
+
+    let at_pair = at_inner
+        .or(at_border)
+        .map(|(b, lane)| Outside::Pair(b, lane));
+    let unsound = list.unsound.then_some(Outside::Number);
+    at_plane.map(Outside::Plane).or(at_pair).or(unsound)
 }
 
 /// Where the numbers failed, as this rank knows it.

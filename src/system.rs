@@ -8,7 +8,7 @@ use crate::drive::Drive;
 use crate::failure::Failure;
 use crate::neighbour;
 use crate::simd::Level;
-use crate::state::{ContactState, Contacts, GrainState, Grains, field, nearest_image};
+use crate::state::{ContactState, Contacts, ForceUnit, GrainState, Grains, field, nearest_image};
 use crate::step::Outside;
 
 /// Skins over d̄ between which an adaptive one stays.
@@ -226,16 +226,17 @@ impl System {
         let reach = self.list.reach();
         let (own, remembered) = self.slabs.redistribute(exchange, grains, contacts, reach)?;
         self.grains.replace(&own, self.density, self.step);
+        let largest = 0.5 * self.list.diameter;
+        self.grains.unit = ForceUnit::new(law.largest_force(largest), largest);
         self.slabs.attach_ghosts(exchange, &mut self.grains, reach);
         let window = self.slabs.window(exchange, reach);
         let pairs = neighbour::pairs(&self.grains, window, reach, self.list.skin);
-        self.grains.close();
         self.contacts.replace(
             self.level,
             law,
             &pairs,
             &self.grains.radius,
-            self.grains.filler(),
+            self.grains.owned,
         );
         self.contacts.remember::<C>(&remembered, &self.grains.id);
         drive.renumber(self.level, &self.grains, self.list.skin);

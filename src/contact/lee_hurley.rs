@@ -171,6 +171,11 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
         }
     }
 
+    /// F_n = πE*a²/(4R*) with a = 0.3 R, R* = R/2.
+    fn largest_force(&self, radius: f64) -> f64 {
+        0.5 * self.stiffness * LARGEST_CONTACT * LARGEST_CONTACT * radius
+    }
+
     #[inline(always)]
     fn evaluate<L: Lanes>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         self.press::<L>(token, blocks);

@@ -87,6 +87,9 @@ pub trait ContactLaw: Copy + Send + Sync {
     /// The parameters of pairs of radii r_i, r_j (m), a row each.
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]);
 
+    /// F_n (N/m) of two grains of this radius (m) at the end of the law.
+    fn largest_force(&self, radius: f64) -> f64;
+
     /// The response of some blocks of contacts. Tangential forces and torques are filled in only by laws that have them.
     fn evaluate<L: Lanes>(&self, token: L::Token, blocks: &mut Blocks<'_>);
 

@@ -192,17 +192,19 @@ impl Slabs {
         }
     }
 
-    /// Sends the border grains' records and receives the ghosts', while `meanwhile` runs.
+    /// Sends the border grains' records and receives the ghosts', while `meanwhile` runs with the own ones. Of `record`, as many
+    /// as `owned` are own.
     pub fn exchange(
         &mut self,
         exchange: &impl Exchange,
-        grains: &mut Grains,
-        meanwhile: impl FnOnce(),
+        record: &mut [Record],
+        owned: usize,
+        meanwhile: impl FnOnce(&[Record]),
     ) {
+        let (own, mut ghosts) = record.split_at_mut(owned);
         if self.links.is_empty() {
-            return meanwhile();
+            return meanwhile(own);
         }
-        let (own, mut ghosts) = grains.record.split_at_mut(grains.owned);
         let mut messages = Vec::with_capacity(2);
         for link in &mut self.links {
             for (to, &g) in link.buffer.iter_mut().zip(&link.send) {
@@ -216,7 +218,7 @@ impl Slabs {
                 receive: cast_slice_mut(receive),
             });
         }
-        exchange.halo(&mut messages, meanwhile);
+        exchange.halo(&mut messages, || meanwhile(own));
     }
 
     /// Where this rank's grains and ghosts are.

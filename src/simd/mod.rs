@@ -69,23 +69,25 @@ pub struct Pairs {
     pub j: [u32; LANES],
 }
 
-/// Pairs of indices in blocks, and what they all are below: whoever has an array of that length may use them unchecked.
+/// Pairs of indices in blocks, and what those of a block are below: whoever has an array of that length may use them unchecked.
 #[derive(Debug, Default)]
 pub struct PairList {
     blocks: Vec<Pairs>,
-    below: usize,
+    below: Vec<u32>,
 }
 
 impl PairList {
     pub fn clear(&mut self) {
         self.blocks.clear();
-        self.below = 0;
+        self.below.clear();
     }
 
+    /// # Panics
+    /// Where an index is `u32::MAX`.
     pub fn push(&mut self, pairs: Pairs) {
-        for &k in pairs.i.iter().chain(&pairs.j) {
-            self.below = self.below.max(k as usize + 1);
-        }
+        let most = pairs.i.iter().chain(&pairs.j).fold(0, |a, &b| a.max(b));
+        assert!(most < u32::MAX, "an index has to be below {}", u32::MAX);
+        self.below.push(most + 1);
         self.blocks.push(pairs);
     }
 
@@ -94,7 +96,7 @@ impl PairList {
     }
 
     pub fn memory(&self) -> usize {
-        self.blocks.capacity() * size_of::<Pairs>()
+        self.blocks.capacity() * size_of::<Pairs>() + self.below.capacity() * size_of::<u32>()
     }
 
     /// A block, all of whose indices are below `length`.
@@ -104,7 +106,7 @@ impl PairList {
     #[inline(always)]
     fn within(&self, block: usize, length: usize) -> &Pairs {
         assert!(
-            self.below <= length,
+            self.below[block] as usize <= length,
             "a pair of the list has an index outside the grains"
         );
         &self.blocks[block]

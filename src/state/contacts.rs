@@ -5,14 +5,15 @@ use crate::simd::{LANES, Lanes, Level, PairList, Pairs, Row, Work};
 
 use super::ContactState;
 
-/// Pairs of local grains that touch or may come to, each once, in order of (id of i, id of j), i the lower id.
+/// Pairs of local grains that touch or may come to, each once, i the lower id: first the blocks of inner pairs, of which this
+/// rank owns both grains, then those with ghosts; each group in order of (id of i, id of j).
 ///
-/// The last block is filled up with a grain that touches nothing. The list's extent never reaches the numbers:
-/// pairs that do not touch add nothing.
+/// The last block of a group is filled up with a grain and itself, which do not touch. Neither the order nor the extent of the list
+/// reaches the numbers: sums of forces are exact, and pairs that do not touch add nothing.
 #[derive(Debug, Default)]
 pub struct Contacts {
-    /// Pairs, without those that fill up the last block.
-    pub count: usize,
+    /// Blocks of inner pairs.
+    pub inner: usize,
     pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
     pub geometry: Vec<[Row; 2]>,
@@ -25,31 +26,26 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// Replaces the list by the sorted `pairs` of local indices; `filler` is a grain that touches nothing.
+    /// Replaces the list by the sorted `pairs` of local indices, of which those below `owned` are this rank's.
     pub fn replace<C: ContactLaw>(
         &mut self,
         level: Level,
         law: &C,
         pairs: &[[u32; 2]],
         radius: &[f64],
-        filler: u32,
+        owned: usize,
     ) {
-        let blocks = pairs.len().div_ceil(LANES);
-        self.count = pairs.len();
+        let (inner, border): (Vec<[u32; 2]>, Vec<[u32; 2]>) = pairs
+            .iter()
+            .partition(|[i, j]| (*i as usize) < owned && (*j as usize) < owned);
         self.pairs.clear();
         self.geometry.clear();
-        self.parameters.clear();
-        self.parameters.resize(blocks * C::PARAMETERS, Row::ZERO);
-        self.history.clear();
-        self.history.resize(blocks * C::HISTORY, Row::ZERO);
-        self.touching.clear();
-        self.touching.resize(blocks, 0);
-        for block in pairs.chunks(LANES) {
+        for block in inner.chunks(LANES).chain(border.chunks(LANES)) {
             let mut of_block = Pairs {
-                i: [filler; LANES],
-                j: [filler; LANES],
+                i: [0; LANES],
+                j: [0; LANES],
             };
-            let mut geometry = [Row([-1.0; LANES]), Row([1.0; LANES])];
+            let mut geometry = [Row([FILLER; LANES]), Row([1.0; LANES])];
             for (lane, &[i, j]) in block.iter().enumerate() {
                 of_block.i[lane] = i;
                 of_block.j[lane] = j;
@@ -59,13 +55,26 @@ impl Contacts {
             self.pairs.push(of_block);
             self.geometry.push(geometry);
         }
+        let blocks = self.geometry.len();
+        self.inner = inner.len().div_ceil(LANES);
+        self.parameters.clear();
+        self.parameters.resize(blocks * C::PARAMETERS, Row::ZERO);
+        self.history.clear();
+        self.history.resize(blocks * C::HISTORY, Row::ZERO);
+        self.touching.clear();
+        self.touching.resize(blocks, 0);
         level.run(Parameters {
             law,
             contacts: self,
         });
     }
 
-    /// The touching contacts with local indices, in list order.
+    /// Number of blocks.
+    pub fn blocks(&self) -> usize {
+        self.geometry.len()
+    }
+
+    /// The touching contacts with local indices, block by block.
     pub fn touching(&self) -> impl Iterator<Item = Touching> + '_ {
         self.touching
             .iter()
@@ -98,21 +107,23 @@ impl Contacts {
 
     /// Gives the pairs of the list their history back. `remembered` is sorted by (i, j); pairs that are not in it start anew.
     pub fn remember<C: ContactLaw>(&mut self, remembered: &[ContactState], id: &[u32]) {
-        let mut rest = remembered.iter().peekable();
-        for k in 0..self.count {
-            let (block, lane) = (k / LANES, k % LANES);
-            let pair = (
-                id[self.pairs.blocks()[block].i[lane] as usize],
-                id[self.pairs.blocks()[block].j[lane] as usize],
-            );
-            while rest.next_if(|c| (c.i, c.j) < pair).is_some() {}
-            if let Some(contact) = rest.next_if(|c| (c.i, c.j) == pair) {
-                let history = C::history_from_state(contact.history);
-                let rows = &mut self.history[block * C::HISTORY..(block + 1) * C::HISTORY];
-                for (row, from) in rows.iter_mut().zip(history) {
-                    row.0[lane] = from;
+        for group in [0..self.inner, self.inner..self.blocks()] {
+            let mut rest = remembered.iter().peekable();
+            for (block, lane) in group.flat_map(|b| (0..LANES).map(move |lane| (b, lane))) {
+                if self.geometry[block][0].0[lane] == FILLER {
+                    continue;
                 }
-                self.touching[block] |= 1 << lane;
+                let pairs = &self.pairs.blocks()[block];
+                let pair = (id[pairs.i[lane] as usize], id[pairs.j[lane] as usize]);
+                while rest.next_if(|c| (c.i, c.j) < pair).is_some() {}
+                if let Some(contact) = rest.next_if(|c| (c.i, c.j) == pair) {
+                    let history = C::history_from_state(contact.history);
+                    let rows = &mut self.history[block * C::HISTORY..(block + 1) * C::HISTORY];
+                    for (row, from) in rows.iter_mut().zip(history) {
+                        row.0[lane] = from;
+                    }
+                    self.touching[block] |= 1 << lane;
+                }
             }
         }
     }
@@ -126,6 +137,9 @@ impl Contacts {
             + self.touching.capacity()
     }
 }
+
+/// In place of R_i + R_j where a lane only fills up a block: nothing is so near.
+const FILLER: f64 = -1.0;
 
 /// The law's parameters of every block, from its geometry.
 struct Parameters<'a, C> {
