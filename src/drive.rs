@@ -76,6 +76,9 @@ pub trait Drive {
     fn renumber(&mut self, level: Level, grains: &Grains, skin: f64);
 }
 
+/// A smooth plane does not rub.
+type Law = LeeHurley<false, false>;
+
 /// Smooth rigid planes at y = 0 and y = height, the upper one pressed by N.
 ///
 /// A smooth rigid plane is the plane of symmetry of a contact of two equal grains: each grain near it meets its mirror
@@ -84,7 +87,7 @@ pub trait Drive {
 pub struct Planes {
     pub piston: Piston,
     pub drag: f64,
-    law: LeeHurley<false, false>,
+    law: Law,
     /// Grains near a plane, and whether it is the upper one.
     near: Vec<(u32, bool)>,
     record: Vec<Record>,
@@ -167,14 +170,15 @@ impl Drive for Planes {
             self.record[2 * k + 1] = image;
         }
         self.force.fill(Quad::ZERO);
+        let all = 0..self.contacts.blocks();
+        let part = self.contacts.part::<Law>(all);
         let outside = contact_forces(
             level,
             &self.law,
             Pass {
                 record: &self.record,
                 force: &mut self.force,
-                blocks: 0..self.contacts.blocks(),
-                contacts: &mut self.contacts,
+                part,
                 unit: grains.unit,
                 length,
                 step,

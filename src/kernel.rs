@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use crate::contact::{CARRY, ContactLaw, Motion, Response};
 use crate::simd::{LANES, Lanes, Level, Mask, Record, Row, Work, inverse_sqrt};
-use crate::state::{Contacts, Force, ForceUnit, field};
+use crate::state::{Force, ForceUnit, Part, field};
 
 /// What only frames and time series want of the contacts; rows per block as in [`Contacts`].
 #[derive(Debug, Default)]
@@ -29,23 +29,64 @@ impl ContactForces {
         self.sliding.clear();
         self.sliding.resize(blocks, 0);
     }
+
+    /// Of some blocks.
+    pub fn part(&mut self, blocks: Range<usize>) -> Samples<'_> {
+        Samples {
+            normal: &mut self.normal[blocks.clone()],
+            tangential: &mut self.tangential[blocks.clone()],
+            overlap: &mut self.overlap[blocks.clone()],
+            sliding: &mut self.sliding[blocks],
+        }
+    }
 }
 
-/// Forces of one pass over the contacts.
+/// [`ContactForces`] of some blocks.
+#[derive(Default)]
+pub struct Samples<'a> {
+    normal: &'a mut [Row],
+    tangential: &'a mut [Row],
+    overlap: &'a mut [Row],
+    sliding: &'a mut [u16],
+}
+
+impl<'a> Samples<'a> {
+    /// The first blocks, and the rest.
+    pub fn split(self, blocks: usize) -> (Samples<'a>, Samples<'a>) {
+        let (normal, normal_after) = self.normal.split_at_mut(blocks);
+        let (tangential, tangential_after) = self.tangential.split_at_mut(blocks);
+        let (overlap, overlap_after) = self.overlap.split_at_mut(blocks);
+        let (sliding, sliding_after) = self.sliding.split_at_mut(blocks);
+        (
+            Samples {
+                normal,
+                tangential,
+                overlap,
+                sliding,
+            },
+            Samples {
+                normal: normal_after,
+                tangential: tangential_after,
+                overlap: overlap_after,
+                sliding: sliding_after,
+            },
+        )
+    }
+}
+
+/// Forces of one pass over some contacts.
 pub struct Pass<'a> {
     pub record: &'a [Record],
     /// Added to.
     pub force: &'a mut [Force],
-    pub contacts: &'a mut Contacts,
-    /// Which blocks of them.
-    pub blocks: Range<usize>,
+    pub part: Part<'a>,
     pub unit: ForceUnit,
     /// L_x (m).
     pub length: f64,
     /// Δt (s); 0 evaluates the forces without advancing the histories.
     pub step: f64,
-    /// Filled where given, and then as long as `contacts`.
-    pub samples: Option<&'a mut ContactForces>,
+    /// Filled where given.
+    pub samples: Option<Samples<'a>>,
 }
 
 /// Adds the contact forces to the grains. Returns a pair (block, lane) whose overlap is outside the law, if there is one.
@@ -54,25 +95,23 @@ pub fn contact_forces<C: ContactLaw>(
     law: &C,
     mut pass: Pass<'_>,
 ) -> Option<(usize, usize)> {
-    match pass.samples.take() {
-        Some(samples) => level.run(Blocks::<C, true> {
-            law,
-            pass: &mut pass,
-            samples,
-        }),
+    let first = pass.part.first;
+    let outside = match pass.samples.take() {
+        Some(samples) => level.run(Blocks::<C, true> { law, pass, samples }),
         None => level.run(Blocks::<C, false> {
             law,
-            pass: &mut pass,
-            samples: &mut ContactForces::default(),
+            pass,
+            samples: Samples::default(),
         }),
-    }
+    };
+    outside.map(|(block, lane)| (first + block, lane))
 }
 
-/// One pass over all blocks.
-struct Blocks<'a, 'b, C, const SAMPLE: bool> {
+/// One pass; blocks are counted from the first of the part.
+struct Blocks<'a, C, const SAMPLE: bool> {
     law: &'a C,
-    pass: &'a mut Pass<'b>,
-    samples: &'a mut ContactForces,
+    pass: Pass<'a>,
+    samples: Samples<'a>,
 }
 
 /// Blocks that go through the phases of a pass together: enough for the processor to overlap them, few enough for its
@@ -102,7 +141,7 @@ impl Scratch {
     };
 }
 
-impl<C: ContactLaw, const SAMPLE: bool> Work for Blocks<'_, '_, C, SAMPLE> {
+impl<C: ContactLaw, const SAMPLE: bool> Work for Blocks<'_, C, SAMPLE> {
     type Output = Option<(usize, usize)>;
 
     /// Phases of short chains of operations each, so that the processor has several blocks under way.
@@ -110,9 +149,9 @@ impl<C: ContactLaw, const SAMPLE: bool> Work for Blocks<'_, '_, C, SAMPLE> {
     fn run<L: Lanes>(mut self, token: L::Token) -> Self::Output {
         let mut scratch = Scratch::ZERO;
         let mut outside = None;
-        let blocks = self.pass.blocks.clone();
-        for first in blocks.clone().step_by(CHUNK) {
-            let chunk = first..blocks.end.min(first + CHUNK);
+        let blocks = self.pass.part.blocks();
+        for first in (0..blocks).step_by(CHUNK) {
+            let chunk = first..blocks.min(first + CHUNK);
             self.differ::<L>(token, chunk.clone(), &mut scratch);
             self.move_pairs::<L>(token, chunk.clone(), &mut scratch);
             let found = self.evaluate::<L>(token, chunk.clone(), &mut scratch);
@@ -124,21 +163,21 @@ impl<C: ContactLaw, const SAMPLE: bool> Work for Blocks<'_, '_, C, SAMPLE> {
     }
 }
 
-impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, '_, C, SAMPLE> {
+impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, C, SAMPLE> {
     /// How the grains of the pairs differ.
     #[inline(always)]
     fn differ<L: Lanes>(&mut self, token: L::Token, chunk: Range<usize>, scratch: &mut Scratch) {
-        let (record, pairs) = (self.pass.record, &self.pass.contacts.pairs);
+        let (record, part) = (self.pass.record, &self.pass.part);
         for ((block, difference), last_of_j) in chunk
             .zip(&mut scratch.difference)
             .zip(&mut scratch.last_of_j)
         {
-            let d = L::differences(token, record, pairs, block);
+            let d = L::differences(token, record, part.pairs, part.first + block);
             for (d, row) in d.into_iter().zip(difference) {
                 d.store(row);
             }
             if C::FRICTION {
-                let [half_w, w] = L::last_fields(token, record, pairs, block);
+                let [half_w, w] = L::last_fields(token, record, part.pairs, part.first + block);
                 half_w.store(&mut last_of_j[0]);
                 w.store(&mut last_of_j[1]);
             }
@@ -157,7 +196,7 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, '_, C, SAMPLE> {
         let load = |row: &Row| L::load(token, row);
         let (length, per_length) = (c(self.pass.length), c(1.0 / self.pass.length));
         let step = c(self.pass.step);
-        let contacts = &mut *self.pass.contacts;
+        let contacts = &mut self.pass.part;
         let blocks = contacts.geometry[chunk.clone()]
             .iter()
             .zip(&mut contacts.touching[chunk])
@@ -218,7 +257,7 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, '_, C, SAMPLE> {
         chunk: Range<usize>,
         scratch: &mut Scratch,
     ) -> Option<(usize, usize)> {
-        let contacts = &mut *self.pass.contacts;
+        let contacts = &mut self.pass.part;
         let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
         self.law.evaluate::<L>(
             token,
@@ -260,7 +299,7 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, '_, C, SAMPLE> {
         let largest = c(unit.largest());
         let mut outside = None;
         let force = &mut *self.pass.force;
-        let contacts = &*self.pass.contacts;
+        let contacts = &self.pass.part;
         for (k, block) in chunk.enumerate() {
             let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
             let touching = load(&motion.overlap).greater(zero);
@@ -305,7 +344,7 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, '_, C, SAMPLE> {
                 (terms[2] + torque_shift) - torque_shift,
                 (terms[3] + torque_shift) - torque_shift,
             ];
-            L::add_to_pairs(rounded, force, &contacts.pairs, block);
+            L::add_to_pairs(rounded, force, contacts.pairs, contacts.first + block);
         }
         outside
     }

@@ -24,4 +24,5 @@ pub mod simd;
 pub mod state;
 pub mod step;
 pub mod system;
+pub mod team;
 pub mod terminal;

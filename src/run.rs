@@ -41,6 +41,8 @@ pub struct Options {
     pub stop_at: Option<u64>,
     /// Stop with a checkpoint after this time.
     pub wall_time: Option<Duration>,
+    /// Threads inside each rank.
+    pub threads: usize,
 }
 
 /// How a run ended that did not fail.
@@ -246,6 +248,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             scene.material.density,
             scene.time_step.step,
             scene.load.normal_force,
+            self.options.threads,
         )
     }
 

@@ -10,10 +10,11 @@ use crate::contact::ContactLaw;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::Drive;
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Pass, contact_forces};
-use crate::simd::{Lanes, Quad, Record, Work};
+use crate::kernel::ContactForces;
+use crate::simd::{Lanes, Record, Work};
 use crate::state::{Grains, field};
 use crate::system::System;
+use crate::team::{Own, Setting};
 
 /// Advances everything by Δt. `stop`: this rank was asked to stop; returned: some rank was. `samples` are filled where given.
 pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
@@ -34,10 +35,9 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
         system.clock.end(Phase::Rebuild);
     }
     drive.drift(step, &mut system.grains);
-    let fastest = system.level.run(HalfKickAndDrift {
-        grains: &mut system.grains,
-        step,
-        length: system.length,
+    let (level, length) = (system.level, system.length);
+    let fastest = system.team.greatest(&mut system.grains, |own| {
+        level.run(HalfKickAndDrift { own, step, length })
     });
     drive.predict(step, &mut system.grains);
     let rebuild = system.list.moved(
@@ -56,7 +56,9 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
         if D::DRAG {
             slow_down(&mut system.grains, drive.drag());
         }
-        system.level.run(SecondKick(&mut system.grains));
+        system
+            .team
+            .greatest(&mut system.grains, |own| level.run(SecondKick(own)));
         system.clock.end(Phase::Motion);
     });
     let (load, [due, stop]) = message.read(exchange, system, outside)?;
@@ -138,40 +140,36 @@ pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
         slabs,
         clock,
         list,
+        team,
         ..
     } = system;
-    grains.force.fill(Quad::ZERO);
+    team.clear(&mut grains.force);
     let at_plane = drive.forces(*level, *length, step, grains);
     if let Some(samples) = &mut samples {
         samples.prepare(contacts.blocks());
     }
-    let (owned, unit) = (grains.owned, grains.unit);
+    let setting = Setting {
+        level: *level,
+        law,
+        unit: grains.unit,
+        length: *length,
+        step,
+    };
     let (inner, all) = (contacts.inner, contacts.blocks());
-    let force = &mut grains.force;
-    let mut work = |record: &[Record], blocks: Range<usize>| {
-        contact_forces(
-            *level,
-            law,
-            Pass {
-                record,
-                force,
-                contacts,
-                blocks,
-                unit,
-                length: *length,
-                step,
-                samples: samples.as_deref_mut(),
-            },
-        )
+    let (record, force) = (&mut grains.record, &mut grains.force);
+    let mut work = |record: &[Record], group: Range<usize>| {
+        let samples = samples.as_deref_mut();
+        team.contact_forces(setting, record, force, contacts, group, samples)
     };
     let mut at_inner = None;
-    slabs.exchange(exchange, &mut grains.record, owned, |own| {
+    slabs.exchange(exchange, record, grains.owned, |own| {
         clock.end(Phase::Exchange);
         at_inner = work(own, 0..inner);
         clock.end(Phase::Contacts);
     });
     clock.end(Phase::Exchange);
-    let at_border = work(&grains.record, inner..all);
+    let at_border = work(record, inner..all);
+    team.gather(&mut grains.force);
     clock.end(Phase::Contacts);
 
     let at_pair = at_inner
@@ -194,7 +192,7 @@ pub enum Outside {
 
 /// v(t+½Δt), x(t+Δt) wrapped along x, and the predicted v(t+Δt). Returns the greatest speed (m/s), NaN where one is none.
 struct HalfKickAndDrift<'a> {
-    grains: &'a mut Grains,
+    own: Own<'a>,
     step: f64,
     length: f64,
 }
@@ -205,19 +203,11 @@ impl Work for HalfKickAndDrift<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) -> f64 {
         use field::*;
-        let Self {
-            grains,
-            step,
-            length,
-        } = self;
+        let Self { own, step, length } = self;
         let mut fastest = 0.0f64;
         let mut sum = 0.0;
-        let own = grains.owned;
-        for ((record, force), kick) in grains.record[..own]
-            .iter_mut()
-            .zip(&grains.force)
-            .zip(&grains.half_kick)
-        {
+        let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
+        for ((record, force), kick) in grains {
             let r = &mut record.0;
             let [linear, angular] = *kick;
             let (du, dv, dw) = (linear * force[0], linear * force[1], angular * force[2]);
@@ -265,26 +255,23 @@ fn slow_down(grains: &mut Grains, drag: f64) {
 }
 
 /// v(t+Δt), in place of the predicted one.
-struct SecondKick<'a>(&'a mut Grains);
+struct SecondKick<'a>(Own<'a>);
 
 impl Work for SecondKick<'_> {
-    type Output = ();
+    type Output = f64;
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L::Token) {
+    fn run<L: Lanes>(self, _: L::Token) -> f64 {
         use field::*;
-        let grains = self.0;
-        let own = grains.owned;
-        for ((record, force), kick) in grains.record[..own]
-            .iter_mut()
-            .zip(&grains.force)
-            .zip(&grains.half_kick)
-        {
+        let own = self.0;
+        let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
+        for ((record, force), kick) in grains {
             let r = &mut record.0;
             let [linear, angular] = *kick;
             r[U] = r[HALF_U] + linear * force[0];
             r[V] = r[HALF_V] + linear * force[1];
             r[W] = r[HALF_W] + angular * force[2];
         }
+        0.0
     }
 }

@@ -10,6 +10,7 @@ use crate::neighbour;
 use crate::simd::Level;
 use crate::state::{ContactState, Contacts, ForceUnit, GrainState, Grains, field, nearest_image};
 use crate::step::Outside;
+use crate::team::Team;
 
 /// Skins over d̄ between which an adaptive one stays.
 const THINNEST_SKIN: f64 = 0.002;
@@ -37,6 +38,7 @@ pub struct System {
     pub slabs: Slabs,
     pub list: List,
     pub clock: Clock,
+    pub team: Team,
 }
 
 /// How long the list of pairs stays complete.
@@ -160,6 +162,7 @@ impl System {
         density: f64,
         step: f64,
         typical_force: f64,
+        threads: usize,
     ) -> Result<Self, Failure> {
         let [largest, mean] = radii;
         Ok(Self {
@@ -174,6 +177,7 @@ impl System {
             slabs: Slabs::new(exchange, length),
             list: List::new(exchange, bookkeeping, length, largest, 2.0 * mean)?,
             clock: Clock::default(),
+            team: Team::new(threads)?,
         })
     }
 
@@ -239,6 +243,7 @@ impl System {
             self.grains.owned,
         );
         self.contacts.remember::<C>(&remembered, &self.grains.id);
+        self.team.assign(&self.contacts, self.grains.local());
         drive.renumber(self.level, &self.grains, self.list.skin);
 
         self.list.due = false;
@@ -315,6 +320,7 @@ impl System {
     pub fn memory(&self) -> usize {
         self.grains.memory()
             + self.contacts.memory()
+            + self.team.memory()
             + self.list.origin.capacity() * size_of::<[f64; 2]>()
     }
 }

@@ -135,12 +135,15 @@ impl Exchange for World {
 
     /// Several links with one rank pair up in their order: the n-th with rank r here with the n-th with this rank there.
     fn halo(&self, links: &mut [Link<'_>], meanwhile: impl FnOnce()) {
-        let ranks: Vec<usize> = links.iter().map(|link| link.rank).collect();
-        let only = |rank| ranks.iter().filter(|&&r| r == rank).count() == 1;
+        // A box holds one message, so several links with one rank go through the library.
+        let single = links
+            .iter()
+            .enumerate()
+            .all(|(k, a)| links[k + 1..].iter().all(|b| a.rank != b.rank));
         let near = |link: &Link<'_>| {
-            let node = self.node.as_ref()?;
-            let near = node.reaches(link.rank, link.send.len(), link.receive.len());
-            (near && only(link.rank)).then_some(node)
+            let node = self.node.as_ref().filter(|_| single)?;
+            node.reaches(link.rank, link.send.len(), link.receive.len())
+                .then_some(node)
         };
         for link in &*links {
             if let Some(node) = near(link) {

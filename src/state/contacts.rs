@@ -1,5 +1,7 @@
 //! The canonical half list and what the contacts remember, in blocks of sixteen pairs.
 
+use std::ops::Range;
+
 use crate::contact::ContactLaw;
 use crate::simd::{LANES, Lanes, Level, PairList, Pairs, Row, Work};
 
@@ -69,6 +71,19 @@ impl Contacts {
         });
     }
 
+    /// Some blocks, for the kernel.
+    pub fn part<C: ContactLaw>(&mut self, blocks: Range<usize>) -> Part<'_> {
+        let of = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
+        Part {
+            first: blocks.start,
+            pairs: &self.pairs,
+            geometry: &self.geometry[of(1)],
+            parameters: &self.parameters[of(C::PARAMETERS)],
+            history: &mut self.history[of(C::HISTORY)],
+            touching: &mut self.touching[of(1)],
+        }
+    }
+
     /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.geometry.len()
@@ -135,6 +150,50 @@ impl Contacts {
             + self.geometry.capacity() * size_of::<[Row; 2]>()
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Row>()
             + self.touching.capacity()
+    }
+}
+
+/// Some blocks, as the kernel works on them.
+pub struct Part<'a> {
+    /// The first of them in the list.
+    pub first: usize,
+    pub pairs: &'a PairList,
+    pub geometry: &'a [[Row; 2]],
+    pub parameters: &'a [Row],
+    pub history: &'a mut [Row],
+    pub touching: &'a mut [u16],
+}
+
+impl<'a> Part<'a> {
+    pub fn blocks(&self) -> usize {
+        self.geometry.len()
+    }
+
+    /// Those before the block `until` of the list, and those from it on.
+    pub fn split<C: ContactLaw>(self, until: usize) -> (Part<'a>, Part<'a>) {
+        let here = until - self.first;
+        let (geometry, geometry_after) = self.geometry.split_at(here);
+        let (parameters, parameters_after) = self.parameters.split_at(here * C::PARAMETERS);
+        let (history, history_after) = self.history.split_at_mut(here * C::HISTORY);
+        let (touching, touching_after) = self.touching.split_at_mut(here);
+        (
+            Part {
+                first: self.first,
+                pairs: self.pairs,
+                geometry,
+                parameters,
+                history,
+                touching,
+            },
+            Part {
+                first: until,
+                pairs: self.pairs,
+                geometry: geometry_after,
+                parameters: parameters_after,
+                history: history_after,
+                touching: touching_after,
+            },
+        )
     }
 }
 

@@ -8,7 +8,7 @@ mod sample;
 mod snapshot;
 
 pub use cell::nearest_image;
-pub use contacts::{Contacts, Touching};
+pub use contacts::{Contacts, Part, Touching};
 pub use frame::{Disks, Frame};
 pub use grains::{Force, ForceUnit, Grains, body, field};
 pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
