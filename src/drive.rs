@@ -70,6 +70,10 @@ pub trait Drive {
     ) -> Option<usize>;
     /// Adds this rank's part of the force on the top along y.
     fn load(&self, grains: &Grains, fixed: &FixedPoint, to: &mut Accumulator);
+    /// This rank's part of the force against an imposed motion, in units of the contact forces.
+    fn pull(&self, _grains: &Grains) -> i64 {
+        0
+    }
     /// Second half kick, by the force on the top along y (N/m).
     fn kick(&mut self, step: f64, force: f64, grains: &mut Grains);
     /// The grains of this rank are others than before, and may move by half a skin (m) until the next time.
@@ -172,7 +176,7 @@ impl Drive for Planes {
         self.force.fill(Quad::ZERO);
         let all = 0..self.contacts.blocks();
         let part = self.contacts.part::<Law>(all);
-        let outside = contact_forces(
+        let found = contact_forces(
             level,
             &self.law,
             Pass {
@@ -183,12 +187,13 @@ impl Drive for Planes {
                 length,
                 step,
                 samples: None,
+                energy_unit: None,
             },
         );
         for (k, &(g, _)) in self.near.iter().enumerate() {
             grains.force[g as usize][1] += self.force[2 * k][1];
         }
-        outside.map(|(block, lane)| {
+        found.outside.map(|(block, lane)| {
             let k = self.contacts.pairs.blocks()[block].i[lane] as usize / 2;
             self.near[k].0 as usize
         })
@@ -280,6 +285,11 @@ impl Drive for GrainWalls {
         for &g in &self.top {
             fixed.add(to, grains.force[g as usize][1]);
         }
+    }
+
+    fn pull(&self, grains: &Grains) -> i64 {
+        let force = |&g: &u32| (-grains.force[g as usize][0] / grains.unit.force) as i64;
+        self.top.iter().map(force).sum()
     }
 
     fn kick(&mut self, step: f64, force: f64, grains: &mut Grains) {

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::contact::{CARRY, ContactLaw, Motion, Response};
+use crate::contact::{CARRY, ContactLaw, Motion, Response, loss};
 use crate::simd::{LANES, Lanes, Level, Mask, Record, Row, Work, inverse_sqrt};
 use crate::state::{Force, ForceUnit, Part, field};
 
@@ -42,7 +42,6 @@ impl ContactForces {
 }
 
 /// [`ContactForces`] of some blocks.
-#[derive(Default)]
 pub struct Samples<'a> {
     normal: &'a mut [Row],
     tangential: &'a mut [Row],
@@ -87,31 +86,46 @@ pub struct Pass<'a> {
     pub step: f64,
     /// Filled where given.
     pub samples: Option<Samples<'a>>,
+    /// Where given, a ledger of energy is kept in whole multiples of this (J/m).
+    pub energy_unit: Option<f64>,
 }
 
-/// Adds the contact forces to the grains. Returns a pair (block, lane) whose overlap is outside the law, if there is one.
-pub fn contact_forces<C: ContactLaw>(
-    level: Level,
-    law: &C,
-    mut pass: Pass<'_>,
-) -> Option<(usize, usize)> {
+/// What a pass finds.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Found {
+    /// A pair (block, lane) that is outside the law.
+    pub outside: Option<(usize, usize)>,
+    /// Energies that the contacts lost of which this rank owns i, in `Pass::energy_unit`s.
+    pub lost: [i128; loss::KINDS],
+}
+
+impl Found {
+    pub fn and(mut self, other: Self) -> Self {
+        self.outside = self.outside.or(other.outside);
+        for (sum, more) in self.lost.iter_mut().zip(other.lost) {
+            *sum += more;
+        }
+        self
+    }
+}
+
+/// Adds the contact forces to the grains.
+pub fn contact_forces<C: ContactLaw>(level: Level, law: &C, pass: Pass<'_>) -> Found {
     let first = pass.part.first;
-    let outside = match pass.samples.take() {
-        Some(samples) => level.run(Blocks::<C, true> { law, pass, samples }),
-        None => level.run(Blocks::<C, false> {
-            law,
-            pass,
-            samples: Samples::default(),
-        }),
+    let mut found = match pass.energy_unit {
+        Some(_) => level.run(Blocks::<C, true> { law, pass }),
+        None => level.run(Blocks::<C, false> { law, pass }),
     };
-    outside.map(|(block, lane)| (first + block, lane))
+    if let Some((block, _)) = &mut found.outside {
+        *block += first;
+    }
+    found
 }
 
 /// One pass; blocks are counted from the first of the part.
-struct Blocks<'a, C, const SAMPLE: bool> {
+struct Blocks<'a, C, const LEDGER: bool> {
     law: &'a C,
     pass: Pass<'a>,
-    samples: Samples<'a>,
 }
 
 /// Blocks that go through the phases of a pass together: enough for the processor to overlap them, few enough for its
@@ -128,6 +142,8 @@ struct Scratch {
     direction: [[Row; 2]; CHUNK],
     carry: [[Row; CARRY]; CHUNK],
     response: [Response; CHUNK],
+    /// Block, lane and factor of the damping of pairs that have just come to touch, where a ledger is kept.
+    touched: Vec<(usize, usize, f64)>,
 }
 
 impl Scratch {
@@ -138,32 +154,37 @@ impl Scratch {
         direction: [[Row::ZERO; 2]; CHUNK],
         carry: [[Row::ZERO; CARRY]; CHUNK],
         response: [Response::NONE; CHUNK],
+        touched: Vec::new(),
     };
 }
 
-impl<C: ContactLaw, const SAMPLE: bool> Work for Blocks<'_, C, SAMPLE> {
-    type Output = Option<(usize, usize)>;
+impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
+    type Output = Found;
 
     /// Phases of short chains of operations each, so that the processor has several blocks under way.
     #[inline(always)]
     fn run<L: Lanes>(mut self, token: L::Token) -> Self::Output {
         let mut scratch = Scratch::ZERO;
-        let mut outside = None;
+        let mut found = Found::default();
         let blocks = self.pass.part.blocks();
         for first in (0..blocks).step_by(CHUNK) {
             let chunk = first..blocks.min(first + CHUNK);
             self.differ::<L>(token, chunk.clone(), &mut scratch);
             self.move_pairs::<L>(token, chunk.clone(), &mut scratch);
-            let found = self.evaluate::<L>(token, chunk.clone(), &mut scratch);
-            outside = outside.or(found);
-            let found = self.add::<L>(token, chunk, &scratch);
-            outside = outside.or(found);
+            found.outside =
+                found
+                    .outside
+                    .or(self.evaluate::<L>(token, chunk.clone(), &mut scratch));
+            if LEDGER {
+                self.account::<L>(token, chunk.clone(), &mut scratch, &mut found);
+            }
+            found.outside = found.outside.or(self.add::<L>(token, chunk, &scratch));
         }
-        outside
+        found
     }
 }
 
-impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, C, SAMPLE> {
+impl<C: ContactLaw, const LEDGER: bool> Blocks<'_, C, LEDGER> {
     /// How the grains of the pairs differ.
     #[inline(always)]
     fn differ<L: Lanes>(&mut self, token: L::Token, chunk: Range<usize>, scratch: &mut Scratch) {
@@ -197,12 +218,17 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, C, SAMPLE> {
         let (length, per_length) = (c(self.pass.length), c(1.0 / self.pass.length));
         let step = c(self.pass.step);
         let contacts = &mut self.pass.part;
+        if LEDGER {
+            scratch.touched.clear();
+        }
         let blocks = contacts.geometry[chunk.clone()]
             .iter()
             .zip(&mut contacts.touching[chunk])
             .zip(scratch.difference.iter().zip(&scratch.last_of_j))
-            .zip(scratch.motion.iter_mut().zip(&mut scratch.direction));
-        for ((([sum, r_i], touching), (difference, last_of_j)), (motion, direction)) in blocks {
+            .zip(scratch.motion.iter_mut().zip(&mut scratch.direction))
+            .enumerate();
+        for (k, ((([sum, r_i], touching), (difference, last_of_j)), (motion, direction))) in blocks
+        {
             let d = |k: usize| load(&difference[k]);
             let (dx, dy) = (d(field::X), d(field::Y));
             let dx = (-(dx * per_length).round()).mul_add(length, dx);
@@ -244,7 +270,13 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, C, SAMPLE> {
             let nearer = -half_normal * step;
             let new = nearer.greater(overlap).bits() & *touching;
             if new != 0 {
-                first_touch(motion, nearer.to_row(), new);
+                let nearer = nearer.to_row();
+                for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
+                    let factor = first_touch(motion, lane, nearer.0[lane]);
+                    if LEDGER {
+                        scratch.touched.push((k, lane, factor));
+                    }
+                }
             }
         }
     }
@@ -259,7 +291,7 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, C, SAMPLE> {
     ) -> Option<(usize, usize)> {
         let contacts = &mut self.pass.part;
         let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
-        self.law.evaluate::<L>(
+        self.law.evaluate::<L, LEDGER>(
             token,
             &mut crate::contact::Blocks {
                 parameters: &contacts.parameters[rows(C::PARAMETERS)],
@@ -267,6 +299,7 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, C, SAMPLE> {
                 motion: &scratch.motion[..chunk.len()],
                 carry: &mut scratch.carry[..chunk.len()],
                 response: &mut scratch.response[..chunk.len()],
+                step: self.pass.step,
             },
         );
         let mut outside = None;
@@ -278,6 +311,41 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, C, SAMPLE> {
             }
         }
         outside
+    }
+
+    /// What the contacts lost.
+    #[inline(always)]
+    fn account<L: Lanes>(
+        &mut self,
+        token: L::Token,
+        chunk: Range<usize>,
+        scratch: &mut Scratch,
+        found: &mut Found,
+    ) {
+        for &(k, lane, factor) in &scratch.touched {
+            // Both the damping force and the velocity were scaled, and only the force is to be.
+            scratch.response[k].lost[loss::DAMPING].0[lane] /= factor;
+        }
+        let load = |row: &Row| L::load(token, row);
+        let c = |v| L::splat(token, v);
+        let part = &self.pass.part;
+        let per_unit = c(1.0 / self.pass.energy_unit.unwrap_or(f64::INFINITY));
+        let mine = chunk.end.min(part.mine.saturating_sub(part.first));
+        let blocks = chunk.start..mine.max(chunk.start);
+        for kind in 0..loss::KINDS {
+            let mut sums = L::no_counts(token);
+            for (motion, response) in scratch
+                .motion
+                .iter()
+                .zip(&scratch.response)
+                .take(blocks.len())
+            {
+                let touching = load(&motion.overlap).greater(c(0.0));
+                let lost = load(&response.lost[kind]) * per_unit;
+                sums = lost.select(touching, c(0.0)).count(sums);
+            }
+            found.lost[kind] += L::total(sums);
+        }
     }
 
     /// What it all comes to for the grains: pairs that do not touch add zeros. Returns a pair whose force is too great to be
@@ -309,13 +377,11 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, C, SAMPLE> {
                 load(n_y).select(touching, zero),
             );
             let normal = load(&response.normal).select(touching, zero);
-            if SAMPLE {
-                self.samples.normal[block] = response.normal;
-                self.samples.overlap[block] = motion.overlap;
-                if C::FRICTION {
-                    self.samples.tangential[block] = response.tangential;
-                    self.samples.sliding[block] = response.sliding & contacts.touching[block];
-                }
+            if let Some(samples) = &mut self.pass.samples {
+                samples.normal[block] = response.normal;
+                samples.overlap[block] = motion.overlap;
+                samples.tangential[block] = response.tangential;
+                samples.sliding[block] = response.sliding & contacts.touching[block];
             }
             let mut terms = [normal * n_x, normal * n_y, zero, zero];
             if C::FRICTION {
@@ -353,14 +419,16 @@ impl<C: ContactLaw, const SAMPLE: bool> Blocks<'_, C, SAMPLE> {
 /// The step in which a pair comes to touch: it touches for a part θ = δ/(-v_n Δt) of the step only, so that is the part of the
 /// increments that counts; and as the kicks of this force stand for the time from t-½Δt to t+½Δt, of which the pair touches
 /// ½+θ, the damping that sets in with a jump is scaled by it. Left out, an impact would be of first order in Δt.
+///
+/// Changes one lane of the motion; returns the factor of the damping. `nearer` is -v_n Δt (m).
 #[cold]
-fn first_touch(motion: &mut Motion, nearer: Row, new: u16) {
-    for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
-        let part = motion.overlap.0[lane] / nearer.0[lane];
-        motion.tangential_increment.0[lane] *= part;
-        motion.rolling_increment.0[lane] *= part;
-        motion.normal_velocity.0[lane] *= 0.5 + part;
-        motion.tangential_velocity.0[lane] *= 0.5 + part;
-        motion.rolling_velocity.0[lane] *= 0.5 + part;
-    }
+fn first_touch(motion: &mut Motion, lane: usize, nearer: f64) -> f64 {
+    let part = motion.overlap.0[lane] / nearer;
+    motion.tangential_increment.0[lane] *= part;
+    motion.rolling_increment.0[lane] *= part;
+    let factor = 0.5 + part;
+    motion.normal_velocity.0[lane] *= factor;
+    motion.tangential_velocity.0[lane] *= factor;
+    motion.rolling_velocity.0[lane] *= factor;
+    factor
 }

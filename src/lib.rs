@@ -11,6 +11,7 @@ pub mod drive;
 pub mod failure;
 pub mod io;
 pub mod kernel;
+pub mod ledger;
 pub mod neighbour;
 pub mod observe;
 pub mod record;

@@ -13,6 +13,7 @@ use crate::domain::{Accumulator, Exchange};
 use crate::drive::{GrainWalls, Piston, Planes};
 use crate::failure::Failure;
 use crate::kernel::ContactForces;
+use crate::ledger::{Kept, Ledger};
 use crate::observe::{self, Frame};
 use crate::record::{self, Recorder};
 use crate::sample::{Lattice, freeze_walls};
@@ -64,6 +65,9 @@ pub struct Header {
     /// Frames and rows of the time series written so far.
     pub frames: u64,
     pub rows: u64,
+    /// The ledger of energy, where one is kept.
+    #[serde(default)]
+    pub ledger: Option<Kept>,
 }
 
 /// A stage, with what it was begun with.
@@ -95,6 +99,7 @@ struct State {
     contacts: Vec<ContactState>,
     /// Frames and rows written before, if this goes on with an earlier run.
     written: Option<[u64; 2]>,
+    ledger: Option<Kept>,
 }
 
 impl<'a, E: Exchange> Run<'a, E> {
@@ -197,6 +202,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             grains,
             contacts: Vec::new(),
             written: None,
+            ledger: None,
         };
         let drag = DRAG_FALLING / inertial_time(self.scene);
         (Stage::Pack { drag }, state)
@@ -233,6 +239,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                 grains: snapshot.grains,
                 contacts,
                 written: Some([header.frames, header.rows]),
+                ledger: header.ledger,
             },
         ))
     }
@@ -331,6 +338,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                             step,
                             &drive.piston,
                             [0; 2],
+                            None,
                         ),
                         grains: system.grain_states(),
                         contacts: system.own_contact_states::<C>(),
@@ -367,6 +375,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             grains,
             contacts: system.contact_states::<C>(),
             written: None,
+            ledger: None,
         };
         Ok(Some((height, state)))
     }
@@ -396,6 +405,13 @@ impl<'a, E: Exchange> Run<'a, E> {
         let thickness = scene.sample.mean_diameter();
         let energy = scene.load.pressure * thickness * scene.mean_overlap();
         let frame = Frame::measure(exchange, &system, 2.0 * thickness, energy);
+        if scene.output.energy {
+            let mut ledger = Ledger::new(system.grains.unit, scene.sample.radius_max);
+            if let Some(kept) = &state.ledger {
+                ledger.resume(kept, exchange.rank());
+            }
+            system.ledger = Some(ledger);
+        }
         self.terminal.shearing(scene, &schedule, first);
         let mut recorder =
             Recorder::open(exchange, scene, &schedule, &system, options, state.written)?;
@@ -406,7 +422,16 @@ impl<'a, E: Exchange> Run<'a, E> {
             initial_forces(exchange, &mut system, law, &mut drive, Some(&mut samples))
                 .map_err(|e| in_stage(e, "shear"))?;
             if schedule.series_due(0) {
-                let row = observe::series(exchange, &system, &samples, &drive.piston, &frame, 0.0);
+                let row = observe::series(
+                    exchange,
+                    law,
+                    &mut system,
+                    &samples,
+                    &drive.piston,
+                    drive.speed,
+                    &frame,
+                    0.0,
+                );
                 recorder.series(exchange, 0, 0.0, &row)?;
             }
             if schedule.frame_due(0) {
@@ -428,8 +453,16 @@ impl<'a, E: Exchange> Run<'a, E> {
             let time = schedule.time(step);
             if series {
                 let strain = schedule.strain(step);
-                let row =
-                    observe::series(exchange, &system, &samples, &drive.piston, &frame, strain);
+                let row = observe::series(
+                    exchange,
+                    law,
+                    &mut system,
+                    &samples,
+                    &drive.piston,
+                    drive.speed,
+                    &frame,
+                    strain,
+                );
                 recorder.series(exchange, step, time, &row)?;
                 self.terminal.latest(&row);
             }
@@ -444,7 +477,13 @@ impl<'a, E: Exchange> Run<'a, E> {
                     &options.out,
                     &scene.toml,
                     &Snapshot {
-                        header: header(Stage::Shear { height }, step, &drive.piston, written),
+                        header: header(
+                            Stage::Shear { height },
+                            step,
+                            &drive.piston,
+                            written,
+                            system.ledger.as_ref().map(|l| l.keep(exchange)),
+                        ),
                         grains: system.grain_states(),
                         contacts: system.own_contact_states::<C>(),
                     },
@@ -477,13 +516,20 @@ impl<'a, E: Exchange> Run<'a, E> {
     }
 }
 
-fn header(stage: Stage, step: u64, piston: &Piston, [frames, rows]: [u64; 2]) -> String {
+fn header(
+    stage: Stage,
+    step: u64,
+    piston: &Piston,
+    [frames, rows]: [u64; 2],
+    ledger: Option<Kept>,
+) -> String {
     let header = Header {
         stage,
         step,
         piston: *piston,
         frames,
         rows,
+        ledger,
     };
     serde_json::to_string(&header).expect("a header of finite numbers")
 }

@@ -10,7 +10,8 @@ use crate::contact::ContactLaw;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::Drive;
 use crate::failure::Failure;
-use crate::kernel::ContactForces;
+use crate::kernel::{ContactForces, Found};
+use crate::ledger::Ledger;
 use crate::simd::{Lanes, Record, Work};
 use crate::state::{Grains, field};
 use crate::system::System;
@@ -141,6 +142,7 @@ pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
         clock,
         list,
         team,
+        ledger,
         ..
     } = system;
     team.clear(&mut grains.force);
@@ -154,6 +156,7 @@ pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
         unit: grains.unit,
         length: *length,
         step,
+        energy_unit: ledger.as_ref().map(Ledger::unit),
     };
     let (inner, all) = (contacts.inner, contacts.blocks());
     let (record, force) = (&mut grains.record, &mut grains.force);
@@ -161,20 +164,21 @@ pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
         let samples = samples.as_deref_mut();
         team.contact_forces(setting, record, force, contacts, group, samples)
     };
-    let mut at_inner = None;
+    let mut found = Found::default();
     slabs.exchange(exchange, record, grains.owned, |own| {
         clock.end(Phase::Exchange);
-        at_inner = work(own, 0..inner);
+        found = work(own, 0..inner);
         clock.end(Phase::Contacts);
     });
     clock.end(Phase::Exchange);
-    let at_border = work(record, inner..all);
+    found = found.and(work(record, inner..all));
     team.gather(&mut grains.force);
     clock.end(Phase::Contacts);
 
-    let at_pair = at_inner
-        .or(at_border)
-        .map(|(b, lane)| Outside::Pair(b, lane));
+    if let Some(ledger) = ledger {
+        ledger.step(found.lost, drive.pull(grains));
+    }
+    let at_pair = found.outside.map(|(b, lane)| Outside::Pair(b, lane));
     let unsound = list.unsound.then_some(Outside::Number);
     at_plane.map(Outside::Plane).or(at_pair).or(unsound)
 }

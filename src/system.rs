@@ -6,6 +6,7 @@ use crate::contact::ContactLaw;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::Drive;
 use crate::failure::Failure;
+use crate::ledger::Ledger;
 use crate::neighbour;
 use crate::simd::Level;
 use crate::state::{ContactState, Contacts, ForceUnit, GrainState, Grains, field, nearest_image};
@@ -39,6 +40,8 @@ pub struct System {
     pub list: List,
     pub clock: Clock,
     pub team: Team,
+    /// Kept where it is asked for.
+    pub ledger: Option<Ledger>,
 }
 
 /// How long the list of pairs stays complete.
@@ -178,6 +181,7 @@ impl System {
             list: List::new(exchange, bookkeeping, length, largest, 2.0 * mean)?,
             clock: Clock::default(),
             team: Team::new(threads)?,
+            ledger: None,
         })
     }
 

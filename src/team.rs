@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::contact::ContactLaw;
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Pass, contact_forces};
+use crate::kernel::{ContactForces, Found, Pass, contact_forces};
 use crate::simd::{Level, Quad, Record};
 use crate::state::{Contacts, Force, ForceUnit, Grains};
 
@@ -35,6 +35,7 @@ pub struct Setting<'a, C> {
     pub unit: ForceUnit,
     pub length: f64,
     pub step: f64,
+    pub energy_unit: Option<f64>,
 }
 
 impl Default for Team {
@@ -91,7 +92,6 @@ impl Team {
     }
 
     /// Contact forces of a group of blocks, which the first thread adds to `force` and the others to their own.
-    /// Returns a pair that is outside the law, if there is one: the first of the list.
     pub fn contact_forces<C: ContactLaw>(
         &mut self,
         setting: Setting<'_, C>,
@@ -100,7 +100,7 @@ impl Team {
         contacts: &mut Contacts,
         group: Range<usize>,
         samples: Option<&mut ContactForces>,
-    ) -> Option<(usize, usize)> {
+    ) -> Found {
         let pass = |part, force, samples| {
             contact_forces(
                 setting.level,
@@ -113,6 +113,7 @@ impl Team {
                     length: setting.length,
                     step: setting.step,
                     samples,
+                    energy_unit: setting.energy_unit,
                 },
             )
         };
@@ -122,7 +123,7 @@ impl Team {
             return pass(part, force, samples);
         };
         let threads = self.threads();
-        let mut found = vec![None; threads];
+        let mut found = vec![Found::default(); threads];
         pool.in_place_scope(|scope| {
             let pass = &pass;
             let (here, elsewhere) = found.split_at_mut(1);
@@ -138,7 +139,7 @@ impl Team {
             }
             here[0] = pass(part, force, samples);
         });
-        found.into_iter().flatten().next()
+        found.into_iter().fold(Found::default(), Found::and)
     }
 
     /// Clears the forces on the grains, for all threads.

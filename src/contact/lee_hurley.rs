@@ -15,7 +15,7 @@
 
 use std::f64::consts::{LN_2, PI};
 
-use super::{Blocks, ContactLaw, scalar};
+use super::{Blocks, ContactLaw, loss, scalar};
 use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
 
 /// Beyond a/R = 0.3 of the smaller grain the fit A9 of the penalty factor is about to change sign.
@@ -177,14 +177,43 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        self.press::<L>(token, blocks);
+    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        self.press::<L, LEDGER>(token, blocks);
         if FRICTION {
-            self.rub::<L>(token, blocks);
+            self.rub::<L, LEDGER>(token, blocks);
         }
         if ROLLING {
-            self.roll::<L>(token, blocks);
+            self.roll::<L, LEDGER>(token, blocks);
         }
+    }
+
+    /// Normal: F = 4πE*S x, S = R_i + R_j, over δ = 4S y with dy = (ℓ-2) dx gives 16πE*S² x² (½ℓ - ¾).
+    #[inline(always)]
+    fn elastic_energies<L: Lanes>(
+        &self,
+        token: L::Token,
+        parameters: &[Row],
+        overlap: L,
+        history: &[Row],
+    ) -> [L; 3] {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let per_size = load(&parameters[INVERSE_SIZE]);
+        let y = (overlap * per_size).max(c(SMALLEST_Y));
+        let g = rough_inverse(token, y);
+        let (m, per_m) = root(token, g, near_root(token, y, g));
+        let a = y * per_m / per_size;
+        let normal = c(self.stiffness) * a * a * c(0.5).mul_add(m, c(-0.25));
+        let half_square = |force: L, stiffness: L| c(0.5) * force * force / stiffness;
+        let (mut tangential, mut rolling) = (c(0.0), c(0.0));
+        if FRICTION {
+            tangential = half_square(load(&history[0]), load(&history[1]));
+        }
+        if ROLLING {
+            let k_r = load(&parameters[Self::PARAMETERS - 3]);
+            rolling = half_square(load(&history[Self::HISTORY - 1]), k_r);
+        }
+        [normal, tangential, rolling]
     }
 
     fn history_to_state(history: [f64; 3]) -> [f64; 3] {
@@ -209,11 +238,12 @@ const PER_M: usize = 1;
 const M: usize = 2;
 const ROOT_X: usize = 0;
 const ROOT_COMPLIANCE: usize = 3;
+const COMPLIANCE: usize = 2;
 
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     /// F_n; carries on m and √x.
     #[inline(always)]
-    fn press<L: Lanes>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn press<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
@@ -243,10 +273,13 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             root_x.store(&mut carry[ROOT_X]);
             let k_n = c(self.stiffness) * per_m;
             let gamma_n = load(&p[DAMPING]) * inverse_sqrt(token, m);
-            let viscous = gamma_n * load(&motion.normal_velocity);
-            k_n.mul_add(load(&motion.overlap), -viscous)
-                .max(c(0.0))
-                .store(&mut response.normal);
+            let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
+            let normal = k_n.mul_add(overlap, -(gamma_n * v_n)).max(c(0.0));
+            normal.store(&mut response.normal);
+            if LEDGER {
+                let viscous = k_n.mul_add(overlap, -normal);
+                (viscous * v_n * c(blocks.step)).store(&mut response.lost[loss::DAMPING]);
+            }
             let beyond = if FRICTION {
                 let larger = load(&p[RATIO_I]).max(load(&p[RATIO_J]));
                 (larger * root_x).greater(c(LARGEST_CONTACT))
@@ -259,7 +292,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 
     /// F_t.
     #[inline(always)]
-    fn rub<L: Lanes>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -280,6 +313,9 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
                     .mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2)),
             );
             inverse_sqrt(token, compliance).store(&mut carry[ROOT_COMPLIANCE]);
+            if LEDGER {
+                compliance.store(&mut carry[COMPLIANCE]);
+            }
         }
         for ((((p, history), motion), carry), response) in parameters()
             .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
@@ -299,8 +335,25 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let limit = c(self.friction) * load(&response.normal);
             let sliding = trial.abs().greater(limit);
             let elastic = limit.copy_sign(trial).select(sliding, trial);
-            let viscous = load(&p[DAMPING]) * root * load(&motion.tangential_velocity);
-            (elastic - zero.select(sliding, viscous)).store(&mut response.tangential);
+            let v_t = load(&motion.tangential_velocity);
+            let viscous = zero.select(sliding, load(&p[DAMPING]) * root * v_t);
+            (elastic - viscous).store(&mut response.tangential);
+            if LEDGER {
+                let before = load(&history[0]);
+                let work = c(-0.5) * (before + elastic) * load(&motion.tangential_increment);
+                let stored = |force: L, per_k: L| c(0.5) * force * force * per_k;
+                let gained = stored(elastic, load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness))
+                    - stored(before, inverse(token, last));
+                let lost = work - gained;
+                lost.select(sliding, zero)
+                    .store(&mut response.lost[loss::FRICTION]);
+                zero.select(sliding, lost)
+                    .store(&mut response.lost[loss::STIFFNESS]);
+                let damping = load(&response.lost[loss::DAMPING]);
+                (viscous * v_t)
+                    .mul_add(c(blocks.step), damping)
+                    .store(&mut response.lost[loss::DAMPING]);
+            }
             response.sliding = sliding.bits();
             elastic.select(touching, zero).store(&mut history[0]);
             k_t.select(touching, zero).store(&mut history[1]);
@@ -309,7 +362,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 
     /// M.
     #[inline(always)]
-    fn roll<L: Lanes>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn roll<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let load = |row: &Row| L::load(token, row);
         let zero = L::splat(token, 0.0);
         let (at, place) = (Self::PARAMETERS - 3, Self::HISTORY - 1);
@@ -326,8 +379,19 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let limit = load(&p[at + 2]) * load(&response.normal);
             let limited = trial.abs().greater(limit);
             let elastic = limit.copy_sign(trial).select(limited, trial);
-            let viscous = load(&p[at + 1]) * load(&motion.rolling_velocity);
-            (elastic - zero.select(limited, viscous)).store(&mut response.rolling);
+            let speed = load(&motion.rolling_velocity);
+            let viscous = zero.select(limited, load(&p[at + 1]) * speed);
+            (elastic - viscous).store(&mut response.rolling);
+            if LEDGER {
+                let before = load(&history[place]);
+                let work = (before + elastic) * load(&motion.rolling_increment);
+                let gained = (elastic - before) * (elastic + before) * inverse(token, load(&p[at]));
+                (L::splat(token, -0.5) * (work + gained)).store(&mut response.lost[loss::ROLLING]);
+                let damping = load(&response.lost[loss::DAMPING]);
+                (viscous * speed)
+                    .mul_add(L::splat(token, blocks.step), damping)
+                    .store(&mut response.lost[loss::DAMPING]);
+            }
             elastic.select(touching, zero).store(&mut history[place]);
         }
     }
@@ -422,7 +486,7 @@ mod tests {
             rolling_increment: row(roll),
             ..Motion::ZERO
         };
-        law.evaluate::<Portable>(
+        law.evaluate::<Portable, false>(
             token,
             &mut Blocks {
                 parameters: &parameters,
@@ -430,6 +494,7 @@ mod tests {
                 motion: &[motion],
                 carry: &mut [[Row::ZERO; CARRY]],
                 response: &mut [Response::NONE],
+                step: 0.0,
             },
         );
         history.map(|row| row.0[3])

@@ -44,6 +44,21 @@ pub struct Blocks<'a> {
     pub motion: &'a [Motion],
     pub carry: &'a mut [[Row; CARRY]],
     pub response: &'a mut [Response],
+    /// Δt (s).
+    pub step: f64,
+}
+
+/// Energy that contacts lose in a step, as rows of [`Response::lost`].
+pub mod loss {
+    /// To all viscous parts.
+    pub const DAMPING: usize = 0;
+    /// To sliding.
+    pub const FRICTION: usize = 1;
+    /// To rolling at its limit.
+    pub const ROLLING: usize = 2;
+    /// To the change of a stiffness under a force that stays: what an incremental law loses, or gains.
+    pub const STIFFNESS: usize = 3;
+    pub const KINDS: usize = 4;
 }
 
 /// What the contacts do to grain i; arbitrary where the pair does not touch. Forces per unit depth (N/m) in 2D.
@@ -59,6 +74,8 @@ pub struct Response {
     pub sliding: u16,
     /// Overlap outside the law.
     pub beyond: u16,
+    /// Energies lost in this step (J/m), where a ledger is kept.
+    pub lost: [Row; loss::KINDS],
 }
 
 impl Response {
@@ -68,6 +85,7 @@ impl Response {
         rolling: Row::ZERO,
         sliding: 0,
         beyond: 0,
+        lost: [Row::ZERO; loss::KINDS],
     };
 }
 
@@ -91,7 +109,17 @@ pub trait ContactLaw: Copy + Send + Sync {
     fn largest_force(&self, radius: f64) -> f64;
 
     /// The response of some blocks of contacts. Tangential forces and torques are filled in only by laws that have them.
-    fn evaluate<L: Lanes>(&self, token: L::Token, blocks: &mut Blocks<'_>);
+    /// With `LEDGER`, the energies lost, too.
+    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>);
+
+    /// Elastic energies (J/m) of sixteen contacts: normal, tangential, rolling. Arbitrary where they do not touch.
+    fn elastic_energies<L: Lanes>(
+        &self,
+        token: L::Token,
+        parameters: &[Row],
+        overlap: L,
+        history: &[Row],
+    ) -> [L; 3];
 
     /// The history as [`crate::state::ContactState`] holds it, whichever parts this law has.
     fn history_to_state(history: [f64; 3]) -> [f64; 3];

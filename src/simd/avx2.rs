@@ -4,7 +4,8 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Mask, PairList, Pairs, Quad, Record, Row, Work,
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Mask, PairList, Pairs, Quad, Record, Row, TO_INTEGER,
+    Work,
 };
 
 /// Proof that this processor has AVX2 and FMA.
@@ -92,6 +93,10 @@ impl Mask for Mask2 {
     }
 }
 
+/// Sixteen sums of integers.
+#[derive(Debug, Clone, Copy)]
+pub struct Counts2([__m256i; 4]);
+
 /// Integers from 0 to 7, as a permutation of the 32-bit words of half a table and which half it is.
 #[derive(Debug, Clone, Copy)]
 pub struct Eighths2([(__m256i, __m256d); 4]);
@@ -100,6 +105,7 @@ impl Lanes for Avx2 {
     type Token = Avx2Token;
     type Mask = Mask2;
     type Index = Eighths2;
+    type Counts = Counts2;
 
     #[inline(always)]
     fn splat(_: Avx2Token, x: f64) -> Self {
@@ -244,6 +250,37 @@ impl Lanes for Avx2 {
                 )
             }))
         }
+    }
+
+    #[inline(always)]
+    fn no_counts(_: Avx2Token) -> Counts2 {
+        // SAFETY: the token proves that the processor has AVX2.
+        Counts2(unsafe { [_mm256_setzero_si256(); 4] })
+    }
+
+    #[inline(always)]
+    fn count(self, sums: Counts2) -> Counts2 {
+        let mut sums = sums;
+        for (sum, x) in sums.0.iter_mut().zip(self.0) {
+            // SAFETY: a value of this type exists only where a token was shown.
+            unsafe {
+                let shifted = _mm256_add_pd(x, _mm256_set1_pd(TO_INTEGER));
+                let zero = _mm256_set1_epi64x(TO_INTEGER.to_bits() as i64);
+                let integer = _mm256_sub_epi64(_mm256_castpd_si256(shifted), zero);
+                *sum = _mm256_add_epi64(*sum, integer);
+            }
+        }
+        sums
+    }
+
+    #[inline(always)]
+    fn total(sums: Counts2) -> i128 {
+        let mut all = [0i64; 16];
+        for (k, sum) in sums.0.into_iter().enumerate() {
+            // SAFETY: sums exist only where a token was shown; four i64 are written from each pointer.
+            unsafe { _mm256_storeu_si256(all.as_mut_ptr().add(4 * k).cast(), sum) }
+        }
+        all.iter().map(|&k| k as i128).sum()
     }
 
     #[inline(always)]

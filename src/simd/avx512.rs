@@ -4,7 +4,8 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Mask, PairList, Pairs, Quad, Record, Row, Work,
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Mask, PairList, Pairs, Quad, Record, Row, TO_INTEGER,
+    Work,
 };
 
 /// Proof that this processor has AVX-512 F and DQ.
@@ -87,6 +88,10 @@ impl Mask for Mask512 {
     }
 }
 
+/// Sixteen sums of integers.
+#[derive(Debug, Clone, Copy)]
+pub struct Counts512([__m512i; 2]);
+
 /// Integers whose last three bits count.
 #[derive(Debug, Clone, Copy)]
 pub struct Eighths512([__m512i; 2]);
@@ -95,6 +100,7 @@ impl Lanes for Avx512 {
     type Token = Avx512Token;
     type Mask = Mask512;
     type Index = Eighths512;
+    type Counts = Counts512;
 
     #[inline(always)]
     fn splat(_: Avx512Token, x: f64) -> Self {
@@ -231,6 +237,37 @@ impl Lanes for Avx512 {
                 _mm512_permutexvar_pd(k.0[1], table),
             ]
         })
+    }
+
+    #[inline(always)]
+    fn no_counts(_: Avx512Token) -> Counts512 {
+        // SAFETY: the token proves that the processor has AVX-512.
+        Counts512(unsafe { [_mm512_setzero_si512(); 2] })
+    }
+
+    #[inline(always)]
+    fn count(self, sums: Counts512) -> Counts512 {
+        let mut sums = sums;
+        for (sum, x) in sums.0.iter_mut().zip(self.0) {
+            // SAFETY: a value of this type exists only where a token was shown.
+            unsafe {
+                let shifted = _mm512_add_pd(x, _mm512_set1_pd(TO_INTEGER));
+                let zero = _mm512_set1_epi64(TO_INTEGER.to_bits() as i64);
+                let integer = _mm512_sub_epi64(_mm512_castpd_si512(shifted), zero);
+                *sum = _mm512_add_epi64(*sum, integer);
+            }
+        }
+        sums
+    }
+
+    #[inline(always)]
+    fn total(sums: Counts512) -> i128 {
+        let mut all = [0i64; 16];
+        for (k, sum) in sums.0.into_iter().enumerate() {
+            // SAFETY: sums exist only where a token was shown; eight i64 are written from each pointer.
+            unsafe { _mm512_storeu_si512(all.as_mut_ptr().add(8 * k).cast(), sum) }
+        }
+        all.iter().map(|&k| k as i128).sum()
     }
 
     #[inline(always)]

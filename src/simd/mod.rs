@@ -127,6 +127,8 @@ pub trait Lanes:
     type Mask: Mask;
     /// Sixteen integers from 0 to 7.
     type Index: Copy;
+    /// Sixteen sums of integers.
+    type Counts: Copy;
 
     fn splat(token: Self::Token, x: f64) -> Self;
     fn load(token: Self::Token, from: &Row) -> Self;
@@ -157,6 +159,11 @@ pub trait Lanes:
     fn exponent_eighth(self) -> (Self, Self, Self::Index);
     /// `table[k]`.
     fn look_up(token: Self::Token, table: &[f64; 8], k: Self::Index) -> Self;
+    fn no_counts(token: Self::Token) -> Self::Counts;
+    /// Adds `self`, rounded to the nearest integer; |self| < 2^51.
+    fn count(self, sums: Self::Counts) -> Self::Counts;
+    /// All sums together.
+    fn total(sums: Self::Counts) -> i128;
     /// A start for 1/x of normal positive numbers, from the bits: |1 - x y| < 0.0506.
     fn inverse_start(self) -> Self;
     /// A start for x^(-1/2) of normal positive numbers, from the bits: |1 - x y²| < 0.0682.
@@ -187,6 +194,9 @@ pub trait Lanes:
     /// Where an index of the list is outside `sums`.
     fn add_to_pairs(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize);
 }
+
+/// What brings a number below 2^51 to integers in the last bits.
+const TO_INTEGER: f64 = (3u64 << 51) as f64;
 
 /// Magic numbers of [`Lanes::inverse_start`] and [`Lanes::inverse_sqrt_start`]: their errors are the same on both sides.
 const INVERSE_MAGIC: u64 = 0x7fde_6238_5024_84ba;
@@ -324,6 +334,11 @@ mod tests {
         let mut sums: Vec<Quad> = (0..20).map(|k| Quad([0.1 * k as f64; 4])).collect();
         L::add_to_pairs([x, y, x + y, x - y], &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
+        let small = L::splat(token, 2.5)
+            .max(x)
+            .select(L::splat(token, 1e15).greater(x), y);
+        let sums = small.count((-small).mul_add(y, x).count(L::no_counts(token)));
+        bits.push(L::total(small.count(sums)) as u64);
         bits.push(x.greater(y).and(x.greater(L::splat(token, 0.0))).bits() as u64);
         bits
     }

@@ -2,7 +2,9 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Mask, PairList, Quad, Record, Row};
+use super::{
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Mask, PairList, Quad, Record, Row, TO_INTEGER,
+};
 
 /// Every processor can do this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,6 +65,7 @@ impl Lanes for Portable {
     type Token = PortableToken;
     type Mask = u16;
     type Index = [u8; LANES];
+    type Counts = [i64; LANES];
 
     #[inline(always)]
     fn splat(_: PortableToken, x: f64) -> Self {
@@ -157,6 +160,26 @@ impl Lanes for Portable {
     #[inline(always)]
     fn look_up(_: PortableToken, table: &[f64; 8], k: [u8; LANES]) -> Self {
         Portable(k.map(|k| table[k as usize % 8]))
+    }
+
+    #[inline(always)]
+    fn no_counts(_: PortableToken) -> [i64; LANES] {
+        [0; LANES]
+    }
+
+    #[inline(always)]
+    fn count(self, sums: [i64; LANES]) -> [i64; LANES] {
+        std::array::from_fn(|k| {
+            let integer = (self.0[k] + TO_INTEGER)
+                .to_bits()
+                .wrapping_sub(TO_INTEGER.to_bits());
+            sums[k].wrapping_add(integer as i64)
+        })
+    }
+
+    #[inline(always)]
+    fn total(sums: [i64; LANES]) -> i128 {
+        sums.iter().map(|&k| k as i128).sum()
     }
 
     #[inline(always)]

@@ -8,14 +8,15 @@ use crate::simd::{LANES, Lanes, Level, PairList, Pairs, Row, Work};
 use super::ContactState;
 
 /// Pairs of local grains that touch or may come to, each once, i the lower id: first the blocks of inner pairs, of which this
-/// rank owns both grains, then those with ghosts; each group in order of (id of i, id of j).
+/// rank owns both grains, then those of which it owns i, then those of which it owns j; each group in order of (id of i, id of j).
 ///
 /// The last block of a group is filled up with a grain and itself, which do not touch. Neither the order nor the extent of the list
 /// reaches the numbers: sums of forces are exact, and pairs that do not touch add nothing.
 #[derive(Debug, Default)]
 pub struct Contacts {
-    /// Blocks of inner pairs.
+    /// Blocks of inner pairs, and of all pairs of which this rank owns i.
     pub inner: usize,
+    pub mine: usize,
     pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
     pub geometry: Vec<[Row; 2]>,
@@ -37,12 +38,15 @@ impl Contacts {
         radius: &[f64],
         owned: usize,
     ) {
-        let (inner, border): (Vec<[u32; 2]>, Vec<[u32; 2]>) = pairs
-            .iter()
-            .partition(|[i, j]| (*i as usize) < owned && (*j as usize) < owned);
+        let own = |g: u32| (g as usize) < owned;
+        let group = |of_i: bool, of_j: bool| -> Vec<[u32; 2]> {
+            let kind = |&&[i, j]: &&[u32; 2]| own(i) == of_i && own(j) == of_j;
+            pairs.iter().filter(kind).copied().collect()
+        };
+        let groups = [group(true, true), group(true, false), group(false, true)];
         self.pairs.clear();
         self.geometry.clear();
-        for block in inner.chunks(LANES).chain(border.chunks(LANES)) {
+        for block in groups.iter().flat_map(|group| group.chunks(LANES)) {
             let mut of_block = Pairs {
                 i: [0; LANES],
                 j: [0; LANES],
@@ -58,7 +62,8 @@ impl Contacts {
             self.geometry.push(geometry);
         }
         let blocks = self.geometry.len();
-        self.inner = inner.len().div_ceil(LANES);
+        self.inner = groups[0].len().div_ceil(LANES);
+        self.mine = self.inner + groups[1].len().div_ceil(LANES);
         self.parameters.clear();
         self.parameters.resize(blocks * C::PARAMETERS, Row::ZERO);
         self.history.clear();
@@ -76,6 +81,7 @@ impl Contacts {
         let of = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
         Part {
             first: blocks.start,
+            mine: self.mine,
             pairs: &self.pairs,
             geometry: &self.geometry[of(1)],
             parameters: &self.parameters[of(C::PARAMETERS)],
@@ -122,7 +128,11 @@ impl Contacts {
 
     /// Gives the pairs of the list their history back. `remembered` is sorted by (i, j); pairs that are not in it start anew.
     pub fn remember<C: ContactLaw>(&mut self, remembered: &[ContactState], id: &[u32]) {
-        for group in [0..self.inner, self.inner..self.blocks()] {
+        for group in [
+            0..self.inner,
+            self.inner..self.mine,
+            self.mine..self.blocks(),
+        ] {
             let mut rest = remembered.iter().peekable();
             for (block, lane) in group.flat_map(|b| (0..LANES).map(move |lane| (b, lane))) {
                 if self.geometry[block][0].0[lane] == FILLER {
@@ -157,6 +167,8 @@ impl Contacts {
 pub struct Part<'a> {
     /// The first of them in the list.
     pub first: usize,
+    /// [`Contacts::mine`].
+    pub mine: usize,
     pub pairs: &'a PairList,
     pub geometry: &'a [[Row; 2]],
     pub parameters: &'a [Row],
@@ -179,6 +191,7 @@ impl<'a> Part<'a> {
         (
             Part {
                 first: self.first,
+                mine: self.mine,
                 pairs: self.pairs,
                 geometry,
                 parameters,
@@ -187,6 +200,7 @@ impl<'a> Part<'a> {
             },
             Part {
                 first: until,
+                mine: self.mine,
                 pairs: self.pairs,
                 geometry: geometry_after,
                 parameters: parameters_after,
