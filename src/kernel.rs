@@ -334,15 +334,8 @@ impl<C: ContactLaw, const LEDGER: bool> Blocks<'_, C, LEDGER> {
         let blocks = chunk.start..mine.max(chunk.start);
         for kind in 0..loss::KINDS {
             let mut sums = L::no_counts(token);
-            for (motion, response) in scratch
-                .motion
-                .iter()
-                .zip(&scratch.response)
-                .take(blocks.len())
-            {
-                let touching = load(&motion.overlap).greater(c(0.0));
-                let lost = load(&response.lost[kind]) * per_unit;
-                sums = lost.select(touching, c(0.0)).count(sums);
+            for response in &scratch.response[..blocks.len()] {
+                sums = (load(&response.lost[kind]) * per_unit).count(sums);
             }
             found.lost[kind] += L::total(sums);
         }

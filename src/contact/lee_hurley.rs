@@ -278,7 +278,9 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             normal.store(&mut response.normal);
             if LEDGER {
                 let viscous = k_n.mul_add(overlap, -normal);
-                (viscous * v_n * c(blocks.step)).store(&mut response.lost[loss::DAMPING]);
+                let lost = viscous * v_n * c(blocks.step);
+                lost.select(overlap.greater(c(0.0)), c(0.0))
+                    .store(&mut response.lost[loss::DAMPING]);
             }
             let beyond = if FRICTION {
                 let larger = load(&p[RATIO_I]).max(load(&p[RATIO_J]));
@@ -339,12 +341,14 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let viscous = zero.select(sliding, load(&p[DAMPING]) * root * v_t);
             (elastic - viscous).store(&mut response.tangential);
             if LEDGER {
-                let before = load(&history[0]);
-                let work = c(-0.5) * (before + elastic) * load(&motion.tangential_increment);
+                // Where a contact has opened, after is 0.
+                let (before, after) = (load(&history[0]), elastic.select(touching, zero));
+                let work = c(-0.5) * (before + after) * load(&motion.tangential_increment);
                 let stored = |force: L, per_k: L| c(0.5) * force * force * per_k;
-                let gained = stored(elastic, load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness))
+                let gained = stored(after, load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness))
                     - stored(before, inverse(token, last));
                 let lost = work - gained;
+                let viscous = viscous.select(touching, zero);
                 lost.select(sliding, zero)
                     .store(&mut response.lost[loss::FRICTION]);
                 zero.select(sliding, lost)
@@ -383,9 +387,10 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let viscous = zero.select(limited, load(&p[at + 1]) * speed);
             (elastic - viscous).store(&mut response.rolling);
             if LEDGER {
-                let before = load(&history[place]);
-                let work = (before + elastic) * load(&motion.rolling_increment);
-                let gained = (elastic - before) * (elastic + before) * inverse(token, load(&p[at]));
+                let (before, after) = (load(&history[place]), elastic.select(touching, zero));
+                let work = (before + after) * load(&motion.rolling_increment);
+                let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
+                let viscous = viscous.select(touching, zero);
                 (L::splat(token, -0.5) * (work + gained)).store(&mut response.lost[loss::ROLLING]);
                 let damping = load(&response.lost[loss::DAMPING]);
                 (viscous * speed)

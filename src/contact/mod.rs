@@ -74,7 +74,7 @@ pub struct Response {
     pub sliding: u16,
     /// Overlap outside the law.
     pub beyond: u16,
-    /// Energies lost in this step (J/m), where a ledger is kept.
+    /// Energies lost in this step (J/m), where a ledger is kept: also by contacts that have just opened, and 0 elsewhere.
     pub lost: [Row; loss::KINDS],
 }
 

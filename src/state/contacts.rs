@@ -51,7 +51,7 @@ impl Contacts {
                 i: [0; LANES],
                 j: [0; LANES],
             };
-            let mut geometry = [Row([FILLER; LANES]), Row([1.0; LANES])];
+            let mut geometry = [Row([FILLER; LANES]), Row([-0.5 * FILLER; LANES])];
             for (lane, &[i, j]) in block.iter().enumerate() {
                 of_block.i[lane] = i;
                 of_block.j[lane] = j;
@@ -228,7 +228,8 @@ impl<C: ContactLaw> Work for Parameters<'_, C> {
         let contacts = self.contacts;
         let blocks = contacts.parameters.chunks_exact_mut(C::PARAMETERS);
         for ([sum, r_i], out) in contacts.geometry.iter().zip(blocks) {
-            let (sum, r_i) = (L::load(token, sum), L::load(token, r_i));
+            // Of what only fills up a block, too, the parameters are those of two radii.
+            let (sum, r_i) = (L::load(token, sum).abs(), L::load(token, r_i));
             self.law.parameters(token, r_i, sum - r_i, out);
         }
     }
