@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::Contact;
-use crate::contact::lee_hurley::LeeHurley;
+use crate::contact::ContactLaw;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{Pass, contact_forces};
 use crate::simd::{Level, Row};
@@ -79,12 +78,12 @@ pub trait Drive {
 /// Smooth rigid planes at y = 0 and y = height, the upper one pressed by N.
 ///
 /// A smooth rigid plane is the plane of symmetry of a contact of two equal grains: each grain near it meets its mirror
-/// image, by the very law of the grains.
+/// image, by the very law `C` of the grains, which needs no friction here.
 #[derive(Debug)]
-pub struct Planes {
+pub struct Planes<C> {
     pub piston: Piston,
     pub drag: f64,
-    law: LeeHurley<false, false>,
+    law: C,
     /// Grains near a plane, and whether it is the upper one.
     near: Vec<(u32, bool)>,
     record: Vec<Row>,
@@ -92,17 +91,12 @@ pub struct Planes {
     contacts: Contacts,
 }
 
-impl Planes {
-    pub fn new(
-        material: &crate::config::Material,
-        contact: &Contact,
-        piston: Piston,
-        drag: f64,
-    ) -> Self {
+impl<C: ContactLaw> Planes<C> {
+    pub fn new(law: C, piston: Piston, drag: f64) -> Self {
         Self {
             piston,
             drag,
-            law: LeeHurley::new(material, contact),
+            law,
             near: Vec::new(),
             record: Vec::new(),
             force: Vec::new(),
@@ -120,7 +114,7 @@ impl Planes {
     }
 }
 
-impl Drive for Planes {
+impl<C: ContactLaw> Drive for Planes<C> {
     const DRAG: bool = true;
 
     fn drag(&self) -> f64 {

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use crate::clock::Phase;
-use crate::config::Scene;
+use crate::config::{Law, Scene};
 use crate::contact::ContactLaw;
-use crate::contact::lee_hurley::LeeHurley;
+use crate::contact::family::Family;
 use crate::domain::{Accumulator, Exchange};
 use crate::drive::{GrainWalls, Piston, Planes};
 use crate::failure::Failure;
@@ -112,37 +112,42 @@ impl<'a, E: Exchange> Run<'a, E> {
     }
 
     /// From the first grain, or from where the checkpoint left off.
-    pub fn run(mut self, resume: Option<Snapshot>) -> Result<Ending, Failure> {
+    pub fn run(self, resume: Option<Snapshot>) -> Result<Ending, Failure> {
         let (stage, state) = match resume {
             None => self.insert(),
             Some(snapshot) => self.restore(snapshot)?,
         };
         self.terminal.header(self.exchange, self.scene, self.level);
+        // Once per run, so that no step asks again.
+        match self.scene.law {
+            Law::LeeHurley(material) => self.stages(material, stage, state),
+            Law::Hooke(springs) => self.stages(springs, stage, state),
+        }
+    }
+
+    fn stages<F: Family>(
+        mut self,
+        family: F,
+        stage: Stage,
+        state: State,
+    ) -> Result<Ending, Failure> {
         let contact = &self.scene.contact;
         let (height, state) = match stage {
             Stage::Shear { height } => (height, state),
             Stage::Pack { drag } => {
-                let mut pack_contact = *contact;
-                pack_contact.friction = self.scene.pack.friction;
-                let material = &self.scene.material;
-                let packed = if pack_contact.friction == 0.0 {
-                    self.pack(
-                        &LeeHurley::<false, false>::new(material, &pack_contact),
-                        drag,
-                        state,
-                    )?
-                } else if pack_contact.rolling_friction == 0.0 {
-                    self.pack(
-                        &LeeHurley::<true, false>::new(material, &pack_contact),
-                        drag,
-                        state,
-                    )?
-                } else {
-                    self.pack(
-                        &LeeHurley::<true, true>::new(material, &pack_contact),
-                        drag,
-                        state,
-                    )?
+                let mut with = *contact;
+                with.friction = self.scene.pack.friction;
+                let plane = family.law::<false, false>(contact);
+                let packed = match (with.friction > 0.0, with.rolling_friction > 0.0) {
+                    (false, _) => {
+                        self.pack(&family.law::<false, false>(&with), plane, drag, state)?
+                    }
+                    (true, false) => {
+                        self.pack(&family.law::<true, false>(&with), plane, drag, state)?
+                    }
+                    (true, true) => {
+                        self.pack(&family.law::<true, true>(&with), plane, drag, state)?
+                    }
                 };
                 match packed {
                     Some(packed) => packed,
@@ -150,28 +155,11 @@ impl<'a, E: Exchange> Run<'a, E> {
                 }
             }
         };
-        let material = &self.scene.material;
         match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
-            (false, false) => self.shear(
-                &LeeHurley::<false, false>::new(material, contact),
-                height,
-                state,
-            ),
-            (false, true) => self.shear(
-                &LeeHurley::<false, true>::new(material, contact),
-                height,
-                state,
-            ),
-            (true, false) => self.shear(
-                &LeeHurley::<true, false>::new(material, contact),
-                height,
-                state,
-            ),
-            (true, true) => self.shear(
-                &LeeHurley::<true, true>::new(material, contact),
-                height,
-                state,
-            ),
+            (false, false) => self.shear(&family.law::<false, false>(contact), height, state),
+            (false, true) => self.shear(&family.law::<false, true>(contact), height, state),
+            (true, false) => self.shear(&family.law::<true, false>(contact), height, state),
+            (true, true) => self.shear(&family.law::<true, true>(contact), height, state),
         }
     }
 
@@ -243,7 +231,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             &scene.bookkeeping,
             sample.length,
             [sample.radius_max, 0.5 * sample.mean_diameter()],
-            scene.material.density,
+            scene.law.density(),
             scene.time_step.step,
             scene.load.normal_force,
         )
@@ -257,16 +245,18 @@ impl<'a, E: Exchange> Run<'a, E> {
                 && out_of_time.is_some_and(|t| self.started.elapsed() >= t))
     }
 
-    /// Compresses the sample between smooth planes until it is at rest, and freezes the walls. `None` where it was stopped.
+    /// Compresses the sample between smooth planes, which have the law `plane`, until it is at rest, and freezes the walls. `None`
+    /// where it was stopped.
     fn pack<C: ContactLaw>(
         &mut self,
         law: &C,
+        plane: impl ContactLaw,
         drag: f64,
         state: State,
     ) -> Result<Option<(f64, State)>, Failure> {
         let (exchange, scene) = (self.exchange, self.scene);
         let mut system = self.system()?;
-        let mut drive = Planes::new(&scene.material, &scene.contact, state.piston, drag);
+        let mut drive = Planes::new(plane, state.piston, drag);
         let mut step = state.step;
         system.replace(exchange, law, &mut drive, state.grains, state.contacts)?;
 

@@ -9,8 +9,6 @@ use super::write::{self, DampingChoice, LoadChoice};
 use crate::failure::Failure;
 use crate::simd::Level;
 
-pub(super) const LAW: &str = "lee-hurley";
-
 const DAMPING: Bounds = Bounds {
     hold: |x| (0.0..1.0).contains(&x),
     words: "must lie in [0, 1)",
@@ -40,14 +38,14 @@ macro_rules! key {
 
 /// Checks every value by itself, then those that must agree, and derives what follows. `tables` says where each begins.
 pub(super) fn scene(
-    raw: Raw,
+    mut raw: Raw,
     input: Input<'_>,
     tables: Vec<(String, usize)>,
 ) -> Result<Scene, Failure> {
     let mut c = Checker::new(input, tables);
     let title = c.text(&Key::new("title", raw.title));
     let seed = c.whole(&Key::new("seed", raw.seed), 0, i64::MAX);
-    let material = check_material(&mut c, raw.material);
+    let law = check_law(&mut c, raw.material, &mut raw.contact);
     let (contact, damping_choice) = check_contact(&mut c, raw.contact);
     let (sample, places) = check_sample(&mut c, raw.sample);
     let (load_choice, load_key) = check_load(&mut c, raw.load);
@@ -69,9 +67,9 @@ pub(super) fn scene(
     c.settle()?;
 
     check_size(&mut c, &sample, &places)?;
-    let load = derive_load(&mut c, &material, &sample, load_choice, &load_key)?;
+    let load = derive_load(&mut c, &law, &sample, load_choice, &load_key)?;
     let mean_overlap = sample.mean_diameter() / load.stiffness_number;
-    let contact_time = derived::contact_time(&material, &sample, mean_overlap);
+    let contact_time = derived::contact_time(&law, &sample, mean_overlap);
     check_range(
         &c,
         &[
@@ -85,7 +83,7 @@ pub(super) fn scene(
     let mut scene = Scene {
         title: title.unwrap_or_else(|| "Plane shear".into()),
         seed: seed.map_or(1, i64::unsigned_abs),
-        material,
+        law,
         contact,
         sample,
         load,
@@ -100,30 +98,92 @@ pub(super) fn scene(
     Ok(scene)
 }
 
-fn check_material(c: &mut Checker<'_>, material: raw::Material) -> Material {
+/// The law with its constants: takes the keys of the springs out of `[contact]`.
+fn check_law(c: &mut Checker<'_>, material: raw::Material, contact: &mut raw::Contact) -> Law {
+    let law = Key::new("contact.law", contact.law.take());
     let young_modulus = key!(material.young_modulus);
     let poisson_ratio = key!(material.poisson_ratio);
+    let normal_stiffness = Key::new("contact.normal_stiffness", contact.normal_stiffness.take());
+    let tangential_stiffness = Key::new(
+        "contact.tangential_stiffness",
+        contact.tangential_stiffness.take(),
+    );
     let density = key!(material.density);
-    Material {
-        young_modulus: c.required(
+    let name = c.text(&law).unwrap_or_else(|| Law::NAMES[0].into());
+    let known = Law::NAMES.contains(&name.as_str());
+    if !known {
+        let names = Law::NAMES.map(|name| format!("{name:?}")).join(" and ");
+        c.refuse(&law, &format!("unknown law {name:?}; there are {names}"));
+    }
+    let hooke = name == Law::NAMES[1];
+    // Of an unknown law nobody knows what it needs.
+    let of_other: &[&Key<Number>] = match (known, hooke) {
+        (false, _) => &[],
+        (true, false) => &[&normal_stiffness, &tangential_stiffness],
+        (true, true) => &[&young_modulus, &poisson_ratio],
+    };
+    for key in of_other.iter().filter(|key| key.given.is_some()) {
+        let place = law
+            .offset()
+            .map_or("the default".into(), |at| c.mention(at));
+        let other = Law::NAMES[usize::from(!hooke)];
+        let mut what = format!(
+            "means nothing to the law {name:?} ({place}), only to {other:?}; leave it out, or choose that law with contact.law"
+        );
+        if place.starts_with("--set") {
+            what += &format!("; --set {}=none takes it away", key.path);
+        }
+        c.refuse(key, &what);
+    }
+    if hooke {
+        let k_n = c.required(
+            &normal_stiffness,
+            &POSITIVE,
+            "k_n (N/m per unit depth, which is Pa), such as normal_stiffness = 1e8",
+        );
+        let k_t = c.number(&tangential_stiffness, &POSITIVE);
+        if k_t.is_some_and(|k_t| k_t > k_n) {
+            let given = show(k_t.unwrap_or(f64::NAN));
+            c.refuse(
+                &tangential_stiffness,
+                &format!(
+                    "must lie in (0, normal_stiffness = {}], found {given}",
+                    show(k_n)
+                ),
+            );
+        }
+        return Law::Hooke(Springs {
+            normal_stiffness: k_n,
+            tangential_stiffness: k_t.unwrap_or(2.0 / 7.0 * k_n),
+            density: check_density(c, &density),
+        });
+    }
+    let needed = |c: &mut Checker<'_>, key, bounds, what| match known {
+        true => c.required(key, bounds, what),
+        false => f64::NAN,
+    };
+    Law::LeeHurley(Material {
+        young_modulus: needed(
+            c,
             &young_modulus,
             &POSITIVE,
             "E (Pa), such as young_modulus = 1e9",
         ),
-        poisson_ratio: c.required(&poisson_ratio, &POISSON, "nu, such as poisson_ratio = 0.2"),
-        density: c.required(
-            &density,
-            &POSITIVE,
-            "rho (kg/m^3), such as density = 2500.0",
+        poisson_ratio: needed(
+            c,
+            &poisson_ratio,
+            &POISSON,
+            "nu, such as poisson_ratio = 0.2",
         ),
-    }
+        density: check_density(c, &density),
+    })
+}
+
+fn check_density(c: &mut Checker<'_>, density: &Key<Number>) -> f64 {
+    c.required(density, &POSITIVE, "rho (kg/m^3), such as density = 2500.0")
 }
 
 fn check_contact(c: &mut Checker<'_>, contact: raw::Contact) -> (Contact, DampingChoice) {
-    let law = key!(contact.law);
-    if let Some(name) = c.text(&law).filter(|name| name != LAW) {
-        c.refuse(&law, &format!("unknown law {name:?}; the law is {LAW:?}"));
-    }
     let friction = key!(contact.friction);
     let friction = c.required(&friction, &NOT_NEGATIVE, "mu_s, such as friction = 0.7");
     let rolling_friction = key!(contact.rolling_friction);
@@ -252,14 +312,14 @@ fn check_load(c: &mut Checker<'_>, load: raw::Load) -> (LoadChoice, Key<Number>)
 /// P, N and κ from one of them.
 fn derive_load(
     c: &mut Checker<'_>,
-    material: &Material,
+    law: &Law,
     sample: &Sample,
     choice: LoadChoice,
     key: &Key<Number>,
 ) -> Result<Load, Failure> {
     let (pressure, normal_force) = match choice {
         LoadChoice::StiffnessNumber(kappa) => {
-            let p = derived::pressure(material, sample, kappa);
+            let p = derived::pressure(law, sample, kappa);
             return Ok(Load {
                 pressure: p,
                 normal_force: p * sample.length,
@@ -269,15 +329,15 @@ fn derive_load(
         LoadChoice::Pressure(p) => (p, p * sample.length),
         LoadChoice::NormalForce(n) => (n / sample.length, n),
     };
-    match derived::stiffness_number(material, sample, pressure) {
+    match derived::stiffness_number(law, sample, pressure) {
         Some(stiffness_number) => Ok(Load {
             pressure,
             normal_force,
             stiffness_number,
         }),
         None => {
-            let least = derived::pressure(material, sample, STIFFNESS_NUMBER_MAX);
-            let most = derived::pressure(material, sample, STIFFNESS_NUMBER_MIN);
+            let least = derived::pressure(law, sample, STIFFNESS_NUMBER_MAX);
+            let most = derived::pressure(law, sample, STIFFNESS_NUMBER_MIN);
             let (unit, factor) = match choice {
                 LoadChoice::NormalForce(_) => ("N/m", sample.length),
                 _ => ("Pa", 1.0),

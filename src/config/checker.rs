@@ -66,6 +66,11 @@ impl<'a> Checker<'a> {
         }
     }
 
+    /// `line 12` or `--set a.b=c`.
+    pub fn mention(&self, offset: usize) -> String {
+        self.input.mention(offset)
+    }
+
     /// Notes a problem of a key that was given.
     pub fn refuse<T>(&mut self, key: &Key<T>, what: &str) {
         let offset = key.offset().unwrap_or(0);

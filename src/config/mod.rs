@@ -119,7 +119,7 @@ mod tests {
             assert!((0.9..1.1).contains(&ratio), "{ratio}");
         }
         assert_eq!(small.contact, large.contact);
-        assert_eq!(small.material, large.material);
+        assert_eq!(small.law, large.law);
         // P follows from κ and E* alone.
         let difference = small.load.pressure - large.load.pressure;
         assert!(difference.abs() < 1e-12 * small.load.pressure);

@@ -108,6 +108,8 @@ table!(Material {
 });
 table!(Contact {
     law: Text,
+    normal_stiffness: Number,
+    tangential_stiffness: Number,
     friction: Number,
     rolling_friction: Number,
     damping_ratio: Number,

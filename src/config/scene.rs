@@ -1,11 +1,13 @@
 //! The checked scene: every default filled in, every contradiction refused. SI units throughout.
 
+use crate::contact::lee_hurley;
+
 /// A plane-shear run, ready to be set up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     pub title: String,
     pub seed: u64,
-    pub material: Material,
+    pub law: Law,
     pub contact: Contact,
     pub sample: Sample,
     pub load: Load,
@@ -25,6 +27,53 @@ impl Scene {
     }
 }
 
+/// The contact law, with the constants of its springs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Law {
+    /// LH appendix A.
+    LeeHurley(Material),
+    /// Linear springs.
+    Hooke(Springs),
+}
+
+impl Law {
+    /// The names of all laws, as `contact.law` has them.
+    pub const NAMES: [&str; 2] = ["lee-hurley", "hooke"];
+
+    pub fn name(&self) -> &'static str {
+        match self {
+            Law::LeeHurley(_) => Self::NAMES[0],
+            Law::Hooke(_) => Self::NAMES[1],
+        }
+    }
+
+    /// ρ (kg/m³) of the grains.
+    pub fn density(&self) -> f64 {
+        match self {
+            Law::LeeHurley(material) => material.density,
+            Law::Hooke(springs) => springs.density,
+        }
+    }
+
+    /// k_n = F_n^e/δ (Pa) of two disks of radii r1, r2 (m) at the overlap δ (m).
+    pub fn normal_stiffness(&self, r1: f64, r2: f64, overlap: f64) -> f64 {
+        match self {
+            Law::LeeHurley(material) => {
+                lee_hurley::normal_stiffness(material.effective_modulus(), r1, r2, overlap)
+            }
+            Law::Hooke(springs) => springs.normal_stiffness,
+        }
+    }
+}
+
+/// Linear springs between grains: k_n, k_t (N/m per unit depth: Pa); ρ (kg/m³) of the grains.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Springs {
+    pub normal_stiffness: f64,
+    pub tangential_stiffness: f64,
+    pub density: f64,
+}
+
 /// Of the grains: E (Pa), ν, ρ (kg/m³).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
@@ -40,7 +89,7 @@ impl Material {
     }
 }
 
-/// LH appendix A: μ_s, μ_r, α (normal and tangential damping ratio), η_r.
+/// What every law has: μ_s, μ_r, α (normal and tangential damping ratio), η_r.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     pub friction: f64,

@@ -1,5 +1,7 @@
 //! Contact laws: numbers in, numbers out. One law, one file; the loop over contacts is in `kernel`.
 
+pub mod family;
+pub mod hooke;
 pub mod lee_hurley;
 
 use crate::simd::{Lanes, Portable, PortableToken, Row, ln};
