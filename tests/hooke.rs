@@ -236,8 +236,8 @@ fn the_normal_spring_is_second_order() {
         ]
     });
     for pair in errors.windows(2) {
-        for k in 0..2 {
-            let order = (pair[0][k] / pair[1][k]).log2();
+        for (coarse, fine) in pair[0].iter().zip(pair[1]) {
+            let order = (coarse / fine).log2();
             assert!((1.9..2.1).contains(&order), "{errors:?}");
         }
     }
@@ -274,9 +274,9 @@ fn friction_and_rolling_are_second_order() {
     let [free, ..] = oscillator(CONTACT.damping_ratio);
     for (name, impact) in [("sticking", sticking), ("sliding", sliding)] {
         let time = 1.8 / free;
-        let ends = [400, 800, 1600].map(|steps| impact.after(time, steps));
-        for k in 0..10 {
-            let ratio = (ends[0][k] - ends[1][k]) / (ends[1][k] - ends[2][k]);
+        let [a, b, c] = [400, 800, 1600].map(|steps| impact.after(time, steps));
+        for (k, ((a, b), c)) in a.iter().zip(b).zip(c).enumerate() {
+            let ratio = (a - b) / (b - c);
             assert!((3.6..4.4).contains(&ratio), "{name}: number {k}: {ratio}");
         }
     }
