@@ -64,6 +64,14 @@ pub struct Header {
     pub rows: u64,
 }
 
+impl Header {
+    /// That of a checkpoint.
+    pub fn read(snapshot: &Snapshot) -> Result<Self, Failure> {
+        serde_json::from_str(&snapshot.header)
+            .map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))
+    }
+}
+
 /// A stage, with what it was begun with.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -189,8 +197,7 @@ impl<'a, E: Exchange> Run<'a, E> {
     }
 
     fn restore(&self, snapshot: Snapshot) -> Result<(Stage, State), Failure> {
-        let header: Header = serde_json::from_str(&snapshot.header)
-            .map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))?;
+        let header = Header::read(&snapshot)?;
         let total = crate::domain::total(self.exchange, snapshot.grains.len() as u64);
         // A contact is read by the rank that has read its first grain; the rank that has the second must know of it, too.
         let mut to = vec![Vec::new(); self.exchange.size()];
