@@ -13,6 +13,7 @@ pub mod io;
 pub mod kernel;
 pub mod neighbour;
 pub mod observe;
+pub mod packing;
 pub mod record;
 pub mod reduce;
 pub mod report;

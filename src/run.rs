@@ -1,12 +1,12 @@
 //! The stages of a run, from the sample to the last step.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
 use crate::clock::Phase;
-use crate::config::{Law, Scene};
+use crate::config::{self, Law, Origin, PackingFile, Scene, Source};
 use crate::contact::ContactLaw;
 use crate::contact::family::Family;
 use crate::domain::{Accumulator, Exchange};
@@ -43,6 +43,16 @@ pub struct Options {
     pub wall_time: Option<Duration>,
 }
 
+/// What a run begins with; of grains this rank's part, whichever they are.
+#[derive(Debug, Clone)]
+pub enum Start {
+    /// Grains inserted by the scene.
+    Insertion,
+    /// Those of the scene's packing, made by `Packing::grains`.
+    Packing(Vec<GrainState>),
+    Checkpoint(Snapshot),
+}
+
 /// How a run ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
@@ -62,6 +72,9 @@ pub struct Header {
     /// Frames and rows of the time series written so far.
     pub frames: u64,
     pub rows: u64,
+    /// Of the file that the grains came from, which then is not needed any more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub packing: Option<PackingFile>,
 }
 
 impl Header {
@@ -69,6 +82,17 @@ impl Header {
     pub fn read(snapshot: &Snapshot) -> Result<Self, Failure> {
         serde_json::from_str(&snapshot.header)
             .map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))
+    }
+
+    /// The scene of a checkpoint (`name` in messages, `toml` its text), without the file that the grains may have come from.
+    pub fn scene(&self, name: &Path, toml: String, set: &[String]) -> Result<Scene, Failure> {
+        let source = Source::new(format!("{} (its scene)", name.display()), toml);
+        config::load_with(&source, set, &mut |path| {
+            let known = self.packing.as_ref().filter(|file| file.path == path);
+            known.cloned().ok_or_else(|| {
+                Failure::input("the grains are those of the checkpoint; leave it as it was")
+            })
+        })
     }
 }
 
@@ -119,11 +143,12 @@ impl<'a, E: Exchange> Run<'a, E> {
         })
     }
 
-    /// From the first grain, or from where the checkpoint left off.
-    pub fn run(self, resume: Option<Snapshot>) -> Result<Ending, Failure> {
-        let (stage, state) = match resume {
-            None => self.insert(),
-            Some(snapshot) => self.restore(snapshot)?,
+    /// From `start` to the last step.
+    pub fn run(self, start: Start) -> Result<Ending, Failure> {
+        let (stage, state) = match start {
+            Start::Insertion => self.insert(),
+            Start::Packing(grains) => self.take(grains),
+            Start::Checkpoint(snapshot) => self.restore(snapshot)?,
         };
         self.terminal.header(self.exchange, self.scene, self.level);
         // Once per run, so that no step asks again.
@@ -172,28 +197,67 @@ impl<'a, E: Exchange> Run<'a, E> {
     }
 
     fn insert(&self) -> (Stage, State) {
-        let (sample, load) = (&self.scene.sample, &self.scene.load);
+        let sample = &self.scene.sample;
         let lattice = Lattice::new(sample);
         let (rank, size) = (self.exchange.rank(), self.exchange.size());
         let grains = lattice.insert(sample, self.scene.seed, rank, size);
         let top = grains.iter().map(|g| g.position[1] + g.radius);
-        let piston = Piston {
-            height: self.exchange.maximum(top.fold(0.0, f64::max)),
-            velocity: 0.0,
-            acceleration: 0.0,
-            // About that of the wall to come.
-            mass: mean_mass(self.scene) * sample.length / sample.mean_diameter(),
-            load: load.normal_force,
+        let height = self.exchange.maximum(top.fold(0.0, f64::max));
+        (self.packing_stage(), self.at_rest_on_top(height, grains))
+    }
+
+    /// The grains of a packing: to be compressed, or to be sheared as they are.
+    fn take(&self, grains: Vec<GrainState>) -> (Stage, State) {
+        let Origin::Packing { file, .. } = &self.scene.origin else {
+            unreachable!("grains of a packing that the scene does not have")
         };
-        let state = State {
+        let mut state = self.at_rest_on_top(file.height(), grains);
+        if !self.scene.pack.skip {
+            return (self.packing_stage(), state);
+        }
+        state.piston.mass = self.mass_of_top(&state.grains);
+        let height = self.height_between_walls(&state.piston);
+        (Stage::Shear { height }, state)
+    }
+
+    fn packing_stage(&self) -> Stage {
+        let drag = DRAG_FALLING / inertial_time(self.scene);
+        Stage::Pack { drag }
+    }
+
+    /// These grains before the first step, under a piston at rest at `height` (m).
+    fn at_rest_on_top(&self, height: f64, grains: Vec<GrainState>) -> State {
+        let sample = &self.scene.sample;
+        State {
             step: 0,
-            piston,
+            piston: Piston {
+                height,
+                velocity: 0.0,
+                acceleration: 0.0,
+                // About that of the wall to come.
+                mass: mean_mass(self.scene) * sample.length / sample.mean_diameter,
+                load: self.scene.load.normal_force,
+            },
             grains,
             contacts: Vec::new(),
             written: None,
-        };
-        let drag = DRAG_FALLING / inertial_time(self.scene);
-        (Stage::Pack { drag }, state)
+        }
+    }
+
+    /// Mass of the top wall (kg/m), of which each rank has a part; collective.
+    fn mass_of_top(&self, grains: &[GrainState]) -> f64 {
+        let masses = crate::domain::FixedPoint::new(mean_mass(self.scene));
+        let mut mass = Accumulator::default();
+        for g in grains.iter().filter(|g| g.body == body::TOP) {
+            masses.add(&mut mass, self.scene.law.disk_mass(g.radius));
+        }
+        let [mass] = masses.total(self.exchange, [mass]);
+        mass
+    }
+
+    /// H (m), between the planes at which the walls end.
+    fn height_between_walls(&self, piston: &Piston) -> f64 {
+        piston.height - 2.0 * self.scene.sample.mean_diameter
     }
 
     fn restore(&self, snapshot: Snapshot) -> Result<(Stage, State), Failure> {
@@ -237,11 +301,26 @@ impl<'a, E: Exchange> Run<'a, E> {
             self.level,
             &scene.bookkeeping,
             sample.length,
-            [sample.radius_max, 0.5 * sample.mean_diameter()],
+            [sample.radius_max, 0.5 * sample.mean_diameter],
             scene.law.density(),
             scene.time_step.step,
             scene.load.normal_force,
         )
+    }
+
+    fn header(&self, stage: Stage, step: u64, piston: &Piston, [frames, rows]: [u64; 2]) -> String {
+        let header = Header {
+            stage,
+            step,
+            piston: *piston,
+            frames,
+            rows,
+            packing: match &self.scene.origin {
+                Origin::Insertion => None,
+                Origin::Packing { file, .. } => Some(file.clone()),
+            },
+        };
+        serde_json::to_string(&header).expect("a header of finite numbers")
     }
 
     /// Whether this rank was asked to stop.
@@ -272,7 +351,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                 .map_err(|e| in_stage(e, "packing"))?;
         }
         let (sample, load) = (&scene.sample, &scene.load);
-        let mean_force = load.pressure * sample.mean_diameter();
+        let mean_force = load.pressure * sample.mean_diameter;
         let unit = mean_force * scene.mean_overlap();
         let resting_drag = DRAG_RESTING / inertial_time(scene);
         let energy = Frame::measure(exchange, &system, 0.0, unit);
@@ -320,7 +399,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                     &self.options.out,
                     &scene.toml,
                     &Snapshot {
-                        header: header(
+                        header: self.header(
                             Stage::Pack { drag: drive.drag },
                             step,
                             &drive.piston,
@@ -337,18 +416,11 @@ impl<'a, E: Exchange> Run<'a, E> {
             }
         }
 
-        let thickness = sample.mean_diameter();
         let mut grains = system.grain_states();
-        freeze_walls(&mut grains, drive.piston.height, thickness);
-        let mut mass = Accumulator::default();
-        let masses = crate::domain::FixedPoint::new(mean_mass(scene));
-        for (g, &m) in grains.iter().zip(&system.grains.mass) {
-            if g.body == body::TOP {
-                masses.add(&mut mass, m);
-            }
-        }
-        let [mass] = masses.total(exchange, [mass]);
-        let height = drive.piston.height - 2.0 * thickness;
+        let planes = [0.0, drive.piston.height];
+        freeze_walls(&mut grains, planes, sample.mean_diameter);
+        let mass = self.mass_of_top(&grains);
+        let height = self.height_between_walls(&drive.piston);
         self.terminal.packed(step, height);
         let state = State {
             step: 0,
@@ -387,7 +459,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             }
         }
         system.replace(exchange, law, &mut drive, grains, state.contacts)?;
-        let thickness = scene.sample.mean_diameter();
+        let thickness = scene.sample.mean_diameter;
         let energy = scene.load.pressure * thickness * scene.mean_overlap();
         let frame = Frame::measure(exchange, &system, 2.0 * thickness, energy);
         self.terminal.shearing(scene, &schedule, first);
@@ -438,7 +510,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                     &options.out,
                     &scene.toml,
                     &Snapshot {
-                        header: header(Stage::Shear { height }, step, &drive.piston, written),
+                        header: self.header(Stage::Shear { height }, step, &drive.piston, written),
                         grains: system.grain_states(),
                         contacts: system.own_contact_states::<C>(),
                     },
@@ -469,17 +541,6 @@ impl<'a, E: Exchange> Run<'a, E> {
         }
         Ok(Ending::Done)
     }
-}
-
-fn header(stage: Stage, step: u64, piston: &Piston, [frames, rows]: [u64; 2]) -> String {
-    let header = Header {
-        stage,
-        step,
-        piston: *piston,
-        frames,
-        rows,
-    };
-    serde_json::to_string(&header).expect("a header of finite numbers")
 }
 
 fn in_stage(failure: Failure, stage: &str) -> Failure {

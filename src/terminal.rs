@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::config::{Drive as SceneDrive, Law, Scene};
+use crate::config::{Drive as SceneDrive, Law, Origin, Scene, Walls};
 use crate::domain::Exchange;
 use crate::drive::Piston;
 use crate::io::provenance;
@@ -58,6 +58,17 @@ impl Terminal {
             scene.sample.grains,
             scene.sample.length,
         ));
+        if let Origin::Packing { file, walls } = &scene.origin {
+            self.say(format!(
+                "grains from {}; {}",
+                file.path.display(),
+                match (scene.pack.skip, walls) {
+                    (false, _) => "to be packed",
+                    (true, Walls::Layers) => "walls are its lowest and highest layer",
+                    (true, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
+                }
+            ));
+        }
         self.say(match scene.law {
             Law::LeeHurley(material) => format!(
                 "law:   {}, E* = {:.4e} Pa",

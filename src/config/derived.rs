@@ -30,7 +30,7 @@ pub fn damping_ratio(restitution: f64) -> f64 {
 
 /// P (Pa) at which the mean overlap is d̄/κ: by κ = k_n(δ̄)/P and F = k_n δ̄ = P d̄, for two grains of the mean radius.
 pub fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
-    let diameter = sample.mean_diameter();
+    let diameter = sample.mean_diameter;
     let radius = 0.5 * diameter;
     let overlap = diameter / stiffness_number;
     law.normal_stiffness(radius, radius, overlap) / stiffness_number
@@ -83,13 +83,13 @@ pub fn step_limit(contact_time: f64) -> f64 {
 
 /// H (m) of the packed sample, walls included: N π⟨R²⟩/(0.84 L_x).
 pub fn packed_height(sample: &Sample) -> f64 {
-    f64::from(sample.grains) * PI * sample.mean_square_radius() / (PACKED_FRACTION * sample.length)
+    f64::from(sample.grains) * PI * sample.mean_square_radius / (PACKED_FRACTION * sample.length)
 }
 
 /// The fewest grains whose packing is [`LEAST_HEIGHT`] mean diameters high.
 pub fn least_grains(sample: &Sample) -> f64 {
-    let area = PACKED_FRACTION * sample.length * LEAST_HEIGHT * sample.mean_diameter();
-    (area / (PI * sample.mean_square_radius())).ceil()
+    let area = PACKED_FRACTION * sample.length * LEAST_HEIGHT * sample.mean_diameter;
+    (area / (PI * sample.mean_square_radius)).ceil()
 }
 
 #[cfg(test)]
@@ -104,12 +104,7 @@ mod tests {
         density: 2500.0,
     };
     const LAW: Law = Law::LeeHurley(MATERIAL);
-    const SAMPLE: Sample = Sample {
-        grains: 1000,
-        radius_min: 0.5e-6,
-        radius_max: 1e-6,
-        length: 48e-6,
-    };
+    const SAMPLE: Sample = Sample::uniform(1000, 0.5e-6, 1e-6, 48e-6);
 
     fn close(a: f64, b: f64, relative: f64) {
         assert!((a - b).abs() <= relative * b.abs(), "{a} is not {b}");
@@ -188,7 +183,7 @@ mod tests {
 
     #[test]
     fn time_step_of_the_paper() {
-        let t = contact_time(&LAW, &SAMPLE, SAMPLE.mean_diameter() / 1e4);
+        let t = contact_time(&LAW, &SAMPLE, SAMPLE.mean_diameter / 1e4);
         // √(m/k_n) is about 6 ns for a mean grain at the mean overlap; the smallest grain and a stiffer contact give less.
         assert!((2e-9..6e-9).contains(&t), "{t}");
         close(step_limit(t) / default_step(t), 20.0 / 12f64.sqrt(), 1e-15);
@@ -230,7 +225,7 @@ mod tests {
                 ..SAMPLE
             })
         };
-        assert!(at(enough) >= LEAST_HEIGHT * SAMPLE.mean_diameter());
-        assert!(at(enough - 1.0) < LEAST_HEIGHT * SAMPLE.mean_diameter());
+        assert!(at(enough) >= LEAST_HEIGHT * SAMPLE.mean_diameter);
+        assert!(at(enough - 1.0) < LEAST_HEIGHT * SAMPLE.mean_diameter);
     }
 }

@@ -120,7 +120,9 @@ table!(Sample {
     grains: Whole,
     radius_min: Number,
     radius_max: Number,
-    length: Number
+    length: Number,
+    packing: Text,
+    walls: Text,
 });
 table!(Load {
     stiffness_number: Number,
@@ -132,6 +134,7 @@ table!(Time {
     force: Flag
 });
 table!(Pack {
+    skip: Flag,
     friction: Number,
     tolerance: Number,
     max_steps: Whole

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use super::raw::show;
-use super::scene::{Drive, Law, Scene};
+use super::scene::{Drive, Law, Origin, Scene, Walls};
 
 /// How the damping was given.
 #[derive(Debug, Clone, Copy)]
@@ -77,6 +77,11 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     t.number("rolling_damping_ratio", scene.contact.rolling_damping_ratio);
 
     t.table("sample");
+    if let Origin::Packing { file, walls } = &scene.origin {
+        t.text("packing", &file.path.display().to_string());
+        let name = Walls::NAMES.iter().find(|(_, known)| known == walls);
+        t.text("walls", name.map_or("", |(name, _)| name));
+    }
     t.whole("grains", scene.sample.grains.into());
     t.number("radius_min", scene.sample.radius_min);
     t.number("radius_max", scene.sample.radius_max);
@@ -96,9 +101,12 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     t.line(&format!("force = {force}"));
 
     t.table("pack");
-    t.number("friction", scene.pack.friction);
-    t.number("tolerance", scene.pack.tolerance);
-    t.whole("max_steps", scene.pack.max_steps);
+    t.line(&format!("skip = {}", scene.pack.skip));
+    if !scene.pack.skip {
+        t.number("friction", scene.pack.friction);
+        t.number("tolerance", scene.pack.tolerance);
+        t.whole("max_steps", scene.pack.max_steps);
+    }
 
     t.table("shear");
     match scene.shear.drive {
@@ -234,8 +242,15 @@ mod tests {
             let toml = with(&sets).toml;
             for (_, keys) in crate::config::raw::TABLES {
                 for key in *keys {
-                    let alternative =
-                        ["restitution", "pressure", "normal_force", "velocity"].contains(key);
+                    let alternative = [
+                        "restitution",
+                        "pressure",
+                        "normal_force",
+                        "velocity",
+                        "packing",
+                        "walls",
+                    ]
+                    .contains(key);
                     assert_eq!(
                         toml.contains(&format!("\n{key} = ")),
                         !alternative && !other.contains(key),

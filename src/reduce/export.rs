@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use crate::config::{self, Source};
 use crate::domain::Solo;
 use crate::failure::Failure;
 use crate::io::lammps_data::{self, Atom, DataFile};
@@ -159,19 +158,15 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
 fn of_checkpoint(path: &Path) -> Result<State, Failure> {
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
     let header = Header::read(&snapshot)?;
-    let scene = config::load(
-        &Source::new(format!("{} (its scene)", path.display()), toml),
-        &[],
-    )?;
+    let scene = header.scene(path, toml, &[])?;
     let stage = match header.stage {
         Stage::Pack { .. } => "packing",
         Stage::Shear { .. } => "shear",
     };
-    let density = scene.law.density();
     let grain = |g: &crate::state::GrainState| Grain {
         body: g.body,
         radius: g.radius,
-        mass: PI * density * g.radius * g.radius,
+        mass: scene.law.disk_mass(g.radius),
         position: g.position,
         velocity: g.velocity,
         angular_velocity: g.angular_velocity,
