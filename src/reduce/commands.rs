@@ -70,8 +70,9 @@ pub enum Command {
     },
     /// Write one state of a run in a format of other programs
     ///
-    /// lammps-data: a data file of atom_style sphere; types are 1 free grains, 2 bottom wall, 3 top wall, and the density is
-    /// such that LAMMPS gives each sphere the mass that the disk has per metre of depth. sample.packing reads it back.
+    /// lammps-data and liggghts-data: a data file of atom_style sphere; types are 1 free grains, 2 bottom wall, 3 top wall, and
+    /// the density is such that the program gives each grain the mass that the disk has per metre of depth. sample.packing
+    /// reads either back.
     Export {
         /// A run.h5, the folder that holds one, or a checkpoint
         run: PathBuf,

@@ -15,20 +15,25 @@ use crate::run::{Header, Stage};
 /// Formats that a state can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// LAMMPS data file of atom_style sphere, which sample.packing reads, too
+    /// LAMMPS data file of atom_style sphere
     LammpsData,
+    /// The same for LIGGGHTS, which takes the density for that of a disk
+    LiggghtsData,
 }
 
 impl Format {
     fn extension(self) -> &'static str {
         match self {
-            Format::LammpsData => "data",
+            Format::LammpsData | Format::LiggghtsData => "data",
         }
     }
 
     fn text(self, state: &State) -> String {
         match self {
-            Format::LammpsData => lammps_data(state),
+            Format::LammpsData => {
+                data_file(state, "LAMMPS", &SPHERES, |r| 4.0 / 3.0 * PI * r * r * r)
+            }
+            Format::LiggghtsData => data_file(state, "LIGGGHTS", &DISKS, |r| PI * r * r),
         }
     }
 }
@@ -181,8 +186,23 @@ fn of_checkpoint(path: &Path) -> Result<State, Failure> {
     })
 }
 
-/// A sphere per disk, of the mass that the disk has per metre of depth.
-fn lammps_data(state: &State) -> String {
+/// What the column `density` of a data file means.
+const SPHERES: [&str; 2] = [
+    "density is that of a sphere with the mass which the disk has per metre of depth: density pi d^3/6 = rho pi d^2/4. So forces and",
+    "stiffnesses are per metre of depth; fix nve/sphere with disc gives the disk's moment of inertia, too.",
+];
+const DISKS: [&str; 2] = [
+    "density is that of the disk: LIGGGHTS makes pi d^2/4 density of it where dimension is 2, the mass per metre of depth. So forces and",
+    "stiffnesses are per metre of depth; fix nve/sphere takes the disk's moment of inertia in 2 dimensions.",
+];
+
+/// A data file of `program`, which makes each grain's mass of its density by this volume of a radius (m).
+fn data_file(
+    state: &State,
+    program: &str,
+    density: &[&str; 2],
+    volume: impl Fn(f64) -> f64,
+) -> String {
     let edges = state
         .grains
         .iter()
@@ -199,7 +219,7 @@ fn lammps_data(state: &State) -> String {
             id: g as u64 + 1,
             kind: grain.body + 1,
             diameter,
-            density: grain.mass / (PI / 6.0 * diameter * diameter * diameter),
+            density: grain.mass / volume(grain.radius),
             position: [x, y, 0.0],
             velocity: [u, v, 0.0],
             angular_velocity: [0.0, 0.0, grain.angular_velocity],
@@ -212,15 +232,15 @@ fn lammps_data(state: &State) -> String {
         atoms: state.grains.iter().enumerate().map(atom).collect(),
     };
     let title = format!(
-        "LAMMPS data file: {}; {}",
+        "{program} data file: {}; {}",
         state.title,
         provenance::printed()
     );
     let comments = [
         "atom_style sphere, dimension 2, periodic along x. Types: 1 free grains, 2 bottom wall, 3 top wall.",
         "SI units; the id is that of the run plus 1.",
-        "density is that of a sphere with the mass which the disk has per metre of depth: density pi d^3/6 = rho pi d^2/4. So forces and",
-        "stiffnesses are per metre of depth; fix nve/sphere with disc gives the disk's moment of inertia, too.",
+        density[0],
+        density[1],
     ];
     lammps_data::write(&title, &comments, &file)
 }

@@ -49,6 +49,27 @@ fn a_frame_as_lammps_data() {
     }
 }
 
+/// The same but for the density, of which LIGGGHTS makes a disk's mass.
+#[test]
+fn a_frame_as_liggghts_data() {
+    let _alone = alone();
+    let (_folder, path) = folder_with(&Fixture::small());
+    let out = format!("{path}/frame.data");
+    let mut files = ["lammps-data", "liggghts-data"].map(|format| {
+        done(&["export", &path, "--format", format, "--out", &out]);
+        read(&out)
+    });
+    for a in &mut files[1].atoms {
+        assert!((a.density / 2500.0 - 1.0).abs() < 1e-14);
+        a.density *= 0.75 / (0.5 * a.diameter);
+    }
+    let [lammps, liggghts] = files;
+    for (a, b) in lammps.atoms.iter().zip(&liggghts.atoms) {
+        assert!((a.density / b.density - 1.0).abs() < 1e-14);
+        assert_eq!((a.position, a.diameter), (b.position, b.diameter));
+    }
+}
+
 #[test]
 fn what_cannot_be_exported_is_refused() {
     let _alone = alone();
