@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::Contact;
-use crate::contact::lee_hurley::LeeHurley;
+use crate::contact::ContactLaw;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{Pass, contact_forces};
 use crate::simd::{Level, Quad, Record};
@@ -80,18 +79,15 @@ pub trait Drive {
     fn renumber(&mut self, level: Level, grains: &Grains, skin: f64);
 }
 
-/// A smooth plane does not rub.
-type Law = LeeHurley<false, false>;
-
 /// Smooth rigid planes at y = 0 and y = height, the upper one pressed by N.
 ///
 /// A smooth rigid plane is the plane of symmetry of a contact of two equal grains: each grain near it meets its mirror
-/// image, by the very law of the grains.
+/// image, by the very law `C` of the grains, which needs no friction here.
 #[derive(Debug)]
-pub struct Planes {
+pub struct Planes<C> {
     pub piston: Piston,
     pub drag: f64,
-    law: Law,
+    law: C,
     /// Grains near a plane, and whether it is the upper one.
     near: Vec<(u32, bool)>,
     record: Vec<Record>,
@@ -99,17 +95,12 @@ pub struct Planes {
     contacts: Contacts,
 }
 
-impl Planes {
-    pub fn new(
-        material: &crate::config::Material,
-        contact: &Contact,
-        piston: Piston,
-        drag: f64,
-    ) -> Self {
+impl<C: ContactLaw> Planes<C> {
+    pub fn new(law: C, piston: Piston, drag: f64) -> Self {
         Self {
             piston,
             drag,
-            law: LeeHurley::new(material, contact),
+            law,
             near: Vec::new(),
             record: Vec::new(),
             force: Vec::new(),
@@ -127,7 +118,7 @@ impl Planes {
     }
 }
 
-impl Drive for Planes {
+impl<C: ContactLaw> Drive for Planes<C> {
     const DRAG: bool = true;
 
     fn drag(&self) -> f64 {
@@ -175,7 +166,7 @@ impl Drive for Planes {
         }
         self.force.fill(Quad::ZERO);
         let all = 0..self.contacts.blocks();
-        let part = self.contacts.part::<Law>(all);
+        let part = self.contacts.part::<C>(all);
         let found = contact_forces(
             level,
             &self.law,

@@ -14,6 +14,7 @@ pub mod kernel;
 pub mod ledger;
 pub mod neighbour;
 pub mod observe;
+pub mod packing;
 pub mod record;
 pub mod reduce;
 pub mod report;

@@ -1,14 +1,14 @@
 //! The stages of a run, from the sample to the last step.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
 use crate::clock::Phase;
-use crate::config::Scene;
+use crate::config::{self, Law, Origin, PackingFile, Scene, Source};
 use crate::contact::ContactLaw;
-use crate::contact::lee_hurley::LeeHurley;
+use crate::contact::family::Family;
 use crate::domain::{Accumulator, Exchange};
 use crate::drive::{GrainWalls, Piston, Planes};
 use crate::failure::Failure;
@@ -46,6 +46,16 @@ pub struct Options {
     pub threads: usize,
 }
 
+/// What a run begins with; of grains this rank's part, whichever they are.
+#[derive(Debug, Clone)]
+pub enum Start {
+    /// Grains inserted by the scene.
+    Insertion,
+    /// Those of the scene's packing, made by `Packing::grains`.
+    Packing(Vec<GrainState>),
+    Checkpoint(Snapshot),
+}
+
 /// How a run ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
@@ -68,6 +78,28 @@ pub struct Header {
     /// The ledger of energy, where one is kept.
     #[serde(default)]
     pub ledger: Option<Kept>,
+    /// Of the file that the grains came from, which then is not needed any more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub packing: Option<PackingFile>,
+}
+
+impl Header {
+    /// That of a checkpoint.
+    pub fn read(snapshot: &Snapshot) -> Result<Self, Failure> {
+        serde_json::from_str(&snapshot.header)
+            .map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))
+    }
+
+    /// The scene of a checkpoint (`name` in messages, `toml` its text), without the file that the grains may have come from.
+    pub fn scene(&self, name: &Path, toml: String, set: &[String]) -> Result<Scene, Failure> {
+        let source = Source::new(format!("{} (its scene)", name.display()), toml);
+        config::load_with(&source, set, &mut |path| {
+            let known = self.packing.as_ref().filter(|file| file.path == path);
+            known.cloned().ok_or_else(|| {
+                Failure::input("the grains are those of the checkpoint; leave it as it was")
+            })
+        })
+    }
 }
 
 /// A stage, with what it was begun with.
@@ -118,38 +150,44 @@ impl<'a, E: Exchange> Run<'a, E> {
         })
     }
 
-    /// From the first grain, or from where the checkpoint left off.
-    pub fn run(mut self, resume: Option<Snapshot>) -> Result<Ending, Failure> {
-        let (stage, state) = match resume {
-            None => self.insert(),
-            Some(snapshot) => self.restore(snapshot)?,
+    /// From `start` to the last step.
+    pub fn run(self, start: Start) -> Result<Ending, Failure> {
+        let (stage, state) = match start {
+            Start::Insertion => self.insert(),
+            Start::Packing(grains) => self.take(grains),
+            Start::Checkpoint(snapshot) => self.restore(snapshot)?,
         };
         self.terminal.header(self.exchange, self.scene, self.level);
+        // Once per run, so that no step asks again.
+        match self.scene.law {
+            Law::LeeHurley(material) => self.stages(material, stage, state),
+            Law::Hooke(springs) => self.stages(springs, stage, state),
+        }
+    }
+
+    fn stages<F: Family>(
+        mut self,
+        family: F,
+        stage: Stage,
+        state: State,
+    ) -> Result<Ending, Failure> {
         let contact = &self.scene.contact;
         let (height, state) = match stage {
             Stage::Shear { height } => (height, state),
             Stage::Pack { drag } => {
-                let mut pack_contact = *contact;
-                pack_contact.friction = self.scene.pack.friction;
-                let material = &self.scene.material;
-                let packed = if pack_contact.friction == 0.0 {
-                    self.pack(
-                        &LeeHurley::<false, false>::new(material, &pack_contact),
-                        drag,
-                        state,
-                    )?
-                } else if pack_contact.rolling_friction == 0.0 {
-                    self.pack(
-                        &LeeHurley::<true, false>::new(material, &pack_contact),
-                        drag,
-                        state,
-                    )?
-                } else {
-                    self.pack(
-                        &LeeHurley::<true, true>::new(material, &pack_contact),
-                        drag,
-                        state,
-                    )?
+                let mut with = *contact;
+                with.friction = self.scene.pack.friction;
+                let plane = family.law::<false, false>(contact);
+                let packed = match (with.friction > 0.0, with.rolling_friction > 0.0) {
+                    (false, _) => {
+                        self.pack(&family.law::<false, false>(&with), plane, drag, state)?
+                    }
+                    (true, false) => {
+                        self.pack(&family.law::<true, false>(&with), plane, drag, state)?
+                    }
+                    (true, true) => {
+                        self.pack(&family.law::<true, true>(&with), plane, drag, state)?
+                    }
                 };
                 match packed {
                     Some(packed) => packed,
@@ -157,60 +195,81 @@ impl<'a, E: Exchange> Run<'a, E> {
                 }
             }
         };
-        let material = &self.scene.material;
         match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
-            (false, false) => self.shear(
-                &LeeHurley::<false, false>::new(material, contact),
-                height,
-                state,
-            ),
-            (false, true) => self.shear(
-                &LeeHurley::<false, true>::new(material, contact),
-                height,
-                state,
-            ),
-            (true, false) => self.shear(
-                &LeeHurley::<true, false>::new(material, contact),
-                height,
-                state,
-            ),
-            (true, true) => self.shear(
-                &LeeHurley::<true, true>::new(material, contact),
-                height,
-                state,
-            ),
+            (false, false) => self.shear(&family.law::<false, false>(contact), height, state),
+            (false, true) => self.shear(&family.law::<false, true>(contact), height, state),
+            (true, false) => self.shear(&family.law::<true, false>(contact), height, state),
+            (true, true) => self.shear(&family.law::<true, true>(contact), height, state),
         }
     }
 
     fn insert(&self) -> (Stage, State) {
-        let (sample, load) = (&self.scene.sample, &self.scene.load);
+        let sample = &self.scene.sample;
         let lattice = Lattice::new(sample);
         let (rank, size) = (self.exchange.rank(), self.exchange.size());
         let grains = lattice.insert(sample, self.scene.seed, rank, size);
         let top = grains.iter().map(|g| g.position[1] + g.radius);
-        let piston = Piston {
-            height: self.exchange.maximum(top.fold(0.0, f64::max)),
-            velocity: 0.0,
-            acceleration: 0.0,
-            // About that of the wall to come.
-            mass: mean_mass(self.scene) * sample.length / sample.mean_diameter(),
-            load: load.normal_force,
+        let height = self.exchange.maximum(top.fold(0.0, f64::max));
+        (self.packing_stage(), self.at_rest_on_top(height, grains))
+    }
+
+    /// The grains of a packing: to be compressed, or to be sheared as they are.
+    fn take(&self, grains: Vec<GrainState>) -> (Stage, State) {
+        let Origin::Packing { file, .. } = &self.scene.origin else {
+            unreachable!("grains of a packing that the scene does not have")
         };
-        let state = State {
+        let mut state = self.at_rest_on_top(file.height(), grains);
+        if !self.scene.pack.skip {
+            return (self.packing_stage(), state);
+        }
+        state.piston.mass = self.mass_of_top(&state.grains);
+        let height = self.height_between_walls(&state.piston);
+        (Stage::Shear { height }, state)
+    }
+
+    fn packing_stage(&self) -> Stage {
+        let drag = DRAG_FALLING / inertial_time(self.scene);
+        Stage::Pack { drag }
+    }
+
+    /// These grains before the first step, under a piston at rest at `height` (m).
+    fn at_rest_on_top(&self, height: f64, grains: Vec<GrainState>) -> State {
+        let sample = &self.scene.sample;
+        State {
             step: 0,
-            piston,
+            piston: Piston {
+                height,
+                velocity: 0.0,
+                acceleration: 0.0,
+                // About that of the wall to come.
+                mass: mean_mass(self.scene) * sample.length / sample.mean_diameter,
+                load: self.scene.load.normal_force,
+            },
             grains,
             contacts: Vec::new(),
             written: None,
             ledger: None,
-        };
-        let drag = DRAG_FALLING / inertial_time(self.scene);
-        (Stage::Pack { drag }, state)
+        }
+    }
+
+    /// Mass of the top wall (kg/m), of which each rank has a part; collective.
+    fn mass_of_top(&self, grains: &[GrainState]) -> f64 {
+        let masses = crate::domain::FixedPoint::new(mean_mass(self.scene));
+        let mut mass = Accumulator::default();
+        for g in grains.iter().filter(|g| g.body == body::TOP) {
+            masses.add(&mut mass, self.scene.law.disk_mass(g.radius));
+        }
+        let [mass] = masses.total(self.exchange, [mass]);
+        mass
+    }
+
+    /// H (m), between the planes at which the walls end.
+    fn height_between_walls(&self, piston: &Piston) -> f64 {
+        piston.height - 2.0 * self.scene.sample.mean_diameter
     }
 
     fn restore(&self, snapshot: Snapshot) -> Result<(Stage, State), Failure> {
-        let header: Header = serde_json::from_str(&snapshot.header)
-            .map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))?;
+        let header = Header::read(&snapshot)?;
         let total = crate::domain::total(self.exchange, snapshot.grains.len() as u64);
         // A contact is read by the rank that has read its first grain; the rank that has the second must know of it, too.
         let mut to = vec![Vec::new(); self.exchange.size()];
@@ -251,12 +310,35 @@ impl<'a, E: Exchange> Run<'a, E> {
             self.level,
             &scene.bookkeeping,
             sample.length,
-            [sample.radius_max, 0.5 * sample.mean_diameter()],
-            scene.material.density,
+            [sample.radius_max, 0.5 * sample.mean_diameter],
+            scene.law.density(),
             scene.time_step.step,
             scene.load.normal_force,
             self.options.threads,
         )
+    }
+
+    fn header(
+        &self,
+        stage: Stage,
+        step: u64,
+        piston: &Piston,
+        [frames, rows]: [u64; 2],
+        ledger: Option<Kept>,
+    ) -> String {
+        let header = Header {
+            stage,
+            step,
+            piston: *piston,
+            frames,
+            rows,
+            ledger,
+            packing: match &self.scene.origin {
+                Origin::Insertion => None,
+                Origin::Packing { file, .. } => Some(file.clone()),
+            },
+        };
+        serde_json::to_string(&header).expect("a header of finite numbers")
     }
 
     /// Whether this rank was asked to stop.
@@ -267,16 +349,18 @@ impl<'a, E: Exchange> Run<'a, E> {
                 && out_of_time.is_some_and(|t| self.started.elapsed() >= t))
     }
 
-    /// Compresses the sample between smooth planes until it is at rest, and freezes the walls. `None` where it was stopped.
+    /// Compresses the sample between smooth planes, which have the law `plane`, until it is at rest, and freezes the walls. `None`
+    /// where it was stopped.
     fn pack<C: ContactLaw>(
         &mut self,
         law: &C,
+        plane: impl ContactLaw,
         drag: f64,
         state: State,
     ) -> Result<Option<(f64, State)>, Failure> {
         let (exchange, scene) = (self.exchange, self.scene);
         let mut system = self.system()?;
-        let mut drive = Planes::new(&scene.material, &scene.contact, state.piston, drag);
+        let mut drive = Planes::new(plane, state.piston, drag);
         let mut step = state.step;
         system.replace(exchange, law, &mut drive, state.grains, state.contacts)?;
 
@@ -285,7 +369,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                 .map_err(|e| in_stage(e, "packing"))?;
         }
         let (sample, load) = (&scene.sample, &scene.load);
-        let mean_force = load.pressure * sample.mean_diameter();
+        let mean_force = load.pressure * sample.mean_diameter;
         let unit = mean_force * scene.mean_overlap();
         let resting_drag = DRAG_RESTING / inertial_time(scene);
         let energy = Frame::measure(exchange, &system, 0.0, unit);
@@ -333,7 +417,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                     &self.options.out,
                     &scene.toml,
                     &Snapshot {
-                        header: header(
+                        header: self.header(
                             Stage::Pack { drag: drive.drag },
                             step,
                             &drive.piston,
@@ -351,18 +435,11 @@ impl<'a, E: Exchange> Run<'a, E> {
             }
         }
 
-        let thickness = sample.mean_diameter();
         let mut grains = system.grain_states();
-        freeze_walls(&mut grains, drive.piston.height, thickness);
-        let mut mass = Accumulator::default();
-        let masses = crate::domain::FixedPoint::new(mean_mass(scene));
-        for (g, &m) in grains.iter().zip(&system.grains.mass) {
-            if g.body == body::TOP {
-                masses.add(&mut mass, m);
-            }
-        }
-        let [mass] = masses.total(exchange, [mass]);
-        let height = drive.piston.height - 2.0 * thickness;
+        let planes = [0.0, drive.piston.height];
+        freeze_walls(&mut grains, planes, sample.mean_diameter);
+        let mass = self.mass_of_top(&grains);
+        let height = self.height_between_walls(&drive.piston);
         self.terminal.packed(step, height);
         let state = State {
             step: 0,
@@ -402,7 +479,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             }
         }
         system.replace(exchange, law, &mut drive, grains, state.contacts)?;
-        let thickness = scene.sample.mean_diameter();
+        let thickness = scene.sample.mean_diameter;
         let energy = scene.load.pressure * thickness * scene.mean_overlap();
         let frame = Frame::measure(exchange, &system, 2.0 * thickness, energy);
         if scene.output.energy {
@@ -477,7 +554,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                     &options.out,
                     &scene.toml,
                     &Snapshot {
-                        header: header(
+                        header: self.header(
                             Stage::Shear { height },
                             step,
                             &drive.piston,
@@ -514,24 +591,6 @@ impl<'a, E: Exchange> Run<'a, E> {
         }
         Ok(Ending::Done)
     }
-}
-
-fn header(
-    stage: Stage,
-    step: u64,
-    piston: &Piston,
-    [frames, rows]: [u64; 2],
-    ledger: Option<Kept>,
-) -> String {
-    let header = Header {
-        stage,
-        step,
-        piston: *piston,
-        frames,
-        rows,
-        ledger,
-    };
-    serde_json::to_string(&header).expect("a header of finite numbers")
 }
 
 fn in_stage(failure: Failure, stage: &str) -> Failure {

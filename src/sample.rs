@@ -13,6 +13,11 @@ use crate::state::{GrainState, body};
 /// Room for the largest grain, over its diameter.
 const ROOM: f64 = 1.05;
 
+/// Columns of grains up to the given radius (m) that have room in a cell of this length (m).
+pub fn columns(length: f64, radius_max: f64) -> u32 {
+    ((length / (2.0 * radius_max * ROOM)) as u32).max(1)
+}
+
 /// Columns of loosely stacked grains, jittered as far as each grain's cell allows; ids run up column after column.
 #[derive(Debug, Clone, Copy)]
 pub struct Lattice {
@@ -23,8 +28,7 @@ pub struct Lattice {
 
 impl Lattice {
     pub fn new(sample: &Sample) -> Self {
-        let room = 2.0 * sample.radius_max * ROOM;
-        let columns = ((sample.length / room) as u32).max(1);
+        let columns = columns(sample.length, sample.radius_max);
         Self {
             columns,
             grains: sample.grains,
@@ -69,20 +73,25 @@ impl Lattice {
     }
 }
 
-/// Freezes the grains whose centre is within `thickness` (m) of y = 0 or y = `height` (m) into the bottom and the top wall.
-pub fn freeze_walls(grains: &mut [GrainState], height: f64, thickness: f64) {
-    for g in grains {
-        g.body = if g.position[1] < thickness {
+/// Makes walls of the grains whose centre is within `thickness` (m) of the planes y = `planes` (m), the lower one first.
+pub fn freeze_walls(grains: &mut [GrainState], planes: [f64; 2], thickness: f64) {
+    for g in grains.iter_mut() {
+        g.body = if g.position[1] < planes[0] + thickness {
             body::BOTTOM
-        } else if g.position[1] > height - thickness {
+        } else if g.position[1] > planes[1] - thickness {
             body::TOP
         } else {
             body::FREE
         };
-        if g.body != body::FREE {
-            g.velocity = [0.0; 2];
-            g.angular_velocity = 0.0;
-        }
+    }
+    stop_walls(grains);
+}
+
+/// Takes the velocities of wall grains away.
+pub fn stop_walls(grains: &mut [GrainState]) {
+    for g in grains.iter_mut().filter(|g| g.body != body::FREE) {
+        g.velocity = [0.0; 2];
+        g.angular_velocity = 0.0;
     }
 }
 
@@ -90,12 +99,7 @@ pub fn freeze_walls(grains: &mut [GrainState], height: f64, thickness: f64) {
 mod tests {
     use super::*;
 
-    const SAMPLE: Sample = Sample {
-        grains: 1003,
-        radius_min: 0.5e-6,
-        radius_max: 1e-6,
-        length: 48e-6,
-    };
+    const SAMPLE: Sample = Sample::uniform(1003, 0.5e-6, 1e-6, 48e-6);
 
     #[test]
     fn grains_do_not_overlap_and_their_sizes_are_uniform() {

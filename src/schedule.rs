@@ -28,7 +28,7 @@ pub fn inertial_time(scene: &Scene) -> f64 {
 
 /// m̄ = ρπ⟨R²⟩ (kg/m).
 pub fn mean_mass(scene: &Scene) -> f64 {
-    std::f64::consts::PI * scene.material.density * scene.sample.mean_square_radius()
+    std::f64::consts::PI * scene.law.density() * scene.sample.mean_square_radius
 }
 
 impl Schedule {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::config::{Drive as SceneDrive, Scene};
+use crate::config::{Drive as SceneDrive, Law, Origin, Scene, Walls};
 use crate::domain::Exchange;
 use crate::drive::Piston;
 use crate::io::provenance;
@@ -58,6 +58,30 @@ impl Terminal {
             scene.sample.grains,
             scene.sample.length,
         ));
+        if let Origin::Packing { file, walls } = &scene.origin {
+            self.say(format!(
+                "grains from {}; {}",
+                file.path.display(),
+                match (scene.pack.skip, walls) {
+                    (false, _) => "to be packed",
+                    (true, Walls::Layers) => "walls are its lowest and highest layer",
+                    (true, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
+                }
+            ));
+        }
+        self.say(match scene.law {
+            Law::LeeHurley(material) => format!(
+                "law:   {}, E* = {:.4e} Pa",
+                scene.law.name(),
+                material.effective_modulus()
+            ),
+            Law::Hooke(springs) => format!(
+                "law:   {}, k_n = {:.4e} Pa, k_t = {:.4e} Pa",
+                scene.law.name(),
+                springs.normal_stiffness,
+                springs.tangential_stiffness
+            ),
+        });
         self.say(format!(
             "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} N/m",
             scene.load.stiffness_number, scene.load.pressure, scene.load.normal_force,

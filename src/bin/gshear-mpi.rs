@@ -6,12 +6,13 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use gshear::config::{self, Scene, Source};
+use gshear::config::{self, Origin, Scene, Source};
 use gshear::domain::{Exchange, World};
 use gshear::failure::{Failure, STOPPED_EARLY};
 use gshear::io::checkpoint;
-use gshear::run::{Ending, Options, Run};
-use gshear::state::Snapshot;
+use gshear::io::collective::agree;
+use gshear::packing::Packing;
+use gshear::run::{Ending, Header, Options, Run, Start};
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]
@@ -120,7 +121,7 @@ fn main() -> ExitCode {
 }
 
 fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
-    let (scene, out, snapshot) = set_up(world, arguments)?;
+    let (scene, out, start) = set_up(world, arguments)?;
     if arguments.check {
         if world.rank() == 0 {
             print!("{}", scene.toml);
@@ -133,33 +134,36 @@ fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
         wall_time: arguments.walltime,
         threads: arguments.threads.into(),
     };
-    Run::new(world, &scene, &options)?.run(snapshot)
+    Run::new(world, &scene, &options)?.run(start)
 }
 
-type SetUp = (Scene, PathBuf, Option<Snapshot>);
+type SetUp = (Scene, PathBuf, Start);
 
 fn set_up(world: &World, arguments: &Arguments) -> Result<SetUp, Failure> {
     if let Some(path) = &arguments.resume {
         let (toml, snapshot) = checkpoint::read(world, path)?;
-        let source = Source::new(format!("{} (its scene)", path.display()), toml);
-        let scene = config::load(&source, &arguments.set)?;
+        let scene = Header::read(&snapshot)?.scene(path, toml, &arguments.set)?;
         let beside = path.parent().unwrap_or(std::path::Path::new(".")).into();
         return Ok((
             scene,
             arguments.out.clone().unwrap_or(beside),
-            Some(snapshot),
+            Start::Checkpoint(snapshot),
         ));
     }
     // One rank reads, so that all run the same scene.
     let read = match &arguments.config {
         Some(path) if world.rank() == 0 => Source::read(path),
-        Some(path) => Ok(Source::new(path.display().to_string(), "")),
+        Some(path) => Ok(Source::of_file(path, "")),
         None => Ok(Source::embedded()),
     };
-    let source = gshear::io::collective::agree(world, read)?;
+    let source = agree(world, read)?;
     let text = world.broadcast(source.text().as_bytes().to_vec());
-    let source = Source::new(source.name(), String::from_utf8_lossy(&text));
-    let scene = config::load(&source, &arguments.set)?;
+    let text = String::from_utf8_lossy(&text);
+    let source = match &arguments.config {
+        Some(path) => Source::of_file(path, text),
+        None => Source::new(source.name(), text),
+    };
+    let (scene, start) = from_the_start(world, &source, &arguments.set)?;
     let name = arguments
         .config
         .as_deref()
@@ -169,5 +173,29 @@ fn set_up(world: &World, arguments: &Arguments) -> Result<SetUp, Failure> {
         .out
         .clone()
         .unwrap_or_else(|| PathBuf::from("out").join(&*name));
-    Ok((scene, out, None))
+    Ok((scene, out, start))
+}
+
+/// The scene and, where it has a packing, its grains: rank 0 reads them, the others are told what the scene must know.
+fn from_the_start(
+    world: &World,
+    source: &Source,
+    set: &[String],
+) -> Result<(Scene, Start), Failure> {
+    let mut packing = None;
+    let scene = config::load_with(source, set, &mut |path| {
+        let read = match world.rank() {
+            0 => Packing::read(path).map(Some),
+            _ => Ok(None),
+        };
+        packing = agree(world, read)?;
+        let file = packing.as_ref().map(|packing| &packing.file);
+        let text = world.broadcast(serde_json::to_vec(&file).expect("a file of finite numbers"));
+        Ok(serde_json::from_slice(&text).expect("what rank 0 wrote"))
+    })?;
+    if scene.origin == Origin::Insertion {
+        return Ok((scene, Start::Insertion));
+    }
+    let grains = agree(world, packing.map_or(Ok(Vec::new()), |p| p.grains(&scene)))?;
+    Ok((scene, Start::Packing(grains)))
 }

@@ -1,5 +1,7 @@
 //! Collects what is wrong with single values, so that the first problem in the order of the file is the one told.
 
+use std::path::PathBuf;
+
 use toml::Spanned;
 
 use super::raw::{Flag, Number, Text, Whole, show};
@@ -64,6 +66,24 @@ impl<'a> Checker<'a> {
             tables,
             problems: Vec::new(),
         }
+    }
+
+    /// `line 12` or `--set a.b=c`.
+    pub fn mention(&self, offset: usize) -> String {
+        self.input.mention(offset)
+    }
+
+    /// A path as of the text: from the folder of the configuration, or from here where it came with `--set`.
+    pub fn resolve(&self, offset: usize, path: &str) -> PathBuf {
+        match self.input.override_at(offset) {
+            Some(_) => path.into(),
+            None => self.input.source.folder().join(path),
+        }
+    }
+
+    /// What is wrong with what a value stands for.
+    pub fn failure(&self, offset: usize, path: &str, what: &str) -> Failure {
+        self.input.failure(offset, path, what)
     }
 
     /// Notes a problem of a key that was given.

@@ -3,12 +3,12 @@
 
 use std::f64::consts::PI;
 
-use super::scene::{Material, Sample};
-use crate::contact::lee_hurley::normal_stiffness;
-use crate::contact::portable_ln;
+use super::scene::{Law, Sample};
+use crate::contact::{hooke, portable_ln};
 
-/// δ/(R1+R2) at a/R = 0.3, beyond which LH's tangential stiffness (A9) is outside its range (two equal disks).
-pub const OVERLAP_LIMIT: f64 = 0.094;
+/// Last δ/(R1+R2) of the laws for two equal disks: of LH at a/R = 0.3, beyond which its tangential stiffness (A9) is outside its
+/// range; of the springs as `hooke` has it.
+pub const OVERLAP_LIMIT: f64 = hooke::LARGEST_OVERLAP;
 
 /// κ for which the mean overlap is the law's last, [`OVERLAP_LIMIT`].
 pub const STIFFNESS_NUMBER_MIN: f64 = 1.0 / OVERLAP_LIMIT;
@@ -29,18 +29,18 @@ pub fn damping_ratio(restitution: f64) -> f64 {
 }
 
 /// P (Pa) at which the mean overlap is d̄/κ: by κ = k_n(δ̄)/P and F = k_n δ̄ = P d̄, for two grains of the mean radius.
-pub fn pressure(material: &Material, sample: &Sample, stiffness_number: f64) -> f64 {
-    let diameter = sample.mean_diameter();
+pub fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
+    let diameter = sample.mean_diameter;
     let radius = 0.5 * diameter;
     let overlap = diameter / stiffness_number;
-    normal_stiffness(material.effective_modulus(), radius, radius, overlap) / stiffness_number
+    law.normal_stiffness(radius, radius, overlap) / stiffness_number
 }
 
 /// κ at which [`pressure`] is the given P (Pa): bisection of a function that falls as κ grows, down to neighbouring floats.
 /// `None` if κ would lie outside [`STIFFNESS_NUMBER_MIN`] … [`STIFFNESS_NUMBER_MAX`].
-pub fn stiffness_number(material: &Material, sample: &Sample, given: f64) -> Option<f64> {
+pub fn stiffness_number(law: &Law, sample: &Sample, given: f64) -> Option<f64> {
     let (mut low, mut high) = (STIFFNESS_NUMBER_MIN, STIFFNESS_NUMBER_MAX);
-    if pressure(material, sample, low) < given || pressure(material, sample, high) > given {
+    if pressure(law, sample, low) < given || pressure(law, sample, high) > given {
         return None;
     }
     loop {
@@ -49,7 +49,7 @@ pub fn stiffness_number(material: &Material, sample: &Sample, given: f64) -> Opt
         if middle <= low || middle >= high {
             return Some(low);
         }
-        if pressure(material, sample, middle) >= given {
+        if pressure(law, sample, middle) >= given {
             low = middle;
         } else {
             high = middle;
@@ -59,11 +59,11 @@ pub fn stiffness_number(material: &Material, sample: &Sample, given: f64) -> Opt
 
 /// √(m_min/k_n,max) (s): the lightest grain, m = ρπR² per unit depth, and the stiffness of a contact of two of them at ten times
 /// the mean overlap (m), but no more than the law's last overlap.
-pub fn contact_time(material: &Material, sample: &Sample, mean_overlap: f64) -> f64 {
+pub fn contact_time(law: &Law, sample: &Sample, mean_overlap: f64) -> f64 {
     let radius = sample.radius_min;
     let overlap = (10.0 * mean_overlap).min(OVERLAP_LIMIT * 2.0 * radius);
-    let stiffness = normal_stiffness(material.effective_modulus(), radius, radius, overlap);
-    let mass = material.density * PI * radius * radius;
+    let stiffness = law.normal_stiffness(radius, radius, overlap);
+    let mass = law.density() * PI * radius * radius;
     (mass / stiffness).sqrt()
 }
 
@@ -74,38 +74,37 @@ pub fn default_step(contact_time: f64) -> f64 {
 
 /// Largest stable Δt (s) of the Verlet scheme, 2/ω_max with ω_max² = 12 k_n,max/m_min: Gershgorin's bound for a grain with six
 /// neighbours, each of which adds k/m on the diagonal and as much beside it.
-/// Normal springs only: six sliding-free tangential springs (k_t ≤ 0.73 k_n) with rotation could raise ω_max² to 26 k_n/m, but six
-/// contacts of the lightest grain at ten times the mean overlap do not occur together, and the default has margin for them.
+/// Normal springs only: six sliding-free tangential springs with rotation could raise ω_max² to 26 k_n/m with LH (k_t ≤ 0.73 k_n) and
+/// 31 k_n/m with linear springs of k_t = k_n, but six sticking contacts of the lightest grain hardly occur together, and the default
+/// has margin for them.
 pub fn step_limit(contact_time: f64) -> f64 {
     2.0 * contact_time / 12f64.sqrt()
 }
 
 /// H (m) of the packed sample, walls included: N π⟨R²⟩/(0.84 L_x).
 pub fn packed_height(sample: &Sample) -> f64 {
-    f64::from(sample.grains) * PI * sample.mean_square_radius() / (PACKED_FRACTION * sample.length)
+    f64::from(sample.grains) * PI * sample.mean_square_radius / (PACKED_FRACTION * sample.length)
 }
 
 /// The fewest grains whose packing is [`LEAST_HEIGHT`] mean diameters high.
 pub fn least_grains(sample: &Sample) -> f64 {
-    let area = PACKED_FRACTION * sample.length * LEAST_HEIGHT * sample.mean_diameter();
-    (area / (PI * sample.mean_square_radius())).ceil()
+    let area = PACKED_FRACTION * sample.length * LEAST_HEIGHT * sample.mean_diameter;
+    (area / (PI * sample.mean_square_radius)).ceil()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::scene::{Material, Springs};
     use super::*;
+    use crate::contact::lee_hurley::normal_stiffness;
 
     const MATERIAL: Material = Material {
         young_modulus: 1e9,
         poisson_ratio: 0.2,
         density: 2500.0,
     };
-    const SAMPLE: Sample = Sample {
-        grains: 1000,
-        radius_min: 0.5e-6,
-        radius_max: 1e-6,
-        length: 48e-6,
-    };
+    const LAW: Law = Law::LeeHurley(MATERIAL);
+    const SAMPLE: Sample = Sample::uniform(1000, 0.5e-6, 1e-6, 48e-6);
 
     fn close(a: f64, b: f64, relative: f64) {
         assert!((a - b).abs() <= relative * b.abs(), "{a} is not {b}");
@@ -134,7 +133,7 @@ mod tests {
     #[test]
     fn pressure_of_the_paper() {
         // P = k_n/κ with k_n = 0.26 E* at that overlap.
-        close(pressure(&MATERIAL, &SAMPLE, 1e4), 13.5e3, 5e-3);
+        close(pressure(&LAW, &SAMPLE, 1e4), 13.5e3, 5e-3);
     }
 
     /// Against a Hertz line contact solved by itself: with x = a²/(16R²), F = 4πE*·2R·x and δ/(8R) = x (ln(1/x) - 1).
@@ -152,27 +151,39 @@ mod tests {
             }
             // P d̄ = F.
             let expected = 4.0 * PI * MATERIAL.effective_modulus() * low;
-            close(pressure(&MATERIAL, &SAMPLE, kappa), expected, 1e-12);
+            close(pressure(&LAW, &SAMPLE, kappa), expected, 1e-12);
+        }
+    }
+
+    /// Linear springs: P = k_n/κ, and a contact time that does not depend on the load.
+    #[test]
+    fn numbers_of_linear_springs() {
+        let law = Law::Hooke(Springs {
+            normal_stiffness: 1e8,
+            tangential_stiffness: 5e7,
+            density: 2500.0,
+        });
+        assert_eq!(pressure(&law, &SAMPLE, 1e4), 1e4);
+        close(stiffness_number(&law, &SAMPLE, 1e4).unwrap(), 1e4, 1e-14);
+        for overlap in [1e-12, 1e-8] {
+            let expected = (2500.0 * PI * 0.25e-12 / 1e8).sqrt();
+            close(contact_time(&law, &SAMPLE, overlap), expected, 1e-15);
         }
     }
 
     #[test]
     fn stiffness_number_inverts_pressure() {
         for kappa in [20.0, 123.456, 1e4, 3e8] {
-            let p = pressure(&MATERIAL, &SAMPLE, kappa);
-            close(
-                stiffness_number(&MATERIAL, &SAMPLE, p).unwrap(),
-                kappa,
-                1e-14,
-            );
+            let p = pressure(&LAW, &SAMPLE, kappa);
+            close(stiffness_number(&LAW, &SAMPLE, p).unwrap(), kappa, 1e-14);
         }
-        assert_eq!(stiffness_number(&MATERIAL, &SAMPLE, 1e9), None);
-        assert_eq!(stiffness_number(&MATERIAL, &SAMPLE, 1e-9), None);
+        assert_eq!(stiffness_number(&LAW, &SAMPLE, 1e9), None);
+        assert_eq!(stiffness_number(&LAW, &SAMPLE, 1e-9), None);
     }
 
     #[test]
     fn time_step_of_the_paper() {
-        let t = contact_time(&MATERIAL, &SAMPLE, SAMPLE.mean_diameter() / 1e4);
+        let t = contact_time(&LAW, &SAMPLE, SAMPLE.mean_diameter / 1e4);
         // √(m/k_n) is about 6 ns for a mean grain at the mean overlap; the smallest grain and a stiffer contact give less.
         assert!((2e-9..6e-9).contains(&t), "{t}");
         close(step_limit(t) / default_step(t), 20.0 / 12f64.sqrt(), 1e-15);
@@ -214,7 +225,7 @@ mod tests {
                 ..SAMPLE
             })
         };
-        assert!(at(enough) >= LEAST_HEIGHT * SAMPLE.mean_diameter());
-        assert!(at(enough - 1.0) < LEAST_HEIGHT * SAMPLE.mean_diameter());
+        assert!(at(enough) >= LEAST_HEIGHT * SAMPLE.mean_diameter);
+        assert!(at(enough - 1.0) < LEAST_HEIGHT * SAMPLE.mean_diameter);
     }
 }

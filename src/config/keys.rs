@@ -177,7 +177,7 @@ mod tests {
         );
         assert_eq!(
             resolve("sample.pressure").unwrap_err(),
-            "unknown key; it belongs in [load]; [sample] knows grains, radius_min, radius_max, length"
+            "unknown key; it belongs in [load]; [sample] knows grains, radius_min, radius_max, length, packing, walls"
         );
         assert_eq!(
             resolve("load").unwrap_err(),

@@ -12,6 +12,8 @@ mod scene;
 mod source;
 mod write;
 
+use std::path::Path;
+
 use serde::Deserialize;
 use toml::Spanned;
 use toml::de::DeTable;
@@ -20,6 +22,7 @@ pub use scene::*;
 pub use source::Source;
 
 use crate::failure::Failure;
+use crate::packing::Packing;
 use source::Input;
 
 /// Reads a configuration, replaces values by the overrides (`key.path=value`, as of `--set`), checks it and derives the rest.
@@ -29,6 +32,20 @@ use source::Input;
 /// # Errors
 /// `Failure::Input` with the first problem: where it is, what is wrong, and what would be right.
 pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
+    load_with(source, overrides, &mut |path| {
+        Packing::read(path).map(|packing| packing.file)
+    })
+}
+
+/// Says what is in the file of a packing, for one that has been read already or on another rank.
+pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path) -> Result<PackingFile, Failure>;
+
+/// [`load`], with `packing` asked about the file of a packing, if the scene has one.
+pub fn load_with(
+    source: &Source,
+    overrides: &[String],
+    packing: ReadPacking<'_>,
+) -> Result<Scene, Failure> {
     let input = Input { source, overrides };
     let mut tree = DeTable::parse(source.text())
         .map_err(|e| {
@@ -57,7 +74,7 @@ pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
             let path = paths.iter().find(|(at, _)| *at == offset);
             input.failure(offset, path.map_or("", |(_, path)| path), e.message())
         })?;
-    check::scene(raw, input, tables)
+    check::scene(raw, input, tables, packing)
 }
 
 /// Where each value begins, and its key's path.
@@ -78,8 +95,6 @@ fn paths(tree: &DeTable<'_>) -> Vec<(usize, String)> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
 
     fn shipped(name: &str) -> Scene {
@@ -119,7 +134,7 @@ mod tests {
             assert!((0.9..1.1).contains(&ratio), "{ratio}");
         }
         assert_eq!(small.contact, large.contact);
-        assert_eq!(small.material, large.material);
+        assert_eq!(small.law, large.law);
         // P follows from κ and E* alone.
         let difference = small.load.pressure - large.load.pressure;
         assert!(difference.abs() < 1e-12 * small.load.pressure);
@@ -158,6 +173,7 @@ mod tests {
         assert_eq!(
             scene.pack,
             Pack {
+                skip: false,
                 friction: 0.0,
                 tolerance: 1e-7,
                 max_steps: 5_000_000

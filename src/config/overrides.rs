@@ -124,7 +124,7 @@ mod tests {
             ("sample.grains=", "no value after `=`"),
             (
                 "sample.grain=10",
-                "unknown key; did you mean grains? [sample] knows grains, radius_min, radius_max, length",
+                "unknown key; did you mean grains? [sample] knows grains, radius_min, radius_max, length, packing, walls",
             ),
             (
                 "load={pressure=1}",

@@ -108,6 +108,8 @@ table!(Material {
 });
 table!(Contact {
     law: Text,
+    normal_stiffness: Number,
+    tangential_stiffness: Number,
     friction: Number,
     rolling_friction: Number,
     damping_ratio: Number,
@@ -118,7 +120,9 @@ table!(Sample {
     grains: Whole,
     radius_min: Number,
     radius_max: Number,
-    length: Number
+    length: Number,
+    packing: Text,
+    walls: Text,
 });
 table!(Load {
     stiffness_number: Number,
@@ -130,6 +134,7 @@ table!(Time {
     force: Flag
 });
 table!(Pack {
+    skip: Flag,
     friction: Number,
     tolerance: Number,
     max_steps: Whole

@@ -1,7 +1,7 @@
 //! The texts that a configuration is read from, and how a message names a place in them.
 
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::failure::Failure;
 
@@ -10,6 +10,8 @@ use crate::failure::Failure;
 pub struct Source {
     name: String,
     text: String,
+    /// Where the paths in it begin.
+    folder: PathBuf,
 }
 
 impl Source {
@@ -18,6 +20,16 @@ impl Source {
         Source {
             name: name.into(),
             text: text.into(),
+            folder: PathBuf::new(),
+        }
+    }
+
+    /// The text of this file.
+    pub fn of_file(path: impl AsRef<Path>, text: impl Into<String>) -> Self {
+        let path = path.as_ref();
+        Source {
+            folder: path.parent().unwrap_or(Path::new("")).into(),
+            ..Source::new(path.display().to_string(), text)
         }
     }
 
@@ -50,7 +62,7 @@ impl Source {
             })
         })?;
         match String::from_utf8(bytes) {
-            Ok(text) => Ok(Source { name, text }),
+            Ok(text) => Ok(Source::of_file(path, text)),
             Err(e) => {
                 let good = e.utf8_error().valid_up_to();
                 let bytes = e.as_bytes();
@@ -69,6 +81,11 @@ impl Source {
 
     pub fn text(&self) -> &str {
         &self.text
+    }
+
+    /// The folder in which the paths of the text begin.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 }
 

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use super::raw::show;
-use super::scene::{Drive, Scene};
+use super::scene::{Drive, Law, Origin, Scene, Walls};
 
 /// How the damping was given.
 #[derive(Debug, Clone, Copy)]
@@ -56,12 +56,18 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     t.whole("seed", scene.seed);
 
     t.table("material");
-    t.number("young_modulus", scene.material.young_modulus);
-    t.number("poisson_ratio", scene.material.poisson_ratio);
-    t.number("density", scene.material.density);
+    if let Law::LeeHurley(material) = scene.law {
+        t.number("young_modulus", material.young_modulus);
+        t.number("poisson_ratio", material.poisson_ratio);
+    }
+    t.number("density", scene.law.density());
 
     t.table("contact");
-    t.text("law", super::check::LAW);
+    t.text("law", scene.law.name());
+    if let Law::Hooke(springs) = scene.law {
+        t.number("normal_stiffness", springs.normal_stiffness);
+        t.number("tangential_stiffness", springs.tangential_stiffness);
+    }
     t.number("friction", scene.contact.friction);
     t.number("rolling_friction", scene.contact.rolling_friction);
     match damping {
@@ -71,6 +77,11 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     t.number("rolling_damping_ratio", scene.contact.rolling_damping_ratio);
 
     t.table("sample");
+    if let Origin::Packing { file, walls } = &scene.origin {
+        t.text("packing", &file.path.display().to_string());
+        let name = Walls::NAMES.iter().find(|(_, known)| known == walls);
+        t.text("walls", name.map_or("", |(name, _)| name));
+    }
     t.whole("grains", scene.sample.grains.into());
     t.number("radius_min", scene.sample.radius_min);
     t.number("radius_max", scene.sample.radius_max);
@@ -90,9 +101,12 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     t.line(&format!("force = {force}"));
 
     t.table("pack");
-    t.number("friction", scene.pack.friction);
-    t.number("tolerance", scene.pack.tolerance);
-    t.whole("max_steps", scene.pack.max_steps);
+    t.line(&format!("skip = {}", scene.pack.skip));
+    if !scene.pack.skip {
+        t.number("friction", scene.pack.friction);
+        t.number("tolerance", scene.pack.tolerance);
+        t.whole("max_steps", scene.pack.max_steps);
+    }
 
     t.table("shear");
     match scene.shear.drive {
@@ -128,11 +142,9 @@ fn derived_comments(scene: &Scene) -> String {
             if unit.is_empty() { "" } else { " " }
         );
     };
-    comment(
-        "effective modulus E*",
-        scene.material.effective_modulus(),
-        "Pa",
-    );
+    if let Law::LeeHurley(material) = scene.law {
+        comment("effective modulus E*", material.effective_modulus(), "Pa");
+    }
     comment("damping ratio alpha", scene.contact.damping_ratio, "");
     comment("pressure P", scene.load.pressure, "Pa");
     comment("normal force N", scene.load.normal_force, "N/m");
@@ -149,6 +161,14 @@ fn derived_comments(scene: &Scene) -> String {
 #[cfg(test)]
 mod tests {
     use crate::config::{Scene, Source, load};
+
+    /// The default scene with linear springs.
+    const HOOKE: &[&str] = &[
+        "contact.law=hooke",
+        "material.young_modulus=none",
+        "material.poisson_ratio=none",
+        "contact.normal_stiffness=1e8",
+    ];
 
     fn with(sets: &[&str]) -> Scene {
         let sets: Vec<String> = sets.iter().map(|s| s.to_string()).collect();
@@ -178,6 +198,14 @@ mod tests {
             &["contact.damping_ratio=none", "contact.restitution=1"],
             &["shear.inertial_number=none", "shear.velocity=0.0003"],
             &["time.step=1e-10"],
+            HOOKE,
+            &[
+                "contact.law=hooke",
+                "material.young_modulus=none",
+                "material.poisson_ratio=none",
+                "contact.normal_stiffness=123456789.3",
+                "contact.tangential_stiffness=98765432.1",
+            ],
             &["time.step=1e-6", "time.force=true"],
             &["bookkeeping.skin=0.3", "bookkeeping.rebuild_every=17"],
             &[
@@ -208,16 +236,28 @@ mod tests {
     /// No key is forgotten: all but the alternatives that were not chosen are there.
     #[test]
     fn every_default_is_filled_in() {
-        let toml = with(&["time.step=1e-10", "bookkeeping.skin=0.3"]).toml;
-        for (_, keys) in crate::config::raw::TABLES {
-            for key in *keys {
-                let alternative =
-                    ["restitution", "pressure", "normal_force", "velocity"].contains(key);
-                assert_eq!(
-                    toml.contains(&format!("\n{key} = ")),
-                    !alternative,
-                    "{key} in {toml}"
-                );
+        let of_lee_hurley = ["young_modulus", "poisson_ratio"];
+        let of_hooke = ["normal_stiffness", "tangential_stiffness"];
+        for (law, other) in [(&[][..], of_hooke), (HOOKE, of_lee_hurley)] {
+            let sets = [&["time.step=1e-10", "bookkeeping.skin=0.3"], law].concat();
+            let toml = with(&sets).toml;
+            for (_, keys) in crate::config::raw::TABLES {
+                for key in *keys {
+                    let alternative = [
+                        "restitution",
+                        "pressure",
+                        "normal_force",
+                        "velocity",
+                        "packing",
+                        "walls",
+                    ]
+                    .contains(key);
+                    assert_eq!(
+                        toml.contains(&format!("\n{key} = ")),
+                        !alternative && !other.contains(key),
+                        "{key} in {toml}"
+                    );
+                }
             }
         }
     }

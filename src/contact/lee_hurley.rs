@@ -15,6 +15,7 @@
 
 use std::f64::consts::{LN_2, PI};
 
+use super::rolling::{self, Places, Rolling, roll};
 use super::{Blocks, ContactLaw, loss, scalar};
 use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
 
@@ -32,10 +33,7 @@ pub struct LeeHurley<const FRICTION: bool, const ROLLING: bool> {
     damping_ratio: f64,
     /// μ_s.
     friction: f64,
-    /// μ_r.
-    rolling_friction: f64,
-    /// η_r.
-    rolling_damping_ratio: f64,
+    rolling: Rolling,
     /// Part of A9 that does not depend on a.
     penalty: f64,
     /// Factor of a/R in A9.
@@ -52,8 +50,13 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             density: PI * material.density,
             damping_ratio: contact.damping_ratio,
             friction: contact.friction,
-            rolling_friction: contact.rolling_friction,
-            rolling_damping_ratio: contact.rolling_damping_ratio,
+            // k_r = πE*R_r²/4 (A15).
+            rolling: Rolling {
+                stiffness: 0.25 * PI * material.effective_modulus(),
+                density: PI * material.density,
+                friction: contact.rolling_friction,
+                damping_ratio: contact.rolling_damping_ratio,
+            },
             penalty: 0.22 + 0.18 * nu + 0.36 * nu * nu,
             penalty_slope: 2.89 + 1.75 * nu,
             poisson: nu / (2.0 * (1.0 - nu)),
@@ -134,7 +137,8 @@ pub fn normal_stiffness(effective_modulus: f64, r1: f64, r2: f64, overlap: f64) 
 }
 
 impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTION, ROLLING> {
-    const PARAMETERS: usize = 3 + if FRICTION { 2 } else { 0 } + if ROLLING { 3 } else { 0 };
+    const PARAMETERS: usize =
+        3 + if FRICTION { 2 } else { 0 } + if ROLLING { rolling::PARAMETERS } else { 0 };
     const HISTORY: usize = if FRICTION { 2 } else { 0 } + if ROLLING { 1 } else { 0 };
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
@@ -159,15 +163,8 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
             (c(0.25 * LARGEST_CONTACT) * smaller.sqrt()).store(&mut out[LARGEST_ROOT]);
         }
         if ROLLING {
-            let at = Self::PARAMETERS - 3;
-            let r_r = r_i * r_j / (r_i + r_j);
-            let k_r = c(0.25 * self.stiffness) * r_r * r_r;
-            // I + mR² of a disk (A22).
-            let (i_i, i_j) = (c(1.5) * m_i * r_i * r_i, c(1.5) * m_j * r_j * r_j);
-            let i_r = i_i * i_j / (i_i + i_j);
-            k_r.store(&mut out[at]);
-            (c(2.0 * self.rolling_damping_ratio) * (i_r * k_r).sqrt()).store(&mut out[at + 1]);
-            (c(self.rolling_friction) * r_r).store(&mut out[at + 2]);
+            let at = Self::PARAMETERS - rolling::PARAMETERS;
+            self.rolling.parameters(token, r_i, r_j, &mut out[at..]);
         }
     }
 
@@ -183,7 +180,11 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
             self.rub::<L, LEDGER>(token, blocks);
         }
         if ROLLING {
-            self.roll::<L, LEDGER>(token, blocks);
+            let places = Places {
+                parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
+                history: (Self::HISTORY, Self::HISTORY - 1),
+            };
+            roll::<L, LEDGER>(token, blocks, places);
         }
     }
 
@@ -210,7 +211,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
             tangential = half_square(load(&history[0]), load(&history[1]));
         }
         if ROLLING {
-            let k_r = load(&parameters[Self::PARAMETERS - 3]);
+            let k_r = load(&parameters[Self::PARAMETERS - rolling::PARAMETERS]);
             rolling = half_square(load(&history[Self::HISTORY - 1]), k_r);
         }
         [normal, tangential, rolling]
@@ -361,43 +362,6 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             response.sliding = sliding.bits();
             elastic.select(touching, zero).store(&mut history[0]);
             k_t.select(touching, zero).store(&mut history[1]);
-        }
-    }
-
-    /// M.
-    #[inline(always)]
-    fn roll<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        let load = |row: &Row| L::load(token, row);
-        let zero = L::splat(token, 0.0);
-        let (at, place) = (Self::PARAMETERS - 3, Self::HISTORY - 1);
-        for (((p, history), motion), response) in blocks
-            .parameters
-            .chunks_exact(Self::PARAMETERS)
-            .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
-            .zip(blocks.motion)
-            .zip(&mut *blocks.response)
-        {
-            let touching = load(&motion.overlap).greater(zero);
-            let trial =
-                (-load(&p[at])).mul_add(load(&motion.rolling_increment), load(&history[place]));
-            let limit = load(&p[at + 2]) * load(&response.normal);
-            let limited = trial.abs().greater(limit);
-            let elastic = limit.copy_sign(trial).select(limited, trial);
-            let speed = load(&motion.rolling_velocity);
-            let viscous = zero.select(limited, load(&p[at + 1]) * speed);
-            (elastic - viscous).store(&mut response.rolling);
-            if LEDGER {
-                let (before, after) = (load(&history[place]), elastic.select(touching, zero));
-                let work = (before + after) * load(&motion.rolling_increment);
-                let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
-                let viscous = viscous.select(touching, zero);
-                (L::splat(token, -0.5) * (work + gained)).store(&mut response.lost[loss::ROLLING]);
-                let damping = load(&response.lost[loss::DAMPING]);
-                (viscous * speed)
-                    .mul_add(L::splat(token, blocks.step), damping)
-                    .store(&mut response.lost[loss::DAMPING]);
-            }
-            elastic.select(touching, zero).store(&mut history[place]);
         }
     }
 }

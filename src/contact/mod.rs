@@ -1,6 +1,9 @@
 //! Contact laws: numbers in, numbers out. One law, one file; the loop over contacts is in `kernel`.
 
+pub mod family;
+pub mod hooke;
 pub mod lee_hurley;
+pub mod rolling;
 
 use crate::simd::{Lanes, Portable, PortableToken, Row, ln};
 

@@ -218,6 +218,12 @@ fn replace(folder: &Path) -> Result<(), Failure> {
     })
 }
 
+/// Whether a file says of itself that it is a checkpoint.
+pub fn is_checkpoint(path: &Path) -> bool {
+    hdf5::silence_errors(true);
+    path.is_file() && hdf5::File::open(path).is_ok_and(|file| file.attr("format").is_ok())
+}
+
 /// The scene and this rank's part of a checkpoint: an even block of the ids, and the contacts whose lower id is in it, in order.
 /// `Failure::Input`, the same on every rank, where the file is missing, damaged, or none of ours. Collective.
 pub fn read(exchange: &impl Exchange, path: &Path) -> Result<(String, Snapshot), Failure> {

@@ -4,6 +4,7 @@ mod batch;
 pub mod checkpoint;
 pub mod collective;
 pub mod h5;
+pub mod lammps_data;
 mod layout;
 pub mod log;
 pub mod provenance;

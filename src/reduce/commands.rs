@@ -9,7 +9,7 @@ use crate::failure::Failure;
 use crate::io::run_reader::Run;
 use crate::{analysis, report};
 
-use super::{compare, dmin, info, phases};
+use super::{compare, dmin, export, info, phases};
 
 /// Reduces the runs of gshear-mpi: what is in them, D²min, stick and slip phases, and a report with figures.
 ///
@@ -68,6 +68,23 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// Write one state of a run in a format of other programs
+    ///
+    /// lammps-data and liggghts-data: a data file of atom_style sphere; types are 1 free grains, 2 bottom wall, 3 top wall, and
+    /// the density is such that the program gives each grain the mass that the disk has per metre of depth. sample.packing
+    /// reads either back.
+    Export {
+        /// A run.h5, the folder that holds one, or a checkpoint
+        run: PathBuf,
+        #[arg(long, value_enum)]
+        format: export::Format,
+        /// last, or the number of a frame, from 0 on [default: last]
+        #[arg(long, value_name = "N")]
+        frame: Option<export::Which>,
+        /// File to write [default: frame-N.data or checkpoint.data beside the run]
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+    },
     /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
     Report {
         /// A run.h5, or the folder that holds one
@@ -102,6 +119,15 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
         Command::Phases { run, out } => {
             let run = Run::open(run)?;
             phases::write(&run, out.as_deref().unwrap_or(run.folder()), output)?;
+        }
+        Command::Export {
+            run,
+            format,
+            frame,
+            out,
+        } => {
+            let path = export::write(run, *format, *frame, out.as_deref())?;
+            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
         }
         Command::Report { run, out } => {
             let run = Run::open(run)?;

@@ -3,6 +3,7 @@
 mod commands;
 pub mod compare;
 mod dmin;
+pub mod export;
 mod info;
 mod phases;
 

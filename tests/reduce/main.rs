@@ -1,6 +1,7 @@
 //! `gshear-reduce` through its binary, on made-up runs.
 
 mod compare;
+mod export;
 mod fixture;
 mod reading;
 mod results;

@@ -1,0 +1,330 @@
+//! Linear springs in 2D: Hooke with linear damping, Coulomb friction and rolling resistance, as LAMMPS' `gran/hooke/history` and
+//! LIGGGHTS' `hooke` have them, here with the clamp, the damping ratio and the conventions of `lee_hurley`.
+//!
+//! Normal:
+//!
+//!     F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//!
+//! Tangential: the history is the elastic force on i along t̂,
+//!
+//!     F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
+//!
+//! set to the limit ±μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
+//!
+//! Rolling, as LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita & Oda):
+//!
+//!     M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
+//!
+//! limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added (`rolling`), which `epsd2` lacks and η_r = 0 takes away.
+
+use super::rolling::{self, Places, Rolling, roll};
+use super::{Blocks, ContactLaw, loss};
+use crate::config::{Contact, Springs};
+use crate::simd::{Lanes, Mask, Row};
+
+/// Largest δ/(R_1+R_2) of two equal disks. A spring has no end, but disks this far in each other are disks no longer; for unequal
+/// ones it is this part of the smaller one's diameter. About that of LH's law, so that κ has the same bounds.
+pub const LARGEST_OVERLAP: f64 = 0.094;
+
+/// Constants of the law, the same for all contacts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hooke<const FRICTION: bool, const ROLLING: bool> {
+    /// k_n, k_t (Pa).
+    normal_stiffness: f64,
+    tangential_stiffness: f64,
+    /// γ_t/γ_n = √(k_t/k_n).
+    tangential_damping: f64,
+    /// Mass per squared radius, ρπ (kg/m³).
+    density: f64,
+    /// α.
+    damping_ratio: f64,
+    /// μ_s.
+    friction: f64,
+    rolling: Rolling,
+}
+
+impl<const FRICTION: bool, const ROLLING: bool> Hooke<FRICTION, ROLLING> {
+    pub fn new(springs: &Springs, contact: &Contact) -> Self {
+        Self {
+            normal_stiffness: springs.normal_stiffness,
+            tangential_stiffness: springs.tangential_stiffness,
+            tangential_damping: (springs.tangential_stiffness / springs.normal_stiffness).sqrt(),
+            density: std::f64::consts::PI * springs.density,
+            damping_ratio: contact.damping_ratio,
+            friction: contact.friction,
+            rolling: Rolling {
+                stiffness: springs.tangential_stiffness,
+                density: std::f64::consts::PI * springs.density,
+                friction: contact.rolling_friction,
+                damping_ratio: contact.rolling_damping_ratio,
+            },
+        }
+    }
+}
+
+// Places in the parameters of a pair.
+/// γ_n (kg/(m s)).
+const DAMPING: usize = 0;
+/// Largest overlap (m).
+const LARGEST: usize = 1;
+/// Rows of the law without rolling.
+const PLAIN: usize = 2;
+
+impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, ROLLING> {
+    const PARAMETERS: usize = PLAIN + if ROLLING { rolling::PARAMETERS } else { 0 };
+    const HISTORY: usize = FRICTION as usize + ROLLING as usize;
+    const FRICTION: bool = FRICTION;
+    const ROLLING: bool = ROLLING;
+
+    #[inline(always)]
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+        let c = |v| L::splat(token, v);
+        let density = c(self.density);
+        let (m_i, m_j) = (density * r_i * r_i, density * r_j * r_j);
+        let reduced_mass = m_i * m_j / (m_i + m_j);
+        let smaller = r_i.select(r_j.greater(r_i), r_j);
+        (c(2.0 * self.damping_ratio) * (c(self.normal_stiffness) * reduced_mass).sqrt())
+            .store(&mut out[DAMPING]);
+        (c(2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
+        if ROLLING {
+            self.rolling.parameters(token, r_i, r_j, &mut out[PLAIN..]);
+        }
+    }
+
+    fn largest_force(&self, radius: f64) -> f64 {
+        2.0 * LARGEST_OVERLAP * radius * self.normal_stiffness
+    }
+
+    #[inline(always)]
+    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let zero = c(0.0);
+        let step = c(blocks.step);
+        for ((p, motion), response) in blocks
+            .parameters
+            .chunks_exact(Self::PARAMETERS)
+            .zip(blocks.motion)
+            .zip(&mut *blocks.response)
+        {
+            let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
+            let k_n = c(self.normal_stiffness);
+            let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
+            normal.store(&mut response.normal);
+            response.beyond = overlap.greater(load(&p[LARGEST])).bits();
+            if LEDGER {
+                let lost = k_n.mul_add(overlap, -normal) * v_n * step;
+                lost.select(overlap.greater(zero), zero)
+                    .store(&mut response.lost[loss::DAMPING]);
+            }
+        }
+        if FRICTION {
+            for (((p, history), motion), response) in blocks
+                .parameters
+                .chunks_exact(Self::PARAMETERS)
+                .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
+                .zip(blocks.motion)
+                .zip(&mut *blocks.response)
+            {
+                let touching = load(&motion.overlap).greater(zero);
+                let (k_t, slip) = (
+                    c(self.tangential_stiffness),
+                    load(&motion.tangential_increment),
+                );
+                let before = load(&history[0]);
+                let trial = (-k_t).mul_add(slip, before);
+                let limit = c(self.friction) * load(&response.normal);
+                let sliding = trial.abs().greater(limit);
+                let elastic = limit.copy_sign(trial).select(sliding, trial);
+                let v_t = load(&motion.tangential_velocity);
+                let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
+                let viscous = zero.select(sliding, gamma_t * v_t);
+                (elastic - viscous).store(&mut response.tangential);
+                response.sliding = sliding.bits();
+                let after = elastic.select(touching, zero);
+                if LEDGER {
+                    let gained =
+                        (after - before) * (after + before) * c(1.0 / self.tangential_stiffness);
+                    (c(-0.5) * (before + after).mul_add(slip, gained))
+                        .store(&mut response.lost[loss::FRICTION]);
+                    let damping = load(&response.lost[loss::DAMPING]);
+                    (viscous.select(touching, zero) * v_t)
+                        .mul_add(step, damping)
+                        .store(&mut response.lost[loss::DAMPING]);
+                }
+                after.store(&mut history[0]);
+            }
+        }
+        if ROLLING {
+            let places = Places {
+                parameters: (Self::PARAMETERS, PLAIN),
+                history: (Self::HISTORY, Self::HISTORY - 1),
+            };
+            roll::<L, LEDGER>(token, blocks, places);
+        }
+    }
+
+    #[inline(always)]
+    fn elastic_energies<L: Lanes>(
+        &self,
+        token: L::Token,
+        parameters: &[Row],
+        overlap: L,
+        history: &[Row],
+    ) -> [L; 3] {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let normal = c(0.5 * self.normal_stiffness) * overlap * overlap;
+        let (mut tangential, mut rolling) = (c(0.0), c(0.0));
+        if FRICTION {
+            let force = load(&history[0]);
+            tangential = c(0.5 / self.tangential_stiffness) * force * force;
+        }
+        if ROLLING {
+            let torque = load(&history[Self::HISTORY - 1]);
+            rolling = c(0.5) * torque * torque / load(&parameters[PLAIN]);
+        }
+        [normal, tangential, rolling]
+    }
+
+    // k_t is the same in every step: its place in the state stays 0.
+    fn history_to_state([first, second, _]: [f64; 3]) -> [f64; 3] {
+        match (FRICTION, ROLLING) {
+            (true, _) => [first, 0.0, second],
+            (false, _) => [0.0, 0.0, first],
+        }
+    }
+
+    fn history_from_state([tangential, _, rolling]: [f64; 3]) -> [f64; 3] {
+        match (FRICTION, ROLLING) {
+            (true, _) => [tangential, rolling, 0.0],
+            (false, _) => [rolling, 0.0, 0.0],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{CARRY, Motion, Response};
+    use crate::simd::{LANES, Portable, PortableToken};
+
+    const SPRINGS: Springs = Springs {
+        normal_stiffness: 2e6,
+        tangential_stiffness: 0.5e6,
+        density: 2500.0,
+    };
+    const CONTACT: Contact = Contact {
+        friction: 0.4,
+        rolling_friction: 0.1,
+        damping_ratio: 0.2,
+        rolling_damping_ratio: 0.3,
+    };
+    const RADII: [f64; 2] = [0.5e-3, 1e-3];
+
+    /// What two disks of `RADII` do: F_n, F_t, M, sliding, beyond, and the new history. `motion` in the order of `Motion`.
+    fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
+        type Law = Hooke<true, true>;
+        let law = Law::new(&SPRINGS, &CONTACT);
+        let mut parameters = [Row::ZERO; Law::PARAMETERS];
+        let c = |v| Portable::splat(PortableToken, v);
+        law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
+        let mut history = history.map(|v| Row([v; LANES]));
+        let [overlap, v_n, v_t, slip, spin, roll] = motion.map(|v| Row([v; LANES]));
+        let motion = Motion {
+            overlap,
+            normal_velocity: v_n,
+            tangential_velocity: v_t,
+            tangential_increment: slip,
+            rolling_velocity: spin,
+            rolling_increment: roll,
+        };
+        let mut response = [Response::NONE];
+        law.evaluate::<Portable, false>(
+            PortableToken,
+            &mut Blocks {
+                parameters: &parameters,
+                history: &mut history,
+                motion: &[motion],
+                carry: &mut [[Row::ZERO; CARRY]],
+                response: &mut response,
+                step: 0.0,
+            },
+        );
+        let [r] = response;
+        (
+            [r.normal, r.tangential, r.rolling].map(|row| row.0[3]),
+            [r.sliding != 0, r.beyond != 0],
+            history.map(|row| row.0[3]),
+        )
+    }
+
+    fn close(a: f64, b: f64) {
+        assert!((a - b).abs() <= 1e-14 * b.abs(), "{a} is not {b}");
+    }
+
+    /// m* of `RADII` by hand: πρ R²r²/(R²+r²).
+    fn reduced_mass() -> f64 {
+        std::f64::consts::PI * 2500.0 * (0.25e-6 * 1e-6) / 1.25e-6
+    }
+
+    #[test]
+    fn springs_and_dampers_below_the_limits() {
+        let ([normal, tangential, rolling], flags, history) =
+            response([1e-6, -0.01, 0.002, 1e-8, 3.0, 2e-6], [0.05, 1e-6]);
+        let m = reduced_mass();
+        close(normal, 2.0 + 2.0 * 0.2 * (2e6 * m).sqrt() * 0.01);
+        let elastic = 0.05 - 0.5e6 * 1e-8;
+        close(history[0], elastic);
+        close(tangential, elastic - 2.0 * 0.2 * (0.5e6 * m).sqrt() * 0.002);
+        let r_r: f64 = 0.5e-3 / 1.5;
+        let k_r = 0.5e6 * r_r * r_r;
+        close(history[1], 1e-6 - k_r * 2e-6);
+        let inertia = |r: f64| 1.5 * std::f64::consts::PI * 2500.0 * r.powi(4);
+        let i_r = inertia(0.5e-3) * inertia(1e-3) / (inertia(0.5e-3) + inertia(1e-3));
+        close(rolling, history[1] - 2.0 * 0.3 * (i_r * k_r).sqrt() * 3.0);
+        assert_eq!(flags, [false, false]);
+    }
+
+    #[test]
+    fn limits_are_kept_and_remembered_without_dampers() {
+        let ([normal, tangential, rolling], flags, history) =
+            response([1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
+        close(normal, 2.0);
+        close(tangential, -0.4 * 2.0);
+        close(history[0], tangential);
+        close(rolling, -0.1 * (0.5e-3 / 1.5) * 2.0);
+        close(history[1], rolling);
+        assert_eq!(flags, [true, false]);
+    }
+
+    /// No attraction: where the damper would pull, there is no force at all.
+    #[test]
+    fn separating_disks_do_not_attract() {
+        let ([normal, tangential, _], ..) = response([1e-9, 1.0, 0.1, 1e-9, 0.0, 0.0], [0.3, 0.0]);
+        assert_eq!([normal, tangential], [0.0, 0.0]);
+    }
+
+    #[test]
+    fn the_largest_overlap() {
+        let beyond = |overlap| response([overlap, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 2]).1[1];
+        assert!(!beyond(0.93e-4 * 1.0) && beyond(0.95e-4));
+    }
+
+    #[test]
+    fn every_part_of_the_history_has_its_place() {
+        let state = [0.7, 0.0, 0.3];
+        assert_eq!(
+            Hooke::<true, true>::history_to_state(Hooke::<true, true>::history_from_state(state)),
+            state
+        );
+        assert_eq!(
+            Hooke::<true, false>::history_to_state([0.7, 0.0, 0.0]),
+            [0.7, 0.0, 0.0]
+        );
+        assert_eq!(
+            Hooke::<false, true>::history_to_state(Hooke::<false, true>::history_from_state(state)),
+            [0.0, 0.0, 0.3]
+        );
+    }
+}
