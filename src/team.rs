@@ -13,7 +13,7 @@ use crate::state::{Contacts, Force, ForceUnit, Grains};
 const PAGE: usize = 256;
 
 /// The threads, and the forces that all but the first of them add up.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Team {
     /// `None`: this thread alone.
     pool: Option<rayon::ThreadPool>,
@@ -36,15 +36,6 @@ pub struct Setting<'a, C> {
     pub length: f64,
     pub step: f64,
     pub energy_unit: Option<f64>,
-}
-
-impl Default for Team {
-    fn default() -> Self {
-        Self {
-            pool: None,
-            others: Vec::new(),
-        }
-    }
 }
 
 impl Team {

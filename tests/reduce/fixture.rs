@@ -89,7 +89,8 @@ impl Fixture {
             ];
             series
                 .iter_mut()
-                .zip(row)
+                // No ledger of energy.
+                .zip(row.into_iter().chain(std::iter::repeat(f64::NAN)))
                 .for_each(|(column, value)| column.push(value));
         }
 
