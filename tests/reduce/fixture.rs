@@ -89,8 +89,8 @@ impl Fixture {
             ];
             series
                 .iter_mut()
-                // No ledger of energy.
-                .zip(row.into_iter().chain(std::iter::repeat(f64::NAN)))
+                // Nothing in the ledger of energy.
+                .zip(row.into_iter().chain(std::iter::repeat(0.0)))
                 .for_each(|(column, value)| column.push(value));
         }
 
