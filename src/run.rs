@@ -31,6 +31,9 @@ const PACK_CHECKPOINT: u64 = 500_000;
 /// Drag of the compression, and of the rest after it, in inverse inertial times.
 const DRAG_FALLING: f64 = 0.01;
 const DRAG_RESTING: f64 = 1.0;
+/// κ from which on the loose sample bears the whole load at once. At first a few grains carry all of it, some fifteen times
+/// their share; a softer sample is begun with that part of the load which overlaps it no more.
+const BEARS_ALL: f64 = 1e3;
 
 /// What the command line says beside the scene.
 #[derive(Debug, Clone, Default)]
@@ -187,7 +190,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             acceleration: 0.0,
             // About that of the wall to come.
             mass: mean_mass(self.scene) * sample.length / sample.mean_diameter(),
-            load: load.normal_force,
+            load: load.normal_force * (load.stiffness_number / BEARS_ALL).min(1.0),
         };
         let state = State {
             step: 0,
@@ -298,14 +301,17 @@ impl<'a, E: Exchange> Run<'a, E> {
                 let mut carried = Accumulator::default();
                 drive.load_on(false, &system.fixed, &mut carried);
                 let [carried] = system.fixed.total(exchange, [carried]);
-                let carried = carried / load.normal_force;
+                let pressing = drive.piston.load;
+                let carried = carried / pressing;
                 self.terminal
                     .packing(step, &drive.piston, kinetic / (unit * sample.grains as f64));
                 // The bottom feels the load only when the sample is compressed all through.
                 if carried > 0.5 {
                     drive.drag = resting_drag;
+                    drive.piston.load = (2.0 * pressing).min(load.normal_force);
                 }
-                if kinetic < at_rest && (carried - 1.0).abs() < balance {
+                let loaded = pressing == load.normal_force;
+                if loaded && kinetic < at_rest && (carried - 1.0).abs() < balance {
                     break;
                 }
                 if step >= scene.pack.max_steps {
