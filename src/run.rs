@@ -269,6 +269,7 @@ impl<'a, E: Exchange> Run<'a, E> {
     ) -> Result<Option<(f64, State)>, Failure> {
         let (exchange, scene) = (self.exchange, self.scene);
         let mut system = self.system()?;
+        system.steps = state.step;
         let mut drive = Planes::new(&scene.material, &scene.contact, state.piston, drag);
         let mut step = state.step;
         system.replace(exchange, law, &mut drive, state.grains, state.contacts)?;
@@ -383,6 +384,7 @@ impl<'a, E: Exchange> Run<'a, E> {
         let (exchange, scene, options) = (self.exchange, self.scene, self.options);
         let schedule = Schedule::new(scene, height);
         let mut system = self.system()?;
+        system.steps = state.step;
         let mut drive = GrainWalls {
             piston: state.piston,
             speed: schedule.speed,
