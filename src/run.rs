@@ -32,6 +32,9 @@ const PACK_CHECKPOINT: u64 = 500_000;
 /// Drag of the compression, and of the rest after it, in inverse inertial times.
 const DRAG_FALLING: f64 = 0.01;
 const DRAG_RESTING: f64 = 1.0;
+/// κ from which on the loose sample bears the whole load at once. At first a few grains carry all of it, some fifteen times
+/// their share; a softer sample is begun with that part of the load which overlaps it no more.
+const BEARS_ALL: f64 = 1e3;
 
 /// What the command line says beside the scene.
 #[derive(Debug, Clone, Default)]
@@ -223,6 +226,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             return (self.packing_stage(), state);
         }
         state.piston.mass = self.mass_of_top(&state.grains);
+        state.piston.load = self.scene.load.normal_force;
         let height = self.height_between_walls(&state.piston);
         (Stage::Shear { height }, state)
     }
@@ -234,7 +238,7 @@ impl<'a, E: Exchange> Run<'a, E> {
 
     /// These grains before the first step, under a piston at rest at `height` (m).
     fn at_rest_on_top(&self, height: f64, grains: Vec<GrainState>) -> State {
-        let sample = &self.scene.sample;
+        let (sample, load) = (&self.scene.sample, &self.scene.load);
         State {
             step: 0,
             piston: Piston {
@@ -243,7 +247,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                 acceleration: 0.0,
                 // About that of the wall to come.
                 mass: mean_mass(self.scene) * sample.length / sample.mean_diameter,
-                load: self.scene.load.normal_force,
+                load: load.normal_force * (load.stiffness_number / BEARS_ALL).min(1.0),
             },
             grains,
             contacts: Vec::new(),
@@ -360,6 +364,7 @@ impl<'a, E: Exchange> Run<'a, E> {
     ) -> Result<Option<(f64, State)>, Failure> {
         let (exchange, scene) = (self.exchange, self.scene);
         let mut system = self.system()?;
+        system.steps = state.step;
         let mut drive = Planes::new(plane, state.piston, drag);
         let mut step = state.step;
         system.replace(exchange, law, &mut drive, state.grains, state.contacts)?;
@@ -392,14 +397,17 @@ impl<'a, E: Exchange> Run<'a, E> {
                 let mut carried = Accumulator::default();
                 drive.load_on(false, &system.fixed, &mut carried);
                 let [carried] = system.fixed.total(exchange, [carried]);
-                let carried = carried / load.normal_force;
+                let pressing = drive.piston.load;
+                let carried = carried / pressing;
                 self.terminal
                     .packing(step, &drive.piston, kinetic / (unit * sample.grains as f64));
                 // The bottom feels the load only when the sample is compressed all through.
                 if carried > 0.5 {
                     drive.drag = resting_drag;
+                    drive.piston.load = (2.0 * pressing).min(load.normal_force);
                 }
-                if kinetic < at_rest && (carried - 1.0).abs() < balance {
+                let loaded = pressing == load.normal_force;
+                if loaded && kinetic < at_rest && (carried - 1.0).abs() < balance {
                     break;
                 }
                 if step >= scene.pack.max_steps {
@@ -466,6 +474,7 @@ impl<'a, E: Exchange> Run<'a, E> {
         let (exchange, scene, options) = (self.exchange, self.scene, self.options);
         let schedule = Schedule::new(scene, height);
         let mut system = self.system()?;
+        system.steps = state.step;
         let mut drive = GrainWalls {
             piston: state.piston,
             speed: schedule.speed,

@@ -249,12 +249,14 @@ fn wrapped(x: f64, length: f64) -> f64 {
     if inside >= length { 0.0 } else { inside }
 }
 
+/// Spins as well: a grain that touches nothing would turn for ever, and the sample never be at rest.
 fn slow_down(grains: &mut Grains, drag: f64) {
     use field::*;
     for g in 0..grains.owned {
-        let (record, mass) = (&grains.record[g].0, grains.mass[g]);
+        let (record, mass, radius) = (&grains.record[g].0, grains.mass[g], grains.radius[g]);
         grains.force[g][0] -= drag * mass * record[U];
         grains.force[g][1] -= drag * mass * record[V];
+        grains.force[g][2] -= drag * 0.5 * mass * radius * radius * record[W];
     }
 }
 

@@ -30,7 +30,7 @@ pub struct System {
     pub density: f64,
     /// Δt (s).
     pub step: f64,
-    /// Steps since this process began.
+    /// Steps that are done, of the stage where there are stages.
     pub steps: u64,
     /// For forces (N/m).
     pub fixed: FixedPoint,
@@ -126,14 +126,26 @@ impl List {
 
     /// How far the own grain that moved most has moved (m).
     fn displacement(&self, grains: &Grains, length: f64) -> f64 {
-        let squares = self.origin.iter().zip(&grains.record).map(|(o, r)| {
+        self.squares(grains, length)
+            .fold(0.0, |a: f64, b| if b > a { b } else { a })
+            .sqrt()
+    }
+
+    /// The own grain that moved most; there is one.
+    fn furthest(&self, grains: &Grains, length: f64) -> usize {
+        let squares = self.squares(grains, length).enumerate();
+        squares
+            .fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a })
+            .0
+    }
+
+    /// Squared displacements of the own grains (m²).
+    fn squares(&self, grains: &Grains, length: f64) -> impl Iterator<Item = f64> {
+        self.origin.iter().zip(&grains.record).map(move |(o, r)| {
             let dx = nearest_image(r.0[field::X] - o[0], length);
             let dy = r.0[field::Y] - o[1];
             dx * dx + dy * dy
-        });
-        squares
-            .fold(0.0, |a: f64, b| if b > a { b } else { a })
-            .sqrt()
+        })
     }
 
     pub fn forced(&self, steps: u64) -> bool {
@@ -305,10 +317,15 @@ impl System {
                         self.grains.id[g],
                         place(g)
                     ),
-                    None => format!(
-                        "a grain moved further than half the skin ({:.3e} m) in one step",
-                        0.5 * self.list.skin
-                    ),
+                    None => {
+                        let g = self.list.furthest(&self.grains, self.length);
+                        format!(
+                            "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
+                            self.grains.id[g],
+                            place(g),
+                            0.5 * self.list.skin
+                        )
+                    }
                 }
             }
         };

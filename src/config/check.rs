@@ -81,7 +81,10 @@ pub(super) fn scene(
             ("time scale of a contact", contact_time),
         ],
     )?;
-    let time_step = check_step(&mut c, contact_time, &step_key, step, force)?;
+    let friction = contact.friction > 0.0 || pack.friction > 0.0;
+    let limit = derived::step_limit(&law, &contact, &sample, mean_overlap, friction);
+    let default = derived::default_step(contact_time, limit);
+    let time_step = check_step(&mut c, [limit, default], &step_key, step, force)?;
 
     let mut scene = Scene {
         title: title.unwrap_or_else(|| "Plane shear".into()),
@@ -598,19 +601,17 @@ fn check_range(c: &Checker<'_>, derived: &[(&str, f64)]) -> Result<(), Failure> 
 
 fn check_step(
     c: &mut Checker<'_>,
-    contact_time: f64,
+    [limit, default]: [f64; 2],
     key: &Key<Number>,
     given: Option<f64>,
     force: bool,
 ) -> Result<TimeStep, Failure> {
-    let limit = derived::step_limit(contact_time);
-    let default = derived::default_step(contact_time);
     let step = given.unwrap_or(default);
     if step > limit && !force {
         c.refuse(
             key,
             &format!(
-                "{} s is over the stability limit 2/omega_max = {limit:.3e} s; give less, or leave it out for {default:.3e} s, or run it all the same with time.force = true",
+                "{} s is over the stability limit of {limit:.3e} s; give less, or leave it out for {default:.3e} s, or run it all the same with time.force = true",
                 show(step)
             ),
         );

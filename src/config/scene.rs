@@ -208,7 +208,7 @@ pub struct Load {
     pub stiffness_number: f64,
 }
 
-/// Δt (s) and the limit 2/ω_max (s). `given`: by the user, not derived.
+/// Δt (s) and its limit of stability (s). `given`: by the user, not derived.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeStep {
     pub step: f64,

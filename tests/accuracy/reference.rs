@@ -25,7 +25,7 @@ pub struct Law {
 
 impl Law {
     /// πE* (Pa), A3.
-    fn modulus(&self) -> f64 {
+    pub fn modulus(&self) -> f64 {
         let compliance = (1.0 - self.poisson_ratio.powi(2)) / self.young_modulus;
         PI / (compliance + compliance)
     }

@@ -345,6 +345,14 @@ pub fn whole_impact(damping_ratio: f64, sideways: f64) -> Scene {
     }
 }
 
+/// From a gap to free flight, at these velocities (m/s) along and across the line of centres.
+pub fn oblique(law: Law, approach: f64, sideways: f64) -> Scene {
+    Scene {
+        duration: 20e-9,
+        ..impact(law, 0.9, -1e-3 * approach, approach, sideways, [0.0, 0.0])
+    }
+}
+
 /// Head-on, from a gap to free flight, at the approach velocity (m/s).
 pub fn head_on(damping_ratio: f64, approach: f64) -> Scene {
     let law = Law {

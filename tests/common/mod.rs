@@ -152,7 +152,7 @@ pub fn same_run(a: &Path, b: &Path) {
 }
 
 /// Paths of all datasets below a group.
-fn datasets(file: &hdf5::File, path: &str) -> Vec<String> {
+pub fn datasets(file: &hdf5::File, path: &str) -> Vec<String> {
     let group = if path.is_empty() {
         file.as_group().expect("the root")
     } else {

@@ -1,0 +1,279 @@
+//! Where a contact begins and where the law ends; a grain that touches nothing; grains that are crushed.
+
+use gshear::drive::{Drive, GrainWalls, Piston, Planes};
+use gshear::failure::Failure;
+use gshear::state::{GrainState, body};
+
+use crate::rig::{Place, Rig, Setting};
+use crate::runs::overlap_at;
+use crate::scenes::{Full, LAW, grain, program_law};
+use crate::table::{Line, line};
+
+const LENGTH: f64 = 8e-6;
+
+fn setting(step: f64) -> Setting {
+    Setting {
+        length: LENGTH,
+        density: LAW.density,
+        step,
+        skin: Some(0.5),
+    }
+}
+
+/// Two grains one above the other, whose distance can be set to the bit.
+struct Tower {
+    rig: Rig<Full>,
+    radii: [f64; 2],
+}
+
+impl Tower {
+    fn new(radii: [f64; 2]) -> Self {
+        let above = [4e-6, radii[0] + radii[1]];
+        let grains = vec![
+            grain(0, radii[0], [4e-6, 0.0], [0.0; 2], 0.0),
+            grain(1, radii[1], above, [0.0; 2], 0.0),
+        ];
+        let law = program_law(&LAW);
+        let rig = Rig::free(law, setting(1e-12), grains, Vec::new()).expect("within the law");
+        Self { rig, radii }
+    }
+
+    /// δ (m), F_n (N/m) and k_t (Pa) at this distance, zeros where nothing touches; or nothing where it is outside the law.
+    fn at(&mut self, distance: f64) -> Option<[f64; 3]> {
+        let place = Place {
+            position: [4e-6, distance],
+            velocity: [0.0; 2],
+            half_velocity: [0.0; 2],
+            spin: 0.0,
+        };
+        self.rig.place(1, place);
+        self.rig.pass(0.0).ok()?;
+        let (samples, contacts) = (self.rig.samples(), self.rig.contacts());
+        Some(match samples.first() {
+            Some(s) => [s.overlap, s.normal, contacts[0].history[1]],
+            None => [0.0; 3],
+        })
+    }
+
+    /// Largest relative error of F_n and of k_t at this distance, against the implicit law solved by itself; infinite where
+    /// something is no number or outside the law.
+    fn error(&mut self, distance: f64) -> f64 {
+        let [r_i, r_j] = self.radii;
+        let expected = r_i + r_j - distance;
+        let Some([overlap, normal, k_t]) = self.at(distance) else {
+            return f64::INFINITY;
+        };
+        if expected <= 0.0 {
+            return if [overlap, normal, k_t] == [0.0; 3] {
+                0.0
+            } else {
+                f64::INFINITY
+            };
+        }
+        let [k_n, tangential] = LAW.stiffnesses(r_i, r_j, expected);
+        let error = (normal / (k_n * expected) - 1.0)
+            .abs()
+            .max((k_t / tangential - 1.0).abs());
+        if overlap == expected && error.is_finite() {
+            error
+        } else {
+            f64::INFINITY
+        }
+    }
+}
+
+const SIZES: [[f64; 2]; 3] = [[1e-6, 1e-6], [0.7e-6, 1e-6], [0.05e-6, 1e-6]];
+
+/// From 60 ulps of a gap to 60 ulps of overlap, bit by bit.
+pub fn touch() -> Vec<Line> {
+    SIZES
+        .into_iter()
+        .map(|radii| {
+            let mut tower = Tower::new(radii);
+            let sum = radii[0] + radii[1];
+            let mut distance = sum;
+            (0..60).for_each(|_| distance = distance.next_up());
+            let mut worst = 0.0f64;
+            for _ in 0..121 {
+                worst = worst.max(tower.error(distance));
+                distance = distance.next_down();
+            }
+            let [overlap, normal, _] = tower.at(sum.next_down()).unwrap_or([f64::NAN; 3]);
+            line(
+                format!(
+                    "radii {:.2} and {:.2} µm, overlaps from -60 to 60 ulps of the distance",
+                    1e6 * radii[0],
+                    1e6 * radii[1]
+                ),
+                "0 up to the touch, then F_n and k_t of the law to 1e-12",
+                format!(
+                    "error {worst:.1e}; at the first ulp δ/(R_i+R_j) = {:.1e}, F_n = {normal:.1e} N/m",
+                    overlap / sum
+                ),
+                worst < 1e-12,
+            )
+        })
+        .collect()
+}
+
+/// From the touch to the last overlap, and where that is.
+pub fn end() -> Vec<Line> {
+    SIZES
+        .into_iter()
+        .map(|radii| {
+            let mut tower = Tower::new(radii);
+            let sum = radii[0] + radii[1];
+            let last = overlap_at(0.3, radii[0], radii[1]);
+            let worst = (0..2000)
+                .map(|k| last * (1.0 - 1e-9) * 10f64.powf(-0.006 * f64::from(k)))
+                .map(|overlap| tower.error(sum - overlap))
+                .fold(0.0, f64::max);
+            // Down to neighbouring floats.
+            let (mut inside, mut beyond) = (sum - 0.9 * last, sum - 1.1 * last);
+            assert!(tower.at(inside).is_some() && tower.at(beyond).is_none());
+            while inside.next_down() > beyond {
+                let middle = 0.5 * (inside + beyond);
+                if tower.at(middle).is_some() {
+                    inside = middle;
+                } else {
+                    beyond = middle;
+                }
+            }
+            let found = (sum - inside) / last - 1.0;
+            line(
+                format!(
+                    "radii {:.2} and {:.2} µm, overlaps from 1e-12 of the last one to it",
+                    1e6 * radii[0],
+                    1e6 * radii[1]
+                ),
+                format!(
+                    "F_n and k_t of the law to 1e-12; the end at a/R = 0.3, δ/(R_i+R_j) = {:.4}",
+                    last / sum
+                ),
+                format!("error {worst:.1e}; the end is off by {found:.1e}"),
+                worst < 1e-12 && found.abs() < 1e-12,
+            )
+        })
+        .collect()
+}
+
+/// Powers of two all, so that the closed form is exact: not one bit may differ, the seam crossed hundreds of times.
+pub fn lone_grain() -> Vec<Line> {
+    const STEPS: u32 = 1_000_000;
+    let two = |exponent: i32| 2f64.powi(exponent);
+    let (length, step) = (two(-16), two(-30));
+    let velocity = [two(-1) + two(-9), -(two(-3) + two(-7))];
+    let start = [5.0 * two(-19), two(-20)];
+    let setting = Setting {
+        length,
+        density: LAW.density,
+        step,
+        skin: None,
+    };
+    let one = grain(0, 1e-6, start, velocity, 12345.678);
+    let law = program_law::<true, true>(&LAW);
+    let mut rig = Rig::free(law, setting, vec![one], Vec::new()).expect("alone");
+    let mut wrong = 0;
+    for k in 1..=STEPS {
+        rig.advance().expect("alone");
+        let now = rig.grains()[0];
+        let path = velocity.map(|v| f64::from(k) * step * v);
+        let x = (start[0] + path[0]).rem_euclid(length);
+        let expected = [x, start[1] + path[1]];
+        wrong += usize::from(
+            now.position != expected
+                || now.velocity != velocity
+                || now.angular_velocity != one.angular_velocity,
+        );
+    }
+    let turns = f64::from(STEPS) * step * velocity[0] / length;
+    vec![line(
+        format!("a grain that touches nothing, {STEPS} steps, {turns:.0} times round the cell"),
+        "a straight line at constant velocity and spin, to the last bit",
+        format!("{wrong} steps off"),
+        wrong == 0,
+    )]
+}
+
+const RADIUS: f64 = 1e-6;
+
+/// A piston that presses ten times as hard as the law can bear, `height` (m) over the bottom.
+fn press(height: f64) -> Piston {
+    let last = overlap_at(0.3, RADIUS, RADIUS);
+    Piston {
+        height,
+        velocity: 0.0,
+        acceleration: 0.0,
+        mass: LAW.mass(RADIUS),
+        load: 10.0 * LAW.stiffnesses(RADIUS, RADIUS, last)[0] * last,
+    }
+}
+
+/// Until it fails: the failure, and whether everything was still a number then.
+fn until_failure<D: Drive>(mut rig: Rig<Full, D>) -> (Failure, bool) {
+    for _ in 0..1_000_000 {
+        if let Err(failure) = rig.advance() {
+            let finite = rig.grains().iter().all(|g| {
+                let numbers = [g.position, g.velocity, [g.angular_velocity, 0.0]];
+                numbers.as_flattened().iter().all(|x| x.is_finite())
+            });
+            return (failure, finite);
+        }
+    }
+    panic!("ten times the load of the law is borne");
+}
+
+pub fn crushed() -> Vec<Line> {
+    let step = 5e-11;
+    let law = || program_law::<true, true>(&LAW);
+    let grains = vec![grain(0, RADIUS, [4e-6, RADIUS], [0.0; 2], 0.0)];
+    let planes = Planes::new(
+        program_law::<false, false>(&LAW),
+        press(2.001 * RADIUS),
+        0.0,
+    );
+    let rig = Rig::new(law(), planes, setting(step), grains, Vec::new()).expect("not yet pressed");
+    let planes = until_failure(rig);
+
+    let at = |id: u32, body: u32, y: f64| GrainState {
+        body,
+        ..grain(id, RADIUS, [4e-6, y], [0.0; 2], 0.0)
+    };
+    let grains = vec![
+        at(0, body::BOTTOM, 0.0),
+        at(1, body::FREE, 2.0 * RADIUS),
+        at(2, body::TOP, 4.001 * RADIUS),
+    ];
+    let walls = GrainWalls {
+        piston: press(4.001 * RADIUS),
+        speed: 0.0,
+        top: Vec::new(),
+    };
+    let rig = Rig::new(law(), walls, setting(step), grains, Vec::new()).expect("not yet pressed");
+    let walls = until_failure(rig);
+
+    [
+        (
+            "a grain crushed between smooth planes",
+            planes,
+            ["step ", "grain 0 ", "overlaps a wall too much"],
+        ),
+        (
+            "a grain crushed between grains of the walls",
+            walls,
+            ["step ", " and ", "outside the contact law"],
+        ),
+    ]
+    .into_iter()
+    .map(|(done, (failure, finite), parts)| {
+        let said = failure.to_string();
+        let clear = parts.iter().all(|part| said.contains(part)) && said.contains(" at (");
+        line(
+            done,
+            "exit code 3, a message with step, grains and place; all numbers finite",
+            format!("exit code {}: {said}", failure.exit_code()),
+            failure.exit_code() == 3 && clear && finite,
+        )
+    })
+    .collect()
+}

@@ -1,0 +1,237 @@
+//! Contacts that last: turned a thousand times, held for a hundred million steps.
+
+use std::f64::consts::PI;
+
+use gshear::state::{ContactState, GrainState, body};
+
+use crate::reference::Law;
+use crate::rig::{Place, Rig, Setting};
+use crate::scenes::{Full, LAW, grain, program_law};
+use crate::table::{Line, line};
+
+const RADIUS: f64 = 1e-6;
+/// δ over 2R.
+const PART: f64 = 1e-3;
+const OVERLAP: f64 = 2.0 * RADIUS * PART;
+const CENTRE: [f64; 2] = [4e-6, 0.0];
+/// Rotation (rad/s).
+const RATE: f64 = 1e5;
+
+fn setting(step: f64) -> Setting {
+    Setting {
+        length: 8e-6,
+        density: LAW.density,
+        step,
+        skin: Some(0.1),
+    }
+}
+
+/// A pair that is turned as one, as a whole number of steps to the revolution; its spins are `spin` times the rate of turning.
+struct Turning {
+    rig: Rig<Full>,
+    steps: usize,
+    spin: f64,
+    step: f64,
+    /// Sine and cosine of every angle of the revolution.
+    directions: Vec<[f64; 2]>,
+}
+
+impl Turning {
+    /// F_t^e at the start, in units of the limit μ_s F_n.
+    fn new(steps: usize, spin: f64, tangential: f64) -> Self {
+        let step = 2.0 * PI / (RATE * steps as f64);
+        let directions = (0..steps)
+            .map(|k| (2.0 * PI * k as f64 / steps as f64).sin_cos())
+            .map(|(s, c)| [c, s])
+            .collect();
+        let history = [tangential * LAW.friction * normal_force(), 0.0, 0.0];
+        let grains = vec![at(0, 1.0, [1.0, 0.0]), at(1, -1.0, [1.0, 0.0])];
+        let contact = ContactState {
+            i: 0,
+            j: 1,
+            history,
+        };
+        let law = program_law(&LAW);
+        let rig = Rig::free(law, setting(step), grains, vec![contact]).expect("within the law");
+        Self {
+            rig,
+            steps,
+            spin,
+            step,
+            directions,
+        }
+    }
+
+    /// From the k-th angle to the next.
+    fn one(&mut self, k: usize) {
+        let [last, now] = [k, k + 1].map(|k| self.directions[k % self.steps]);
+        for (g, side) in [(0, 1.0), (1, -1.0)] {
+            let (position, before) = (place(side, now), place(side, last));
+            let arm = side * (RADIUS - 0.5 * OVERLAP);
+            let to = Place {
+                position,
+                velocity: [-RATE * arm * now[1], RATE * arm * now[0]],
+                half_velocity: [0, 1].map(|c| (position[c] - before[c]) / self.step),
+                spin: self.spin * RATE,
+            };
+            self.rig.place(g, to);
+        }
+        self.rig.pass(self.step).expect("within the law");
+    }
+
+    /// F_t^e over μ_s F_n.
+    fn tangential(&self) -> f64 {
+        self.rig.contacts()[0].history[0] / (LAW.friction * normal_force())
+    }
+}
+
+fn normal_force() -> f64 {
+    LAW.stiffnesses(RADIUS, RADIUS, OVERLAP)[0] * OVERLAP
+}
+
+/// Where the grain on this side of the pair is.
+fn place(side: f64, direction: [f64; 2]) -> [f64; 2] {
+    let arm = side * (RADIUS - 0.5 * OVERLAP);
+    [
+        CENTRE[0] + arm * direction[0],
+        CENTRE[1] + arm * direction[1],
+    ]
+}
+
+fn at(id: u32, side: f64, direction: [f64; 2]) -> GrainState {
+    grain(id, RADIUS, place(side, direction), [0.0; 2], 0.0)
+}
+
+/// A sliding pair keeps μ_s F_n. Stored as a number along t̂, F_t turns with the pair.
+pub fn sliding_pair() -> Vec<Line> {
+    const REVOLUTIONS: usize = 1000;
+    const STEPS: usize = 10_000;
+    let mut pair = Turning::new(STEPS, 1.0, 1.0);
+    let before = pair.tangential();
+    let mut furthest = 0.0f64;
+    for k in 0..REVOLUTIONS * STEPS {
+        pair.one(k);
+        if k % 997 == 0 {
+            furthest = furthest.max((pair.tangential() / before - 1.0).abs());
+        }
+    }
+    vec![line(
+        format!(
+            "a loaded sliding pair turned through {REVOLUTIONS} revolutions, {STEPS} steps each, spins included"
+        ),
+        "F_t stays to 1e-9",
+        format!("largest change {furthest:.1e}"),
+        furthest < 1e-9 && (before - 1.0).abs() < 1e-9,
+    )]
+}
+
+/// With levers of the full radii a pair that turns as one, spins included, slips by δ per radian: its surfaces meet at R_i + R_j,
+/// its centres are closer. F_t^e grows by k_t δ per radian; with spins smaller by δ/(R_i + R_j) nothing slips.
+pub fn sticking_pair() -> Vec<Line> {
+    const STEPS: usize = 100_000;
+    let [k_n, k_t] = LAW.stiffnesses(RADIUS, RADIUS, OVERLAP);
+    let unit = LAW.friction * k_n * OVERLAP;
+    // A tenth of a revolution is 0.63 rad, well before sliding at μ_s k_n/k_t = 1 rad.
+    let tenth = |spin: f64| {
+        let mut pair = Turning::new(STEPS, spin, 0.0);
+        (0..STEPS / 10).for_each(|k| pair.one(k));
+        pair.tangential()
+    };
+    let expected = k_t * OVERLAP * 0.2 * PI / unit;
+    let with_spins = tenth(1.0);
+    // The increment is that of the chord, (sin φ (1 + sin² ½φ) - φ) r of a step of φ rad.
+    let phi = 2.0 * PI / STEPS as f64;
+    let chord = (phi.sin() * (1.0 + (0.5 * phi).sin().powi(2)) - phi) * (2.0 * RADIUS - OVERLAP);
+    let of_chords = -k_t * chord * 0.1 * STEPS as f64 / unit;
+    let rolling = tenth(1.0 - PART);
+    vec![
+        line(
+            "a loaded sticking pair turned by a tenth of a revolution, spins included",
+            format!("levers of the full radii slip by δ per radian: F_t = {expected:.6} μ_s F_n"),
+            format!("{with_spins:.6} μ_s F_n"),
+            (with_spins / expected - 1.0).abs() < 1e-4,
+        ),
+        line(
+            "the same with spins less by δ/(R_i + R_j), so that nothing slips",
+            format!(
+                "F_t stays, but for what {STEPS} chords to the circle leave: {of_chords:.3e} μ_s F_n"
+            ),
+            format!("{rolling:.3e} μ_s F_n"),
+            (rolling - of_chords).abs() < 1e-3 * of_chords.abs() + 1e-10,
+        ),
+    ]
+}
+
+/// A grain that three fixed ones hold, with tangential forces and rolling torques in balance; then `steps` more steps.
+fn held(steps: u64) -> Vec<Line> {
+    /// Enough for the dampers to take all motion.
+    const SETTLING: u64 = 20_000;
+    let law = Law {
+        rolling_friction: 0.5,
+        ..LAW
+    };
+    let [k_n, k_t] = law.stiffnesses(RADIUS, RADIUS, OVERLAP);
+    let force = k_n * OVERLAP;
+    let mut grains = vec![grain(0, RADIUS, CENTRE, [0.0; 2], 0.0)];
+    for (id, angle) in [(1, 0.3f64), (2, 2.4), (3, 4.6)] {
+        let distance = 2.0 * RADIUS - OVERLAP;
+        let (s, c) = angle.sin_cos();
+        let place = [CENTRE[0] + distance * c, CENTRE[1] + distance * s];
+        grains.push(GrainState {
+            body: body::BOTTOM,
+            ..grain(id, RADIUS, place, [0.0; 2], 0.0)
+        });
+    }
+    let contacts =
+        [(1, 0.2, 0.05), (2, -0.1, 0.03), (3, 0.15, -0.04)].map(|(j, t, m)| ContactState {
+            i: 0,
+            j,
+            history: [t * force, k_t, m * force * RADIUS],
+        });
+    let step = 0.1 * (law.mass(RADIUS) / k_n).sqrt();
+    let mut rig = Rig::free(
+        program_law::<true, true>(&law),
+        setting(step),
+        grains,
+        contacts.to_vec(),
+    )
+    .expect("within the law");
+    let go = |rig: &mut Rig<Full>, steps: u64| {
+        (0..steps).for_each(|_| rig.advance().expect("within the law"));
+        (rig.grains()[0], rig.contacts())
+    };
+    let (grain_before, before) = go(&mut rig, SETTLING);
+    let (grain_after, after) = go(&mut rig, steps);
+    let [p, q] = [grain_before.position, grain_after.position];
+    let moved = (p[0] - q[0]).hypot(p[1] - q[1]) / OVERLAP;
+    let change = |k: usize| {
+        let greatest = before
+            .iter()
+            .map(|c| c.history[k].abs())
+            .fold(0.0, f64::max);
+        let changes = before.iter().zip(&after);
+        let furthest = changes
+            .map(|(a, b)| (a.history[k] - b.history[k]).abs())
+            .fold(0.0, f64::max);
+        assert!(greatest > 0.01 * force * RADIUS.powi(k as i32 / 2));
+        furthest / greatest
+    };
+    let (tangential, rolling) = (change(0), change(2));
+    vec![line(
+        format!(
+            "a grain held by three others for {steps:.0e} steps",
+            steps = steps as f64
+        ),
+        "no drift: position to 1e-9 δ, F_t and M^k to 1e-9",
+        format!("position {moved:.1e} δ, F_t {tangential:.1e}, M^k {rolling:.1e}"),
+        after.len() == 3 && moved < 1e-9 && tangential < 1e-9 && rolling < 1e-9,
+    )]
+}
+
+pub fn held_for_a_million_steps() -> Vec<Line> {
+    held(1_000_000)
+}
+
+pub fn held_for_a_hundred_million_steps() -> Vec<Line> {
+    held(100_000_000)
+}

@@ -1,0 +1,318 @@
+//! Whole runs through the program: soft and hard samples, grains of very different sizes, rates and overlaps beyond all measure.
+
+use std::path::Path;
+
+use gshear::domain::Solo;
+use gshear::io::checkpoint;
+use gshear::io::run_reader::Run;
+use gshear::state::{GrainState, body, nearest_image};
+
+use crate::common::{Outcome, alone, datasets, gshear_mpi};
+use crate::table::{Line, line};
+
+/// 220 disks, I = 0.1, κ = 1e3.
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
+
+/// One rank, the scene with these values set.
+fn run(folder: &Path, set: &[String]) -> Outcome {
+    let _alone = alone();
+    let set = set.iter().map(|s| format!("--set={s}"));
+    let arguments: Vec<_> = std::iter::once(SCENE.into()).chain(set).collect();
+    gshear_mpi(1, folder, &arguments)
+}
+
+fn sets(values: &[&str]) -> Vec<String> {
+    values.iter().map(|v| v.to_string()).collect()
+}
+
+/// The one line of a failure.
+fn message(outcome: &Outcome) -> String {
+    let said: Vec<_> = outcome
+        .text
+        .lines()
+        .filter_map(|l| l.strip_prefix("error: "))
+        .collect();
+    said.join(" / ")
+}
+
+/// How many numbers `run.h5` and `log.csv` hold, and how many of them are not finite.
+fn numbers(folder: &Path) -> (usize, usize) {
+    let file = hdf5::File::open(folder.join("run.h5")).expect("run.h5");
+    let mut all = Vec::new();
+    for name in datasets(&file, "") {
+        let dataset = file.dataset(&name).expect("a dataset");
+        if dataset.dtype().expect("its type").is::<f64>() {
+            all.extend(dataset.read_raw::<f64>().expect("f64"));
+        }
+    }
+    let log = std::fs::read_to_string(folder.join("log.csv")).expect("log.csv");
+    for row in log.lines().skip(1) {
+        all.extend(row.split(',').map(|x| x.parse::<f64>().expect("a number")));
+    }
+    (all.len(), all.iter().filter(|x| !x.is_finite()).count())
+}
+
+/// κ through the program. The overlaps are those of the definition: P d̄ makes d̄/κ, and by the virial a contact of a packing of
+/// solid fraction φ and z contacts per grain bears on average 4π⟨R²⟩P/(φ z d̄).
+fn stiffness_number(kappa: f64, more: &[&str]) -> Line {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut values = sets(&[
+        "shear.inertial_number=0.003",
+        "shear.strain=0.02",
+        "output.frame_strain=1e-3",
+        "output.series_strain=1e-4",
+    ]);
+    values.push(format!("load.stiffness_number={kappa:e}"));
+    values.extend(sets(more));
+    let outcome = run(folder.path(), &values);
+    let done = format!("plane shear of 220 disks at κ = {kappa:e}");
+    let expected = "runs; no NaN; F = N on the wall; mean overlap that of the virial, to 20 %";
+    if outcome.code != 0 {
+        return line(done, expected, message(&outcome), false);
+    }
+    let (count, not_finite) = numbers(folder.path());
+    let run = Run::open(folder.path()).expect("a run");
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let series = |name: &str| {
+        let column = run.series().column(name);
+        mean(&column[column.len() / 2..])
+    };
+    let frames = run
+        .block(run.frames() / 2..run.frames())
+        .expect("the frames");
+    let overlaps: Vec<f64> = frames
+        .iter()
+        .flat_map(|f| f.contacts.iter().map(|c| c.overlap))
+        .collect();
+    let (a, b): (f64, f64) = (0.5e-6, 1e-6);
+    let diameter = a + b;
+    let squared = (a * a + a * b + b * b) / 3.0;
+    let part = 4.0 * std::f64::consts::PI * squared
+        / (series("solid_fraction") * series("coordination") * diameter * diameter);
+    let overlap = mean(&overlaps) * kappa / diameter;
+    let force = series("normal_force") / run.number("normal_force").expect("N");
+    line(
+        done,
+        expected,
+        format!(
+            "{count} numbers, {not_finite} not finite; F/N = {force:.3}; mean overlap {overlap:.3} d̄/κ, virial {part:.3} d̄/κ"
+        ),
+        count > 10_000
+            && not_finite == 0
+            && (force - 1.0).abs() < 0.05
+            && (overlap / part - 1.0).abs() < 0.2,
+    )
+}
+
+pub fn stiffness_numbers() -> Vec<Line> {
+    [1e2, 1e3, 1e4, 1e5]
+        .map(|kappa| stiffness_number(kappa, &[]))
+        .into()
+}
+
+/// Stiffer ones take √κ times as many steps.
+pub fn great_stiffness_numbers() -> Vec<Line> {
+    let patient = ["pack.max_steps=50000000"];
+    [1e6, 1e7]
+        .map(|kappa| stiffness_number(kappa, &patient))
+        .into()
+}
+
+/// Uniform radii from 0.05 to 1 µm: the smallest disk is 400 times as light as the largest and rules Δt.
+pub fn size_ratio() -> Vec<Line> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let values = sets(&[
+        "sample.radius_min=0.05e-6",
+        "sample.grains=300",
+        "load.stiffness_number=3e3",
+        "shear.inertial_number=0.01",
+        "shear.strain=0.05",
+    ]);
+    let outcome = run(folder.path(), &values);
+    let done = "plane shear of 300 disks of radii 1:20";
+    let expected = "runs; no NaN; F = N on the wall to 5 %";
+    if outcome.code != 0 {
+        return vec![line(done, expected, message(&outcome), false)];
+    }
+    let (count, not_finite) = numbers(folder.path());
+    let run = Run::open(folder.path()).expect("a run");
+    let radii = &run.grains().radius;
+    let greatest = radii.iter().fold(0.0, |a: f64, &b| a.max(b));
+    let least = radii.iter().fold(f64::MAX, |a: f64, &b| a.min(b));
+    let column = run.series().column("normal_force");
+    let later = &column[column.len() / 2..];
+    let force =
+        later.iter().sum::<f64>() / later.len() as f64 / run.number("normal_force").expect("N");
+    vec![line(
+        done,
+        expected,
+        format!(
+            "radii 1:{:.1}; {count} numbers, {not_finite} not finite; F/N = {force:.3}",
+            greatest / least
+        ),
+        count > 1000 && not_finite == 0 && (force - 1.0).abs() < 0.05,
+    )]
+}
+
+/// A frictional packing has rattlers that spin: they, too, come to rest.
+pub fn packing_with_friction() -> Vec<Line> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let values = sets(&[
+        "pack.friction=0.5",
+        "contact.rolling_friction=0.5",
+        "pack.max_steps=200000",
+        "shear.strain=1e-4",
+    ]);
+    let outcome = run(folder.path(), &values);
+    let rest = outcome.text.lines().find(|l| l.contains("at rest after"));
+    vec![line(
+        "packing with friction and rolling resistance, rattlers spinning",
+        "at rest",
+        rest.map_or_else(|| message(&outcome), |l| l.trim().to_string()),
+        outcome.code == 0,
+    )]
+}
+
+/// The least stable Δt of strong damping is far below a tenth of √(m/k): the default must know.
+pub fn strong_damping() -> Vec<Line> {
+    let set = |more: &[&str]| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut values = sets(&[
+            "contact.damping_ratio=0.9",
+            "contact.rolling_damping_ratio=0.9",
+            "contact.rolling_friction=0.5",
+            "pack.friction=0.5",
+            "shear.inertial_number=0.01",
+            "shear.strain=0.01",
+        ]);
+        values.extend(sets(more));
+        run(folder.path(), &values)
+    };
+    let (default, tenth) = (set(&[]), set(&["time.step=2.78e-10", "time.force=true"]));
+    vec![
+        line(
+            "strong damping (α = η_r = 0.9) with the default Δt",
+            "runs",
+            format!("exit code {}", default.code),
+            default.code == 0,
+        ),
+        line(
+            "the same with a tenth of √(m/k), four times the stated limit, forced",
+            "blows up: exit code 3",
+            format!("exit code {}: {}", tenth.code, message(&tenth)),
+            tenth.code == 3,
+        ),
+    ]
+}
+
+/// A thousand times the rate of the scene.
+pub fn shear_rate() -> Vec<Line> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = run(folder.path(), &sets(&["shear.inertial_number=100.0"]));
+    let said = message(&outcome);
+    let (count, not_finite) = numbers(folder.path());
+    let clear = ["shear, step 1: ", "grain ", " at ("]
+        .iter()
+        .all(|part| said.contains(part));
+    vec![line(
+        "a shear rate 10³ times too high (I = 100)",
+        "exit code 3, one message with step, grain and place; no NaN in any file",
+        format!(
+            "exit code {}: {said}; {count} numbers, {not_finite} not finite",
+            outcome.code
+        ),
+        outcome.code == 3 && clear && count > 100 && not_finite == 0,
+    )]
+}
+
+/// Of two touching grains one is put so far into the other that a/R is `part` of the law's last one, in the checkpoint of a
+/// run; then the run goes on from there for one step.
+fn crushed(part: f64) -> (Outcome, (u32, u32)) {
+    let _alone = alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let first = gshear_mpi(1, folder.path(), &[SCENE.into(), "--stop-at=10".into()]);
+    assert_eq!(first.code, 75, "{}", first.text);
+    let path = folder.path().join(checkpoint::NAME);
+    let (scene, mut snapshot) = checkpoint::read(&Solo, &path).expect("a checkpoint");
+    let apart = |a: &GrainState, b: &GrainState| {
+        let dx = nearest_image(a.position[0] - b.position[0], 21e-6);
+        [dx, a.position[1] - b.position[1]]
+    };
+    // The first pair of free grains of which one can be moved without crushing a third.
+    let (i, j) = snapshot
+        .contacts
+        .iter()
+        .map(|c| (c.i as usize, c.j as usize))
+        .find(|&(i, j)| {
+            let grains = &snapshot.grains;
+            let moved = put(&grains[i], &grains[j], apart(&grains[i], &grains[j]), part);
+            [i, j].iter().all(|&g| grains[g].body == body::FREE)
+                && grains.iter().enumerate().all(|(k, other)| {
+                    let [dx, dy] = apart(&moved, other);
+                    let overlap = moved.radius + other.radius - dx.hypot(dy);
+                    k == i || k == j || overlap < 0.02 * moved.radius.min(other.radius)
+                })
+        })
+        .expect("a pair with room");
+    snapshot.grains[i] = put(
+        &snapshot.grains[i],
+        &snapshot.grains[j],
+        apart(&snapshot.grains[i], &snapshot.grains[j]),
+        part,
+    );
+    for g in [i, j] {
+        // So that they are where they were put when the forces are computed.
+        snapshot.grains[g].velocity = [0.0; 2];
+        snapshot.grains[g].force = [0.0; 2];
+    }
+    checkpoint::write(&Solo, folder.path(), &scene, &snapshot).expect("written");
+    let resume = format!("--resume={}", path.display());
+    let outcome = gshear_mpi(1, folder.path(), &[resume, "--stop-at=11".into()]);
+    (outcome, (snapshot.grains[i].id, snapshot.grains[j].id))
+}
+
+/// `a` on its side of `b`, with a/R of the smaller one `part` of 0.3.
+fn put(a: &GrainState, b: &GrainState, from: [f64; 2], part: f64) -> GrainState {
+    let distance = (a.radius + b.radius) - overlap_at(part * 0.3, a.radius, b.radius);
+    let now = from[0].hypot(from[1]);
+    let mut moved = *a;
+    let x = b.position[0] + from[0] * distance / now;
+    moved.position = [
+        x.rem_euclid(21e-6),
+        b.position[1] + from[1] * distance / now,
+    ];
+    moved
+}
+
+/// δ (m) at a/R of the smaller grain: F of a² = 4FR*/(πE*) over k_n of A2, in which E* drops out.
+pub fn overlap_at(ratio: f64, r1: f64, r2: f64) -> f64 {
+    let a = ratio * r1.min(r2);
+    a * a * (r1 + r2) / (4.0 * r1 * r2) * ((4.0 * r1 / a).ln() + (4.0 * r2 / a).ln() - 1.0)
+}
+
+/// Just inside the law's last overlap, and just beyond, through the program.
+pub fn end_of_the_law() -> Vec<Line> {
+    let (inside, _) = crushed(1.0 - 1e-6);
+    let (beyond, (i, j)) = crushed(1.0 + 1e-6);
+    let said = message(&beyond);
+    let names = [
+        "shear, step 11: ".to_string(),
+        format!("grains {} at (", i.min(j)),
+        format!(" and {} at (", i.max(j)),
+        "outside the contact law".into(),
+    ];
+    vec![
+        line(
+            "two grains of a run pressed together to a/R = 0.3 (1 - 1e-6)",
+            "goes on: exit code 75 at the next checkpoint",
+            format!("exit code {}", inside.code),
+            inside.code == 75,
+        ),
+        line(
+            "the same to a/R = 0.3 (1 + 1e-6)",
+            "exit code 3, one message with step, both grains and their places",
+            format!("exit code {}: {said}", beyond.code),
+            beyond.code == 3 && names.iter().all(|n| said.contains(n)),
+        ),
+    ]
+}
