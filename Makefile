@@ -16,7 +16,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test scaling bench accuracy clean
+.PHONY: help deps build run test scaling bench accuracy peers clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
@@ -25,6 +25,7 @@ help:
 	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
 	@echo "make bench     benchmarks"
 	@echo "make accuracy  the contact law against an independent integration"
+	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
 	@echo "make deps      install the system packages that are missing (Debian, Ubuntu)"
 	@echo "make clean     remove target/ (results in out/ stay)"
 
@@ -55,6 +56,11 @@ bench: deps
 
 accuracy: deps
 	cargo run --release --locked --example accuracy
+
+# Options of benches/peers/run, such as PEERS="--grains 1000 --ranks 1".
+peers: build
+	@scripts/peers-deps
+	@benches/peers/run $(PEERS)
 
 clean:
 	cargo clean
