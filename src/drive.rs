@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::contact::ContactLaw;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{Pass, contact_forces};
-use crate::simd::{Level, Row};
+use crate::simd::{Level, Quad, Record};
 use crate::state::{Contacts, Force, Grains, body, field};
 
 /// The rigid body on top: m_w ÿ = F_y - N - c ẏ, by the grains' own Verlet scheme. SI units, per unit depth.
@@ -69,10 +69,14 @@ pub trait Drive {
     ) -> Option<usize>;
     /// Adds this rank's part of the force on the top along y.
     fn load(&self, grains: &Grains, fixed: &FixedPoint, to: &mut Accumulator);
+    /// This rank's part of the force against an imposed motion, in units of the contact forces.
+    fn pull(&self, _grains: &Grains) -> i64 {
+        0
+    }
     /// Second half kick, by the force on the top along y (N/m).
     fn kick(&mut self, step: f64, force: f64, grains: &mut Grains);
     /// The grains of this rank are others than before, and may move by half a skin (m) until the next time.
-    fn renumber(&mut self, grains: &Grains, skin: f64);
+    fn renumber(&mut self, level: Level, grains: &Grains, skin: f64);
 }
 
 /// Smooth rigid planes at y = 0 and y = height, the upper one pressed by N.
@@ -86,7 +90,7 @@ pub struct Planes<C> {
     law: C,
     /// Grains near a plane, and whether it is the upper one.
     near: Vec<(u32, bool)>,
-    record: Vec<Row>,
+    record: Vec<Record>,
     force: Vec<Force>,
     contacts: Contacts,
 }
@@ -160,24 +164,28 @@ impl<C: ContactLaw> Drive for Planes<C> {
             self.record[2 * k] = own;
             self.record[2 * k + 1] = image;
         }
-        self.force.fill([0.0; 4]);
-        let outside = contact_forces(
+        self.force.fill(Quad::ZERO);
+        let all = 0..self.contacts.blocks();
+        let part = self.contacts.part::<C>(all);
+        let found = contact_forces(
             level,
             &self.law,
             Pass {
                 record: &self.record,
                 force: &mut self.force,
-                contacts: &mut self.contacts,
+                part,
+                unit: grains.unit,
                 length,
                 step,
                 samples: None,
+                energy_unit: None,
             },
         );
         for (k, &(g, _)) in self.near.iter().enumerate() {
             grains.force[g as usize][1] += self.force[2 * k][1];
         }
-        outside.map(|(block, lane)| {
-            let k = self.contacts.i[block][lane] as usize / 2;
+        found.outside.map(|(block, lane)| {
+            let k = self.contacts.pairs.blocks()[block].i[lane] as usize / 2;
             self.near[k].0 as usize
         })
     }
@@ -190,7 +198,7 @@ impl<C: ContactLaw> Drive for Planes<C> {
         self.piston.full_kick(step, force, self.drag);
     }
 
-    fn renumber(&mut self, grains: &Grains, skin: f64) {
+    fn renumber(&mut self, level: Level, grains: &Grains, skin: f64) {
         self.near.clear();
         for g in 0..grains.owned {
             let (y, reach) = (grains.record[g].0[field::Y], grains.radius[g] + skin);
@@ -208,11 +216,11 @@ impl<C: ContactLaw> Drive for Planes<C> {
             .flat_map(|&(g, _)| [grains.radius[g as usize]; 2])
             .collect();
         self.record.clear();
-        self.record.resize(radius.len() + 1, Row::ZERO);
+        self.record.resize(radius.len(), Record::ZERO);
         self.force.clear();
-        self.force.resize(radius.len() + 1, [0.0; 4]);
+        self.force.resize(radius.len(), Quad::ZERO);
         self.contacts
-            .replace(&self.law, &pairs, &radius, radius.len() as u32);
+            .replace(level, &self.law, &pairs, &radius, radius.len());
     }
 }
 
@@ -270,12 +278,17 @@ impl Drive for GrainWalls {
         }
     }
 
+    fn pull(&self, grains: &Grains) -> i64 {
+        let force = |&g: &u32| (-grains.force[g as usize][0] / grains.unit.force) as i64;
+        self.top.iter().map(force).sum()
+    }
+
     fn kick(&mut self, step: f64, force: f64, grains: &mut Grains) {
         self.piston.full_kick(step, force, 0.0);
         self.impose(self.piston.velocity, grains);
     }
 
-    fn renumber(&mut self, grains: &Grains, _skin: f64) {
+    fn renumber(&mut self, _: Level, grains: &Grains, _: f64) {
         self.top = grains.of_body(body::TOP);
     }
 }
@@ -323,5 +336,5 @@ impl Drive for NoWalls {
 
     fn kick(&mut self, _: f64, _: f64, _: &mut Grains) {}
 
-    fn renumber(&mut self, _: &Grains, _: f64) {}
+    fn renumber(&mut self, _: Level, _: &Grains, _: f64) {}
 }

@@ -2,10 +2,11 @@
 
 use xxhash_rust::xxh3::xxh3_128;
 
-use crate::contact::ContactLaw;
+use crate::contact::{ContactLaw, loss};
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::Piston;
 use crate::kernel::ContactForces;
+use crate::ledger::Entry;
 use crate::state::{ContactSample, GrainSample, SeriesRow, body, field};
 use crate::system::System;
 
@@ -63,12 +64,15 @@ fn own_kinetic_energy(system: &System, energy: &FixedPoint) -> Accumulator {
     sum
 }
 
-/// A row of the time series, from the forces of the last step; collective.
-pub fn series<E: Exchange>(
+/// A row of the time series, from the forces of the last step; collective. `speed` is imposed on the top (m/s).
+#[expect(clippy::too_many_arguments, reason = "what a row is made of, once")]
+pub fn series<C: ContactLaw, E: Exchange>(
     exchange: &E,
-    system: &System,
+    law: &C,
+    system: &mut System,
     samples: &ContactForces,
     piston: &Piston,
+    speed: f64,
     frame: &Frame,
     strain: f64,
 ) -> SeriesRow {
@@ -106,6 +110,22 @@ pub fn series<E: Exchange>(
     };
     let (shear_force, normal_force) = (system.fixed.value(part(0)), system.fixed.value(part(1)));
     let wall_height = piston.height - frame.walls;
+    let kinetic_energy = frame.energy.value(part(2));
+    let moving = kinetic_energy + 0.5 * piston.mass * piston.velocity * piston.velocity;
+    let energy = system.ledger.as_mut().map_or(Entry::NONE, |ledger| {
+        ledger.entry(
+            exchange,
+            system.level,
+            law,
+            &system.contacts,
+            &samples.overlap,
+            speed,
+            system.step,
+            piston.load,
+            piston.height,
+            moving,
+        )
+    });
     SeriesRow {
         strain,
         stress_ratio: shear_force / normal_force,
@@ -114,13 +134,23 @@ pub fn series<E: Exchange>(
         wall_height,
         solid_fraction: frame.free_area / (system.length * wall_height),
         coordination: ends as f64 / frame.free_grains as f64,
-        kinetic_energy: frame.energy.value(part(2)),
+        kinetic_energy,
         sliding_fraction: if contacts > 0 {
             sliding as f64 / contacts as f64
         } else {
             0.0
         },
         wall_velocity: piston.velocity,
+        elastic_normal: energy.elastic[0],
+        elastic_tangential: energy.elastic[1],
+        elastic_rolling: energy.elastic[2],
+        work_drive: energy.work_drive,
+        work_load: energy.work_load,
+        lost_damping: energy.lost[loss::DAMPING],
+        lost_friction: energy.lost[loss::FRICTION],
+        lost_rolling: energy.lost[loss::ROLLING],
+        lost_stiffness: energy.lost[loss::STIFFNESS],
+        energy_residual: energy.residual,
     }
 }
 

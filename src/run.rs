@@ -13,6 +13,7 @@ use crate::domain::{Accumulator, Exchange};
 use crate::drive::{GrainWalls, Piston, Planes};
 use crate::failure::Failure;
 use crate::kernel::ContactForces;
+use crate::ledger::{Kept, Ledger};
 use crate::observe::{self, Frame};
 use crate::record::{self, Recorder};
 use crate::sample::{Lattice, freeze_walls};
@@ -41,6 +42,8 @@ pub struct Options {
     pub stop_at: Option<u64>,
     /// Stop with a checkpoint after this time.
     pub wall_time: Option<Duration>,
+    /// Threads inside each rank.
+    pub threads: usize,
 }
 
 /// What a run begins with; of grains this rank's part, whichever they are.
@@ -72,6 +75,9 @@ pub struct Header {
     /// Frames and rows of the time series written so far.
     pub frames: u64,
     pub rows: u64,
+    /// The ledger of energy, where one is kept.
+    #[serde(default)]
+    pub ledger: Option<Kept>,
     /// Of the file that the grains came from, which then is not needed any more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub packing: Option<PackingFile>,
@@ -125,6 +131,7 @@ struct State {
     contacts: Vec<ContactState>,
     /// Frames and rows written before, if this goes on with an earlier run.
     written: Option<[u64; 2]>,
+    ledger: Option<Kept>,
 }
 
 impl<'a, E: Exchange> Run<'a, E> {
@@ -241,6 +248,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             grains,
             contacts: Vec::new(),
             written: None,
+            ledger: None,
         }
     }
 
@@ -290,6 +298,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                 grains: snapshot.grains,
                 contacts,
                 written: Some([header.frames, header.rows]),
+                ledger: header.ledger,
             },
         ))
     }
@@ -305,16 +314,25 @@ impl<'a, E: Exchange> Run<'a, E> {
             scene.law.density(),
             scene.time_step.step,
             scene.load.normal_force,
+            self.options.threads,
         )
     }
 
-    fn header(&self, stage: Stage, step: u64, piston: &Piston, [frames, rows]: [u64; 2]) -> String {
+    fn header(
+        &self,
+        stage: Stage,
+        step: u64,
+        piston: &Piston,
+        [frames, rows]: [u64; 2],
+        ledger: Option<Kept>,
+    ) -> String {
         let header = Header {
             stage,
             step,
             piston: *piston,
             frames,
             rows,
+            ledger,
             packing: match &self.scene.origin {
                 Origin::Insertion => None,
                 Origin::Packing { file, .. } => Some(file.clone()),
@@ -404,6 +422,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                             step,
                             &drive.piston,
                             [0; 2],
+                            None,
                         ),
                         grains: system.grain_states(),
                         contacts: system.own_contact_states::<C>(),
@@ -433,6 +452,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             grains,
             contacts: system.contact_states::<C>(),
             written: None,
+            ledger: None,
         };
         Ok(Some((height, state)))
     }
@@ -462,6 +482,13 @@ impl<'a, E: Exchange> Run<'a, E> {
         let thickness = scene.sample.mean_diameter;
         let energy = scene.load.pressure * thickness * scene.mean_overlap();
         let frame = Frame::measure(exchange, &system, 2.0 * thickness, energy);
+        if scene.output.energy {
+            let mut ledger = Ledger::new(system.grains.unit, scene.sample.radius_max);
+            if let Some(kept) = &state.ledger {
+                ledger.resume(kept, exchange.rank());
+            }
+            system.ledger = Some(ledger);
+        }
         self.terminal.shearing(scene, &schedule, first);
         let mut recorder =
             Recorder::open(exchange, scene, &schedule, &system, options, state.written)?;
@@ -472,7 +499,16 @@ impl<'a, E: Exchange> Run<'a, E> {
             initial_forces(exchange, &mut system, law, &mut drive, Some(&mut samples))
                 .map_err(|e| in_stage(e, "shear"))?;
             if schedule.series_due(0) {
-                let row = observe::series(exchange, &system, &samples, &drive.piston, &frame, 0.0);
+                let row = observe::series(
+                    exchange,
+                    law,
+                    &mut system,
+                    &samples,
+                    &drive.piston,
+                    drive.speed,
+                    &frame,
+                    0.0,
+                );
                 recorder.series(exchange, 0, 0.0, &row)?;
             }
             if schedule.frame_due(0) {
@@ -494,8 +530,16 @@ impl<'a, E: Exchange> Run<'a, E> {
             let time = schedule.time(step);
             if series {
                 let strain = schedule.strain(step);
-                let row =
-                    observe::series(exchange, &system, &samples, &drive.piston, &frame, strain);
+                let row = observe::series(
+                    exchange,
+                    law,
+                    &mut system,
+                    &samples,
+                    &drive.piston,
+                    drive.speed,
+                    &frame,
+                    strain,
+                );
                 recorder.series(exchange, step, time, &row)?;
                 self.terminal.latest(&row);
             }
@@ -510,7 +554,13 @@ impl<'a, E: Exchange> Run<'a, E> {
                     &options.out,
                     &scene.toml,
                     &Snapshot {
-                        header: self.header(Stage::Shear { height }, step, &drive.piston, written),
+                        header: self.header(
+                            Stage::Shear { height },
+                            step,
+                            &drive.piston,
+                            written,
+                            system.ledger.as_ref().map(|l| l.keep(exchange)),
+                        ),
                         grains: system.grain_states(),
                         contacts: system.own_contact_states::<C>(),
                     },

@@ -3,14 +3,19 @@
 //! Velocity Verlet with positions at t+Δt and velocities at t+½Δt when the forces are computed. Damping forces take the
 //! full-step velocity predicted from the last acceleration, so the scheme stays second order with damping (physics.md).
 
+use std::ops::Range;
+
 use crate::clock::Phase;
 use crate::contact::ContactLaw;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::Drive;
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Pass, contact_forces};
+use crate::kernel::{ContactForces, Found};
+use crate::ledger::Ledger;
+use crate::simd::{Lanes, Record, Work};
 use crate::state::{Grains, field};
 use crate::system::System;
+use crate::team::{Own, Setting};
 
 /// Advances everything by Δt. `stop`: this rank was asked to stop; returned: some rank was. `samples` are filled where given.
 pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
@@ -31,7 +36,10 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
         system.clock.end(Phase::Rebuild);
     }
     drive.drift(step, &mut system.grains);
-    let fastest = half_kick_and_drift(&mut system.grains, step, system.length);
+    let (level, length) = (system.level, system.length);
+    let fastest = system.team.greatest(&mut system.grains, |own| {
+        level.run(HalfKickAndDrift { own, step, length })
+    });
     drive.predict(step, &mut system.grains);
     let rebuild = system.list.moved(
         fastest.max(drive.speed()),
@@ -41,23 +49,23 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     );
     system.clock.end(Phase::Motion);
 
-    system.slabs.exchange(exchange, &mut system.grains, || ());
-    system.clock.end(Phase::Exchange);
-
-    let outside = forces(system, law, drive, step, samples);
-    system.clock.end(Phase::Contacts);
+    let outside = forces(exchange, system, law, drive, step, samples);
 
     let rebuild = rebuild || system.list.forced(system.steps);
-    let (load, [due, stop]) = agree(exchange, system, drive, outside, [rebuild, stop])?;
+    let mut message = Message::new(system, drive, outside, [rebuild, stop]);
+    exchange.sum_during(&mut message.0, || {
+        if D::DRAG {
+            slow_down(&mut system.grains, drive.drag());
+        }
+        system
+            .team
+            .greatest(&mut system.grains, |own| level.run(SecondKick(own)));
+        system.clock.end(Phase::Motion);
+    });
+    let (load, [due, stop]) = message.read(exchange, system, outside)?;
     system.list.due = due;
     drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Walls);
-
-    if D::DRAG {
-        slow_down(&mut system.grains, drive.drag());
-    }
-    second_kick(&mut system.grains);
-    system.clock.end(Phase::Motion);
 
     Ok(stop)
 }
@@ -70,65 +78,109 @@ pub fn initial_forces<C: ContactLaw, D: Drive, E: Exchange>(
     drive: &mut D,
     samples: Option<&mut ContactForces>,
 ) -> Result<(), Failure> {
-    let outside = forces(system, law, drive, 0.0, samples);
-    let (load, []) = agree(exchange, system, drive, outside, [])?;
+    let outside = forces(exchange, system, law, drive, 0.0, samples);
+    let mut message = Message::new(system, drive, outside, []);
+    exchange.sum_during(&mut message.0, || ());
+    let (load, []) = message.read(exchange, system, outside)?;
     drive.piston_mut().start(load);
     Ok(())
 }
 
-/// The force on the top along y (N/m), and which of the questions some rank answers with yes: one message for all that
-/// the ranks must agree on.
-fn agree<D: Drive, const K: usize>(
-    exchange: &impl Exchange,
-    system: &System,
-    drive: &D,
-    outside: Option<Outside>,
-    questions: [bool; K],
-) -> Result<(f64, [bool; K]), Failure> {
-    let mut load = Accumulator::default();
-    drive.load(&system.grains, &system.fixed, &mut load);
-    let mut message = [0i64; LIMBS + 4];
-    load.write(&mut message);
-    message[LIMBS + 1] = outside.is_some() as i64;
-    for (to, yes) in message[LIMBS + 2..].iter_mut().zip(questions) {
-        *to = yes as i64;
+/// All that the ranks must agree on in a step, to be added up: the force on the top along y, whether something failed, and K
+/// questions that are answered with yes where some rank says so.
+struct Message<const K: usize>([i64; LIMBS + 4]);
+
+impl<const K: usize> Message<K> {
+    fn new(
+        system: &System,
+        drive: &impl Drive,
+        outside: Option<Outside>,
+        questions: [bool; K],
+    ) -> Self {
+        let mut load = Accumulator::default();
+        drive.load(&system.grains, &system.fixed, &mut load);
+        let mut message = [0i64; LIMBS + 4];
+        load.write(&mut message);
+        message[LIMBS + 1] = outside.is_some() as i64;
+        for (to, yes) in message[LIMBS + 2..].iter_mut().zip(questions) {
+            *to = yes as i64;
+        }
+        Self(message)
     }
-    exchange.sum(&mut message);
-    let load = system.fixed.value(Accumulator::read(&message));
-    if message[LIMBS + 1] > 0 || load.is_nan() {
-        return Err(system.explain(exchange, outside));
+
+    /// The force (N/m) and the answers.
+    fn read(
+        &self,
+        exchange: &impl Exchange,
+        system: &System,
+        outside: Option<Outside>,
+    ) -> Result<(f64, [bool; K]), Failure> {
+        let load = system.fixed.value(Accumulator::read(&self.0));
+        if self.0[LIMBS + 1] > 0 || load.is_nan() {
+            return Err(system.explain(exchange, outside));
+        }
+        Ok((load, std::array::from_fn(|k| self.0[LIMBS + 2 + k] > 0)))
     }
-    Ok((load, std::array::from_fn(|k| message[LIMBS + 2 + k] > 0)))
 }
 
-/// All forces at the present positions; histories advance by `step` (s). Returns what was outside the law.
-pub fn forces<C: ContactLaw, D: Drive>(
+/// All forces at the present positions, those of inner contacts while the ghosts' records are on their way; histories advance by
+/// `step` (s). Returns what was outside the law.
+pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
+    exchange: &E,
     system: &mut System,
     law: &C,
     drive: &mut D,
     step: f64,
-    samples: Option<&mut ContactForces>,
+    mut samples: Option<&mut ContactForces>,
 ) -> Option<Outside> {
-    system.grains.force.fill([0.0; 4]);
-    let at_plane = drive
-        .forces(system.level, system.length, step, &mut system.grains)
-        .map(Outside::Plane);
-    let grains = &mut system.grains;
-    let at_pair = contact_forces(
-        system.level,
+    let System {
+        level,
+        length,
+        grains,
+        contacts,
+        slabs,
+        clock,
+        list,
+        team,
+        ledger,
+        ..
+    } = system;
+    team.clear(&mut grains.force);
+    let at_plane = drive.forces(*level, *length, step, grains);
+    if let Some(samples) = &mut samples {
+        samples.prepare(contacts.blocks());
+    }
+    let setting = Setting {
+        level: *level,
         law,
-        Pass {
-            record: &grains.record,
-            force: &mut grains.force,
-            contacts: &mut system.contacts,
-            length: system.length,
-            step,
-            samples,
-        },
-    );
-    let at_pair = at_pair.map(|(block, lane)| Outside::Pair(block, lane));
-    let unsound = system.list.unsound.then_some(Outside::Number);
-    at_plane.or(at_pair).or(unsound)
+        unit: grains.unit,
+        length: *length,
+        step,
+        energy_unit: ledger.as_ref().map(Ledger::unit),
+    };
+    let (inner, all) = (contacts.inner, contacts.blocks());
+    let (record, force) = (&mut grains.record, &mut grains.force);
+    let mut work = |record: &[Record], group: Range<usize>| {
+        let samples = samples.as_deref_mut();
+        team.contact_forces(setting, record, force, contacts, group, samples)
+    };
+    let mut found = Found::default();
+    slabs.exchange(exchange, record, grains.owned, |own| {
+        clock.end(Phase::Exchange);
+        found = work(own, 0..inner);
+        clock.end(Phase::Contacts);
+    });
+    clock.end(Phase::Exchange);
+    found = found.and(work(record, inner..all));
+    team.gather(&mut grains.force);
+    clock.end(Phase::Contacts);
+
+    if let Some(ledger) = ledger {
+        ledger.step(found.lost, drive.pull(grains));
+    }
+    let at_pair = found.outside.map(|(b, lane)| Outside::Pair(b, lane));
+    let unsound = list.unsound.then_some(Outside::Number);
+    at_plane.map(Outside::Plane).or(at_pair).or(unsound)
 }
 
 /// Where the numbers failed, as this rank knows it.
@@ -143,40 +195,49 @@ pub enum Outside {
 }
 
 /// v(t+½Δt), x(t+Δt) wrapped along x, and the predicted v(t+Δt). Returns the greatest speed (m/s), NaN where one is none.
-fn half_kick_and_drift(grains: &mut Grains, step: f64, length: f64) -> f64 {
-    use field::*;
-    let mut fastest = 0.0f64;
-    let mut sum = 0.0;
-    let own = grains.owned;
-    for ((record, force), [linear, angular]) in grains.record[..own]
-        .iter_mut()
-        .zip(&grains.force)
-        .zip(&grains.half_kick)
-    {
-        let r = &mut record.0;
-        let (du, dv, dw) = (linear * force[0], linear * force[1], angular * force[2]);
-        r[HALF_U] = r[U] + du;
-        r[HALF_V] = r[V] + dv;
-        r[HALF_W] = r[W] + dw;
-        let x = r[X] + step * r[HALF_U];
-        r[X] = if x < 0.0 || x >= length {
-            wrapped(x, length)
+struct HalfKickAndDrift<'a> {
+    own: Own<'a>,
+    step: f64,
+    length: f64,
+}
+
+impl Work for HalfKickAndDrift<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) -> f64 {
+        use field::*;
+        let Self { own, step, length } = self;
+        let mut fastest = 0.0f64;
+        let mut sum = 0.0;
+        let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
+        for ((record, force), kick) in grains {
+            let r = &mut record.0;
+            let [linear, angular] = *kick;
+            let (du, dv, dw) = (linear * force[0], linear * force[1], angular * force[2]);
+            r[HALF_U] = r[U] + du;
+            r[HALF_V] = r[V] + dv;
+            r[HALF_W] = r[W] + dw;
+            let x = r[X] + step * r[HALF_U];
+            r[X] = if x < 0.0 || x >= length {
+                wrapped(x, length)
+            } else {
+                x
+            };
+            r[Y] += step * r[HALF_V];
+            r[U] = r[HALF_U] + du;
+            r[V] = r[HALF_V] + dv;
+            r[W] = r[HALF_W] + dw;
+            let speed = r[HALF_U] * r[HALF_U] + r[HALF_V] * r[HALF_V];
+            sum += speed + r[HALF_W];
+            fastest = if speed > fastest { speed } else { fastest };
+        }
+        // A comparison drops NaN, a sum keeps it.
+        if (sum * 0.0).is_nan() {
+            f64::NAN
         } else {
-            x
-        };
-        r[Y] += step * r[HALF_V];
-        r[U] = r[HALF_U] + du;
-        r[V] = r[HALF_V] + dv;
-        r[W] = r[HALF_W] + dw;
-        let speed = r[HALF_U] * r[HALF_U] + r[HALF_V] * r[HALF_V];
-        sum += speed + r[HALF_W];
-        fastest = if speed > fastest { speed } else { fastest };
-    }
-    // A comparison drops NaN, a sum keeps it.
-    if (sum * 0.0).is_nan() {
-        f64::NAN
-    } else {
-        fastest.sqrt()
+            fastest.sqrt()
+        }
     }
 }
 
@@ -198,17 +259,23 @@ fn slow_down(grains: &mut Grains, drag: f64) {
 }
 
 /// v(t+Δt), in place of the predicted one.
-fn second_kick(grains: &mut Grains) {
-    use field::*;
-    let own = grains.owned;
-    for ((record, force), [linear, angular]) in grains.record[..own]
-        .iter_mut()
-        .zip(&grains.force)
-        .zip(&grains.half_kick)
-    {
-        let r = &mut record.0;
-        r[U] = r[HALF_U] + linear * force[0];
-        r[V] = r[HALF_V] + linear * force[1];
-        r[W] = r[HALF_W] + angular * force[2];
+struct SecondKick<'a>(Own<'a>);
+
+impl Work for SecondKick<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) -> f64 {
+        use field::*;
+        let own = self.0;
+        let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
+        for ((record, force), kick) in grains {
+            let r = &mut record.0;
+            let [linear, angular] = *kick;
+            r[U] = r[HALF_U] + linear * force[0];
+            r[V] = r[HALF_V] + linear * force[1];
+            r[W] = r[HALF_W] + angular * force[2];
+        }
+        0.0
     }
 }

@@ -6,14 +6,19 @@ use crate::contact::ContactLaw;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::Drive;
 use crate::failure::Failure;
+use crate::ledger::Ledger;
 use crate::neighbour;
 use crate::simd::Level;
-use crate::state::{ContactState, Contacts, GrainState, Grains, field, nearest_image};
+use crate::state::{ContactState, Contacts, ForceUnit, GrainState, Grains, field, nearest_image};
 use crate::step::Outside;
+use crate::team::Team;
 
 /// Skins over d̄ between which an adaptive one stays.
-const THINNEST_SKIN: f64 = 0.01;
+const THINNEST_SKIN: f64 = 0.002;
 const THICKEST_SKIN: f64 = 0.4;
+const FIRST_SKIN: f64 = 0.02;
+/// Steps for which a list of the best skin lasts: a rebuild costs about as much as ten steps.
+const BEST_LIFE: f64 = 400.0;
 
 /// Grains, contacts, slabs: the state and its bookkeeping.
 #[derive(Debug)]
@@ -34,6 +39,9 @@ pub struct System {
     pub slabs: Slabs,
     pub list: List,
     pub clock: Clock,
+    pub team: Team,
+    /// Kept where it is asked for.
+    pub ledger: Option<Ledger>,
 }
 
 /// How long the list of pairs stays complete.
@@ -88,7 +96,7 @@ impl List {
         }
         Ok(Self {
             diameter,
-            skin: range[0].max(range[1].min(0.1 * mean_diameter)),
+            skin: (FIRST_SKIN * mean_diameter).clamp(range[0], range[1]),
             range,
             every: bookkeeping.rebuild_every,
             built: 0,
@@ -136,15 +144,11 @@ impl List {
         self.diameter + self.skin
     }
 
-    /// A thicker skin where the list is rebuilt often, a thinner one where it lasts.
+    /// A thicker skin where the list is rebuilt often, a thinner one where it lasts: pairs that do not touch cost time too.
     fn adapt(&mut self, steps: u64) {
         let lasted = steps - self.built;
         if self.rebuilds > 0 && self.every == 0 {
-            if lasted < 300 {
-                self.skin *= 1.5;
-            } else if lasted > 2000 {
-                self.skin *= 0.7;
-            }
+            self.skin *= (BEST_LIFE / lasted as f64).clamp(0.5, 2.0);
             self.skin = self.skin.clamp(self.range[0], self.range[1]);
         }
     }
@@ -161,6 +165,7 @@ impl System {
         density: f64,
         step: f64,
         typical_force: f64,
+        threads: usize,
     ) -> Result<Self, Failure> {
         let [largest, mean] = radii;
         Ok(Self {
@@ -175,6 +180,8 @@ impl System {
             slabs: Slabs::new(exchange, length),
             list: List::new(exchange, bookkeeping, length, largest, 2.0 * mean)?,
             clock: Clock::default(),
+            team: Team::new(threads)?,
+            ledger: None,
         })
     }
 
@@ -227,14 +234,21 @@ impl System {
         let reach = self.list.reach();
         let (own, remembered) = self.slabs.redistribute(exchange, grains, contacts, reach)?;
         self.grains.replace(&own, self.density, self.step);
+        let largest = 0.5 * self.list.diameter;
+        self.grains.unit = ForceUnit::new(law.largest_force(largest), largest);
         self.slabs.attach_ghosts(exchange, &mut self.grains, reach);
         let window = self.slabs.window(exchange, reach);
         let pairs = neighbour::pairs(&self.grains, window, reach, self.list.skin);
-        self.grains.close();
-        self.contacts
-            .replace(law, &pairs, &self.grains.radius, self.grains.filler());
+        self.contacts.replace(
+            self.level,
+            law,
+            &pairs,
+            &self.grains.radius,
+            self.grains.owned,
+        );
         self.contacts.remember::<C>(&remembered, &self.grains.id);
-        drive.renumber(&self.grains, self.list.skin);
+        self.team.assign(&self.contacts, self.grains.local());
+        drive.renumber(self.level, &self.grains, self.list.skin);
 
         self.list.due = false;
         self.list.bound = 0.0;
@@ -259,8 +273,8 @@ impl System {
             None => String::new(),
             Some(Outside::Pair(block, lane)) => {
                 let (i, j) = (
-                    self.contacts.i[block][lane] as usize,
-                    self.contacts.j[block][lane] as usize,
+                    self.contacts.pairs.blocks()[block].i[lane] as usize,
+                    self.contacts.pairs.blocks()[block].j[lane] as usize,
                 );
                 let (a, b) = (&self.grains.record[i].0, &self.grains.record[j].0);
                 let dx = nearest_image(a[field::X] - b[field::X], self.length);
@@ -310,6 +324,7 @@ impl System {
     pub fn memory(&self) -> usize {
         self.grains.memory()
             + self.contacts.memory()
+            + self.team.memory()
             + self.list.origin.capacity() * size_of::<[f64; 2]>()
     }
 }

@@ -105,6 +105,7 @@ impl Impact {
             SPRINGS.density,
             step,
             1.0,
+            1,
         )
         .expect("one rank is not too many");
         let mut drive = NoWalls::default();

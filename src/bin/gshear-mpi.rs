@@ -46,6 +46,9 @@ struct Arguments {
     /// Stops at a checkpoint after this time, such as 3h50m, 90s or 2:30:00
     #[arg(long, value_name = "TIME", value_parser = wall_time)]
     walltime: Option<Duration>,
+    /// Threads inside each rank, which pay for some 50,000 grains per rank and more
+    #[arg(long, value_name = "THREADS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    threads: u16,
     /// Stops at a checkpoint after this step of the shear
     #[arg(long, value_name = "STEP")]
     stop_at: Option<u64>,
@@ -129,6 +132,7 @@ fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
         out,
         stop_at: arguments.stop_at,
         wall_time: arguments.walltime,
+        threads: arguments.threads.into(),
     };
     Run::new(world, &scene, &options)?.run(start)
 }

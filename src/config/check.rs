@@ -555,6 +555,7 @@ fn check_output(c: &mut Checker<'_>, output: raw::Output) -> Output {
         series_strain: series_strain.unwrap_or(1e-5),
         checkpoint_strain: checkpoint_strain.unwrap_or(0.02),
         progress_lines: progress_lines.map_or(20, i64::unsigned_abs),
+        energy: c.flag(&key!(output.energy)).unwrap_or(true),
     }
 }
 

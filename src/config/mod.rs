@@ -186,7 +186,8 @@ mod tests {
                 frame_start: 0.0,
                 series_strain: 1e-5,
                 checkpoint_strain: 0.02,
-                progress_lines: 20
+                progress_lines: 20,
+                energy: true
             }
         );
         assert_eq!(

@@ -150,6 +150,7 @@ table!(Output {
     series_strain: Number,
     checkpoint_strain: Number,
     progress_lines: Whole,
+    energy: Flag,
 });
 table!(Bookkeeping {
     skin: Number,

@@ -254,6 +254,8 @@ pub struct Output {
     pub checkpoint_strain: f64,
     /// Lines on the terminal over the whole run.
     pub progress_lines: u64,
+    /// Whether a ledger of energy is kept.
+    pub energy: bool,
 }
 
 /// What must not reach the numbers.

@@ -121,6 +121,7 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     t.number("series_strain", scene.output.series_strain);
     t.number("checkpoint_strain", scene.output.checkpoint_strain);
     t.whole("progress_lines", scene.output.progress_lines);
+    t.line(&format!("energy = {}", scene.output.energy));
 
     t.table("bookkeeping");
     if let Some(skin) = scene.bookkeeping.skin {

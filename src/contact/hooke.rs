@@ -15,9 +15,10 @@
 //!
 //!     M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
 //!
-//! limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added, C_r = 2η_r√(I_r k_r), which `epsd2` lacks and η_r = 0 takes away.
+//! limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added (`rolling`), which `epsd2` lacks and η_r = 0 takes away.
 
-use super::{ContactLaw, Motion, Response};
+use super::rolling::{self, Places, Rolling, roll};
+use super::{Blocks, ContactLaw, loss};
 use crate::config::{Contact, Springs};
 use crate::simd::{Lanes, Mask, Row};
 
@@ -39,10 +40,7 @@ pub struct Hooke<const FRICTION: bool, const ROLLING: bool> {
     damping_ratio: f64,
     /// μ_s.
     friction: f64,
-    /// μ_r.
-    rolling_friction: f64,
-    /// η_r.
-    rolling_damping_ratio: f64,
+    rolling: Rolling,
 }
 
 impl<const FRICTION: bool, const ROLLING: bool> Hooke<FRICTION, ROLLING> {
@@ -54,8 +52,12 @@ impl<const FRICTION: bool, const ROLLING: bool> Hooke<FRICTION, ROLLING> {
             density: std::f64::consts::PI * springs.density,
             damping_ratio: contact.damping_ratio,
             friction: contact.friction,
-            rolling_friction: contact.rolling_friction,
-            rolling_damping_ratio: contact.rolling_damping_ratio,
+            rolling: Rolling {
+                stiffness: springs.tangential_stiffness,
+                density: std::f64::consts::PI * springs.density,
+                friction: contact.rolling_friction,
+                damping_ratio: contact.rolling_damping_ratio,
+            },
         }
     }
 }
@@ -65,88 +67,124 @@ impl<const FRICTION: bool, const ROLLING: bool> Hooke<FRICTION, ROLLING> {
 const DAMPING: usize = 0;
 /// Largest overlap (m).
 const LARGEST: usize = 1;
-/// k_r (N).
-const ROLLING_STIFFNESS: usize = 2;
-/// C_r (N s).
-const ROLLING_DAMPING: usize = 3;
-/// μ_r R_r (m).
-const ROLLING_LIMIT: usize = 4;
+/// Rows of the law without rolling.
+const PLAIN: usize = 2;
 
 impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, ROLLING> {
-    const PARAMETERS: usize = 2 + if ROLLING { 3 } else { 0 };
+    const PARAMETERS: usize = PLAIN + if ROLLING { rolling::PARAMETERS } else { 0 };
     const HISTORY: usize = FRICTION as usize + ROLLING as usize;
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
 
-    fn parameters(&self, r_i: f64, r_j: f64, out: &mut [f64]) {
-        let (m_i, m_j) = (self.density * r_i * r_i, self.density * r_j * r_j);
+    #[inline(always)]
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+        let c = |v| L::splat(token, v);
+        let density = c(self.density);
+        let (m_i, m_j) = (density * r_i * r_i, density * r_j * r_j);
         let reduced_mass = m_i * m_j / (m_i + m_j);
-        let smaller = if r_i < r_j { r_i } else { r_j };
-        out[DAMPING] = 2.0 * self.damping_ratio * (self.normal_stiffness * reduced_mass).sqrt();
-        out[LARGEST] = 2.0 * LARGEST_OVERLAP * smaller;
+        let smaller = r_i.select(r_j.greater(r_i), r_j);
+        (c(2.0 * self.damping_ratio) * (c(self.normal_stiffness) * reduced_mass).sqrt())
+            .store(&mut out[DAMPING]);
+        (c(2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
         if ROLLING {
-            let r_r = r_i * r_j / (r_i + r_j);
-            let k_r = self.tangential_stiffness * r_r * r_r;
-            // I + mR² of a disk.
-            let (i_i, i_j) = (1.5 * m_i * r_i * r_i, 1.5 * m_j * r_j * r_j);
-            let i_r = i_i * i_j / (i_i + i_j);
-            out[ROLLING_STIFFNESS] = k_r;
-            out[ROLLING_DAMPING] = 2.0 * self.rolling_damping_ratio * (i_r * k_r).sqrt();
-            out[ROLLING_LIMIT] = self.rolling_friction * r_r;
+            self.rolling.parameters(token, r_i, r_j, &mut out[PLAIN..]);
+        }
+    }
+
+    fn largest_force(&self, radius: f64) -> f64 {
+        2.0 * LARGEST_OVERLAP * radius * self.normal_stiffness
+    }
+
+    #[inline(always)]
+    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let zero = c(0.0);
+        let step = c(blocks.step);
+        for ((p, motion), response) in blocks
+            .parameters
+            .chunks_exact(Self::PARAMETERS)
+            .zip(blocks.motion)
+            .zip(&mut *blocks.response)
+        {
+            let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
+            let k_n = c(self.normal_stiffness);
+            let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
+            normal.store(&mut response.normal);
+            response.beyond = overlap.greater(load(&p[LARGEST])).bits();
+            if LEDGER {
+                let lost = k_n.mul_add(overlap, -normal) * v_n * step;
+                lost.select(overlap.greater(zero), zero)
+                    .store(&mut response.lost[loss::DAMPING]);
+            }
+        }
+        if FRICTION {
+            for (((p, history), motion), response) in blocks
+                .parameters
+                .chunks_exact(Self::PARAMETERS)
+                .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
+                .zip(blocks.motion)
+                .zip(&mut *blocks.response)
+            {
+                let touching = load(&motion.overlap).greater(zero);
+                let (k_t, slip) = (
+                    c(self.tangential_stiffness),
+                    load(&motion.tangential_increment),
+                );
+                let before = load(&history[0]);
+                let trial = (-k_t).mul_add(slip, before);
+                let limit = c(self.friction) * load(&response.normal);
+                let sliding = trial.abs().greater(limit);
+                let elastic = limit.copy_sign(trial).select(sliding, trial);
+                let v_t = load(&motion.tangential_velocity);
+                let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
+                let viscous = zero.select(sliding, gamma_t * v_t);
+                (elastic - viscous).store(&mut response.tangential);
+                response.sliding = sliding.bits();
+                let after = elastic.select(touching, zero);
+                if LEDGER {
+                    let gained =
+                        (after - before) * (after + before) * c(1.0 / self.tangential_stiffness);
+                    (c(-0.5) * (before + after).mul_add(slip, gained))
+                        .store(&mut response.lost[loss::FRICTION]);
+                    let damping = load(&response.lost[loss::DAMPING]);
+                    (viscous.select(touching, zero) * v_t)
+                        .mul_add(step, damping)
+                        .store(&mut response.lost[loss::DAMPING]);
+                }
+                after.store(&mut history[0]);
+            }
+        }
+        if ROLLING {
+            let places = Places {
+                parameters: (Self::PARAMETERS, PLAIN),
+                history: (Self::HISTORY, Self::HISTORY - 1),
+            };
+            roll::<L, LEDGER>(token, blocks, places);
         }
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes>(
+    fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
         parameters: &[Row],
-        history: &mut [Row],
-        motion: Motion<L>,
-        touching: L::Mask,
-    ) -> Response<L> {
+        overlap: L,
+        history: &[Row],
+    ) -> [L; 3] {
         let c = |v| L::splat(token, v);
-        let p = |k: usize| L::load(token, &parameters[k]);
-        let zero = c(0.0);
-
-        let damping = p(DAMPING);
-        let normal = c(self.normal_stiffness)
-            .mul_add(motion.overlap, -(damping * motion.normal_velocity))
-            .max(zero);
-        let beyond = motion.overlap.greater(p(LARGEST)).and(touching);
-
-        let mut tangential = zero;
-        let mut rolling = zero;
-        let mut sliding = zero.greater(zero);
+        let load = |row: &Row| L::load(token, row);
+        let normal = c(0.5 * self.normal_stiffness) * overlap * overlap;
+        let (mut tangential, mut rolling) = (c(0.0), c(0.0));
         if FRICTION {
-            let trial = -c(self.tangential_stiffness)
-                .mul_add(motion.tangential_increment, -L::load(token, &history[0]));
-            let limit = c(self.friction) * normal;
-            sliding = trial.abs().greater(limit);
-            let elastic = limit.copy_sign(trial).select(sliding, trial);
-            let viscous = c(self.tangential_damping) * damping * motion.tangential_velocity;
-            tangential = elastic - zero.select(sliding, viscous);
-            sliding = sliding.and(touching);
-            elastic.select(touching, zero).store(&mut history[0]);
+            let force = load(&history[0]);
+            tangential = c(0.5 / self.tangential_stiffness) * force * force;
         }
         if ROLLING {
-            let place = Self::HISTORY - 1;
-            let trial = -p(ROLLING_STIFFNESS)
-                .mul_add(motion.rolling_increment, -L::load(token, &history[place]));
-            let limit = p(ROLLING_LIMIT) * normal;
-            let limited = trial.abs().greater(limit);
-            let elastic = limit.copy_sign(trial).select(limited, trial);
-            let viscous = p(ROLLING_DAMPING) * motion.rolling_velocity;
-            rolling = elastic - zero.select(limited, viscous);
-            elastic.select(touching, zero).store(&mut history[place]);
+            let torque = load(&history[Self::HISTORY - 1]);
+            rolling = c(0.5) * torque * torque / load(&parameters[PLAIN]);
         }
-        Response {
-            normal,
-            tangential,
-            rolling,
-            sliding,
-            beyond,
-        }
+        [normal, tangential, rolling]
     }
 
     // k_t is the same in every step: its place in the state stays 0.
@@ -168,7 +206,8 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{Portable, PortableToken};
+    use crate::contact::{CARRY, Motion, Response};
+    use crate::simd::{LANES, Portable, PortableToken};
 
     const SPRINGS: Springs = Springs {
         normal_stiffness: 2e6,
@@ -187,12 +226,11 @@ mod tests {
     fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
         type Law = Hooke<true, true>;
         let law = Law::new(&SPRINGS, &CONTACT);
-        let mut numbers = [0.0; Law::PARAMETERS];
-        law.parameters(RADII[0], RADII[1], &mut numbers);
-        let parameters = numbers.map(|v| Row([v; 8]));
-        let mut history = history.map(|v| Row([v; 8]));
+        let mut parameters = [Row::ZERO; Law::PARAMETERS];
         let c = |v| Portable::splat(PortableToken, v);
-        let [overlap, v_n, v_t, slip, spin, roll] = motion.map(c);
+        law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
+        let mut history = history.map(|v| Row([v; LANES]));
+        let [overlap, v_n, v_t, slip, spin, roll] = motion.map(|v| Row([v; LANES]));
         let motion = Motion {
             overlap,
             normal_velocity: v_n,
@@ -201,15 +239,22 @@ mod tests {
             rolling_velocity: spin,
             rolling_increment: roll,
         };
-        let r = law.evaluate(PortableToken, &parameters, &mut history, motion, 0xff);
-        let one = |lanes: Portable| {
-            let mut row = Row::ZERO;
-            lanes.store(&mut row);
-            row.0[3]
-        };
+        let mut response = [Response::NONE];
+        law.evaluate::<Portable, false>(
+            PortableToken,
+            &mut Blocks {
+                parameters: &parameters,
+                history: &mut history,
+                motion: &[motion],
+                carry: &mut [[Row::ZERO; CARRY]],
+                response: &mut response,
+                step: 0.0,
+            },
+        );
+        let [r] = response;
         (
-            [one(r.normal), one(r.tangential), one(r.rolling)],
-            [r.sliding.bits() != 0, r.beyond.bits() != 0],
+            [r.normal, r.tangential, r.rolling].map(|row| row.0[3]),
+            [r.sliding != 0, r.beyond != 0],
             history.map(|row| row.0[3]),
         )
     }

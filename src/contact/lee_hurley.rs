@@ -15,8 +15,9 @@
 
 use std::f64::consts::{LN_2, PI};
 
-use super::{ContactLaw, Motion, Response, scalar};
-use crate::simd::{Lanes, Mask, Portable, Row, ln};
+use super::rolling::{self, Places, Rolling, roll};
+use super::{Blocks, ContactLaw, loss, scalar};
+use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
 
 /// Beyond a/R = 0.3 of the smaller grain the fit A9 of the penalty factor is about to change sign.
 pub const LARGEST_CONTACT: f64 = 0.3;
@@ -32,10 +33,7 @@ pub struct LeeHurley<const FRICTION: bool, const ROLLING: bool> {
     damping_ratio: f64,
     /// μ_s.
     friction: f64,
-    /// μ_r.
-    rolling_friction: f64,
-    /// η_r.
-    rolling_damping_ratio: f64,
+    rolling: Rolling,
     /// Part of A9 that does not depend on a.
     penalty: f64,
     /// Factor of a/R in A9.
@@ -52,8 +50,13 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             density: PI * material.density,
             damping_ratio: contact.damping_ratio,
             friction: contact.friction,
-            rolling_friction: contact.rolling_friction,
-            rolling_damping_ratio: contact.rolling_damping_ratio,
+            // k_r = πE*R_r²/4 (A15).
+            rolling: Rolling {
+                stiffness: 0.25 * PI * material.effective_modulus(),
+                density: PI * material.density,
+                friction: contact.rolling_friction,
+                damping_ratio: contact.rolling_damping_ratio,
+            },
             penalty: 0.22 + 0.18 * nu + 0.36 * nu * nu,
             penalty_slope: 2.89 + 1.75 * nu,
             poisson: nu / (2.0 * (1.0 - nu)),
@@ -64,154 +67,154 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 // Places in the parameters of a pair.
 /// 1/(4(R_i+R_j)) (1/m).
 const INVERSE_SIZE: usize = 0;
-/// 2α√m*.
+/// 2α√(πE* m*): what γ_n is times √(ℓ-1), and γ_t times the root of the tangential compliance.
 const DAMPING: usize = 1;
-/// Largest x = a²/(16 R_i R_j) within the law.
-const LARGEST_X: usize = 2;
-/// 16 R_i R_j (m²).
-const PRODUCT: usize = 3;
-/// 1/R_i, 1/R_j (1/m).
-const INVERSE_RADIUS_I: usize = 4;
-const INVERSE_RADIUS_J: usize = 5;
+/// Where there is no friction: largest √x = a/(4√(R_iR_j)) within the law.
+const LARGEST_ROOT: usize = 2;
+/// Where there is: a/R_i and a/R_j over √x, 4√(R_j/R_i) and 4√(R_i/R_j).
+const RATIO_I: usize = 2;
+const RATIO_J: usize = 3;
 /// ½ ln(R_i/R_j).
-const HALF_LOG_RATIO: usize = 6;
+const HALF_LOG_RATIO: usize = 4;
 
-/// ℓ of L = -ln y: the root of ℓ = L + ln(ℓ-1), ℓ > 2, for 3.7 < L < 39 (δ/(R_1+R_2) from 5e-17 to 0.098), to rounding.
-///
-/// The start is a polynomial in 1/(L+8) good to 6.3e-5; one step of Halley's method then leaves less than 1e-15.
+/// Least y at which the law is evaluated: an overlap of 4e-17 (R_1+R_2) is below the rounding of the distance.
+const SMALLEST_Y: f64 = 1e-17;
+
+// The root m = ℓ-1 of m e^{-m-1} = y, m > 1, for y from 1e-17 to 0.026 (δ/(R_1+R_2) from 4e-17 to 0.1), to rounding, with one
+// logarithm of full precision: g ≈ 1/m to 8e-6 from a rough logarithm; m̂ = -ln(y g) - 1; and with 1/m = g(1+ε) the equation
+// reads (1+ε)(g m̂ - g ln(1+ε)) = 1, of which ε is had to third order.
+
+/// g of y: L = -ln y to 9e-6 from a polynomial on the mantissa, then one in 1/(L+1).
 #[inline(always)]
-fn ell<L: Lanes>(token: L::Token, large_l: L) -> L {
+fn rough_inverse<L: Lanes>(token: L::Token, y: L) -> L {
     let c = |v| L::splat(token, v);
-    let one = c(1.0);
-    let t = (one / (large_l + c(8.0)) - c(0.05337334060738316)) * c(31.155807365439095);
-    let start = c(-0.01489268906808979)
-        .mul_add(t, c(0.0021620069681444086))
-        .mul_add(t, c(-0.02105229572405353))
-        .mul_add(t, c(0.010237045384419635))
-        .mul_add(t, c(-0.1200515317408327))
-        .mul_add(t, c(0.05572509687245477))
-        .mul_add(t, c(-1.0023104998676688))
-        .mul_add(t, c(2.5047678731879803))
-        + large_l;
-    let m = start - one;
-    let f = start - ln(token, m) - large_l;
-    let slope = m - one;
-    start - f * slope * m / slope.mul_add(slope, c(-0.5) * f)
+    let (exponent, mantissa) = y.exponent_mantissa();
+    let f = mantissa - c(1.0);
+    let log_mantissa = c(0.031103903420807752)
+        .mul_add(f, c(-0.13321959654078797))
+        .mul_add(f, c(0.28670634351300217))
+        .mul_add(f, c(-0.4907430540737507))
+        .mul_add(f, c(0.999299584240674))
+        .mul_add(f, c(8.690916788947958e-6));
+    let t = inverse(token, exponent.mul_add(c(-LN_2), c(1.0) - log_mantissa));
+    c(2557.0650187196525)
+        .mul_add(t, c(-1871.2736757477744))
+        .mul_add(t, c(657.709659048908))
+        .mul_add(t, c(-127.14398470452159))
+        .mul_add(t, c(19.87690929967744))
+        .mul_add(t, c(-1.3103538122716398))
+        .mul_add(t, c(0.9762364837359377))
+        .mul_add(t, c(0.00010907877487182954))
+}
+
+/// m̂ of y and g.
+#[inline(always)]
+fn near_root<L: Lanes>(token: L::Token, y: L, g: L) -> L {
+    L::splat(token, -1.0) - ln(token, y * g)
+}
+
+/// m and 1/m of g and m̂.
+#[inline(always)]
+fn root<L: Lanes>(token: L::Token, g: L, m_hat: L) -> (L, L) {
+    let c = |v| L::splat(token, v);
+    let d = g.mul_add(m_hat, c(-1.0));
+    let per_slope = inverse(token, (c(1.0) - g) + d);
+    let first = -(d * per_slope);
+    let epsilon = (c(0.5) * g * per_slope * first).mul_add(first, first);
+    let m = (c(0.5) * epsilon).mul_add(epsilon, m_hat - epsilon);
+    (m, g.mul_add(epsilon, g))
 }
 
 /// k_n = F_n^e/δ (Pa) of two cylinders of radii r1, r2 (m) at the overlap δ (m), E* in Pa (A2, physics.md).
 pub fn normal_stiffness(effective_modulus: f64, r1: f64, r2: f64, overlap: f64) -> f64 {
     let y = overlap / (4.0 * (r1 + r2));
-    let ell = scalar(|token| ell::<Portable>(token, -ln(token, Portable::splat(token, y))));
-    PI * effective_modulus / (ell - 1.0)
+    let per_m = scalar(|token| {
+        let y = Portable::splat(token, y);
+        let g = rough_inverse(token, y);
+        root(token, g, near_root(token, y, g)).1
+    });
+    PI * effective_modulus * per_m
 }
 
 impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTION, ROLLING> {
-    const PARAMETERS: usize = 3 + if FRICTION { 4 } else { 0 } + if ROLLING { 3 } else { 0 };
+    const PARAMETERS: usize =
+        3 + if FRICTION { 2 } else { 0 } + if ROLLING { rolling::PARAMETERS } else { 0 };
     const HISTORY: usize = if FRICTION { 2 } else { 0 } + if ROLLING { 1 } else { 0 };
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
 
-    fn parameters(&self, r_i: f64, r_j: f64, out: &mut [f64]) {
-        let (m_i, m_j) = (self.density * r_i * r_i, self.density * r_j * r_j);
+    #[inline(always)]
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+        let c = |v| L::splat(token, v);
+        let (one, four) = (c(1.0), c(4.0));
+        let density = c(self.density);
+        let (m_i, m_j) = (density * r_i * r_i, density * r_j * r_j);
         let reduced_mass = m_i * m_j / (m_i + m_j);
-        let smaller = if r_i < r_j { r_i } else { r_j };
-        let product = 16.0 * r_i * r_j;
-        out[INVERSE_SIZE] = 1.0 / (4.0 * (r_i + r_j));
-        out[DAMPING] = 2.0 * self.damping_ratio * reduced_mass.sqrt();
-        out[LARGEST_X] = LARGEST_CONTACT * LARGEST_CONTACT * smaller * smaller / product;
+        let ratio = r_j / r_i;
+        (one / (four * (r_i + r_j))).store(&mut out[INVERSE_SIZE]);
+        (c(2.0 * self.damping_ratio) * (c(self.stiffness) * reduced_mass).sqrt())
+            .store(&mut out[DAMPING]);
         if FRICTION {
-            out[PRODUCT] = product;
-            out[INVERSE_RADIUS_I] = 1.0 / r_i;
-            out[INVERSE_RADIUS_J] = 1.0 / r_j;
-            out[HALF_LOG_RATIO] = 0.5 * super::portable_ln(r_i / r_j);
+            (four * ratio.sqrt()).store(&mut out[RATIO_I]);
+            (four * (one / ratio).sqrt()).store(&mut out[RATIO_J]);
+            (c(-0.5) * ln(token, ratio)).store(&mut out[HALF_LOG_RATIO]);
+        } else {
+            let smaller = ratio.select(one.greater(ratio), one / ratio);
+            (c(0.25 * LARGEST_CONTACT) * smaller.sqrt()).store(&mut out[LARGEST_ROOT]);
         }
         if ROLLING {
-            let at = Self::PARAMETERS - 3;
-            let r_r = r_i * r_j / (r_i + r_j);
-            let k_r = 0.25 * self.stiffness * r_r * r_r;
-            // I + mR² of a disk (A22).
-            let (i_i, i_j) = (1.5 * m_i * r_i * r_i, 1.5 * m_j * r_j * r_j);
-            let i_r = i_i * i_j / (i_i + i_j);
-            out[at] = k_r;
-            out[at + 1] = 2.0 * self.rolling_damping_ratio * (i_r * k_r).sqrt();
-            out[at + 2] = self.rolling_friction * r_r;
+            let at = Self::PARAMETERS - rolling::PARAMETERS;
+            self.rolling.parameters(token, r_i, r_j, &mut out[at..]);
         }
     }
 
+    /// F_n = πE*a²/(4R*) with a = 0.3 R, R* = R/2.
+    fn largest_force(&self, radius: f64) -> f64 {
+        0.5 * self.stiffness * LARGEST_CONTACT * LARGEST_CONTACT * radius
+    }
+
     #[inline(always)]
-    fn evaluate<L: Lanes>(
+    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        self.press::<L, LEDGER>(token, blocks);
+        if FRICTION {
+            self.rub::<L, LEDGER>(token, blocks);
+        }
+        if ROLLING {
+            let places = Places {
+                parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
+                history: (Self::HISTORY, Self::HISTORY - 1),
+            };
+            roll::<L, LEDGER>(token, blocks, places);
+        }
+    }
+
+    /// Normal: F = 4πE*S x, S = R_i + R_j, over δ = 4S y with dy = (ℓ-2) dx gives 16πE*S² x² (½ℓ - ¾).
+    #[inline(always)]
+    fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
         parameters: &[Row],
-        history: &mut [Row],
-        motion: Motion<L>,
-        touching: L::Mask,
-    ) -> Response<L> {
+        overlap: L,
+        history: &[Row],
+    ) -> [L; 3] {
         let c = |v| L::splat(token, v);
-        let p = |k: usize| L::load(token, &parameters[k]);
-        let zero = c(0.0);
-
-        let y = motion.overlap * p(INVERSE_SIZE);
-        let ell = ell(token, -ln(token, y));
-        let inverse = c(1.0) / (ell - c(1.0));
-        let k_n = c(self.stiffness) * inverse;
-        let x = y * inverse;
-        let damping = p(DAMPING);
-        let gamma_n = damping * k_n.sqrt();
-        let normal = k_n
-            .mul_add(motion.overlap, -(gamma_n * motion.normal_velocity))
-            .max(zero);
-        let beyond = x.greater(p(LARGEST_X)).and(touching);
-
-        let mut tangential = zero;
-        let mut rolling = zero;
-        let mut sliding = zero.greater(zero);
+        let load = |row: &Row| L::load(token, row);
+        let per_size = load(&parameters[INVERSE_SIZE]);
+        let y = (overlap * per_size).max(c(SMALLEST_Y));
+        let g = rough_inverse(token, y);
+        let (m, per_m) = root(token, g, near_root(token, y, g));
+        let a = y * per_m / per_size;
+        let normal = c(self.stiffness) * a * a * c(0.5).mul_add(m, c(-0.25));
+        let half_square = |force: L, stiffness: L| c(0.5) * force * force / stiffness;
+        let (mut tangential, mut rolling) = (c(0.0), c(0.0));
         if FRICTION {
-            let a = (p(PRODUCT) * x).sqrt();
-            let penalty = |ratio: L| {
-                c(-10.31)
-                    .mul_add(ratio, c(self.penalty_slope))
-                    .mul_add(ratio, c(self.penalty))
-            };
-            let half_log = p(HALF_LOG_RATIO);
-            let base = c(0.5).mul_add(ell, c(self.poisson));
-            let compliance = penalty(a * p(INVERSE_RADIUS_I)).mul_add(
-                base + half_log,
-                penalty(a * p(INVERSE_RADIUS_J))
-                    .mul_add(base - half_log, ell + c(1.0 - 2.0 * LN_2)),
-            );
-            let k_t = c(self.stiffness) / compliance;
-            let last = L::load(token, &history[1]);
-            let trial = -(c(0.5) * (last + k_t))
-                .mul_add(motion.tangential_increment, -L::load(token, &history[0]));
-            let limit = c(self.friction) * normal;
-            sliding = trial.abs().greater(limit);
-            let elastic = limit.copy_sign(trial).select(sliding, trial);
-            let viscous = damping * k_t.sqrt() * motion.tangential_velocity;
-            tangential = elastic - zero.select(sliding, viscous);
-            sliding = sliding.and(touching);
-            elastic.select(touching, zero).store(&mut history[0]);
-            k_t.select(touching, zero).store(&mut history[1]);
+            tangential = half_square(load(&history[0]), load(&history[1]));
         }
         if ROLLING {
-            let at = Self::PARAMETERS - 3;
-            let place = Self::HISTORY - 1;
-            let trial = -p(at).mul_add(motion.rolling_increment, -L::load(token, &history[place]));
-            let limit = p(at + 2) * normal;
-            let limited = trial.abs().greater(limit);
-            let elastic = limit.copy_sign(trial).select(limited, trial);
-            let viscous = p(at + 1) * motion.rolling_velocity;
-            rolling = elastic - zero.select(limited, viscous);
-            elastic.select(touching, zero).store(&mut history[place]);
+            let k_r = load(&parameters[Self::PARAMETERS - rolling::PARAMETERS]);
+            rolling = half_square(load(&history[Self::HISTORY - 1]), k_r);
         }
-        Response {
-            normal,
-            tangential,
-            rolling,
-            sliding,
-            beyond,
-        }
+        [normal, tangential, rolling]
     }
 
     fn history_to_state(history: [f64; 3]) -> [f64; 3] {
@@ -229,10 +232,146 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     }
 }
 
+// Places in what is carried from loop to loop.
+const Y: usize = 0;
+const G: usize = 1;
+const PER_M: usize = 1;
+const M: usize = 2;
+const ROOT_X: usize = 0;
+const ROOT_COMPLIANCE: usize = 3;
+const COMPLIANCE: usize = 2;
+
+impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
+    /// F_n; carries on m and √x.
+    #[inline(always)]
+    fn press<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let carry = &mut *blocks.carry;
+        for ((p, motion), carry) in parameters().zip(blocks.motion).zip(&mut *carry) {
+            // Where the grains do not touch, too, numbers that are none or below the normal ones would cost time.
+            let y = (load(&motion.overlap) * load(&p[INVERSE_SIZE])).max(c(SMALLEST_Y));
+            y.store(&mut carry[Y]);
+            rough_inverse(token, y).store(&mut carry[G]);
+        }
+        for carry in carry[..blocks.motion.len()].iter_mut() {
+            near_root(token, load(&carry[Y]), load(&carry[G])).store(&mut carry[M]);
+        }
+        for carry in carry[..blocks.motion.len()].iter_mut() {
+            let (m, per_m) = root(token, load(&carry[G]), load(&carry[M]));
+            m.store(&mut carry[M]);
+            per_m.store(&mut carry[PER_M]);
+        }
+        for (((p, motion), carry), response) in parameters()
+            .zip(blocks.motion)
+            .zip(carry)
+            .zip(&mut *blocks.response)
+        {
+            let (m, per_m) = (load(&carry[M]), load(&carry[PER_M]));
+            let x = load(&carry[Y]) * per_m;
+            let root_x = x * inverse_sqrt(token, x);
+            root_x.store(&mut carry[ROOT_X]);
+            let k_n = c(self.stiffness) * per_m;
+            let gamma_n = load(&p[DAMPING]) * inverse_sqrt(token, m);
+            let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
+            let normal = k_n.mul_add(overlap, -(gamma_n * v_n)).max(c(0.0));
+            normal.store(&mut response.normal);
+            if LEDGER {
+                let viscous = k_n.mul_add(overlap, -normal);
+                let lost = viscous * v_n * c(blocks.step);
+                lost.select(overlap.greater(c(0.0)), c(0.0))
+                    .store(&mut response.lost[loss::DAMPING]);
+            }
+            let beyond = if FRICTION {
+                let larger = load(&p[RATIO_I]).max(load(&p[RATIO_J]));
+                (larger * root_x).greater(c(LARGEST_CONTACT))
+            } else {
+                root_x.greater(load(&p[LARGEST_ROOT]))
+            };
+            response.beyond = beyond.bits();
+        }
+    }
+
+    /// F_t.
+    #[inline(always)]
+    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let zero = c(0.0);
+        let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let carry = &mut blocks.carry[..blocks.motion.len()];
+        for (p, carry) in parameters().zip(&mut *carry) {
+            let (m, root_x) = (load(&carry[M]), load(&carry[ROOT_X]));
+            let penalty = |ratio: L| {
+                c(-10.31)
+                    .mul_add(ratio, c(self.penalty_slope))
+                    .mul_add(ratio, c(self.penalty))
+            };
+            let half_log = load(&p[HALF_LOG_RATIO]);
+            let base = c(0.5).mul_add(m, c(0.5 + self.poisson));
+            let compliance = penalty(load(&p[RATIO_I]) * root_x).mul_add(
+                base + half_log,
+                penalty(load(&p[RATIO_J]) * root_x)
+                    .mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2)),
+            );
+            inverse_sqrt(token, compliance).store(&mut carry[ROOT_COMPLIANCE]);
+            if LEDGER {
+                compliance.store(&mut carry[COMPLIANCE]);
+            }
+        }
+        for ((((p, history), motion), carry), response) in parameters()
+            .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
+            .zip(blocks.motion)
+            .zip(carry)
+            .zip(&mut *blocks.response)
+        {
+            let touching = load(&motion.overlap).greater(zero);
+            let root = load(&carry[ROOT_COMPLIANCE]);
+            let k_t = c(self.stiffness) * (root * root);
+            let last = load(&history[1]);
+            // From the touch on k_t has grown as about δ^(1/(m-1)), of which the mean is (1 - 1/m) k_t.
+            let first = (c(-2.0) * k_t).mul_add(load(&carry[PER_M]), k_t);
+            let last = last.select(last.greater(zero), first);
+            let trial = (c(-0.5) * (last + k_t))
+                .mul_add(load(&motion.tangential_increment), load(&history[0]));
+            let limit = c(self.friction) * load(&response.normal);
+            let sliding = trial.abs().greater(limit);
+            let elastic = limit.copy_sign(trial).select(sliding, trial);
+            let v_t = load(&motion.tangential_velocity);
+            let viscous = zero.select(sliding, load(&p[DAMPING]) * root * v_t);
+            (elastic - viscous).store(&mut response.tangential);
+            if LEDGER {
+                // Where a contact has opened, after is 0.
+                let (before, after) = (load(&history[0]), elastic.select(touching, zero));
+                let work = c(-0.5) * (before + after) * load(&motion.tangential_increment);
+                let stored = |force: L, per_k: L| c(0.5) * force * force * per_k;
+                let gained = stored(after, load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness))
+                    - stored(before, inverse(token, last));
+                let lost = work - gained;
+                let viscous = viscous.select(touching, zero);
+                lost.select(sliding, zero)
+                    .store(&mut response.lost[loss::FRICTION]);
+                zero.select(sliding, lost)
+                    .store(&mut response.lost[loss::STIFFNESS]);
+                let damping = load(&response.lost[loss::DAMPING]);
+                (viscous * v_t)
+                    .mul_add(c(blocks.step), damping)
+                    .store(&mut response.lost[loss::DAMPING]);
+            }
+            response.sliding = sliding.bits();
+            elastic.select(touching, zero).store(&mut history[0]);
+            k_t.select(touching, zero).store(&mut history[1]);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::config::{Contact, Material};
+    use crate::contact::{CARRY, Motion, Response};
+    use crate::simd::LANES;
 
     const MATERIAL: Material = Material {
         young_modulus: 1e9,
@@ -304,21 +443,29 @@ mod tests {
     /// History of one contact of equal radii after one step.
     fn touch(law: &LeeHurley<true, true>, r: f64, overlap: f64, slip: f64, roll: f64) -> [f64; 3] {
         type Law = LeeHurley<true, true>;
-        let mut numbers = [0.0; Law::PARAMETERS];
-        law.parameters(r, r, &mut numbers);
-        let parameters = numbers.map(|v| Row([v; 8]));
+        let mut parameters = [Row::ZERO; Law::PARAMETERS];
         let mut history = [Row::ZERO; Law::HISTORY];
         let token = crate::simd::PortableToken;
         let c = |v| Portable::splat(token, v);
+        law.parameters(token, c(r), c(r), &mut parameters);
+        let row = |v| Row([v; LANES]);
         let motion = Motion {
-            overlap: c(overlap),
-            normal_velocity: c(0.0),
-            tangential_velocity: c(0.0),
-            tangential_increment: c(slip),
-            rolling_velocity: c(0.0),
-            rolling_increment: c(roll),
+            overlap: row(overlap),
+            tangential_increment: row(slip),
+            rolling_increment: row(roll),
+            ..Motion::ZERO
         };
-        law.evaluate(token, &parameters, &mut history, motion, 0xff);
+        law.evaluate::<Portable, false>(
+            token,
+            &mut Blocks {
+                parameters: &parameters,
+                history: &mut history,
+                motion: &[motion],
+                carry: &mut [[Row::ZERO; CARRY]],
+                response: &mut [Response::NONE],
+                step: 0.0,
+            },
+        );
         history.map(|row| row.0[3])
     }
 }

@@ -3,40 +3,97 @@
 pub mod family;
 pub mod hooke;
 pub mod lee_hurley;
+pub mod rolling;
 
 use crate::simd::{Lanes, Portable, PortableToken, Row, ln};
 
-/// How eight pairs of grains move, i before j, n from j to i, t̂ = ẑ × n (physics.md, conventions). SI units.
-#[derive(Clone, Copy)]
-pub struct Motion<L> {
+/// How sixteen pairs of grains move, i before j, n from j to i, t̂ = ẑ × n (physics.md, conventions). SI units.
+#[derive(Debug, Clone, Copy)]
+pub struct Motion {
     /// δ (m), positive where the pair touches.
-    pub overlap: L,
+    pub overlap: Row,
     /// v_n of the full step, positive where the pair separates (m/s).
-    pub normal_velocity: L,
+    pub normal_velocity: Row,
     /// v_t of the full step (m/s).
-    pub tangential_velocity: L,
+    pub tangential_velocity: Row,
     /// v_t(t + ½Δt) Δt (m).
-    pub tangential_increment: L,
+    pub tangential_increment: Row,
     /// ω_i - ω_j of the full step (rad/s).
-    pub rolling_velocity: L,
+    pub rolling_velocity: Row,
     /// (ω_i - ω_j)(t + ½Δt) Δt (rad).
-    pub rolling_increment: L,
+    pub rolling_increment: Row,
 }
 
-/// What the contact does to grain i. Forces per unit depth (N/m) in 2D.
-#[derive(Clone, Copy)]
-pub struct Response<L: Lanes> {
-    /// F_n ≥ 0 along n.
-    pub normal: L,
-    /// F_t along t̂.
-    pub tangential: L,
-    /// Rolling torque about z.
-    pub rolling: L,
-    /// At the Coulomb limit.
-    pub sliding: L::Mask,
-    /// Overlap outside the law.
-    pub beyond: L::Mask,
+impl Motion {
+    pub const ZERO: Self = Self {
+        overlap: Row::ZERO,
+        normal_velocity: Row::ZERO,
+        tangential_velocity: Row::ZERO,
+        tangential_increment: Row::ZERO,
+        rolling_velocity: Row::ZERO,
+        rolling_increment: Row::ZERO,
+    };
 }
+
+/// What a law says of some blocks, and what it is told, a row or more per block.
+///
+/// A law works through the blocks in loops of short chains of operations, and keeps what is between them in `carry`: the
+/// processor then has several blocks under way where one long loop would wait for each result.
+pub struct Blocks<'a> {
+    /// [`ContactLaw::PARAMETERS`] rows per block.
+    pub parameters: &'a [Row],
+    /// What the contacts remember, [`ContactLaw::HISTORY`] rows per block: replaced, by zeros where the pair does not touch.
+    pub history: &'a mut [Row],
+    pub motion: &'a [Motion],
+    pub carry: &'a mut [[Row; CARRY]],
+    pub response: &'a mut [Response],
+    /// Δt (s).
+    pub step: f64,
+}
+
+/// Energy that contacts lose in a step, as rows of [`Response::lost`].
+pub mod loss {
+    /// To all viscous parts.
+    pub const DAMPING: usize = 0;
+    /// To sliding.
+    pub const FRICTION: usize = 1;
+    /// To rolling at its limit.
+    pub const ROLLING: usize = 2;
+    /// To the change of a stiffness under a force that stays: what an incremental law loses, or gains.
+    pub const STIFFNESS: usize = 3;
+    pub const KINDS: usize = 4;
+}
+
+/// What the contacts do to grain i; arbitrary where the pair does not touch. Forces per unit depth (N/m) in 2D.
+#[derive(Debug, Clone, Copy)]
+pub struct Response {
+    /// F_n ≥ 0 along n.
+    pub normal: Row,
+    /// F_t along t̂.
+    pub tangential: Row,
+    /// Rolling torque about z.
+    pub rolling: Row,
+    /// At the Coulomb limit.
+    pub sliding: u16,
+    /// Overlap outside the law.
+    pub beyond: u16,
+    /// Energies lost in this step (J/m), where a ledger is kept: also by contacts that have just opened, and 0 elsewhere.
+    pub lost: [Row; loss::KINDS],
+}
+
+impl Response {
+    pub const NONE: Self = Self {
+        normal: Row::ZERO,
+        tangential: Row::ZERO,
+        rolling: Row::ZERO,
+        sliding: 0,
+        beyond: 0,
+        lost: [Row::ZERO; loss::KINDS],
+    };
+}
+
+/// Rows that a law may carry from one of its loops to the next.
+pub const CARRY: usize = 4;
 
 /// A contact law, as the kernel drives it.
 pub trait ContactLaw: Copy + Send + Sync {
@@ -48,19 +105,24 @@ pub trait ContactLaw: Copy + Send + Sync {
     const FRICTION: bool;
     const ROLLING: bool;
 
-    /// The parameters of a pair of radii r_i, r_j (m).
-    fn parameters(&self, r_i: f64, r_j: f64, out: &mut [f64]);
+    /// The parameters of pairs of radii r_i, r_j (m), a row each.
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]);
 
-    /// Eight contacts. `history` is what they remember and is replaced, by zeros where not `touching`;
-    /// what is returned where not `touching` is arbitrary.
-    fn evaluate<L: Lanes>(
+    /// F_n (N/m) of two grains of this radius (m) at the end of the law.
+    fn largest_force(&self, radius: f64) -> f64;
+
+    /// The response of some blocks of contacts. Tangential forces and torques are filled in only by laws that have them.
+    /// With `LEDGER`, the energies lost, too.
+    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>);
+
+    /// Elastic energies (J/m) of sixteen contacts: normal, tangential, rolling. Arbitrary where they do not touch.
+    fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
         parameters: &[Row],
-        history: &mut [Row],
-        motion: Motion<L>,
-        touching: L::Mask,
-    ) -> Response<L>;
+        overlap: L,
+        history: &[Row],
+    ) -> [L; 3];
 
     /// The history as [`crate::state::ContactState`] holds it, whichever parts this law has.
     fn history_to_state(history: [f64; 3]) -> [f64; 3];

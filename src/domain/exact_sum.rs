@@ -66,6 +66,18 @@ impl FixedPoint {
     }
 }
 
+impl From<i128> for Accumulator {
+    fn from(sum: i128) -> Self {
+        Self { sum, outside: 0 }
+    }
+}
+
+impl From<Accumulator> for i128 {
+    fn from(of: Accumulator) -> i128 {
+        of.sum
+    }
+}
+
 impl Accumulator {
     /// As `LIMBS + 1` integers that may be added over ranks.
     pub fn write(&self, to: &mut [i64]) {

@@ -1,6 +1,7 @@
 //! The ranks: what they exchange. Physics never names MPI.
 
 mod exact_sum;
+mod node;
 mod slabs;
 mod solo;
 mod world;
@@ -29,6 +30,8 @@ pub trait Exchange {
     fn halo(&self, links: &mut [Link<'_>], meanwhile: impl FnOnce());
     /// Element-wise sum over the ranks, wrapping, in place.
     fn sum(&self, values: &mut [i64]);
+    /// The same of a few values, while `meanwhile` runs.
+    fn sum_during(&self, values: &mut [i64], meanwhile: impl FnOnce());
     /// Sum over the ranks below this one.
     fn sum_below(&self, value: u64) -> u64;
     /// Greatest over the ranks.

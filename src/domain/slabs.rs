@@ -7,7 +7,7 @@ use bytemuck::{allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
 use super::{Exchange, Link};
 use crate::failure::Failure;
 use crate::neighbour::Window;
-use crate::simd::Row;
+use crate::simd::Record;
 use crate::state::{ContactState, GrainState, Grains};
 
 /// Columns of the histogram by which the cuts are balanced.
@@ -29,7 +29,7 @@ struct Neighbour {
     rank: usize,
     /// Own grains that it sees.
     send: Vec<u32>,
-    buffer: Vec<Row>,
+    buffer: Vec<Record>,
     /// Where its grains are among the local ones.
     ghosts: Range<usize>,
 }
@@ -177,7 +177,7 @@ impl Slabs {
             states[rank] = send.iter().map(|&g| grains.state(g as usize)).collect();
             self.links.push(Neighbour {
                 rank,
-                buffer: vec![Row::ZERO; send.len()],
+                buffer: vec![Record::ZERO; send.len()],
                 send,
                 ghosts: 0..0,
             });
@@ -192,17 +192,19 @@ impl Slabs {
         }
     }
 
-    /// Sends the border grains' records and receives the ghosts', while `meanwhile` runs.
+    /// Sends the border grains' records and receives the ghosts', while `meanwhile` runs with the own ones. Of `record`, as many
+    /// as `owned` are own.
     pub fn exchange(
         &mut self,
         exchange: &impl Exchange,
-        grains: &mut Grains,
-        meanwhile: impl FnOnce(),
+        record: &mut [Record],
+        owned: usize,
+        meanwhile: impl FnOnce(&[Record]),
     ) {
+        let (own, mut ghosts) = record.split_at_mut(owned);
         if self.links.is_empty() {
-            return meanwhile();
+            return meanwhile(own);
         }
-        let (own, mut ghosts) = grains.record.split_at_mut(grains.owned);
         let mut messages = Vec::with_capacity(2);
         for link in &mut self.links {
             for (to, &g) in link.buffer.iter_mut().zip(&link.send) {
@@ -216,7 +218,7 @@ impl Slabs {
                 receive: cast_slice_mut(receive),
             });
         }
-        exchange.halo(&mut messages, meanwhile);
+        exchange.halo(&mut messages, || meanwhile(own));
     }
 
     /// Where this rank's grains and ghosts are.
@@ -242,7 +244,7 @@ impl Slabs {
     /// Bytes that this rank sends per step, and messages.
     pub fn traffic(&self) -> (usize, usize) {
         let rows: usize = self.links.iter().map(|l| l.send.len()).sum();
-        (rows * size_of::<Row>(), self.links.len())
+        (rows * size_of::<Record>(), self.links.len())
     }
 }
 

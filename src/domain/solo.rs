@@ -28,6 +28,10 @@ impl Exchange for Solo {
 
     fn sum(&self, _values: &mut [i64]) {}
 
+    fn sum_during(&self, _values: &mut [i64], meanwhile: impl FnOnce()) {
+        meanwhile();
+    }
+
     fn sum_below(&self, _value: u64) -> u64 {
         0
     }

@@ -1,5 +1,6 @@
 //! Many ranks, by MPI.
 
+use super::node::Node;
 use super::{Exchange, Link};
 use mpi::Threading;
 use mpi::collective::SystemOperation;
@@ -13,6 +14,8 @@ pub struct World {
     communicator: SimpleCommunicator,
     rank: usize,
     size: usize,
+    /// The ranks with which this one shares memory, unless it is not to.
+    node: Option<Node>,
     // Dropped last: ends MPI.
     _universe: Universe,
 }
@@ -25,6 +28,9 @@ const OPEN_MPI: [(&str, &str); 2] = [
     // ranks ran several times as fast.
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
+
+/// Where the environment has this, all messages go through MPI.
+const NO_SHARED_MEMORY: &str = "GSHEAR_NO_SHARED_MEMORY";
 
 impl World {
     /// Starts MPI, under mpirun or as a single rank without it. To be called first thing in `main`, while there is one thread, and once.
@@ -47,7 +53,9 @@ impl World {
             }
         }));
         let communicator = universe.world();
+        let shares = std::env::var_os(NO_SHARED_MEMORY).is_none();
         World {
+            node: shares.then(|| Node::new(&communicator)).flatten(),
             rank: communicator.rank() as usize,
             size: communicator.size() as usize,
             communicator,
@@ -127,33 +135,74 @@ impl Exchange for World {
 
     /// Several links with one rank pair up in their order: the n-th with rank r here with the n-th with this rank there.
     fn halo(&self, links: &mut [Link<'_>], meanwhile: impl FnOnce()) {
+        // A box holds one message, so several links with one rank go through the library.
+        let single = links
+            .iter()
+            .enumerate()
+            .all(|(k, a)| links[k + 1..].iter().all(|b| a.rank != b.rank));
+        let near = |link: &Link<'_>| {
+            let node = self.node.as_ref().filter(|_| single)?;
+            node.reaches(link.rank, link.send.len(), link.receive.len())
+                .then_some(node)
+        };
+        for link in &*links {
+            if let Some(node) = near(link) {
+                node.send(link.rank, link.send);
+            }
+        }
+        let mut meanwhile = Some(meanwhile);
+        let mut work = || meanwhile.take().map_or((), |work| work());
+        if links.iter().all(|link| near(link).is_some()) {
+            work();
+        } else {
+            mpi::request::scope(|scope| {
+                let (mut receives, mut sends) = (Vec::new(), Vec::new());
+                for link in links.iter_mut() {
+                    if near(link).is_some() {
+                        continue;
+                    }
+                    let neighbour = self.communicator.process_at_rank(link.rank as i32);
+                    let expected = link.receive.len();
+                    receives.push((
+                        expected,
+                        neighbour.immediate_receive_into(scope, &mut *link.receive),
+                    ));
+                    sends.push(neighbour.immediate_send(scope, link.send));
+                }
+                work();
+                for (expected, receive) in receives {
+                    let came = receive.wait().count(f64::equivalent_datatype());
+                    assert_eq!(came as usize, expected, "length of a neighbour's message");
+                }
+                for send in sends {
+                    send.wait();
+                }
+            });
+        }
+        for link in links {
+            if let Some(node) = near(link) {
+                node.receive(link.rank, link.receive);
+            }
+        }
+    }
+
+    fn sum_during(&self, values: &mut [i64], meanwhile: impl FnOnce()) {
+        if let Some(node) = self.node.as_ref().filter(|n| n.holds_all()) {
+            return node.sum_during(values, meanwhile);
+        }
+        if self.size == 1 {
+            return meanwhile();
+        }
+        let copy: Vec<u64> = values.iter().map(|&v| v as u64).collect();
         mpi::request::scope(|scope| {
-            let (mut receives, mut sends) = (
-                Vec::with_capacity(links.len()),
-                Vec::with_capacity(links.len()),
+            let sum = self.communicator.immediate_all_reduce_into(
+                scope,
+                &copy[..],
+                bytemuck::cast_slice_mut::<i64, u64>(values),
+                SystemOperation::sum(),
             );
-            for Link {
-                rank,
-                send,
-                receive,
-            } in links.iter_mut()
-            {
-                let neighbour = self.communicator.process_at_rank(*rank as i32);
-                let expected = receive.len();
-                receives.push((
-                    expected,
-                    neighbour.immediate_receive_into(scope, &mut **receive),
-                ));
-                sends.push(neighbour.immediate_send(scope, *send));
-            }
             meanwhile();
-            for (expected, receive) in receives {
-                let came = receive.wait().count(f64::equivalent_datatype());
-                assert_eq!(came as usize, expected, "length of a neighbour's message");
-            }
-            for send in sends {
-                send.wait();
-            }
+            sum.wait();
         });
     }
 

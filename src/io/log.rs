@@ -136,7 +136,7 @@ mod tests {
     use crate::domain::Solo;
 
     fn row(k: u64) -> SeriesRow {
-        let numbers: [f64; 10] =
+        let numbers: [f64; SERIES_COLUMNS.len()] =
             std::array::from_fn(|c| (k as f64 + 0.1) * 10f64.powi(4 * c as i32 - 20) / 3.0);
         bytemuck::cast(numbers)
     }

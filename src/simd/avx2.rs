@@ -1,9 +1,12 @@
-//! AVX2 with FMA: two registers.
+//! AVX2 with FMA: four registers.
 
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{LANES, Lanes, Mask, Row, Work};
+use super::{
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Mask, PairList, Pairs, Quad, Record, Row, TO_INTEGER,
+    Work,
+};
 
 /// Proof that this processor has AVX2 and FMA.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,7 +29,7 @@ pub(super) fn run<W: Work>(token: Avx2Token, work: W) -> W::Output {
 }
 
 #[derive(Debug, Clone, Copy)]
-pub struct Avx2([__m256d; 2]);
+pub struct Avx2([__m256d; 4]);
 
 macro_rules! operator {
     ($trait:ident, $method:ident, $intrinsic:ident) => {
@@ -35,12 +38,7 @@ macro_rules! operator {
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
                 // SAFETY: a value of this type exists only where a token was shown.
-                Avx2(unsafe {
-                    [
-                        $intrinsic(self.0[0], other.0[0]),
-                        $intrinsic(self.0[1], other.0[1]),
-                    ]
-                })
+                self.zip(other, |a, b| unsafe { $intrinsic(a, b) })
             }
         }
     };
@@ -50,15 +48,21 @@ operator!(Sub, sub, _mm256_sub_pd);
 operator!(Mul, mul, _mm256_mul_pd);
 operator!(Div, div, _mm256_div_pd);
 
+/// `[f(0), …, f(3)]`, inlined whatever the compiler thinks of it: what is not, is not compiled for the instruction set.
+#[inline(always)]
+fn each<T>(f: impl Fn(usize) -> T) -> [T; 4] {
+    [f(0), f(1), f(2), f(3)]
+}
+
 impl Avx2 {
     #[inline(always)]
     fn map(self, f: impl Fn(__m256d) -> __m256d) -> Self {
-        Avx2([f(self.0[0]), f(self.0[1])])
+        Avx2(each(|k| f(self.0[k])))
     }
 
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(__m256d, __m256d) -> __m256d) -> Self {
-        Avx2([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
+        Avx2(each(|k| f(self.0[k], other.0[k])))
     }
 }
 
@@ -72,68 +76,65 @@ impl Neg for Avx2 {
 }
 
 #[derive(Debug, Clone, Copy)]
-pub struct Mask2([__m256d; 2]);
+pub struct Mask2([__m256d; 4]);
 
 impl Mask for Mask2 {
     #[inline(always)]
     fn and(self, other: Self) -> Self {
         // SAFETY: a mask exists only where a token was shown.
-        Mask2(unsafe {
-            [
-                _mm256_and_pd(self.0[0], other.0[0]),
-                _mm256_and_pd(self.0[1], other.0[1]),
-            ]
-        })
+        Mask2(each(|k| unsafe { _mm256_and_pd(self.0[k], other.0[k]) }))
     }
 
     #[inline(always)]
-    fn bits(self) -> u8 {
+    fn bits(self) -> u16 {
         // SAFETY: a mask exists only where a token was shown.
-        unsafe {
-            (_mm256_movemask_pd(self.0[0]) as u8) | ((_mm256_movemask_pd(self.0[1]) as u8) << 4)
-        }
+        let four = each(|k| unsafe { _mm256_movemask_pd(self.0[k]) });
+        (four[0] | four[1] << 4 | four[2] << 8 | four[3] << 12) as u16
     }
 }
+
+/// Sixteen sums of integers.
+#[derive(Debug, Clone, Copy)]
+pub struct Counts2([__m256i; 4]);
+
+/// Integers from 0 to 7, as a permutation of the 32-bit words of half a table and which half it is.
+#[derive(Debug, Clone, Copy)]
+pub struct Eighths2([(__m256i, __m256d); 4]);
 
 impl Lanes for Avx2 {
     type Token = Avx2Token;
     type Mask = Mask2;
+    type Index = Eighths2;
+    type Counts = Counts2;
 
     #[inline(always)]
     fn splat(_: Avx2Token, x: f64) -> Self {
         // SAFETY: the token proves that the processor has AVX2.
-        Avx2(unsafe { [_mm256_set1_pd(x); 2] })
+        Avx2(unsafe { [_mm256_set1_pd(x); 4] })
     }
 
     #[inline(always)]
     fn load(_: Avx2Token, from: &Row) -> Self {
-        // SAFETY: the token proves AVX2; a row holds eight f64 and is aligned, four from each pointer.
-        Avx2(unsafe {
-            [
-                _mm256_load_pd(from.0.as_ptr()),
-                _mm256_load_pd(from.0.as_ptr().add(4)),
-            ]
-        })
+        // SAFETY: the token proves AVX2; a row holds sixteen f64 and is aligned, four from each pointer.
+        Avx2(each(|k| unsafe {
+            _mm256_load_pd(from.0.as_ptr().add(4 * k))
+        }))
     }
 
     #[inline(always)]
     fn store(self, to: &mut Row) {
-        // SAFETY: a value of this type exists only where a token was shown; a row holds eight f64 and is aligned.
-        unsafe {
-            _mm256_store_pd(to.0.as_mut_ptr(), self.0[0]);
-            _mm256_store_pd(to.0.as_mut_ptr().add(4), self.0[1]);
+        for (k, part) in self.0.into_iter().enumerate() {
+            // SAFETY: a value of this type exists only where a token was shown; a row holds sixteen f64 and is aligned.
+            unsafe { _mm256_store_pd(to.0.as_mut_ptr().add(4 * k), part) }
         }
     }
 
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
         // SAFETY: a value of this type exists only where a token was shown.
-        Avx2(unsafe {
-            [
-                _mm256_fmadd_pd(self.0[0], factor.0[0], term.0[0]),
-                _mm256_fmadd_pd(self.0[1], factor.0[1], term.0[1]),
-            ]
-        })
+        Avx2(each(|k| unsafe {
+            _mm256_fmadd_pd(self.0[k], factor.0[k], term.0[k])
+        }))
     }
 
     #[inline(always)]
@@ -158,7 +159,8 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        self.select(self.greater(other), other)
+        // SAFETY: a value of this type exists only where a token was shown.
+        self.zip(other, |a, b| unsafe { _mm256_max_pd(a, b) })
     }
 
     #[inline(always)]
@@ -182,26 +184,15 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn select(self, mask: Mask2, other: Self) -> Self {
         // SAFETY: a value of this type exists only where a token was shown.
-        Avx2(unsafe {
-            [
-                _mm256_blendv_pd(other.0[0], self.0[0], mask.0[0]),
-                _mm256_blendv_pd(other.0[1], self.0[1], mask.0[1]),
-            ]
-        })
+        Avx2(each(|k| unsafe {
+            _mm256_blendv_pd(other.0[k], self.0[k], mask.0[k])
+        }))
     }
 
     #[inline(always)]
     fn exponent_mantissa(self) -> (Self, Self) {
         // SAFETY: a value of this type exists only where a token was shown.
-        let exponent = self.map(|x| unsafe {
-            // The biased exponent in the low bits of 2^52 is 2^52 + exponent, exactly.
-            let bits = _mm256_srli_epi64::<52>(_mm256_castpd_si256(x));
-            let shifted = _mm256_or_si256(bits, _mm256_set1_epi64x(0x4330_0000_0000_0000));
-            _mm256_sub_pd(
-                _mm256_castsi256_pd(shifted),
-                _mm256_set1_pd(4503599627370496.0 + 1023.0),
-            )
-        });
+        let exponent = self.map(|x| unsafe { exponent(_mm256_castpd_si256(x)) });
         // SAFETY: a value of this type exists only where a token was shown.
         let mantissa = self.map(|x| unsafe {
             _mm256_castsi256_pd(_mm256_or_si256(
@@ -216,54 +207,237 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn gather(_: Avx2Token, records: &[Row], index: &[u32; LANES], field: usize) -> Self {
-        let x = |k: usize| records[index[k] as usize].0[field];
+    fn exponent_eighth(self) -> (Self, Self, Eighths2) {
+        // SAFETY: a value of this type exists only where a token was shown.
+        unsafe {
+            let exponent = self.map(|x| exponent(rounded(x)));
+            let mantissa = self.map(|x| {
+                let power = _mm256_and_si256(rounded(x), _mm256_set1_epi64x(0xfff << 52));
+                let raised =
+                    _mm256_add_epi64(_mm256_castpd_si256(x), _mm256_set1_epi64x(1023 << 52));
+                _mm256_castsi256_pd(_mm256_sub_epi64(raised, power))
+            });
+            let index = each(|k| {
+                let bits = rounded(self.0[k]);
+                // Twice k mod 4 and the next in the two halves of a lane, for a permutation of 32-bit words.
+                let twice = _mm256_and_si256(_mm256_srli_epi64::<48>(bits), _mm256_set1_epi64x(6));
+                let next =
+                    _mm256_or_si256(_mm256_slli_epi64::<32>(twice), _mm256_set1_epi64x(1 << 32));
+                // k ≥ 4 in the sign.
+                (
+                    _mm256_or_si256(twice, next),
+                    _mm256_castsi256_pd(_mm256_slli_epi64::<12>(bits)),
+                )
+            });
+            (exponent, mantissa, Eighths2(index))
+        }
+    }
+
+    #[inline(always)]
+    fn look_up(_: Avx2Token, table: &[f64; 8], k: Eighths2) -> Self {
+        // SAFETY: the token proves that the processor has AVX2; four f64 are read from each pointer.
+        unsafe {
+            let (low, high) = (
+                _mm256_castpd_ps(_mm256_loadu_pd(table.as_ptr())),
+                _mm256_castpd_ps(_mm256_loadu_pd(table.as_ptr().add(4))),
+            );
+            Avx2(each(|n| {
+                let (words, upper) = k.0[n];
+                _mm256_blendv_pd(
+                    _mm256_castps_pd(_mm256_permutevar8x32_ps(low, words)),
+                    _mm256_castps_pd(_mm256_permutevar8x32_ps(high, words)),
+                    upper,
+                )
+            }))
+        }
+    }
+
+    #[inline(always)]
+    fn no_counts(_: Avx2Token) -> Counts2 {
         // SAFETY: the token proves that the processor has AVX2.
-        Avx2(unsafe {
-            [
-                _mm256_set_pd(x(3), x(2), x(1), x(0)),
-                _mm256_set_pd(x(7), x(6), x(5), x(4)),
-            ]
+        Counts2(unsafe { [_mm256_setzero_si256(); 4] })
+    }
+
+    #[inline(always)]
+    fn count(self, sums: Counts2) -> Counts2 {
+        let mut sums = sums;
+        for (sum, x) in sums.0.iter_mut().zip(self.0) {
+            // SAFETY: a value of this type exists only where a token was shown.
+            unsafe {
+                let shifted = _mm256_add_pd(x, _mm256_set1_pd(TO_INTEGER));
+                let zero = _mm256_set1_epi64x(TO_INTEGER.to_bits() as i64);
+                let integer = _mm256_sub_epi64(_mm256_castpd_si256(shifted), zero);
+                *sum = _mm256_add_epi64(*sum, integer);
+            }
+        }
+        sums
+    }
+
+    #[inline(always)]
+    fn total(sums: Counts2) -> i128 {
+        let mut all = [0i64; 16];
+        for (k, sum) in sums.0.into_iter().enumerate() {
+            // SAFETY: sums exist only where a token was shown; four i64 are written from each pointer.
+            unsafe { _mm256_storeu_si256(all.as_mut_ptr().add(4 * k).cast(), sum) }
+        }
+        all.iter().map(|&k| k as i128).sum()
+    }
+
+    #[inline(always)]
+    fn inverse_start(self) -> Self {
+        // SAFETY: a value of this type exists only where a token was shown.
+        self.map(|x| unsafe {
+            _mm256_castsi256_pd(_mm256_sub_epi64(
+                _mm256_set1_epi64x(INVERSE_MAGIC as i64),
+                _mm256_castpd_si256(x),
+            ))
         })
     }
 
     #[inline(always)]
-    fn differences(
-        _: Avx2Token,
-        records: &[Row],
-        i: &[u32; LANES],
-        j: &[u32; LANES],
-    ) -> [Self; LANES] {
-        // SAFETY: the token proves AVX2; every index is checked and every row holds eight f64 and is aligned.
+    fn inverse_sqrt_start(self) -> Self {
+        // SAFETY: a value of this type exists only where a token was shown.
+        self.map(|x| unsafe {
+            _mm256_castsi256_pd(_mm256_sub_epi64(
+                _mm256_set1_epi64x(INVERSE_SQRT_MAGIC as i64),
+                _mm256_srli_epi64::<1>(_mm256_castpd_si256(x)),
+            ))
+        })
+    }
+
+    #[inline(always)]
+    fn differences(_: Avx2Token, records: &[Record], list: &PairList, block: usize) -> [Self; 8] {
+        let pairs = list.within(block, records.len());
+        // SAFETY: the token proves AVX2; the indices were checked by `within`, and every record holds eight f64 and is aligned.
         unsafe {
-            let row = |k: usize, half: usize| {
-                let (a, b) = (&records[i[k] as usize], &records[j[k] as usize]);
-                _mm256_sub_pd(
-                    _mm256_load_pd(a.0.as_ptr().add(4 * half)),
-                    _mm256_load_pd(b.0.as_ptr().add(4 * half)),
-                )
-            };
-            let quarter = |lane: usize, half: usize| {
-                transpose([
-                    row(lane, half),
-                    row(lane + 1, half),
-                    row(lane + 2, half),
-                    row(lane + 3, half),
-                ])
-            };
-            let (a, b) = (quarter(0, 0), quarter(4, 0));
-            let (c, d) = (quarter(0, 1), quarter(4, 1));
+            let mut low = [[_mm256_setzero_pd(); 4]; 4];
+            let mut high = low;
+            for k in 0..4 {
+                low[k] = columns(records, pairs, 4 * k, 0);
+                high[k] = columns(records, pairs, 4 * k, 4);
+            }
             [
-                Avx2([a[0], b[0]]),
-                Avx2([a[1], b[1]]),
-                Avx2([a[2], b[2]]),
-                Avx2([a[3], b[3]]),
-                Avx2([c[0], d[0]]),
-                Avx2([c[1], d[1]]),
-                Avx2([c[2], d[2]]),
-                Avx2([c[3], d[3]]),
+                Avx2(each(|k| low[k][0])),
+                Avx2(each(|k| low[k][1])),
+                Avx2(each(|k| low[k][2])),
+                Avx2(each(|k| low[k][3])),
+                Avx2(each(|k| high[k][0])),
+                Avx2(each(|k| high[k][1])),
+                Avx2(each(|k| high[k][2])),
+                Avx2(each(|k| high[k][3])),
             ]
         }
+    }
+
+    #[inline(always)]
+    fn last_fields(_: Avx2Token, records: &[Record], list: &PairList, block: usize) -> [Self; 2] {
+        let pairs = list.within(block, records.len());
+        // SAFETY: the token proves AVX2; the indices were checked by `within`, and a record holds eight f64, of which the last two are read.
+        unsafe {
+            let mut even = [_mm256_setzero_pd(); 4];
+            let mut odd = even;
+            for k in 0..4 {
+                even[k] = two_ends(records, pairs, 4 * k);
+                odd[k] = two_ends(records, pairs, 4 * k + 1);
+            }
+            [
+                Avx2(each(|k| _mm256_unpacklo_pd(even[k], odd[k]))),
+                Avx2(each(|k| _mm256_unpackhi_pd(even[k], odd[k]))),
+            ]
+        }
+    }
+
+    #[inline(always)]
+    fn add_to_pairs(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+        let pairs = list.within(block, sums.len());
+        // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every quad holds
+        // four f64 and is aligned.
+        unsafe {
+            let [a, b, c, d] = terms;
+            let zero = _mm256_setzero_pd();
+            for part in 0..4 {
+                let (a, b, c) = (a.0[part], b.0[part], c.0[part]);
+                let on_i = transpose([a, b, c, zero]);
+                let on_j = transpose([a, b, _mm256_sub_pd(zero, d.0[part]), zero]);
+                for k in 0..4 {
+                    let lane = 4 * part + k;
+                    let to = sums.as_mut_ptr().add(pairs.i[lane] as usize).cast::<f64>();
+                    _mm256_store_pd(to, _mm256_add_pd(_mm256_load_pd(to), on_i[k]));
+                    let to = sums.as_mut_ptr().add(pairs.j[lane] as usize).cast::<f64>();
+                    _mm256_store_pd(to, _mm256_sub_pd(_mm256_load_pd(to), on_j[k]));
+                }
+            }
+        }
+    }
+}
+
+/// The bits of x, half an eighth of its power of two further.
+///
+/// # Safety
+/// The processor has AVX2.
+#[inline(always)]
+unsafe fn rounded(x: __m256d) -> __m256i {
+    // SAFETY: register operations only, with the feature that the caller promises.
+    unsafe { _mm256_add_epi64(_mm256_castpd_si256(x), _mm256_set1_epi64x(1 << 48)) }
+}
+
+/// Columns of four differences, of the `lane` and the next three, from the field `from` on.
+///
+/// # Safety
+/// The processor has AVX, and the indices are below `records.len()`.
+#[inline(always)]
+unsafe fn columns(records: &[Record], pairs: &Pairs, lane: usize, from: usize) -> [__m256d; 4] {
+    // SAFETY: as the caller promises; every record holds eight f64 and is aligned, four of which are read from `from` on.
+    unsafe {
+        let mut rows = [_mm256_setzero_pd(); 4];
+        for (k, row) in rows.iter_mut().enumerate() {
+            let (a, b) = (
+                records.get_unchecked(pairs.i[lane + k] as usize),
+                records.get_unchecked(pairs.j[lane + k] as usize),
+            );
+            *row = _mm256_sub_pd(
+                _mm256_load_pd(a.0.as_ptr().add(from)),
+                _mm256_load_pd(b.0.as_ptr().add(from)),
+            );
+        }
+        transpose(rows)
+    }
+}
+
+/// The last two fields of the records `pairs.j` of a lane and the next but one.
+///
+/// # Safety
+/// The processor has AVX, and the indices are below `records.len()`.
+#[inline(always)]
+unsafe fn two_ends(records: &[Record], pairs: &Pairs, lane: usize) -> __m256d {
+    // SAFETY: as the caller promises; every record holds eight f64 and is aligned.
+    unsafe {
+        let a = records.get_unchecked(pairs.j[lane] as usize);
+        let b = records.get_unchecked(pairs.j[lane + 2] as usize);
+        _mm256_set_m128d(
+            _mm_load_pd(b.0.as_ptr().add(6)),
+            _mm_load_pd(a.0.as_ptr().add(6)),
+        )
+    }
+}
+
+/// Exponents of normal numbers, given by their bits.
+///
+/// # Safety
+/// The processor has AVX2.
+#[inline(always)]
+unsafe fn exponent(bits: __m256i) -> __m256d {
+    // SAFETY: register operations only, with the feature that the caller promises.
+    unsafe {
+        // The biased exponent in the low bits of 2^52 is 2^52 + exponent, exactly.
+        let shifted = _mm256_or_si256(
+            _mm256_srli_epi64::<52>(bits),
+            _mm256_set1_epi64x(0x4330_0000_0000_0000),
+        );
+        _mm256_sub_pd(
+            _mm256_castsi256_pd(shifted),
+            _mm256_set1_pd(4503599627370496.0 + 1023.0),
+        )
     }
 }
 

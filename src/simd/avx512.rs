@@ -1,9 +1,12 @@
-//! AVX-512 (F and DQ): one register.
+//! AVX-512 (F and DQ): two registers, so that two chains of operations are always under way.
 
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{LANES, Lanes, Mask, Row, Work};
+use super::{
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Mask, PairList, Pairs, Quad, Record, Row, TO_INTEGER,
+    Work,
+};
 
 /// Proof that this processor has AVX-512 F and DQ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,7 +33,7 @@ pub(super) fn run<W: Work>(token: Avx512Token, work: W) -> W::Output {
 }
 
 #[derive(Debug, Clone, Copy)]
-pub struct Avx512(__m512d);
+pub struct Avx512([__m512d; 2]);
 
 macro_rules! operator {
     ($trait:ident, $method:ident, $intrinsic:ident) => {
@@ -39,7 +42,7 @@ macro_rules! operator {
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
                 // SAFETY: a value of this type exists only where a token was shown.
-                Avx512(unsafe { $intrinsic(self.0, other.0) })
+                self.zip(other, |a, b| unsafe { $intrinsic(a, b) })
             }
         }
     };
@@ -49,152 +52,392 @@ operator!(Sub, sub, _mm512_sub_pd);
 operator!(Mul, mul, _mm512_mul_pd);
 operator!(Div, div, _mm512_div_pd);
 
+impl Avx512 {
+    #[inline(always)]
+    fn map(self, f: impl Fn(__m512d) -> __m512d) -> Self {
+        Avx512([f(self.0[0]), f(self.0[1])])
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(__m512d, __m512d) -> __m512d) -> Self {
+        Avx512([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
+    }
+}
+
 impl Neg for Avx512 {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
         // SAFETY: a value of this type exists only where a token was shown.
-        Avx512(unsafe { _mm512_xor_pd(self.0, _mm512_set1_pd(-0.0)) })
+        self.map(|x| unsafe { _mm512_xor_pd(x, _mm512_set1_pd(-0.0)) })
     }
 }
 
 #[derive(Debug, Clone, Copy)]
-pub struct Mask512(__mmask8);
+pub struct Mask512([__mmask8; 2]);
 
 impl Mask for Mask512 {
     #[inline(always)]
     fn and(self, other: Self) -> Self {
-        Mask512(self.0 & other.0)
+        Mask512([self.0[0] & other.0[0], self.0[1] & other.0[1]])
     }
 
     #[inline(always)]
-    fn bits(self) -> u8 {
-        self.0
+    fn bits(self) -> u16 {
+        u16::from(self.0[0]) | (u16::from(self.0[1]) << 8)
     }
 }
+
+/// Sixteen sums of integers.
+#[derive(Debug, Clone, Copy)]
+pub struct Counts512([__m512i; 2]);
+
+/// Integers whose last three bits count.
+#[derive(Debug, Clone, Copy)]
+pub struct Eighths512([__m512i; 2]);
 
 impl Lanes for Avx512 {
     type Token = Avx512Token;
     type Mask = Mask512;
+    type Index = Eighths512;
+    type Counts = Counts512;
 
     #[inline(always)]
     fn splat(_: Avx512Token, x: f64) -> Self {
         // SAFETY: the token proves that the processor has AVX-512.
-        Avx512(unsafe { _mm512_set1_pd(x) })
+        Avx512(unsafe { [_mm512_set1_pd(x); 2] })
     }
 
     #[inline(always)]
     fn load(_: Avx512Token, from: &Row) -> Self {
-        // SAFETY: the token proves AVX-512; a row holds eight f64 and is aligned.
-        Avx512(unsafe { _mm512_load_pd(from.0.as_ptr()) })
+        // SAFETY: the token proves AVX-512; a row holds sixteen f64 and is aligned, eight from each pointer.
+        Avx512(unsafe {
+            [
+                _mm512_load_pd(from.0.as_ptr()),
+                _mm512_load_pd(from.0.as_ptr().add(8)),
+            ]
+        })
     }
 
     #[inline(always)]
     fn store(self, to: &mut Row) {
-        // SAFETY: a value of this type exists only where a token was shown; a row holds eight f64 and is aligned.
-        unsafe { _mm512_store_pd(to.0.as_mut_ptr(), self.0) }
+        // SAFETY: a value of this type exists only where a token was shown; a row holds sixteen f64 and is aligned.
+        unsafe {
+            _mm512_store_pd(to.0.as_mut_ptr(), self.0[0]);
+            _mm512_store_pd(to.0.as_mut_ptr().add(8), self.0[1]);
+        }
     }
 
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
         // SAFETY: a value of this type exists only where a token was shown.
-        Avx512(unsafe { _mm512_fmadd_pd(self.0, factor.0, term.0) })
+        Avx512(unsafe {
+            [
+                _mm512_fmadd_pd(self.0[0], factor.0[0], term.0[0]),
+                _mm512_fmadd_pd(self.0[1], factor.0[1], term.0[1]),
+            ]
+        })
     }
 
     #[inline(always)]
     fn sqrt(self) -> Self {
         // SAFETY: a value of this type exists only where a token was shown.
-        Avx512(unsafe { _mm512_sqrt_pd(self.0) })
+        self.map(|x| unsafe { _mm512_sqrt_pd(x) })
     }
 
     #[inline(always)]
     fn abs(self) -> Self {
         // SAFETY: a value of this type exists only where a token was shown.
-        Avx512(unsafe { _mm512_andnot_pd(_mm512_set1_pd(-0.0), self.0) })
+        self.map(|x| unsafe { _mm512_andnot_pd(_mm512_set1_pd(-0.0), x) })
     }
 
     #[inline(always)]
     fn round(self) -> Self {
         // SAFETY: a value of this type exists only where a token was shown.
-        Avx512(unsafe {
-            _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0)
+        self.map(|x| unsafe {
+            _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(x)
         })
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        self.select(self.greater(other), other)
+        // SAFETY: a value of this type exists only where a token was shown.
+        self.zip(other, |a, b| unsafe { _mm512_max_pd(a, b) })
     }
 
     #[inline(always)]
     fn copy_sign(self, sign: Self) -> Self {
         // SAFETY: a value of this type exists only where a token was shown.
-        Avx512(unsafe {
+        self.zip(sign, |x, s| unsafe {
             let bit = _mm512_set1_pd(-0.0);
-            _mm512_or_pd(_mm512_andnot_pd(bit, self.0), _mm512_and_pd(bit, sign.0))
+            _mm512_or_pd(_mm512_andnot_pd(bit, x), _mm512_and_pd(bit, s))
         })
     }
 
     #[inline(always)]
     fn greater(self, other: Self) -> Mask512 {
         // SAFETY: a value of this type exists only where a token was shown.
-        Mask512(unsafe { _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0, other.0) })
+        Mask512(unsafe {
+            [
+                _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0[0], other.0[0]),
+                _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0[1], other.0[1]),
+            ]
+        })
     }
 
     #[inline(always)]
     fn select(self, mask: Mask512, other: Self) -> Self {
         // SAFETY: a value of this type exists only where a token was shown.
-        Avx512(unsafe { _mm512_mask_blend_pd(mask.0, other.0, self.0) })
+        Avx512(unsafe {
+            [
+                _mm512_mask_blend_pd(mask.0[0], other.0[0], self.0[0]),
+                _mm512_mask_blend_pd(mask.0[1], other.0[1], self.0[1]),
+            ]
+        })
     }
 
     #[inline(always)]
     fn exponent_mantissa(self) -> (Self, Self) {
         // SAFETY: a value of this type exists only where a token was shown.
         unsafe {
-            let bits = _mm512_castpd_si512(self.0);
-            let exponent = _mm512_sub_epi64(_mm512_srli_epi64::<52>(bits), _mm512_set1_epi64(1023));
-            let mantissa = _mm512_or_si512(
-                _mm512_and_si512(bits, _mm512_set1_epi64(0x000f_ffff_ffff_ffff)),
-                _mm512_set1_epi64(0x3ff0_0000_0000_0000),
-            );
             (
-                Avx512(_mm512_cvtepi64_pd(exponent)),
-                Avx512(_mm512_castsi512_pd(mantissa)),
+                self.map(|x| _mm512_getexp_pd(x)),
+                self.map(|x| _mm512_getmant_pd::<_MM_MANT_NORM_1_2, _MM_MANT_SIGN_SRC>(x)),
             )
         }
     }
 
     #[inline(always)]
-    fn gather(_: Avx512Token, records: &[Row], index: &[u32; LANES], field: usize) -> Self {
-        let x = |k: usize| records[index[k] as usize].0[field];
-        // SAFETY: the token proves that the processor has AVX-512.
-        Avx512(unsafe { _mm512_set_pd(x(7), x(6), x(5), x(4), x(3), x(2), x(1), x(0)) })
+    fn exponent_eighth(self) -> (Self, Self, Eighths512) {
+        // SAFETY: a value of this type exists only where a token was shown.
+        unsafe {
+            (
+                self.map(|x| _mm512_getexp_pd(_mm512_castsi512_pd(rounded(x)))),
+                self.map(|x| {
+                    let power = _mm512_and_si512(rounded(x), _mm512_set1_epi64(0xfff << 52));
+                    let raised =
+                        _mm512_add_epi64(_mm512_castpd_si512(x), _mm512_set1_epi64(1023 << 52));
+                    _mm512_castsi512_pd(_mm512_sub_epi64(raised, power))
+                }),
+                Eighths512([
+                    _mm512_srli_epi64::<49>(rounded(self.0[0])),
+                    _mm512_srli_epi64::<49>(rounded(self.0[1])),
+                ]),
+            )
+        }
     }
 
     #[inline(always)]
-    fn differences(
-        _: Avx512Token,
-        records: &[Row],
-        i: &[u32; LANES],
-        j: &[u32; LANES],
-    ) -> [Self; LANES] {
-        // SAFETY: the token proves AVX-512; every index is checked and every row holds eight f64 and is aligned.
+    fn look_up(_: Avx512Token, table: &[f64; 8], k: Eighths512) -> Self {
+        // SAFETY: the token proves that the processor has AVX-512; eight f64 are read; of an index the last three bits count.
+        Avx512(unsafe {
+            let table = _mm512_loadu_pd(table.as_ptr());
+            [
+                _mm512_permutexvar_pd(k.0[0], table),
+                _mm512_permutexvar_pd(k.0[1], table),
+            ]
+        })
+    }
+
+    #[inline(always)]
+    fn no_counts(_: Avx512Token) -> Counts512 {
+        // SAFETY: the token proves that the processor has AVX-512.
+        Counts512(unsafe { [_mm512_setzero_si512(); 2] })
+    }
+
+    #[inline(always)]
+    fn count(self, sums: Counts512) -> Counts512 {
+        let mut sums = sums;
+        for (sum, x) in sums.0.iter_mut().zip(self.0) {
+            // SAFETY: a value of this type exists only where a token was shown.
+            unsafe {
+                let shifted = _mm512_add_pd(x, _mm512_set1_pd(TO_INTEGER));
+                let zero = _mm512_set1_epi64(TO_INTEGER.to_bits() as i64);
+                let integer = _mm512_sub_epi64(_mm512_castpd_si512(shifted), zero);
+                *sum = _mm512_add_epi64(*sum, integer);
+            }
+        }
+        sums
+    }
+
+    #[inline(always)]
+    fn total(sums: Counts512) -> i128 {
+        let mut all = [0i64; 16];
+        for (k, sum) in sums.0.into_iter().enumerate() {
+            // SAFETY: sums exist only where a token was shown; eight i64 are written from each pointer.
+            unsafe { _mm512_storeu_si512(all.as_mut_ptr().add(8 * k).cast(), sum) }
+        }
+        all.iter().map(|&k| k as i128).sum()
+    }
+
+    #[inline(always)]
+    fn inverse_start(self) -> Self {
+        // SAFETY: a value of this type exists only where a token was shown.
+        self.map(|x| unsafe {
+            _mm512_castsi512_pd(_mm512_sub_epi64(
+                _mm512_set1_epi64(INVERSE_MAGIC as i64),
+                _mm512_castpd_si512(x),
+            ))
+        })
+    }
+
+    #[inline(always)]
+    fn inverse_sqrt_start(self) -> Self {
+        // SAFETY: a value of this type exists only where a token was shown.
+        self.map(|x| unsafe {
+            _mm512_castsi512_pd(_mm512_sub_epi64(
+                _mm512_set1_epi64(INVERSE_SQRT_MAGIC as i64),
+                _mm512_srli_epi64::<1>(_mm512_castpd_si512(x)),
+            ))
+        })
+    }
+
+    #[inline(always)]
+    fn differences(_: Avx512Token, records: &[Record], list: &PairList, block: usize) -> [Self; 8] {
+        let pairs = list.within(block, records.len());
+        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every record holds eight f64 and is aligned.
         unsafe {
-            let row = |k: usize| {
-                let (a, b) = (&records[i[k] as usize], &records[j[k] as usize]);
-                _mm512_sub_pd(_mm512_load_pd(a.0.as_ptr()), _mm512_load_pd(b.0.as_ptr()))
-            };
-            let r: [__m512d; LANES] = [
-                row(0),
-                row(1),
-                row(2),
-                row(3),
-                row(4),
-                row(5),
-                row(6),
-                row(7),
-            ];
-            transpose(r).map(Avx512)
+            let (a, b) = (columns(records, pairs, 0), columns(records, pairs, 8));
+            [
+                Avx512([a[0], b[0]]),
+                Avx512([a[1], b[1]]),
+                Avx512([a[2], b[2]]),
+                Avx512([a[3], b[3]]),
+                Avx512([a[4], b[4]]),
+                Avx512([a[5], b[5]]),
+                Avx512([a[6], b[6]]),
+                Avx512([a[7], b[7]]),
+            ]
+        }
+    }
+
+    #[inline(always)]
+    fn last_fields(_: Avx512Token, records: &[Record], list: &PairList, block: usize) -> [Self; 2] {
+        let pairs = list.within(block, records.len());
+        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and a record holds eight f64, of which the last two are read.
+        unsafe {
+            let (a, b) = (
+                (four_ends(records, pairs, 0), four_ends(records, pairs, 1)),
+                (four_ends(records, pairs, 8), four_ends(records, pairs, 9)),
+            );
+            [
+                Avx512([_mm512_unpacklo_pd(a.0, a.1), _mm512_unpacklo_pd(b.0, b.1)]),
+                Avx512([_mm512_unpackhi_pd(a.0, a.1), _mm512_unpackhi_pd(b.0, b.1)]),
+            ]
+        }
+    }
+
+    #[inline(always)]
+    fn add_to_pairs(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+        let pairs = list.within(block, sums.len());
+        // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every quad holds
+        // four f64 and is aligned.
+        unsafe {
+            let zero = _mm512_setzero_pd();
+            let [a, b, c, d] = terms;
+            for part in 0..2 {
+                let (a, b, c) = (a.0[part], b.0[part], c.0[part]);
+                let d = _mm512_sub_pd(zero, d.0[part]);
+                let (ab_even, ab_odd) = (_mm512_unpacklo_pd(a, b), _mm512_unpackhi_pd(a, b));
+                let (c_even, c_odd) = (_mm512_unpacklo_pd(c, zero), _mm512_unpackhi_pd(c, zero));
+                let (d_even, d_odd) = (_mm512_unpacklo_pd(d, zero), _mm512_unpackhi_pd(d, zero));
+                let on_i = quads([ab_even, ab_odd], [c_even, c_odd]);
+                let on_j = quads([ab_even, ab_odd], [d_even, d_odd]);
+                for k in 0..8 {
+                    let lane = 8 * part + k;
+                    let to = sums.as_mut_ptr().add(pairs.i[lane] as usize).cast::<f64>();
+                    _mm256_store_pd(to, _mm256_add_pd(_mm256_load_pd(to), quad(&on_i, k)));
+                    let to = sums.as_mut_ptr().add(pairs.j[lane] as usize).cast::<f64>();
+                    _mm256_store_pd(to, _mm256_sub_pd(_mm256_load_pd(to), quad(&on_j, k)));
+                }
+            }
+        }
+    }
+}
+
+// What follows are functions and no closures: a closure that is not inlined is not compiled for the instruction set.
+
+/// Columns of the differences of eight pairs, from the `first` on.
+///
+/// # Safety
+/// The processor has AVX-512 F, and the indices are below `records.len()`.
+#[inline(always)]
+unsafe fn columns(records: &[Record], pairs: &Pairs, first: usize) -> [__m512d; 8] {
+    // SAFETY: as the caller promises; every record holds eight f64 and is aligned.
+    unsafe {
+        let mut rows = [_mm512_setzero_pd(); 8];
+        for (k, row) in rows.iter_mut().enumerate() {
+            let (a, b) = (
+                records.get_unchecked(pairs.i[first + k] as usize),
+                records.get_unchecked(pairs.j[first + k] as usize),
+            );
+            *row = _mm512_sub_pd(_mm512_load_pd(a.0.as_ptr()), _mm512_load_pd(b.0.as_ptr()));
+        }
+        transpose(rows)
+    }
+}
+
+/// The last two fields of the records `pairs.j` of every other lane, four of them, from the `first` on.
+///
+/// # Safety
+/// The processor has AVX-512 DQ, and the indices are below `records.len()`.
+#[inline(always)]
+unsafe fn four_ends(records: &[Record], pairs: &Pairs, first: usize) -> __m512d {
+    // SAFETY: as the caller promises; every record holds eight f64 and is aligned.
+    unsafe {
+        let mut ends = [_mm512_setzero_pd(); 4];
+        for (k, end) in ends.iter_mut().enumerate() {
+            let record = records.get_unchecked(pairs.j[first + 2 * k] as usize);
+            *end = _mm512_broadcast_f64x2(_mm_load_pd(record.0.as_ptr().add(6)));
+        }
+        let a = _mm512_mask_blend_pd(0b0000_1100, ends[0], ends[1]);
+        let b = _mm512_mask_blend_pd(0b0011_0000, a, ends[2]);
+        _mm512_mask_blend_pd(0b1100_0000, b, ends[3])
+    }
+}
+
+/// The bits of x, half an eighth of its power of two further.
+///
+/// # Safety
+/// The processor has AVX-512 F.
+#[inline(always)]
+unsafe fn rounded(x: __m512d) -> __m512i {
+    // SAFETY: register operations only, with the feature that the caller promises.
+    unsafe { _mm512_add_epi64(_mm512_castpd_si512(x), _mm512_set1_epi64(1 << 48)) }
+}
+
+/// (a, b, c, 0) of lanes {0, 2}, {1, 3}, {4, 6} and {5, 7}, of (a, b) and (c, 0) of the even and the odd lanes.
+///
+/// # Safety
+/// The processor has AVX-512 F.
+#[inline(always)]
+unsafe fn quads(ab: [__m512d; 2], c: [__m512d; 2]) -> [__m512d; 4] {
+    // SAFETY: register operations only, with the feature that the caller promises.
+    unsafe {
+        let low = _mm512_set_epi64(11, 10, 3, 2, 9, 8, 1, 0);
+        let high = _mm512_set_epi64(15, 14, 7, 6, 13, 12, 5, 4);
+        [
+            _mm512_permutex2var_pd(ab[0], low, c[0]),
+            _mm512_permutex2var_pd(ab[1], low, c[1]),
+            _mm512_permutex2var_pd(ab[0], high, c[0]),
+            _mm512_permutex2var_pd(ab[1], high, c[1]),
+        ]
+    }
+}
+
+/// That of one lane.
+///
+/// # Safety
+/// The processor has AVX-512 F.
+#[inline(always)]
+unsafe fn quad(quads: &[__m512d; 4], lane: usize) -> __m256d {
+    let row = quads[lane % 2 + lane / 4 * 2];
+    // SAFETY: register operations only, with the feature that the caller promises.
+    unsafe {
+        if (lane / 2).is_multiple_of(2) {
+            _mm512_castpd512_pd256(row)
+        } else {
+            _mm512_extractf64x4_pd::<1>(row)
         }
     }
 }
@@ -204,30 +447,29 @@ impl Lanes for Avx512 {
 /// # Safety
 /// The processor has AVX-512 F.
 #[inline(always)]
-unsafe fn transpose(r: [__m512d; LANES]) -> [__m512d; LANES] {
+unsafe fn transpose(r: [__m512d; 8]) -> [__m512d; 8] {
     // SAFETY: register operations only, with the feature that the caller promises.
     unsafe {
-        let pair = |a, b| (_mm512_unpacklo_pd(a, b), _mm512_unpackhi_pd(a, b));
-        let (a0, a1) = pair(r[0], r[1]);
-        let (a2, a3) = pair(r[2], r[3]);
-        let (a4, a5) = pair(r[4], r[5]);
-        let (a6, a7) = pair(r[6], r[7]);
-        let even = |a, b| _mm512_shuffle_f64x2::<0x88>(a, b);
-        let odd = |a, b| _mm512_shuffle_f64x2::<0xdd>(a, b);
-        // b: columns {0, 4} or {2, 6} (from a0, a2, a4, a6), and {1, 5} or {3, 7}, half of the rows each
-        let (b0, b1) = (even(a0, a2), odd(a0, a2));
-        let (b2, b3) = (even(a1, a3), odd(a1, a3));
-        let (b4, b5) = (even(a4, a6), odd(a4, a6));
-        let (b6, b7) = (even(a5, a7), odd(a5, a7));
+        let mut a = [_mm512_setzero_pd(); 8];
+        for k in 0..4 {
+            a[k] = _mm512_unpacklo_pd(r[2 * k], r[2 * k + 1]);
+            a[k + 4] = _mm512_unpackhi_pd(r[2 * k], r[2 * k + 1]);
+        }
+        // b: columns {0, 4} or {2, 6} of the first four rows and of the last four, then {1, 5} or {3, 7}.
+        let mut b = [_mm512_setzero_pd(); 8];
+        for k in 0..4 {
+            b[2 * k] = _mm512_shuffle_f64x2::<0x88>(a[2 * k], a[2 * k + 1]);
+            b[2 * k + 1] = _mm512_shuffle_f64x2::<0xdd>(a[2 * k], a[2 * k + 1]);
+        }
         [
-            even(b0, b4),
-            even(b2, b6),
-            even(b1, b5),
-            even(b3, b7),
-            odd(b0, b4),
-            odd(b2, b6),
-            odd(b1, b5),
-            odd(b3, b7),
+            _mm512_shuffle_f64x2::<0x88>(b[0], b[2]),
+            _mm512_shuffle_f64x2::<0x88>(b[4], b[6]),
+            _mm512_shuffle_f64x2::<0x88>(b[1], b[3]),
+            _mm512_shuffle_f64x2::<0x88>(b[5], b[7]),
+            _mm512_shuffle_f64x2::<0xdd>(b[0], b[2]),
+            _mm512_shuffle_f64x2::<0xdd>(b[4], b[6]),
+            _mm512_shuffle_f64x2::<0xdd>(b[1], b[3]),
+            _mm512_shuffle_f64x2::<0xdd>(b[5], b[7]),
         ]
     }
 }

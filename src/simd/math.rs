@@ -2,36 +2,89 @@
 
 use super::Lanes;
 
-/// Natural logarithm of positive normal numbers, to less than one unit in the last place.
+/// Natural logarithm of positive normal numbers, without division: to an ulp of it or of 1, whichever is more; around 1, from
+/// 31/32 to 17/16, to an ulp of it.
 ///
-/// x = m 2^e with m in [√½, √2); ln m from s = f/(2 + f), f = m - 1, by the minimax polynomial of FreeBSD's `e_log.c`
-/// (|error| < 2^-58.45).
+/// x = m 2^e with m near 1 + k/8: f = m r_k - 1 with r_k ≈ 1/(1 + k/8), so |f| ≤ 1/16 and
+/// ln x = e ln 2 - ln r_k + ln(1+f); ln(1+f) = f - f²/2 + f³ q(f), q minimax (ln to 4.1e-17). r_0 is 1: no cancellation near 1.
 #[inline(always)]
-#[expect(clippy::excessive_precision, reason = "the digits of the source")]
 pub fn ln<L: Lanes>(token: L::Token, x: L) -> L {
+    const INVERSE: [f64; 8] = [
+        1.0,
+        0.8888888888888888,
+        0.8,
+        0.7272727272727273,
+        0.6666666666666666,
+        0.6153846153846154,
+        0.5714285714285714,
+        0.5333333333333333,
+    ];
+    const LOG: [f64; 8] = [
+        0.0,
+        0.11778303565638351,
+        0.2231435513142097,
+        0.3184537311185346,
+        0.40546510810816444,
+        0.48550781578170077,
+        0.5596157879354228,
+        0.6286086594223742,
+    ];
     let c = |v| L::splat(token, v);
-    let (e, m) = x.exponent_mantissa();
-    let high = m.greater(c(std::f64::consts::SQRT_2));
-    let m = (m * c(0.5)).select(high, m);
-    let e = (e + c(1.0)).select(high, e);
-    let f = m - c(1.0);
-    let s = f / (c(2.0) + f);
-    let z = s * s;
-    let r = c(1.479819860511658591e-1)
-        .mul_add(z, c(1.531383769920937332e-1))
-        .mul_add(z, c(1.818357216161805012e-1))
-        .mul_add(z, c(2.222219843214978396e-1))
-        .mul_add(z, c(2.857142874366239149e-1))
-        .mul_add(z, c(3.999999999940941908e-1))
-        .mul_add(z, c(6.666666666666735130e-1))
-        * z;
-    let half_square = c(0.5) * f * f;
-    let ln2_high = c(6.93147180369123816490e-1);
-    let ln2_low = c(1.90821492927058770002e-10);
+    let (e, m, k) = x.exponent_eighth();
+    let f = m.mul_add(L::look_up(token, &INVERSE, k), c(-1.0));
+    let f2 = f * f;
+    let q = c(-0.10081927246175626)
+        .mul_add(f, c(0.11182478647391302))
+        .mul_add(f, c(-0.12499727177513775))
+        .mul_add(f, c(0.14285539746728146))
+        .mul_add(f, c(-0.16666667012089464))
+        .mul_add(f, c(0.20000000136489163))
+        .mul_add(f, c(-0.24999999999877187))
+        .mul_add(f, c(0.3333333333331666));
+    let log_1_f = f2.mul_add(f.mul_add(q, c(-0.5)), f);
+    // The first 32 bits of ln 2, whose product with e is exact, and the rest.
+    let low = e.mul_add(c(1.908_214_929_270_587_7e-10), log_1_f);
     e.mul_add(
-        ln2_high,
-        -((half_square - s.mul_add(half_square + r, e * ln2_low)) - f),
+        c(6.931_471_803_691_238e-1),
+        L::look_up(token, &LOG, k) + low,
     )
+}
+
+/// 1/x of positive normal numbers, to about an ulp: faster than a division where those are many.
+///
+/// With e = 1 - x y, 1/x = y p(e): p ≈ 1/(1-e) minimax for the start from the bits (5e-10), then one step of Newton's method.
+#[inline(always)]
+pub fn inverse<L: Lanes>(token: L::Token, x: L) -> L {
+    let c = |v| L::splat(token, v);
+    let y = x.inverse_start();
+    let e = (-x).mul_add(y, c(1.0));
+    let p = c(1.0038456275156673)
+        .mul_add(e, c(1.0038456275156673))
+        .mul_add(e, c(0.9999963104249739))
+        .mul_add(e, c(0.9999963104249739))
+        .mul_add(e, c(1.0000000005240683))
+        .mul_add(e, c(1.0000000005240683));
+    let y = y * p;
+    (-x).mul_add(y, c(1.0)).mul_add(y, y)
+}
+
+/// x^(-1/2) of positive normal numbers, to about an ulp, without division or root.
+///
+/// With e = 1 - x y², x^(-1/2) = y (1-e)^(-1/2) = y (1 + e p(e)): p minimax for the start from the bits (1.5e-9), then one
+/// step of Newton's method.
+#[inline(always)]
+pub fn inverse_sqrt<L: Lanes>(token: L::Token, x: L) -> L {
+    let c = |v| L::splat(token, v);
+    let y = x.inverse_sqrt_start();
+    let e = (-(x * y)).mul_add(y, c(1.0));
+    let p = c(0.24780814106360657)
+        .mul_add(e, c(0.27475480941714614))
+        .mul_add(e, c(0.31249629079524605))
+        .mul_add(e, c(0.37499846587808383))
+        .mul_add(e, c(0.5000000013292664));
+    let y = (y * e).mul_add(p, y);
+    let e = (-(x * y)).mul_add(y, c(1.0));
+    (y * c(0.5)).mul_add(e, y)
 }
 
 #[cfg(test)]
@@ -40,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn logarithm_is_good_to_an_ulp() {
+    fn logarithm_is_good_to_an_ulp_of_it_or_of_one() {
         // std's ln is itself within an ulp, so two are allowed between them.
         let mut x = 1e-300;
         while x < 1e300 {
@@ -50,9 +103,43 @@ mod tests {
             for (v, y) in row.0.iter().zip(out.0) {
                 let reference = v.ln();
                 assert!(
-                    (y - reference).abs() <= 2.0 * f64::EPSILON * reference.abs(),
+                    (y - reference).abs() <= 2.0 * f64::EPSILON * reference.abs().max(1.0),
                     "ln {v:e}: {y:e} against {reference:e}"
                 );
+            }
+            x *= 1.0 + 0.731;
+        }
+    }
+
+    #[test]
+    fn logarithm_near_one_keeps_its_digits() {
+        for x in [1.0, 1.0 + 1e-9, 1.0 - 1e-9, 1.0625, 0.96875, 1.05, 0.97] {
+            let mut out = Row::ZERO;
+            ln(PortableToken, Portable::splat(PortableToken, x)).store(&mut out);
+            let reference = f64::ln(x);
+            assert!(
+                (out.0[0] - reference).abs() <= 2.0 * f64::EPSILON * reference.abs(),
+                "ln {x}: {:e} against {reference:e}",
+                out.0[0]
+            );
+        }
+    }
+
+    #[test]
+    fn inverses_are_good_to_an_ulp() {
+        let mut x = 1e-300;
+        while x < 1e300 {
+            let row = Row(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
+            let lanes = Portable::load(PortableToken, &row);
+            let root = inverse_sqrt(PortableToken, lanes).to_row();
+            let inverse = inverse(PortableToken, lanes).to_row();
+            for (k, v) in row.0.into_iter().enumerate() {
+                for (y, reference) in [(root.0[k], 1.0 / v.sqrt()), (inverse.0[k], 1.0 / v)] {
+                    assert!(
+                        (y / reference - 1.0).abs() <= 2.0 * f64::EPSILON,
+                        "{v:e}: {y:e} against {reference:e}"
+                    );
+                }
             }
             x *= 1.0 + 0.731;
         }

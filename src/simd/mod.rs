@@ -1,4 +1,4 @@
-//! Eight f64 at a time, with the same bits on every processor.
+//! Sixteen f64 at a time, with the same bits on every processor.
 //!
 //! Every operation is exactly one IEEE operation per lane (fused multiply-add included), so AVX-512, AVX2 with FMA
 //! and the portable arrays agree to the last bit. The instruction set is chosen once, at run time.
@@ -11,26 +11,109 @@ mod math;
 mod portable;
 
 use bytemuck::{Pod, Zeroable};
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::ops::{Add, Deref, DerefMut, Div, Mul, Neg, Sub};
 
 pub use avx2::{Avx2, Avx2Token};
 pub use avx512::{Avx512, Avx512Token};
-pub use math::ln;
+pub use math::{inverse, inverse_sqrt, ln};
 pub use portable::{Portable, PortableToken};
 
 /// Number of lanes.
-pub const LANES: usize = 8;
+pub const LANES: usize = 16;
 
-/// Eight f64 on one cache line: a grain as the kernel reads it, or one quantity of eight contacts.
+/// One quantity of sixteen contacts.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Row(pub [f64; LANES]);
+
+/// Eight f64 on one cache line: a grain as the kernel reads it.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub struct Record(pub [f64; 8]);
+
+impl Record {
+    pub const ZERO: Self = Record([0.0; 8]);
+}
 
 impl Row {
     pub const ZERO: Self = Row([0.0; LANES]);
 }
 
-/// Eight f64.
+/// Half a cache line: what is added to one grain.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(32))]
+pub struct Quad(pub [f64; 4]);
+
+impl Quad {
+    pub const ZERO: Self = Quad([0.0; 4]);
+}
+
+impl Deref for Quad {
+    type Target = [f64; 4];
+    fn deref(&self) -> &[f64; 4] {
+        &self.0
+    }
+}
+
+impl DerefMut for Quad {
+    fn deref_mut(&mut self) -> &mut [f64; 4] {
+        &mut self.0
+    }
+}
+
+/// Sixteen pairs of indices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(C, align(64))]
+pub struct Pairs {
+    pub i: [u32; LANES],
+    pub j: [u32; LANES],
+}
+
+/// Pairs of indices in blocks, and what those of a block are below: whoever has an array of that length may use them unchecked.
+#[derive(Debug, Default)]
+pub struct PairList {
+    blocks: Vec<Pairs>,
+    below: Vec<u32>,
+}
+
+impl PairList {
+    pub fn clear(&mut self) {
+        self.blocks.clear();
+        self.below.clear();
+    }
+
+    /// # Panics
+    /// Where an index is `u32::MAX`.
+    pub fn push(&mut self, pairs: Pairs) {
+        let most = pairs.i.iter().chain(&pairs.j).fold(0, |a, &b| a.max(b));
+        assert!(most < u32::MAX, "an index has to be below {}", u32::MAX);
+        self.below.push(most + 1);
+        self.blocks.push(pairs);
+    }
+
+    pub fn blocks(&self) -> &[Pairs] {
+        &self.blocks
+    }
+
+    pub fn memory(&self) -> usize {
+        self.blocks.capacity() * size_of::<Pairs>() + self.below.capacity() * size_of::<u32>()
+    }
+
+    /// A block, all of whose indices are below `length`.
+    ///
+    /// # Panics
+    /// Where they may not be.
+    #[inline(always)]
+    fn within(&self, block: usize, length: usize) -> &Pairs {
+        assert!(
+            self.below[block] as usize <= length,
+            "a pair of the list has an index outside the grains"
+        );
+        &self.blocks[block]
+    }
+}
+
+/// Sixteen f64.
 pub trait Lanes:
     Copy
     + Add<Output = Self>
@@ -42,10 +125,20 @@ pub trait Lanes:
     /// Proof that the processor can do this.
     type Token: Copy;
     type Mask: Mask;
+    /// Sixteen integers from 0 to 7.
+    type Index: Copy;
+    /// Sixteen sums of integers.
+    type Counts: Copy;
 
     fn splat(token: Self::Token, x: f64) -> Self;
     fn load(token: Self::Token, from: &Row) -> Self;
     fn store(self, to: &mut Row);
+    #[inline(always)]
+    fn to_row(self) -> Row {
+        let mut row = Row::ZERO;
+        self.store(&mut row);
+        row
+    }
     /// `self * factor + term`, rounded once.
     fn mul_add(self, factor: Self, term: Self) -> Self;
     fn sqrt(self) -> Self;
@@ -62,38 +155,61 @@ pub trait Lanes:
     fn select(self, mask: Self::Mask, other: Self) -> Self;
     /// Exponent e and mantissa m in [1, 2) of normal positive numbers: x = m 2^e.
     fn exponent_mantissa(self) -> (Self, Self);
-    /// `records[i] - records[j]` of eight pairs, transposed: the k-th result holds field k of the eight differences.
+    /// Normal positive numbers as x = m 2^e with m in [31/32, 31/16), and the k for which m is nearest to 1 + k/8.
+    fn exponent_eighth(self) -> (Self, Self, Self::Index);
+    /// `table[k]`.
+    fn look_up(token: Self::Token, table: &[f64; 8], k: Self::Index) -> Self;
+    fn no_counts(token: Self::Token) -> Self::Counts;
+    /// Adds `self`, rounded to the nearest integer; |self| < 2^51.
+    fn count(self, sums: Self::Counts) -> Self::Counts;
+    /// All sums together.
+    fn total(sums: Self::Counts) -> i128;
+    /// A start for 1/x of normal positive numbers, from the bits: |1 - x y| < 0.0506.
+    fn inverse_start(self) -> Self;
+    /// A start for x^(-1/2) of normal positive numbers, from the bits: |1 - x y²| < 0.0682.
+    fn inverse_sqrt_start(self) -> Self;
+    /// `records[i] - records[j]` of a block of pairs, transposed: the k-th result holds field k of the sixteen differences.
     ///
     /// # Panics
-    /// Where an index is outside `records`.
+    /// Where an index of the list is outside `records`.
     fn differences(
         token: Self::Token,
-        records: &[Row],
-        i: &[u32; LANES],
-        j: &[u32; LANES],
-    ) -> [Self; LANES];
-    /// Field `field` of eight records.
+        records: &[Record],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 8];
+    /// The last two fields of the records j.
     ///
     /// # Panics
-    /// Where an index is outside `records`.
-    #[inline(always)]
-    fn gather(token: Self::Token, records: &[Row], index: &[u32; LANES], field: usize) -> Self {
-        let mut out = Row::ZERO;
-        for (o, &k) in out.0.iter_mut().zip(index) {
-            *o = records[k as usize].0[field];
-        }
-        Self::load(token, &out)
-    }
+    /// Where an index of the list is outside `records`.
+    fn last_fields(
+        token: Self::Token,
+        records: &[Record],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 2];
+    /// Adds (a, b, c, 0) to `sums[i]` and (-a, -b, d, 0) to `sums[j]` of a block of pairs, one pair after the other.
+    ///
+    /// # Panics
+    /// Where an index of the list is outside `sums`.
+    fn add_to_pairs(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize);
 }
 
-/// Eight truth values.
+/// What brings a number below 2^51 to integers in the last bits.
+const TO_INTEGER: f64 = (3u64 << 51) as f64;
+
+/// Magic numbers of [`Lanes::inverse_start`] and [`Lanes::inverse_sqrt_start`]: their errors are the same on both sides.
+const INVERSE_MAGIC: u64 = 0x7fde_6238_5024_84ba;
+const INVERSE_SQRT_MAGIC: u64 = 0x5fe6_e8ea_de98_a944;
+
+/// Sixteen truth values.
 pub trait Mask: Copy {
     fn and(self, other: Self) -> Self;
     /// Lane k in bit k.
-    fn bits(self) -> u8;
+    fn bits(self) -> u16;
 }
 
-/// Something to do eight lanes at a time, on whichever instruction set there is.
+/// Something to do sixteen lanes at a time, on whichever instruction set there is.
 pub trait Work {
     type Output;
     /// To be `#[inline(always)]`, with all that it calls: what is not inlined is not compiled for the instruction set.
@@ -167,15 +283,23 @@ mod tests {
 
     #[inline(always)]
     fn exercise<L: Lanes>(token: L::Token) -> Vec<u64> {
-        let a = Row([1.5, -2.25, 3.0e-7, 1e300, -0.0, 7.5, 0.1, -1e-200]);
-        let b = Row([0.5, 2.5, -3.5, 1e-300, 4.0, -7.5, 0.3, 2.0]);
+        let twice = |x: [f64; 8]| Row(std::array::from_fn(|k| x[k % 8] * [1.0, 1.1][k / 8]));
+        let a = twice([1.5, -2.25, 3.0e-7, 1e300, -0.0, 7.5, 0.1, -1e-200]);
+        let b = twice([0.5, 2.5, -3.5, 1e-300, 4.0, -7.5, 0.3, 2.0]);
         let (x, y) = (L::load(token, &a), L::load(token, &b));
-        let positive = Row([1.0, 1.9999999, 2.5e-12, 1e300, 3e-308, 0.7, 42.0, 1e-5]);
+        let positive = twice([1.0, 1.9999999, 2.5e-12, 1e300, 3e-308, 0.7, 42.0, 1e-5]);
         let (e, m) = L::load(token, &positive).exponent_mantissa();
-        let records: Vec<Row> = (0..20)
-            .map(|k| Row(std::array::from_fn(|f| (k * k) as f64 + 0.1 * f as f64)))
+        let records: Vec<Record> = (0..20)
+            .map(|k| Record(std::array::from_fn(|f| (k * k) as f64 + 0.1 * f as f64)))
             .collect();
-        let (i, j) = ([0, 3, 5, 7, 11, 13, 17, 19], [2, 4, 6, 8, 10, 12, 14, 16]);
+        // Records that occur more than once, as first and as second.
+        let mut list = PairList::default();
+        list.push(Pairs {
+            i: [0, 0, 5, 7, 11, 13, 17, 19, 0, 1, 1, 1, 3, 4, 7, 18],
+            j: [2, 5, 6, 8, 12, 17, 19, 16, 1, 3, 4, 5, 4, 17, 9, 19],
+        });
+        let (e8, m8, k) = L::load(token, &positive).exponent_eighth();
+        let table = std::array::from_fn(|k| (k * k) as f64);
         let mut out = vec![
             x + y,
             x - y,
@@ -191,15 +315,30 @@ mod tests {
             e,
             m,
             ln::<L>(token, L::load(token, &positive)),
-            L::gather(token, &records, &i, 5),
+            e8,
+            m8,
+            L::look_up(token, &table, k),
+            L::load(token, &positive).inverse_start(),
+            L::load(token, &positive).inverse_sqrt_start(),
+            inverse::<L>(token, L::load(token, &positive)),
+            inverse_sqrt::<L>(token, L::load(token, &positive)),
         ];
-        out.extend(L::differences(token, &records, &i, &j));
+        out.extend(L::differences(token, &records, &list, 0));
+        out.extend(L::last_fields(token, &records, &list, 0));
         let mut bits = Vec::new();
         for lanes in out {
             let mut row = Row::ZERO;
             lanes.store(&mut row);
             bits.extend(row.0.map(f64::to_bits));
         }
+        let mut sums: Vec<Quad> = (0..20).map(|k| Quad([0.1 * k as f64; 4])).collect();
+        L::add_to_pairs([x, y, x + y, x - y], &mut sums, &list, 0);
+        bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
+        let small = L::splat(token, 2.5)
+            .max(x)
+            .select(L::splat(token, 1e15).greater(x), y);
+        let sums = small.count((-small).mul_add(y, x).count(L::no_counts(token)));
+        bits.push(L::total(small.count(sums)) as u64);
         bits.push(x.greater(y).and(x.greater(L::splat(token, 0.0))).bits() as u64);
         bits
     }
@@ -214,9 +353,10 @@ mod tests {
 
     #[test]
     fn rounds_ties_to_even() {
-        let x = Row([0.5, 1.5, 2.5, -0.5, -1.5, 0.49999999999999994, -0.6, 3.2]);
+        let eight = [0.5, 1.5, 2.5, -0.5, -1.5, 0.49999999999999994, -0.6, 3.2];
+        let x = Row(std::array::from_fn(|k| eight[k % 8]));
         let mut out = Row::ZERO;
         Portable::load(PortableToken, &x).round().store(&mut out);
-        assert_eq!(out.0, [0.0, 2.0, 2.0, 0.0, -2.0, 0.0, -1.0, 3.0]);
+        assert_eq!(out.0[..8], [0.0, 2.0, 2.0, 0.0, -2.0, 0.0, -1.0, 3.0]);
     }
 }

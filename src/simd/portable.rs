@@ -2,7 +2,9 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{LANES, Lanes, Mask, Row};
+use super::{
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Mask, PairList, Quad, Record, Row, TO_INTEGER,
+};
 
 /// Every processor can do this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,21 +49,23 @@ impl Neg for Portable {
     }
 }
 
-impl Mask for u8 {
+impl Mask for u16 {
     #[inline(always)]
     fn and(self, other: Self) -> Self {
         self & other
     }
 
     #[inline(always)]
-    fn bits(self) -> u8 {
+    fn bits(self) -> u16 {
         self
     }
 }
 
 impl Lanes for Portable {
     type Token = PortableToken;
-    type Mask = u8;
+    type Mask = u16;
+    type Index = [u8; LANES];
+    type Counts = [i64; LANES];
 
     #[inline(always)]
     fn splat(_: PortableToken, x: f64) -> Self {
@@ -111,12 +115,12 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn greater(self, other: Self) -> u8 {
-        (0..LANES).fold(0, |m, k| m | (u8::from(self.0[k] > other.0[k]) << k))
+    fn greater(self, other: Self) -> u16 {
+        (0..LANES).fold(0, |m, k| m | (u16::from(self.0[k] > other.0[k]) << k))
     }
 
     #[inline(always)]
-    fn select(self, mask: u8, other: Self) -> Self {
+    fn select(self, mask: u16, other: Self) -> Self {
         Portable(std::array::from_fn(|k| {
             if mask >> k & 1 == 1 {
                 self.0[k]
@@ -135,19 +139,104 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn exponent_eighth(self) -> (Self, Self, [u8; LANES]) {
+        let rounded = self.0.map(|x| x.to_bits().wrapping_add(1 << 48));
+        let exponent = rounded.map(|b| ((b >> 52) as i64 - 1023) as f64);
+        let mantissa = std::array::from_fn(|k| {
+            f64::from_bits(
+                self.0[k]
+                    .to_bits()
+                    .wrapping_add(1023 << 52)
+                    .wrapping_sub(rounded[k] & (0xfff << 52)),
+            )
+        });
+        (
+            Portable(exponent),
+            Portable(mantissa),
+            rounded.map(|b| (b >> 49 & 7) as u8),
+        )
+    }
+
+    #[inline(always)]
+    fn look_up(_: PortableToken, table: &[f64; 8], k: [u8; LANES]) -> Self {
+        Portable(k.map(|k| table[k as usize % 8]))
+    }
+
+    #[inline(always)]
+    fn no_counts(_: PortableToken) -> [i64; LANES] {
+        [0; LANES]
+    }
+
+    #[inline(always)]
+    fn count(self, sums: [i64; LANES]) -> [i64; LANES] {
+        std::array::from_fn(|k| {
+            let integer = (self.0[k] + TO_INTEGER)
+                .to_bits()
+                .wrapping_sub(TO_INTEGER.to_bits());
+            sums[k].wrapping_add(integer as i64)
+        })
+    }
+
+    #[inline(always)]
+    fn total(sums: [i64; LANES]) -> i128 {
+        sums.iter().map(|&k| k as i128).sum()
+    }
+
+    #[inline(always)]
+    fn inverse_start(self) -> Self {
+        self.map(|x| f64::from_bits(INVERSE_MAGIC.wrapping_sub(x.to_bits())))
+    }
+
+    #[inline(always)]
+    fn inverse_sqrt_start(self) -> Self {
+        self.map(|x| f64::from_bits(INVERSE_SQRT_MAGIC.wrapping_sub(x.to_bits() >> 1)))
+    }
+
+    #[inline(always)]
     fn differences(
         _: PortableToken,
-        records: &[Row],
-        i: &[u32; LANES],
-        j: &[u32; LANES],
-    ) -> [Self; LANES] {
-        let mut out = [Portable([0.0; LANES]); LANES];
+        records: &[Record],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 8] {
+        let pairs = list.within(block, records.len());
+        let mut out = [Portable([0.0; LANES]); 8];
         for lane in 0..LANES {
-            let (a, b) = (&records[i[lane] as usize], &records[j[lane] as usize]);
+            let (a, b) = (
+                &records[pairs.i[lane] as usize],
+                &records[pairs.j[lane] as usize],
+            );
             for (field, lanes) in out.iter_mut().enumerate() {
                 lanes.0[lane] = a.0[field] - b.0[field];
             }
         }
         out
+    }
+
+    #[inline(always)]
+    fn last_fields(
+        _: PortableToken,
+        records: &[Record],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 2] {
+        let pairs = list.within(block, records.len());
+        [6, 7].map(|field| Portable(pairs.j.map(|j| records[j as usize].0[field])))
+    }
+
+    #[inline(always)]
+    fn add_to_pairs(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+        let pairs = list.within(block, sums.len());
+        let [a, b, c, d] = terms;
+        for lane in 0..LANES {
+            let on_i = &mut sums[pairs.i[lane] as usize].0;
+            on_i[0] += a.0[lane];
+            on_i[1] += b.0[lane];
+            on_i[2] += c.0[lane];
+            let on_j = &mut sums[pairs.j[lane] as usize].0;
+            on_j[0] -= a.0[lane];
+            on_j[1] -= b.0[lane];
+            on_j[2] += d.0[lane];
+        }
     }
 }

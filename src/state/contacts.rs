@@ -1,20 +1,23 @@
-//! The canonical half list and what the contacts remember, in blocks of eight pairs.
+//! The canonical half list and what the contacts remember, in blocks of sixteen pairs.
+
+use std::ops::Range;
 
 use crate::contact::ContactLaw;
-use crate::simd::{LANES, Row};
+use crate::simd::{LANES, Lanes, Level, PairList, Pairs, Row, Work};
 
 use super::ContactState;
 
-/// Pairs of local grains that touch or may come to, each once, in order of (id of i, id of j), i the lower id.
+/// Pairs of local grains that touch or may come to, each once, i the lower id: first the blocks of inner pairs, of which this
+/// rank owns both grains, then those of which it owns i, then those of which it owns j; each group in order of (id of i, id of j).
 ///
-/// The last block is filled up with a grain that touches nothing. The list's extent never reaches the numbers:
-/// pairs that do not touch add nothing.
+/// The last block of a group is filled up with a grain and itself, which do not touch. Neither the order nor the extent of the list
+/// reaches the numbers: sums of forces are exact, and pairs that do not touch add nothing.
 #[derive(Debug, Default)]
 pub struct Contacts {
-    /// Pairs, without those that fill up the last block.
-    pub pairs: usize,
-    pub i: Vec<[u32; LANES]>,
-    pub j: Vec<[u32; LANES]>,
+    /// Blocks of inner pairs, and of all pairs of which this rank owns i.
+    pub inner: usize,
+    pub mine: usize,
+    pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
     pub geometry: Vec<[Row; 2]>,
     /// `ContactLaw::PARAMETERS` rows per block.
@@ -22,52 +25,77 @@ pub struct Contacts {
     /// `ContactLaw::HISTORY` rows per block.
     pub history: Vec<Row>,
     /// Lanes that touched when the forces were last computed.
-    pub touching: Vec<u8>,
+    pub touching: Vec<u16>,
 }
 
 impl Contacts {
-    /// Replaces the list by the sorted `pairs` of local indices; `filler` is a grain that touches nothing.
+    /// Replaces the list by the sorted `pairs` of local indices, of which those below `owned` are this rank's.
     pub fn replace<C: ContactLaw>(
         &mut self,
+        level: Level,
         law: &C,
         pairs: &[[u32; 2]],
         radius: &[f64],
-        filler: u32,
+        owned: usize,
     ) {
-        let blocks = pairs.len().div_ceil(LANES);
-        self.pairs = pairs.len();
-        self.i.clear();
-        self.i.resize(blocks, [filler; LANES]);
-        self.j.clear();
-        self.j.resize(blocks, [filler; LANES]);
+        let own = |g: u32| (g as usize) < owned;
+        let group = |of_i: bool, of_j: bool| -> Vec<[u32; 2]> {
+            let kind = |&&[i, j]: &&[u32; 2]| own(i) == of_i && own(j) == of_j;
+            pairs.iter().filter(kind).copied().collect()
+        };
+        let groups = [group(true, true), group(true, false), group(false, true)];
+        self.pairs.clear();
         self.geometry.clear();
-        self.geometry
-            .resize(blocks, [Row([-1.0; LANES]), Row([0.0; LANES])]);
+        for block in groups.iter().flat_map(|group| group.chunks(LANES)) {
+            let mut of_block = Pairs {
+                i: [0; LANES],
+                j: [0; LANES],
+            };
+            let mut geometry = [Row([FILLER; LANES]), Row([-0.5 * FILLER; LANES])];
+            for (lane, &[i, j]) in block.iter().enumerate() {
+                of_block.i[lane] = i;
+                of_block.j[lane] = j;
+                geometry[0].0[lane] = radius[i as usize] + radius[j as usize];
+                geometry[1].0[lane] = radius[i as usize];
+            }
+            self.pairs.push(of_block);
+            self.geometry.push(geometry);
+        }
+        let blocks = self.geometry.len();
+        self.inner = groups[0].len().div_ceil(LANES);
+        self.mine = self.inner + groups[1].len().div_ceil(LANES);
         self.parameters.clear();
         self.parameters.resize(blocks * C::PARAMETERS, Row::ZERO);
         self.history.clear();
         self.history.resize(blocks * C::HISTORY, Row::ZERO);
         self.touching.clear();
         self.touching.resize(blocks, 0);
-        let mut numbers = vec![0.0; C::PARAMETERS];
-        for (k, &[i, j]) in pairs.iter().enumerate() {
-            let (block, lane) = (k / LANES, k % LANES);
-            let (r_i, r_j) = (radius[i as usize], radius[j as usize]);
-            self.i[block][lane] = i;
-            self.j[block][lane] = j;
-            self.geometry[block][0].0[lane] = r_i + r_j;
-            self.geometry[block][1].0[lane] = r_i;
-            law.parameters(r_i, r_j, &mut numbers);
-            for (row, &number) in self.parameters[block * C::PARAMETERS..]
-                .iter_mut()
-                .zip(&numbers)
-            {
-                row.0[lane] = number;
-            }
+        level.run(Parameters {
+            law,
+            contacts: self,
+        });
+    }
+
+    /// Some blocks, for the kernel.
+    pub fn part<C: ContactLaw>(&mut self, blocks: Range<usize>) -> Part<'_> {
+        let of = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
+        Part {
+            first: blocks.start,
+            mine: self.mine,
+            pairs: &self.pairs,
+            geometry: &self.geometry[of(1)],
+            parameters: &self.parameters[of(C::PARAMETERS)],
+            history: &mut self.history[of(C::HISTORY)],
+            touching: &mut self.touching[of(1)],
         }
     }
 
-    /// The touching contacts with local indices, in list order.
+    /// Number of blocks.
+    pub fn blocks(&self) -> usize {
+        self.geometry.len()
+    }
+
+    /// The touching contacts with local indices, block by block.
     pub fn touching(&self) -> impl Iterator<Item = Touching> + '_ {
         self.touching
             .iter()
@@ -78,8 +106,8 @@ impl Contacts {
                     .map(move |lane| Touching {
                         block,
                         lane,
-                        i: self.i[block][lane] as usize,
-                        j: self.j[block][lane] as usize,
+                        i: self.pairs.blocks()[block].i[lane] as usize,
+                        j: self.pairs.blocks()[block].j[lane] as usize,
                     })
             })
     }
@@ -100,21 +128,27 @@ impl Contacts {
 
     /// Gives the pairs of the list their history back. `remembered` is sorted by (i, j); pairs that are not in it start anew.
     pub fn remember<C: ContactLaw>(&mut self, remembered: &[ContactState], id: &[u32]) {
-        let mut rest = remembered.iter().peekable();
-        for k in 0..self.pairs {
-            let (block, lane) = (k / LANES, k % LANES);
-            let pair = (
-                id[self.i[block][lane] as usize],
-                id[self.j[block][lane] as usize],
-            );
-            while rest.next_if(|c| (c.i, c.j) < pair).is_some() {}
-            if let Some(contact) = rest.next_if(|c| (c.i, c.j) == pair) {
-                let history = C::history_from_state(contact.history);
-                let rows = &mut self.history[block * C::HISTORY..(block + 1) * C::HISTORY];
-                for (row, from) in rows.iter_mut().zip(history) {
-                    row.0[lane] = from;
+        for group in [
+            0..self.inner,
+            self.inner..self.mine,
+            self.mine..self.blocks(),
+        ] {
+            let mut rest = remembered.iter().peekable();
+            for (block, lane) in group.flat_map(|b| (0..LANES).map(move |lane| (b, lane))) {
+                if self.geometry[block][0].0[lane] == FILLER {
+                    continue;
                 }
-                self.touching[block] |= 1 << lane;
+                let pairs = &self.pairs.blocks()[block];
+                let pair = (id[pairs.i[lane] as usize], id[pairs.j[lane] as usize]);
+                while rest.next_if(|c| (c.i, c.j) < pair).is_some() {}
+                if let Some(contact) = rest.next_if(|c| (c.i, c.j) == pair) {
+                    let history = C::history_from_state(contact.history);
+                    let rows = &mut self.history[block * C::HISTORY..(block + 1) * C::HISTORY];
+                    for (row, from) in rows.iter_mut().zip(history) {
+                        row.0[lane] = from;
+                    }
+                    self.touching[block] |= 1 << lane;
+                }
             }
         }
     }
@@ -122,10 +156,82 @@ impl Contacts {
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
         use std::mem::size_of;
-        (self.i.capacity() + self.j.capacity()) * size_of::<[u32; LANES]>()
+        self.pairs.memory()
             + self.geometry.capacity() * size_of::<[Row; 2]>()
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Row>()
             + self.touching.capacity()
+    }
+}
+
+/// Some blocks, as the kernel works on them.
+pub struct Part<'a> {
+    /// The first of them in the list.
+    pub first: usize,
+    /// [`Contacts::mine`].
+    pub mine: usize,
+    pub pairs: &'a PairList,
+    pub geometry: &'a [[Row; 2]],
+    pub parameters: &'a [Row],
+    pub history: &'a mut [Row],
+    pub touching: &'a mut [u16],
+}
+
+impl<'a> Part<'a> {
+    pub fn blocks(&self) -> usize {
+        self.geometry.len()
+    }
+
+    /// Those before the block `until` of the list, and those from it on.
+    pub fn split<C: ContactLaw>(self, until: usize) -> (Part<'a>, Part<'a>) {
+        let here = until - self.first;
+        let (geometry, geometry_after) = self.geometry.split_at(here);
+        let (parameters, parameters_after) = self.parameters.split_at(here * C::PARAMETERS);
+        let (history, history_after) = self.history.split_at_mut(here * C::HISTORY);
+        let (touching, touching_after) = self.touching.split_at_mut(here);
+        (
+            Part {
+                first: self.first,
+                mine: self.mine,
+                pairs: self.pairs,
+                geometry,
+                parameters,
+                history,
+                touching,
+            },
+            Part {
+                first: until,
+                mine: self.mine,
+                pairs: self.pairs,
+                geometry: geometry_after,
+                parameters: parameters_after,
+                history: history_after,
+                touching: touching_after,
+            },
+        )
+    }
+}
+
+/// In place of R_i + R_j where a lane only fills up a block: nothing is so near.
+const FILLER: f64 = -1.0;
+
+/// The law's parameters of every block, from its geometry.
+struct Parameters<'a, C> {
+    law: &'a C,
+    contacts: &'a mut Contacts,
+}
+
+impl<C: ContactLaw> Work for Parameters<'_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, token: L::Token) {
+        let contacts = self.contacts;
+        let blocks = contacts.parameters.chunks_exact_mut(C::PARAMETERS);
+        for ([sum, r_i], out) in contacts.geometry.iter().zip(blocks) {
+            // Of what only fills up a block, too, the parameters are those of two radii.
+            let (sum, r_i) = (L::load(token, sum).abs(), L::load(token, r_i));
+            self.law.parameters(token, r_i, sum - r_i, out);
+        }
     }
 }
 

@@ -8,8 +8,8 @@ mod sample;
 mod snapshot;
 
 pub use cell::nearest_image;
-pub use contacts::{Contacts, Touching};
+pub use contacts::{Contacts, Part, Touching};
 pub use frame::{Disks, Frame};
-pub use grains::{Force, Grains, body, field};
+pub use grains::{Force, ForceUnit, Grains, body, field};
 pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
 pub use snapshot::{ContactState, GrainState, Snapshot};

@@ -33,7 +33,7 @@ pub struct ContactSample {
 }
 
 /// Names of the columns of the time series, in `log.csv` and under `observables/` alike.
-pub const SERIES_COLUMNS: [&str; 10] = [
+pub const SERIES_COLUMNS: [&str; 20] = [
     "strain",
     "stress_ratio",
     "normal_force",
@@ -44,6 +44,16 @@ pub const SERIES_COLUMNS: [&str; 10] = [
     "kinetic_energy",
     "sliding_fraction",
     "wall_velocity",
+    "elastic_normal",
+    "elastic_tangential",
+    "elastic_rolling",
+    "work_drive",
+    "work_load",
+    "lost_damping",
+    "lost_friction",
+    "lost_rolling",
+    "lost_stiffness",
+    "energy_residual",
 ];
 
 /// One row of the time series, in the order of [`SERIES_COLUMNS`].
@@ -70,6 +80,20 @@ pub struct SeriesRow {
     pub sliding_fraction: f64,
     /// Velocity of the top wall along y (m/s).
     pub wall_velocity: f64,
+    /// The ledger of energy (J/m in 2D), not a number where none is kept. Elastic energy of the contacts.
+    pub elastic_normal: f64,
+    pub elastic_tangential: f64,
+    pub elastic_rolling: f64,
+    /// Work done on the sample since the shear began: by what drives the top along x, and by the load on it.
+    pub work_drive: f64,
+    pub work_load: f64,
+    /// Lost since then: to damping, to sliding, to rolling at its limit, and to changes of k_t under a force that stays.
+    pub lost_damping: f64,
+    pub lost_friction: f64,
+    pub lost_rolling: f64,
+    pub lost_stiffness: f64,
+    /// What is missing of the work in the kinetic and elastic energies and the losses, over the sum of the magnitudes of both works.
+    pub energy_residual: f64,
 }
 
 impl SeriesRow {

@@ -127,6 +127,10 @@ fn momentum_is_conserved_to_rounding() {
             }
         }
         last = now;
+        // Rounded to one unit, the forces of all contacts cancel without a remainder.
+        for c in 0..2 {
+            assert_eq!(system.grains.force.iter().map(|f| f[c]).sum::<f64>(), 0.0);
+        }
     }
     assert!(
         seam > 100 && sliding > 20_000,
@@ -203,17 +207,18 @@ fn torques_are_those_of_the_full_radii() {
     let (r_i, r_j) = (s.grains.radius[0], s.grains.radius[1]);
     assert!(tangential != 0.0);
     assert_eq!([a[0], a[1]], [-b[0], -b[1]]);
-    // The rolling torque drops out. Three products and three sums are rounded.
+    // The rolling torque drops out. Three products and three sums are rounded, and two torques to the unit.
     let arms = (r_i + r_j) * tangential;
     let scale = a[2].abs() + b[2].abs() + arms.abs();
-    assert!((a[2] + b[2] + arms).abs() <= 6.0 * HALF_ULP * scale);
+    assert!((a[2] + b[2] + arms).abs() <= 6.0 * HALF_ULP * scale + s.grains.unit.torque);
     let mut samples = ContactForces::default();
     let s = pair::<false>(1e-12, &mut samples);
     let tangential = samples.tangential[0].0[0];
     for (k, r) in [(0, r_i), (1, r_j)] {
         let torque = s.grains.force[k][2];
         assert!(
-            (torque + r * tangential).abs() <= 4.0 * HALF_ULP * torque.abs(),
+            (torque + r * tangential).abs()
+                <= 4.0 * HALF_ULP * torque.abs() + 0.5 * s.grains.unit.torque,
             "{torque:e}"
         );
     }
@@ -309,7 +314,7 @@ fn overlap_alone_does_not_change_the_tangential_force() {
         r[field::Y] = 2.0 * radius * (1.0 - overlap);
         r[field::V] = speed;
         r[field::HALF_V] = speed;
-        let outside = forces(&mut s, &law, &mut drive, 1e-12, Some(&mut samples));
+        let outside = forces(&Solo, &mut s, &law, &mut drive, 1e-12, Some(&mut samples));
         assert_eq!(outside, None);
         let force = s.contact_states::<Full>()[0].history[0];
         (force, LAW.friction * samples.normal[0].0[0])

@@ -111,6 +111,7 @@ pub fn system<const F: bool, const R: bool>(
         law.density,
         step,
         1.0,
+        1,
     )
     .unwrap();
     let mut drive = NoWalls::default();

@@ -89,7 +89,8 @@ impl Fixture {
             ];
             series
                 .iter_mut()
-                .zip(row)
+                // Nothing in the ledger of energy.
+                .zip(row.into_iter().chain(std::iter::repeat(0.0)))
                 .for_each(|(column, value)| column.push(value));
         }
 
