@@ -16,7 +16,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test scaling bench accuracy stress clean
+.PHONY: help deps build run test scaling bench accuracy stress peers clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
@@ -26,6 +26,7 @@ help:
 	@echo "make bench     benchmarks"
 	@echo "make accuracy  the contact law against an independent integration"
 	@echo "make stress    where it is hard: writes docs/stress.md, minutes"
+	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
 	@echo "make deps      install the system packages that are missing (Debian, Ubuntu)"
 	@echo "make clean     remove target/ (results in out/ stay)"
 
@@ -59,6 +60,11 @@ accuracy: deps
 
 stress: deps
 	cargo test --release --locked --test stress -- --ignored --exact --nocapture all_into_the_table
+
+# Options of benches/peers/run, such as PEERS="--grains 1000 --ranks 1".
+peers: build
+	@scripts/peers-deps
+	@benches/peers/run $(PEERS)
 
 clean:
 	cargo clean

@@ -184,7 +184,7 @@ impl<C: ContactLaw> Drive for Planes<C> {
         for (k, &(g, _)) in self.near.iter().enumerate() {
             grains.force[g as usize][1] += self.force[2 * k][1];
         }
-        found.outside.map(|(block, lane)| {
+        found.outside.or(found.too_strong).map(|(block, lane)| {
             let k = self.contacts.pairs.blocks()[block].i[lane] as usize / 2;
             self.near[k].0 as usize
         })

@@ -93,8 +93,10 @@ pub struct Pass<'a> {
 /// What a pass finds.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Found {
-    /// A pair (block, lane) that is outside the law.
+    /// A pair (block, lane) whose overlap is outside the law.
     pub outside: Option<(usize, usize)>,
+    /// A pair whose force is too great to be rounded to the unit.
+    pub too_strong: Option<(usize, usize)>,
     /// Energies that the contacts lost of which this rank owns i, in `Pass::energy_unit`s.
     pub lost: [i128; loss::KINDS],
 }
@@ -102,6 +104,7 @@ pub struct Found {
 impl Found {
     pub fn and(mut self, other: Self) -> Self {
         self.outside = self.outside.or(other.outside);
+        self.too_strong = self.too_strong.or(other.too_strong);
         for (sum, more) in self.lost.iter_mut().zip(other.lost) {
             *sum += more;
         }
@@ -116,7 +119,10 @@ pub fn contact_forces<C: ContactLaw>(level: Level, law: &C, pass: Pass<'_>) -> F
         Some(_) => level.run(Blocks::<C, true> { law, pass }),
         None => level.run(Blocks::<C, false> { law, pass }),
     };
-    if let Some((block, _)) = &mut found.outside {
+    for (block, _) in [&mut found.outside, &mut found.too_strong]
+        .into_iter()
+        .flatten()
+    {
         *block += first;
     }
     found
@@ -178,7 +184,7 @@ impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
             if LEDGER {
                 self.account::<L>(token, chunk.clone(), &mut scratch, &mut found);
             }
-            found.outside = found.outside.or(self.add::<L>(token, chunk, &scratch));
+            found.too_strong = found.too_strong.or(self.add::<L>(token, chunk, &scratch));
         }
         found
     }

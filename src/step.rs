@@ -178,7 +178,10 @@ pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
     if let Some(ledger) = ledger {
         ledger.step(found.lost, drive.pull(grains));
     }
-    let at_pair = found.outside.map(|(b, lane)| Outside::Pair(b, lane));
+    let pair = |at: Option<(usize, usize)>, why: fn(usize, usize) -> Outside| {
+        at.map(|(block, lane)| why(block, lane))
+    };
+    let at_pair = pair(found.outside, Outside::Pair).or(pair(found.too_strong, Outside::Force));
     let unsound = list.unsound.then_some(Outside::Number);
     at_plane.map(Outside::Plane).or(at_pair).or(unsound)
 }
@@ -190,6 +193,8 @@ pub enum Outside {
     Plane(usize),
     /// The contact in this block and lane overlaps too much.
     Pair(usize, usize),
+    /// The force of the contact in this block and lane is greater than any that the law should have.
+    Force(usize, usize),
     /// A position or velocity is no number, or a grain moved further than the list allows.
     Number,
 }

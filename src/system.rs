@@ -283,24 +283,32 @@ impl System {
         };
         let message = match outside {
             None => String::new(),
-            Some(Outside::Pair(block, lane)) => {
-                let (i, j) = (
-                    self.contacts.pairs.blocks()[block].i[lane] as usize,
-                    self.contacts.pairs.blocks()[block].j[lane] as usize,
-                );
+            Some(why @ (Outside::Pair(block, lane) | Outside::Force(block, lane))) => {
+                let pairs = &self.contacts.pairs.blocks()[block];
+                let (i, j) = (pairs.i[lane] as usize, pairs.j[lane] as usize);
                 let (a, b) = (&self.grains.record[i].0, &self.grains.record[j].0);
                 let dx = nearest_image(a[field::X] - b[field::X], self.length);
                 let dy = a[field::Y] - b[field::Y];
                 let sum = self.contacts.geometry[block][0].0[lane];
-                format!(
-                    "grains {} at {} and {} at {} overlap by {:.3e} m, {:.1} % of the sum of their radii: outside the contact law",
+                let grains = format!(
+                    "grains {} at {} and {} at {}",
                     self.grains.id[i],
                     place(i),
                     self.grains.id[j],
                     place(j),
-                    sum - (dx * dx + dy * dy).sqrt(),
-                    100.0 * (1.0 - (dx * dx + dy * dy).sqrt() / sum),
-                )
+                );
+                if let Outside::Pair(..) = why {
+                    format!(
+                        "{grains} overlap by {:.3e} m, {:.1} % of the sum of their radii: outside the contact law",
+                        sum - (dx * dx + dy * dy).sqrt(),
+                        100.0 * (1.0 - (dx * dx + dy * dy).sqrt() / sum),
+                    )
+                } else {
+                    let speed = (a[field::U] - b[field::U]).hypot(a[field::V] - b[field::V]);
+                    format!(
+                        "{grains} collide too fast, at {speed:.3e} m/s: the damping force is greater than any elastic force of the contact law",
+                    )
+                }
             }
             Some(Outside::Plane(g)) => format!(
                 "grain {} of radius {:.4e} m at {} overlaps a wall too much: outside the contact law",
