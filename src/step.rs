@@ -50,13 +50,14 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     let rebuild = rebuild || system.list.forced(system.steps);
     let (load, [due, stop]) = agree(exchange, system, drive, outside, [rebuild, stop])?;
     system.list.due = due;
-    drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Walls);
 
     if D::DRAG {
         slow_down(&mut system.grains, drive.drag());
     }
     second_kick(&mut system.grains);
+    // Last, since the second kick leaves grains of walls at the velocity of the half step.
+    drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Motion);
 
     Ok(stop)
