@@ -24,7 +24,7 @@ help:
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
 	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
 	@echo "make bench     benchmarks"
-	@echo "make accuracy  the contact law against an independent integration"
+	@echo "make accuracy  against an independent integration, and error against run time: writes into docs/, minutes"
 	@echo "make stress    where it is hard: writes docs/stress.md, minutes"
 	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
 	@echo "make deps      install the system packages that are missing (Debian, Ubuntu)"

@@ -64,8 +64,11 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
     });
     let (load, [due, stop]) = message.read(exchange, system, outside)?;
     system.list.due = due;
-    drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Walls);
+
+    // Last, since the second kick leaves grains of walls at the velocity of the half step.
+    drive.kick(step, load, &mut system.grains);
+    system.clock.end(Phase::Motion);
 
     Ok(stop)
 }

@@ -72,6 +72,14 @@ fn sliding_shear_under_load_is_second_order() {
     is_second_order("sliding shear", &scenes::sliding_shear(), 16_000);
 }
 
+#[test]
+fn loaded_oscillation_is_second_order() {
+    let mut scene = scenes::oscillation();
+    // About one period: later ones only repeat it, with a phase that is off by more.
+    scene.duration /= 4.0;
+    is_second_order("oscillation", &scene, 256_000);
+}
+
 /// An impact's error depends on where within a step the grains meet and part, which falls differently at every Δt. `measure`
 /// gives the error at a Δt (s), for an impact put off by a fraction of a step. Returned: the mean over many fractions and
 /// slightly different Δt, for Δt from `coarsest` (s) on halved four times.

@@ -62,6 +62,7 @@ points! {
     end_of_the_law_in_a_run: "Overlap at the law's end, through the program", runs::end_of_the_law;
     lone_grain: "A grain that touches nothing", edges::lone_grain;
     crushed: "Crushed grains", edges::crushed;
+    wall_velocity: "A wall that bounces", edges::wall_velocity;
     shear_rate: "A shear rate a thousand times too high", runs::shear_rate;
     packing_with_friction: "Packing with friction", runs::packing_with_friction;
     far_from_the_origin: "Far from the origin", extremes::far_from_the_origin;

@@ -1,13 +1,13 @@
 //! The report of a run: figures, numbers, and a page that shows both.
 
-mod colour;
+pub mod colour;
 mod histogram;
 mod map;
 mod page;
-mod plot;
+pub mod plot;
 mod stress;
 mod summary;
-mod ticks;
+pub mod ticks;
 
 use std::path::{Path, PathBuf};
 

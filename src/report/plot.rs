@@ -275,6 +275,13 @@ impl Plot<'_> {
         );
     }
 
+    /// A line of text over the legend.
+    pub fn heading(&mut self, text: &str) {
+        let [[left, top], _] = self.frame();
+        let at = [left, top - 36.0];
+        self.text(at, text, FONT, (HPos::Left, VPos::Center), INK);
+    }
+
     /// Text in the middle of the axes, where there is nothing to draw.
     pub fn apology(&mut self, text: &str) {
         let [[left, top], [right, bottom]] = self.frame();

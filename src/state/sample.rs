@@ -62,7 +62,7 @@ pub const SERIES_COLUMNS: [&str; 20] = [
 pub struct SeriesRow {
     /// γ, wall displacement over the height at the start of the shear.
     pub strain: f64,
-    /// τ = S/N.
+    /// τ = S/N; NaN while nothing touches the top wall.
     pub stress_ratio: f64,
     /// N: normal force of the free grains on the top wall (N/m in 2D).
     pub normal_force: f64,

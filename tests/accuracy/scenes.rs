@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use gshear::config::{Bookkeeping, Contact, Material};
 use gshear::contact::lee_hurley::LeeHurley;
 use gshear::domain::Solo;
-use gshear::drive::NoWalls;
+use gshear::drive::{Drive, NoWalls};
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
 use gshear::state::{ContactState, GrainState, body};
@@ -125,6 +125,11 @@ pub fn system<const F: bool, const R: bool>(
 impl Scene {
     /// The states at the looks, by the program in `steps` steps (a multiple of `LOOKS`).
     pub fn program(&self, steps: usize) -> Vec<Vec<f64>> {
+        self.driven(steps, &mut NoWalls::default())
+    }
+
+    /// The same with something between the drift and the forces.
+    pub fn driven(&self, steps: usize, drive: &mut impl Drive) -> Vec<Vec<f64>> {
         assert_eq!(steps % LOOKS, 0);
         let law = program_law::<true, true>(&self.law);
         let mut grains = self.grains.clone();
@@ -150,10 +155,9 @@ impl Scene {
             contacts,
             None,
         );
-        let mut drive = NoWalls::default();
         let mut looks = Vec::new();
         for step in 1..=steps {
-            advance(&Solo, &mut system, &law, &mut drive, false, None).unwrap();
+            advance(&Solo, &mut system, &law, drive, false, None).unwrap();
             if step % (steps / LOOKS) == 0 {
                 looks.push(self.state(&system));
             }
@@ -339,10 +343,7 @@ pub fn whole_impact(damping_ratio: f64, sideways: f64) -> Scene {
         damping_ratio,
         ..LAW
     };
-    Scene {
-        duration: 20e-9,
-        ..impact(law, 0.9, -1e-3, 1.0, sideways, [0.0, 0.0])
-    }
+    oblique(law, 1.0, sideways)
 }
 
 /// From a gap to free flight, at these velocities (m/s) along and across the line of centres.
@@ -353,16 +354,25 @@ pub fn oblique(law: Law, approach: f64, sideways: f64) -> Scene {
     }
 }
 
+/// A disk between two fixed ones, set swinging, damped, sticking throughout: some five periods.
+pub fn oscillation() -> Scene {
+    let law = Law {
+        rolling_friction: 0.5,
+        ..LAW
+    };
+    let mut scene = sheared(law, 0.0, 0.0, 5e4, 0.0);
+    scene.grains[1].velocity = [0.1, 0.2];
+    scene.duration = 25.6 * scene.time_scale();
+    scene
+}
+
 /// Head-on, from a gap to free flight, at the approach velocity (m/s).
 pub fn head_on(damping_ratio: f64, approach: f64) -> Scene {
     let law = Law {
         damping_ratio,
         ..LAW
     };
-    Scene {
-        duration: 20e-9,
-        ..impact(law, 0.9, -1e-3 * approach, approach, 0.0, [0.0, 0.0])
-    }
+    oblique(law, approach, 0.0)
 }
 
 /// A free disk between two wall grains of other sizes; the upper one comes closer at `press` while it passes at `speed` (m/s).

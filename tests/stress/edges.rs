@@ -197,16 +197,59 @@ pub fn lone_grain() -> Vec<Line> {
 
 const RADIUS: f64 = 1e-6;
 
-/// A piston that presses ten times as hard as the law can bear, `height` (m) over the bottom.
-fn press(height: f64) -> Piston {
+/// A piston that presses `times` as hard as the law can bear, `height` (m) over the bottom.
+fn press(times: f64, height: f64) -> Piston {
     let last = overlap_at(0.3, RADIUS, RADIUS);
     Piston {
         height,
         velocity: 0.0,
         acceleration: 0.0,
         mass: LAW.mass(RADIUS),
-        load: 10.0 * LAW.stiffnesses(RADIUS, RADIUS, last)[0] * last,
+        load: times * LAW.stiffnesses(RADIUS, RADIUS, last)[0] * last,
     }
+}
+
+/// A free grain between one of the bottom wall and one of the top wall.
+fn between_walls(times: f64, step: f64) -> Rig<Full, GrainWalls> {
+    let at = |id: u32, body: u32, y: f64| GrainState {
+        body,
+        ..grain(id, RADIUS, [4e-6, y], [0.0; 2], 0.0)
+    };
+    let height = 4.001 * RADIUS;
+    let grains = vec![
+        at(0, body::BOTTOM, 0.0),
+        at(1, body::FREE, 2.0 * RADIUS),
+        at(2, body::TOP, height),
+    ];
+    let walls = GrainWalls {
+        piston: press(times, height),
+        speed: 0.5,
+        top: Vec::new(),
+    };
+    let law = program_law::<true, true>(&LAW);
+    Rig::new(law, walls, setting(step), grains, Vec::new()).expect("not yet pressed")
+}
+
+/// What frames say of a wall's grains is how the wall moves at the full step.
+pub fn wall_velocity() -> Vec<Line> {
+    const STEPS: usize = 2000;
+    let mut rig = between_walls(0.01, 5e-11);
+    let mut wrong = 0;
+    let mut turns = 0;
+    let mut last = 0.0;
+    for _ in 0..STEPS {
+        rig.advance().expect("within the law");
+        let now = rig.drive.piston.velocity;
+        wrong += usize::from(rig.grains()[2].velocity != [0.5, now]);
+        turns += usize::from(now * last < 0.0);
+        last = now;
+    }
+    vec![line(
+        format!("a wall that bounces {turns} times on a grain, {STEPS} steps"),
+        "its grains have its velocity after every step, to the last bit",
+        format!("{wrong} steps off"),
+        wrong == 0 && turns > 2,
+    )]
 }
 
 /// Until it fails: the failure, and whether everything was still a number then.
@@ -229,28 +272,12 @@ pub fn crushed() -> Vec<Line> {
     let grains = vec![grain(0, RADIUS, [4e-6, RADIUS], [0.0; 2], 0.0)];
     let planes = Planes::new(
         program_law::<false, false>(&LAW),
-        press(2.001 * RADIUS),
+        press(10.0, 2.001 * RADIUS),
         0.0,
     );
     let rig = Rig::new(law(), planes, setting(step), grains, Vec::new()).expect("not yet pressed");
     let planes = until_failure(rig);
-
-    let at = |id: u32, body: u32, y: f64| GrainState {
-        body,
-        ..grain(id, RADIUS, [4e-6, y], [0.0; 2], 0.0)
-    };
-    let grains = vec![
-        at(0, body::BOTTOM, 0.0),
-        at(1, body::FREE, 2.0 * RADIUS),
-        at(2, body::TOP, 4.001 * RADIUS),
-    ];
-    let walls = GrainWalls {
-        piston: press(4.001 * RADIUS),
-        speed: 0.0,
-        top: Vec::new(),
-    };
-    let rig = Rig::new(law(), walls, setting(step), grains, Vec::new()).expect("not yet pressed");
-    let walls = until_failure(rig);
+    let walls = until_failure(between_walls(10.0, step));
 
     [
         (

@@ -35,21 +35,46 @@ fn message(outcome: &Outcome) -> String {
     said.join(" / ")
 }
 
-/// How many numbers `run.h5` and `log.csv` hold, and how many of them are not finite.
+/// How many numbers `run.h5` and `log.csv` hold, and how many of them are not finite. τ = S/N is undefined while nothing touches the
+/// wall: there, and only there, it has to be NaN.
 fn numbers(folder: &Path) -> (usize, usize) {
+    const RATIO: &str = "stress_ratio";
+    const FORCE: &str = "normal_force";
     let file = hdf5::File::open(folder.join("run.h5")).expect("run.h5");
+    let read = |name: &str| {
+        let dataset = file.dataset(name).expect("a dataset");
+        let real = dataset.dtype().expect("its type").is::<f64>();
+        real.then(|| dataset.read_raw::<f64>().expect("f64"))
+    };
     let mut all = Vec::new();
     for name in datasets(&file, "") {
-        let dataset = file.dataset(&name).expect("a dataset");
-        if dataset.dtype().expect("its type").is::<f64>() {
-            all.extend(dataset.read_raw::<f64>().expect("f64"));
+        if !name.contains(RATIO) {
+            all.extend(read(&name).unwrap_or_default());
         }
     }
+    let column = |name: &str| read(&format!("observables/{name}/value")).expect("a column");
+    let mut ratios: Vec<[f64; 2]> = (column(FORCE).into_iter().zip(column(RATIO)))
+        .map(|(force, ratio)| [force, ratio])
+        .collect();
     let log = std::fs::read_to_string(folder.join("log.csv")).expect("log.csv");
-    for row in log.lines().skip(1) {
-        all.extend(row.split(',').map(|x| x.parse::<f64>().expect("a number")));
+    let mut rows = log.lines().map(|row| row.split(',').collect::<Vec<_>>());
+    let names = rows.next().expect("a header");
+    let place = |name: &str| names.iter().position(|n| *n == name).expect("a column");
+    let (force, ratio) = (place(FORCE), place(RATIO));
+    for row in rows {
+        let row: Vec<f64> = row.iter().map(|x| x.parse().expect("a number")).collect();
+        ratios.push([row[force], row[ratio]]);
+        all.extend((0..row.len()).filter(|&k| k != ratio).map(|k| row[k]));
     }
-    (all.len(), all.iter().filter(|x| !x.is_finite()).count())
+    let wrong = ratios.iter().filter(|[force, ratio]| {
+        if *force == 0.0 {
+            !ratio.is_nan()
+        } else {
+            !ratio.is_finite()
+        }
+    });
+    let not_finite = all.iter().filter(|x| !x.is_finite());
+    (all.len() + ratios.len(), not_finite.count() + wrong.count())
 }
 
 /// κ through the program. The overlaps are those of the definition: P d̄ makes d̄/κ, and by the virial a contact of a packing of
@@ -57,7 +82,7 @@ fn numbers(folder: &Path) -> (usize, usize) {
 fn stiffness_number(kappa: f64, more: &[&str]) -> Line {
     let folder = tempfile::tempdir().expect("a folder");
     let mut values = sets(&[
-        "shear.inertial_number=0.003",
+        "shear.inertial_number=0.001",
         "shear.strain=0.02",
         "output.frame_strain=1e-3",
         "output.series_strain=1e-4",
@@ -211,7 +236,7 @@ pub fn shear_rate() -> Vec<Line> {
     let outcome = run(folder.path(), &sets(&["shear.inertial_number=100.0"]));
     let said = message(&outcome);
     let (count, not_finite) = numbers(folder.path());
-    let clear = ["shear, step 1: ", "grain ", " at ("]
+    let clear = ["shear, step 0: grains ", " at (", " collide too fast, at "]
         .iter()
         .all(|part| said.contains(part));
     vec![line(

@@ -1,24 +1,8 @@
-//! Prints how far the program is from the law integrated independently, against Δt: the tables of `docs/accuracy.md`.
+//! How far the program is from the law integrated independently, against Δt: the tables of `docs/accuracy.md`.
 
-#[path = "../tests/accuracy/reference.rs"]
-#[allow(dead_code, reason = "shared with tests/accuracy.rs")]
-mod reference;
-#[path = "../tests/accuracy/scenes.rs"]
-#[allow(dead_code, reason = "shared with tests/accuracy.rs")]
-mod scenes;
+use crate::scenes::{self, Errors, FIELDS, Scene};
 
-use scenes::{Errors, FIELDS, Scene};
-
-fn main() {
-    let processor = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = processor.lines().find(|l| l.starts_with("model name"));
-    println!(
-        "{}, {}",
-        model
-            .and_then(|l| l.split(": ").nth(1))
-            .unwrap_or("processor unknown"),
-        gshear::simd::Level::detect().name()
-    );
+pub fn print() {
     for (title, scene) in [
         ("Impact, sticking", scenes::sticking_impact()),
         ("Impact, sliding", scenes::sliding_impact()),

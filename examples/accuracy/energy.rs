@@ -1,0 +1,91 @@
+//! The balance of energy of a sheared sample: what the walls do, what is stored, what is lost.
+
+use gshear::contact::ContactLaw;
+use gshear::contact::lee_hurley::normal_stiffness;
+use gshear::state::{body, field};
+
+use crate::sample::{Moving, Sample};
+use crate::scheme::Dampers;
+
+/// What the sum of work, storage and loss leaves over the span (s) in `steps` steps, over the work that went through the walls.
+/// `None` where the run failed. The law is without rolling torques, which are not sampled.
+///
+/// ΔK + ΔU_n = ∫ Σ [(F_n - k_n δ) v_n + F_t v_t] dt - ∫ F·v of the wall grains dt: U_n is the work of k_n δ in closed form, the
+/// integrals are sums by trapezoids of what the steps end with.
+pub fn imbalance<C: ContactLaw>(
+    sample: &Sample,
+    law: C,
+    span: f64,
+    steps: usize,
+    dampers: Dampers,
+) -> Option<f64> {
+    assert!(!C::ROLLING);
+    let step = span / steps as f64;
+    let mut moving = sample.start(law, step, dampers);
+    let modulus = sample.material().effective_modulus();
+    let first = state(&moving, modulus);
+    let mut last = first;
+    let (mut received, mut through) = (0.0, 0.0);
+    for _ in 0..steps {
+        moving.one(true)?;
+        let now = state(&moving, modulus);
+        received += 0.5 * step * (last.power + now.power);
+        through += 0.5 * step * (last.wall.abs() + now.wall.abs());
+        last = now;
+    }
+    Some((last.energy - first.energy - received).abs() / through)
+}
+
+/// The free grains' kinetic energy and U_n (J/m); the power of all but the elastic normal forces on them, and of the walls
+/// alone (W/m).
+#[derive(Debug, Clone, Copy)]
+struct State {
+    energy: f64,
+    power: f64,
+    wall: f64,
+}
+
+fn state<C: ContactLaw>(moving: &Moving<C>, modulus: f64) -> State {
+    let (grains, system) = (&moving.system.grains, &moving.system);
+    let (mut energy, mut wall) = (0.0, 0.0);
+    for (g, state) in system.grain_states().iter().enumerate() {
+        let ([u, v], [fx, fy]) = (state.velocity, state.force);
+        if state.body == body::FREE {
+            let (m, r, w) = (grains.mass[g], state.radius, state.angular_velocity);
+            energy += 0.5 * m * (u * u + v * v + 0.5 * r * r * w * w);
+        } else {
+            wall -= fx * u + fy * v;
+        }
+    }
+    let mut lost = 0.0;
+    for at in system.contacts.touching() {
+        let [a, b] = [at.i, at.j].map(|g| grains.record[g].0);
+        let (r_a, r_b) = (grains.radius[at.i], grains.radius[at.j]);
+        let dx = gshear::state::nearest_image(a[field::X] - b[field::X], system.length);
+        let dy = a[field::Y] - b[field::Y];
+        let distance = dx.hypot(dy);
+        let (n_x, n_y) = (dx / distance, dy / distance);
+        let (du, dv) = (a[field::U] - b[field::U], a[field::V] - b[field::V]);
+        let v_n = du * n_x + dv * n_y;
+        let v_t = dv * n_x - du * n_y - r_a * a[field::W] - r_b * b[field::W];
+        let overlap = r_a + r_b - distance;
+        let k_n = normal_stiffness(modulus, r_a, r_b, overlap);
+        let normal = moving.samples.normal[at.block].0[at.lane];
+        let tangential = moving.samples.tangential[at.block].0[at.lane];
+        lost += (normal - k_n * overlap) * v_n + tangential * v_t;
+        energy += stored(modulus, r_a + r_b, k_n, overlap);
+    }
+    State {
+        energy,
+        power: lost + wall,
+        wall,
+    }
+}
+
+/// ∫ k_n δ dδ = 8πE* (R_1+R_2)² x² (ℓ - 3/2): of F = 4πE* (R_1+R_2) x, δ = 4 (R_1+R_2) x (ℓ-1), ℓ = -ln x.
+fn stored(modulus: f64, sum: f64, k_n: f64, overlap: f64) -> f64 {
+    let full = std::f64::consts::PI * modulus;
+    let ell = 1.0 + full / k_n;
+    let x = k_n * overlap / (4.0 * full * sum);
+    8.0 * full * sum * sum * x * x * (ell - 1.5)
+}
