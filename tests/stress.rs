@@ -41,9 +41,9 @@ macro_rules! points {
 }
 
 points! {
-    time_step_until_it_blows_up: "Δt raised until it blows up", stability::found_by_running;
+    time_step_until_it_blows_up: "Δt raised until a loaded, sticking arrangement departs from rest", stability::found_by_running;
     limit_of_the_map: "The limit of Δt, from the eigenvalues of one step", stability::limit_of_the_map;
-    limit_that_the_program_states: "The limit that the program states", stability::stated_by_the_program;
+    limit_that_the_program_states: "The limit that the program states, against all that sticks at ten times the mean overlap", stability::stated_by_the_program;
     strong_damping: "Strong damping", runs::strong_damping;
     sizes_and_loads: "Very different sizes and loads, against the reference", extremes::sizes_and_loads;
     size_ratio: "Sizes 1:20 in a sample", runs::size_ratio;

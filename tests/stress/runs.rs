@@ -193,7 +193,10 @@ pub fn packing_with_friction() -> Vec<Line> {
     vec![line(
         "packing with friction and rolling resistance, rattlers spinning",
         "at rest",
-        rest.map_or_else(|| message(&outcome), |l| l.trim().to_string()),
+        rest.map_or_else(
+            || message(&outcome),
+            |l| l.trim_start_matches("pack:").trim().to_string(),
+        ),
         outcome.code == 0,
     )]
 }
