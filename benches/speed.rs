@@ -131,8 +131,13 @@ fn main() {
     let large = std::env::args().any(|a| a == "large");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("speed");
     std::fs::create_dir_all(&folder).expect("a folder");
-    let quiet = ["output.frame_strain=0.0", "output.checkpoint_strain=0.0"];
-    let plain = ["output.checkpoint_strain=0.0"];
+    let quiet = [
+        "output.frame_strain=0.0",
+        "output.checkpoint_strain=0.0",
+        "output.energy=false",
+    ];
+    let plain = ["output.checkpoint_strain=0.0", "output.energy=false"];
+    let ledger = [quiet[0], quiet[1]];
 
     let default = pack(&folder, "default-1000", "plane-shear-2d.toml", &[], 0.01);
     let fast = [
@@ -170,13 +175,20 @@ fn main() {
         (2, &quiet),
         (2, &plain),
     );
+    default.pair(
+        &folder,
+        "1 rank; without ledger, with it",
+        (1, &quiet),
+        (1, &ledger),
+    );
     let frictionless = [
         quiet[0],
         quiet[1],
+        quiet[2],
         "contact.friction=0.0",
         "contact.rolling_friction=0.0",
     ];
-    let no_rolling = [quiet[0], quiet[1], "contact.rolling_friction=0.0"];
+    let no_rolling = [quiet[0], quiet[1], quiet[2], "contact.rolling_friction=0.0"];
     default.pair(
         &folder,
         "1 rank; full law, without rolling",
@@ -189,7 +201,7 @@ fn main() {
         (1, &quiet),
         (1, &frictionless),
     );
-    let avx2 = [quiet[0], quiet[1], "bookkeeping.simd=avx2"];
+    let avx2 = [quiet[0], quiet[1], quiet[2], "bookkeeping.simd=avx2"];
     default.pair(
         &folder,
         "1 rank; best instructions, avx2",
