@@ -29,6 +29,7 @@ pub const PHASES: [(Phase, &str); 6] = [
 pub struct Clock {
     seconds: [f64; PHASES.len()],
     since: Instant,
+    steps: u64,
 }
 
 impl Default for Clock {
@@ -36,13 +37,15 @@ impl Default for Clock {
         Self {
             seconds: [0.0; PHASES.len()],
             since: Instant::now(),
+            steps: 0,
         }
     }
 }
 
 impl Clock {
-    /// What follows belongs to no phase until the next `end`.
+    /// A step begins. What follows belongs to no phase until the next `end`.
     pub fn start(&mut self) {
+        self.steps += 1;
         self.since = Instant::now();
     }
 
@@ -51,6 +54,11 @@ impl Clock {
         let now = Instant::now();
         self.seconds[phase as usize] += (now - self.since).as_secs_f64();
         self.since = now;
+    }
+
+    /// Seconds of a phase in a step on this rank, in the mean.
+    pub fn per_step(&self, phase: Phase) -> f64 {
+        self.seconds[phase as usize] / self.steps.max(1) as f64
     }
 
     /// A table of the phases: least, mean and greatest seconds over the ranks, and the share of the mean.

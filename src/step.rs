@@ -93,6 +93,9 @@ pub fn initial_forces<C: ContactLaw, D: Drive, E: Exchange>(
 /// questions that are answered with yes where some rank says so.
 struct Message<const K: usize>([i64; LIMBS + 4]);
 
+/// Size of it.
+pub const MESSAGE_BYTES: usize = size_of::<Message<2>>();
+
 impl<const K: usize> Message<K> {
     fn new(
         system: &System,

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::clock::Phase;
 use crate::config::{Drive as SceneDrive, Law, Origin, Scene, Walls};
 use crate::domain::Exchange;
 use crate::drive::Piston;
@@ -200,8 +201,17 @@ impl Terminal {
         let (bytes, messages) = system.slabs.traffic();
         self.say(format!("results in {}", out.display()));
         self.say(phases.trim_end());
+        if exchange.size() > 1 {
+            let micro = |phase| 1e6 * system.clock.per_step(phase);
+            self.say(format!(
+                "per step from rank 0: {messages} messages of {bytes} bytes in all and 1 sum of {} bytes; with what they wait for, {:.1} and {:.1} us",
+                crate::step::MESSAGE_BYTES,
+                micro(Phase::Exchange),
+                micro(Phase::Walls),
+            ));
+        }
         self.say(format!(
-            "{rebuilds} list rebuilds; {messages} messages of {bytes} bytes per step from rank 0; state {:.0} bytes per grain of a rank",
+            "{rebuilds} list rebuilds; state {:.0} bytes per grain of a rank",
             memory / system.grains.owned.max(1) as f64
         ));
         self.say(format!("speed {rate:.4e}"));

@@ -68,6 +68,18 @@ fn bookkeeping_never_reaches_the_numbers() {
         let outcome = resumed(&start, &other, ranks, set);
         assert_eq!(outcome.digest(), expected, "{ranks} ranks, {set:?}");
     }
+    for (ranks, threads) in [(1, 3), (2, 2)] {
+        let arguments = [
+            format!("--resume={}", start.display()),
+            format!("--threads={threads}"),
+        ];
+        let outcome = gshear_mpi(ranks, &folder.path().join("other"), &arguments);
+        assert_eq!(
+            outcome.digest(),
+            expected,
+            "{ranks} ranks, {threads} threads"
+        );
+    }
     for simd in ["avx2", "avx512"] {
         if gshear::simd::Level::named(simd).is_some() {
             let set = [format!("bookkeeping.simd={simd}")];
