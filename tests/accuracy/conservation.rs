@@ -3,6 +3,7 @@
 use gshear::domain::Solo;
 use gshear::drive::NoWalls;
 use gshear::kernel::ContactForces;
+use gshear::ledger::Ledger;
 use gshear::simd::Level;
 use gshear::state::{ContactState, GrainState, field};
 use gshear::step::{advance, forces};
@@ -333,4 +334,69 @@ fn overlap_alone_does_not_change_the_tangential_force() {
         held = force;
     }
     assert!(limited > 0 && held == 0.0);
+}
+
+/// The ledger of energy of the crowd, which is driven together and slides: what it lost is what its kinetic and elastic energy
+/// lack, to a hundredth, and a quarter of Δt leaves less than half of the difference (of first order are the switches of regime).
+#[test]
+fn energy_is_accounted_for() {
+    const STEPS: usize = 400;
+    let residual = |parts: usize| {
+        let law = program_law::<true, true>(&LAW);
+        let step = STEP / parts as f64;
+        let mut samples = ContactForces::default();
+        let mut system = system::<true, true>(
+            Level::detect(),
+            &LAW,
+            LENGTH,
+            step,
+            None,
+            crowd(),
+            Vec::new(),
+            Some(&mut samples),
+        );
+        system.ledger = Some(Ledger::new(system.grains.unit, 1e-6));
+        let mut drive = NoWalls::default();
+        let entry = |system: &mut System, samples: &ContactForces| {
+            let kinetic: f64 = system
+                .grain_states()
+                .iter()
+                .zip(&system.grains.mass)
+                .map(|(g, m)| {
+                    let spin = 0.5 * g.radius.powi(2) * g.angular_velocity.powi(2);
+                    0.5 * m * (g.velocity[0].powi(2) + g.velocity[1].powi(2) + spin)
+                })
+                .sum();
+            let mut ledger = system.ledger.take().expect("a ledger");
+            let entry = ledger.entry(
+                &Solo,
+                system.level,
+                &law,
+                &system.contacts,
+                &samples.overlap,
+                0.0,
+                step,
+                0.0,
+                0.0,
+                kinetic,
+            );
+            system.ledger = Some(ledger);
+            (kinetic + entry.elastic.iter().sum::<f64>(), entry.lost)
+        };
+        let (begin, _) = entry(&mut system, &samples);
+        for _ in 0..parts * STEPS {
+            let sampled = Some(&mut samples);
+            advance(&Solo, &mut system, &law, &mut drive, false, sampled).unwrap();
+        }
+        let (end, lost) = entry(&mut system, &samples);
+        assert!(
+            lost[..3].iter().all(|&l| l > 1e-3 * begin),
+            "{lost:?} of {begin:e}"
+        );
+        (begin - end - lost.iter().sum::<f64>()) / (begin - end)
+    };
+    let (coarse, fine) = (residual(1), residual(4));
+    println!("missing of what was lost: {coarse:.2e}, with a quarter of the step {fine:.2e}");
+    assert!(coarse.abs() < 1e-2, "{coarse:e}");
+    assert!(fine.abs() < coarse.abs() / 2.0, "{fine:e} of {coarse:e}");
 }
