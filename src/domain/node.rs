@@ -235,5 +235,5 @@ fn wait_for(counter: &AtomicU64, number: u64) {
     }
 }
 
-/// Looks at a counter before the core is given away: some microseconds.
-const PATIENCE: u32 = 200;
+/// Looks at a counter before the core is given away: about two microseconds, as ranks may be more than cores.
+const PATIENCE: u32 = 50;
