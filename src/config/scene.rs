@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::contact::{hooke, lee_hurley};
+use crate::contact::{hooke, lee_hurley, portable_ln};
 
 /// A plane-shear run, ready to be set up.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,7 +83,7 @@ impl Law {
                 // x = a²/(16 R1 R2), and δ = 4(R1+R2) x (ln(1/x) - 1).
                 let a = lee_hurley::LARGEST_CONTACT * smaller;
                 let x = a * a / (16.0 * r1 * r2);
-                4.0 * (r1 + r2) * x * (-x.ln() - 1.0)
+                4.0 * (r1 + r2) * x * (-portable_ln(x) - 1.0)
             }
             Law::Hooke(_) => 2.0 * hooke::LARGEST_OVERLAP * smaller,
         }

@@ -18,7 +18,7 @@
 //! limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added (`rolling`), which `epsd2` lacks and η_r = 0 takes away.
 
 use super::rolling::{self, Places, Rolling, roll};
-use super::{Blocks, ContactLaw, loss};
+use super::{Blocks, ContactLaw, Limited, add_damping, loss};
 use crate::config::{Contact, Springs};
 use crate::simd::{Lanes, Mask, Row};
 
@@ -134,23 +134,19 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, R
                 let before = load(&history[0]);
                 let trial = (-k_t).mul_add(slip, before);
                 let limit = c(self.friction) * load(&response.normal);
-                let sliding = trial.abs().greater(limit);
-                let elastic = limit.copy_sign(trial).select(sliding, trial);
                 let v_t = load(&motion.tangential_velocity);
                 let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
-                let viscous = zero.select(sliding, gamma_t * v_t);
-                (elastic - viscous).store(&mut response.tangential);
-                response.sliding = sliding.bits();
-                let after = elastic.select(touching, zero);
+                let f = Limited::new(token, trial, limit, gamma_t * v_t);
+                (f.elastic - f.viscous).store(&mut response.tangential);
+                response.sliding = f.at_limit.bits();
+                let after = f.elastic.select(touching, zero);
                 if LEDGER {
                     let gained =
                         (after - before) * (after + before) * c(1.0 / self.tangential_stiffness);
                     (c(-0.5) * (before + after).mul_add(slip, gained))
                         .store(&mut response.lost[loss::FRICTION]);
-                    let damping = load(&response.lost[loss::DAMPING]);
-                    (viscous.select(touching, zero) * v_t)
-                        .mul_add(step, damping)
-                        .store(&mut response.lost[loss::DAMPING]);
+                    let viscous = f.viscous.select(touching, zero);
+                    add_damping(token, response, viscous * v_t * step);
                 }
                 after.store(&mut history[0]);
             }

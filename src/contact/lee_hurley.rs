@@ -16,7 +16,7 @@
 use std::f64::consts::{LN_2, PI};
 
 use super::rolling::{self, Places, Rolling, roll};
-use super::{Blocks, ContactLaw, loss, scalar};
+use super::{Blocks, ContactLaw, Limited, add_damping, loss, scalar};
 use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
 
 /// Beyond a/R = 0.3 of the smaller grain the fit A9 of the penalty factor is about to change sign.
@@ -232,14 +232,14 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     }
 }
 
-// Places in what is carried from loop to loop.
+// Places in what is carried from loop to loop; a later quantity takes the place of one that is not needed any more.
 const Y: usize = 0;
+const ROOT_X: usize = Y;
 const G: usize = 1;
-const PER_M: usize = 1;
+const PER_M: usize = G;
 const M: usize = 2;
-const ROOT_X: usize = 0;
+const COMPLIANCE: usize = M;
 const ROOT_COMPLIANCE: usize = 3;
-const COMPLIANCE: usize = 2;
 
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     /// F_n; carries on m and √x.
@@ -336,31 +336,25 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let trial = (c(-0.5) * (last + k_t))
                 .mul_add(load(&motion.tangential_increment), load(&history[0]));
             let limit = c(self.friction) * load(&response.normal);
-            let sliding = trial.abs().greater(limit);
-            let elastic = limit.copy_sign(trial).select(sliding, trial);
             let v_t = load(&motion.tangential_velocity);
-            let viscous = zero.select(sliding, load(&p[DAMPING]) * root * v_t);
-            (elastic - viscous).store(&mut response.tangential);
+            let f = Limited::new(token, trial, limit, load(&p[DAMPING]) * root * v_t);
+            (f.elastic - f.viscous).store(&mut response.tangential);
+            response.sliding = f.at_limit.bits();
+            let (before, after) = (load(&history[0]), f.elastic.select(touching, zero));
             if LEDGER {
-                // Where a contact has opened, after is 0.
-                let (before, after) = (load(&history[0]), elastic.select(touching, zero));
                 let work = c(-0.5) * (before + after) * load(&motion.tangential_increment);
                 let stored = |force: L, per_k: L| c(0.5) * force * force * per_k;
                 let gained = stored(after, load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness))
                     - stored(before, inverse(token, last));
                 let lost = work - gained;
-                let viscous = viscous.select(touching, zero);
-                lost.select(sliding, zero)
+                lost.select(f.at_limit, zero)
                     .store(&mut response.lost[loss::FRICTION]);
-                zero.select(sliding, lost)
+                zero.select(f.at_limit, lost)
                     .store(&mut response.lost[loss::STIFFNESS]);
-                let damping = load(&response.lost[loss::DAMPING]);
-                (viscous * v_t)
-                    .mul_add(c(blocks.step), damping)
-                    .store(&mut response.lost[loss::DAMPING]);
+                let viscous = f.viscous.select(touching, zero);
+                add_damping(token, response, viscous * v_t * c(blocks.step));
             }
-            response.sliding = sliding.bits();
-            elastic.select(touching, zero).store(&mut history[0]);
+            after.store(&mut history[0]);
             k_t.select(touching, zero).store(&mut history[1]);
         }
     }

@@ -130,6 +130,35 @@ pub trait ContactLaw: Copy + Send + Sync {
     fn history_from_state(state: [f64; 3]) -> [f64; 3];
 }
 
+/// A spring's force or torque under a limit, beside a damper.
+pub(crate) struct Limited<L: Lanes> {
+    /// The spring's part: at the limit where it would be beyond, and to be remembered so.
+    pub elastic: L,
+    /// The damper's, which acts below the limit only.
+    pub viscous: L,
+    pub at_limit: L::Mask,
+}
+
+impl<L: Lanes> Limited<L> {
+    /// `trial`: the spring's part without limit.
+    #[inline(always)]
+    pub fn new(token: L::Token, trial: L, limit: L, viscous: L) -> Self {
+        let at_limit = trial.abs().greater(limit);
+        Self {
+            elastic: limit.copy_sign(trial).select(at_limit, trial),
+            viscous: L::splat(token, 0.0).select(at_limit, viscous),
+            at_limit,
+        }
+    }
+}
+
+/// Adds the energy that a damper took to that of the others.
+#[inline(always)]
+pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, energy: L) {
+    let row = &mut response.lost[loss::DAMPING];
+    (L::load(token, row) + energy).store(row);
+}
+
 /// Natural logarithm of a positive normal number, the same on every platform.
 pub fn portable_ln(x: f64) -> f64 {
     scalar(|token| ln::<Portable>(token, Portable::splat(token, x)))

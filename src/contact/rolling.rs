@@ -4,7 +4,7 @@
 //!
 //! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the disks' inertia I + mR² about the contact (A22).
 
-use super::{Blocks, loss};
+use super::{Blocks, Limited, add_damping, loss};
 use crate::simd::{Lanes, Row, inverse};
 
 /// Rows of [`Rolling::parameters`].
@@ -66,23 +66,21 @@ pub fn roll<L: Lanes, const LEDGER: bool>(
         let touching = load(&motion.overlap).greater(zero);
         let trial = (-load(&p[at])).mul_add(load(&motion.rolling_increment), load(&history[place]));
         let limit = load(&p[at + 2]) * load(&response.normal);
-        let limited = trial.abs().greater(limit);
-        let elastic = limit.copy_sign(trial).select(limited, trial);
         let speed = load(&motion.rolling_velocity);
-        let viscous = zero.select(limited, load(&p[at + 1]) * speed);
-        (elastic - viscous).store(&mut response.rolling);
+        let m = Limited::new(token, trial, limit, load(&p[at + 1]) * speed);
+        (m.elastic - m.viscous).store(&mut response.rolling);
+        let (before, after) = (load(&history[place]), m.elastic.select(touching, zero));
         if LEDGER {
-            // Where a contact has opened, after is 0.
-            let (before, after) = (load(&history[place]), elastic.select(touching, zero));
             let work = (before + after) * load(&motion.rolling_increment);
             let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
-            let viscous = viscous.select(touching, zero);
             (L::splat(token, -0.5) * (work + gained)).store(&mut response.lost[loss::ROLLING]);
-            let damping = load(&response.lost[loss::DAMPING]);
-            (viscous * speed)
-                .mul_add(L::splat(token, blocks.step), damping)
-                .store(&mut response.lost[loss::DAMPING]);
+            let viscous = m.viscous.select(touching, zero);
+            add_damping(
+                token,
+                response,
+                viscous * speed * L::splat(token, blocks.step),
+            );
         }
-        elastic.select(touching, zero).store(&mut history[place]);
+        after.store(&mut history[place]);
     }
 }
