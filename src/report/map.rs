@@ -117,7 +117,7 @@ pub fn scale_of_forces(frames: [&Frame; 2]) -> f64 {
 
 /// Change of |f| of every contact that is in both frames (LH section 3.2: 0 where it was made or lost between them).
 pub fn changes(earlier: &Frame, later: &Frame) -> Vec<f64> {
-    let size = |contact: &ContactSample| contact.normal_force.hypot(contact.tangential_force);
+    let size = |contact: &ContactSample| contact.normal_force.hypot(contact.tangential_force[0]);
     let before = |contact: &ContactSample| {
         let found = earlier
             .contacts
@@ -292,7 +292,7 @@ mod tests {
             i,
             j,
             normal_force,
-            tangential_force,
+            tangential_force: [tangential_force, 0.0, 0.0],
             ..zero
         }
     }

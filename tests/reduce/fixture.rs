@@ -235,8 +235,8 @@ impl Fixture {
             )
         };
         column("normal_force", |c| c.normal_force)?;
-        column("tangential_force", |c| c.tangential_force)?;
-        column("tangential_history", |c| c.tangential_history)?;
+        column("tangential_force", |c| c.tangential_force[0])?;
+        column("tangential_history", |c| c.tangential_history[0])?;
         column("rolling_history", |c| c.rolling_history)?;
         column("overlap", |c| c.overlap)?;
         growing(
@@ -332,8 +332,8 @@ fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
                     i: i as u32,
                     j: j as u32,
                     normal_force,
-                    tangential_force: 0.1 * normal_force * (d[0] / d[1].hypot(d[0])),
-                    tangential_history: 0.1 * normal_force,
+                    tangential_force: [0.1 * normal_force * (d[0] / d[1].hypot(d[0])), 0.0, 0.0],
+                    tangential_history: [0.1 * normal_force, 0.0, 0.0],
                     rolling_history: 1e-9 * normal_force,
                     overlap,
                     sliding: u64::from((i + j) % 20 == 0),

@@ -64,6 +64,8 @@ pub struct Run {
     grains: Disks,
     /// Height of the box at the start of the shear (m).
     height: f64,
+    /// Disks, not spheres.
+    planar: bool,
     parameters: BTreeMap<String, Parameter>,
     series: Series,
     step: Vec<u64>,
@@ -81,7 +83,7 @@ struct ContactColumns {
     normal_force: Dataset,
     tangential_force: Dataset,
     tangential_history: Dataset,
-    rolling_history: Dataset,
+    rolling_history: Option<Dataset>,
     overlap: Dataset,
     sliding: Dataset,
 }
@@ -116,31 +118,41 @@ impl Run {
                 "does not hold L_x > 0, height, 0",
             ));
         }
+        let parameters = source.parameters()?;
+        let planar = !matches!(parameters.get("dimension"), Some(Parameter::Integer(3)));
         let grains = Disks {
             radius: source.of_length("particles/trajectory/radius", n)?,
             body: source.of_length("particles/trajectory/body", n)?,
             mass: source.of_length("particles/trajectory/mass", n)?,
             length: edges[0],
         };
-        let parameters = source.parameters()?;
         let finished = parameters.contains_key("digest");
         let series = source.series(finished)?;
 
+        let spins = if planar { &[n][..] } else { &[n, 3] };
         let position = source.frames("particles/trajectory/position/value", &[n, 3])?;
         let velocity = source.frames("particles/trajectory/velocity/value", &[n, 3])?;
         let angular_velocity =
-            source.frames("particles/trajectory/angular_velocity/value", &[n])?;
+            source.frames("particles/trajectory/angular_velocity/value", spins)?;
         let mut step: Vec<u64> = source.all("particles/trajectory/position/step")?;
         let mut time: Vec<f64> = source.all("particles/trajectory/position/time")?;
         let mut offset: Vec<u64> = source.all("connectivity/contacts/offset")?;
-        let column = |name: &str| source.frames(&format!("connectivity/contacts/{name}"), &[]);
+        let wide = |name: &str, shape: &[usize]| {
+            source.frames(&format!("connectivity/contacts/{name}"), shape)
+        };
+        let column = |name: &str| wide(name, &[]);
+        let tangential = if planar { &[][..] } else { &[3] };
         let contacts = ContactColumns {
             i: column("i")?,
             j: column("j")?,
             normal_force: column("normal_force")?,
-            tangential_force: column("tangential_force")?,
-            tangential_history: column("tangential_history")?,
-            rolling_history: column("rolling_history")?,
+            tangential_force: wide("tangential_force", tangential)?,
+            tangential_history: wide("tangential_history", tangential)?,
+            // Of disks only.
+            rolling_history: match planar {
+                true => Some(column("rolling_history")?),
+                false => None,
+            },
             overlap: column("overlap")?,
             sliding: column("sliding")?,
         };
@@ -175,7 +187,8 @@ impl Run {
 
         Ok(Run {
             grains,
-            height: edges[1],
+            height: edges[if planar { 1 } else { 2 }],
+            planar,
             parameters,
             series,
             step,
@@ -284,6 +297,12 @@ impl Run {
 
     /// The frames of a range within 0 … T.
     pub fn block(&self, range: Range<usize>) -> Result<Vec<Frame>, Failure> {
+        if !self.planar {
+            return Err(Failure::input(format!(
+                "{}: frames of spheres cannot be reduced, only those of disks; its time series can",
+                self.path.display()
+            )));
+        }
         let planar = |dataset: &Dataset| -> Result<Vec<Vec<[f64; 2]>>, Failure> {
             let values: ndarray::Array3<f64> = dataset
                 .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
@@ -350,7 +369,10 @@ impl Run {
         let normal_force = self.column::<f64>(&columns.normal_force, &rows)?;
         let tangential_force = self.column::<f64>(&columns.tangential_force, &rows)?;
         let tangential_history = self.column::<f64>(&columns.tangential_history, &rows)?;
-        let rolling_history = self.column::<f64>(&columns.rolling_history, &rows)?;
+        let rolling_history = match &columns.rolling_history {
+            Some(dataset) => self.column::<f64>(dataset, &rows)?,
+            None => vec![0.0; rows.len()],
+        };
         let overlap = self.column::<f64>(&columns.overlap, &rows)?;
         let sliding = self.column::<u8>(&columns.sliding, &rows)?;
         let n = self.grains.count();
@@ -365,8 +387,8 @@ impl Run {
             i: i[k],
             j: j[k],
             normal_force: normal_force[k],
-            tangential_force: tangential_force[k],
-            tangential_history: tangential_history[k],
+            tangential_force: [tangential_force[k], 0.0, 0.0],
+            tangential_history: [tangential_history[k], 0.0, 0.0],
             rolling_history: rolling_history[k],
             overlap: overlap[k],
             sliding: u64::from(sliding[k]),
@@ -403,13 +425,13 @@ impl ContactColumns {
             &self.normal_force,
             &self.tangential_force,
             &self.tangential_history,
-            &self.rolling_history,
             &self.overlap,
             &self.sliding,
         ];
         columns
-            .iter()
-            .map(|dataset| dataset.size() as u64)
+            .into_iter()
+            .chain(&self.rolling_history)
+            .map(|dataset| dataset.shape()[0] as u64)
             .min()
             .unwrap_or(0)
     }
