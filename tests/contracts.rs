@@ -134,10 +134,10 @@ fn spheres_under_a_spring_keep_the_contracts() {
     }
 
     // In the hold, and again in the last part.
-    assert_eq!(run("broken", 3, &["--stop-at=1400"]).code, 75);
+    assert_eq!(run("broken", 3, &["--stop-at=3100"]).code, 75);
     let broken = folder.path().join("broken");
     let resume = format!("--resume={}", broken.join("checkpoint.h5").display());
-    let again = gshear_mpi(1, &broken, &[resume.clone(), "--stop-at=1700".into()]);
+    let again = gshear_mpi(1, &broken, &[resume.clone(), "--stop-at=4000".into()]);
     assert_eq!(again.code, 75, "{}", again.text);
     assert_eq!(gshear_mpi(2, &broken, &[resume]).digest(), expected);
     same_run(&folder.path().join("one"), &broken);

@@ -254,14 +254,18 @@ impl<'a, E: Exchange> Run<'a, E> {
     }
 
     fn packing_stage(&self) -> Stage {
-        let drag = DRAG_FALLING / inertial_time(self.scene);
+        let drag = DRAG_FALLING / inertial_time(self.scene) * self.first_load().sqrt();
         Stage::Pack { drag }
+    }
+
+    /// Part of N with which the packing begins.
+    fn first_load(&self) -> f64 {
+        (self.scene.load.stiffness_number / BEARS_ALL[self.up() - 1]).min(1.0)
     }
 
     /// These grains before the first step, under a piston at rest at `height` (m).
     fn at_rest_on_top(&self, height: f64, grains: Vec<GrainState>) -> State {
         let (sample, load) = (&self.scene.sample, &self.scene.load);
-        let bears_all = BEARS_ALL[self.up() - 1];
         State {
             step: 0,
             piston: Piston {
@@ -270,7 +274,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                 acceleration: 0.0,
                 // About that of the wall to come.
                 mass: mean_mass(self.scene) * sample.base() / sample.mean_section(),
-                load: load.normal_force * (load.stiffness_number / bears_all).min(1.0),
+                load: load.normal_force * self.first_load(),
             },
             grains,
             contacts: Vec::new(),

@@ -67,8 +67,10 @@ impl<E: Exchange> Run<'_, E> {
                     .packing(step, &drive.piston, kinetic / (unit * sample.grains as f64));
                 // The bottom feels the load only when the sample is compressed all through.
                 if carried > 0.5 {
-                    drive.drag = resting_drag;
                     drive.piston.load = (2.0 * pressing).min(load.normal_force);
+                    // In inertial times of the load as it is.
+                    let part = drive.piston.load / load.normal_force;
+                    drive.drag = resting_drag * part.sqrt();
                 }
                 let loaded = pressing == load.normal_force;
                 if loaded && kinetic < at_rest && (carried - 1.0).abs() < balance {
