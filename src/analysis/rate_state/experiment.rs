@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::fit::{Fit, chi_squared, fit};
 use super::law::Evolution;
-use super::measures::{self, Healing, Hold, Steady, Step};
+use super::measures::{self, Healing, Hold, Peaks, Steady, Step};
 use super::record::Record;
 use super::window::Window;
 
@@ -20,10 +20,12 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    pub fn of(record: Record) -> Self {
+    /// `d_c` (m): as in [`Peaks`].
+    pub fn of(record: Record, d_c: Option<f64>) -> Self {
         let steady = measures::steady_segments(&record);
-        let steps = measures::steps(&record, &steady);
-        let holds = measures::holds(&record, &steady);
+        let peaks = Peaks { d_c };
+        let steps = measures::steps(&record, &steady, peaks);
+        let holds = measures::holds(&record, &steady, peaks);
         let healing = measures::healing(&holds);
         Experiment {
             record,
@@ -33,25 +35,26 @@ impl Experiment {
             healing,
         }
     }
+}
 
-    /// Segments of each velocity step: the one before and the one after.
-    fn step_ranges(&self) -> Vec<Range<usize>> {
-        let of = |step: &Step| step.segment - 1..step.segment + 1;
-        self.steps.iter().map(of).collect()
-    }
+/// Segments of each velocity step: the one before and the one after.
+fn step_ranges(record: &Record) -> Vec<Range<usize>> {
+    let slides = |k: &usize| !record.drive[*k - 1].is_hold() && !record.drive[*k].is_hold();
+    let after = (1..record.drive.len()).filter(slides);
+    after.map(|k| k - 1..k + 1).collect()
+}
 
-    /// Segments of each hold: the slide before, the hold, and the slide after where there is one.
-    fn hold_ranges(&self) -> Vec<Range<usize>> {
-        let of =
-            |hold: &Hold| hold.segment - 1..hold.segment + 1 + usize::from(hold.reslide.is_some());
-        self.holds.iter().map(of).collect()
-    }
+/// Segments of each hold: the slide before, the hold, and the slide after where there is one.
+fn hold_ranges(record: &Record) -> Vec<Range<usize>> {
+    let count = record.drive.len();
+    let holds = (1..count).filter(|k| record.drive[*k].is_hold());
+    holds.map(|k| k - 1..count.min(k + 2)).collect()
 }
 
 /// The fits of both laws, or one of them, to the same windows.
 #[derive(Debug, Clone)]
 pub struct Fitted {
-    /// `all`, `velocity steps`, `slide-hold-slide`; or `velocity step`, `hold` for a single one.
+    /// `all`, `all, jackknife`, `velocity steps`, `slide-hold-slide`; or `velocity step`, `hold` for a single one.
     pub name: &'static str,
     /// Experiment and segments of a single step or hold.
     pub event: Option<(usize, Range<usize>)>,
@@ -86,16 +89,16 @@ impl Fitted {
 
 /// Fits everything at once, first; then, where there are both, all velocity steps and all slide-hold-slides; then, where there are
 /// several, each step and each hold by itself.
-pub fn fit_all(experiments: &[Experiment], laws: &[Evolution]) -> Vec<Fitted> {
-    let window =
-        |(k, range): &(usize, Range<usize>)| Window::of(&experiments[*k].record, range.clone());
-    let of_all = |ranges: fn(&Experiment) -> Vec<Range<usize>>| -> Vec<(usize, Range<usize>)> {
-        let of = |(k, e)| ranges(e).into_iter().map(move |range| (k, range));
-        experiments.iter().enumerate().flat_map(of).collect()
+pub fn fit_all(records: &[Record], laws: &[Evolution]) -> Vec<Fitted> {
+    let window = |(k, range): &(usize, Range<usize>)| Window::of(&records[*k], range.clone());
+    let of_all = |ranges: fn(&Record) -> Vec<Range<usize>>| -> Vec<(usize, Range<usize>)> {
+        let of = |(k, record)| ranges(record).into_iter().map(move |range| (k, range));
+        records.iter().enumerate().flat_map(of).collect()
     };
-    let whole = of_all(|e| vec![0..e.record.drive.len()]);
-    let steps = of_all(Experiment::step_ranges);
-    let holds = of_all(Experiment::hold_ranges);
+    let of_whole = |(k, record): (usize, &Record)| (k, 0..record.drive.len());
+    let whole: Vec<_> = records.iter().enumerate().map(of_whole).collect();
+    let steps = of_all(step_ranges);
+    let holds = of_all(hold_ranges);
     let together = |name, ranges: &[(usize, Range<usize>)]| {
         let windows: Vec<Window> = ranges.iter().map(window).collect();
         Fitted::of(name, &windows, laws)

@@ -18,6 +18,24 @@ pub struct Estimate {
     pub interval: [f64; 2],
 }
 
+impl Estimate {
+    /// Half the interval is `reach`.
+    pub(super) fn linear(value: f64, reach: f64) -> Self {
+        Estimate {
+            value,
+            interval: [value - reach, value + reach],
+        }
+    }
+
+    /// Half the interval of the logarithm is `reach`.
+    pub(super) fn logarithmic(value: f64, reach: f64) -> Self {
+        Estimate {
+            value,
+            interval: [value * (-reach).exp(), value * reach.exp()],
+        }
+    }
+}
+
 /// The law that fits best.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
@@ -35,7 +53,20 @@ pub struct Fit {
     /// [windows][means] measured less model.
     pub residuals: Vec<Vec<f64>>,
     /// [windows][segments] γ_0 g of the residuals.
-    noise: Vec<Vec<f64>>,
+    pub(super) noise: Vec<Vec<f64>>,
+}
+
+impl Fit {
+    /// What was estimated, with the names of the tables.
+    pub fn estimates(&self) -> [(&'static str, Estimate); 5] {
+        [
+            ("a", self.a),
+            ("b", self.b),
+            ("a_minus_b", self.a_minus_b),
+            ("d_c", self.d_c),
+            ("mu_star", self.mu_star),
+        ]
+    }
 }
 
 /// Number of parameters: ln a, b, ln D_c, μ*. a and D_c are positive; b may vanish or be negative, as where friction only strengthens.
@@ -277,23 +308,15 @@ impl Problem<'_> {
         let covariance = self.covariance(&noise)?;
         let reach = |a, b, d_c, mu| covariance.reach(&Vector4::new(a, b, d_c, mu));
         let law = self.law(&self.at);
-        let linear = |value: f64, reach: f64| Estimate {
-            value,
-            interval: [value - reach, value + reach],
-        };
-        let logarithmic = |value: f64, reach: f64| Estimate {
-            value,
-            interval: [value * (-reach).exp(), value * reach.exp()],
-        };
         let count = residuals.iter().map(Vec::len).sum::<usize>() as f64;
         let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
         Ok(Fit {
-            a: logarithmic(law.a, reach(1.0, 0.0, 0.0, 0.0)),
-            b: linear(law.b, reach(0.0, 1.0, 0.0, 0.0)),
+            a: Estimate::logarithmic(law.a, reach(1.0, 0.0, 0.0, 0.0)),
+            b: Estimate::linear(law.b, reach(0.0, 1.0, 0.0, 0.0)),
             // d(a - b) = a d(ln a) - db
-            a_minus_b: linear(law.a - law.b, reach(law.a, -1.0, 0.0, 0.0)),
-            d_c: logarithmic(law.d_c, reach(0.0, 0.0, 1.0, 0.0)),
-            mu_star: linear(law.mu_star, reach(0.0, 0.0, 0.0, 1.0)),
+            a_minus_b: Estimate::linear(law.a - law.b, reach(law.a, -1.0, 0.0, 0.0)),
+            d_c: Estimate::logarithmic(law.d_c, reach(0.0, 0.0, 1.0, 0.0)),
+            mu_star: Estimate::linear(law.mu_star, reach(0.0, 0.0, 0.0, 1.0)),
             law,
             rms: (square / count).sqrt(),
             effective,

@@ -21,6 +21,17 @@ pub struct Steady {
     pub slip: f64,
 }
 
+/// Where peaks are looked for: in the first half of a segment and, with D_c (m) known, over the first 2 D_c of its slip, as the extreme of
+/// running means over 0.05 D_c. The extreme of single rows would lie above the peak by some of their scatter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peaks {
+    pub d_c: Option<f64>,
+}
+
+/// Slip that peaks are looked for in, and that is averaged over, in D_c.
+const PEAK_WITHIN: f64 = 2.0;
+const PEAK_MEAN: f64 = 0.05;
+
 /// A change from one velocity to another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
@@ -54,13 +65,13 @@ pub struct Hold {
 pub struct Reslide {
     /// V_r (m/s).
     pub velocity: f64,
-    /// Peak strength: the greatest μ in the first half of the slide.
+    /// Peak strength: the greatest μ after the hold, as [`Peaks`] finds it.
     pub peak: f64,
     /// Slip since the end of the hold at the peak (m).
     pub slip_at_peak: f64,
     /// Δμ: the peak less μ_ss before the hold.
     pub healing: f64,
-    /// Standard error of Δμ: of μ_ss, and the scatter of a row for the peak.
+    /// Standard error of Δμ: of μ_ss, and the scatter of means as long as that of the peak.
     pub error: f64,
 }
 
@@ -104,17 +115,16 @@ pub fn steady_segments(record: &Record) -> Vec<Option<Steady>> {
 }
 
 /// The changes from a slide to another one.
-pub fn steps(record: &Record, steady: &[Option<Steady>]) -> Vec<Step> {
+pub fn steps(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Step> {
     let of = |segment: usize| {
         let (before, after) = (steady[segment - 1]?, steady[segment]?);
         let up = after.velocity > before.velocity;
-        let (_, extreme) = extreme(record, segment, up)?;
-        let row = after.scatter;
+        let Extreme { extreme, error, .. } = peaks.extreme(record, segment, up)?;
         Some(Step {
             segment,
             velocities: [before.velocity, after.velocity],
-            direct: [extreme - before.friction, before.error.hypot(row)],
-            evolution: [extreme - after.friction, after.error.hypot(row)],
+            direct: [extreme - before.friction, before.error.hypot(error)],
+            evolution: [extreme - after.friction, after.error.hypot(error)],
             net: [
                 after.friction - before.friction,
                 before.error.hypot(after.error),
@@ -125,7 +135,7 @@ pub fn steps(record: &Record, steady: &[Option<Steady>]) -> Vec<Step> {
 }
 
 /// The holds after a slide.
-pub fn holds(record: &Record, steady: &[Option<Steady>]) -> Vec<Hold> {
+pub fn holds(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Hold> {
     let of = |segment: usize| {
         let before = steady[segment - 1]?;
         let rows = record.rows(segment);
@@ -135,13 +145,13 @@ pub fn holds(record: &Record, steady: &[Option<Steady>]) -> Vec<Hold> {
         let reslide = || {
             let after = segment + 1;
             let drive = record.drive.get(after).filter(|drive| !drive.is_hold())?;
-            let (row, peak) = extreme(record, after, true)?;
+            let found = peaks.extreme(record, after, true)?;
             Some(Reslide {
                 velocity: drive.velocity,
-                peak,
-                slip_at_peak: record.slip[row] - record.slip[rows.end - 1],
-                healing: peak - before.friction,
-                error: before.error.hypot(before.scatter),
+                peak: found.extreme,
+                slip_at_peak: found.slip - record.slip[rows.end - 1],
+                healing: found.extreme - before.friction,
+                error: before.error.hypot(found.error),
             })
         };
         Some(Hold {
@@ -155,15 +165,48 @@ pub fn holds(record: &Record, steady: &[Option<Steady>]) -> Vec<Hold> {
     (1..record.drive.len()).filter_map(of).collect()
 }
 
-/// Row and value of the greatest, or the least, μ in the first half of a segment.
-fn extreme(record: &Record, segment: usize, greatest: bool) -> Option<(usize, f64)> {
-    let [half, _] = record.halves(segment);
-    let value = |row: usize| (row, record.friction[row]);
-    let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1);
-    if greatest {
-        half.map(value).max_by(order)
-    } else {
-        half.map(value).min_by(order)
+struct Extreme {
+    extreme: f64,
+    /// Slip there (m).
+    slip: f64,
+    /// Scatter of means of as many rows.
+    error: f64,
+}
+
+impl Peaks {
+    /// The greatest, or the least, μ of a segment.
+    fn extreme(self, record: &Record, segment: usize, greatest: bool) -> Option<Extreme> {
+        let [half, rest] = record.halves(segment);
+        if half.is_empty() || rest.is_empty() {
+            return None;
+        }
+        let start = record.slip[half.start];
+        let slipped = record.slip[rest.end - 1] - record.slip[rest.start];
+        let per_row = slipped / (rest.len() as f64 - 1.0).max(1.0);
+        let (mut end, mut length) = (half.end, 1);
+        if let Some(d_c) = self.d_c.filter(|_| per_row > 0.0) {
+            let within = |row: &usize| record.slip[*row] - start <= PEAK_WITHIN * d_c;
+            let near = half.clone().take_while(within).count();
+            length = ((PEAK_MEAN * d_c / per_row) as usize).clamp(1, half.len().min(rest.len()));
+            end = half.start + near.max(length);
+        }
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / length as f64;
+        let means = record.friction[half.start..end].windows(length).map(mean);
+        let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1);
+        let (at, extreme) = if greatest {
+            means.enumerate().max_by(order)?
+        } else {
+            means.enumerate().min_by(order)?
+        };
+        let of_rest: Vec<f64> = record.friction[rest].windows(length).map(mean).collect();
+        let count = of_rest.len() as f64;
+        let centre = of_rest.iter().sum::<f64>() / count;
+        let square: f64 = of_rest.iter().map(|m| (m - centre) * (m - centre)).sum();
+        Some(Extreme {
+            extreme,
+            slip: record.slip[half.start + at + length / 2],
+            error: (square / (count - 1.0).max(1.0)).sqrt(),
+        })
     }
 }
 

@@ -3,6 +3,7 @@
 
 mod experiment;
 mod fit;
+mod jackknife;
 mod law;
 mod measures;
 mod noise;
@@ -16,8 +17,11 @@ mod tests;
 
 pub use experiment::{Experiment, Fitted, fit_all};
 pub use fit::{Estimate, Fit, chi_squared, fit};
+pub use jackknife::jackknife;
 pub use law::{Evolution, Law, State};
-pub use measures::{Healing, Hold, Reslide, Steady, Step, healing, holds, steady_segments, steps};
+pub use measures::{
+    Healing, Hold, Peaks, Reslide, Steady, Step, healing, holds, steady_segments, steps,
+};
 pub use noise::{Correlation, block_error, correlation};
 pub use protocol::{Segment, of_drive};
 pub use record::{Record, merge};

@@ -114,7 +114,8 @@ pub fn merge(records: &[Record]) -> Vec<(Record, Vec<usize>)> {
     groups.into_iter().map(joined).collect()
 }
 
-fn mean(members: &[&Record]) -> Record {
+/// The mean of realisations of one protocol.
+pub(super) fn mean(members: &[&Record]) -> Record {
     let [first, ..] = members else {
         unreachable!("a group has a member");
     };

@@ -111,3 +111,31 @@ fn data_that_determine_nothing_are_refused() {
     assert!(refused.is_err());
     assert!(fit(&[], Evolution::Aging).is_err());
 }
+
+/// μ of the realisations differs by a constant and by nothing else, which no noise within a run shows: μ* is as uncertain as the mean of four
+/// such constants, (−3, −1, 1, 3) √0.6 σ, whose jackknife is exact: half the interval is t_3 s/√4, s² = 4σ² being their variance; a and b
+/// are as certain as before.
+#[test]
+fn jackknife_sees_what_differs_between_realisations() {
+    let clean = synthetic(&law(Evolution::Aging), &step_test(), 4e-3);
+    let sigma = 0.01;
+    let records: Vec<Record> = [-3.0, -1.0, 1.0, 3.0]
+        .into_iter()
+        .map(|shift| {
+            let mut record = clean.clone();
+            let by = shift * sigma * f64::sqrt(0.6);
+            record.friction.iter_mut().for_each(|f| *f += by);
+            record
+        })
+        .collect();
+    let (joined, groups): (Vec<Record>, Vec<Vec<usize>>) = merge(&records).into_iter().unzip();
+    let all = &fit_all(&joined, &[Evolution::Aging])[0];
+    let spread = jackknife(&records, &groups, all).expect("four realisations");
+    let fit = spread.fits[0].1.as_ref().expect("a fit");
+    let half = |e: Estimate| 0.5 * (e.interval[1] - e.interval[0]);
+    // Student's t for 3 degrees of freedom, from tables.
+    let expected = 3.182446305284263 * sigma;
+    assert!((half(fit.mu_star) / expected - 1.0).abs() < 1e-6);
+    assert!(half(fit.a) < 1e-8 && half(fit.b) < 1e-8 && half(fit.d_c) < 1e-8);
+    assert!(jackknife(&records[..2], &[vec![0, 1]], all).is_none());
+}
