@@ -204,7 +204,7 @@ fn realisations_give_the_law_that_they_are_made_of() {
     let events = ["velocity step", "velocity step", "hold", "hold", "hold"];
     let together = [
         "all",
-        "all, jackknife",
+        "all (jackknife)",
         "velocity steps",
         "slide-hold-slide",
     ];
@@ -261,7 +261,9 @@ fn realisations_give_the_law_that_they_are_made_of() {
 fn protocols_are_fitted_together() {
     let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
-    let up = run(&[SLIDE, segment(0.1, 0.5)], 2e-3, 0.0, 1);
+    let mut up = run(&[SLIDE, segment(0.1, 0.5)], 2e-3, 0.0, 1);
+    // While nothing touched the slider.
+    up.series[1][700..703].fill(f64::NAN);
     let mut down = run(
         &[SLIDE, segment(0.005, 4.0), segment(0.01, 0.02)],
         2e-3,
@@ -321,6 +323,13 @@ fn runs_that_are_no_tests_of_friction_are_refused() {
     fixture.scene = "[shear]\ndrive = \"spring\"\nstiffness = 0\n".into();
     refusal("limp", &fixture, "shear.stiffness is not a number above 0");
 
+    let mut fixture = made();
+    fixture.further[0].1.truncate(100);
+    refusal(
+        "short",
+        &fixture,
+        "observables/slip/value: has 100 rows instead of 231",
+    );
     let mut fixture = made();
     fixture.further.remove(1);
     refusal("column", &fixture, "observables/drive_velocity is missing");

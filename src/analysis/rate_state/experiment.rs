@@ -54,7 +54,7 @@ fn hold_ranges(record: &Record) -> Vec<Range<usize>> {
 /// The fits of both laws, or one of them, to the same windows.
 #[derive(Debug, Clone)]
 pub struct Fitted {
-    /// `all`, `all, jackknife`, `velocity steps`, `slide-hold-slide`; or `velocity step`, `hold` for a single one.
+    /// `all`, `all (jackknife)`, `velocity steps`, `slide-hold-slide`; or `velocity step`, `hold` for a single one.
     pub name: &'static str,
     /// Experiment and segments of a single step or hold.
     pub event: Option<(usize, Range<usize>)>,

@@ -347,7 +347,7 @@ impl Problem<'_> {
         let inverse = (scaled.symmetric_eigenvalues().min() > SINGULAR)
             .then(|| scaled.try_inverse())
             .flatten()
-            .ok_or("these data do not determine a, b and D_c")?;
+            .ok_or("these data do not determine the parameters")?;
         let inverse = scale * inverse * scale;
         let part = |(square, weight, noise): (Matrix4<f64>, f64, Noise)| {
             let taken = (square * inverse).trace();

@@ -26,7 +26,7 @@ pub fn jackknife(records: &[Record], groups: &[Vec<usize>], all: &Fitted) -> Opt
         (*law, spread)
     };
     Some(Fitted {
-        name: "all, jackknife",
+        name: "all (jackknife)",
         event: None,
         fits: all.fits.iter().map(spread).collect(),
         chi_squared: all.chi_squared.clone(),
