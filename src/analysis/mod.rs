@@ -3,6 +3,7 @@
 pub mod dmin;
 pub mod neighbourhood;
 pub mod phases;
+pub mod rate_state;
 pub mod rattlers;
 
 #[cfg(test)]

@@ -6,5 +6,6 @@ mod dmin;
 pub mod export;
 mod info;
 mod phases;
+pub mod rate_state;
 
 pub use commands::{Arguments, Command, run};

@@ -5,6 +5,7 @@ mod histogram;
 mod map;
 mod page;
 pub mod plot;
+pub mod rate_state;
 mod stress;
 mod summary;
 pub mod ticks;

@@ -125,7 +125,7 @@ fn percent_of(strain: &[f64]) -> Vec<f64> {
 }
 
 /// The range of the finite values, with a share of it added at both ends.
-fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
+pub(super) fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
     let finite = values.filter(|value| value.is_finite());
     let [low, high] = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
         [low.min(v), high.max(v)]
@@ -154,7 +154,7 @@ fn draw(plot: &mut Plot, x: &[f64], y: &[f64], rows: &[usize], colour: RGBColor,
 }
 
 /// The first, the least, the greatest and the last point of every `column` of x, in their order.
-fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
+pub(super) fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
     let place = |point: &[f64; 2]| (point[0] / column).floor();
     let mut kept = Vec::new();
     for group in points.chunk_by(|a, b| place(a) == place(b)) {

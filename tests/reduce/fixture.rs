@@ -21,6 +21,10 @@ pub struct Fixture {
     pub series_step: Vec<u64>,
     /// As `SERIES_COLUMNS`, [columns][L].
     pub series: Vec<Vec<f64>>,
+    /// Columns of the time series beside `SERIES_COLUMNS`, each [L].
+    pub further: Vec<(&'static str, Vec<f64>)>,
+    /// TOML.
+    pub scene: String,
     /// `None`: the run was stopped early.
     pub digest: Option<String>,
 }
@@ -121,6 +125,8 @@ impl Fixture {
             frames: made,
             series_step,
             series,
+            further: vec![],
+            scene: "title = \"Made up <for> tests & nothing else\"\nseed = 1\n".into(),
             digest: Some("00c0ffee00c0ffee".into()),
         }
     }
@@ -246,7 +252,9 @@ impl Fixture {
         )?;
 
         let observables = file.create_group("observables")?;
-        for (name, values) in SERIES_COLUMNS.iter().zip(&self.series) {
+        let columns = SERIES_COLUMNS.iter().zip(&self.series);
+        let further = self.further.iter().map(|(name, values)| (name, values));
+        for (name, values) in columns.chain(further) {
             let group = observables.create_group(name)?;
             if *name == SERIES_COLUMNS[0] {
                 growing(&group, "step", &self.series_step)?;
@@ -264,11 +272,7 @@ impl Fixture {
         }
 
         let parameters = file.create_group("parameters")?;
-        text(
-            &parameters,
-            "scene",
-            "title = \"Made up <for> tests & nothing else\"\nseed = 1\n",
-        )?;
+        text(&parameters, "scene", &self.scene)?;
         text(&parameters, "version", "0.1.0")?;
         text(&parameters, "git_commit", "0000000")?;
         text(&parameters, "processor", "none")?;
