@@ -3,6 +3,11 @@
 //! What contract 1 rests on: every pair is evaluated in one orientation from the wrapped coordinates of its two grains,
 //! and forces are rounded to a common unit ([`ForceUnit`]), whose multiples add up exactly in any order.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "iterators would have to be inlined with all their closures, or they lose the instruction set"
+)]
+
 use std::ops::Range;
 
 use crate::contact::{CARRY, ContactLaw, Motion, Response, loss, store_vector, vector};
