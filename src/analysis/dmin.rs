@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::neighbourhood::Cells;
+use super::neighbourhood::{Cells, separation};
 use super::rattlers;
 use crate::state::{Disks, Frame};
 
@@ -19,8 +19,20 @@ const SINGULAR: f64 = 1e-12;
 pub struct NonAffine {
     cells: Cells,
     rattler: Vec<bool>,
-    /// Separations of one grain's neighbours, earlier and later.
-    pairs: Vec<(Vector2<f64>, Vector2<f64>)>,
+    /// Neighbours i < j.
+    pairs: Vec<[u32; 2]>,
+    moments: Vec<Moments>,
+    /// Γ of every grain; NaN where it is undefined.
+    gamma: Vec<Matrix2<f64>>,
+}
+
+/// What a grain's neighbours add up to.
+#[derive(Debug, Clone, Copy)]
+struct Moments {
+    neighbours: u32,
+    /// X of B2 and Y of B3 (m²).
+    x: Matrix2<f64>,
+    y: Matrix2<f64>,
 }
 
 impl NonAffine {
@@ -41,50 +53,80 @@ impl NonAffine {
         dmin: &mut [f64],
     ) {
         rattlers::mark(grains, earlier, &mut self.rattler);
-        let rattler = &self.rattler;
-        self.cells
-            .fill(grains.length, radius, &earlier.position, |n| !rattler[n]);
-        for (i, value) in dmin.iter_mut().enumerate() {
-            if rattler[i] {
-                *value = f64::NAN;
-                continue;
+        self.find_pairs(grains.length, radius, &earlier.position);
+        let (pairs, gamma) = (&self.pairs, &mut self.gamma);
+        let of_pair = |&[i, j]: &[u32; 2]| {
+            let [i, j] = [i as usize, j as usize];
+            let between = |frame: &Frame| -> Vector2<f64> {
+                separation(grains.length, frame.position[i], frame.position[j]).into()
+            };
+            (i, j, between(earlier), between(later))
+        };
+
+        // A pair seen from its other end has both signs changed: products of the two are the same for i and for j.
+        let none = Moments {
+            neighbours: 0,
+            x: Matrix2::zeros(),
+            y: Matrix2::zeros(),
+        };
+        self.moments.clear();
+        self.moments.resize(dmin.len(), none);
+        for (i, j, before, after) in pairs.iter().map(of_pair) {
+            let (x, y) = (after * before.transpose(), before * before.transpose());
+            for n in [i, j] {
+                let moments = &mut self.moments[n];
+                moments.neighbours += 1;
+                moments.x += x;
+                moments.y += y;
             }
-            let (before, after) = (earlier.position[i], later.position[i]);
-            self.pairs.clear();
-            self.cells.near(before, |j| {
-                let d = grains.separation(before, earlier.position[j]);
-                if j != i && d[0] * d[0] + d[1] * d[1] <= radius * radius {
-                    self.pairs
-                        .push((d.into(), grains.separation(after, later.position[j]).into()));
+        }
+        gamma.clear();
+        gamma.extend(self.moments.iter().map(best_fit));
+        // A second pass over the pairs: the expansion of the square in moments would cancel.
+        dmin.fill(0.0);
+        for (i, j, before, after) in pairs.iter().map(of_pair) {
+            dmin[i] += (after - gamma[i] * before).norm_squared();
+            dmin[j] += (after - gamma[j] * before).norm_squared();
+        }
+        for (value, moments) in dmin.iter_mut().zip(&self.moments) {
+            *value /= f64::from(moments.neighbours);
+        }
+    }
+
+    /// The rattlers of the earlier frame in the last call of [`Self::between`], [N].
+    pub fn rattlers(&self) -> &[bool] {
+        &self.rattler
+    }
+
+    /// Γ [N] of the last call of [`Self::between`] (LH B4); NaN where it is undefined.
+    pub fn gamma(&self) -> &[Matrix2<f64>] {
+        &self.gamma
+    }
+
+    fn find_pairs(&mut self, length: f64, radius: f64, position: &[[f64; 2]]) {
+        let (rattler, pairs) = (&self.rattler, &mut self.pairs);
+        self.cells.fill(length, radius, position, |n| !rattler[n]);
+        pairs.clear();
+        for (i, &r) in position.iter().enumerate().filter(|(i, _)| !rattler[*i]) {
+            self.cells.near(r, |j| {
+                if j > i {
+                    let d = separation(length, r, position[j]);
+                    if d[0] * d[0] + d[1] * d[1] <= radius * radius {
+                        pairs.push([i as u32, j as u32]);
+                    }
                 }
             });
-            *value = residual(&self.pairs);
         }
     }
 }
 
-/// B1 with Γ of B4. The residuals are summed in a second pass: the expansion of the square in moments would cancel.
-fn residual(pairs: &[(Vector2<f64>, Vector2<f64>)]) -> f64 {
-    if pairs.len() < 2 {
-        return f64::NAN;
-    }
-    let mut x = Matrix2::zeros();
-    let mut y = Matrix2::zeros();
-    for (before, after) in pairs {
-        x += after * before.transpose();
-        y += before * before.transpose();
-    }
+/// Γ of B4.
+fn best_fit(moments: &Moments) -> Matrix2<f64> {
+    let Moments { neighbours, x, y } = moments;
     // Written so that NaN counts as singular.
-    let regular = y.determinant() > SINGULAR * y.trace() * y.trace();
-    let Some(inverse) = y.try_inverse().filter(|_| regular) else {
-        return f64::NAN;
-    };
-    let gamma = x * inverse;
-    let sum: f64 = pairs
-        .iter()
-        .map(|(before, after)| (after - gamma * before).norm_squared())
-        .sum();
-    sum / pairs.len() as f64
+    let regular = *neighbours >= 2 && y.determinant() > SINGULAR * y.trace() * y.trace();
+    let inverse = y.try_inverse().filter(|_| regular);
+    inverse.map_or(Matrix2::repeat(f64::NAN), |inverse| x * inverse)
 }
 
 #[cfg(test)]

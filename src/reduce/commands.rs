@@ -5,11 +5,12 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+use crate::analysis::regions::MinPoints;
 use crate::failure::Failure;
 use crate::io::run_reader::Run;
 use crate::{analysis, report};
 
-use super::{compare, dmin, export, info, phases};
+use super::{compare, correlate, dmin, export, info, phases, regions};
 
 /// Reduces the runs of gshear-mpi: what is in them, D²min, stick and slip phases, and a report with figures.
 ///
@@ -68,6 +69,35 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// Write a table of the scalars of every frame into regions.csv: GR regions, gD²min, contact angles (Lee & Hurley, section 3)
+    ///
+    /// A line a frame, each between it and the frame before: the greatest D²min and the mean of the greatest tenth (m²), the number
+    /// of GR regions in both readings of DBSCAN's minPts (1 and 2, the point itself counted), Spearman's rho of |Δσ_p| with D²min
+    /// and its p, mean and median contact angle in GR regions (rad).
+    Regions {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+        /// Folder to write into [default: the run's]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Write what happened in every phase and how it goes with the change of τ (Lee & Hurley, section 3.3)
+    ///
+    /// measures.csv: a line a phase, with the measures of equations 1 to 4. correlations.csv: Spearman's rho and its two-sided p in
+    /// half-decades of Δτ, Δτ_p and D²min. Phases are those of τ at the frames, whose interval is the Δγ that t_p is counted in.
+    Correlate {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+        /// Folder to write into [default: the run's]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Shear strain at which the stick-slip regime begins
+        #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
+        from: f64,
+        /// Points within reach that make a core point of DBSCAN, the point itself counted: 1, or 2, by which a grain alone is noise
+        #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+        min_points: u8,
+    },
     /// Write one state of a run in a format of other programs
     ///
     /// lammps-data and liggghts-data: a data file of atom_style sphere; types are 1 free grains, 2 bottom wall, 3 top wall, and
@@ -120,6 +150,23 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             let run = Run::open(run)?;
             phases::write(&run, out.as_deref().unwrap_or(run.folder()), output)?;
         }
+        Command::Regions { run, out } => {
+            let run = Run::open(run)?;
+            let path = regions::write(&run, out.as_deref().unwrap_or(run.folder()))?;
+            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+        }
+        Command::Correlate {
+            run,
+            out,
+            from,
+            min_points,
+        } => {
+            let run = Run::open(run)?;
+            let folder = out.as_deref().unwrap_or(run.folder());
+            for path in correlate::write(&run, folder, *from, reading(*min_points))? {
+                writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+            }
+        }
         Command::Export {
             run,
             format,
@@ -138,6 +185,13 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
     }
     output.flush().map_err(lost)?;
     Ok(0)
+}
+
+fn reading(min_points: u8) -> MinPoints {
+    match min_points {
+        1 => MinPoints::Itself,
+        _ => MinPoints::OneNeighbour,
+    }
 }
 
 /// Output that could not be written, to a terminal or a pipe.

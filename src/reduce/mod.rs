@@ -2,9 +2,12 @@
 
 mod commands;
 pub mod compare;
+mod correlate;
 mod dmin;
 pub mod export;
 mod info;
 mod phases;
+mod regions;
+pub mod scalars;
 
 pub use commands::{Arguments, Command, run};

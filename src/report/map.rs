@@ -5,6 +5,7 @@ use plotters::style::RGBColor;
 use super::colour::{CHANGE, FORCE, GRAIN, GREY, VIRIDIS, WALL, WHITE};
 use super::plot::{Layout, Plot, figure};
 use super::ticks::{self, Tick};
+use crate::analysis::forces;
 use crate::state::{ContactSample, Disks, Frame};
 
 const WIDTH: f64 = 900.0;
@@ -115,22 +116,6 @@ pub fn scale_of_forces(frames: [&Frame; 2]) -> f64 {
         .unwrap_or(0.0)
 }
 
-/// Change of |f| of every contact that is in both frames (LH section 3.2: 0 where it was made or lost between them).
-pub fn changes(earlier: &Frame, later: &Frame) -> Vec<f64> {
-    let size = |contact: &ContactSample| contact.normal_force.hypot(contact.tangential_force);
-    let before = |contact: &ContactSample| {
-        let found = earlier
-            .contacts
-            .binary_search_by_key(&(contact.i, contact.j), |c| (c.i, c.j));
-        found.map_or(size(contact), |k| size(&earlier.contacts[k]))
-    };
-    later
-        .contacts
-        .iter()
-        .map(|contact| size(contact) - before(contact))
-        .collect()
-}
-
 /// The differential force network between two frames, drawn on the later one.
 pub fn force_changes(
     grains: &Disks,
@@ -139,7 +124,8 @@ pub fn force_changes(
     view: View,
     title: &str,
 ) -> String {
-    let mut changes = changes(earlier, later);
+    let mut changes = Vec::new();
+    forces::changes(earlier, later, &mut changes);
     let greatest = changes
         .iter()
         .fold(0.0, |most: f64, change| most.max(change.abs()));
@@ -295,25 +281,6 @@ mod tests {
             tangential_force,
             ..zero
         }
-    }
-
-    #[test]
-    fn changes_are_those_of_the_size_of_contacts_in_both_frames() {
-        let frame = |contacts: &[ContactSample]| Frame {
-            contacts: contacts.to_vec(),
-            ..Frame::default()
-        };
-        let earlier = frame(&[
-            contact(0, 1, 3.0, -4.0),
-            contact(0, 2, 1.0, 0.0),
-            contact(1, 2, 1.0, 0.0),
-        ]);
-        let later = frame(&[
-            contact(0, 1, 12.0, 5.0),
-            contact(1, 2, 0.5, 0.0),
-            contact(1, 3, 9.0, 0.0),
-        ]);
-        assert_eq!(changes(&earlier, &later), [8.0, -0.5, 0.0]);
     }
 
     #[test]

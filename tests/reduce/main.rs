@@ -4,6 +4,7 @@ mod compare;
 mod export;
 mod fixture;
 mod reading;
+mod references;
 mod results;
 
 use std::process::{Command, Output};
