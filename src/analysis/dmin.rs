@@ -4,6 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::neighbourhood::{Cells, separation};
 use super::rattlers;
+use crate::simd::{Lanes, Level, Work};
 use crate::state::{Disks, Frame};
 
 /// Radius of the neighbourhood over r̄ in LH section 3.2.
@@ -14,26 +15,35 @@ pub const RADIUS: f64 = 5.0;
 /// rounding of the positions (1e-14 of a radius) alone never lifts such a line above it.
 const SINGULAR: f64 = 1e-12;
 
+/// How much farther than the radius the lists of near grains reach, over the radius, so that they serve many frames.
+const SKIN: f64 = 0.05;
+
+/// Where less than this share of the squared displacements is not affine, the difference would cancel: see [`NonAffine::residual`].
+const CANCELS: f64 = 0.01;
+
 /// Buffers for D²min, reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct NonAffine {
-    cells: Cells,
+    near: NearPairs,
     rattler: Vec<bool>,
-    /// Neighbours i < j.
-    pairs: Vec<[u32; 2]>,
+    moving: Vec<Moving>,
+    within: Vec<(u32, [f64; 2])>,
     moments: Vec<Moments>,
-    /// Γ of every grain; NaN where it is undefined.
-    gamma: Vec<Matrix2<f64>>,
+    neighbours: Vec<u32>,
+    /// G = Γ - 1 of every grain; NaN where it is undefined.
+    gradient: Vec<Matrix2<f64>>,
 }
 
-/// What a grain's neighbours add up to.
+/// A grain in the earlier frame, NaN for a rattler, which is then near to nobody, and its displacement (m).
 #[derive(Debug, Clone, Copy)]
-struct Moments {
-    neighbours: u32,
-    /// X of B2 and Y of B3 (m²).
-    x: Matrix2<f64>,
-    y: Matrix2<f64>,
+struct Moving {
+    place: [f64; 2],
+    displacement: [f64; 2],
 }
+
+/// What a grain's neighbours add up to, b being the earlier separation and u the change of it:
+/// Σ b ⊗ b (xx, xy, yy), Σ u ⊗ b (xx, xy, yx, yy), Σ u² (m²).
+type Moments = [f64; 8];
 
 impl NonAffine {
     /// D²min of every grain between two frames (LH B1–B4).
@@ -43,7 +53,7 @@ impl NonAffine {
     ///
     /// Rattlers of the earlier frame are neither centres nor neighbours. NaN for them, for grains with fewer than
     /// two neighbours, and where the neighbours lie on one line (singular Y).
-    /// Separations are nearest images along x in both frames, so that nothing jumps at the seam.
+    /// Separations and displacements are nearest images along x, so that nothing jumps at the seam.
     pub fn between(
         &mut self,
         grains: &Disks,
@@ -52,44 +62,26 @@ impl NonAffine {
         later: &Frame,
         dmin: &mut [f64],
     ) {
+        let length = grains.length;
         rattlers::mark(grains, earlier, &mut self.rattler);
-        self.find_pairs(grains.length, radius, &earlier.position);
-        let (pairs, gamma) = (&self.pairs, &mut self.gamma);
-        let of_pair = |&[i, j]: &[u32; 2]| {
-            let [i, j] = [i as usize, j as usize];
-            let between = |frame: &Frame| -> Vector2<f64> {
-                separation(grains.length, frame.position[i], frame.position[j]).into()
-            };
-            (i, j, between(earlier), between(later))
-        };
-
-        // A pair seen from its other end has both signs changed: products of the two are the same for i and for j.
-        let none = Moments {
-            neighbours: 0,
-            x: Matrix2::zeros(),
-            y: Matrix2::zeros(),
-        };
-        self.moments.clear();
-        self.moments.resize(dmin.len(), none);
-        for (i, j, before, after) in pairs.iter().map(of_pair) {
-            let (x, y) = (after * before.transpose(), before * before.transpose());
-            for n in [i, j] {
-                let moments = &mut self.moments[n];
-                moments.neighbours += 1;
-                moments.x += x;
-                moments.y += y;
-            }
-        }
-        gamma.clear();
-        gamma.extend(self.moments.iter().map(best_fit));
-        // A second pass over the pairs: the expansion of the square in moments would cancel.
-        dmin.fill(0.0);
-        for (i, j, before, after) in pairs.iter().map(of_pair) {
-            dmin[i] += (after - gamma[i] * before).norm_squared();
-            dmin[j] += (after - gamma[j] * before).norm_squared();
-        }
-        for (value, moments) in dmin.iter_mut().zip(&self.moments) {
-            *value /= f64::from(moments.neighbours);
+        self.near.update(length, radius, &earlier.position);
+        self.moving.clear();
+        let places = earlier.position.iter().zip(&later.position);
+        self.moving.extend(
+            places
+                .zip(&self.rattler)
+                .map(|((from, to), rattler)| Moving {
+                    place: if *rattler { [f64::NAN; 2] } else { *from },
+                    displacement: separation(length, *from, *to),
+                }),
+        );
+        self.sum_moments(length, radius);
+        self.gradient.clear();
+        let sums = self.moments.iter().zip(&self.neighbours);
+        self.gradient
+            .extend(sums.map(|(moments, neighbours)| best_fit(moments, *neighbours)));
+        for (i, value) in dmin.iter_mut().enumerate() {
+            *value = self.residual(i, length, radius) / f64::from(self.neighbours[i]);
         }
     }
 
@@ -98,35 +90,209 @@ impl NonAffine {
         &self.rattler
     }
 
-    /// Γ [N] of the last call of [`Self::between`] (LH B4); NaN where it is undefined.
-    pub fn gamma(&self) -> &[Matrix2<f64>] {
-        &self.gamma
+    fn sum_moments(&mut self, length: f64, radius: f64) {
+        self.moments.clear();
+        self.moments.resize(self.moving.len(), [0.0; 8]);
+        self.neighbours.clear();
+        self.neighbours.resize(self.moving.len(), 0);
+        Level::detect().run(SumMoments {
+            length,
+            radius,
+            near: &self.near,
+            moving: &self.moving,
+            within: &mut self.within,
+            moments: &mut self.moments,
+            neighbours: &mut self.neighbours,
+        });
     }
 
-    fn find_pairs(&mut self, length: f64, radius: f64, position: &[[f64; 2]]) {
-        let (rattler, pairs) = (&self.rattler, &mut self.pairs);
-        self.cells.fill(length, radius, position, |n| !rattler[n]);
-        pairs.clear();
-        for (i, &r) in position.iter().enumerate().filter(|(i, _)| !rattler[*i]) {
-            self.cells.near(r, |j| {
-                if j > i {
-                    let d = separation(length, r, position[j]);
-                    if d[0] * d[0] + d[1] * d[1] <= radius * radius {
-                        pairs.push([i as u32, j as u32]);
-                    }
+    /// Σ (u - G b)² (m²): Σ u² - tr(G Xᵀ) with X = Σ u ⊗ b or, where that would cancel, term by term.
+    fn residual(&self, i: usize, length: f64, radius: f64) -> f64 {
+        let [.., xx, xy, yx, yy, squares] = self.moments[i];
+        let g = self.gradient[i];
+        let rest = squares - g.component_mul(&Matrix2::new(xx, xy, yx, yy)).sum();
+        if rest >= CANCELS * squares || rest.is_nan() {
+            return rest;
+        }
+        let from = &self.moving[i];
+        let mut sum = 0.0;
+        self.near.around(i, |j| {
+            let to = &self.moving[j];
+            let b = separation(length, from.place, to.place);
+            if b[0] * b[0] + b[1] * b[1] <= radius * radius {
+                let rest = Vector2::from(change(from, to)) - g * Vector2::from(b);
+                sum += rest.norm_squared();
+            }
+        });
+        sum
+    }
+}
+
+/// The moments of every grain, pair by pair in order of (i, j): the same bits on every instruction set.
+struct SumMoments<'a> {
+    length: f64,
+    radius: f64,
+    near: &'a NearPairs,
+    moving: &'a [Moving],
+    within: &'a mut Vec<(u32, [f64; 2])>,
+    moments: &'a mut [Moments],
+    neighbours: &'a mut [u32],
+}
+
+impl Work for SumMoments<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) {
+        let SumMoments {
+            length,
+            radius,
+            near,
+            moving,
+            within,
+            moments,
+            neighbours,
+        } = self;
+        for (i, from) in moving.iter().enumerate() {
+            let after = near.after(i);
+            // Every near grain is written down, and the next one over it unless it is within the radius: a branch would be
+            // guessed wrong too often.
+            within.resize(within.len().max(after.len() + 1), (0, [0.0; 2]));
+            let mut count = 0;
+            for &j in after {
+                let b = separation(length, from.place, moving[j as usize].place);
+                within[count] = (j, b);
+                count += usize::from(b[0] * b[0] + b[1] * b[1] <= radius * radius);
+            }
+            let mut sums = moments[i];
+            for &(j, b) in &within[..count] {
+                let j = j as usize;
+                let u = change(from, &moving[j]);
+                let terms = [
+                    b[0] * b[0],
+                    b[0] * b[1],
+                    b[1] * b[1],
+                    u[0] * b[0],
+                    u[0] * b[1],
+                    u[1] * b[0],
+                    u[1] * b[1],
+                    u[0] * u[0] + u[1] * u[1],
+                ];
+                // From j both b and u have the other sign, and their products the same one.
+                let other = &mut moments[j];
+                for k in 0..8 {
+                    sums[k] += terms[k];
+                    other[k] += terms[k];
                 }
-            });
+                neighbours[j] += 1;
+            }
+            moments[i] = sums;
+            neighbours[i] += count as u32;
         }
     }
 }
 
-/// Γ of B4.
-fn best_fit(moments: &Moments) -> Matrix2<f64> {
-    let Moments { neighbours, x, y } = moments;
+/// u.
+#[inline(always)]
+fn change(from: &Moving, to: &Moving) -> [f64; 2] {
+    [
+        to.displacement[0] - from.displacement[0],
+        to.displacement[1] - from.displacement[1],
+    ]
+}
+
+/// G: B4 less the identity.
+fn best_fit(moments: &Moments, neighbours: u32) -> Matrix2<f64> {
+    let [bxx, bxy, byy, xx, xy, yx, yy, _] = *moments;
+    let y = Matrix2::new(bxx, bxy, bxy, byy);
     // Written so that NaN counts as singular.
-    let regular = *neighbours >= 2 && y.determinant() > SINGULAR * y.trace() * y.trace();
+    let regular = neighbours >= 2 && y.determinant() > SINGULAR * y.trace() * y.trace();
     let inverse = y.try_inverse().filter(|_| regular);
+    let x = Matrix2::new(xx, xy, yx, yy);
     inverse.map_or(Matrix2::repeat(f64::NAN), |inverse| x * inverse)
+}
+
+/// All pairs that may be within a radius, in order of (i, j) whatever frame they were found in: sums over them do not
+/// depend on what came before.
+#[derive(Debug, Default)]
+struct NearPairs {
+    length: f64,
+    radius: f64,
+    /// The places the pairs were found at.
+    found_at: Vec<[f64; 2]>,
+    cells: Cells,
+    /// [N+1] first entry of each grain in `after` and in `before`.
+    start_after: Vec<u32>,
+    after: Vec<u32>,
+    start_before: Vec<u32>,
+    before: Vec<u32>,
+}
+
+impl NearPairs {
+    fn update(&mut self, length: f64, radius: f64, position: &[[f64; 2]]) {
+        let skin = SKIN * radius;
+        let stayed = || {
+            let places = self.found_at.iter().zip(position);
+            places.fold(true, |stayed, (from, to)| {
+                let d = separation(length, *from, *to);
+                stayed & (d[0] * d[0] + d[1] * d[1] < 0.25 * skin * skin)
+            })
+        };
+        let same =
+            (self.length, self.radius, self.found_at.len()) == (length, radius, position.len());
+        if same && stayed() {
+            return;
+        }
+        (self.length, self.radius) = (length, radius);
+        self.found_at.clear();
+        self.found_at.extend_from_slice(position);
+        self.find(radius + skin);
+    }
+
+    fn find(&mut self, reach: f64) {
+        let NearPairs {
+            length,
+            found_at,
+            cells,
+            start_after,
+            after,
+            start_before,
+            before,
+            ..
+        } = self;
+        cells.fill(*length, reach, found_at, |_| true);
+        for list in [&mut *after, before, start_after, start_before] {
+            list.clear();
+        }
+        for (i, r) in found_at.iter().enumerate() {
+            let firsts = [after.len(), before.len()];
+            start_after.push(firsts[0] as u32);
+            start_before.push(firsts[1] as u32);
+            cells.near(*r, |j| {
+                let d = separation(*length, *r, found_at[j]);
+                if j != i && d[0] * d[0] + d[1] * d[1] <= reach * reach {
+                    if j > i { &mut *after } else { &mut *before }.push(j as u32);
+                }
+            });
+            after[firsts[0]..].sort_unstable();
+            before[firsts[1]..].sort_unstable();
+        }
+        start_after.push(after.len() as u32);
+        start_before.push(before.len() as u32);
+    }
+
+    /// Those of grain i with a higher id, ascending.
+    #[inline(always)]
+    fn after(&self, i: usize) -> &[u32] {
+        &self.after[self.start_after[i] as usize..self.start_after[i + 1] as usize]
+    }
+
+    /// All of grain i, ascending.
+    fn around(&self, i: usize, found: impl FnMut(usize)) {
+        let before = &self.before[self.start_before[i] as usize..self.start_before[i + 1] as usize];
+        let all = before.iter().chain(self.after(i));
+        all.map(|&j| j as usize).for_each(found);
+    }
 }
 
 #[cfg(test)]
@@ -198,7 +364,8 @@ mod tests {
         }
     }
 
-    /// B1 minimised over Γ by SVD of the whole design matrix; neighbours by trying every grain and image.
+    /// B1 minimised over Γ - 1 by SVD of the whole design matrix, of the changes of the separations, which lose nothing by
+    /// rounding; neighbours by trying every grain and image.
     fn direct(grains: &Disks, rattler: &[bool], earlier: &Frame, later: &Frame, i: usize) -> f64 {
         let nearest = |a: [f64; 2], b: [f64; 2]| {
             let image = |k: f64| [b[0] - a[0] + k * grains.length, b[1] - a[1]];
@@ -211,12 +378,13 @@ mod tests {
         };
         let radius = 5.0 * grains.radius.iter().sum::<f64>() / grains.radius.len() as f64;
         let others = (0..grains.count()).filter(|&j| j != i && !rattler[j]);
+        let moved = |n: usize| nearest(earlier.position[n], later.position[n]);
         let (mut before, mut after) = (Vec::new(), Vec::new());
         for j in others {
             let d = nearest(earlier.position[i], earlier.position[j]);
             if d[0].hypot(d[1]) <= radius {
                 before.push(d);
-                after.extend(nearest(later.position[i], later.position[j]));
+                after.extend([0, 1].map(|k| moved(j)[k] - moved(i)[k]));
             }
         }
         let design = DMatrix::from_fn(after.len(), 4, |row, column| {

@@ -168,3 +168,63 @@ fn mean_and_median(values: &mut [f64]) -> (f64, f64) {
     let mean = values.iter().sum::<f64>() / count as f64;
     (mean, 0.5 * (values[(count - 1) / 2] + values[count / 2]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::testing::{frame, grains_in, scattered};
+
+    #[test]
+    fn the_greatest_tenth_is_of_the_defined_values() {
+        let mut values: Vec<f64> = (1..=26).map(f64::from).collect();
+        values.extend([f64::NAN; 14]);
+        values.reverse();
+        // 2.6 of 26 are rounded to 3.
+        assert_eq!(greatest(&values, &mut Vec::new()), (26.0, 25.0));
+        assert_eq!(greatest(&[0.0, f64::NAN], &mut Vec::new()), (0.0, 0.0));
+        let (one, top) = greatest(&[f64::NAN; 3], &mut Vec::new());
+        assert!(one.is_nan() && top.is_nan());
+    }
+
+    #[test]
+    fn means_and_medians_of_odd_even_and_no_values() {
+        assert_eq!(mean_and_median(&mut [3.0, 1.0, 8.0]), (4.0, 3.0));
+        assert_eq!(mean_and_median(&mut [3.0, 1.0, 8.0, 4.0]), (4.0, 3.5));
+        let (mean, median) = mean_and_median(&mut []);
+        assert!(mean.is_nan() && median.is_nan());
+    }
+
+    #[test]
+    fn what_a_scratch_was_used_for_before_does_not_matter() {
+        let grains = grains_in(40.0, &[1.0; 300]);
+        let frames: Vec<Frame> = (0..6)
+            .map(|k| {
+                let start = scattered(1, 300, 40.0, 30.0);
+                // Small moves, by which lists of near grains go on serving, and a great one.
+                let size = if k == 4 { 3.0 } else { 0.05 * f64::from(k) };
+                let moves = scattered(2 + k as u64, 300, size, size);
+                let places: Vec<_> = start.iter().zip(moves).map(|(r, d)| r + d).collect();
+                let mut frame = frame(&grains, &places);
+                for (n, contact) in frame.contacts.iter_mut().enumerate() {
+                    contact.normal_force = 1.0 + (7.3 * n as f64 + f64::from(k)).sin();
+                    contact.tangential_force = 0.3 * (2.1 * n as f64 - f64::from(k)).cos();
+                }
+                frame
+            })
+            .collect();
+        let bits = |pair: &[Frame], scratch: &mut Scratch| {
+            let scalars = frame_scalars(&grains, &pair[0], &pair[1], scratch);
+            scalars.columns().map(f64::to_bits)
+        };
+        let mut used = Scratch::default();
+        for pair in frames.windows(2) {
+            assert_eq!(bits(pair, &mut used), bits(pair, &mut Scratch::default()));
+        }
+        let fewer = grains_in(40.0, &[1.0; 200]);
+        let points = scattered(9, 200, 40.0, 30.0);
+        let still = frame(&fewer, &points);
+        let again = frame_scalars(&fewer, &still, &still, &mut used);
+        assert_eq!((again.dmin_greatest, again.regions), (0.0, 0.0));
+        assert!(again.region_angle_mean.is_nan() && again.stress_dmin_rho.is_nan());
+    }
+}

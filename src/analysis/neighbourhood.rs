@@ -3,7 +3,7 @@
 /// r_to - r_from (m), nearest image along x, of two positions wrapped into [0, L_x).
 ///
 /// Compares where `Disks::separation` divides and rounds: the analysis spends most of its time here.
-#[inline]
+#[inline(always)]
 pub fn separation(length: f64, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
     let dx = to[0] - from[0];
     let image = if dx > 0.5 * length {

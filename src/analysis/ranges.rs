@@ -7,11 +7,11 @@ const EDGES: [f64; 9] = [
     1e-5,
     3.1622776601683795e-5,
     1e-4,
-    3.1622776601683795e-4,
+    0.00031622776601683794,
     1e-3,
-    3.1622776601683795e-3,
+    0.0031622776601683794,
     1e-2,
-    3.1622776601683794e-2,
+    0.03162277660168379,
     1e-1,
 ];
 
@@ -86,4 +86,77 @@ pub fn correlations(rows: &[Row], ranges: &[Range]) -> Vec<(Range, Correlation)>
         (*range, spearman.of(rows.map(|row| row.pair)))
     };
     ranges.iter().map(within).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_decades_are_sixteen_and_meet() {
+        let ranges = of_stress_changes();
+        assert_eq!(ranges.len(), 16);
+        for pair in ranges[..8].windows(2) {
+            assert_eq!(pair[0].nearer, pair[1].farther);
+        }
+        for pair in ranges[8..].windows(2) {
+            assert_eq!(pair[0].farther, pair[1].nearer);
+        }
+        for (k, range) in ranges[8..].iter().enumerate() {
+            let wanted = 10f64.powf(-5.0 + 0.5 * k as f64);
+            assert!((range.nearer / wanted - 1.0).abs() < 1e-14, "{range:?}");
+        }
+        assert_eq!((ranges[0].farther, ranges[15].farther), (-1e-1, 1e-1));
+    }
+
+    #[test]
+    fn a_value_is_in_the_range_of_its_sign_that_begins_with_it() {
+        let of = |value: f64| -> Vec<usize> {
+            let ranges = of_stress_changes();
+            (0..16).filter(|k| ranges[*k].contains(value)).collect()
+        };
+        assert_eq!(
+            (of(1e-2), of(-1e-2), of(0.09), of(-0.09)),
+            (vec![14], vec![1], vec![15], vec![0])
+        );
+        assert_eq!((of(1e-5), of(-1e-5)), (vec![8], vec![7]));
+        for outside in [0.0, 9e-6, 0.1, -0.1, f64::NAN, f64::INFINITY] {
+            assert_eq!(of(outside), [0; 0], "{outside}");
+        }
+    }
+
+    #[test]
+    fn ranges_around_values_hold_all_of_them() {
+        let values = [3e-7, 0.02, f64::NAN, 0.0, -1.0];
+        let ranges = around(values.into_iter());
+        assert_eq!(ranges.len(), 11);
+        for value in &values[..2] {
+            assert_eq!(
+                ranges.iter().filter(|range| range.contains(*value)).count(),
+                1
+            );
+        }
+        assert!(around([f64::NAN, 0.0].into_iter()).is_empty());
+    }
+
+    #[test]
+    fn only_the_rows_of_a_range_are_correlated() {
+        let row = |by: f64, value: f64| Row {
+            by,
+            pair: [by, value],
+        };
+        // Falling within one range, rising within the other, and something outside.
+        let rows = [
+            row(2e-3, 3.0),
+            row(1.5e-3, 4.0),
+            row(1.1e-3, 9.0),
+            row(0.02, 1.0),
+            row(0.03, 2.0),
+            row(0.5, 0.0),
+        ];
+        let found = correlations(&rows, &of_stress_changes());
+        let [a, b] = [found[12].1, found[14].1];
+        assert_eq!((a.rho, a.count, b.rho, b.count), (-1.0, 3, 1.0, 2));
+        assert_eq!(found.iter().map(|(_, c)| c.count).sum::<usize>(), 5);
+    }
 }

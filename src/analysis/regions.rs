@@ -126,3 +126,91 @@ impl Regions {
         angles.extend(of_regions.map(|contact| forces::angle(grains, later, contact)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::testing::{contact, grains_in};
+    use crate::state::ContactSample;
+
+    fn pressed(i: u32, j: u32, normal_force: f64) -> ContactSample {
+        ContactSample {
+            normal_force,
+            ..contact(i, j)
+        }
+    }
+
+    /// 300 grains in a row along x, 1 apart, each in contact with the next; the force of contact k is `force(k)`.
+    fn chain(force: impl Fn(u32) -> f64) -> Frame {
+        Frame {
+            position: (0..300).map(|k| [f64::from(k), 0.0]).collect(),
+            contacts: (0..299).map(|k| pressed(k, k + 1, force(k))).collect(),
+            ..Frame::default()
+        }
+    }
+
+    #[test]
+    fn the_greatest_reduction_is_that_of_the_sum_over_a_grains_contacts() {
+        // Of radius 0.4, so that ε = 2 and 1 % are three grains.
+        let grains = grains_in(300.0, &[0.4; 300]);
+        let earlier = chain(|_| 10.0);
+        // Contacts 100 and 101 lose, so that grain 101 loses twice; 200 loses most, but gains as much beside it.
+        let later = chain(|k| match k {
+            100 | 101 => 7.0,
+            200 => 5.0,
+            201 => 15.0,
+            _ => 10.0,
+        });
+        let mut regions = Regions::default();
+        regions.find(&grains, &earlier, &later);
+        // 101: -6; 200: -5; then 100 and 102: -3 each, of which the lower id counts.
+        assert_eq!(regions.grains(), [100, 101, 200]);
+        assert_eq!(
+            regions.labels(MinPoints::Itself),
+            [Some(0), Some(0), Some(1)]
+        );
+        assert_eq!(
+            regions.labels(MinPoints::OneNeighbour),
+            [Some(0), Some(0), None]
+        );
+        assert_eq!(
+            [MinPoints::Itself, MinPoints::OneNeighbour].map(|r| regions.count(r)),
+            [2, 1]
+        );
+        let mut angles = Vec::new();
+        regions.angles(&grains, &later, &mut angles);
+        // Contacts 99 to 101 and 199 and 200, all along x.
+        assert_eq!(angles, [0.0; 5]);
+    }
+
+    #[test]
+    fn regions_join_across_the_seam() {
+        let grains = grains_in(300.0, &[0.4; 300]);
+        let earlier = chain(|_| 10.0);
+        let mut later = chain(|k| if k == 0 || k == 298 { 1.0 } else { 10.0 });
+        later.contacts.last_mut().expect("a contact").normal_force = 0.5;
+        let mut regions = Regions::default();
+        regions.find(&grains, &earlier, &later);
+        assert_eq!(regions.grains(), [0, 298, 299]);
+        assert_eq!(regions.count(MinPoints::Itself), 1);
+    }
+
+    #[test]
+    fn contacts_made_or_lost_and_forces_that_grow_make_no_region() {
+        let grains = grains_in(300.0, &[0.4; 300]);
+        let earlier = chain(|_| 10.0);
+        let mut later = chain(|_| 11.0);
+        later.contacts.remove(50);
+        later.contacts.insert(60, pressed(60, 70, 4.0));
+        let mut regions = Regions::default();
+        regions.find(&grains, &earlier, &later);
+        assert_eq!(regions.grains(), [0; 0]);
+        assert_eq!(
+            [MinPoints::Itself, MinPoints::OneNeighbour].map(|r| regions.count(r)),
+            [0, 0]
+        );
+        let mut angles = vec![1.0];
+        regions.angles(&grains, &later, &mut angles);
+        assert!(angles.is_empty());
+    }
+}

@@ -17,9 +17,9 @@ impl Correlation {
     /// Above this p LH leave a coefficient out of their figures (section 3.3).
     pub const SIGNIFICANT: f64 = 0.05;
 
-    /// Whether p ≤ 0.05.
+    /// Whether p ≤ 0.05, of at least five pairs: of four even the rarest order is no rarer than 2/4! = 0.08, whatever Student's t says.
     pub fn is_significant(&self) -> bool {
-        self.p <= Self::SIGNIFICANT
+        self.count >= 5 && self.p <= Self::SIGNIFICANT
     }
 }
 
@@ -27,7 +27,8 @@ impl Correlation {
 #[derive(Debug, Default)]
 pub struct Spearman {
     pairs: Vec<[f64; 2]>,
-    order: Vec<(u64, u32)>,
+    order: Vec<u64>,
+    keys: Vec<u64>,
     ranks: [Vec<i64>; 2],
 }
 
@@ -42,7 +43,7 @@ impl Spearman {
         let count = self.pairs.len();
         for (k, ranks) in self.ranks.iter_mut().enumerate() {
             let values = self.pairs.iter().map(|pair| pair[k]);
-            doubled_ranks(values, &mut self.order, ranks);
+            doubled_ranks(values, &mut self.order, &mut self.keys, ranks);
         }
         let [x, y] = &self.ranks;
         let mean = count as i64 + 1;
@@ -60,22 +61,33 @@ impl Spearman {
 /// Twice the average ranks, 1 … n, which are whole numbers.
 fn doubled_ranks(
     values: impl Iterator<Item = f64>,
-    order: &mut Vec<(u64, u32)>,
+    order: &mut Vec<u64>,
+    keys: &mut Vec<u64>,
     ranks: &mut Vec<i64>,
 ) {
+    keys.clear();
+    keys.extend(values.map(sort_key));
+    // The row in place of the last bits of the value: one integer sorts faster than a value with its row.
+    let rows = keys.len().next_power_of_two() as u64 - 1;
+    let key_of = |entry: &u64| keys[(entry & rows) as usize];
     order.clear();
-    order.extend(values.zip(0..).map(|(value, row)| (sort_key(value), row)));
+    order.extend(keys.iter().zip(0..).map(|(key, row)| key & !rows | row));
     order.sort_unstable();
     ranks.clear();
-    ranks.resize(order.len(), 0);
+    ranks.resize(keys.len(), 0);
     let mut first = 0;
-    for tied in order.chunk_by(|a, b| a.0 == b.0) {
-        // The ranks first + 1 … first + length: their average, doubled.
-        let doubled = (2 * first + tied.len() + 1) as i64;
-        for (_, row) in tied {
-            ranks[*row as usize] = doubled;
+    for alike in order.chunk_by_mut(|a, b| a & !rows == b & !rows) {
+        if alike.len() > 1 {
+            alike.sort_unstable_by_key(key_of);
         }
-        first += tied.len();
+        for tied in alike.chunk_by(|a, b| key_of(a) == key_of(b)) {
+            // The ranks first + 1 … first + length: their average, doubled.
+            let doubled = (2 * first + tied.len() + 1) as i64;
+            for entry in tied {
+                ranks[(entry & rows) as usize] = doubled;
+            }
+            first += tied.len();
+        }
     }
 }
 
@@ -91,7 +103,7 @@ pub(super) fn sort_key(value: f64) -> u64 {
 
 /// Ranks 1 … n of values without NaN, ties having the average of theirs.
 pub fn ranks(values: &[f64]) -> Vec<f64> {
-    let mut doubled = Vec::new();
-    doubled_ranks(values.iter().copied(), &mut Vec::new(), &mut doubled);
+    let (mut order, mut keys, mut doubled) = (Vec::new(), Vec::new(), Vec::new());
+    doubled_ranks(values.iter().copied(), &mut order, &mut keys, &mut doubled);
     doubled.into_iter().map(|rank| 0.5 * rank as f64).collect()
 }

@@ -25,6 +25,24 @@ pub fn tensors(grains: &Disks, frame: &Frame, stress: &mut Vec<[f64; 3]>) {
     }
 }
 
+/// τ = S/N from the contacts of a frame: what the free grains exert on those of the top wall, S against its motion along +x and N
+/// away from the sample (LH section 2). NaN while nothing touches it.
+pub fn ratio_on_top(grains: &Disks, frame: &Frame) -> f64 {
+    const TOP: u8 = 2;
+    let mut on_wall = [0.0; 2];
+    for contact in &frame.contacts {
+        let [i, j] = [contact.i, contact.j].map(|n| grains.body[n as usize] == TOP);
+        let sign = match (i, j) {
+            (true, false) => 1.0,
+            (false, true) => -1.0,
+            _ => continue,
+        };
+        let (_, f) = forces::vector(grains, frame, contact);
+        on_wall = [on_wall[0] + sign * f[0], on_wall[1] + sign * f[1]];
+    }
+    -on_wall[0] / on_wall[1]
+}
+
 /// σ_p: the largest principal stress of a tensor σ_xx, σ_yy, σ_xy.
 pub fn largest_principal([xx, yy, xy]: [f64; 3]) -> f64 {
     let half = 0.5 * (xx - yy);
@@ -101,7 +119,7 @@ mod tests {
 
     #[test]
     fn tangential_forces_of_a_balanced_disk_give_shear() {
-        // Four contacts on the axes with F_t = ±T such that the torques cancel: n ⊗ t̂ for n = x̂ and t̂ = ŷ.
+        // Four contacts on the axes with F_t = ±T such that the torques cancel: T along ±y on the sides, along ±x above and below.
         let grains = grains_in(100.0, &[1.0; 5]);
         let around = [[52.0, 50.0], [50.0, 52.0], [48.0, 50.0], [50.0, 48.0]];
         let frame = Frame {
@@ -118,7 +136,33 @@ mod tests {
         tensors(&grains, &frame, &mut stress);
         let [xx, yy, xy] = stress[0];
         assert!(xx.abs() < 1e-15 && yy.abs() < 1e-15, "{xx} {yy}");
-        assert!((xy - 4.0 * 3.0 / PI).abs() < 1e-14, "{xy}");
+        assert!((xy - 2.0 * 3.0 / PI).abs() < 1e-14, "{xy}");
+    }
+
+    #[test]
+    fn the_ratio_on_the_top_wall_is_that_of_the_forces_on_it() {
+        // The top grain 2 rests on 0 and 1, to whose right and left it is; 3 belongs to the top as well.
+        let mut grains = grains_in(100.0, &[1.0; 4]);
+        grains.body = vec![0, 0, 2, 2];
+        let height = 3.0_f64.sqrt();
+        let pushed = |i, j, normal_force, tangential_force| ContactSample {
+            normal_force,
+            tangential_force,
+            ..contact(i, j)
+        };
+        let frame = Frame {
+            position: vec![[49.0, 0.0], [51.0, 0.0], [50.0, height], [52.0, height]],
+            contacts: vec![
+                pushed(0, 2, 2.0, 0.0),
+                pushed(1, 2, 4.0, 0.0),
+                pushed(2, 3, 99.0, 9.0),
+            ],
+            ..Frame::default()
+        };
+        // On 2: 2 (½, √3/2) + 4 (-½, √3/2) = (-1, 3√3).
+        let found = ratio_on_top(&grains, &frame);
+        assert!((found - 1.0 / (3.0 * height)).abs() < 1e-15, "{found}");
+        assert!(ratio_on_top(&grains, &Frame::default()).is_nan());
     }
 
     #[test]

@@ -8,9 +8,10 @@ use clap::{Parser, Subcommand};
 use crate::analysis::regions::MinPoints;
 use crate::failure::Failure;
 use crate::io::run_reader::Run;
+use crate::report::lee_hurley::Choice;
 use crate::{analysis, report};
 
-use super::{compare, correlate, dmin, export, info, phases, regions};
+use super::{compare, correlate, dmin, export, info, phases, regions, study};
 
 /// Reduces the runs of gshear-mpi: what is in them, D²min, stick and slip phases, and a report with figures.
 ///
@@ -116,13 +117,34 @@ pub enum Command {
         out: Option<PathBuf>,
     },
     /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
+    ///
+    /// With --study lee-hurley instead, of one run or of several: every figure of Lee & Hurley that rests on data, under its number,
+    /// as fig-NN.svg with fig-NN.csv; the paper's numbers beside ours in numbers.csv; index.html that shows them. Samples of more
+    /// than 2,236 disks count as the paper's large one. The series of the phases is τ at the frames.
     Report {
-        /// A run.h5, or the folder that holds one
-        run: PathBuf,
-        /// Folder to write into [default: the run's folder + /report]
+        /// A run.h5, or the folder that holds one; several for a study
+        #[arg(required = true, value_name = "RUN")]
+        runs: Vec<PathBuf>,
+        /// Folder to write into [default: the first run's folder + /report, or + /lee-hurley]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        /// Repeat a published study
+        #[arg(long, value_enum)]
+        study: Option<Study>,
+        /// Shear strain at which the stick-slip regime of a study begins [default: the paper's, 0.022 small and 0.054 large]
+        #[arg(long, value_name = "STRAIN", requires = "study")]
+        from: Option<f64>,
+        /// Points within reach that make a core point of DBSCAN, as for correlate
+        #[arg(long, value_name = "N", default_value_t = 1, requires = "study", value_parser = clap::value_parser!(u8).range(1..=2))]
+        min_points: u8,
     },
+}
+
+/// A study that can be repeated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Study {
+    /// Lee & Hurley: microscopic dynamics of rearrangement and stick-slip
+    LeeHurley,
 }
 
 /// Does what the command line asks for; what it finds goes to `output`.
@@ -176,10 +198,31 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             let path = export::write(run, *format, *frame, out.as_deref())?;
             writeln!(output, "wrote {}", path.display()).map_err(lost)?;
         }
-        Command::Report { run, out } => {
-            let run = Run::open(run)?;
-            let folder = out.clone().unwrap_or_else(|| run.folder().join("report"));
-            let page = report::write(&run, &folder)?;
+        Command::Report {
+            runs,
+            out,
+            study,
+            from,
+            min_points,
+        } => {
+            let first = Run::open(&runs[0])?;
+            let folder = |name: &str| out.clone().unwrap_or_else(|| first.folder().join(name));
+            let page = match study {
+                Some(Study::LeeHurley) => {
+                    let choice = Choice {
+                        onset: *from,
+                        min_points: reading(*min_points),
+                    };
+                    study::lee_hurley(runs, &folder("lee-hurley"), choice)?
+                }
+                None if runs.len() > 1 => {
+                    return Err(Failure::input(format!(
+                        "report: {} runs: without --study it takes one",
+                        runs.len()
+                    )));
+                }
+                None => report::write(&first, &folder("report"))?,
+            };
             writeln!(output, "wrote {}", page.display()).map_err(lost)?;
         }
     }

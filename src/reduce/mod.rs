@@ -9,5 +9,6 @@ mod info;
 mod phases;
 mod regions;
 pub mod scalars;
+mod study;
 
 pub use commands::{Arguments, Command, run};

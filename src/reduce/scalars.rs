@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use crate::analysis::frame_scalars::{FrameScalars, Scratch, frame_scalars};
+use crate::analysis::stress::ratio_on_top;
 use crate::failure::Failure;
-use crate::io::run_reader::{Fields, Run};
+use crate::io::run_reader::{Fields, Run, StoredScalars};
 use crate::state::Frame;
 
 /// One row for every frame, or for every interval that the run itself has looked at.
@@ -23,73 +24,82 @@ pub struct FrameSeries {
 impl FrameSeries {
     /// From `observables/gshear/` where the run has it, else from the frames.
     ///
-    /// Errors: a damaged run; a frame at a step at which the time series has no row.
+    /// τ is that of the time series where it has a row for every frame; else it is summed from the contacts of the frames, which
+    /// is the same but for rounding.
+    /// Errors: a damaged run; scalars of the run at a step without a row.
     pub fn of(run: &Run) -> Result<Self, Failure> {
         match run.stored_scalars() {
-            Some(stored) => Self::at(run, stored.step.clone(), stored.scalars.clone()),
+            Some(stored) => Self::stored(run, stored),
             None => Self::of_frames(run),
         }
     }
 
-    /// From the frames alone.
-    pub fn of_frames(run: &Run) -> Result<Self, Failure> {
-        // Before the work, so that a run that will not do is refused at once.
-        let mut series = Self::at(run, run.frame_steps().to_vec(), Vec::new())?;
-        series.scalars = compute(run)?;
-        Ok(series)
-    }
-
-    fn at(run: &Run, step: Vec<u64>, scalars: Vec<FrameScalars>) -> Result<Self, Failure> {
-        let rows = run.series();
-        let row_of = |step: &u64| {
-            rows.step.binary_search(step).map_err(|_| {
-                Failure::input(format!(
-                    "{}: a frame is at step {step}, where the time series has no row, so it has no τ: \
-                     output.series_strain must be output.frame_strain or a whole part of it",
-                    run.path().display()
-                ))
-            })
-        };
-        let found: Vec<usize> = step.iter().map(row_of).collect::<Result<_, _>>()?;
-        let column = |name: &str| {
-            let values = rows.column(name);
-            found.iter().map(|row| values[*row]).collect()
+    fn stored(run: &Run, stored: &StoredScalars) -> Result<Self, Failure> {
+        let tau = column_at(run, "stress_ratio", &stored.step);
+        let strain = column_at(run, "strain", &stored.step);
+        let (Some(tau), Some(strain)) = (tau, strain) else {
+            return Err(Failure::input(format!(
+                "{}: observables/gshear: not every step is one of the time series, from which τ comes",
+                run.path().display()
+            )));
         };
         Ok(FrameSeries {
-            strain: column("strain"),
-            tau: column("stress_ratio"),
-            step,
+            step: stored.step.clone(),
+            strain,
+            tau,
+            scalars: stored.scalars.clone(),
+        })
+    }
+
+    /// From the frames alone.
+    pub fn of_frames(run: &Run) -> Result<Self, Failure> {
+        let strain = run.frame_strains()?;
+        let (tau, scalars) = compute(run)?.into_iter().unzip();
+        Ok(FrameSeries {
+            step: run.frame_steps().to_vec(),
+            strain,
+            tau: column_at(run, "stress_ratio", run.frame_steps()).unwrap_or(tau),
             scalars,
         })
     }
 }
 
-/// The scalars of every frame, [T]. Memory holds two blocks of frames, whatever their number.
-fn compute(run: &Run) -> Result<Vec<FrameScalars>, Failure> {
-    let mut scalars = Vec::with_capacity(run.frames());
-    if run.frames() > 0 {
-        scalars.push(FrameScalars::UNDEFINED);
-    }
+/// A column of the time series at the given steps; `None` where one of them has no row.
+fn column_at(run: &Run, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
+    let (rows, values) = (&run.series().step, run.series().column(name));
+    let value = |step: &u64| rows.binary_search(step).ok().map(|row| values[row]);
+    steps.iter().map(value).collect()
+}
+
+/// τ and the scalars of every frame, [T]. Memory holds two blocks of frames, whatever their number.
+fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
+    let mut rows = Vec::with_capacity(run.frames());
     let read = |first: usize| -> Result<Vec<Frame>, Failure> {
         let end = run.frames().min(first + run.block_length());
         run.block_of(first..end, Fields::Forces)
     };
+    let grains = run.grains();
     let mut frames = read(0)?;
-    while scalars.len() < run.frames() {
-        let next = scalars.len() - 1 + frames.len();
+    if let Some(frame) = frames.first() {
+        rows.push((ratio_on_top(grains, frame), FrameScalars::UNDEFINED));
+    }
+    while rows.len() < run.frames() {
+        let next = rows.len() - 1 + frames.len();
         // The next block is read while the processor is busy with this one.
         let (following, found) = rayon::join(
             || read(next),
-            || -> Vec<FrameScalars> {
-                let pairs = frames.par_windows(2);
-                let scalars_of = |scratch: &mut Scratch, pair: &[Frame]| {
-                    frame_scalars(run.grains(), &pair[0], &pair[1], scratch)
+            || -> Vec<(f64, FrameScalars)> {
+                // Each piece makes its own lists of near grains, which then serve all of it.
+                let pairs = frames.par_windows(2).with_min_len(8);
+                let row = |scratch: &mut Scratch, pair: &[Frame]| {
+                    let scalars = frame_scalars(grains, &pair[0], &pair[1], scratch);
+                    (ratio_on_top(grains, &pair[1]), scalars)
                 };
-                pairs.map_init(Scratch::default, scalars_of).collect()
+                pairs.map_init(Scratch::default, row).collect()
             },
         );
-        scalars.extend(found);
+        rows.extend(found);
         frames = frames.pop().into_iter().chain(following?).collect();
     }
-    Ok(scalars)
+    Ok(rows)
 }

@@ -63,13 +63,18 @@ impl View {
     }
 
     /// How far to shift something at x by periods of the cell so that it, with its `reach`, is in view.
-    fn shifts(&self, x: f64, reach: f64, length: f64) -> impl Iterator<Item = f64> + use<> {
+    pub(super) fn shifts(
+        &self,
+        x: f64,
+        reach: f64,
+        length: f64,
+    ) -> impl Iterator<Item = f64> + use<> {
         let View { x: [low, high], .. } = *self;
         let seen = move |shift: &f64| x + shift + reach >= low && x + shift - reach <= high;
         [-length, 0.0, length].into_iter().filter(seen)
     }
 
-    fn sees_height(&self, y: f64, reach: f64) -> bool {
+    pub(super) fn sees_height(&self, y: f64, reach: f64) -> bool {
         y + reach >= self.y[0] && y - reach <= self.y[1]
     }
 }
@@ -85,7 +90,9 @@ pub fn forces(grains: &Disks, frame: &Frame, view: View, greatest: f64, title: &
             .iter()
             .map(|c| c.normal_force / greatest)
             .collect();
-        lines(plot, grains, frame, view, &shares, |share| FORCE.at(share));
+        lines(plot, grains, frame, view, &shares, 0.0, |share| {
+            FORCE.at(share)
+        });
         let (factor, unit) = ticks::prefix(greatest);
         let ticks = on_bar(
             ticks::round(0.0, greatest * factor, 6),
@@ -133,7 +140,7 @@ pub fn force_changes(
     changes.iter_mut().for_each(|change| *change /= greatest);
     map(view, |plot| {
         background(plot, grains, later, view);
-        lines(plot, grains, later, view, &changes, |share| {
+        lines(plot, grains, later, view, &changes, 0.0, |share| {
             CHANGE.at(0.5 + 0.5 * share)
         });
         let (factor, unit) = ticks::prefix(greatest);
@@ -211,7 +218,7 @@ fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
         .collect()
 }
 
-fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: View) {
+pub(super) fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: View) {
     let scale = plot.scale();
     for n in 0..grains.count() {
         let fill = if grains.body[n] == 0 { GRAIN } else { WALL };
@@ -222,7 +229,7 @@ fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: View) {
 }
 
 /// A grain and, at the seam, its image at the other end.
-fn disk(
+pub(super) fn disk(
     plot: &mut Plot,
     grains: &Disks,
     frame: &Frame,
@@ -237,13 +244,15 @@ fn disk(
     }
 }
 
-/// Lines between centres; the share of a contact, -1 … 1, gives the width and the colour. The strongest lie on top.
-fn lines(
+/// Lines between centres; the share of a contact, -1 … 1, gives the width and the colour. The strongest lie on top;
+/// those of less than `faint` are left out.
+pub(super) fn lines(
     plot: &mut Plot,
     grains: &Disks,
     frame: &Frame,
     view: View,
     shares: &[f64],
+    faint: f64,
     colour: impl Fn(f64) -> RGBColor,
 ) {
     let widest = 1.1 * grains.mean_radius() * plot.scale();
@@ -251,6 +260,7 @@ fn lines(
         .iter()
         .map(|share| share.clamp(-1.0, 1.0))
         .zip(&frame.contacts)
+        .filter(|(share, _)| share.abs() >= faint)
         .collect();
     sorted.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
     for (share, contact) in sorted {

@@ -2,6 +2,7 @@
 
 pub mod colour;
 mod histogram;
+pub mod lee_hurley;
 mod map;
 mod page;
 pub mod plot;

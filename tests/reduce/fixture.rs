@@ -21,6 +21,8 @@ pub struct Fixture {
     pub series_step: Vec<u64>,
     /// As `SERIES_COLUMNS`, [columns][L].
     pub series: Vec<Vec<f64>>,
+    /// μ_s in the scene.
+    pub friction: f64,
     /// `None`: the run was stopped early.
     pub digest: Option<String>,
 }
@@ -121,6 +123,7 @@ impl Fixture {
             frames: made,
             series_step,
             series,
+            friction: 0.7,
             digest: Some("00c0ffee00c0ffee".into()),
         }
     }
@@ -264,11 +267,12 @@ impl Fixture {
         }
 
         let parameters = file.create_group("parameters")?;
-        text(
-            &parameters,
-            "scene",
-            "title = \"Made up <for> tests & nothing else\"\nseed = 1\n",
-        )?;
+        let title = "Made up <for> tests & nothing else";
+        let scene = format!(
+            "title = \"{title}\"\nseed = 1\n[contact]\nfriction = {:?}\n",
+            self.friction
+        );
+        text(&parameters, "scene", &scene)?;
         text(&parameters, "version", "0.1.0")?;
         text(&parameters, "git_commit", "0000000")?;
         text(&parameters, "processor", "none")?;

@@ -6,6 +6,7 @@ mod fixture;
 mod reading;
 mod references;
 mod results;
+mod study;
 
 use std::process::{Command, Output};
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -120,7 +120,7 @@ fn phases_are_tabulated() {
 }
 
 /// Checks that tags are nested and closed, that attributes are quoted, and that no `<` or `&` stands alone.
-fn assert_well_formed(xml: &str, file: &Path) {
+pub fn assert_well_formed(xml: &str, file: &Path) {
     let mut open: Vec<&str> = Vec::new();
     let mut rest = xml;
     while let Some(at) = rest.find('<') {

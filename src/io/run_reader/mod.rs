@@ -60,12 +60,15 @@ impl Series {
 }
 
 /// What is read of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+///
+/// What is not read of the grains is left empty, what is not read of the contacts is 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 pub enum Fields {
-    All,
-    /// Positions and, of the contacts, ids and forces: what the scalars of a frame need. Velocities are left empty, what else
-    /// belongs to a contact is 0.
+    /// Positions and the ids of the contacts: enough for D²min.
+    Pairs,
+    /// The forces as well: enough for the scalars of a frame.
     Forces,
+    All,
 }
 
 /// Scalars that the run itself has computed, `observables/gshear/`; row k between the rows k-1 and k.
@@ -373,13 +376,14 @@ impl Run {
         Ok((0..range.len()).map(frame).collect())
     }
 
-    /// How many frames to read at a time so that a block stays near 64 MiB.
+    /// How many frames to read at a time so that a block stays near 16 MiB: memory of that size is used again, where the
+    /// system would clear every page of a larger one anew.
     pub fn block_length(&self) -> usize {
         let frames = self.frames().max(1);
         let contacts = self.offset.last().map_or(0, |all| *all as usize) / frames;
         let bytes =
             self.grains.count() * 11 * size_of::<f64>() + contacts * 2 * size_of::<ContactSample>();
-        ((64 << 20) / bytes.max(1)).clamp(1, 512)
+        ((16 << 20) / bytes.max(1)).clamp(1, 512)
     }
 
     fn contacts(
@@ -393,13 +397,11 @@ impl Run {
             self.column::<u32>(&columns.i, &rows)?,
             self.column::<u32>(&columns.j, &rows)?,
         );
-        let normal_force = self.column::<f64>(&columns.normal_force, &rows)?;
-        let tangential_force = self.column::<f64>(&columns.tangential_force, &rows)?;
         // No rows of what is not asked for.
-        let others = match fields {
-            Fields::All => rows.clone(),
-            Fields::Forces => 0..0,
-        };
+        let rows_from = |least: Fields| if fields >= least { rows.clone() } else { 0..0 };
+        let (forces, others) = (rows_from(Fields::Forces), rows_from(Fields::All));
+        let normal_force = self.column::<f64>(&columns.normal_force, &forces)?;
+        let tangential_force = self.column::<f64>(&columns.tangential_force, &forces)?;
         let tangential_history = self.column::<f64>(&columns.tangential_history, &others)?;
         let rolling_history = self.column::<f64>(&columns.rolling_history, &others)?;
         let overlap = self.column::<f64>(&columns.overlap, &others)?;
@@ -412,14 +414,15 @@ impl Run {
                 i[k], j[k]
             )));
         }
+        let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
         let contact = |k: usize| ContactSample {
             i: i[k],
             j: j[k],
-            normal_force: normal_force[k],
-            tangential_force: tangential_force[k],
-            tangential_history: tangential_history.get(k).copied().unwrap_or(0.0),
-            rolling_history: rolling_history.get(k).copied().unwrap_or(0.0),
-            overlap: overlap.get(k).copied().unwrap_or(0.0),
+            normal_force: of(&normal_force, k),
+            tangential_force: of(&tangential_force, k),
+            tangential_history: of(&tangential_history, k),
+            rolling_history: of(&rolling_history, k),
+            overlap: of(&overlap, k),
             sliding: sliding.get(k).map_or(0, |sliding| u64::from(*sliding)),
         };
         Ok((0..i.len()).map(contact).collect())
