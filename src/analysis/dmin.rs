@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::neighbourhood::{Cells, separation};
+use super::neighbourhood::{NearPairs, separation};
 use super::rattlers;
 use crate::simd::{Lanes, Level, Work};
 use crate::state::{Disks, Frame};
@@ -14,9 +14,6 @@ pub const RADIUS: f64 = 5.0;
 /// principal extents at most, so only neighbours on one line to a millionth of its length fall under it, and
 /// rounding of the positions (1e-14 of a radius) alone never lifts such a line above it.
 const SINGULAR: f64 = 1e-12;
-
-/// How much farther than the radius the lists of near grains reach, over the radius, so that they serve many frames.
-const SKIN: f64 = 0.05;
 
 /// Where less than this share of the squared displacements is not affine, the difference would cancel: see [`NonAffine::residual`].
 const CANCELS: f64 = 0.01;
@@ -210,89 +207,6 @@ fn best_fit(moments: &Moments, neighbours: u32) -> Matrix2<f64> {
     let inverse = y.try_inverse().filter(|_| regular);
     let x = Matrix2::new(xx, xy, yx, yy);
     inverse.map_or(Matrix2::repeat(f64::NAN), |inverse| x * inverse)
-}
-
-/// All pairs that may be within a radius, in order of (i, j) whatever frame they were found in: sums over them do not
-/// depend on what came before.
-#[derive(Debug, Default)]
-struct NearPairs {
-    length: f64,
-    radius: f64,
-    /// The places the pairs were found at.
-    found_at: Vec<[f64; 2]>,
-    cells: Cells,
-    /// [N+1] first entry of each grain in `after` and in `before`.
-    start_after: Vec<u32>,
-    after: Vec<u32>,
-    start_before: Vec<u32>,
-    before: Vec<u32>,
-}
-
-impl NearPairs {
-    fn update(&mut self, length: f64, radius: f64, position: &[[f64; 2]]) {
-        let skin = SKIN * radius;
-        let stayed = || {
-            let places = self.found_at.iter().zip(position);
-            places.fold(true, |stayed, (from, to)| {
-                let d = separation(length, *from, *to);
-                stayed & (d[0] * d[0] + d[1] * d[1] < 0.25 * skin * skin)
-            })
-        };
-        let same =
-            (self.length, self.radius, self.found_at.len()) == (length, radius, position.len());
-        if same && stayed() {
-            return;
-        }
-        (self.length, self.radius) = (length, radius);
-        self.found_at.clear();
-        self.found_at.extend_from_slice(position);
-        self.find(radius + skin);
-    }
-
-    fn find(&mut self, reach: f64) {
-        let NearPairs {
-            length,
-            found_at,
-            cells,
-            start_after,
-            after,
-            start_before,
-            before,
-            ..
-        } = self;
-        cells.fill(*length, reach, found_at, |_| true);
-        for list in [&mut *after, before, start_after, start_before] {
-            list.clear();
-        }
-        for (i, r) in found_at.iter().enumerate() {
-            let firsts = [after.len(), before.len()];
-            start_after.push(firsts[0] as u32);
-            start_before.push(firsts[1] as u32);
-            cells.near(*r, |j| {
-                let d = separation(*length, *r, found_at[j]);
-                if j != i && d[0] * d[0] + d[1] * d[1] <= reach * reach {
-                    if j > i { &mut *after } else { &mut *before }.push(j as u32);
-                }
-            });
-            after[firsts[0]..].sort_unstable();
-            before[firsts[1]..].sort_unstable();
-        }
-        start_after.push(after.len() as u32);
-        start_before.push(before.len() as u32);
-    }
-
-    /// Those of grain i with a higher id, ascending.
-    #[inline(always)]
-    fn after(&self, i: usize) -> &[u32] {
-        &self.after[self.start_after[i] as usize..self.start_after[i + 1] as usize]
-    }
-
-    /// All of grain i, ascending.
-    fn around(&self, i: usize, found: impl FnMut(usize)) {
-        let before = &self.before[self.start_before[i] as usize..self.start_before[i + 1] as usize];
-        let all = before.iter().chain(self.after(i));
-        all.map(|&j| j as usize).for_each(found);
-    }
 }
 
 #[cfg(test)]

@@ -62,7 +62,7 @@ fn each_pair(grains: &Disks, radius: f64, frames: &[Frame], values: &mut Array2<
     }
     let values = values.as_slice_mut().expect("in standard layout");
     let rows = values.par_chunks_exact_mut(grains.count());
-    let pairs = rows.zip(frames.par_windows(2)).with_min_len(8);
+    let pairs = rows.zip(frames.par_windows(2)).with_min_len(16);
     pairs.for_each_init(NonAffine::default, |non_affine, (row, pair)| {
         non_affine.between(grains, radius, &pair[0], &pair[1], row);
     });

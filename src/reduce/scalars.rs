@@ -90,7 +90,7 @@ fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
             || read(next),
             || -> Vec<(f64, FrameScalars)> {
                 // Each piece makes its own lists of near grains, which then serve all of it.
-                let pairs = frames.par_windows(2).with_min_len(8);
+                let pairs = frames.par_windows(2).with_min_len(16);
                 let row = |scratch: &mut Scratch, pair: &[Frame]| {
                     let scalars = frame_scalars(grains, &pair[0], &pair[1], scratch);
                     (ratio_on_top(grains, &pair[1]), scalars)

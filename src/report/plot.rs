@@ -11,7 +11,7 @@ use super::ticks::Tick;
 const FINE: f64 = 10.0;
 const FONT: f64 = 13.0;
 /// Every figure begins with it.
-const NAMESPACE: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\"";
+pub(super) const NAMESPACE: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\"";
 
 /// Where the axes lie in a figure, in pixels of the figure.
 #[derive(Debug, Clone, Copy)]
@@ -50,79 +50,6 @@ impl Marker {
             Marker::Down => &[[0.0, 4.6], [4.4, -3.2], [-4.4, -3.2]],
         }
     }
-}
-
-/// Figures beside and below each other, `columns` in a row, as one; an empty one leaves its place free.
-pub fn grid_of(columns: usize, figures: &[String]) -> String {
-    let sizes: Vec<[f64; 2]> = figures.iter().map(|figure| size_of(figure)).collect();
-    let widest = |column: usize| {
-        sizes
-            .iter()
-            .skip(column)
-            .step_by(columns)
-            .map(|s| s[0])
-            .fold(0.0, f64::max)
-    };
-    let widths: Vec<f64> = (0..columns).map(widest).collect();
-    let mut body = String::new();
-    let mut y = 0.0;
-    for (row, sizes) in figures.chunks(columns).zip(sizes.chunks(columns)) {
-        let mut x = 0.0;
-        for (figure, width) in row.iter().zip(&widths) {
-            body += &figure.replacen(NAMESPACE, &format!("<svg x=\"{x}\" y=\"{y}\""), 1);
-            x += width;
-        }
-        y += sizes.iter().map(|size| size[1]).fold(0.0, f64::max);
-    }
-    let width: f64 = widths.iter().sum();
-    format!(
-        "{NAMESPACE} width=\"{width}\" height=\"{y}\" viewBox=\"0 0 {width} {y}\">{body}</svg>\n"
-    )
-}
-
-/// Width and height that the header of a figure gives.
-fn size_of(svg: &str) -> [f64; 2] {
-    ["width", "height"].map(|name| {
-        let value = svg.split(&format!(" {name}=\"")).nth(1);
-        let value = value.and_then(|rest| rest.split('"').next());
-        value.and_then(|value| value.parse().ok()).unwrap_or(0.0)
-    })
-}
-
-/// Puts disks of one colour that follow one another, without an outline, into one path: half the bytes of a map.
-pub fn gathered(svg: &str) -> String {
-    let mut out = String::with_capacity(svg.len());
-    let mut open: Option<&str> = None;
-    for line in svg.split_inclusive('\n') {
-        let disk = disk_of(line.trim_end());
-        let fill = disk.map(|(.., fill)| fill);
-        if open != fill && open.is_some() {
-            out.push_str("\"/>\n");
-        }
-        if let Some((x, y, radius, fill)) = disk {
-            if open != Some(fill) {
-                out.push_str(&format!("<path fill=\"{fill}\" d=\""));
-            }
-            let (left, across) = (x - radius, 2 * radius);
-            out.push_str(&format!(
-                "M{left},{y}a{radius},{radius} 0 1 0 {across},0a{radius},{radius} 0 1 0 -{across},0"
-            ));
-        } else {
-            out.push_str(line);
-        }
-        open = fill;
-    }
-    out
-}
-
-/// Centre, radius and fill of a line of SVG that is an opaque disk without an outline.
-fn disk_of(line: &str) -> Option<(i64, i64, i64, &str)> {
-    let rest = line.strip_prefix("<circle cx=\"")?;
-    let rest = rest.strip_suffix("\" stroke=\"none\" stroke-width=\"1\"/>")?;
-    let (x, rest) = rest.split_once("\" cy=\"")?;
-    let (y, rest) = rest.split_once("\" r=\"")?;
-    let (radius, fill) = rest.split_once("\" opacity=\"1\" fill=\"")?;
-    Some((x.parse().ok()?, y.parse().ok()?, radius.parse().ok()?, fill))
 }
 
 /// Draws a figure and returns it as SVG. In text `_{…}` and `^{…}` set indices and powers.

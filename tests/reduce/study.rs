@@ -105,8 +105,7 @@ fn the_measures_of_a_phase_are_those_of_its_frames() {
             .expect("a row")
     };
     assert!(phases["phase"].len() > 10);
-    let count = phases["phase"].len();
-    for k in 0..count {
+    for (k, length) in phases["length"].iter().enumerate() {
         let rows = row(&phases["start_strain"][k]) + 1..row(&phases["end_strain"][k]) + 1;
         let value = |name: &str| phases[name][k].parse::<f64>().expect("a number");
         let most = rows.clone().map(|t| one[t]).fold(0.0, f64::max);
@@ -125,7 +124,7 @@ fn the_measures_of_a_phase_are_those_of_its_frames() {
             .find(|t| regions[*t] == least)
             .expect("a row");
         assert_eq!(value("angle_mean").to_bits(), angle[last].to_bits());
-        assert_eq!(phases["length"][k] == "long", rows.len() > 3);
+        assert_eq!(length == "long", rows.len() > 3);
     }
     // Every phase whose Δτ_p is within ±1e-5 … ±1e-1 is in one range of each correlation over all phases.
     let correlations = table(&folder.path().join("correlations.csv"));

@@ -10,7 +10,8 @@ use crate::analysis::correlate::{Length, Quantity, Subject};
 use crate::analysis::ranges::Range;
 use crate::analysis::spearman::Correlation;
 use crate::report::colour::{CURVES, PALE};
-use crate::report::plot::{Layout, Marker, figure, grid_of};
+use crate::report::compose::grid_of;
+use crate::report::plot::{Layout, Marker, figure};
 use crate::report::ticks::{self, Tick};
 
 use Length::{All, Long, Short};

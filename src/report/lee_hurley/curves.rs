@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use super::studied::{Event, Size, Stage, Studied};
 use super::{Drawn, Figure, no_run};
 use crate::report::colour::{CURVES, GREY, INK, STAGES};
-use crate::report::plot::{Layout, Plot, figure, grid_of};
+use crate::report::compose::grid_of;
+use crate::report::plot::{Layout, Plot, figure};
 use crate::report::{stress, ticks};
 
 const WIDE: Layout = Layout {

@@ -10,7 +10,8 @@ use super::{Drawn, Figure, no_run};
 use crate::analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
 use crate::analysis::spearman::Correlation;
 use crate::report::colour::CURVES;
-use crate::report::plot::{Layout, figure as plotted, grid_of};
+use crate::report::compose::grid_of;
+use crate::report::plot::{Layout, figure as plotted};
 use crate::report::{stress, ticks};
 
 const PANEL: Layout = Layout {

@@ -5,6 +5,7 @@ mod curves;
 mod event;
 mod numbers;
 mod page;
+mod step_tables;
 mod steps;
 mod studied;
 
