@@ -218,7 +218,7 @@ fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
         .collect()
 }
 
-pub(super) fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: View) {
+fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: View) {
     let scale = plot.scale();
     for n in 0..grains.count() {
         let fill = if grains.body[n] == 0 { GRAIN } else { WALL };

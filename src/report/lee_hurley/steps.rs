@@ -3,8 +3,10 @@
 use super::step_tables::{contacts_table, displacement_table, grains_table};
 use super::studied::{Size, Stage, Step, Studied};
 use super::{Drawn, Figure, no_run};
+use plotters::style::RGBColor;
+
 use crate::analysis::forces;
-use crate::report::colour::{CHANGE, FORCE, GREY, INK, SLIP, VIRIDIS, WHITE};
+use crate::report::colour::{CHANGE, FORCE, GREY, INK, PALE, SLIP, VIRIDIS, WALL, WHITE};
 use crate::report::compose::{gathered, grid_of};
 use crate::report::map::{self, View};
 use crate::report::plot::{Layout, Plot, figure};
@@ -199,9 +201,29 @@ pub fn top(dmin: &[f64]) -> Vec<u32> {
     defined
 }
 
+/// All grains in pale, those of the walls a little darker: without outlines, so that each kind becomes one path of the figure.
+fn background(plot: &mut Plot, run: &Studied, step: &Step, view: View) {
+    let scale = plot.scale();
+    for (wall, colour) in [(false, PALE), (true, WALL)] {
+        let of_kind = |n: &usize| (run.grains.body[*n] != 0) == wall;
+        for n in (0..run.grains.count()).filter(of_kind) {
+            map::disk(
+                plot,
+                &run.grains,
+                &step.frame,
+                view,
+                n,
+                |plot, centre, radius| {
+                    plot.disk(centre, radius * scale, colour, None);
+                },
+            );
+        }
+    }
+}
+
 fn marked(run: &Studied, step: &Step, view: View, title: [&str; 2], grains: &[u32]) -> String {
     panel(view, title, |plot| {
-        map::background(plot, &run.grains, &step.frame, view);
+        background(plot, run, step, view);
         let scale = plot.scale();
         for &n in grains {
             map::disk(
@@ -220,7 +242,7 @@ fn marked(run: &Studied, step: &Step, view: View, title: [&str; 2], grains: &[u3
 
 fn differences(run: &Studied, step: &Step, view: View, greatest: f64) -> String {
     panel(view, ["", "differential force network"], |plot| {
-        map::background(plot, &run.grains, &step.frame, view);
+        background(plot, run, step, view);
         let shares: Vec<f64> = step
             .force_change
             .iter()
@@ -274,13 +296,7 @@ fn dmin(run: &Studied, step: &Step, view: View, levels: &Levels) -> String {
     order.sort_by(|a, b| share(*a).total_cmp(&share(*b)));
     panel(view, ["", "D²_{min}"], |plot| {
         let scale = plot.scale();
-        for n in order {
-            let undefined = step.dmin[n].is_nan();
-            let fill = if undefined {
-                WHITE
-            } else {
-                VIRIDIS.at(share(n))
-            };
+        let mut draw = |n: usize, less: f64, fill: RGBColor| {
             map::disk(
                 plot,
                 &run.grains,
@@ -288,10 +304,18 @@ fn dmin(run: &Studied, step: &Step, view: View, levels: &Levels) -> String {
                 view,
                 n,
                 |plot, centre, radius| {
-                    plot.disk(centre, radius * scale, fill, undefined.then_some(GREY));
+                    plot.disk(centre, radius * scale - less, fill, None);
                 },
             );
-        }
+        };
+        let (defined, undefined): (Vec<usize>, Vec<usize>) =
+            order.into_iter().partition(|n| step.dmin[*n].is_finite());
+        // A white disk on a grey one is an outline.
+        undefined.iter().for_each(|n| draw(*n, 0.0, GREY));
+        undefined.iter().for_each(|n| draw(*n, 0.5, WHITE));
+        defined
+            .iter()
+            .for_each(|n| draw(*n, 0.0, VIRIDIS.at(share(*n))));
     })
 }
 
