@@ -302,10 +302,11 @@ fn statements(run: &Studied) -> Vec<(String, String, String)> {
         paper.into(),
         words_of(sticks),
     ));
+    let unit = run.grains.mean_radius().powi(2);
     for quantity in CONFIGURATIONS {
         let found = [TopMax, TopSum]
             .into_iter()
-            .flat_map(|by| run.regime.correlate_by(by, 1.0, quantity));
+            .flat_map(|by| run.regime.correlate_by(by, unit, quantity));
         let what = format!(
             "long phases, {}, ranges of mg_t10% and sg_t10%",
             quantity.name()

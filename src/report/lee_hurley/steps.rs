@@ -14,7 +14,8 @@ use crate::report::ticks;
 
 /// Width of the sample in a panel (px).
 const WIDTH: f64 = 235.0;
-const MARGIN: [f64; 4] = [6.0, 40.0, 6.0, 6.0];
+/// At the sides wide enough for what a disk at the seam reaches out of the sample.
+const MARGIN: [f64; 4] = [11.0, 40.0, 11.0, 6.0];
 /// Share of the grains with a D²min that are the greatest.
 const TOP: f64 = 0.01;
 /// Decades of D²min on the colour bar at most.
@@ -327,8 +328,8 @@ fn bar(
     label: &str,
 ) -> String {
     let layout = Layout {
-        size: [WIDTH + 12.0, 64.0],
-        margin: [14.0, 4.0, 14.0, 46.0],
+        size: [WIDTH + 22.0, 64.0],
+        margin: [16.0, 4.0, 16.0, 46.0],
     };
     figure(layout, [low, high], [0.0, 1.0], |plot| {
         plot.flat_colour_bar(scale);
