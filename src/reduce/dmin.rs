@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use ndarray::Array2;
 use rayon::prelude::*;
 
+use super::pool::Pool;
 use crate::analysis::dmin::NonAffine;
 use crate::failure::Failure;
 use crate::io::reduced_writer::ReducedWriter;
@@ -36,6 +37,7 @@ pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> 
         let end = run.frames().min(first + run.block_length());
         run.block_of(first..end, Fields::Pairs)
     };
+    let pool = Pool::default();
     let (mut frames, mut first) = (read(0)?, 1);
     while first < run.frames() {
         let mut values = Array2::zeros((frames.len() - 1, n));
@@ -43,7 +45,7 @@ pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> 
         // The next block is read while the processor is busy with this one.
         let (following, ()) = rayon::join(
             || read(next),
-            || each_pair(run.grains(), radius, &frames, &mut values),
+            || each_pair(run.grains(), radius, &frames, &pool, &mut values),
         );
         if values.nrows() > 0 {
             writer.dmin(first, values.view())?;
@@ -55,15 +57,25 @@ pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> 
 }
 
 /// D²min (m²) between each two frames that follow one another, a row each.
-fn each_pair(grains: &Disks, radius: f64, frames: &[Frame], values: &mut Array2<f64>) {
+fn each_pair(
+    grains: &Disks,
+    radius: f64,
+    frames: &[Frame],
+    pool: &Pool<NonAffine>,
+    values: &mut Array2<f64>,
+) {
     // Without grains the rows have no elements to hand out.
     if grains.count() == 0 {
         return;
     }
     let values = values.as_slice_mut().expect("in standard layout");
     let rows = values.par_chunks_exact_mut(grains.count());
-    let pairs = rows.zip(frames.par_windows(2)).with_min_len(16);
-    pairs.for_each_init(NonAffine::default, |non_affine, (row, pair)| {
-        non_affine.between(grains, radius, &pair[0], &pair[1], row);
-    });
+    let pairs = rows.zip(frames.par_windows(2)).with_min_len(8);
+    pairs.for_each_init(
+        || pool.lend(),
+        |non_affine, (row, pair)| {
+            let non_affine = &mut non_affine.buffer;
+            non_affine.between(grains, radius, &pair[0], &pair[1], row);
+        },
+    );
 }

@@ -7,6 +7,7 @@ mod dmin;
 pub mod export;
 mod info;
 mod phases;
+mod pool;
 mod regions;
 pub mod scalars;
 mod study;

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::pool::{Lent, Pool};
 use crate::analysis::frame_scalars::{FrameScalars, Scratch, frame_scalars};
 use crate::analysis::stress::ratio_on_top;
 use crate::failure::Failure;
@@ -78,7 +79,7 @@ fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
         let end = run.frames().min(first + run.block_length());
         run.block_of(first..end, Fields::Forces)
     };
-    let grains = run.grains();
+    let (grains, pool) = (run.grains(), Pool::default());
     let mut frames = read(0)?;
     if let Some(frame) = frames.first() {
         rows.push((ratio_on_top(grains, frame), FrameScalars::UNDEFINED));
@@ -89,13 +90,12 @@ fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
         let (following, found) = rayon::join(
             || read(next),
             || -> Vec<(f64, FrameScalars)> {
-                // Each piece makes its own lists of near grains, which then serve all of it.
-                let pairs = frames.par_windows(2).with_min_len(16);
-                let row = |scratch: &mut Scratch, pair: &[Frame]| {
-                    let scalars = frame_scalars(grains, &pair[0], &pair[1], scratch);
+                let pairs = frames.par_windows(2).with_min_len(8);
+                let row = |scratch: &mut Lent<Scratch>, pair: &[Frame]| {
+                    let scalars = frame_scalars(grains, &pair[0], &pair[1], &mut scratch.buffer);
                     (ratio_on_top(grains, &pair[1]), scalars)
                 };
-                pairs.map_init(Scratch::default, row).collect()
+                pairs.map_init(|| pool.lend(), row).collect()
             },
         );
         rows.extend(found);
