@@ -1,32 +1,30 @@
 //! The walls and what moves them: smooth planes while packing, frozen grains while shearing.
 
+use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
 
 use crate::contact::ContactLaw;
+use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
-use crate::kernel::{Pass, contact_forces};
-use crate::simd::{Level, Quad, Record};
-use crate::state::{Contacts, Force, Grains, body, field};
+use crate::kernel::{Pass, Scratch, contact_forces};
+use crate::schedule::Protocol;
+use crate::simd::Level;
+use crate::state::{Cell, Contacts, Grains, body};
 
-/// The rigid body on top: m_w ÿ = F_y - N - c ẏ, by the grains' own Verlet scheme. SI units, per unit depth.
+/// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the grains' own Verlet scheme. SI units; per unit depth in 2D.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Piston {
     /// Upper boundary of the sample (m).
     pub height: f64,
-    /// Full-step velocity along y; between the kicks that of the half step (m/s).
+    /// Full-step velocity upwards; between the kicks that of the half step (m/s).
     pub velocity: f64,
     pub acceleration: f64,
     pub mass: f64,
-    /// N (N/m), pressing down.
+    /// N, pressing down.
     pub load: f64,
 }
 
 impl Piston {
-    /// ÿ (m/s²) under the force (N/m) of the grains, before the first step.
-    pub fn start(&mut self, force: f64) {
-        self.acceleration = (force - self.load) / self.mass;
-    }
-
     fn half_kick_and_drift(&mut self, step: f64) {
         self.velocity += 0.5 * step * self.acceleration;
         self.height += step * self.velocity;
@@ -43,56 +41,64 @@ impl Piston {
     }
 }
 
+/// The force of the grains on the body on top: upwards, and along x where that is asked for (N; N/m in 2D).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Load {
+    pub up: f64,
+    pub along: f64,
+}
+
 /// What the step asks of the walls.
-pub trait Drive {
+pub trait Drive<D: Dimension> {
     /// Grains are slowed by -c m v.
     const DRAG: bool;
     /// c (1/s).
     fn drag(&self) -> f64 {
         0.0
     }
-    fn piston(&self) -> &Piston;
-    fn piston_mut(&mut self) -> &mut Piston;
     /// Fastest that a wall moves (m/s).
     fn speed(&self) -> f64;
+    /// Before the first step, under the forces of the grains.
+    fn start(&mut self, load: Load);
     /// First half kick and drift of the walls.
-    fn drift(&mut self, step: f64, grains: &mut Grains);
+    fn drift(&mut self, step: f64, grains: &mut Grains<D>);
     /// After the grains' drift: the wall grains' predicted velocities.
-    fn predict(&mut self, step: f64, grains: &mut Grains);
+    fn predict(&mut self, step: f64, grains: &mut Grains<D>);
     /// Forces of the walls on the grains that are no contacts between grains. Returns a grain whose overlap is outside the law.
     fn forces(
         &mut self,
         level: Level,
-        length: f64,
+        cell: Cell,
         step: f64,
-        grains: &mut Grains,
+        grains: &mut Grains<D>,
     ) -> Option<usize>;
-    /// Adds this rank's part of the force on the top along y.
-    fn load(&self, grains: &Grains, fixed: &FixedPoint, to: &mut Accumulator);
-    /// This rank's part of the force against an imposed motion, in units of the contact forces.
-    fn pull(&self, _grains: &Grains) -> i64 {
-        0
+    /// Adds this rank's part of the force on the top: upwards, and along x.
+    fn load(&self, grains: &Grains<D>, fixed: &FixedPoint, to: &mut [Accumulator; 2]);
+    /// Second half kick, by the force on the top.
+    fn kick(&mut self, step: f64, load: Load, grains: &mut Grains<D>);
+    /// How far the top moved along x in the last step (m).
+    fn slid(&self) -> f64 {
+        0.0
     }
-    /// Second half kick, by the force on the top along y (N/m).
-    fn kick(&mut self, step: f64, force: f64, grains: &mut Grains);
     /// The grains of this rank are others than before, and may move by half a skin (m) until the next time.
-    fn renumber(&mut self, level: Level, grains: &Grains, skin: f64);
+    fn renumber(&mut self, level: Level, grains: &Grains<D>, skin: f64);
 }
 
-/// Smooth rigid planes at y = 0 and y = height, the upper one pressed by N.
+/// Smooth rigid planes at 0 and at the piston's height along the last axis, the upper one pressed by N.
 ///
 /// A smooth rigid plane is the plane of symmetry of a contact of two equal grains: each grain near it meets its mirror
 /// image, by the very law `C` of the grains, which needs no friction here.
 #[derive(Debug)]
-pub struct Planes<C> {
+pub struct Planes<C: ContactLaw> {
     pub piston: Piston,
     pub drag: f64,
     law: C,
     /// Grains near a plane, and whether it is the upper one.
     near: Vec<(u32, bool)>,
-    record: Vec<Record>,
-    force: Vec<Force>,
+    record: Vec<<C::Space as Dimension>::Record>,
+    force: Vec<<C::Space as Dimension>::Force>,
     contacts: Contacts,
+    scratch: Box<Scratch<C::Space>>,
 }
 
 impl<C: ContactLaw> Planes<C> {
@@ -105,51 +111,49 @@ impl<C: ContactLaw> Planes<C> {
             record: Vec::new(),
             force: Vec::new(),
             contacts: Contacts::default(),
+            scratch: Box::default(),
         }
     }
 
-    /// Adds this rank's part of the force (N/m) on a plane, away from the sample.
+    /// Adds this rank's part of the force on a plane, away from the sample.
     pub fn load_on(&self, upper: bool, fixed: &FixedPoint, to: &mut Accumulator) {
         for (k, &(_, side)) in self.near.iter().enumerate() {
             if side == upper {
-                fixed.add(to, self.force[2 * k][1].abs());
+                fixed.add(to, self.force[2 * k][C::Space::UP].abs());
             }
         }
     }
 }
 
-impl<C: ContactLaw> Drive for Planes<C> {
+impl<C: ContactLaw> Drive<C::Space> for Planes<C> {
     const DRAG: bool = true;
 
     fn drag(&self) -> f64 {
         self.drag
     }
 
-    fn piston(&self) -> &Piston {
-        &self.piston
-    }
-
-    fn piston_mut(&mut self) -> &mut Piston {
-        &mut self.piston
-    }
-
     fn speed(&self) -> f64 {
         self.piston.velocity.abs()
     }
 
-    fn drift(&mut self, step: f64, _grains: &mut Grains) {
+    fn start(&mut self, load: Load) {
+        self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
+    }
+
+    fn drift(&mut self, step: f64, _: &mut Grains<C::Space>) {
         self.piston.half_kick_and_drift(step);
     }
 
-    fn predict(&mut self, _step: f64, _grains: &mut Grains) {}
+    fn predict(&mut self, _: f64, _: &mut Grains<C::Space>) {}
 
     fn forces(
         &mut self,
         level: Level,
-        length: f64,
+        cell: Cell,
         step: f64,
-        grains: &mut Grains,
+        grains: &mut Grains<C::Space>,
     ) -> Option<usize> {
+        let up = C::Space::UP;
         let velocity = self.piston.predicted(step);
         for (k, &(g, upper)) in self.near.iter().enumerate() {
             let (plane, speed) = if upper {
@@ -159,12 +163,14 @@ impl<C: ContactLaw> Drive for Planes<C> {
             };
             let own = grains.record[g as usize];
             let mut image = own;
-            image.0[field::Y] = 2.0 * plane - own.0[field::Y];
-            image.0[field::V] = 2.0 * speed - own.0[field::V];
+            let mirrored = C::Space::fields_mut(&mut image);
+            mirrored[up] = 2.0 * plane - mirrored[up];
+            let v = &mut mirrored[C::Space::VELOCITY + up];
+            *v = 2.0 * speed - *v;
             self.record[2 * k] = own;
             self.record[2 * k + 1] = image;
         }
-        self.force.fill(Quad::ZERO);
+        self.force.fill(Zeroable::zeroed());
         let all = 0..self.contacts.blocks();
         let part = self.contacts.part::<C>(all);
         let found = contact_forces(
@@ -175,14 +181,15 @@ impl<C: ContactLaw> Drive for Planes<C> {
                 force: &mut self.force,
                 part,
                 unit: grains.unit,
-                length,
+                cell,
                 step,
                 samples: None,
                 energy_unit: None,
             },
+            &mut self.scratch,
         );
         for (k, &(g, _)) in self.near.iter().enumerate() {
-            grains.force[g as usize][1] += self.force[2 * k][1];
+            grains.force[g as usize][up] += self.force[2 * k][up];
         }
         found.outside.or(found.too_strong).map(|(block, lane)| {
             let k = self.contacts.pairs.blocks()[block].i[lane] as usize / 2;
@@ -190,18 +197,19 @@ impl<C: ContactLaw> Drive for Planes<C> {
         })
     }
 
-    fn load(&self, _grains: &Grains, fixed: &FixedPoint, to: &mut Accumulator) {
-        self.load_on(true, fixed, to);
+    fn load(&self, _: &Grains<C::Space>, fixed: &FixedPoint, [up, _]: &mut [Accumulator; 2]) {
+        self.load_on(true, fixed, up);
     }
 
-    fn kick(&mut self, step: f64, force: f64, _grains: &mut Grains) {
-        self.piston.full_kick(step, force, self.drag);
+    fn kick(&mut self, step: f64, load: Load, _: &mut Grains<C::Space>) {
+        self.piston.full_kick(step, load.up, self.drag);
     }
 
-    fn renumber(&mut self, level: Level, grains: &Grains, skin: f64) {
+    fn renumber(&mut self, level: Level, grains: &Grains<C::Space>, skin: f64) {
         self.near.clear();
         for g in 0..grains.owned {
-            let (y, reach) = (grains.record[g].0[field::Y], grains.radius[g] + skin);
+            let y = grains.fields(g)[C::Space::UP];
+            let reach = grains.radius[g] + skin;
             for (upper, gap) in [(false, y), (true, self.piston.height - y)] {
                 if gap < reach {
                     self.near.push((g as u32, upper));
@@ -216,125 +224,183 @@ impl<C: ContactLaw> Drive for Planes<C> {
             .flat_map(|&(g, _)| [grains.radius[g as usize]; 2])
             .collect();
         self.record.clear();
-        self.record.resize(radius.len(), Record::ZERO);
+        self.record.resize(radius.len(), Zeroable::zeroed());
         self.force.clear();
-        self.force.resize(radius.len(), Quad::ZERO);
+        self.force.resize(radius.len(), Zeroable::zeroed());
         self.contacts
             .replace(level, &self.law, &pairs, &radius, radius.len());
     }
 }
 
-/// Walls frozen out of the sample: the bottom fixed, the top rigid with constant load N and constant speed V along x.
+/// How the top is moved along x.
+#[derive(Debug, Clone)]
+pub struct Slider {
+    /// How far the drive has been moved, and how fast it is, step by step.
+    pub protocol: Protocol,
+    /// `None`: the top moves with the drive. Else the stiffness of the spring between them (N/m; Pa in 2D).
+    pub spring: Option<f64>,
+    pub state: SliderState,
+}
+
+/// The top along x since the start of the shear. SI units.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct SliderState {
+    /// Steps that are done.
+    pub step: u64,
+    /// x (m).
+    pub displacement: f64,
+    /// Full-step velocity; between the kicks that of the half step (m/s).
+    pub velocity: f64,
+    pub acceleration: f64,
+    /// How far it moved in the last step (m).
+    pub slid: f64,
+}
+
+impl Slider {
+    /// The drive moves by `protocol`; the top is at rest, or has the drive's velocity where no spring is between them.
+    pub fn new(protocol: Protocol, spring: Option<f64>) -> Self {
+        let velocity = match spring {
+            None => protocol.velocity(0),
+            Some(_) => 0.0,
+        };
+        Self {
+            protocol,
+            spring,
+            state: SliderState {
+                velocity,
+                ..SliderState::default()
+            },
+        }
+    }
+
+    fn half_kick_and_drift(&mut self, step: f64) {
+        let state = &mut self.state;
+        let before = state.displacement;
+        if self.spring.is_some() {
+            state.velocity += 0.5 * step * state.acceleration;
+            state.displacement += step * state.velocity;
+        } else {
+            state.velocity = self.protocol.velocity(state.step);
+            state.displacement = self.protocol.position(state.step + 1);
+        }
+        state.slid = state.displacement - before;
+        state.step += 1;
+    }
+
+    fn predicted(&self, step: f64) -> f64 {
+        self.state.velocity + 0.5 * step * self.state.acceleration
+    }
+
+    /// By the grains' force along x, and that of the spring.
+    fn accelerate(&mut self, force: f64, mass: f64) {
+        if let Some(stiffness) = self.spring {
+            let stretch = self.protocol.position(self.state.step) - self.state.displacement;
+            self.state.acceleration = (stiffness * stretch + force) / mass;
+        }
+    }
+}
+
+/// Walls frozen out of the sample: the bottom fixed, the top rigid with constant load N, moved along x by a slider.
 #[derive(Debug)]
 pub struct GrainWalls {
     pub piston: Piston,
-    /// V (m/s).
-    pub speed: f64,
+    pub slider: Slider,
+    /// Whether the force along x is asked for in every step.
+    pub along: bool,
     /// Own grains of the top wall.
     pub top: Vec<u32>,
 }
 
 impl GrainWalls {
-    fn impose(&self, velocity: f64, grains: &mut Grains) {
+    fn impose<D: Dimension>(&self, along: f64, up: f64, grains: &mut Grains<D>) {
         for &g in &self.top {
-            let record = &mut grains.record[g as usize].0;
-            record[field::U] = self.speed;
-            record[field::V] = velocity;
+            let r = grains.fields_mut(g as usize);
+            r[D::VELOCITY] = along;
+            r[D::VELOCITY + D::UP] = up;
         }
     }
 }
 
-impl Drive for GrainWalls {
+impl<D: Dimension> Drive<D> for GrainWalls {
     const DRAG: bool = false;
-
-    fn piston(&self) -> &Piston {
-        &self.piston
-    }
-
-    fn piston_mut(&mut self) -> &mut Piston {
-        &mut self.piston
-    }
 
     fn speed(&self) -> f64 {
         0.0
     }
 
-    fn drift(&mut self, step: f64, grains: &mut Grains) {
+    fn start(&mut self, load: Load) {
+        self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
+        self.slider.accelerate(load.along, self.piston.mass);
+    }
+
+    fn drift(&mut self, step: f64, grains: &mut Grains<D>) {
         self.piston.half_kick_and_drift(step);
-        self.impose(self.piston.velocity, grains);
+        self.slider.half_kick_and_drift(step);
+        self.impose(self.slider.state.velocity, self.piston.velocity, grains);
     }
 
-    fn predict(&mut self, step: f64, grains: &mut Grains) {
-        self.impose(self.piston.predicted(step), grains);
+    fn predict(&mut self, step: f64, grains: &mut Grains<D>) {
+        let along = self.slider.predicted(step);
+        self.impose(along, self.piston.predicted(step), grains);
     }
 
-    fn forces(&mut self, _: Level, _: f64, _: f64, _: &mut Grains) -> Option<usize> {
+    fn forces(&mut self, _: Level, _: Cell, _: f64, _: &mut Grains<D>) -> Option<usize> {
         None
     }
 
-    fn load(&self, grains: &Grains, fixed: &FixedPoint, to: &mut Accumulator) {
+    fn load(&self, grains: &Grains<D>, fixed: &FixedPoint, [up, along]: &mut [Accumulator; 2]) {
         for &g in &self.top {
-            fixed.add(to, grains.force[g as usize][1]);
+            fixed.add(up, grains.force[g as usize][D::UP]);
+        }
+        if self.along {
+            for &g in &self.top {
+                fixed.add(along, grains.force[g as usize][0]);
+            }
         }
     }
 
-    fn pull(&self, grains: &Grains) -> i64 {
-        let force = |&g: &u32| (-grains.force[g as usize][0] / grains.unit.force) as i64;
-        self.top.iter().map(force).sum()
+    fn kick(&mut self, step: f64, load: Load, grains: &mut Grains<D>) {
+        self.piston.full_kick(step, load.up, 0.0);
+        if self.slider.spring.is_some() {
+            self.slider.accelerate(load.along, self.piston.mass);
+            self.slider.state.velocity += 0.5 * step * self.slider.state.acceleration;
+        }
+        self.impose(self.slider.state.velocity, self.piston.velocity, grains);
     }
 
-    fn kick(&mut self, step: f64, force: f64, grains: &mut Grains) {
-        self.piston.full_kick(step, force, 0.0);
-        self.impose(self.piston.velocity, grains);
+    fn slid(&self) -> f64 {
+        self.slider.state.slid
     }
 
-    fn renumber(&mut self, _: Level, grains: &Grains, _: f64) {
+    fn renumber(&mut self, _: Level, grains: &Grains<D>, _: f64) {
         self.top = grains.of_body(body::TOP);
     }
 }
 
-/// No walls: a box that is periodic along x and open along y, for tests of grains alone.
-#[derive(Debug)]
-pub struct NoWalls(Piston);
+/// No walls: a box that is open along the last axis, for tests of grains alone.
+#[derive(Debug, Default)]
+pub struct NoWalls;
 
-impl Default for NoWalls {
-    fn default() -> Self {
-        Self(Piston {
-            height: 0.0,
-            velocity: 0.0,
-            acceleration: 0.0,
-            mass: 1.0,
-            load: 0.0,
-        })
-    }
-}
-
-impl Drive for NoWalls {
+impl<D: Dimension> Drive<D> for NoWalls {
     const DRAG: bool = false;
-
-    fn piston(&self) -> &Piston {
-        &self.0
-    }
-
-    fn piston_mut(&mut self) -> &mut Piston {
-        &mut self.0
-    }
 
     fn speed(&self) -> f64 {
         0.0
     }
 
-    fn drift(&mut self, _: f64, _: &mut Grains) {}
+    fn start(&mut self, _: Load) {}
 
-    fn predict(&mut self, _: f64, _: &mut Grains) {}
+    fn drift(&mut self, _: f64, _: &mut Grains<D>) {}
 
-    fn forces(&mut self, _: Level, _: f64, _: f64, _: &mut Grains) -> Option<usize> {
+    fn predict(&mut self, _: f64, _: &mut Grains<D>) {}
+
+    fn forces(&mut self, _: Level, _: Cell, _: f64, _: &mut Grains<D>) -> Option<usize> {
         None
     }
 
-    fn load(&self, _: &Grains, _: &FixedPoint, _: &mut Accumulator) {}
+    fn load(&self, _: &Grains<D>, _: &FixedPoint, _: &mut [Accumulator; 2]) {}
 
-    fn kick(&mut self, _: f64, _: f64, _: &mut Grains) {}
+    fn kick(&mut self, _: f64, _: Load, _: &mut Grains<D>) {}
 
-    fn renumber(&mut self, _: Level, _: &Grains, _: f64) {}
+    fn renumber(&mut self, _: Level, _: &Grains<D>, _: f64) {}
 }

@@ -5,15 +5,17 @@
 
 use std::ops::Range;
 
-use crate::contact::{CARRY, ContactLaw, Motion, Response, loss};
-use crate::simd::{LANES, Lanes, Level, Mask, Record, Row, Work, inverse_sqrt};
-use crate::state::{Force, ForceUnit, Part, field};
+use crate::contact::{CARRY, ContactLaw, Motion, Response, loss, store_vector, vector};
+use crate::dimension::Dimension;
+use crate::simd::{LANES, Lanes, Level, Mask, Row, Work, inverse_sqrt};
+use crate::state::{Cell, ForceUnit, Part};
 
-/// What only frames and time series want of the contacts; rows per block as in [`Contacts`].
+/// What only frames and time series want of the contacts, by block as in [`crate::state::Contacts`].
 #[derive(Debug, Default)]
 pub struct ContactForces {
     pub normal: Vec<Row>,
-    pub tangential: Vec<Row>,
+    /// Of three components as many as the dimension has.
+    pub tangential: Vec<[Row; 3]>,
     pub overlap: Vec<Row>,
     /// Lanes at the Coulomb limit.
     pub sliding: Vec<u16>,
@@ -22,10 +24,12 @@ pub struct ContactForces {
 impl ContactForces {
     /// Room for so many blocks.
     pub fn prepare(&mut self, blocks: usize) {
-        for rows in [&mut self.normal, &mut self.tangential, &mut self.overlap] {
+        for rows in [&mut self.normal, &mut self.overlap] {
             rows.clear();
             rows.resize(blocks, Row::ZERO);
         }
+        self.tangential.clear();
+        self.tangential.resize(blocks, [Row::ZERO; 3]);
         self.sliding.clear();
         self.sliding.resize(blocks, 0);
     }
@@ -44,7 +48,7 @@ impl ContactForces {
 /// [`ContactForces`] of some blocks.
 pub struct Samples<'a> {
     normal: &'a mut [Row],
-    tangential: &'a mut [Row],
+    tangential: &'a mut [[Row; 3]],
     overlap: &'a mut [Row],
     sliding: &'a mut [u16],
 }
@@ -74,14 +78,13 @@ impl<'a> Samples<'a> {
 }
 
 /// Forces of one pass over some contacts.
-pub struct Pass<'a> {
-    pub record: &'a [Record],
+pub struct Pass<'a, D: Dimension> {
+    pub record: &'a [D::Record],
     /// Added to.
-    pub force: &'a mut [Force],
+    pub force: &'a mut [D::Force],
     pub part: Part<'a>,
     pub unit: ForceUnit,
-    /// L_x (m).
-    pub length: f64,
+    pub cell: Cell,
     /// Δt (s); 0 evaluates the forces without advancing the histories.
     pub step: f64,
     /// Filled where given.
@@ -99,12 +102,15 @@ pub struct Found {
     pub too_strong: Option<(usize, usize)>,
     /// Energies that the contacts lost of which this rank owns i, in `Pass::energy_unit`s.
     pub lost: [i128; loss::KINDS],
+    /// An energy was too great to be counted.
+    pub uncounted: bool,
 }
 
 impl Found {
     pub fn and(mut self, other: Self) -> Self {
         self.outside = self.outside.or(other.outside);
         self.too_strong = self.too_strong.or(other.too_strong);
+        self.uncounted |= other.uncounted;
         for (sum, more) in self.lost.iter_mut().zip(other.lost) {
             *sum += more;
         }
@@ -113,11 +119,16 @@ impl Found {
 }
 
 /// Adds the contact forces to the grains.
-pub fn contact_forces<C: ContactLaw>(level: Level, law: &C, pass: Pass<'_>) -> Found {
+pub fn contact_forces<C: ContactLaw>(
+    level: Level,
+    law: &C,
+    pass: Pass<'_, C::Space>,
+    scratch: &mut Scratch<C::Space>,
+) -> Found {
     let first = pass.part.first;
     let mut found = match pass.energy_unit {
-        Some(_) => level.run(Blocks::<C, true> { law, pass }),
-        None => level.run(Blocks::<C, false> { law, pass }),
+        Some(_) => level.run(Blocks::<C, true> { law, pass, scratch }),
+        None => level.run(Blocks::<C, false> { law, pass, scratch }),
     };
     for (block, _) in [&mut found.outside, &mut found.too_strong]
         .into_iter()
@@ -129,39 +140,43 @@ pub fn contact_forces<C: ContactLaw>(level: Level, law: &C, pass: Pass<'_>) -> F
 }
 
 /// One pass; blocks are counted from the first of the part.
-struct Blocks<'a, C, const LEDGER: bool> {
+struct Blocks<'a, C: ContactLaw, const LEDGER: bool> {
     law: &'a C,
-    pass: Pass<'a>,
+    pass: Pass<'a, C::Space>,
+    scratch: &'a mut Scratch<C::Space>,
 }
 
 /// Blocks that go through the phases of a pass together: enough for the processor to overlap them, few enough for its
 /// first-level cache.
 const CHUNK: usize = 8;
 
-/// What one phase leaves to the next, per block.
-struct Scratch {
-    /// Differences of the records, and of the second grain the last two fields.
-    difference: [[Row; 8]; CHUNK],
-    last_of_j: [[Row; 2]; CHUNK],
+/// What one phase of a pass leaves to the next, per block: kept from pass to pass for its room alone.
+#[derive(Debug)]
+pub struct Scratch<D: Dimension> {
+    /// Differences of the records, and the angular velocities of the second grain.
+    difference: [D::Fields; CHUNK],
+    spins_of_j: [[Row; 6]; CHUNK],
     motion: [Motion; CHUNK],
     /// n.
-    direction: [[Row; 2]; CHUNK],
+    direction: [[Row; 3]; CHUNK],
     carry: [[Row; CARRY]; CHUNK],
     response: [Response; CHUNK],
     /// Block, lane and factor of the damping of pairs that have just come to touch, where a ledger is kept.
     touched: Vec<(usize, usize, f64)>,
 }
 
-impl Scratch {
-    const ZERO: Self = Self {
-        difference: [[Row::ZERO; 8]; CHUNK],
-        last_of_j: [[Row::ZERO; 2]; CHUNK],
-        motion: [Motion::ZERO; CHUNK],
-        direction: [[Row::ZERO; 2]; CHUNK],
-        carry: [[Row::ZERO; CARRY]; CHUNK],
-        response: [Response::NONE; CHUNK],
-        touched: Vec::new(),
-    };
+impl<D: Dimension> Default for Scratch<D> {
+    fn default() -> Self {
+        Self {
+            difference: [D::NO_FIELDS; CHUNK],
+            spins_of_j: [[Row::ZERO; 6]; CHUNK],
+            motion: [Motion::ZERO; CHUNK],
+            direction: [[Row::ZERO; 3]; CHUNK],
+            carry: [[Row::ZERO; CARRY]; CHUNK],
+            response: [Response::NONE; CHUNK],
+            touched: Vec::new(),
+        }
+    }
 }
 
 impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
@@ -169,250 +184,343 @@ impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
 
     /// Phases of short chains of operations each, so that the processor has several blocks under way.
     #[inline(always)]
-    fn run<L: Lanes>(mut self, token: L::Token) -> Self::Output {
-        let mut scratch = Scratch::ZERO;
+    fn run<L: Lanes>(self, token: L::Token) -> Self::Output {
+        let Self {
+            law,
+            mut pass,
+            scratch,
+        } = self;
+        let pass = &mut pass;
         let mut found = Found::default();
-        let blocks = self.pass.part.blocks();
+        let blocks = pass.part.blocks();
         for first in (0..blocks).step_by(CHUNK) {
             let chunk = first..blocks.min(first + CHUNK);
-            self.differ::<L>(token, chunk.clone(), &mut scratch);
-            self.move_pairs::<L>(token, chunk.clone(), &mut scratch);
-            found.outside =
-                found
-                    .outside
-                    .or(self.evaluate::<L>(token, chunk.clone(), &mut scratch));
+            differ::<C, L>(token, pass, chunk.clone(), scratch);
+            move_pairs::<C, L, LEDGER>(token, pass, chunk.clone(), scratch);
+            let outside = evaluate::<C, L, LEDGER>(token, law, pass, chunk.clone(), scratch);
+            found.outside = found.outside.or(outside);
             if LEDGER {
-                self.account::<L>(token, chunk.clone(), &mut scratch, &mut found);
+                account::<C, L>(token, pass, chunk.clone(), scratch, &mut found);
             }
-            found.too_strong = found.too_strong.or(self.add::<L>(token, chunk, &scratch));
+            let too_strong = add::<C, L>(token, pass, chunk, scratch);
+            found.too_strong = found.too_strong.or(too_strong);
         }
         found
     }
 }
 
-impl<C: ContactLaw, const LEDGER: bool> Blocks<'_, C, LEDGER> {
-    /// How the grains of the pairs differ.
-    #[inline(always)]
-    fn differ<L: Lanes>(&mut self, token: L::Token, chunk: Range<usize>, scratch: &mut Scratch) {
-        let (record, part) = (self.pass.record, &self.pass.part);
-        for ((block, difference), last_of_j) in chunk
-            .zip(&mut scratch.difference)
-            .zip(&mut scratch.last_of_j)
-        {
-            let d = L::differences(token, record, part.pairs, part.first + block);
-            for (d, row) in d.into_iter().zip(difference) {
-                d.store(row);
-            }
-            if C::FRICTION {
-                let [half_w, w] = L::last_fields(token, record, part.pairs, part.first + block);
-                half_w.store(&mut last_of_j[0]);
-                w.store(&mut last_of_j[1]);
-            }
+/// How the grains of the pairs differ.
+#[inline(always)]
+fn differ<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &mut Scratch<C::Space>,
+) {
+    let (record, part) = (pass.record, &pass.part);
+    for ((block, difference), spins_of_j) in chunk
+        .zip(&mut scratch.difference)
+        .zip(&mut scratch.spins_of_j)
+    {
+        let block = part.first + block;
+        C::Space::differ::<L>(token, record, part.pairs, block, difference);
+        if C::FRICTION {
+            C::Space::spins_of_j::<L>(token, record, part.pairs, block, spins_of_j);
         }
     }
+}
 
-    /// How the pairs move.
-    #[inline(always)]
-    fn move_pairs<L: Lanes>(
-        &mut self,
-        token: L::Token,
-        chunk: Range<usize>,
-        scratch: &mut Scratch,
-    ) {
-        let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
-        let (length, per_length) = (c(self.pass.length), c(1.0 / self.pass.length));
-        let step = c(self.pass.step);
-        let contacts = &mut self.pass.part;
-        if LEDGER {
-            scratch.touched.clear();
+/// How the pairs move; in three dimensions the tangential part of their histories is turned with n.
+#[inline(always)]
+fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+    token: L::Token,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &mut Scratch<C::Space>,
+) {
+    let c = |v| L::splat(token, v);
+    let load = |row: &Row| L::load(token, row);
+    let zero = c(0.0);
+    let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
+    let step = c(pass.step);
+    let contacts = &mut pass.part;
+    if LEDGER {
+        scratch.touched.clear();
+    }
+    let blocks = contacts.geometry[chunk.clone()]
+        .iter()
+        .zip(&mut contacts.touching[chunk.clone()])
+        .zip(scratch.difference.iter().zip(&scratch.spins_of_j))
+        .zip(scratch.motion.iter_mut().zip(&mut scratch.direction))
+        .enumerate();
+    for (k, ((([sum, r_i], touching), (difference, spins_of_j)), (motion, direction))) in blocks {
+        let difference = difference.as_ref();
+        let mut r = vector::<L>(token, &difference[C::Space::POSITION..], axes);
+        for axis in 0..C::Space::UP {
+            let period = pass.cell.periods[axis];
+            let images = -(r[axis] * c(1.0 / period)).round();
+            r[axis] = images.mul_add(c(period), r[axis]);
         }
-        let blocks = contacts.geometry[chunk.clone()]
-            .iter()
-            .zip(&mut contacts.touching[chunk])
-            .zip(scratch.difference.iter().zip(&scratch.last_of_j))
-            .zip(scratch.motion.iter_mut().zip(&mut scratch.direction))
-            .enumerate();
-        for (k, ((([sum, r_i], touching), (difference, last_of_j)), (motion, direction))) in blocks
-        {
-            let d = |k: usize| load(&difference[k]);
-            let (dx, dy) = (d(field::X), d(field::Y));
-            let dx = (-(dx * per_length).round()).mul_add(length, dx);
-            let square = dx.mul_add(dx, dy * dy);
-            let per_distance = inverse_sqrt(token, square);
-            // Within 0.501 ulp, as the overlap is the small difference of two lengths.
-            let near = square * per_distance;
-            let distance = (c(0.5) * per_distance).mul_add((-near).mul_add(near, square), near);
-            let (n_x, n_y) = (dx * per_distance, dy * per_distance);
-            let sum = load(sum);
-            let overlap = sum - distance;
-            overlap.store(&mut motion.overlap);
-            n_x.store(&mut direction[0]);
-            n_y.store(&mut direction[1]);
-            let (u, v) = (d(field::U), d(field::V));
-            u.mul_add(n_x, v * n_y).store(&mut motion.normal_velocity);
-            let (half_u, half_v) = (d(field::HALF_U), d(field::HALF_V));
-            let half_normal = half_u.mul_add(n_x, half_v * n_y);
-            if C::FRICTION {
-                // v_t = (v_i - v_j)·t̂ - (R_i ω_i + R_j ω_j), and R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j
-                let r_i = load(r_i);
-                let across = |u: L, v: L| v.mul_add(n_x, -(u * n_y));
-                let turning = |w: L, w_j: L| r_i.mul_add(w, sum * w_j);
-                let (half_w_j, w_j) = (load(&last_of_j[0]), load(&last_of_j[1]));
-                (across(u, v) - turning(d(field::W), w_j)).store(&mut motion.tangential_velocity);
-                // The half-step velocity belongs to t̂ of the half step, when r was r - ½Δt v. As v × v = 0, only the length
-                // of r differs: (v·t̂)(t+½Δt) = (v·t̂) |r|/|r - ½Δt v|. Left out, F_t^e would be of first order where n turns.
-                let longer = (c(0.5) * step * per_distance).mul_add(half_normal, c(1.0));
-                (across(half_u, half_v).mul_add(longer, -turning(d(field::HALF_W), half_w_j))
-                    * step)
-                    .store(&mut motion.tangential_increment);
+        let square = C::Space::dot(&r, &r);
+        let per_distance = inverse_sqrt(token, square);
+        // Within 0.501 ulp, as the overlap is the small difference of two lengths.
+        let near = square * per_distance;
+        let distance = (c(0.5) * per_distance).mul_add((-near).mul_add(near, square), near);
+        let mut n = r;
+        for axis in 0..axes {
+            n[axis] = r[axis] * per_distance;
+        }
+        store_vector(&n, direction, axes);
+        let sum = load(sum);
+        let overlap = sum - distance;
+        overlap.store(&mut motion.overlap);
+        let v = vector::<L>(token, &difference[C::Space::VELOCITY..], axes);
+        let v_n = C::Space::dot(&v, &n);
+        v_n.store(&mut motion.normal_velocity);
+        let half_v = vector::<L>(token, &difference[C::Space::HALF_VELOCITY..], axes);
+        let half_normal = C::Space::dot(&half_v, &n);
+        if LEDGER {
+            (half_normal * step).store(&mut motion.normal_increment);
+        }
+        if C::FRICTION {
+            // R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j
+            let r_i = load(r_i);
+            let (half_of_j, of_j) = spins_of_j.split_at(spins);
+            let of_difference = vector::<L>(token, &difference[C::Space::SPIN..], spins);
+            let of_j = vector::<L>(token, of_j, spins);
+            let s = weighted(r_i, &of_difference, sum, &of_j);
+            let turning = C::Space::turning(&n, &s);
+            let across = C::Space::across(&n, &v, v_n);
+            for k in 0..spins {
+                (across[k] + turning[k]).store(&mut motion.tangential_velocity[k]);
             }
-            if C::ROLLING {
-                motion.rolling_velocity = difference[field::W];
-                (d(field::HALF_W) * step).store(&mut motion.rolling_increment);
+            // The half-step velocity belongs to the tangent plane of the half step, when r was r - ½Δt v. Left out, F_t^e would be of
+            // first order where n turns. Of v - v_n n, as v × v = 0, only the length of r differs, by |r|/|r - ½Δt v|.
+            let half_step = c(0.5) * step * per_distance;
+            let longer = half_step.mul_add(half_normal, c(1.0));
+            let of_difference = vector::<L>(token, &difference[C::Space::HALF_SPIN..], spins);
+            let of_j = vector::<L>(token, half_of_j, spins);
+            let half_s = weighted(r_i, &of_difference, sum, &of_j);
+            let turning = C::Space::turning(&n, &half_s);
+            let across = C::Space::across(&n, &half_v, half_normal);
+            let mut slip = [zero; 3];
+            for k in 0..spins {
+                slip[k] = across[k].mul_add(longer, turning[k]);
             }
-            *touching = overlap.greater(c(0.0)).bits();
-            // A pair that touched a step ago overlaps by more than it has come nearer since.
-            let nearer = -half_normal * step;
-            let new = nearer.greater(overlap).bits() & *touching;
-            if new != 0 {
-                let nearer = nearer.to_row();
-                for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
-                    let factor = first_touch(motion, lane, nearer.0[lane]);
-                    if LEDGER {
-                        scratch.touched.push((k, lane, factor));
-                    }
+            if spins == 3 {
+                // The spins, too, are turned from that plane into this one: what twists the contact turns into its plane.
+                let twist = half_step * C::Space::dot(&n, &half_s);
+                let aside = C::Space::turning(&n, &half_v);
+                for k in 0..spins {
+                    slip[k] = twist.mul_add(aside[k], slip[k]);
+                }
+                let rows = (chunk.start + k) * C::HISTORY;
+                let history = &mut contacts.history[rows..rows + 3];
+                turn_with_normal::<L>(token, history, &n, &across, half_step * longer);
+            }
+            for k in 0..spins {
+                (slip[k] * step).store(&mut motion.tangential_increment[k]);
+            }
+        }
+        if C::ROLLING {
+            motion.rolling_velocity = difference[C::Space::SPIN];
+            (load(&difference[C::Space::HALF_SPIN]) * step).store(&mut motion.rolling_increment);
+        }
+        *touching = overlap.greater(zero).bits();
+        // A pair that touched a step ago overlaps by more than it has come nearer since.
+        let nearer = -half_normal * step;
+        let new = nearer.greater(overlap).bits() & *touching;
+        if new != 0 {
+            let nearer = nearer.to_row();
+            for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
+                let factor = first_touch(motion, lane, nearer.0[lane]);
+                if LEDGER {
+                    scratch.touched.push((k, lane, factor));
                 }
             }
         }
     }
+}
 
-    /// The law. Returns a pair whose overlap is outside it, if there is one.
-    #[inline(always)]
-    fn evaluate<L: Lanes>(
-        &mut self,
-        token: L::Token,
-        chunk: Range<usize>,
-        scratch: &mut Scratch,
-    ) -> Option<(usize, usize)> {
-        let contacts = &mut self.pass.part;
-        let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
-        self.law.evaluate::<L, LEDGER>(
-            token,
-            &mut crate::contact::Blocks {
-                parameters: &contacts.parameters[rows(C::PARAMETERS)],
-                history: &mut contacts.history[rows(C::HISTORY)],
-                motion: &scratch.motion[..chunk.len()],
-                carry: &mut scratch.carry[..chunk.len()],
-                response: &mut scratch.response[..chunk.len()],
-                step: self.pass.step,
-            },
+/// a x + b y.
+#[inline(always)]
+fn weighted<L: Lanes>(a: L, x: &[L; 3], b: L, y: &[L; 3]) -> [L; 3] {
+    [
+        a.mul_add(x[0], b * y[0]),
+        a.mul_add(x[1], b * y[1]),
+        a.mul_add(x[2], b * y[2]),
+    ]
+}
+
+/// Turns a vector of the last tangent plane into this one as n has turned, which leaves its length as it is: with τ of half the angle
+/// and p = u·n, u - p (n - τ), where τ = ½Δt v_t/|r| at the half step, to third order of the angle.
+#[inline(always)]
+fn turn_with_normal<L: Lanes>(
+    token: L::Token,
+    history: &mut [Row],
+    n: &[L; 3],
+    across: &[L; 3],
+    half_step: L,
+) {
+    let mut u = vector::<L>(token, history, 3);
+    let p = u[0].mul_add(n[0], u[1].mul_add(n[1], u[2] * n[2]));
+    for k in 0..3 {
+        let aside = half_step.mul_add(across[k], -n[k]);
+        u[k] = p.mul_add(aside, u[k]);
+    }
+    store_vector(&u, history, 3);
+}
+
+/// The law. Returns a pair whose overlap is outside it, if there is one.
+#[inline(always)]
+fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+    token: L::Token,
+    law: &C,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &mut Scratch<C::Space>,
+) -> Option<(usize, usize)> {
+    let contacts = &mut pass.part;
+    let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
+    law.evaluate::<L, LEDGER>(
+        token,
+        &mut crate::contact::Blocks {
+            parameters: &contacts.parameters[rows(C::PARAMETERS)],
+            history: &mut contacts.history[rows(C::HISTORY)],
+            motion: &scratch.motion[..chunk.len()],
+            carry: &mut scratch.carry[..chunk.len()],
+            response: &mut scratch.response[..chunk.len()],
+            step: pass.step,
+        },
+    );
+    let mut outside = None;
+    let touching = &contacts.touching[chunk.clone()];
+    for ((block, touching), response) in chunk.zip(touching).zip(&scratch.response) {
+        let beyond = response.beyond & touching;
+        if beyond != 0 && outside.is_none() {
+            outside = Some((block, beyond.trailing_zeros() as usize));
+        }
+    }
+    outside
+}
+
+/// Energies that are counted are below this many units.
+const MOST_UNITS: f64 = (1u64 << 50) as f64;
+
+/// What the contacts lost.
+#[inline(always)]
+fn account<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &mut Scratch<C::Space>,
+    found: &mut Found,
+) {
+    for &(k, lane, factor) in &scratch.touched {
+        // Both the damping force and the velocity were scaled, and only the force is to be.
+        scratch.response[k].lost[loss::DAMPING].0[lane] /= factor;
+    }
+    let load = |row: &Row| L::load(token, row);
+    let c = |v| L::splat(token, v);
+    let part = &pass.part;
+    let per_unit = c(1.0 / pass.energy_unit.unwrap_or(f64::INFINITY));
+    let mine = chunk.end.min(part.mine.saturating_sub(part.first));
+    let blocks = chunk.start..mine.max(chunk.start);
+    for kind in 0..loss::KINDS {
+        let mut sums = L::no_counts(token);
+        for response in &scratch.response[..blocks.len()] {
+            let units = load(&response.lost[kind]) * per_unit;
+            found.uncounted |= c(MOST_UNITS).greater(units.abs()).bits() != u16::MAX;
+            sums = units.count(sums);
+        }
+        found.lost[kind] += L::total(sums);
+    }
+}
+
+/// What it all comes to for the grains: pairs that do not touch add zeros. Returns a pair whose force is too great to be
+/// rounded to the unit, if there is one.
+#[inline(always)]
+fn add<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &Scratch<C::Space>,
+) -> Option<(usize, usize)> {
+    let load = |row: &Row| L::load(token, row);
+    let c = |v| L::splat(token, v);
+    let zero = c(0.0);
+    let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
+    let unit = pass.unit;
+    // Adding 3·2^51 units leaves no bit below the unit; subtracting them is exact.
+    let [force_shift, torque_shift] = [unit.force, unit.torque].map(|u| c(u * (3u64 << 51) as f64));
+    let largest = c(unit.largest());
+    let mut outside = None;
+    let sums = &mut *pass.force;
+    let contacts = &pass.part;
+    for (k, block) in chunk.enumerate() {
+        let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
+        let touching = load(&motion.overlap).greater(zero);
+        let mut n = vector::<L>(token, &scratch.direction[k], 1);
+        for axis in 0..axes {
+            n[axis] = load(&scratch.direction[k][axis]).select(touching, zero);
+        }
+        let normal = load(&response.normal).select(touching, zero);
+        if let Some(samples) = &mut pass.samples {
+            samples.normal[block] = response.normal;
+            samples.overlap[block] = motion.overlap;
+            samples.tangential[block] = response.tangential;
+            samples.sliding[block] = response.sliding & contacts.touching[block];
+        }
+        let mut force = n;
+        let (mut on_i, mut on_j) = ([zero; 3], [zero; 3]);
+        if C::FRICTION {
+            let mut tangential = [zero; 3];
+            for k in 0..spins {
+                tangential[k] = load(&response.tangential[k]).select(touching, zero);
+            }
+            let [sum, r_i] = &contacts.geometry[block];
+            let (sum, r_i) = (load(sum), load(r_i));
+            force = C::Space::force(&n, normal, &tangential);
+            let moment = C::Space::moment(&n, &tangential);
+            for k in 0..spins {
+                on_i[k] = -r_i * moment[k];
+                on_j[k] = (r_i - sum) * moment[k];
+            }
+        } else {
+            for axis in 0..axes {
+                force[axis] = normal * n[axis];
+            }
+        }
+        if C::ROLLING {
+            let rolling = load(&response.rolling).select(touching, zero);
+            on_i[0] = on_i[0] + rolling;
+            on_j[0] = on_j[0] - rolling;
+        }
+        let mut greatest = force[0].abs();
+        for axis in 1..axes {
+            greatest = greatest.max(force[axis].abs());
+        }
+        let greater = greatest.greater(largest).bits();
+        if greater != 0 && outside.is_none() {
+            outside = Some((block, greater.trailing_zeros() as usize));
+        }
+        for axis in 0..axes {
+            force[axis] = (force[axis] + force_shift) - force_shift;
+        }
+        for k in 0..spins {
+            on_i[k] = (on_i[k] + torque_shift) - torque_shift;
+            on_j[k] = (on_j[k] + torque_shift) - torque_shift;
+        }
+        C::Space::add(
+            force,
+            on_i,
+            on_j,
+            sums,
+            contacts.pairs,
+            contacts.first + block,
         );
-        let mut outside = None;
-        let touching = &contacts.touching[chunk.clone()];
-        for ((block, touching), response) in chunk.zip(touching).zip(&scratch.response) {
-            let beyond = response.beyond & touching;
-            if beyond != 0 && outside.is_none() {
-                outside = Some((block, beyond.trailing_zeros() as usize));
-            }
-        }
-        outside
     }
-
-    /// What the contacts lost.
-    #[inline(always)]
-    fn account<L: Lanes>(
-        &mut self,
-        token: L::Token,
-        chunk: Range<usize>,
-        scratch: &mut Scratch,
-        found: &mut Found,
-    ) {
-        for &(k, lane, factor) in &scratch.touched {
-            // Both the damping force and the velocity were scaled, and only the force is to be.
-            scratch.response[k].lost[loss::DAMPING].0[lane] /= factor;
-        }
-        let load = |row: &Row| L::load(token, row);
-        let c = |v| L::splat(token, v);
-        let part = &self.pass.part;
-        let per_unit = c(1.0 / self.pass.energy_unit.unwrap_or(f64::INFINITY));
-        let mine = chunk.end.min(part.mine.saturating_sub(part.first));
-        let blocks = chunk.start..mine.max(chunk.start);
-        for kind in 0..loss::KINDS {
-            let mut sums = L::no_counts(token);
-            for response in &scratch.response[..blocks.len()] {
-                sums = (load(&response.lost[kind]) * per_unit).count(sums);
-            }
-            found.lost[kind] += L::total(sums);
-        }
-    }
-
-    /// What it all comes to for the grains: pairs that do not touch add zeros. Returns a pair whose force is too great to be
-    /// rounded to the unit, if there is one.
-    #[inline(always)]
-    fn add<L: Lanes>(
-        &mut self,
-        token: L::Token,
-        chunk: Range<usize>,
-        scratch: &Scratch,
-    ) -> Option<(usize, usize)> {
-        let load = |row: &Row| L::load(token, row);
-        let c = |v| L::splat(token, v);
-        let zero = c(0.0);
-        let unit = self.pass.unit;
-        // Adding 3·2^51 units leaves no bit below the unit; subtracting them is exact.
-        let [force_shift, torque_shift] =
-            [unit.force, unit.torque].map(|u| c(u * (3u64 << 51) as f64));
-        let largest = c(unit.largest());
-        let mut outside = None;
-        let force = &mut *self.pass.force;
-        let contacts = &self.pass.part;
-        for (k, block) in chunk.enumerate() {
-            let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
-            let touching = load(&motion.overlap).greater(zero);
-            let [n_x, n_y] = &scratch.direction[k];
-            let (n_x, n_y) = (
-                load(n_x).select(touching, zero),
-                load(n_y).select(touching, zero),
-            );
-            let normal = load(&response.normal).select(touching, zero);
-            if let Some(samples) = &mut self.pass.samples {
-                samples.normal[block] = response.normal;
-                samples.overlap[block] = motion.overlap;
-                samples.tangential[block] = response.tangential;
-                samples.sliding[block] = response.sliding & contacts.touching[block];
-            }
-            let mut terms = [normal * n_x, normal * n_y, zero, zero];
-            if C::FRICTION {
-                let tangential = load(&response.tangential).select(touching, zero);
-                let [sum, r_i] = &contacts.geometry[block];
-                let (sum, r_i) = (load(sum), load(r_i));
-                terms = [
-                    normal.mul_add(n_x, -(tangential * n_y)),
-                    normal.mul_add(n_y, tangential * n_x),
-                    -r_i * tangential,
-                    (r_i - sum) * tangential,
-                ];
-            }
-            if C::ROLLING {
-                let rolling = load(&response.rolling).select(touching, zero);
-                terms[2] = terms[2] + rolling;
-                terms[3] = terms[3] - rolling;
-            }
-            let greater = terms[0].abs().max(terms[1].abs()).greater(largest).bits();
-            if greater != 0 && outside.is_none() {
-                outside = Some((block, greater.trailing_zeros() as usize));
-            }
-            let rounded = [
-                (terms[0] + force_shift) - force_shift,
-                (terms[1] + force_shift) - force_shift,
-                (terms[2] + torque_shift) - torque_shift,
-                (terms[3] + torque_shift) - torque_shift,
-            ];
-            L::add_to_pairs(rounded, force, contacts.pairs, contacts.first + block);
-        }
-        outside
-    }
+    outside
 }
 
 /// The step in which a pair comes to touch: it touches for a part θ = δ/(-v_n Δt) of the step only, so that is the part of the
@@ -423,11 +531,15 @@ impl<C: ContactLaw, const LEDGER: bool> Blocks<'_, C, LEDGER> {
 #[cold]
 fn first_touch(motion: &mut Motion, lane: usize, nearer: f64) -> f64 {
     let part = motion.overlap.0[lane] / nearer;
-    motion.tangential_increment.0[lane] *= part;
+    for row in &mut motion.tangential_increment {
+        row.0[lane] *= part;
+    }
     motion.rolling_increment.0[lane] *= part;
     let factor = 0.5 + part;
     motion.normal_velocity.0[lane] *= factor;
-    motion.tangential_velocity.0[lane] *= factor;
+    for row in &mut motion.tangential_velocity {
+        row.0[lane] *= factor;
+    }
     motion.rolling_velocity.0[lane] *= factor;
     factor
 }

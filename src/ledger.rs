@@ -15,12 +15,14 @@ const ELASTIC: usize = 3;
 #[derive(Debug, Clone)]
 pub struct Ledger {
     unit: f64,
-    force_unit: f64,
-    /// Twice the sums over the steps, of the first one half, of what was lost and of the force against the imposed motion.
+    /// Twice the sums over the steps, of the first one half, of what was lost.
     twice_lost: [i128; loss::KINDS],
     last_lost: [i128; loss::KINDS],
-    twice_pull: i128,
-    last_pull: i64,
+    /// Something was too great to be counted.
+    uncounted: bool,
+    /// Of all ranks: the work done along x on the sample, and the force that did it last.
+    work: f64,
+    force: f64,
     /// As the shear began; `None` until then.
     pub begin: Option<Begin>,
 }
@@ -38,7 +40,9 @@ pub struct Begin {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Kept {
     twice_lost: [String; loss::KINDS],
-    twice_pull: String,
+    uncounted: bool,
+    work: f64,
+    force: f64,
     begin: Option<Begin>,
 }
 
@@ -70,11 +74,11 @@ impl Ledger {
         let radius = f64::from_bits(largest_radius.to_bits() & 0x7ff << 52);
         Self {
             unit: unit.force * radius * 2f64.powi(-10),
-            force_unit: unit.force,
             twice_lost: [0; loss::KINDS],
             last_lost: [0; loss::KINDS],
-            twice_pull: 0,
-            last_pull: 0,
+            uncounted: false,
+            work: 0.0,
+            force: 0.0,
             begin: None,
         }
     }
@@ -84,91 +88,100 @@ impl Ledger {
         self.unit
     }
 
-    /// A step: what its contacts lost, and the force against the imposed motion.
-    pub fn step(&mut self, lost: [i128; loss::KINDS], pull: i64) {
+    /// A step: what this rank's contacts lost. `uncounted`: some of it was too great to be counted.
+    pub fn step(&mut self, lost: [i128; loss::KINDS], uncounted: bool) {
         for (sum, more) in self.twice_lost.iter_mut().zip(lost) {
             *sum += 2 * more;
         }
         self.last_lost = lost;
-        self.twice_pull += 2 * i128::from(pull);
-        self.last_pull = pull;
+        self.uncounted |= uncounted;
     }
 
-    /// The ledger goes on from a checkpoint: `rank` 0 with all of it.
+    /// The same step: the force on the sample along x, of all ranks, and how far it moved the top (m).
+    pub fn push(&mut self, force: f64, slid: f64) {
+        self.work += 0.5 * (self.force + force) * slid;
+        self.force = force;
+    }
+
+    /// The ledger goes on from a checkpoint: `rank` 0 with all that is summed over the ranks.
     pub fn resume(&mut self, kept: &Kept, rank: usize) {
         let number = |text: &String| text.parse::<i128>().unwrap_or(0);
         if rank == 0 {
             self.twice_lost = std::array::from_fn(|k| number(&kept.twice_lost[k]));
-            self.twice_pull = number(&kept.twice_pull);
+            self.uncounted = kept.uncounted;
         }
-        self.begin = kept.begin;
+        (self.work, self.force, self.begin) = (kept.work, kept.force, kept.begin);
     }
 
     /// For a checkpoint; collective.
     pub fn keep(&self, exchange: &impl Exchange) -> Kept {
-        let [lost @ .., pull] = sums(exchange, self.sums([0; loss::KINDS + 1]));
+        let (lost, uncounted) = self.sums(exchange, [0; loss::KINDS]);
         Kept {
             twice_lost: lost.map(|n| n.to_string()),
-            twice_pull: pull.to_string(),
+            uncounted,
+            work: self.work,
+            force: self.force,
             begin: self.begin,
         }
     }
 
-    /// Twice what was lost, and the force against the motion, less something of each.
-    fn sums(&self, less: [i128; loss::KINDS + 1]) -> [i128; loss::KINDS + 1] {
-        let [lost @ .., pull] = less;
-        let mut all = [self.twice_pull - pull; loss::KINDS + 1];
-        for ((sum, twice), less) in all.iter_mut().zip(self.twice_lost).zip(lost) {
-            *sum = twice - less;
+    /// Twice what was lost on all ranks, less something, and whether anything was too great to be counted; collective.
+    fn sums(
+        &self,
+        exchange: &impl Exchange,
+        less: [i128; loss::KINDS],
+    ) -> ([i128; loss::KINDS], bool) {
+        const PART: usize = LIMBS + 1;
+        let mut message = [0i64; loss::KINDS * PART + 1];
+        for (k, (twice, less)) in self.twice_lost.iter().zip(less).enumerate() {
+            Accumulator::from(twice - less).write(&mut message[k * PART..(k + 1) * PART]);
         }
-        all
+        message[loss::KINDS * PART] = self.uncounted.into();
+        exchange.sum(&mut message);
+        let lost = |k: usize| Accumulator::read(&message[k * PART..(k + 1) * PART]).into();
+        (std::array::from_fn(lost), message[loss::KINDS * PART] > 0)
     }
 
-    /// The ledger of all ranks now; collective. `speed`: imposed on the top (m/s), `step` Δt (s), `load` N (N/m), `height` of the
-    /// piston (m), `kinetic` energy of all that moves freely (J/m).
-    #[expect(clippy::too_many_arguments, reason = "the state of the sample, once")]
+    /// The ledger of all ranks now; collective.
     pub fn entry<C: ContactLaw>(
         &mut self,
         exchange: &impl Exchange,
         level: Level,
         law: &C,
-        contacts: &Contacts,
-        overlap: &[Row],
-        speed: f64,
-        step: f64,
-        load: f64,
-        height: f64,
-        kinetic: f64,
+        of: Sample<'_>,
     ) -> Entry {
         // Elastic energies are greater than the losses of a step.
         let elastic_unit = FixedPoint::new(self.unit * 2f64.powi(20));
         let mut elastic = [Accumulator::default(); ELASTIC];
         level.run(Elastic {
             law,
-            contacts,
-            overlap,
+            contacts: of.contacts,
+            overlap: of.overlap,
             unit: elastic_unit,
             sums: &mut elastic,
         });
         let elastic = elastic_unit.total(exchange, elastic);
-        let energy = kinetic + elastic.iter().sum::<f64>();
+        let energy = of.kinetic + elastic.iter().sum::<f64>();
         let begin = *self.begin.get_or_insert_with(|| {
             self.twice_lost = self.last_lost;
-            self.twice_pull = self.last_pull.into();
-            Begin { energy, height }
+            self.work = 0.0;
+            Begin {
+                energy,
+                height: of.height,
+            }
         });
         // Trapezoids: of the last step half.
-        let mut last = [i128::from(self.last_pull); loss::KINDS + 1];
-        last[..loss::KINDS].copy_from_slice(&self.last_lost);
-        let [lost @ .., pull] = sums(exchange, self.sums(last)).map(|n| 0.5 * n as f64);
-        let lost = lost.map(|n| n * self.unit);
-        let work_drive = pull * self.force_unit * speed * step;
-        let work_load = -load * (height - begin.height);
-        let missing = work_drive + work_load - (energy - begin.energy) - lost.iter().sum::<f64>();
-        let done = work_drive.abs() + work_load.abs();
+        let (lost, uncounted) = self.sums(exchange, self.last_lost);
+        let lost = lost.map(|n| match uncounted {
+            true => f64::NAN,
+            false => 0.5 * n as f64 * self.unit,
+        });
+        let work_load = -of.load * (of.height - begin.height);
+        let missing = self.work + work_load - (energy - begin.energy) - lost.iter().sum::<f64>();
+        let done = self.work.abs() + work_load.abs();
         Entry {
             elastic,
-            work_drive,
+            work_drive: self.work,
             work_load,
             lost,
             residual: if done > 0.0 { missing / done } else { 0.0 },
@@ -176,14 +189,18 @@ impl Ledger {
     }
 }
 
-/// Sums over the ranks.
-fn sums<const K: usize>(exchange: &impl Exchange, numbers: [i128; K]) -> [i128; K] {
-    let mut message = vec![0i64; K * (LIMBS + 1)];
-    for (&number, limbs) in numbers.iter().zip(message.chunks_mut(LIMBS + 1)) {
-        Accumulator::from(number).write(limbs);
-    }
-    exchange.sum(&mut message);
-    std::array::from_fn(|k| Accumulator::read(&message[k * (LIMBS + 1)..]).into())
+/// What the ledger looks at.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample<'a> {
+    pub contacts: &'a Contacts,
+    /// δ (m) of every block.
+    pub overlap: &'a [Row],
+    /// N.
+    pub load: f64,
+    /// Of the piston (m).
+    pub height: f64,
+    /// Energy of all that moves freely upwards or in all directions.
+    pub kinetic: f64,
 }
 
 /// Elastic energies of the contacts of which this rank owns i.

@@ -6,6 +6,7 @@ pub mod analysis;
 pub mod clock;
 pub mod config;
 pub mod contact;
+pub mod dimension;
 pub mod domain;
 pub mod drive;
 pub mod failure;

@@ -1,47 +1,141 @@
 //! Which grains may come to touch: cells, then pairs.
 
-use crate::state::{Grains, body, nearest_image};
+use crate::dimension::Dimension;
+use crate::state::{Cell, Grains, body};
 
 /// The stretch of the periodic cell in which a rank has grains, its own and ghosts.
 #[derive(Debug, Clone, Copy)]
 pub struct Window {
-    /// L_x (m).
-    pub length: f64,
     /// Start of the stretch (m); may be negative.
     pub from: f64,
-    /// Its width (m), at most `length`.
+    /// Its width (m), at most the period.
     pub width: f64,
 }
 
-/// All pairs of local grains closer than R_i + R_j + `skin` (m), sorted by (lower id, higher id), each with the lower id first.
-/// Left out: pairs of two ghosts (their ranks have them), and of two wall grains (they do not move against each other).
-/// `reach` ≥ the greatest R_i + R_j + `skin`.
-pub fn pairs(grains: &Grains, window: Window, reach: f64, skin: f64) -> Vec<[u32; 2]> {
-    let local = grains.local();
-    let x = |g: usize| grains.record[g].0[0];
-    let y = |g: usize| grains.record[g].0[1];
+/// How near a pair has to be to be listed.
+#[derive(Debug, Clone, Copy)]
+pub struct Range {
+    /// At least the greatest R_i + R_j + `skin` (m).
+    pub reach: f64,
+    /// Pairs closer than R_i + R_j + `skin` (m) are listed.
+    pub skin: f64,
+}
 
-    // Cells: columns along x over the whole period, of which this rank keeps a window; rows along y.
-    let all_columns = ((window.length / reach) as usize).max(1);
-    let column_width = window.length / all_columns as f64;
-    let first = (window.from / column_width).floor() as i64 - 1;
-    let columns = ((window.width / column_width) as usize + 4).min(all_columns);
-    let periodic = columns == all_columns;
-    let (low, high) = (0..local).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), g| {
-        (a.min(y(g)), b.max(y(g)))
-    });
-    let rows = (((high - low) / reach) as usize).max(1);
-    let row_height = (high - low) / rows as f64;
-    let cell = |g: usize| {
-        let absolute = ((x(g) / column_width) as i64).min(all_columns as i64 - 1);
-        let column = (absolute - first).rem_euclid(all_columns as i64) as usize;
-        let row = ((y(g) - low) / row_height) as usize;
-        column.min(columns - 1) * rows + row.min(rows - 1)
+/// Cells along one axis.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    low: f64,
+    width: f64,
+    /// Cells that there are, and in a period, where there is one.
+    count: usize,
+    period: Option<usize>,
+    /// The first of the cells that there are, in the period.
+    first: i64,
+}
+
+impl Axis {
+    /// Of those in `from`, `width` (m) wide, in a period, as wide as `reach` (m) or wider.
+    fn periodic(period: f64, from: f64, width: f64, reach: f64) -> Self {
+        let all = ((period / reach) as usize).max(1);
+        let cell = period / all as f64;
+        Self {
+            low: 0.0,
+            width: cell,
+            count: ((width / cell) as usize + 4).min(all),
+            period: Some(all),
+            first: (from / cell).floor() as i64 - 1,
+        }
+    }
+
+    fn open(low: f64, high: f64, reach: f64) -> Self {
+        let count = (((high - low) / reach) as usize).max(1);
+        Self {
+            low,
+            width: (high - low) / count as f64,
+            count,
+            period: None,
+            first: 0,
+        }
+    }
+
+    fn cell(&self, x: f64) -> usize {
+        let at = ((x - self.low) / self.width) as i64;
+        let at = match self.period {
+            Some(all) => (at.min(all as i64 - 1) - self.first).rem_euclid(all as i64),
+            None => at,
+        };
+        (at as usize).min(self.count - 1)
+    }
+
+    /// The cell and those beside it, each once.
+    fn near(&self, cell: usize) -> impl Iterator<Item = usize> + Clone {
+        let ring = self.period == Some(self.count);
+        let count = self.count;
+        let before = match cell {
+            0 if ring && count > 2 => Some(count - 1),
+            0 => None,
+            k => Some(k - 1),
+        };
+        let after = match cell + 1 {
+            k if k < count => Some(k),
+            _ if ring && count > 2 => Some(0),
+            _ => None,
+        };
+        [before, Some(cell), after].into_iter().flatten()
+    }
+}
+
+/// All pairs of local grains closer than R_i + R_j + skin, sorted by (lower id, higher id), each with the lower id first.
+/// Left out: pairs of two ghosts (their ranks have them), and of two wall grains (they do not move against each other).
+pub fn pairs<D: Dimension>(
+    grains: &Grains<D>,
+    cell: Cell,
+    window: Window,
+    range: Range,
+) -> Vec<[u32; 2]> {
+    let Range { reach, skin } = range;
+    let local = grains.local();
+    let position: Vec<[f64; 3]> = (0..local)
+        .map(|g| {
+            let mut x = [0.0; 3];
+            x[..D::AXES].copy_from_slice(&grains.fields(g)[..D::AXES]);
+            x
+        })
+        .collect();
+
+    // Slowest along x, of which this rank keeps a window of the period; fastest along the last axis.
+    let mut axes = [Axis::open(0.0, 0.0, 1.0); 3];
+    for (axis, cells) in axes[..D::UP].iter_mut().enumerate() {
+        let period = cell.periods[axis];
+        let (from, width) = match axis {
+            0 => (window.from, window.width),
+            _ => (0.0, period),
+        };
+        *cells = Axis::periodic(period, from, width, reach);
+    }
+    let (low, high) = position
+        .iter()
+        .map(|x| x[D::UP])
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+            (a.min(x), b.max(x))
+        });
+    axes[D::UP] = Axis::open(low, high, reach);
+    let at = |x: &[f64; 3]| {
+        let mut at = [0; 3];
+        for axis in 0..D::AXES {
+            at[axis] = axes[axis].cell(x[axis]);
+        }
+        at
     };
+    let index = |at: [usize; 3]| {
+        let cells = at.iter().zip(&axes).take(D::AXES);
+        cells.fold(0, |index, (at, axis)| index * axis.count + at)
+    };
+    let all = axes[..D::AXES].iter().map(|a| a.count).product::<usize>();
 
     // Grains by cell, in counting order.
-    let mut start = vec![0u32; columns * rows + 1];
-    let cells: Vec<u32> = (0..local).map(|g| cell(g) as u32).collect();
+    let mut start = vec![0u32; all + 1];
+    let cells: Vec<u32> = position.iter().map(|x| index(at(x)) as u32).collect();
     for &k in &cells {
         start[k as usize + 1] += 1;
     }
@@ -59,28 +153,19 @@ pub fn pairs(grains: &Grains, window: Window, reach: f64, skin: f64) -> Vec<[u32
     by_id.sort_unstable_by_key(|&g| grains.id[g as usize]);
 
     let mut pairs = Vec::with_capacity(3 * local);
-    let mut near = Vec::with_capacity(3);
     for &a in &by_id {
         let g = a as usize;
-        let (id, x_g, y_g) = (grains.id[g], x(g), y(g));
-        let (column, row) = (cells[g] as usize / rows, cells[g] as usize % rows);
-        near.clear();
-        near.push(column);
-        for neighbour in [column.checked_sub(1), Some(column + 1)] {
-            let wrapped = match neighbour {
-                Some(k) if k < columns => k,
-                _ if !periodic => continue,
-                None => columns - 1,
-                Some(_) => 0,
-            };
-            if !near.contains(&wrapped) {
-                near.push(wrapped);
-            }
-        }
+        let id = grains.id[g];
         let begin = pairs.len();
-        for &k in &near {
-            let from = start[k * rows + row.saturating_sub(1)] as usize;
-            let to = start[k * rows + (row + 2).min(rows)] as usize;
+        let here = at(&position[g]);
+        // Cells that follow each other along the last axis have their members one after the other.
+        let column = axes[D::UP].near(here[D::UP]);
+        let (bottom, top) = column.fold((usize::MAX, 0), |(a, b), k| (a.min(k), b.max(k)));
+        let mut look = |mut place: [usize; 3]| {
+            place[D::UP] = bottom;
+            let from = start[index(place)] as usize;
+            place[D::UP] = top;
+            let to = start[index(place) + 1] as usize;
             for &b in &member[from..to] {
                 let h = b as usize;
                 if grains.id[h] <= id
@@ -89,12 +174,19 @@ pub fn pairs(grains: &Grains, window: Window, reach: f64, skin: f64) -> Vec<[u32
                 {
                     continue;
                 }
-                let dx = nearest_image(x(h) - x_g, window.length);
-                let dy = y(h) - y_g;
+                let apart = cell.separation::<D>(&position[h], &position[g]);
+                let square = apart.iter().map(|x| x * x).sum::<f64>();
                 let range = grains.radius[g] + grains.radius[h] + skin;
-                if dx * dx + dy * dy < range * range {
+                if square < range * range {
                     pairs.push([a, b]);
                 }
+            }
+        };
+        for x in axes[0].near(here[0]) {
+            if D::UP == 1 {
+                look([x, 0, 0]);
+            } else {
+                axes[1].near(here[1]).for_each(|y| look([x, y, 0]));
             }
         }
         pairs[begin..].sort_unstable_by_key(|p| grains.id[p[1] as usize]);
@@ -105,17 +197,17 @@ pub fn pairs(grains: &Grains, window: Window, reach: f64, skin: f64) -> Vec<[u32
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dimension::{Three, Two};
     use crate::state::GrainState;
     use bytemuck::Zeroable;
 
     /// Against all pairs, in narrow and wide cells, with ghosts.
-    #[test]
-    fn finds_what_a_search_over_all_pairs_finds() {
-        for (length, count, owned) in [
-            (2.5, 12, 12),
-            (5.0, 60, 60),
-            (20.0, 300, 300),
-            (20.0, 300, 180),
+    fn compare<D: Dimension>() {
+        for (length, width, count, owned) in [
+            (2.5, 3.0, 12, 12),
+            (5.0, 2.5, 60, 60),
+            (20.0, 9.0, 300, 300),
+            (20.0, 4.0, 300, 180),
         ] {
             let mut seed = 7u64;
             let mut random = || {
@@ -124,36 +216,56 @@ mod tests {
                     .wrapping_add(1442695040888963407);
                 (seed >> 11) as f64 / (1u64 << 53) as f64
             };
+            let cell = Cell {
+                periods: [length, width],
+            };
+            let high = if D::AXES == 2 { 15.0 } else { 4.0 };
             let states: Vec<GrainState> = (0..count)
-                .map(|id| GrainState {
-                    id,
-                    body: u32::from(random() < 0.1),
-                    position: [length * random(), 15.0 * random()],
-                    radius: 0.25 + 0.25 * random(),
-                    ..GrainState::zeroed()
+                .map(|id| {
+                    let mut position = [length, width, high].map(|l| l * random());
+                    if D::AXES == 2 {
+                        position = [position[0], position[2], 0.0];
+                    }
+                    GrainState {
+                        id,
+                        body: u32::from(random() < 0.1),
+                        position,
+                        radius: 0.25 + 0.25 * random(),
+                        ..GrainState::zeroed()
+                    }
                 })
                 .collect();
-            let mut grains = Grains::default();
+            let mut grains = Grains::<D>::default();
             grains.replace(&states[..owned], 1.0, 1.0);
             for ghost in &states[owned..] {
                 grains.push(ghost);
             }
             let window = Window {
-                length,
                 from: 0.0,
                 width: length,
             };
-            let found = pairs(&grains, window, 1.1, 0.1);
+            let range = Range {
+                reach: 1.1,
+                skin: 0.1,
+            };
+            let found = pairs(&grains, cell, window, range);
             let mut expected = Vec::new();
             for a in 0..states.len() {
                 for b in a + 1..states.len() {
                     let (p, q) = (&states[a], &states[b]);
-                    let dx = p.position[0] - q.position[0];
-                    let dx = dx.abs().min(length - dx.abs());
-                    let dy = p.position[1] - q.position[1];
+                    let mut square = 0.0;
+                    for axis in 0..D::AXES {
+                        let d = (p.position[axis] - q.position[axis]).abs();
+                        let d = match axis {
+                            axis if axis == D::UP => d,
+                            axis => d.min(cell.periods[axis] - d),
+                        };
+                        square += d * d;
+                    }
                     let both_ghosts = a >= owned && b >= owned;
                     let both_wall = p.body != 0 && q.body != 0;
-                    if dx.hypot(dy) < p.radius + q.radius + 0.1 && !both_ghosts && !both_wall {
+                    let near = f64::sqrt(square) < p.radius + q.radius + 0.1;
+                    if near && !both_ghosts && !both_wall {
                         expected.push([a as u32, b as u32]);
                     }
                 }
@@ -161,5 +273,11 @@ mod tests {
             assert!(!expected.is_empty());
             assert_eq!(found, expected);
         }
+    }
+
+    #[test]
+    fn finds_what_a_search_over_all_pairs_finds() {
+        compare::<Two>();
+        compare::<Three>();
     }
 }

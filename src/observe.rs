@@ -3,11 +3,13 @@
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::contact::{ContactLaw, loss};
+use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
-use crate::drive::Piston;
+use crate::drive::GrainWalls;
 use crate::kernel::ContactForces;
-use crate::ledger::Entry;
-use crate::state::{ContactSample, GrainSample, SeriesRow, body, field};
+use crate::ledger::{self, Entry};
+use crate::schedule::Schedule;
+use crate::state::{Cell, ContactSample, GrainSample, SeriesRow, body};
 use crate::system::System;
 
 /// What the time series needs to know of the whole sample.
@@ -15,8 +17,8 @@ use crate::system::System;
 pub struct Frame {
     /// Thickness of both walls together (m): the piston's height less this is that of the sheared layer.
     pub walls: f64,
-    /// Area of the free grains (m²).
-    pub free_area: f64,
+    /// Volume of the free grains (m³; area, m², in 2D).
+    pub free_volume: f64,
     pub free_grains: u64,
     /// For energies (J/m).
     pub energy: FixedPoint,
@@ -24,64 +26,78 @@ pub struct Frame {
 
 impl Frame {
     /// Of the grains as they are; collective.
-    pub fn measure(exchange: &impl Exchange, system: &System, walls: f64, energy: f64) -> Self {
-        let area = FixedPoint::new(system.length * system.length);
+    pub fn measure<D: Dimension>(
+        exchange: &impl Exchange,
+        system: &System<D>,
+        walls: f64,
+        energy: f64,
+    ) -> Self {
+        let volume = FixedPoint::new(base::<D>(system.cell) * system.cell.periods[0]);
         let mut sum = Accumulator::default();
         let mut count = 0;
         for g in 0..system.grains.owned {
             if system.grains.body[g] == body::FREE {
                 let r = system.grains.radius[g];
-                area.add(&mut sum, std::f64::consts::PI * r * r);
+                volume.add(&mut sum, D::volume(r));
                 count += 1;
             }
         }
-        let [free_area] = area.total(exchange, [sum]);
+        let [free_volume] = volume.total(exchange, [sum]);
         Self {
             walls,
-            free_area,
+            free_volume,
             free_grains: crate::domain::total(exchange, count),
             energy: FixedPoint::new(energy),
         }
     }
 }
 
-/// Kinetic energy of the free grains (J/m); collective.
-pub fn kinetic_energy(exchange: &impl Exchange, system: &System, energy: &FixedPoint) -> f64 {
+/// Area of a wall (m²; length, m, in 2D).
+pub fn base<D: Dimension>(cell: Cell) -> f64 {
+    cell.periods[..D::UP].iter().product()
+}
+
+/// Kinetic energy of the free grains; collective.
+pub fn kinetic_energy<D: Dimension>(
+    exchange: &impl Exchange,
+    system: &System<D>,
+    energy: &FixedPoint,
+) -> f64 {
     energy.total(exchange, [own_kinetic_energy(system, energy)])[0]
 }
 
-fn own_kinetic_energy(system: &System, energy: &FixedPoint) -> Accumulator {
-    use field::{U, V, W};
+fn own_kinetic_energy<D: Dimension>(system: &System<D>, energy: &FixedPoint) -> Accumulator {
     let grains = &system.grains;
     let mut sum = Accumulator::default();
     for g in 0..grains.owned {
         if grains.body[g] == body::FREE {
-            let (r, m, radius) = (&grains.record[g].0, grains.mass[g], grains.radius[g]);
-            let spin = 0.5 * radius * radius * r[W] * r[W];
-            energy.add(&mut sum, 0.5 * m * (r[U] * r[U] + r[V] * r[V] + spin));
+            let (r, m, radius) = (grains.fields(g), grains.mass[g], grains.radius[g]);
+            let square = |at: usize, n: usize| r[at..at + n].iter().map(|v| v * v).sum::<f64>();
+            let spin = D::INERTIA * radius * radius * square(D::SPIN, D::SPINS);
+            let energy_of = 0.5 * m * (square(D::VELOCITY, D::AXES) + spin);
+            energy.add(&mut sum, energy_of);
         }
     }
     sum
 }
 
-/// A row of the time series, from the forces of the last step; collective. `speed` is imposed on the top (m/s).
-#[expect(clippy::too_many_arguments, reason = "what a row is made of, once")]
+/// A row of the time series, from the forces of the last step; collective.
 pub fn series<C: ContactLaw, E: Exchange>(
     exchange: &E,
     law: &C,
-    system: &mut System,
+    system: &mut System<C::Space>,
     samples: &ContactForces,
-    piston: &Piston,
-    speed: f64,
+    walls: &GrainWalls,
     frame: &Frame,
-    strain: f64,
+    schedule: &Schedule,
 ) -> SeriesRow {
+    let (piston, slider) = (&walls.piston, &walls.slider.state);
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
     for g in 0..grains.owned {
         if grains.body[g] == body::TOP {
             system.fixed.add(&mut shear, -grains.force[g][0]);
-            system.fixed.add(&mut normal, grains.force[g][1]);
+            system.fixed.add(&mut normal, grains.force[g][C::Space::UP]);
         }
     }
     // Contacts, sliding contacts, and the ends of contacts that are at free grains.
@@ -117,22 +133,22 @@ pub fn series<C: ContactLaw, E: Exchange>(
             exchange,
             system.level,
             law,
-            &system.contacts,
-            &samples.overlap,
-            speed,
-            system.step,
-            piston.load,
-            piston.height,
-            moving,
+            ledger::Sample {
+                contacts: &system.contacts,
+                overlap: &samples.overlap,
+                load: piston.load,
+                height: piston.height,
+                kinetic: moving,
+            },
         )
     });
     SeriesRow {
-        strain,
+        strain: slider.displacement / schedule.height,
         stress_ratio: shear_force / normal_force,
         normal_force,
         shear_force,
         wall_height,
-        solid_fraction: frame.free_area / (system.length * wall_height),
+        solid_fraction: frame.free_volume / (base::<C::Space>(system.cell) * wall_height),
         coordination: ends as f64 / frame.free_grains as f64,
         kinetic_energy,
         sliding_fraction: if contacts > 0 {
@@ -141,6 +157,13 @@ pub fn series<C: ContactLaw, E: Exchange>(
             0.0
         },
         wall_velocity: piston.velocity,
+        slip: slider.displacement,
+        slip_rate: slider.velocity,
+        drive_displacement: walls.slider.protocol.position(slider.step),
+        drive_velocity: walls
+            .slider
+            .protocol
+            .velocity(slider.step.saturating_sub(1)),
         elastic_normal: energy.elastic[0],
         elastic_tangential: energy.elastic[1],
         elastic_rolling: energy.elastic[2],
@@ -156,7 +179,7 @@ pub fn series<C: ContactLaw, E: Exchange>(
 
 /// This rank's part of a frame: its grains, and the contacts whose first grain it owns.
 pub fn frame<C: ContactLaw>(
-    system: &System,
+    system: &System<C::Space>,
     samples: &ContactForces,
 ) -> (Vec<GrainSample>, Vec<ContactSample>) {
     let grains = (0..system.grains.owned)
@@ -176,13 +199,16 @@ pub fn frame<C: ContactLaw>(
         .filter(|at| at.i < system.grains.owned)
         .map(|at| {
             let state = system.contacts.state::<C>(at, &system.grains.id);
+            let force = samples.tangential[at.block].map(|row| row.0[at.lane]);
+            let planar = C::Space::SPINS == 1;
+            let tangential = |v: [f64; 3]| if planar { [v[0], 0.0, 0.0] } else { v };
             ContactSample {
                 i: state.i,
                 j: state.j,
                 normal_force: samples.normal[at.block].0[at.lane],
-                tangential_force: samples.tangential[at.block].0[at.lane],
-                tangential_history: state.history[0],
-                rolling_history: state.history[2],
+                tangential_force: tangential(force),
+                tangential_history: tangential(state.history),
+                rolling_history: if planar { state.history[2] } else { 0.0 },
                 overlap: samples.overlap[at.block].0[at.lane],
                 sliding: (samples.sliding[at.block] >> at.lane & 1) as u64,
             }
@@ -195,8 +221,8 @@ pub fn frame<C: ContactLaw>(
 /// hashes of them, so it does not depend on who holds what; collective.
 pub fn digest<C: ContactLaw, E: Exchange>(
     exchange: &E,
-    system: &System,
-    piston: &Piston,
+    system: &System<C::Space>,
+    walls: &GrainWalls,
     step: u64,
 ) -> String {
     // Two sums of 64 bits, each wrapping.
@@ -213,7 +239,15 @@ pub fn digest<C: ContactLaw, E: Exchange>(
         add(bytemuck::bytes_of(&c));
     }
     if exchange.rank() == 0 {
-        let wall = [piston.height, piston.velocity, piston.acceleration];
+        let (piston, slider) = (&walls.piston, &walls.slider.state);
+        let wall = [
+            piston.height,
+            piston.velocity,
+            piston.acceleration,
+            slider.displacement,
+            slider.velocity,
+            slider.acceleration,
+        ];
         add(bytemuck::cast_slice(&wall));
         add(&step.to_le_bytes());
     }

@@ -4,18 +4,19 @@ use std::path::Path;
 
 use bytemuck::Zeroable;
 
-use crate::config::{Origin, PackingFile, Scene, Walls};
+use crate::config::{Dimensions, Origin, PackingFile, Scene, Walls};
+use crate::dimension::{Dimension, Three, Two};
 use crate::failure::Failure;
 use crate::io::lammps_data::{self, Atom, DataFile};
-use crate::neighbour::{self, Window};
+use crate::neighbour::{self, Range, Window};
 use crate::sample::{columns, freeze_walls, stop_walls};
-use crate::state::{GrainState, Grains, body};
+use crate::state::{GrainState, Grains, body, length};
 
 /// Type of the grains of the bottom and of the top wall, where types say what is wall.
 const BOTTOM_TYPE: u32 = 2;
 const TOP_TYPE: u32 = 3;
 
-/// The disks of a file.
+/// The grains of a file.
 #[derive(Debug, Clone)]
 pub struct Packing {
     /// What messages call the file.
@@ -26,7 +27,8 @@ pub struct Packing {
 }
 
 impl Packing {
-    /// Reads a LAMMPS data file of spheres in the plane z = 0.
+    /// Reads a LAMMPS data file of spheres: disks where all are in the plane z = 0 or the box along z is no longer than the largest
+    /// of them, else spheres in a box that is periodic along x and y.
     ///
     /// # Errors
     /// `Failure::Input` with the line, what is wrong with it and what would be right.
@@ -53,23 +55,26 @@ impl Packing {
         let Some(count) = u32::try_from(atoms.len()).ok().filter(|&n| n > 0) else {
             return whole("a packing has 1 to 4294967295 atoms");
         };
-        let [x_bounds, y_bounds, z_bounds] = data.bounds;
-        if z_bounds[0] > 0.0 || z_bounds[1] < 0.0 {
+        let largest = atoms.iter().fold(0.0, |d: f64, a| d.max(a.diameter));
+        let flat = atoms.iter().all(|a| a.position[2] == 0.0);
+        let [_, _, z_bounds] = data.bounds;
+        let planar = flat || z_bounds[1] - z_bounds[0] <= (1.0 + 1e-9) * largest;
+        if planar && (z_bounds[0] > 0.0 || z_bounds[1] < 0.0) {
             return whole(&format!(
                 "the box is beside the plane z = 0, in which the disks are: {:?} {:?} zlo zhi",
                 z_bounds[0], z_bounds[1]
             ));
         }
-        let length = x_bounds[1] - x_bounds[0];
+        let up = if planar { 1 } else { 2 };
         for a in &mut atoms {
-            let [x, y, z] = a.position;
             let out_of_plane = [
-                ("z", z),
+                ("z", a.position[2]),
                 ("vz", a.velocity[2]),
                 ("wx", a.angular_velocity[0]),
                 ("wy", a.angular_velocity[1]),
             ];
-            if let Some((what, value)) = out_of_plane.into_iter().find(|(_, value)| *value != 0.0) {
+            let moving = out_of_plane.into_iter().find(|(_, value)| *value != 0.0);
+            if let Some((what, value)) = moving.filter(|_| planar) {
                 return wrong(
                     a.line,
                     format!(
@@ -78,31 +83,40 @@ impl Packing {
                     ),
                 );
             }
-            if !(y_bounds[0]..=y_bounds[1]).contains(&y) {
+            let (height, bounds) = (a.position[up], data.bounds[up]);
+            if !(bounds[0]..=bounds[1]).contains(&height) {
+                let axis = ["x", "y", "z"][up];
                 return wrong(
                     a.line,
                     format!(
-                        "atom {} is out of the box: y = {y:?}, the box has {:?} {:?} ylo yhi",
-                        a.id, y_bounds[0], y_bounds[1]
+                        "atom {} is out of the box: {axis} = {height:?}, the box has {:?} {:?} {axis}lo {axis}hi",
+                        a.id, bounds[0], bounds[1]
                     ),
                 );
             }
-            let inside = x - x_bounds[0];
-            a.position[0] = if (0.0..length).contains(&inside) {
-                inside
-            } else {
-                let wrapped = inside.rem_euclid(length);
-                // A little below zero rounds to the length.
-                if wrapped < length { wrapped } else { 0.0 }
-            };
+            for axis in 0..up {
+                let [low, high] = data.bounds[axis];
+                let (inside, period) = (a.position[axis] - low, high - low);
+                a.position[axis] = if (0.0..period).contains(&inside) {
+                    inside
+                } else {
+                    let wrapped = inside.rem_euclid(period);
+                    // A little below zero rounds to the period.
+                    if wrapped < period { wrapped } else { 0.0 }
+                };
+            }
         }
 
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
         let radius_max = radii().fold(0.0, f64::max);
-        let width = length / columns(length, radius_max) as f64;
-        let column = |a: &Atom| (a.position[0] / width) as u32;
+        let periods = data.bounds.map(|[low, high]| high - low);
+        let mut widths = [f64::INFINITY; 2];
+        for axis in 0..up {
+            widths[axis] = periods[axis] / columns(periods[axis], radius_max) as f64;
+        }
+        let column = |a: &Atom| [0, 1].map(|axis| (a.position[axis] / widths[axis]) as u32);
         atoms.sort_by(|a, b| {
-            let height = a.position[1].total_cmp(&b.position[1]);
+            let height = a.position[up].total_cmp(&b.position[up]);
             let same = a.id.cmp(&b.id);
             column(a).cmp(&column(b)).then(height).then(same)
         });
@@ -110,7 +124,11 @@ impl Packing {
         let edges = |sign: f64| {
             atoms
                 .iter()
-                .map(move |a| a.position[1] + sign * 0.5 * a.diameter)
+                .map(move |a| a.position[up] + sign * 0.5 * a.diameter)
+        };
+        let dimension = match planar {
+            true => Dimensions::Two,
+            false => Dimensions::Three,
         };
         let has = |kind| atoms.iter().any(|a| a.kind == kind);
         let file = PackingFile {
@@ -119,8 +137,9 @@ impl Packing {
             radius_min: radii().fold(f64::INFINITY, f64::min),
             radius_max,
             mean_diameter: 2.0 * radii().sum::<f64>() / f64::from(count),
-            mean_square_radius: radii().map(|r| r * r).sum::<f64>() / f64::from(count),
-            length,
+            mean_volume: radii().map(|r| dimension.volume(r)).sum::<f64>() / f64::from(count),
+            length: periods[0],
+            width: (!planar).then_some(periods[1]),
             edges: [
                 edges(-1.0).fold(f64::INFINITY, f64::min),
                 edges(1.0).fold(f64::NEG_INFINITY, f64::max),
@@ -143,47 +162,49 @@ impl Packing {
         let Origin::Packing { walls, .. } = &scene.origin else {
             return Ok(Vec::new());
         };
+        let up = scene.dimension.axes() - 1;
         let grain = |(id, a): (usize, &Atom)| {
-            let grain = GrainState {
+            let mut grain = GrainState {
                 id: id as u32,
-                position: [a.position[0], a.position[1]],
+                position: a.position,
                 radius: 0.5 * a.diameter,
                 ..GrainState::zeroed()
             };
             if scene.pack.skip {
                 GrainState {
-                    velocity: [a.velocity[0], a.velocity[1]],
-                    angular_velocity: a.angular_velocity[2],
+                    velocity: a.velocity,
+                    angular_velocity: a.angular_velocity,
                     ..grain
                 }
             } else {
                 // Smooth planes and smooth grains would let spins go on for ever.
-                GrainState {
-                    position: [a.position[0], a.position[1] - self.file.edges[0]],
-                    ..grain
-                }
+                grain.position[up] -= self.file.edges[0];
+                grain
             }
         };
         let mut grains: Vec<GrainState> = self.atoms.iter().enumerate().map(grain).collect();
         if scene.pack.skip {
             match walls {
                 Walls::Layers => {
-                    freeze_walls(&mut grains, self.file.edges, self.file.mean_diameter)
+                    freeze_walls(&mut grains, up, self.file.edges, self.file.mean_diameter)
                 }
-                Walls::Types => self.walls_by_type(&mut grains)?,
+                Walls::Types => self.walls_by_type(&mut grains, up)?,
             }
             if grains.iter().all(|g| g.body != body::FREE) {
                 let what = "all grains belong to walls, none is free";
                 return Err(Failure::input(format!("{}: {what}", self.name)));
             }
         }
-        self.check_overlaps(scene, &grains)?;
+        match scene.dimension {
+            Dimensions::Two => self.check_overlaps::<Two>(scene, &grains)?,
+            Dimensions::Three => self.check_overlaps::<Three>(scene, &grains)?,
+        }
         Ok(grains)
     }
 
-    fn walls_by_type(&self, grains: &mut [GrainState]) -> Result<(), Failure> {
+    fn walls_by_type(&self, grains: &mut [GrainState], up: usize) -> Result<(), Failure> {
         let of = |kind| self.atoms.iter().filter(move |a| a.kind == kind);
-        let by_height = |a: &&Atom, b: &&Atom| a.position[1].total_cmp(&b.position[1]);
+        let by_height = |a: &&Atom, b: &&Atom| a.position[up].total_cmp(&b.position[up]);
         let highest = of(BOTTOM_TYPE).max_by(by_height);
         let lowest = of(TOP_TYPE).min_by(by_height);
         let (Some(highest), Some(lowest)) = (highest, lowest) else {
@@ -197,7 +218,7 @@ impl Packing {
                 },
             )));
         };
-        if lowest.position[1] <= highest.position[1] {
+        if lowest.position[up] <= highest.position[up] {
             return Err(Failure::input(format!(
                 "{}:{}: atom {} of type {TOP_TYPE} is not above atom {} of type {BOTTOM_TYPE} (line {}): the types are taken as top and bottom wall; \
                  give sample.walls = \"layers\" if they are not",
@@ -216,21 +237,27 @@ impl Packing {
     }
 
     /// Tells the overlap that is furthest outside the law, if one is.
-    fn check_overlaps(&self, scene: &Scene, states: &[GrainState]) -> Result<(), Failure> {
-        let (length, reach) = (self.file.length, 2.0 * self.file.radius_max);
-        let mut grains = Grains::default();
+    fn check_overlaps<D: Dimension>(
+        &self,
+        scene: &Scene,
+        states: &[GrainState],
+    ) -> Result<(), Failure> {
+        let cell = scene.sample.cell();
+        let mut grains = Grains::<D>::default();
         grains.replace(states, scene.law.density(), scene.time_step.step);
         let window = Window {
-            length,
             from: 0.0,
-            width: length,
+            width: self.file.length,
+        };
+        let range = Range {
+            reach: 2.0 * self.file.radius_max,
+            skin: 0.0,
         };
         let mut worst = (1.0, None);
-        for [i, j] in neighbour::pairs(&grains, window, reach, 0.0) {
+        for [i, j] in neighbour::pairs(&grains, cell, window, range) {
             let (a, b) = (&states[i as usize], &states[j as usize]);
-            let dx = crate::state::nearest_image(a.position[0] - b.position[0], length);
-            let dy = a.position[1] - b.position[1];
-            let overlap = a.radius + b.radius - dx.hypot(dy);
+            let apart = cell.separation::<D>(&a.position, &b.position);
+            let overlap = a.radius + b.radius - length(apart);
             let largest = scene.law.largest_overlap(a.radius, b.radius);
             if overlap > worst.0 * largest {
                 worst = (overlap / largest, Some((i, j, overlap, largest)));
@@ -310,9 +337,9 @@ mod tests {
     fn what_the_scene_knows_of_it() {
         let file = Packing::read(Path::new(FILE)).unwrap().file;
         assert_eq!((file.grains, file.wall_types), (120, true));
-        let size = (file.radius_min, file.radius_max, file.mean_square_radius);
+        let size = (file.radius_min, file.radius_max, file.mean_volume);
         assert_eq!((size.0, size.1), (0.5e-3, 0.5e-3));
-        assert!((size.2 / 0.25e-6 - 1.0).abs() < 1e-14);
+        assert!((size.2 / (std::f64::consts::PI * 0.25e-6) - 1.0).abs() < 1e-14);
         assert!((file.mean_diameter / 1e-3 - 1.0).abs() < 1e-14);
         assert_eq!(file.length, 0.00799 - -0.002);
         assert_eq!(file.edges[0], 0.0);
@@ -339,10 +366,10 @@ mod tests {
             for g in grains(|text| text, sets).unwrap() {
                 counts[g.body as usize] += 1;
                 if g.body != body::FREE {
-                    assert_eq!((g.velocity, g.angular_velocity), ([0.0; 2], 0.0));
+                    assert_eq!((g.velocity, g.angular_velocity), ([0.0; 3], [0.0; 3]));
                 } else if !sets.contains(&"pack.skip=false") {
                     assert!((g.velocity[0] / g.position[1] - 0.1).abs() < 1e-12);
-                    assert!(g.angular_velocity < 0.0 && g.velocity[1] == 0.001);
+                    assert!(g.angular_velocity[2] < 0.0 && g.velocity[1] == 0.001);
                 }
             }
             counts

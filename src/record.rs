@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::config::Scene;
+use crate::dimension::Dimension;
 use crate::domain::Exchange;
 use crate::failure::Failure;
 use crate::io::checkpoint;
@@ -13,7 +14,7 @@ use crate::io::provenance;
 use crate::io::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
 use crate::run::Options;
 use crate::schedule::Schedule;
-use crate::state::{ContactSample, GrainSample, SeriesRow, Snapshot};
+use crate::state::{Cell, ContactSample, GrainSample, SeriesRow, Snapshot};
 use crate::system::System;
 
 pub const RUN_FILE: &str = "run.h5";
@@ -31,11 +32,11 @@ pub struct Recorder {
 impl Recorder {
     /// New files, or those of the run that is gone on with, cut back to the frames and rows `written` at its checkpoint.
     /// Where the folder holds no such run, new ones that begin there.
-    pub fn open<E: Exchange>(
+    pub fn open<E: Exchange, D: Dimension>(
         exchange: &E,
         scene: &Scene,
         schedule: &Schedule,
-        system: &System,
+        system: &System<D>,
         options: &Options,
         written: Option<[u64; 2]>,
     ) -> Result<Self, Failure> {
@@ -65,6 +66,8 @@ impl Recorder {
                 mass: system.grains.mass[g],
             })
             .collect();
+        // What is one number for a run at one speed is that of the first part of a protocol.
+        let first = schedule.protocol.segment(0);
         let attributes = [
             ("scene", Attribute::Text(scene.toml.clone())),
             ("version", Attribute::Text(provenance::VERSION.into())),
@@ -75,25 +78,28 @@ impl Recorder {
             ("time_step", Attribute::Number(schedule.step)),
             (
                 "frame_strain",
-                Attribute::Number(schedule.strain(schedule.frames)),
+                Attribute::Number(
+                    first.velocity * (first.frames as f64 * schedule.step) / schedule.height,
+                ),
             ),
-            ("steps_per_frame", Attribute::Count(schedule.frames)),
+            ("steps_per_frame", Attribute::Count(first.frames)),
             (
                 "inertial_number",
-                Attribute::Number(schedule.inertial_number(scene)),
+                Attribute::Number(schedule.inertial_number(scene, first.velocity)),
             ),
             (
                 "stiffness_number",
                 Attribute::Number(scene.load.stiffness_number),
             ),
-            ("wall_speed", Attribute::Number(schedule.speed)),
+            ("dimension", Attribute::Count(D::AXES as u64)),
+            ("wall_speed", Attribute::Number(first.velocity)),
             ("normal_force", Attribute::Number(scene.load.normal_force)),
             ("pressure", Attribute::Number(scene.load.pressure)),
             ("height_start", Attribute::Number(schedule.height)),
         ];
         let header = RunHeader {
-            length: system.length,
-            height: schedule.height,
+            axes: D::AXES,
+            edges: edges::<D>(system.cell, schedule.height),
             grains: &grains,
             attributes: &attributes,
         };
@@ -143,7 +149,7 @@ impl Recorder {
     pub fn finish<E: Exchange>(
         mut self,
         exchange: &E,
-        system: &System,
+        system: &System<impl Dimension>,
         speed: f64,
         digest: &str,
         complete: bool,
@@ -178,4 +184,12 @@ fn folder<E: Exchange>(exchange: &E, out: &Path) -> Result<(), Failure> {
         Ok(())
     };
     agree(exchange, made)
+}
+
+/// L_x, height and nothing; in three dimensions L_x, L_y and height (m).
+fn edges<D: Dimension>(cell: Cell, height: f64) -> [f64; 3] {
+    let mut edges = [0.0; 3];
+    edges[..D::UP].copy_from_slice(&cell.periods[..D::UP]);
+    edges[D::UP] = height;
+    edges
 }

@@ -1,71 +1,153 @@
 //! When what happens, in whole steps. Intervals of output are rounded to steps and never reach the trajectory.
 
-use crate::config::{Drive, Scene};
+use crate::config::{Drive, Motion, Part, Scene};
 
 /// The shear stage in steps of Δt.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Schedule {
     /// Δt (s).
     pub step: f64,
     /// H (m): height of the sheared layer at the start, to which strains refer.
     pub height: f64,
-    /// V (m/s).
-    pub speed: f64,
+    pub protocol: Protocol,
     /// Steps of the stage.
     pub total: u64,
-    /// Every so many steps; 0 is never.
-    pub frames: u64,
     pub first_frame: u64,
-    pub series: u64,
-    pub checkpoints: u64,
+    /// Every so many steps; 0 is never.
     pub progress: u64,
 }
 
-/// √(m̄/P) (s), the time of I = γ̇ √(m̄/P).
-pub fn inertial_time(scene: &Scene) -> f64 {
-    (mean_mass(scene) / scene.load.pressure).sqrt()
+/// How the drive moves along x: one velocity after the other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Protocol {
+    /// Δt (s).
+    step: f64,
+    /// One or more.
+    pub segments: Vec<Segment>,
 }
 
-/// m̄ = ρπ⟨R²⟩ (kg/m).
+/// Steps at one velocity, and when something is written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Segment {
+    /// Steps before it.
+    pub first: u64,
+    pub steps: u64,
+    /// Of the drive (m/s); 0 is a hold.
+    pub velocity: f64,
+    /// Where the drive is when it begins (m).
+    pub position: f64,
+    /// Every so many steps; 0 is never.
+    pub frames: u64,
+    pub series: u64,
+    pub checkpoints: u64,
+}
+
+impl Protocol {
+    /// Of so many steps at each velocity; nothing is written.
+    pub fn new(step: f64, parts: impl IntoIterator<Item = (f64, u64)>) -> Self {
+        let (mut first, mut position) = (0, 0.0);
+        let segment = |(velocity, steps)| {
+            let segment = Segment {
+                first,
+                steps,
+                velocity,
+                position,
+                frames: 0,
+                series: 0,
+                checkpoints: 0,
+            };
+            first += steps;
+            position += velocity * (steps as f64 * step);
+            segment
+        };
+        Self {
+            step,
+            segments: parts.into_iter().map(segment).collect(),
+        }
+    }
+
+    /// That in which the step that follows is.
+    pub fn segment(&self, step: u64) -> &Segment {
+        let begun = self.segments.partition_point(|s| s.first <= step);
+        &self.segments[begun.max(1) - 1]
+    }
+
+    /// Of the drive (m/s), in the step that follows.
+    pub fn velocity(&self, step: u64) -> f64 {
+        self.segment(step).velocity
+    }
+
+    /// Of the drive (m), after so many steps.
+    pub fn position(&self, step: u64) -> f64 {
+        let segment = self.segment(step);
+        segment.position + segment.velocity * ((step - segment.first) as f64 * self.step)
+    }
+}
+
+/// √(m̄/P) (s), the time of I = γ̇ √(m̄/P); in three dimensions √(m̄/(P d̄)).
+pub fn inertial_time(scene: &Scene) -> f64 {
+    let sample = &scene.sample;
+    let per_section = sample.mean_diameter / sample.mean_section();
+    (mean_mass(scene) / scene.load.pressure * per_section).sqrt()
+}
+
+/// m̄ = ρπ⟨R²⟩ (kg/m), in three dimensions (4/3)πρ⟨R³⟩ (kg).
 pub fn mean_mass(scene: &Scene) -> f64 {
-    std::f64::consts::PI * scene.law.density() * scene.sample.mean_square_radius
+    scene.sample.mean_volume * scene.law.density()
 }
 
 impl Schedule {
     pub fn new(scene: &Scene, height: f64) -> Self {
         let step = scene.time_step.step;
-        let speed = match scene.shear.drive {
-            Drive::Velocity(speed) => speed,
-            Drive::InertialNumber(i) => i / inertial_time(scene) * height,
-        };
-        let per_step = speed / height * step;
-        let steps = |strain: f64| {
-            if strain > 0.0 {
-                ((strain / per_step).round() as u64).max(1)
-            } else {
-                0
+        let output = &scene.output;
+        let mut protocol;
+        let mut first_frame = 0;
+        match &scene.shear.motion {
+            Motion::Strain { drive, strain } => {
+                let speed = match drive {
+                    Drive::Velocity(speed) => *speed,
+                    Drive::InertialNumber(i) => i / inertial_time(scene) * height,
+                };
+                let per_step = speed / height * step;
+                let steps = |strain: f64| whole(strain / per_step);
+                protocol = Protocol::new(step, [(speed, steps(*strain))]);
+                let all = &mut protocol.segments[0];
+                all.frames = steps(output.frame_strain);
+                all.series = steps(output.series_strain);
+                all.checkpoints = steps(output.checkpoint_strain);
+                first_frame = steps(output.frame_start);
             }
-        };
-        let total = steps(scene.shear.strain);
+            Motion::Protocol(parts) => {
+                let steps = |part: &Part| (part.velocity, whole(part.time / step));
+                protocol = Protocol::new(step, parts.iter().map(steps));
+                for segment in &mut protocol.segments {
+                    let every = |rows: u64| match rows {
+                        0 => 0,
+                        rows => (segment.steps / rows).max(1),
+                    };
+                    segment.frames = every(output.frame_rows);
+                    segment.series = every(output.series_rows);
+                    segment.checkpoints = segment.steps;
+                }
+            }
+        }
+        let total = protocol.segments.iter().map(|s| s.steps).sum();
         Self {
             step,
             height,
-            speed,
             total,
-            frames: steps(scene.output.frame_strain),
-            first_frame: steps(scene.output.frame_start),
-            series: steps(scene.output.series_strain),
-            checkpoints: steps(scene.output.checkpoint_strain),
-            progress: match scene.output.progress_lines {
+            first_frame,
+            progress: match output.progress_lines {
                 0 => 0,
                 lines => (total / lines).max(1),
             },
+            protocol,
         }
     }
 
-    /// γ after so many steps.
+    /// γ of the drive after so many steps.
     pub fn strain(&self, step: u64) -> f64 {
-        self.speed * (step as f64 * self.step) / self.height
+        self.protocol.position(step) / self.height
     }
 
     /// t (s).
@@ -73,17 +155,17 @@ impl Schedule {
         step as f64 * self.step
     }
 
-    /// I.
-    pub fn inertial_number(&self, scene: &Scene) -> f64 {
-        self.speed / self.height * inertial_time(scene)
+    /// I of a velocity (m/s).
+    pub fn inertial_number(&self, scene: &Scene, velocity: f64) -> f64 {
+        velocity / self.height * inertial_time(scene)
     }
 
     pub fn frame_due(&self, step: u64) -> bool {
-        step >= self.first_frame && due(self.frames, step - self.first_frame)
+        step >= self.first_frame && self.due(|s| s.frames, step, self.first_frame)
     }
 
     pub fn series_due(&self, step: u64) -> bool {
-        due(self.series, step)
+        self.due(|s| s.series, step, 0)
     }
 
     pub fn progress_due(&self, step: u64) -> bool {
@@ -91,7 +173,21 @@ impl Schedule {
     }
 
     pub fn checkpoint_due(&self, step: u64) -> bool {
-        step > 0 && due(self.checkpoints, step)
+        step > 0 && self.due(|s| s.checkpoints, step, 0)
+    }
+
+    fn due(&self, every: impl Fn(&Segment) -> u64, step: u64, from: u64) -> bool {
+        let segment = self.protocol.segment(step);
+        due(every(segment), step - segment.first.max(from))
+    }
+}
+
+/// At least one step, and none of nothing.
+fn whole(steps: f64) -> u64 {
+    if steps > 0.0 {
+        (steps.round() as u64).max(1)
+    } else {
+        0
     }
 }
 
@@ -110,10 +206,11 @@ mod tests {
         let schedule = Schedule::new(&scene, 40e-6);
         let per_step = schedule.strain(1);
         assert!((schedule.strain(schedule.total) - 0.1).abs() <= 0.5 * per_step);
-        assert!((schedule.frames as f64 * per_step - 1e-4).abs() <= 0.5 * per_step);
-        assert!((schedule.inertial_number(&scene) / 2e-4 - 1.0).abs() < 1e-14);
-        assert!(schedule.frame_due(0) && schedule.frame_due(3 * schedule.frames));
-        assert!(!schedule.frame_due(3 * schedule.frames + 1));
+        let whole = schedule.protocol.segments[0];
+        assert!((whole.frames as f64 * per_step - 1e-4).abs() <= 0.5 * per_step);
+        assert!((schedule.inertial_number(&scene, whole.velocity) / 2e-4 - 1.0).abs() < 1e-14);
+        assert!(schedule.frame_due(0) && schedule.frame_due(3 * whole.frames));
+        assert!(!schedule.frame_due(3 * whole.frames + 1));
     }
 
     /// Contract 2: nothing about output moves the time step or the number of steps.
@@ -122,7 +219,7 @@ mod tests {
         let with = |set: &[String]| {
             let scene = load(&Source::embedded(), set).expect("sound");
             let s = Schedule::new(&scene, 40e-6);
-            (s.step, s.total, s.speed)
+            (s.step, s.total, s.protocol.velocity(0))
         };
         let other = [
             "output.frame_strain=3.3e-5",

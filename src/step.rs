@@ -7,20 +7,21 @@ use std::ops::Range;
 
 use crate::clock::Phase;
 use crate::contact::ContactLaw;
+use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::Drive;
+use crate::drive::{Drive, Load};
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Found};
 use crate::ledger::Ledger;
-use crate::simd::{Lanes, Record, Work};
-use crate::state::{Grains, field};
+use crate::simd::{Lanes, Work};
+use crate::state::{Cell, Grains, body};
 use crate::system::System;
 use crate::team::{Own, Setting};
 
 /// Advances everything by Δt. `stop`: this rank was asked to stop; returned: some rank was. `samples` are filled where given.
-pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
+pub fn advance<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     exchange: &E,
-    system: &mut System,
+    system: &mut System<C::Space>,
     law: &C,
     drive: &mut D,
     stop: bool,
@@ -36,17 +37,15 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
         system.clock.end(Phase::Rebuild);
     }
     drive.drift(step, &mut system.grains);
-    let (level, length) = (system.level, system.length);
-    let fastest = system.team.greatest(&mut system.grains, |own| {
-        level.run(HalfKickAndDrift { own, step, length })
-    });
-    drive.predict(step, &mut system.grains);
-    let rebuild = system.list.moved(
-        fastest.max(drive.speed()),
-        step,
-        &system.grains,
-        system.length,
+    let (level, cell) = (system.level, system.cell);
+    let mut fastest = drive.speed();
+    system.team.over_own(
+        &mut system.grains,
+        |own| level.run(HalfKickAndDrift { own, step, cell }),
+        |speed| fastest = greater_or_nan(fastest, speed),
     );
+    drive.predict(step, &mut system.grains);
+    let rebuild = system.list.moved(fastest, step, &system.grains, &cell);
     system.clock.end(Phase::Motion);
 
     let outside = forces(exchange, system, law, drive, step, samples);
@@ -57,13 +56,15 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
         if D::DRAG {
             slow_down(&mut system.grains, drive.drag());
         }
-        system
-            .team
-            .greatest(&mut system.grains, |own| level.run(SecondKick(own)));
+        let (team, grains) = (&system.team, &mut system.grains);
+        team.over_own(grains, |own| level.run(SecondKick(own)), |()| ());
         system.clock.end(Phase::Motion);
     });
     let (load, [due, stop]) = message.read(exchange, system, outside)?;
     system.list.due = due;
+    if let Some(ledger) = &mut system.ledger {
+        ledger.push(-load.along, drive.slid());
+    }
     system.clock.end(Phase::Walls);
 
     // Last, since the second kick leaves grains of walls at the velocity of the half step.
@@ -74,9 +75,9 @@ pub fn advance<C: ContactLaw, D: Drive, E: Exchange>(
 }
 
 /// Forces and the wall's acceleration at the start of a stage: nothing moves, no history advances.
-pub fn initial_forces<C: ContactLaw, D: Drive, E: Exchange>(
+pub fn initial_forces<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     exchange: &E,
-    system: &mut System,
+    system: &mut System<C::Space>,
     law: &C,
     drive: &mut D,
     samples: Option<&mut ContactForces>,
@@ -85,55 +86,72 @@ pub fn initial_forces<C: ContactLaw, D: Drive, E: Exchange>(
     let mut message = Message::new(system, drive, outside, []);
     exchange.sum_during(&mut message.0, || ());
     let (load, []) = message.read(exchange, system, outside)?;
-    drive.piston_mut().start(load);
+    if let Some(ledger) = &mut system.ledger {
+        ledger.push(-load.along, 0.0);
+    }
+    drive.start(load);
     Ok(())
 }
 
-/// All that the ranks must agree on in a step, to be added up: the force on the top along y, whether something failed, and K
-/// questions that are answered with yes where some rank says so.
-struct Message<const K: usize>([i64; LIMBS + 4]);
+/// All that the ranks must agree on in a step, to be added up: the forces on the top, whether something failed, and K questions that
+/// are answered with yes where some rank says so.
+struct Message<const K: usize>([i64; MESSAGE]);
 
+const MESSAGE: usize = 2 * (LIMBS + 1) + 3;
 /// Size of it.
 pub const MESSAGE_BYTES: usize = size_of::<Message<2>>();
 
 impl<const K: usize> Message<K> {
-    fn new(
-        system: &System,
-        drive: &impl Drive,
+    const FAILED: usize = 2 * (LIMBS + 1);
+    const ANSWERS: usize = Self::FAILED + 1;
+
+    fn new<D: Dimension>(
+        system: &System<D>,
+        drive: &impl Drive<D>,
         outside: Option<Outside>,
         questions: [bool; K],
     ) -> Self {
-        let mut load = Accumulator::default();
+        let mut load = [Accumulator::default(); 2];
         drive.load(&system.grains, &system.fixed, &mut load);
-        let mut message = [0i64; LIMBS + 4];
-        load.write(&mut message);
-        message[LIMBS + 1] = outside.is_some() as i64;
-        for (to, yes) in message[LIMBS + 2..].iter_mut().zip(questions) {
+        let mut message = [0i64; MESSAGE];
+        for (load, limbs) in load.iter().zip(message.chunks_mut(LIMBS + 1)) {
+            load.write(limbs);
+        }
+        message[Self::FAILED] = outside.is_some() as i64;
+        for (to, yes) in message[Self::ANSWERS..].iter_mut().zip(questions) {
             *to = yes as i64;
         }
         Self(message)
     }
 
-    /// The force (N/m) and the answers.
-    fn read(
+    /// The forces and the answers.
+    fn read<D: Dimension>(
         &self,
         exchange: &impl Exchange,
-        system: &System,
+        system: &System<D>,
         outside: Option<Outside>,
-    ) -> Result<(f64, [bool; K]), Failure> {
-        let load = system.fixed.value(Accumulator::read(&self.0));
-        if self.0[LIMBS + 1] > 0 || load.is_nan() {
+    ) -> Result<(Load, [bool; K]), Failure> {
+        let force = |k: usize| {
+            let limbs = &self.0[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)];
+            system.fixed.value(Accumulator::read(limbs))
+        };
+        let load = Load {
+            up: force(0),
+            along: force(1),
+        };
+        if self.0[Self::FAILED] > 0 || load.up.is_nan() || load.along.is_nan() {
             return Err(system.explain(exchange, outside));
         }
-        Ok((load, std::array::from_fn(|k| self.0[LIMBS + 2 + k] > 0)))
+        let answer = |k| self.0[Self::ANSWERS + k] > 0;
+        Ok((load, std::array::from_fn(answer)))
     }
 }
 
 /// All forces at the present positions, those of inner contacts while the ghosts' records are on their way; histories advance by
 /// `step` (s). Returns what was outside the law.
-pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
+pub fn forces<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     exchange: &E,
-    system: &mut System,
+    system: &mut System<C::Space>,
     law: &C,
     drive: &mut D,
     step: f64,
@@ -141,7 +159,7 @@ pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
 ) -> Option<Outside> {
     let System {
         level,
-        length,
+        cell,
         grains,
         contacts,
         slabs,
@@ -149,10 +167,14 @@ pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
         list,
         team,
         ledger,
+        gravity,
         ..
     } = system;
     team.clear(&mut grains.force);
-    let at_plane = drive.forces(*level, *length, step, grains);
+    if *gravity > 0.0 {
+        weigh(grains, *gravity);
+    }
+    let at_plane = drive.forces(*level, *cell, step, grains);
     if let Some(samples) = &mut samples {
         samples.prepare(contacts.blocks());
     }
@@ -160,13 +182,13 @@ pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
         level: *level,
         law,
         unit: grains.unit,
-        length: *length,
+        cell: *cell,
         step,
         energy_unit: ledger.as_ref().map(Ledger::unit),
     };
     let (inner, all) = (contacts.inner, contacts.blocks());
     let (record, force) = (&mut grains.record, &mut grains.force);
-    let mut work = |record: &[Record], group: Range<usize>| {
+    let mut work = |record: &[<C::Space as Dimension>::Record], group: Range<usize>| {
         let samples = samples.as_deref_mut();
         team.contact_forces(setting, record, force, contacts, group, samples)
     };
@@ -182,7 +204,7 @@ pub fn forces<C: ContactLaw, D: Drive, E: Exchange>(
     clock.end(Phase::Contacts);
 
     if let Some(ledger) = ledger {
-        ledger.step(found.lost, drive.pull(grains));
+        ledger.step(found.lost, found.uncounted);
     }
     let pair = |at: Option<(usize, usize)>, why: fn(usize, usize) -> Outside| {
         at.map(|(block, lane)| why(block, lane))
@@ -205,42 +227,47 @@ pub enum Outside {
     Number,
 }
 
-/// v(t+½Δt), x(t+Δt) wrapped along x, and the predicted v(t+Δt). Returns the greatest speed (m/s), NaN where one is none.
-struct HalfKickAndDrift<'a> {
-    own: Own<'a>,
+/// v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt). Returns the greatest speed (m/s), NaN where one is none.
+struct HalfKickAndDrift<'a, D: Dimension> {
+    own: Own<'a, D>,
     step: f64,
-    length: f64,
+    cell: Cell,
 }
 
-impl Work for HalfKickAndDrift<'_> {
+impl<D: Dimension> Work for HalfKickAndDrift<'_, D> {
     type Output = f64;
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) -> f64 {
-        use field::*;
-        let Self { own, step, length } = self;
+        let Self { own, step, cell } = self;
         let mut fastest = 0.0f64;
         let mut sum = 0.0;
         let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
         for ((record, force), kick) in grains {
-            let r = &mut record.0;
+            let r = D::fields_mut(record);
             let [linear, angular] = *kick;
-            let (du, dv, dw) = (linear * force[0], linear * force[1], angular * force[2]);
-            r[HALF_U] = r[U] + du;
-            r[HALF_V] = r[V] + dv;
-            r[HALF_W] = r[W] + dw;
-            let x = r[X] + step * r[HALF_U];
-            r[X] = if x < 0.0 || x >= length {
-                wrapped(x, length)
-            } else {
-                x
-            };
-            r[Y] += step * r[HALF_V];
-            r[U] = r[HALF_U] + du;
-            r[V] = r[HALF_V] + dv;
-            r[W] = r[HALF_W] + dw;
-            let speed = r[HALF_U] * r[HALF_U] + r[HALF_V] * r[HALF_V];
-            sum += speed + r[HALF_W];
+            let mut speed = 0.0;
+            for axis in 0..D::AXES {
+                let dv = linear * force[axis];
+                let v = r[D::VELOCITY + axis] + dv;
+                r[D::HALF_VELOCITY + axis] = v;
+                r[D::VELOCITY + axis] = v + dv;
+                let x = r[axis] + step * v;
+                r[axis] = if axis < D::UP && (x < 0.0 || x >= cell.periods[axis]) {
+                    wrapped(x, cell.periods[axis])
+                } else {
+                    x
+                };
+                speed += v * v;
+            }
+            for k in 0..D::SPINS {
+                let dw = angular * force[D::TORQUE + k];
+                let w = r[D::SPIN + k] + dw;
+                r[D::HALF_SPIN + k] = w;
+                r[D::SPIN + k] = w + dw;
+                sum += w;
+            }
+            sum += speed;
             fastest = if speed > fastest { speed } else { fastest };
         }
         // A comparison drops NaN, a sum keeps it.
@@ -252,43 +279,62 @@ impl Work for HalfKickAndDrift<'_> {
     }
 }
 
-/// x in [0, length), in the very step in which it left.
+fn greater_or_nan(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
+}
+
 #[cold]
-fn wrapped(x: f64, length: f64) -> f64 {
-    let inside = if x < 0.0 { x + length } else { x - length };
-    // x may be so little below zero that the sum rounds to the length.
-    if inside >= length { 0.0 } else { inside }
+fn wrapped(x: f64, period: f64) -> f64 {
+    Cell::wrapped(x, period)
+}
+
+/// -m g along the last axis, on grains that are free, rounded as the contact forces are.
+fn weigh<D: Dimension>(grains: &mut Grains<D>, gravity: f64) {
+    let shift = grains.unit.force * (3u64 << 51) as f64;
+    for g in 0..grains.owned {
+        if grains.body[g] == body::FREE {
+            grains.force[g][D::UP] = (shift - grains.mass[g] * gravity) - shift;
+        }
+    }
 }
 
 /// Spins as well: a grain that touches nothing would turn for ever, and the sample never be at rest.
-fn slow_down(grains: &mut Grains, drag: f64) {
-    use field::*;
+fn slow_down<D: Dimension>(grains: &mut Grains<D>, drag: f64) {
     for g in 0..grains.owned {
-        let (record, mass, radius) = (&grains.record[g].0, grains.mass[g], grains.radius[g]);
-        grains.force[g][0] -= drag * mass * record[U];
-        grains.force[g][1] -= drag * mass * record[V];
-        grains.force[g][2] -= drag * 0.5 * mass * radius * radius * record[W];
+        let (r, mass, radius) = (
+            D::fields(&grains.record[g]),
+            grains.mass[g],
+            grains.radius[g],
+        );
+        let force = &mut grains.force[g];
+        for axis in 0..D::AXES {
+            force[axis] -= drag * mass * r[D::VELOCITY + axis];
+        }
+        for k in 0..D::SPINS {
+            force[D::TORQUE + k] -= drag * D::INERTIA * mass * radius * radius * r[D::SPIN + k];
+        }
     }
 }
 
 /// v(t+Δt), in place of the predicted one.
-struct SecondKick<'a>(Own<'a>);
+struct SecondKick<'a, D: Dimension>(Own<'a, D>);
 
-impl Work for SecondKick<'_> {
-    type Output = f64;
+impl<D: Dimension> Work for SecondKick<'_, D> {
+    type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L::Token) -> f64 {
-        use field::*;
+    fn run<L: Lanes>(self, _: L::Token) {
         let own = self.0;
         let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
         for ((record, force), kick) in grains {
-            let r = &mut record.0;
+            let r = D::fields_mut(record);
             let [linear, angular] = *kick;
-            r[U] = r[HALF_U] + linear * force[0];
-            r[V] = r[HALF_V] + linear * force[1];
-            r[W] = r[HALF_W] + angular * force[2];
+            for axis in 0..D::AXES {
+                r[D::VELOCITY + axis] = r[D::HALF_VELOCITY + axis] + linear * force[axis];
+            }
+            for k in 0..D::SPINS {
+                r[D::SPIN + k] = r[D::HALF_SPIN + k] + angular * force[D::TORQUE + k];
+            }
         }
-        0.0
     }
 }

@@ -3,13 +3,14 @@
 use crate::clock::Clock;
 use crate::config::Bookkeeping;
 use crate::contact::ContactLaw;
+use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::Drive;
 use crate::failure::Failure;
 use crate::ledger::Ledger;
 use crate::neighbour;
 use crate::simd::Level;
-use crate::state::{ContactState, Contacts, ForceUnit, GrainState, Grains, field, nearest_image};
+use crate::state::{Cell, ContactState, Contacts, ForceUnit, GrainState, Grains, length};
 use crate::step::Outside;
 use crate::team::Team;
 
@@ -22,24 +23,25 @@ const BEST_LIFE: f64 = 400.0;
 
 /// Grains, contacts, slabs: the state and its bookkeeping.
 #[derive(Debug)]
-pub struct System {
+pub struct System<D: Dimension> {
     pub level: Level,
-    /// L_x (m).
-    pub length: f64,
+    pub cell: Cell,
     /// ρ (kg/m³).
     pub density: f64,
     /// Δt (s).
     pub step: f64,
+    /// g (m/s²), against the last axis; 0 is none.
+    pub gravity: f64,
     /// Steps that are done, of the stage where there are stages.
     pub steps: u64,
-    /// For forces (N/m).
+    /// For forces on walls.
     pub fixed: FixedPoint,
-    pub grains: Grains,
+    pub grains: Grains<D>,
     pub contacts: Contacts,
-    pub slabs: Slabs,
+    pub slabs: Slabs<D>,
     pub list: List,
     pub clock: Clock,
-    pub team: Team,
+    pub team: Team<D>,
     /// Kept where it is asked for.
     pub ledger: Option<Ledger>,
 }
@@ -63,17 +65,19 @@ pub struct List {
     /// No grain has moved further since the last rebuild (m).
     bound: f64,
     /// Where the own grains were then.
-    origin: Vec<[f64; 2]>,
+    origin: Vec<[f64; 3]>,
     /// A coordinate is no number, or a grain moved further than half a skin before the list could be rebuilt.
     pub unsound: bool,
 }
 
 impl List {
-    /// `exchange.size()` slabs must be wider than the interaction range.
+    /// `exchange.size()` slabs must be wider than the interaction range, and so must the cell be across them.
     fn new(
         exchange: &impl Exchange,
         bookkeeping: &Bookkeeping,
-        length: f64,
+        Cell {
+            periods: [length, width],
+        }: Cell,
         largest_radius: f64,
         mean_diameter: f64,
     ) -> Result<Self, Failure> {
@@ -83,7 +87,7 @@ impl List {
             Some(skin) => [skin; 2],
             None => [THINNEST_SKIN, THICKEST_SKIN],
         };
-        let widest = 0.98 * length / size as f64 - diameter;
+        let widest = 0.98 * (length / size as f64).min(width) - diameter;
         let range = [thin * mean_diameter, (thick * mean_diameter).min(widest)];
         let most = most_ranks(0.98 * length, diameter + range[0]);
         if range[1] < range[0] {
@@ -109,13 +113,19 @@ impl List {
     }
 
     /// Grains moved by up to `fastest` (m/s) for `step` (s). Returns whether the list must be rebuilt after this step.
-    pub fn moved(&mut self, fastest: f64, step: f64, grains: &Grains, length: f64) -> bool {
+    pub fn moved<D: Dimension>(
+        &mut self,
+        fastest: f64,
+        step: f64,
+        grains: &Grains<D>,
+        cell: &Cell,
+    ) -> bool {
         let half = 0.5 * self.skin;
         self.bound += step * fastest;
         // The next step may be faster, if not twice as fast.
         let margin = 2.0 * step * fastest;
         if self.bound + margin > half {
-            let exact = self.displacement(grains, length);
+            let exact = self.displacement(grains, cell);
             self.bound = exact;
             self.unsound = exact.is_nan() || exact > half;
         }
@@ -125,26 +135,25 @@ impl List {
     }
 
     /// How far the own grain that moved most has moved (m).
-    fn displacement(&self, grains: &Grains, length: f64) -> f64 {
-        self.squares(grains, length)
+    fn displacement<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> f64 {
+        self.squares(grains, cell)
             .fold(0.0, |a: f64, b| if b > a { b } else { a })
             .sqrt()
     }
 
     /// The own grain that moved most; there is one.
-    fn furthest(&self, grains: &Grains, length: f64) -> usize {
-        let squares = self.squares(grains, length).enumerate();
+    fn furthest<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> usize {
+        let squares = self.squares(grains, cell).enumerate();
         squares
             .fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a })
             .0
     }
 
     /// Squared displacements of the own grains (m²).
-    fn squares(&self, grains: &Grains, length: f64) -> impl Iterator<Item = f64> {
+    fn squares<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> impl Iterator<Item = f64> {
         self.origin.iter().zip(&grains.record).map(move |(o, r)| {
-            let dx = nearest_image(r.0[field::X] - o[0], length);
-            let dy = r.0[field::Y] - o[1];
-            dx * dx + dy * dy
+            let moved = cell.separation::<D>(D::fields(r), o);
+            moved.iter().map(|x| x * x).sum()
         })
     }
 
@@ -166,33 +175,47 @@ impl List {
     }
 }
 
-impl System {
-    #[expect(clippy::too_many_arguments, reason = "the parts of a system, once")]
-    pub fn new<E: Exchange>(
-        exchange: &E,
-        level: Level,
-        bookkeeping: &Bookkeeping,
-        length: f64,
-        radii: [f64; 2],
-        density: f64,
-        step: f64,
-        typical_force: f64,
-        threads: usize,
-    ) -> Result<Self, Failure> {
-        let [largest, mean] = radii;
+/// What a system is made of, without its grains. SI units.
+#[derive(Debug, Clone, Copy)]
+pub struct Setup<'a> {
+    pub level: Level,
+    pub bookkeeping: &'a Bookkeeping,
+    pub cell: Cell,
+    pub largest_radius: f64,
+    pub mean_diameter: f64,
+    pub density: f64,
+    pub step: f64,
+    pub gravity: f64,
+    /// Of forces on walls.
+    pub typical_force: f64,
+    /// Inside this rank.
+    pub threads: usize,
+}
+
+impl<D: Dimension> System<D> {
+    /// # Errors
+    /// The slabs would be too narrow, or there is no room for so many threads.
+    pub fn new<E: Exchange>(exchange: &E, of: Setup<'_>) -> Result<Self, Failure> {
         Ok(Self {
-            level,
-            length,
-            density,
-            step,
+            level: of.level,
+            cell: of.cell,
+            density: of.density,
+            step: of.step,
+            gravity: of.gravity,
             steps: 0,
-            fixed: FixedPoint::new(typical_force),
+            fixed: FixedPoint::new(of.typical_force),
             grains: Grains::default(),
             contacts: Contacts::default(),
-            slabs: Slabs::new(exchange, length),
-            list: List::new(exchange, bookkeeping, length, largest, 2.0 * mean)?,
+            slabs: Slabs::new(exchange, of.cell.periods[0]),
+            list: List::new(
+                exchange,
+                of.bookkeeping,
+                of.cell,
+                of.largest_radius,
+                of.mean_diameter,
+            )?,
             clock: Clock::default(),
-            team: Team::new(threads)?,
+            team: Team::new(of.threads)?,
             ledger: None,
         })
     }
@@ -222,11 +245,11 @@ impl System {
     }
 
     /// Migrates, re-sorts, and lists the pairs anew.
-    pub fn rebuild<C: ContactLaw, D: Drive, E: Exchange>(
+    pub fn rebuild<C: ContactLaw<Space = D>, E: Exchange>(
         &mut self,
         exchange: &E,
         law: &C,
-        drive: &mut D,
+        drive: &mut impl Drive<D>,
     ) -> Result<(), Failure> {
         let (grains, contacts) = (self.grain_states(), self.contact_states::<C>());
         self.list.adapt(self.steps);
@@ -235,11 +258,11 @@ impl System {
 
     /// Takes these grains and contacts, wherever they belong, as the whole state. Every contact must be with the ranks that
     /// have its grains.
-    pub fn replace<C: ContactLaw, D: Drive, E: Exchange>(
+    pub fn replace<C: ContactLaw<Space = D>, E: Exchange>(
         &mut self,
         exchange: &E,
         law: &C,
-        drive: &mut D,
+        drive: &mut impl Drive<D>,
         grains: Vec<GrainState>,
         contacts: Vec<ContactState>,
     ) -> Result<(), Failure> {
@@ -250,7 +273,11 @@ impl System {
         self.grains.unit = ForceUnit::new(law.largest_force(largest), largest);
         self.slabs.attach_ghosts(exchange, &mut self.grains, reach);
         let window = self.slabs.window(exchange, reach);
-        let pairs = neighbour::pairs(&self.grains, window, reach, self.list.skin);
+        let range = neighbour::Range {
+            reach,
+            skin: self.list.skin,
+        };
+        let pairs = neighbour::pairs(&self.grains, self.cell, window, range);
         self.contacts.replace(
             self.level,
             law,
@@ -267,28 +294,26 @@ impl System {
         self.list.built = self.steps;
         self.list.rebuilds += 1;
         self.list.origin.clear();
-        self.list.origin.extend(
-            self.grains.record[..self.grains.owned]
-                .iter()
-                .map(|r| [r.0[field::X], r.0[field::Y]]),
-        );
+        self.list
+            .origin
+            .extend((0..self.grains.owned).map(|g| self.grains.state(g).position));
         Ok(())
     }
 
     /// One message, the same on every rank, of what was outside the law on some.
     pub fn explain(&self, exchange: &impl Exchange, outside: Option<Outside>) -> Failure {
         let place = |g: usize| {
-            let r = &self.grains.record[g].0;
-            format!("({:.6e}, {:.6e}) m", r[field::X], r[field::Y])
+            let x = self.grains.fields(g)[..D::AXES].iter();
+            let x: Vec<String> = x.map(|x| format!("{x:.6e}")).collect();
+            format!("({}) m", x.join(", "))
         };
         let message = match outside {
             None => String::new(),
             Some(why @ (Outside::Pair(block, lane) | Outside::Force(block, lane))) => {
                 let pairs = &self.contacts.pairs.blocks()[block];
                 let (i, j) = (pairs.i[lane] as usize, pairs.j[lane] as usize);
-                let (a, b) = (&self.grains.record[i].0, &self.grains.record[j].0);
-                let dx = nearest_image(a[field::X] - b[field::X], self.length);
-                let dy = a[field::Y] - b[field::Y];
+                let (a, b) = (self.grains.fields(i), self.grains.fields(j));
+                let distance = length(self.cell.separation::<D>(a, b));
                 let sum = self.contacts.geometry[block][0].0[lane];
                 let grains = format!(
                     "grains {} at {} and {} at {}",
@@ -300,11 +325,14 @@ impl System {
                 if let Outside::Pair(..) = why {
                     format!(
                         "{grains} overlap by {:.3e} m, {:.1} % of the sum of their radii: outside the contact law",
-                        sum - (dx * dx + dy * dy).sqrt(),
-                        100.0 * (1.0 - (dx * dx + dy * dy).sqrt() / sum),
+                        sum - distance,
+                        100.0 * (1.0 - distance / sum),
                     )
                 } else {
-                    let speed = (a[field::U] - b[field::U]).hypot(a[field::V] - b[field::V]);
+                    let velocity = D::VELOCITY..D::VELOCITY + D::AXES;
+                    let difference = |axis| a[axis] - b[axis];
+                    let squares = velocity.map(difference).map(|v: f64| v * v);
+                    let speed = squares.sum::<f64>().sqrt();
                     format!(
                         "{grains} collide too fast, at {speed:.3e} m/s: the damping force is greater than any elastic force of the contact law",
                     )
@@ -318,7 +346,7 @@ impl System {
             ),
             Some(Outside::Number) => {
                 let bad = (0..self.grains.owned)
-                    .find(|&g| !self.grains.record[g].0.iter().all(|x| x.is_finite()));
+                    .find(|&g| !self.grains.fields(g).iter().all(|x| x.is_finite()));
                 match bad {
                     Some(g) => format!(
                         "the position or velocity of grain {} at {} is no number",
@@ -326,7 +354,7 @@ impl System {
                         place(g)
                     ),
                     None => {
-                        let g = self.list.furthest(&self.grains, self.length);
+                        let g = self.list.furthest(&self.grains, &self.cell);
                         format!(
                             "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
                             self.grains.id[g],
@@ -350,6 +378,6 @@ impl System {
         self.grains.memory()
             + self.contacts.memory()
             + self.team.memory()
-            + self.list.origin.capacity() * size_of::<[f64; 2]>()
+            + self.list.origin.capacity() * size_of::<[f64; 3]>()
     }
 }

@@ -3,28 +3,33 @@
 
 use std::ops::Range;
 
+use bytemuck::Zeroable;
+
 use crate::contact::ContactLaw;
+use crate::dimension::Dimension;
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Found, Pass, contact_forces};
-use crate::simd::{Level, Quad, Record};
-use crate::state::{Contacts, Force, ForceUnit, Grains};
+use crate::kernel::{ContactForces, Found, Pass, Scratch, contact_forces};
+use crate::simd::Level;
+use crate::state::{Cell, Contacts, ForceUnit, Grains};
 
 /// Grains whose forces a thread clears and hands over together.
 const PAGE: usize = 256;
 
 /// The threads, and the forces that all but the first of them add up.
-#[derive(Debug, Default)]
-pub struct Team {
+#[derive(Debug)]
+pub struct Team<D: Dimension> {
     /// `None`: this thread alone.
     pool: Option<rayon::ThreadPool>,
-    others: Vec<Other>,
+    scratch: Box<Scratch<D>>,
+    others: Vec<Other<D>>,
 }
 
 /// Forces that one of the other threads adds up, over all local grains, used in some pages only.
-#[derive(Debug, Default)]
-struct Other {
-    force: Vec<Force>,
+#[derive(Debug)]
+struct Other<D: Dimension> {
+    force: Vec<D::Force>,
     pages: Vec<u32>,
+    scratch: Box<Scratch<D>>,
 }
 
 /// What all parts of a pass have in common.
@@ -33,17 +38,21 @@ pub struct Setting<'a, C> {
     pub level: Level,
     pub law: &'a C,
     pub unit: ForceUnit,
-    pub length: f64,
+    pub cell: Cell,
     pub step: f64,
     pub energy_unit: Option<f64>,
 }
 
-impl Team {
+impl<D: Dimension> Team<D> {
     /// # Errors
     /// The system has no room for so many threads.
     pub fn new(threads: usize) -> Result<Self, Failure> {
         if threads <= 1 {
-            return Ok(Self::default());
+            return Ok(Self {
+                pool: None,
+                scratch: Box::default(),
+                others: Vec::new(),
+            });
         }
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -51,7 +60,14 @@ impl Team {
             .map_err(|e| Failure::Other(format!("{threads} threads: {e}")))?;
         Ok(Self {
             pool: Some(pool),
-            others: (1..threads).map(|_| Other::default()).collect(),
+            scratch: Box::default(),
+            others: (1..threads)
+                .map(|_| Other {
+                    force: Vec::new(),
+                    pages: Vec::new(),
+                    scratch: Box::default(),
+                })
+                .collect(),
         })
     }
 
@@ -78,21 +94,21 @@ impl Team {
                 .pages
                 .extend((0..touched.len() as u32).filter(|&page| touched[page as usize]));
             other.force.clear();
-            other.force.resize(local, Quad::ZERO);
+            other.force.resize(local, D::Force::zeroed());
         }
     }
 
     /// Contact forces of a group of blocks, which the first thread adds to `force` and the others to their own.
-    pub fn contact_forces<C: ContactLaw>(
+    pub fn contact_forces<C: ContactLaw<Space = D>>(
         &mut self,
         setting: Setting<'_, C>,
-        record: &[Record],
-        force: &mut [Force],
+        record: &[D::Record],
+        force: &mut [D::Force],
         contacts: &mut Contacts,
         group: Range<usize>,
         samples: Option<&mut ContactForces>,
     ) -> Found {
-        let pass = |part, force, samples| {
+        let pass = |part, force, samples, scratch: &mut Scratch<D>| {
             contact_forces(
                 setting.level,
                 setting.law,
@@ -101,19 +117,20 @@ impl Team {
                     force,
                     part,
                     unit: setting.unit,
-                    length: setting.length,
+                    cell: setting.cell,
                     step: setting.step,
                     samples,
                     energy_unit: setting.energy_unit,
                 },
+                scratch,
             )
         };
         let mut samples = samples.map(|s| s.part(group.clone()));
         let mut part = contacts.part::<C>(group.clone());
         let Some(pool) = &self.pool else {
-            return pass(part, force, samples);
+            return pass(part, force, samples, &mut self.scratch);
         };
-        let threads = self.threads();
+        let threads = 1 + self.others.len();
         let mut found = vec![Found::default(); threads];
         pool.in_place_scope(|scope| {
             let pass = &pass;
@@ -125,53 +142,55 @@ impl Team {
                 let (before, after) = part.split::<C>(begin);
                 let (samples_before, samples_after) = samples.map(|s| s.split(own)).unzip();
                 (part, samples) = (before, samples_before);
-                let force = &mut other.force;
-                scope.spawn(move |_| *found = pass(after, force, samples_after));
+                scope.spawn(move |_| {
+                    *found = pass(after, &mut other.force, samples_after, &mut other.scratch)
+                });
             }
-            here[0] = pass(part, force, samples);
+            here[0] = pass(part, force, samples, &mut self.scratch);
         });
         found.into_iter().fold(Found::default(), Found::and)
     }
 
     /// Clears the forces on the grains, for all threads.
-    pub fn clear(&mut self, force: &mut [Force]) {
+    pub fn clear(&mut self, force: &mut [D::Force]) {
+        let zero = D::Force::zeroed();
         let Some(pool) = &self.pool else {
-            return force.fill(Quad::ZERO);
+            return force.fill(zero);
         };
         pool.in_place_scope(|scope| {
             for other in &mut self.others {
-                scope.spawn(|_| {
+                scope.spawn(move |_| {
                     for &page in &other.pages {
-                        let range = Self::page(page, other.force.len());
-                        other.force[range].fill(Quad::ZERO);
+                        let range = page_range(page, other.force.len());
+                        other.force[range].fill(zero);
                     }
                 });
             }
-            force.fill(Quad::ZERO);
+            force.fill(zero);
         });
     }
 
     /// Adds the other threads' forces to the grains'.
-    pub fn gather(&mut self, force: &mut [Force]) {
+    pub fn gather(&mut self, force: &mut [D::Force]) {
         for other in &self.others {
             for &page in &other.pages {
-                let range = Self::page(page, force.len());
+                let range = page_range(page, force.len());
                 for (sum, more) in force[range.clone()].iter_mut().zip(&other.force[range]) {
-                    for k in 0..3 {
-                        sum[k] += more[k];
+                    for (sum, more) in sum.iter_mut().zip(&more[..]) {
+                        *sum += more;
                     }
                 }
             }
         }
     }
 
-    fn page(page: u32, length: usize) -> Range<usize> {
-        let begin = page as usize * PAGE;
-        begin..length.min(begin + PAGE)
-    }
-
-    /// Work on the own grains, in parts of about the same size; the greatest of what comes out, NaN where one is.
-    pub fn greatest(&self, grains: &mut Grains, work: impl Fn(Own<'_>) -> f64 + Sync) -> f64 {
+    /// Work on the own grains, in parts of about the same size; what comes out, one by one.
+    pub fn over_own<R: Send + Default>(
+        &self,
+        grains: &mut Grains<D>,
+        work: impl Fn(Own<'_, D>) -> R + Sync,
+        mut each: impl FnMut(R),
+    ) {
         let own = grains.owned;
         let mut rest = Own {
             record: &mut grains.record[..own],
@@ -179,10 +198,10 @@ impl Team {
             half_kick: &grains.half_kick,
         };
         let Some(pool) = &self.pool else {
-            return work(rest);
+            return each(work(rest));
         };
         let threads = self.threads();
-        let mut found = vec![0.0; threads];
+        let mut found: Vec<R> = (0..threads).map(|_| R::default()).collect();
         pool.in_place_scope(|scope| {
             let work = &work;
             for (k, found) in found.iter_mut().enumerate() {
@@ -203,23 +222,26 @@ impl Team {
                 scope.spawn(move |_| *found = work(part));
             }
         });
-        found
-            .into_iter()
-            .fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a })
+        found.into_iter().for_each(each);
     }
 
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
         self.others
             .iter()
-            .map(|o| o.force.capacity() * size_of::<Force>())
+            .map(|o| o.force.capacity() * size_of::<D::Force>())
             .sum()
     }
 }
 
+fn page_range(page: u32, length: usize) -> Range<usize> {
+    let begin = page as usize * PAGE;
+    begin..length.min(begin + PAGE)
+}
+
 /// Some own grains, for the kicks and the drift.
-pub struct Own<'a> {
-    pub record: &'a mut [Record],
-    pub force: &'a [Force],
+pub struct Own<'a, D: Dimension> {
+    pub record: &'a mut [D::Record],
+    pub force: &'a [D::Force],
     pub half_kick: &'a [[f64; 2]],
 }

@@ -7,7 +7,8 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::clock::Phase;
-use crate::config::{Drive as SceneDrive, Law, Origin, Scene, Walls};
+use crate::config::{Dimensions, Drive as SceneDrive, Law, Motion, Origin, Scene, Walls};
+use crate::dimension::Dimension;
 use crate::domain::Exchange;
 use crate::drive::Piston;
 use crate::io::provenance;
@@ -52,12 +53,18 @@ impl Terminal {
     pub fn header(&self, exchange: &impl Exchange, scene: &Scene, level: Level) {
         self.say(format!("{}: {}", provenance::printed(), scene.title));
         self.say(format!(
-            "{} on {} ({}); {} grains, L_x = {:.4e} m",
+            "{} on {} ({}); {} grains, {}",
             ranks(exchange.size()),
             provenance::processor(),
             level.name(),
             scene.sample.grains,
-            scene.sample.length,
+            match scene.dimension {
+                Dimensions::Two => format!("L_x = {:.4e} m", scene.sample.length),
+                Dimensions::Three => format!(
+                    "L_x = {:.4e} m, L_y = {:.4e} m",
+                    scene.sample.length, scene.sample.width
+                ),
+            },
         ));
         if let Origin::Packing { file, walls } = &scene.origin {
             self.say(format!(
@@ -82,10 +89,23 @@ impl Terminal {
                 springs.normal_stiffness,
                 springs.tangential_stiffness
             ),
+            Law::Hertz(spheres) => format!(
+                "law:   {}, k_n = {:.4e} Pa, k_t = {:.4e} Pa, gamma_n = {:.4e} /(m s)",
+                scene.law.name(),
+                spheres.normal_stiffness(),
+                spheres.tangential_stiffness(),
+                spheres.normal_damping
+            ),
         });
         self.say(format!(
-            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} N/m",
-            scene.load.stiffness_number, scene.load.pressure, scene.load.normal_force,
+            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {}",
+            scene.load.stiffness_number,
+            scene.load.pressure,
+            scene.load.normal_force,
+            match scene.dimension {
+                Dimensions::Two => "N/m",
+                Dimensions::Three => "N",
+            },
         ));
         self.say(format!(
             "step:  dt = {:.4e} s, limit {:.4e} s",
@@ -112,28 +132,59 @@ impl Terminal {
     }
 
     pub fn shearing(&self, scene: &Scene, schedule: &Schedule, first: u64) {
-        let given = match scene.shear.drive {
-            SceneDrive::InertialNumber(_) => "I given",
-            SceneDrive::Velocity(_) => "V given",
-        };
-        self.say(format!(
-            "shear: I = {:.4e}, V = {:.6e} m/s ({given}); shear rate {:.4e} /s",
-            schedule.inertial_number(scene),
-            schedule.speed,
-            schedule.speed / schedule.height,
-        ));
+        if let Some(spring) = scene.shear.spring {
+            self.say(format!(
+                "drive: a spring of k = {:.4e}, k d/N = {:.4e}",
+                spring.stiffness,
+                spring.stiffness * scene.sample.mean_diameter / scene.load.normal_force
+            ));
+        }
+        let segments = &schedule.protocol.segments;
         let every = |name: &str, steps: u64| match steps {
             0 => format!("no {name}"),
-            n => format!("{name} every {n} steps ({:.4e} strain)", schedule.strain(n)),
+            n => format!("{name} every {n} steps"),
         };
-        self.say(format!(
-            "shear: {} steps to strain {:.4}; {}, {}, {}",
-            schedule.total,
-            schedule.strain(schedule.total),
-            every("frames", schedule.frames),
-            every("series", schedule.series),
-            every("checkpoints", schedule.checkpoints),
-        ));
+        match &scene.shear.motion {
+            Motion::Strain { drive, .. } => {
+                let given = match drive {
+                    SceneDrive::InertialNumber(_) => "I given",
+                    SceneDrive::Velocity(_) => "V given",
+                };
+                let speed = segments[0].velocity;
+                self.say(format!(
+                    "shear: I = {:.4e}, V = {speed:.6e} m/s ({given}); shear rate {:.4e} /s",
+                    schedule.inertial_number(scene, speed),
+                    speed / schedule.height,
+                ));
+                let every = |name: &str, steps: u64| match steps {
+                    0 => every(name, 0),
+                    n => format!("{} ({:.4e} strain)", every(name, n), schedule.strain(n)),
+                };
+                self.say(format!(
+                    "shear: {} steps to strain {:.4}; {}, {}, {}",
+                    schedule.total,
+                    schedule.strain(schedule.total),
+                    every("frames", segments[0].frames),
+                    every("series", segments[0].series),
+                    every("checkpoints", segments[0].checkpoints),
+                ));
+            }
+            Motion::Protocol(_) => {
+                for (n, segment) in segments.iter().enumerate() {
+                    self.say(format!(
+                        "shear: part {} of {}: V = {:.4e} m/s (I = {:.2e}) for {:.4e} s, {} steps; {}, {}",
+                        n + 1,
+                        segments.len(),
+                        segment.velocity,
+                        schedule.inertial_number(scene, segment.velocity),
+                        schedule.time(segment.steps),
+                        segment.steps,
+                        every("frames", segment.frames),
+                        every("series", segment.series),
+                    ));
+                }
+            }
+        }
         if first > 0 {
             self.say(format!(
                 "shear: goes on from step {first}, strain {:.6}",
@@ -189,7 +240,7 @@ impl Terminal {
     pub fn end(
         &self,
         exchange: &impl Exchange,
-        system: &System,
+        system: &System<impl Dimension>,
         phases: &str,
         rate: f64,
         digest: &str,

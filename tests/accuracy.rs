@@ -162,9 +162,9 @@ fn elastic_collision_conserves_energy_to_second_order() {
 
 /// Relative speed along the line of centres after a head-on impact over that before.
 fn restitution(scene: &Scene, end: &[f64]) -> f64 {
-    let relative = |u: [f64; 2], v: [f64; 2]| (u[0] - v[0]).hypot(u[1] - v[1]);
+    let relative = |u: &[f64], v: &[f64]| (u[0] - v[0]).hypot(u[1] - v[1]);
     let [a, b] = [&scene.grains[0], &scene.grains[1]];
-    relative([end[2], end[3]], [end[7], end[8]]) / relative(a.velocity, b.velocity)
+    relative(&end[2..4], &end[7..9]) / relative(&a.velocity, &b.velocity)
 }
 
 /// Against the law itself, not against the e = exp(-πα/√(1-α²)) of a linear spring that may pull.

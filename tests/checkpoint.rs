@@ -23,8 +23,8 @@ fn every_bit_comes_back() {
     let folder = tempfile::tempdir().unwrap();
     let mut whole = snapshot(3, 50);
     // Bits that arithmetic or text would lose.
-    whole.grains[0].torque = f64::from_bits(0x7ff8_0000_dead_beef);
-    whole.grains[1].force = [-0.0, f64::MIN_POSITIVE / 2.0];
+    whole.grains[0].torque[1] = f64::from_bits(0x7ff8_0000_dead_beef);
+    whole.grains[1].force = [-0.0, f64::MIN_POSITIVE / 2.0, f64::MAX];
     write(&Solo, folder.path(), SCENE, &whole).unwrap();
     let (scene, back) = read(&Solo, &folder.path().join(NAME)).unwrap();
     assert_eq!((scene.as_str(), &back.header), (SCENE, &whole.header));
@@ -149,10 +149,10 @@ fn what_is_no_whole_checkpoint_is_refused() {
     let file = hdf5::File::open_rw(&path).unwrap();
     file.attr("format_version")
         .unwrap()
-        .write_scalar(&2u64)
+        .write_scalar(&3u64)
         .unwrap();
     file.close().unwrap();
-    assert!(refused(&path).contains("format version 2; this program reads version 1"));
+    assert!(refused(&path).contains("format version 3; this program reads version 2"));
 }
 
 #[test]

@@ -5,15 +5,16 @@ use std::f64::consts::PI;
 use bytemuck::Zeroable;
 use gshear::config::{Bookkeeping, Contact, Springs};
 use gshear::contact::hooke::Hooke;
+use gshear::dimension::Two;
 use gshear::domain::Solo;
 use gshear::drive::NoWalls;
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
-use gshear::state::{ContactState, GrainState};
+use gshear::state::{Cell, ContactState, GrainState};
 use gshear::step::{advance, initial_forces};
-use gshear::system::System;
+use gshear::system::{Setup, System};
 
-type Law = Hooke<true, true>;
+type Law = Hooke<Two, true, true>;
 
 const SPRINGS: Springs = Springs {
     normal_stiffness: 1e6,
@@ -70,12 +71,12 @@ impl Impact {
         let law = Law::new(&SPRINGS, &self.contact);
         let n = [self.angle.cos(), self.angle.sin()];
         let distance = RADII[0] + RADII[1] - self.overlap;
-        let grain = |id: u32, position: [f64; 2], velocity| GrainState {
+        let grain = |id: u32, position: [f64; 2], [u, v]: [f64; 2]| GrainState {
             id,
             radius: RADII[id as usize],
-            position: [CENTRE + position[0], position[1]],
-            velocity,
-            angular_velocity: self.spin[id as usize],
+            position: [CENTRE + position[0], position[1], 0.0],
+            velocity: [u, v, 0.0],
+            angular_velocity: [0.0, 0.0, self.spin[id as usize]],
             ..GrainState::zeroed()
         };
         let moving = [
@@ -96,19 +97,22 @@ impl Impact {
             rebuild_every: 0,
             simd: "auto",
         };
-        let mut system = System::new(
-            &Solo,
-            Level::detect(),
-            &bookkeeping,
-            LENGTH,
-            [RADII[1], 0.85e-3],
-            SPRINGS.density,
+        let setup = Setup {
+            level: Level::detect(),
+            bookkeeping: &bookkeeping,
+            cell: Cell {
+                periods: [LENGTH, f64::INFINITY],
+            },
+            largest_radius: RADII[1],
+            mean_diameter: 1.7e-3,
+            density: SPRINGS.density,
             step,
-            1.0,
-            1,
-        )
-        .expect("one rank is not too many");
-        let mut drive = NoWalls::default();
+            gravity: 0.0,
+            typical_force: 1.0,
+            threads: 1,
+        };
+        let mut system = System::new(&Solo, setup).expect("one rank is not too many");
+        let mut drive = NoWalls;
         system
             .replace(&Solo, &law, &mut drive, grains, contacts)
             .expect("a list");
@@ -119,8 +123,8 @@ impl Impact {
             advance(&Solo, &mut system, &law, &mut drive, false, sampled).expect("a sound step");
             let mut state = [0.0; 10];
             for (to, g) in state.chunks_mut(5).zip(system.grain_states()) {
-                let ([x, y], [u, v]) = (g.position, g.velocity);
-                to.copy_from_slice(&[x, y, u, v, g.angular_velocity]);
+                let ([x, y, _], [u, v, _]) = (g.position, g.velocity);
+                to.copy_from_slice(&[x, y, u, v, g.angular_velocity[2]]);
             }
             if !look(k, &state, samples.normal[0].0[0]) {
                 break;

@@ -112,22 +112,13 @@ fn content(path: &Path, grains: u64) {
     let all = frames
         .clone()
         .flat_map(|t| (0..grains).map(move |id| grain(t, id)));
-    let flat = |of: fn([f64; 2]) -> [f64; 3], v: Vec<[f64; 2]>| {
-        v.into_iter().flat_map(of).collect::<Vec<f64>>()
-    };
-    let position = all.clone().map(|g| g.position).collect();
-    assert_eq!(
-        of_grains("position/value"),
-        flat(|[x, y]| [x, y, 0.0], position)
-    );
-    let velocity = all.clone().map(|g| g.velocity).collect();
-    assert_eq!(
-        of_grains("velocity/value"),
-        flat(|[x, y]| [x, y, 0.0], velocity)
-    );
+    let position: Vec<f64> = all.clone().flat_map(|g| g.position).collect();
+    assert_eq!(of_grains("position/value"), position);
+    let velocity: Vec<f64> = all.clone().flat_map(|g| g.velocity).collect();
+    assert_eq!(of_grains("velocity/value"), velocity);
     assert_eq!(
         of_grains("angular_velocity/value"),
-        all.map(|g| g.angular_velocity).collect::<Vec<_>>()
+        all.map(|g| g.angular_velocity[2]).collect::<Vec<_>>()
     );
     for element in [
         "particles/trajectory/position",
@@ -162,14 +153,14 @@ fn content(path: &Path, grains: u64) {
         of_contacts("tangential_force"),
         contacts
             .iter()
-            .map(|c| c.tangential_force)
+            .map(|c| c.tangential_force[0])
             .collect::<Vec<_>>()
     );
     assert_eq!(
         of_contacts("tangential_history"),
         contacts
             .iter()
-            .map(|c| c.tangential_history)
+            .map(|c| c.tangential_history[0])
             .collect::<Vec<_>>()
     );
     assert_eq!(

@@ -7,6 +7,7 @@ use std::time::Instant;
 use gshear::config::Contact;
 use gshear::contact::ContactLaw;
 use gshear::contact::lee_hurley::LeeHurley;
+use gshear::dimension::Two;
 use gshear::drive::NoWalls;
 
 use crate::energy::imbalance;
@@ -140,7 +141,7 @@ fn oscillation() -> Vec<Curve> {
 }
 
 fn run(scene: &Scene, steps: usize, dampers: Dampers) -> Vec<Vec<f64>> {
-    let walls = NoWalls::default();
+    let walls = NoWalls;
     scene.driven(steps, &mut Damped { walls, dampers })
 }
 
@@ -209,7 +210,7 @@ fn least<const K: usize>(times: [&dyn Fn() -> f64; K]) -> [f64; K] {
 }
 
 /// Time of a step (s) over the number of grains, at the default Δt.
-fn cost<C: ContactLaw>(sample: &Sample, law: C, dampers: Dampers) -> f64 {
+fn cost<C: ContactLaw<Space = Two>>(sample: &Sample, law: C, dampers: Dampers) -> f64 {
     const STEPS: usize = 2000;
     let step = DEFAULT * sample.contact_time();
     let time = sample.start(law, step, dampers).go(STEPS);
@@ -263,7 +264,7 @@ fn steps(k: u32) -> usize {
 }
 
 /// Of positions and velocities, against the program at the finest Δt.
-fn differences<C: ContactLaw>(
+fn differences<C: ContactLaw<Space = Two>>(
     sample: &Sample,
     law: C,
     schemes: &[(Dampers, f64)],
@@ -306,7 +307,7 @@ fn differences<C: ContactLaw>(
     curves
 }
 
-fn energy<C: ContactLaw>(
+fn energy<C: ContactLaw<Space = Two>>(
     sample: &Sample,
     law: C,
     (dampers, cost): (Dampers, f64),

@@ -2,7 +2,8 @@
 
 use gshear::contact::ContactLaw;
 use gshear::contact::lee_hurley::normal_stiffness;
-use gshear::state::{body, field};
+use gshear::dimension::{Dimension, Two};
+use gshear::state::body;
 
 use crate::sample::{Moving, Sample};
 use crate::scheme::Dampers;
@@ -12,7 +13,7 @@ use crate::scheme::Dampers;
 ///
 /// ΔK + ΔU_n = ∫ Σ [(F_n - k_n δ) v_n + F_t v_t] dt - ∫ F·v of the wall grains dt: U_n is the work of k_n δ in closed form, the
 /// integrals are sums by trapezoids of what the steps end with.
-pub fn imbalance<C: ContactLaw>(
+pub fn imbalance<C: ContactLaw<Space = Two>>(
     sample: &Sample,
     law: C,
     span: f64,
@@ -45,13 +46,17 @@ struct State {
     wall: f64,
 }
 
-fn state<C: ContactLaw>(moving: &Moving<C>, modulus: f64) -> State {
+const U: usize = Two::VELOCITY;
+const V: usize = Two::VELOCITY + Two::UP;
+const W: usize = Two::SPIN;
+
+fn state<C: ContactLaw<Space = Two>>(moving: &Moving<C>, modulus: f64) -> State {
     let (grains, system) = (&moving.system.grains, &moving.system);
     let (mut energy, mut wall) = (0.0, 0.0);
     for (g, state) in system.grain_states().iter().enumerate() {
-        let ([u, v], [fx, fy]) = (state.velocity, state.force);
+        let ([u, v, _], [fx, fy, _]) = (state.velocity, state.force);
         if state.body == body::FREE {
-            let (m, r, w) = (grains.mass[g], state.radius, state.angular_velocity);
+            let (m, r, w) = (grains.mass[g], state.radius, state.angular_velocity[2]);
             energy += 0.5 * m * (u * u + v * v + 0.5 * r * r * w * w);
         } else {
             wall -= fx * u + fy * v;
@@ -59,19 +64,18 @@ fn state<C: ContactLaw>(moving: &Moving<C>, modulus: f64) -> State {
     }
     let mut lost = 0.0;
     for at in system.contacts.touching() {
-        let [a, b] = [at.i, at.j].map(|g| grains.record[g].0);
+        let [a, b] = [at.i, at.j].map(|g| grains.fields(g));
         let (r_a, r_b) = (grains.radius[at.i], grains.radius[at.j]);
-        let dx = gshear::state::nearest_image(a[field::X] - b[field::X], system.length);
-        let dy = a[field::Y] - b[field::Y];
+        let [dx, dy, _] = system.cell.separation::<Two>(a, b);
         let distance = dx.hypot(dy);
         let (n_x, n_y) = (dx / distance, dy / distance);
-        let (du, dv) = (a[field::U] - b[field::U], a[field::V] - b[field::V]);
+        let (du, dv) = (a[U] - b[U], a[V] - b[V]);
         let v_n = du * n_x + dv * n_y;
-        let v_t = dv * n_x - du * n_y - r_a * a[field::W] - r_b * b[field::W];
+        let v_t = dv * n_x - du * n_y - r_a * a[W] - r_b * b[W];
         let overlap = r_a + r_b - distance;
         let k_n = normal_stiffness(modulus, r_a, r_b, overlap);
         let normal = moving.samples.normal[at.block].0[at.lane];
-        let tangential = moving.samples.tangential[at.block].0[at.lane];
+        let tangential = moving.samples.tangential[at.block][0].0[at.lane];
         lost += (normal - k_n * overlap) * v_n + tangential * v_t;
         energy += stored(modulus, r_a + r_b, k_n, overlap);
     }

@@ -4,16 +4,17 @@ use std::time::Instant;
 
 use gshear::config::{self, Law, Material, Scene, Source, derived};
 use gshear::contact::ContactLaw;
+use gshear::dimension::Two;
 use gshear::domain::Solo;
-use gshear::drive::GrainWalls;
+use gshear::drive::{GrainWalls, Slider};
 use gshear::io::checkpoint;
 use gshear::kernel::ContactForces;
 use gshear::run::{Header, Options, Run, Stage, Start};
-use gshear::schedule::Schedule;
+use gshear::schedule::{Protocol, Schedule};
 use gshear::simd::Level;
 use gshear::state::{GrainState, Snapshot, body, nearest_image};
 use gshear::step::{advance, initial_forces};
-use gshear::system::System;
+use gshear::system::{Setup, System};
 
 use crate::scheme::{Damped, Dampers};
 
@@ -23,12 +24,12 @@ const SHEARED: u64 = 100_000;
 pub struct Sample {
     pub scene: Scene,
     snapshot: Snapshot,
-    walls: (Header, f64),
+    walls: (Header, Schedule),
 }
 
 /// A sample on its way.
 pub struct Moving<C> {
-    pub system: System,
+    pub system: System<Two>,
     pub drive: Damped<GrainWalls>,
     pub law: C,
     pub samples: ContactForces,
@@ -54,11 +55,11 @@ impl Sample {
         let Stage::Shear { height } = header.stage else {
             panic!("the run was stopped while it was sheared")
         };
-        let speed = Schedule::new(&scene, height).speed;
+        let schedule = Schedule::new(&scene, height);
         Self {
             scene,
             snapshot,
-            walls: (header, speed),
+            walls: (header, schedule),
         }
     }
 
@@ -70,7 +71,7 @@ impl Sample {
     pub fn material(&self) -> Material {
         match self.scene.law {
             Law::LeeHurley(material) => material,
-            Law::Hooke(_) => unreachable!("the default scene is Lee & Hurley's"),
+            _ => unreachable!("the default scene is Lee & Hurley's"),
         }
     }
 
@@ -84,24 +85,33 @@ impl Sample {
     }
 
     /// At the start of the span, with forces.
-    pub fn start<C: ContactLaw>(&self, law: C, step: f64, dampers: Dampers) -> Moving<C> {
+    pub fn start<C: ContactLaw<Space = Two>>(
+        &self,
+        law: C,
+        step: f64,
+        dampers: Dampers,
+    ) -> Moving<C> {
         let scene = &self.scene;
-        let mut system = System::new(
-            &Solo,
-            Level::detect(),
-            &scene.bookkeeping,
-            scene.sample.length,
-            [scene.sample.radius_max, 0.5 * scene.sample.mean_diameter],
-            scene.law.density(),
+        let setup = Setup {
+            level: Level::detect(),
+            bookkeeping: &scene.bookkeeping,
+            cell: scene.sample.cell(),
+            largest_radius: scene.sample.radius_max,
+            mean_diameter: scene.sample.mean_diameter,
+            density: scene.law.density(),
             step,
-            scene.load.normal_force,
-            1,
-        )
-        .expect("one rank is not too many");
-        let (header, speed) = &self.walls;
+            gravity: 0.0,
+            typical_force: scene.load.normal_force,
+            threads: 1,
+        };
+        let mut system = System::new(&Solo, setup).expect("one rank is not too many");
+        let (header, schedule) = &self.walls;
+        // At another Δt the same drive.
+        let speed = schedule.protocol.velocity(0);
         let walls = GrainWalls {
             piston: header.piston,
-            speed: *speed,
+            slider: Slider::new(Protocol::new(step, [(speed, u64::MAX >> 12)]), None),
+            along: false,
             top: Vec::new(),
         };
         let mut drive = Damped { walls, dampers };
@@ -142,7 +152,7 @@ impl Sample {
     }
 }
 
-impl<C: ContactLaw> Moving<C> {
+impl<C: ContactLaw<Space = Two>> Moving<C> {
     /// Some steps; the time that they took (s). `None` where they failed.
     pub fn go(&mut self, steps: usize) -> Option<f64> {
         let start = Instant::now();

@@ -1,9 +1,10 @@
 //! What the dampers are given: the scheme of this program, and that of LAMMPS, for comparison.
 
+use gshear::dimension::{Dimension, Two};
 use gshear::domain::{Accumulator, FixedPoint};
-use gshear::drive::{Drive, Piston};
+use gshear::drive::{Drive, Load};
 use gshear::simd::Level;
-use gshear::state::{Grains, field};
+use gshear::state::{Cell, Grains};
 
 /// The velocity that the dampers of a contact take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,36 +32,35 @@ pub struct Damped<D> {
     pub dampers: Dampers,
 }
 
-impl<D: Drive> Drive for Damped<D> {
+impl<D: Drive<Two>> Drive<Two> for Damped<D> {
     const DRAG: bool = D::DRAG;
 
     fn drag(&self) -> f64 {
         self.walls.drag()
     }
 
-    fn piston(&self) -> &Piston {
-        self.walls.piston()
-    }
-
-    fn piston_mut(&mut self) -> &mut Piston {
-        self.walls.piston_mut()
-    }
-
     fn speed(&self) -> f64 {
         self.walls.speed()
     }
 
-    fn drift(&mut self, step: f64, grains: &mut Grains) {
+    fn start(&mut self, load: Load) {
+        self.walls.start(load);
+    }
+
+    fn drift(&mut self, step: f64, grains: &mut Grains<Two>) {
         self.walls.drift(step, grains);
     }
 
-    fn predict(&mut self, step: f64, grains: &mut Grains) {
-        use field::*;
+    fn predict(&mut self, step: f64, grains: &mut Grains<Two>) {
         self.walls.predict(step, grains);
         if self.dampers == Dampers::HalfStep {
             for record in &mut grains.record {
-                let r = &mut record.0;
-                [r[U], r[V], r[W]] = [r[HALF_U], r[HALF_V], r[HALF_W]];
+                let r = Two::fields_mut(record);
+                r.copy_within(
+                    Two::HALF_VELOCITY..Two::HALF_VELOCITY + Two::AXES,
+                    Two::VELOCITY,
+                );
+                r.copy_within(Two::HALF_SPIN..Two::HALF_SPIN + Two::SPINS, Two::SPIN);
             }
         }
     }
@@ -68,26 +68,26 @@ impl<D: Drive> Drive for Damped<D> {
     fn forces(
         &mut self,
         level: Level,
-        length: f64,
+        cell: Cell,
         step: f64,
-        grains: &mut Grains,
+        grains: &mut Grains<Two>,
     ) -> Option<usize> {
-        self.walls.forces(level, length, step, grains)
+        self.walls.forces(level, cell, step, grains)
     }
 
-    fn load(&self, grains: &Grains, fixed: &FixedPoint, to: &mut Accumulator) {
+    fn load(&self, grains: &Grains<Two>, fixed: &FixedPoint, to: &mut [Accumulator; 2]) {
         self.walls.load(grains, fixed, to);
     }
 
-    fn kick(&mut self, step: f64, force: f64, grains: &mut Grains) {
-        self.walls.kick(step, force, grains);
+    fn kick(&mut self, step: f64, load: Load, grains: &mut Grains<Two>) {
+        self.walls.kick(step, load, grains);
     }
 
-    fn pull(&self, grains: &Grains) -> i64 {
-        self.walls.pull(grains)
+    fn slid(&self) -> f64 {
+        self.walls.slid()
     }
 
-    fn renumber(&mut self, level: Level, grains: &Grains, skin: f64) {
+    fn renumber(&mut self, level: Level, grains: &Grains<Two>, skin: f64) {
         self.walls.renumber(level, grains, skin);
     }
 }

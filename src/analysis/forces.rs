@@ -5,8 +5,8 @@ use crate::state::{ContactSample, Disks, Frame};
 
 /// |f| (N/m in 2D), normal and tangential.
 pub fn size(contact: &ContactSample) -> f64 {
-    let (normal, tangential) = (contact.normal_force, contact.tangential_force);
-    (normal * normal + tangential * tangential).sqrt()
+    let (normal, [x, y, z]) = (contact.normal_force, contact.tangential_force);
+    (normal * normal + (x * x + y * y + z * z)).sqrt()
 }
 
 /// n, from j to i, and f on i (N/m), in the coordinates of the cell.
@@ -15,7 +15,7 @@ pub fn vector(grains: &Disks, frame: &Frame, contact: &ContactSample) -> ([f64; 
     let d = separation(grains.length, j, i);
     let distance = (d[0] * d[0] + d[1] * d[1]).sqrt();
     let n = [d[0] / distance, d[1] / distance];
-    let (normal, tangential) = (contact.normal_force, contact.tangential_force);
+    let (normal, tangential) = (contact.normal_force, contact.tangential_force[0]);
     // t̂ = ẑ × n.
     let f = [
         normal * n[0] - tangential * n[1],
@@ -56,7 +56,7 @@ mod tests {
     fn with_force(i: u32, j: u32, normal_force: f64, tangential_force: f64) -> ContactSample {
         ContactSample {
             normal_force,
-            tangential_force,
+            tangential_force: [tangential_force, 0.0, 0.0],
             ..contact(i, j)
         }
     }

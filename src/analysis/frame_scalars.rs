@@ -207,7 +207,7 @@ mod tests {
                 let mut frame = frame(&grains, &places);
                 for (n, contact) in frame.contacts.iter_mut().enumerate() {
                     contact.normal_force = 1.0 + (7.3 * n as f64 + f64::from(k)).sin();
-                    contact.tangential_force = 0.3 * (2.1 * n as f64 - f64::from(k)).cos();
+                    contact.tangential_force[0] = 0.3 * (2.1 * n as f64 - f64::from(k)).cos();
                 }
                 frame
             })

@@ -10,6 +10,7 @@ pub mod measures;
 pub mod neighbourhood;
 pub mod phases;
 pub mod ranges;
+pub mod rate_state;
 pub mod rattlers;
 pub mod regions;
 pub mod spearman;

@@ -126,7 +126,7 @@ mod tests {
             position: std::iter::once([50.0, 50.0]).chain(around).collect(),
             contacts: (1..5)
                 .map(|k| ContactSample {
-                    tangential_force: if k % 2 == 1 { 3.0 } else { -3.0 },
+                    tangential_force: [if k % 2 == 1 { 3.0 } else { -3.0 }, 0.0, 0.0],
                     ..contact(0, k)
                 })
                 .collect(),
@@ -147,7 +147,7 @@ mod tests {
         let height = 3.0_f64.sqrt();
         let pushed = |i, j, normal_force, tangential_force| ContactSample {
             normal_force,
-            tangential_force,
+            tangential_force: [tangential_force, 0.0, 0.0],
             ..contact(i, j)
         };
         let frame = Frame {

@@ -193,7 +193,7 @@ fn from_the_start(
         let text = world.broadcast(serde_json::to_vec(&file).expect("a file of finite numbers"));
         Ok(serde_json::from_slice(&text).expect("what rank 0 wrote"))
     })?;
-    if scene.origin == Origin::Insertion {
+    if let Origin::Insertion(_) = scene.origin {
         return Ok((scene, Start::Insertion));
     }
     let grains = agree(world, packing.map_or(Ok(Vec::new()), |p| p.grains(&scene)))?;

@@ -202,6 +202,24 @@ impl<'a> Checker<'a> {
         }
     }
 
+    /// Ways to give one quantity, of which none may be there.
+    pub fn at_most_one(&mut self, keys: &[&Key<Number>]) {
+        if keys.iter().any(|key| key.given.is_some()) {
+            self.exactly_one(keys, "");
+        }
+    }
+
+    /// A key that means nothing here.
+    pub fn useless<T>(&mut self, key: &Key<T>, why: &str) {
+        if let Some(at) = key.offset() {
+            let mut what = format!("{why}; leave it out");
+            if self.input.override_at(at).is_some() {
+                what += &format!("; --set {}=none takes it away", key.path);
+            }
+            self.refuse(key, &what);
+        }
+    }
+
     /// A problem of the whole configuration.
     pub fn out_of_range(&self, what: &str) -> Failure {
         Failure::input(format!("{}: {what}", self.input.source.name()))

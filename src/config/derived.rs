@@ -3,8 +3,9 @@
 
 use std::f64::consts::PI;
 
-use super::scene::{Contact, Law, Sample};
-use crate::contact::{hooke, portable_ln};
+use super::scene::{Contact, Law, Sample, Spheres};
+use crate::contact::{hooke, portable_exp, portable_ln};
+use crate::dimension::{Dimension, Three, Two};
 
 /// Last δ/(R1+R2) of the laws for two equal disks: of LH at a/R = 0.3, beyond which its tangential stiffness (A9) is outside its
 /// range; of the springs as `hooke` has it.
@@ -16,8 +17,14 @@ pub const STIFFNESS_NUMBER_MIN: f64 = 1.0 / OVERLAP_LIMIT;
 /// κ beyond which the mean overlap is so small a part of the coordinates that f64 does not resolve it well.
 pub const STIFFNESS_NUMBER_MAX: f64 = 1e10;
 
-/// Solid fraction by which the height of a packing is estimated: random close packing of disks.
-pub const PACKED_FRACTION: f64 = 0.84;
+/// Solid fraction by which the height of a packing is estimated: random close packing of disks, and of spheres.
+fn packed_fraction(sample: &Sample) -> f64 {
+    if is_planar(sample) { 0.84 } else { 0.64 }
+}
+
+fn is_planar(sample: &Sample) -> bool {
+    sample.width == f64::INFINITY
+}
 
 /// Height of the two walls and of the least sample between them, over d̄: one each, and five.
 pub const LEAST_HEIGHT: f64 = 7.0;
@@ -28,12 +35,94 @@ pub fn damping_ratio(restitution: f64) -> f64 {
     l / (PI * PI + l * l).sqrt()
 }
 
-/// P (Pa) at which the mean overlap is d̄/κ: by κ = k_n(δ̄)/P and F = k_n δ̄ = P d̄, for two grains of the mean radius.
+/// γ_n (1/(m s)) with which two equal spheres of this diameter (m) that meet at this speed (m/s) part with a restitution e.
+///
+/// With δ = vT x, t = T s, T^(5/2) = m*/(k_n √(R* v)) the impact is x'' = -max(0, √x (x + β x')), β = γ_n √(R* v T) T.
+pub fn impact_damping(spheres: &Spheres, restitution: f64, speed: f64, diameter: f64) -> f64 {
+    let radius = 0.25 * diameter;
+    let mass = 0.5 * spheres.density * Three::volume(0.5 * diameter);
+    let time = two_fifths(mass / (spheres.normal_stiffness() * (radius * speed).sqrt()));
+    let (mut low, mut high) = (0.0, 20.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if restitution_of(middle) > restitution {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low / ((radius * speed * time).sqrt() * time)
+}
+
+/// Restitution while spheres are packed, if theirs is not less.
+const PACKING_RESTITUTION: f64 = 0.3;
+
+/// The spheres as they are packed under a pressure (Pa): with [`PACKING_RESTITUTION`] at the speed √(P/ρ) of the loose sample's
+/// collapse.
+pub fn packing_spheres(spheres: &Spheres, sample: &Sample, pressure: f64) -> Spheres {
+    let speed = (pressure / spheres.density).sqrt();
+    let damping = impact_damping(spheres, PACKING_RESTITUTION, speed, sample.mean_diameter);
+    Spheres {
+        normal_damping: damping.max(spheres.normal_damping),
+        tangential_damping: (0.5 * damping).max(spheres.tangential_damping),
+        ..*spheres
+    }
+}
+
+/// x^(2/5) of a positive number.
+fn two_fifths(x: f64) -> f64 {
+    let exponent = 0.4 * portable_ln(x);
+    if exponent > 0.0 {
+        1.0 / portable_exp(-exponent)
+    } else {
+        portable_exp(exponent)
+    }
+}
+
+/// Speed at which the dimensionless impact of [`impact_damping`] ends, by Runge and Kutta in steps of x where x is small.
+fn restitution_of(beta: f64) -> f64 {
+    let force = |x: f64, v: f64| {
+        let x = x.max(0.0);
+        -(x.sqrt() * (x + beta * v)).max(0.0)
+    };
+    let (mut x, mut v) = (0.0, 1.0);
+    // Contact lasts about 3.2 without damping, and longer with it.
+    let h = 1e-3;
+    for _ in 0..200_000 {
+        let (k1, a1) = (v, force(x, v));
+        let (k2, a2) = (v + 0.5 * h * a1, force(x + 0.5 * h * k1, v + 0.5 * h * a1));
+        let (k3, a3) = (v + 0.5 * h * a2, force(x + 0.5 * h * k2, v + 0.5 * h * a2));
+        let (k4, a4) = (v + h * a3, force(x + h * k3, v + h * a3));
+        x += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+        v += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+        if x <= 0.0 || (v < 0.0 && force(x, v) == 0.0) {
+            break;
+        }
+    }
+    -v
+}
+
+/// How long two of the least spheres collide at this speed (m/s), without damping (s): 2.9432 (5m*/(4k_n √R*))^(2/5) v^(-1/5). Not a
+/// number for other laws.
+pub fn collision_time(law: &Law, sample: &Sample, speed: f64) -> f64 {
+    let Law::Hertz(spheres) = law else {
+        return f64::NAN;
+    };
+    let radius = 0.5 * sample.radius_min;
+    let mass = 0.5 * spheres.density * Three::volume(sample.radius_min);
+    let deepest =
+        two_fifths(1.25 * mass * speed * speed / (spheres.normal_stiffness() * radius.sqrt()));
+    // ∫ dx/√(1 - x^(5/2)) from 0 to 1, twice.
+    2.943_275_194_3 * deepest / speed
+}
+
+/// P (Pa) at which the mean overlap is d̄/κ: F = k_n(δ̄) δ̄ = P d̄, in 3D P d̄², for two grains of the mean radius.
 pub fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
     let diameter = sample.mean_diameter;
     let radius = 0.5 * diameter;
     let overlap = diameter / stiffness_number;
-    law.normal_stiffness(radius, radius, overlap) / stiffness_number
+    let per_section = diameter / sample.mean_section();
+    law.normal_stiffness(radius, radius, overlap) / stiffness_number * per_section
 }
 
 /// κ at which [`pressure`] is the given P (Pa): bisection of a function that falls as κ grows, down to neighbouring floats.
@@ -57,13 +146,18 @@ pub fn stiffness_number(law: &Law, sample: &Sample, given: f64) -> Option<f64> {
     }
 }
 
-/// m_min (kg/m) and k_n,max (Pa): the lightest grain, m = ρπR² per unit depth, and the stiffness of a contact of two of them at
+/// m_min (kg; kg/m in 2D) and k_n,max (N/m; Pa in 2D): the lightest grain, and the stiffness of a contact of two of them at
 /// ten times the mean overlap (m), but no more than the law's last overlap.
 fn lightest_and_stiffest(law: &Law, sample: &Sample, mean_overlap: f64) -> [f64; 2] {
     let radius = sample.radius_min;
     let overlap = (10.0 * mean_overlap).min(OVERLAP_LIMIT * 2.0 * radius);
     let stiffness = law.normal_stiffness(radius, radius, overlap);
-    [law.disk_mass(radius), stiffness]
+    let volume = if is_planar(sample) {
+        Two::volume(radius)
+    } else {
+        Three::volume(radius)
+    };
+    [law.density() * volume, stiffness]
 }
 
 /// √(m_min/k_n,max) (s).
@@ -86,7 +180,7 @@ const NORMAL_PER_TANGENTIAL: f64 = 1.22;
 /// For small motions, M a = -K q - C v, the scheme is stable where λ_max(¼Δt² M⁻¹K + Δt M⁻¹C) ≤ 1: the dampers take the velocity
 /// predicted from the step before, so they limit Δt as the springs do. Where each of a grain's six contacts gets a sixth of
 /// its mass, λ_max is at most that of one contact by itself, whose normal, tangential and rolling motion are apart: K has 12 k_n/m,
-/// 36 k_t/m and 24 k_r/(mR²), and C the same of the damping constants.
+/// 36 k_t/m and 24 k_r/(mR²), and C the same of the damping constants. Spheres have twelve: 24 k_n/m and, with their inertia, 84 k_t/m.
 pub fn step_limit(
     law: &Law,
     contact: &Contact,
@@ -111,6 +205,11 @@ pub fn step_limit(
             springs.tangential_stiffness,
             springs.tangential_stiffness / 4.0,
         ),
+        Law::Hertz(spheres) => (
+            1.5 * secant,
+            spheres.tangential_stiffness() / spheres.normal_stiffness() * secant,
+            0.0,
+        ),
     };
     let (alpha, eta) = (contact.damping_ratio, contact.rolling_damping_ratio);
     let sticks = if friction { tangential } else { 0.0 };
@@ -119,10 +218,21 @@ pub fn step_limit(
     } else {
         0.0
     };
+    let (along, across) = if is_planar(sample) {
+        (12.0, 36.0)
+    } else {
+        (24.0, 84.0)
+    };
     // Share, stiffness, and damping constant 2α√(k m*): m* = m/2, and for rolling I_r/R² = ¾m (A22).
+    let mut damping = [secant, sticks].map(|k| 2.0 * alpha * (0.5 * k * mass).sqrt());
+    if let Law::Hertz(spheres) = law {
+        // √(δR*) m* γ.
+        let of = |gamma: f64| secant / spheres.normal_stiffness() * 0.5 * mass * gamma;
+        damping = [spheres.normal_damping, spheres.tangential_damping].map(of);
+    }
     let modes = [
-        (12.0, tangent, 2.0 * alpha * (0.5 * secant * mass).sqrt()),
-        (36.0, sticks, 2.0 * alpha * (0.5 * sticks * mass).sqrt()),
+        (along, tangent, damping[0]),
+        (across, sticks, damping[1]),
         (24.0, rolls, 2.0 * eta * (0.75 * rolls * mass).sqrt()),
     ];
     let limits = modes.map(|(share, stiffness, damping)| {
@@ -132,15 +242,15 @@ pub fn step_limit(
     limits.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// H (m) of the packed sample, walls included: N π⟨R²⟩/(0.84 L_x).
+/// H (m) of the packed sample, walls included: N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(0.64 L_x L_y).
 pub fn packed_height(sample: &Sample) -> f64 {
-    f64::from(sample.grains) * PI * sample.mean_square_radius / (PACKED_FRACTION * sample.length)
+    f64::from(sample.grains) * sample.mean_volume / (packed_fraction(sample) * sample.base())
 }
 
 /// The fewest grains whose packing is [`LEAST_HEIGHT`] mean diameters high.
 pub fn least_grains(sample: &Sample) -> f64 {
-    let area = PACKED_FRACTION * sample.length * LEAST_HEIGHT * sample.mean_diameter;
-    (area / (PI * sample.mean_square_radius)).ceil()
+    let volume = packed_fraction(sample) * sample.base() * LEAST_HEIGHT * sample.mean_diameter;
+    (volume / sample.mean_volume).ceil()
 }
 
 #[cfg(test)]

@@ -173,11 +173,11 @@ mod tests {
         assert_eq!(resolve("sample.grains"), Ok((Some("sample"), "grains")));
         assert_eq!(
             resolve("load.frictoin").unwrap_err(),
-            "unknown key; [load] knows stiffness_number, pressure, normal_force"
+            "unknown key; [load] knows stiffness_number, pressure, normal_force, gravity"
         );
         assert_eq!(
             resolve("sample.pressure").unwrap_err(),
-            "unknown key; it belongs in [load]; [sample] knows grains, radius_min, radius_max, length, packing, walls"
+            "unknown key; it belongs in [load]; [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, length, width, packing, walls"
         );
         assert_eq!(
             resolve("load").unwrap_err(),
@@ -185,7 +185,7 @@ mod tests {
         );
         assert_eq!(
             resolve("grains").unwrap_err(),
-            "unknown key; it belongs in [sample]; the top level knows title, seed, material, contact, sample, load, time, pack, shear, output, bookkeeping"
+            "unknown key; it belongs in [sample]; the top level knows title, seed, dimension, material, contact, sample, load, time, pack, shear, output, bookkeeping"
         );
         assert_eq!(
             resolve("smaple.grains").unwrap_err(),

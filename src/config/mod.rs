@@ -106,14 +106,21 @@ mod tests {
             .unwrap()
     }
 
+    fn motion(scene: &Scene) -> (Drive, f64) {
+        match scene.shear.motion {
+            Motion::Strain { drive, strain } => (drive, strain),
+            Motion::Protocol(_) => panic!("a protocol"),
+        }
+    }
+
     #[test]
     fn the_embedded_scene_is_the_shipped_one() {
         let scene = load(&Source::embedded(), &[]).unwrap();
         assert_eq!(scene, shipped("plane-shear-2d.toml"));
-        assert_eq!(scene.shear.drive, Drive::InertialNumber(2e-4));
+        assert_eq!(motion(&scene), (Drive::InertialNumber(2e-4), 0.1));
         assert_eq!(scene.output.progress_lines, 20);
         assert_eq!(scene.bookkeeping.skin, None);
-        assert!(!scene.time_step.given);
+        assert_eq!(scene.time_step.given, StepChoice::Derived);
     }
 
     /// The numbers of the paper, and samples about as high as they are long.
@@ -122,13 +129,14 @@ mod tests {
         let small = shipped("lee-hurley-small.toml");
         let large = shipped("lee-hurley-large.toml");
         for (scene, frame, start) in [(&small, 7.2e-7, 0.022), (&large, 1.8e-6, 0.054)] {
-            assert_eq!(scene.shear.drive, Drive::InertialNumber(4e-6));
+            let (drive, strain) = motion(scene);
+            assert_eq!(drive, Drive::InertialNumber(4e-6));
             assert_eq!(scene.load.stiffness_number, 1e4);
             assert!((13e3..14e3).contains(&scene.load.pressure));
             assert_eq!(scene.contact.damping_ratio, 0.1);
             assert_eq!(scene.output.frame_strain, frame);
             assert_eq!(scene.output.frame_start, start);
-            let frames = (scene.shear.strain - start) / frame;
+            let frames = (strain - start) / frame;
             assert!((frames - 130_000.0).abs() < 1.0, "{frames}");
             let ratio = derived::packed_height(&scene.sample) / scene.sample.length;
             assert!((0.9..1.1).contains(&ratio), "{ratio}");
@@ -186,6 +194,8 @@ mod tests {
                 frame_start: 0.0,
                 series_strain: 1e-5,
                 checkpoint_strain: 0.02,
+                frame_rows: 0,
+                series_rows: 1000,
                 progress_lines: 20,
                 energy: true
             }
@@ -219,6 +229,6 @@ mod tests {
         let sets = ["time.step=1e-6", "time.force=true"].map(String::from);
         let time_step = load(&Source::embedded(), &sets).unwrap().time_step;
         assert_eq!(time_step.step, 1e-6);
-        assert!(time_step.limit < 1e-6 && time_step.given);
+        assert!(time_step.limit < 1e-6 && time_step.given == StepChoice::Given);
     }
 }

@@ -76,7 +76,7 @@ fn parse(value: &str) -> Result<DeValue<'_>, String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::config::{Drive, Source, load};
+    use crate::config::{Drive, Motion, Source, load};
 
     fn message(sets: &[&str]) -> String {
         let sets: Vec<String> = sets.iter().map(|s| s.to_string()).collect();
@@ -109,8 +109,11 @@ mod tests {
     fn none_takes_a_key_away() {
         let sets = ["shear.inertial_number=none", "shear.velocity=1e-3"].map(String::from);
         assert_eq!(
-            load(&Source::embedded(), &sets).unwrap().shear.drive,
-            Drive::Velocity(1e-3)
+            load(&Source::embedded(), &sets).unwrap().shear.motion,
+            Motion::Strain {
+                drive: Drive::Velocity(1e-3),
+                strain: 0.1
+            }
         );
     }
 
@@ -124,7 +127,7 @@ mod tests {
             ("sample.grains=", "no value after `=`"),
             (
                 "sample.grain=10",
-                "unknown key; did you mean grains? [sample] knows grains, radius_min, radius_max, length, packing, walls",
+                "unknown key; did you mean grains? [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, length, width, packing, walls",
             ),
             (
                 "load={pressure=1}",
@@ -161,7 +164,7 @@ mod tests {
             if expected == "NOT SHOWN" {
                 assert_eq!(
                     found,
-                    "embedded default scene:19: [sample] lacks grains: the number of disks, such as grains = 1000"
+                    "embedded default scene:19: [sample] lacks grains: the number of grains, such as grains = 1000"
                 );
             } else {
                 assert_eq!(found, format!("--set {set}: {expected}"));

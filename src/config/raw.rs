@@ -33,11 +33,7 @@ fn take<'de, D: Deserializer<'de>, T>(
 
 impl<'de> Deserialize<'de> for Number {
     fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        take(d, "a number", |value| match value {
-            toml::Value::Float(x) => Some(Number(*x)),
-            toml::Value::Integer(n) => Some(Number(*n as f64)),
-            _ => None,
-        })
+        take(d, "a number", |value| number(value).map(Number))
     }
 }
 
@@ -60,6 +56,50 @@ impl<'de> Deserialize<'de> for Text {
 impl<'de> Deserialize<'de> for Flag {
     fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
         take(d, "true or false", |value| value.as_bool().map(Flag))
+    }
+}
+
+/// A list of numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Numbers(pub Vec<f64>);
+
+impl<'de> Deserialize<'de> for Numbers {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        take(d, "a list of numbers", |value| {
+            let numbers = value.as_array()?.iter().map(number);
+            numbers.collect::<Option<_>>().map(Numbers)
+        })
+    }
+}
+
+fn number(value: &toml::Value) -> Option<f64> {
+    match value {
+        toml::Value::Float(x) => Some(*x),
+        toml::Value::Integer(n) => Some(*n as f64),
+        _ => None,
+    }
+}
+
+/// A list of tables of numbers: the parts of a protocol.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parts(pub Vec<Vec<(String, f64)>>);
+
+impl<'de> Deserialize<'de> for Parts {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        let expected = "a list of tables of numbers, such as [[shear.protocol]]";
+        take(d, expected, |value| {
+            let part = |value: &toml::Value| {
+                let entry =
+                    |(key, value): (&String, &toml::Value)| Some((key.clone(), number(value)?));
+                value
+                    .as_table()?
+                    .iter()
+                    .map(entry)
+                    .collect::<Option<Vec<_>>>()
+            };
+            let parts = value.as_array()?.iter().map(part);
+            parts.collect::<Option<_>>().map(Parts)
+        })
     }
 }
 
@@ -110,6 +150,10 @@ table!(Contact {
     law: Text,
     normal_stiffness: Number,
     tangential_stiffness: Number,
+    normal_damping: Number,
+    tangential_damping: Number,
+    impact_speed: Number,
+    impact_diameter: Number,
     friction: Number,
     rolling_friction: Number,
     damping_ratio: Number,
@@ -120,17 +164,25 @@ table!(Sample {
     grains: Whole,
     radius_min: Number,
     radius_max: Number,
+    sizes: Text,
+    radius_mean: Number,
+    radius_deviation: Number,
+    large_fraction: Number,
+    radii: Numbers,
     length: Number,
+    width: Number,
     packing: Text,
     walls: Text,
 });
 table!(Load {
     stiffness_number: Number,
     pressure: Number,
-    normal_force: Number
+    normal_force: Number,
+    gravity: Number,
 });
 table!(Time {
     step: Number,
+    collision_speed: Number,
     force: Flag
 });
 table!(Pack {
@@ -142,13 +194,18 @@ table!(Pack {
 table!(Shear {
     inertial_number: Number,
     velocity: Number,
-    strain: Number
+    strain: Number,
+    protocol: Parts,
+    spring_stiffness: Number,
+    spring_number: Number,
 });
 table!(Output {
     frame_strain: Number,
     frame_start: Number,
     series_strain: Number,
     checkpoint_strain: Number,
+    frame_rows: Whole,
+    series_rows: Whole,
     progress_lines: Whole,
     energy: Flag,
 });
@@ -164,6 +221,7 @@ table!(Bookkeeping {
 pub struct Raw {
     pub title: Option<Spanned<Text>>,
     pub seed: Option<Spanned<Whole>>,
+    pub dimension: Option<Spanned<Whole>>,
     pub material: Material,
     pub contact: Contact,
     pub sample: Sample,
@@ -176,7 +234,7 @@ pub struct Raw {
 }
 
 /// Keys outside every table.
-pub const TOP_KEYS: &[&str] = &["title", "seed"];
+pub const TOP_KEYS: &[&str] = &["title", "seed", "dimension"];
 
 /// Every table and its keys.
 pub const TABLES: &[(&str, &[&str])] = &[

@@ -4,13 +4,16 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::contact::{hooke, lee_hurley, portable_ln};
+use crate::contact::{hertz, hooke, lee_hurley, portable_exp, portable_ln};
+use crate::dimension::{Dimension, Three, Two};
+use crate::state::Cell;
 
 /// A plane-shear run, ready to be set up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     pub title: String,
     pub seed: u64,
+    pub dimension: Dimensions,
     pub law: Law,
     pub contact: Contact,
     pub sample: Sample,
@@ -26,29 +29,56 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// δ̄ = d̄/κ (m): overlap of two grains of the mean radius that carry P d̄.
+    /// δ̄ = d̄/κ (m): overlap of two grains of the mean radius that carry P d̄, in 3D P d̄².
     pub fn mean_overlap(&self) -> f64 {
         self.sample.mean_diameter / self.load.stiffness_number
+    }
+}
+
+/// How many there are: disks or spheres.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimensions {
+    Two,
+    Three,
+}
+
+impl Dimensions {
+    pub fn axes(self) -> usize {
+        match self {
+            Dimensions::Two => Two::AXES,
+            Dimensions::Three => Three::AXES,
+        }
+    }
+
+    /// πR² or (4/3)πR³ (m² or m³).
+    pub fn volume(self, radius: f64) -> f64 {
+        match self {
+            Dimensions::Two => Two::volume(radius),
+            Dimensions::Three => Three::volume(radius),
+        }
     }
 }
 
 /// The contact law, with the constants of its springs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Law {
-    /// LH appendix A.
+    /// LH appendix A; disks.
     LeeHurley(Material),
-    /// Linear springs.
+    /// Linear springs; disks or spheres.
     Hooke(Springs),
+    /// FR eqs 1 and 2; spheres.
+    Hertz(Spheres),
 }
 
 impl Law {
     /// The names of all laws, as `contact.law` has them.
-    pub const NAMES: [&str; 2] = ["lee-hurley", "hooke"];
+    pub const NAMES: [&str; 3] = ["lee-hurley", "hooke", "hertz"];
 
     pub fn name(&self) -> &'static str {
         match self {
             Law::LeeHurley(_) => Self::NAMES[0],
             Law::Hooke(_) => Self::NAMES[1],
+            Law::Hertz(_) => Self::NAMES[2],
         }
     }
 
@@ -57,25 +87,24 @@ impl Law {
         match self {
             Law::LeeHurley(material) => material.density,
             Law::Hooke(springs) => springs.density,
+            Law::Hertz(spheres) => spheres.density,
         }
     }
 
-    /// k_n = F_n^e/δ (Pa) of two disks of radii r1, r2 (m) at the overlap δ (m).
+    /// k_n = F_n^e/δ (N/m; Pa in 2D) of two grains of radii r1, r2 (m) at the overlap δ (m).
     pub fn normal_stiffness(&self, r1: f64, r2: f64, overlap: f64) -> f64 {
         match self {
             Law::LeeHurley(material) => {
                 lee_hurley::normal_stiffness(material.effective_modulus(), r1, r2, overlap)
             }
             Law::Hooke(springs) => springs.normal_stiffness,
+            Law::Hertz(spheres) => {
+                spheres.normal_stiffness() * (overlap * r1 * r2 / (r1 + r2)).sqrt()
+            }
         }
     }
 
-    /// m = ρπR² (kg/m) of a disk of radius R (m).
-    pub fn disk_mass(&self, radius: f64) -> f64 {
-        std::f64::consts::PI * self.density() * radius * radius
-    }
-
-    /// The largest overlap (m) that the law takes, of two disks of radii r1, r2 (m).
+    /// The largest overlap (m) that the law takes, of two grains of radii r1, r2 (m).
     pub fn largest_overlap(&self, r1: f64, r2: f64) -> f64 {
         let smaller = r1.min(r2);
         match self {
@@ -86,11 +115,12 @@ impl Law {
                 4.0 * (r1 + r2) * x * (-portable_ln(x) - 1.0)
             }
             Law::Hooke(_) => 2.0 * hooke::LARGEST_OVERLAP * smaller,
+            Law::Hertz(_) => 2.0 * hertz::LARGEST_OVERLAP * smaller,
         }
     }
 }
 
-/// Linear springs between grains: k_n, k_t (N/m per unit depth: Pa); ρ (kg/m³) of the grains.
+/// Linear springs between grains: k_n, k_t (N/m; per unit depth, Pa, in 2D); ρ (kg/m³) of the grains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Springs {
     pub normal_stiffness: f64,
@@ -113,7 +143,29 @@ impl Material {
     }
 }
 
-/// What every law has: μ_s, μ_r, α (normal and tangential damping ratio), η_r.
+/// Spheres by Hertz and Mindlin: E (Pa), ν, ρ (kg/m³), γ_n and γ_t (1/(m s)).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spheres {
+    pub young_modulus: f64,
+    pub poisson_ratio: f64,
+    pub density: f64,
+    pub normal_damping: f64,
+    pub tangential_damping: f64,
+}
+
+impl Spheres {
+    /// k_n = (2/3) E/(1-ν²) (Pa).
+    pub fn normal_stiffness(&self) -> f64 {
+        2.0 / 3.0 * self.young_modulus / (1.0 - self.poisson_ratio * self.poisson_ratio)
+    }
+
+    /// k_t = 2E/((1+ν)(2-ν)) (Pa).
+    pub fn tangential_stiffness(&self) -> f64 {
+        2.0 * self.young_modulus / ((1.0 + self.poisson_ratio) * (2.0 - self.poisson_ratio))
+    }
+}
+
+/// What contacts have beside their springs: μ_s, μ_r, α (normal and tangential damping ratio; not of `Law::Hertz`), η_r.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     pub friction: f64,
@@ -122,7 +174,7 @@ pub struct Contact {
     pub rolling_damping_ratio: f64,
 }
 
-/// Disks in a cell of `length` L_x along x (periodic).
+/// Grains in a cell of `length` L_x along x and, in 3D, `width` L_y along y, both periodic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     pub grains: u32,
@@ -131,13 +183,15 @@ pub struct Sample {
     pub radius_max: f64,
     /// d̄ (m).
     pub mean_diameter: f64,
-    /// ⟨R²⟩ (m²).
-    pub mean_square_radius: f64,
+    /// π⟨R²⟩ (m²) in 2D, (4/3)π⟨R³⟩ (m³) in 3D.
+    pub mean_volume: f64,
     pub length: f64,
+    /// Infinite in 2D.
+    pub width: f64,
 }
 
 impl Sample {
-    /// R uniform in [`radius_min`, `radius_max`]: d̄ = R_min + R_max.
+    /// Disks of R uniform in [`radius_min`, `radius_max`]: d̄ = R_min + R_max.
     pub const fn uniform(grains: u32, radius_min: f64, radius_max: f64, length: f64) -> Self {
         let (a, b) = (radius_min, radius_max);
         Self {
@@ -145,17 +199,109 @@ impl Sample {
             radius_min,
             radius_max,
             mean_diameter: a + b,
-            mean_square_radius: (a * a + a * b + b * b) / 3.0,
+            mean_volume: std::f64::consts::PI * (a * a + a * b + b * b) / 3.0,
             length,
+            width: f64::INFINITY,
         }
     }
+
+    pub fn cell(&self) -> Cell {
+        Cell {
+            periods: [self.length, self.width],
+        }
+    }
+
+    /// Of a wall: L_x (m), in 3D L_x L_y (m²).
+    pub fn base(&self) -> f64 {
+        match self.width {
+            f64::INFINITY => self.length,
+            width => self.length * width,
+        }
+    }
+
+    /// Of the force that a mean grain carries, F = P d̄, in 3D P d̄².
+    pub fn mean_section(&self) -> f64 {
+        match self.width {
+            f64::INFINITY => self.mean_diameter,
+            _ => self.mean_diameter * self.mean_diameter,
+        }
+    }
+}
+
+/// How the radii of inserted grains are distributed, between the sample's least and greatest.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Sizes {
+    Uniform,
+    /// Cut off at both ends (m).
+    Normal {
+        mean: f64,
+        deviation: f64,
+    },
+    /// The greatest with this probability, else the least.
+    Binary {
+        large_fraction: f64,
+    },
+    /// Each as likely as the others (m).
+    List(Vec<f64>),
+}
+
+impl Sizes {
+    /// The names, as `sample.sizes` has them.
+    pub const NAMES: [&str; 4] = ["uniform", "normal", "binary", "list"];
+
+    pub fn name(&self) -> &'static str {
+        match self {
+            Sizes::Uniform => Self::NAMES[0],
+            Sizes::Normal { .. } => Self::NAMES[1],
+            Sizes::Binary { .. } => Self::NAMES[2],
+            Sizes::List(_) => Self::NAMES[3],
+        }
+    }
+
+    /// ⟨f(R)⟩, between `a` and `b` (m). Polynomials of third order are exact but for rounding where R is not normal.
+    pub fn mean(&self, [a, b]: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
+        match self {
+            Sizes::Uniform => weighted(a, b, 2, f, |_| 1.0),
+            Sizes::Normal { mean, deviation } => weighted(a, b, 2000, f, |r| {
+                let z = (r - mean) / deviation;
+                portable_exp(-0.5 * z * z)
+            }),
+            Sizes::Binary { large_fraction } => {
+                large_fraction * f(b) + (1.0 - large_fraction) * f(a)
+            }
+            Sizes::List(radii) => radii.iter().map(|&r| f(r)).sum::<f64>() / radii.len() as f64,
+        }
+    }
+}
+
+/// Mean of f over [a, b] with these weights, by Simpson's rule with an even number of intervals.
+fn weighted(
+    a: f64,
+    b: f64,
+    intervals: usize,
+    f: impl Fn(f64) -> f64,
+    weight: impl Fn(f64) -> f64,
+) -> f64 {
+    let (mut sum, mut all) = (0.0, 0.0);
+    for k in 0..=intervals {
+        let r = a + (b - a) * k as f64 / intervals as f64;
+        let share = match k {
+            0 => 1.0,
+            k if k == intervals => 1.0,
+            k => [2.0, 4.0][k % 2],
+        };
+        let w = share * weight(r);
+        sum += w * f(r);
+        all += w;
+    }
+    sum / all
 }
 
 /// Where the grains come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
-    /// Inserted, with R uniform.
-    Insertion,
+    /// Inserted.
+    Insertion(Sizes),
     /// A file.
     Packing { file: PackingFile, walls: Walls },
 }
@@ -171,9 +317,10 @@ pub struct PackingFile {
     pub radius_min: f64,
     pub radius_max: f64,
     pub mean_diameter: f64,
-    pub mean_square_radius: f64,
+    pub mean_volume: f64,
     pub length: f64,
-    /// y (m) of the lowest and of the highest edge of a grain.
+    pub width: Option<f64>,
+    /// Of the lowest and of the highest edge of a grain, along the last axis (m).
     pub edges: [f64; 2],
     /// Whether its types are 1, 2 and 3, all three, so that 2 and 3 can be walls.
     pub wall_types: bool,
@@ -200,20 +347,30 @@ impl Walls {
     pub const NAMES: [(&str, Walls); 2] = [("layers", Walls::Layers), ("types", Walls::Types)];
 }
 
-/// P (Pa), N = P L_x (N/m), κ = k_n(mean overlap)/P.
+/// P (Pa), N = P L_x (N/m), in 3D P L_x L_y (N), κ = d̄ over the mean overlap; g (m/s²).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load {
     pub pressure: f64,
     pub normal_force: f64,
     pub stiffness_number: f64,
+    pub gravity: f64,
 }
 
-/// Δt (s) and its limit of stability (s). `given`: by the user, not derived.
+/// Δt (s) and its limit of stability (s).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeStep {
     pub step: f64,
     pub limit: f64,
-    pub given: bool,
+    pub given: StepChoice,
+}
+
+/// Where Δt comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum StepChoice {
+    Derived,
+    Given,
+    /// A hundredth of how long two of the least grains collide at this speed (m/s).
+    Collision(f64),
 }
 
 /// Compression between smooth planes under P.
@@ -237,14 +394,41 @@ pub enum Drive {
     Velocity(f64),
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shear {
-    pub drive: Drive,
-    /// Total γ.
-    pub strain: f64,
+/// How the drive moves.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// At one speed to this γ.
+    Strain { drive: Drive, strain: f64 },
+    /// Through these parts, one after the other.
+    Protocol(Vec<Part>),
 }
 
-/// Intervals of output as Δγ; 0 is never.
+/// A part of a protocol: velocity of the drive (m/s), 0 being a hold, and for how long (s).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    pub velocity: f64,
+    pub time: f64,
+    /// How far the drive moves (m), where that was said instead.
+    pub distance: Option<f64>,
+}
+
+/// The spring between drive and top wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spring {
+    /// k (N/m; Pa in 2D).
+    pub stiffness: f64,
+    /// k d̄/N, where that was given.
+    pub number: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shear {
+    pub motion: Motion,
+    /// `None`: the top wall moves as the drive does.
+    pub spring: Option<Spring>,
+}
+
+/// Intervals of output as Δγ, and as rows in each part of a protocol; 0 is never.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Output {
     pub frame_strain: f64,
@@ -252,6 +436,8 @@ pub struct Output {
     pub frame_start: f64,
     pub series_strain: f64,
     pub checkpoint_strain: f64,
+    pub frame_rows: u64,
+    pub series_rows: u64,
     /// Lines on the terminal over the whole run.
     pub progress_lines: u64,
     /// Whether a ledger of energy is kept.

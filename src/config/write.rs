@@ -4,13 +4,20 @@
 use std::fmt::Write;
 
 use super::raw::show;
-use super::scene::{Drive, Law, Origin, Scene, Walls};
+use super::scene::{Dimensions, Drive, Law, Motion, Origin, Part, Scene, Sizes, StepChoice, Walls};
 
 /// How the damping was given.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum DampingChoice {
-    Ratio(f64),
+    /// As it stands in the scene: α, or γ_n of spheres.
+    Ratio,
     Restitution(f64),
+    /// Of two equal spheres (m) at a speed (m/s).
+    Impact {
+        e: f64,
+        speed: f64,
+        diameter: f64,
+    },
 }
 
 /// How the load was given: κ, P (Pa) or N (N/m).
@@ -54,11 +61,17 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     t.0.push_str(&derived_comments(scene));
     t.text("title", &scene.title);
     t.whole("seed", scene.seed);
+    t.whole("dimension", scene.dimension.axes() as u64);
 
     t.table("material");
-    if let Law::LeeHurley(material) = scene.law {
-        t.number("young_modulus", material.young_modulus);
-        t.number("poisson_ratio", material.poisson_ratio);
+    let material = match scene.law {
+        Law::LeeHurley(material) => Some([material.young_modulus, material.poisson_ratio]),
+        Law::Hertz(spheres) => Some([spheres.young_modulus, spheres.poisson_ratio]),
+        Law::Hooke(_) => None,
+    };
+    if let Some([young_modulus, poisson_ratio]) = material {
+        t.number("young_modulus", young_modulus);
+        t.number("poisson_ratio", poisson_ratio);
     }
     t.number("density", scene.law.density());
 
@@ -69,12 +82,25 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
         t.number("tangential_stiffness", springs.tangential_stiffness);
     }
     t.number("friction", scene.contact.friction);
-    t.number("rolling_friction", scene.contact.rolling_friction);
-    match damping {
-        DampingChoice::Ratio(alpha) => t.number("damping_ratio", alpha),
-        DampingChoice::Restitution(e) => t.number("restitution", e),
+    match (damping, scene.law) {
+        (DampingChoice::Restitution(e), _) => t.number("restitution", e),
+        (DampingChoice::Impact { e, speed, diameter }, _) => {
+            t.number("restitution", e);
+            t.number("impact_speed", speed);
+            t.number("impact_diameter", diameter);
+        }
+        (DampingChoice::Ratio, Law::Hertz(spheres)) => {
+            t.number("normal_damping", spheres.normal_damping)
+        }
+        (DampingChoice::Ratio, _) => t.number("damping_ratio", scene.contact.damping_ratio),
     }
-    t.number("rolling_damping_ratio", scene.contact.rolling_damping_ratio);
+    if let Law::Hertz(spheres) = scene.law {
+        t.number("tangential_damping", spheres.tangential_damping);
+    }
+    if scene.dimension == Dimensions::Two {
+        t.number("rolling_friction", scene.contact.rolling_friction);
+        t.number("rolling_damping_ratio", scene.contact.rolling_damping_ratio);
+    }
 
     t.table("sample");
     if let Origin::Packing { file, walls } = &scene.origin {
@@ -83,9 +109,33 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
         t.text("walls", name.map_or("", |(name, _)| name));
     }
     t.whole("grains", scene.sample.grains.into());
-    t.number("radius_min", scene.sample.radius_min);
-    t.number("radius_max", scene.sample.radius_max);
+    let list = match &scene.origin {
+        Origin::Insertion(Sizes::List(radii)) => Some(radii),
+        _ => None,
+    };
+    if list.is_none() {
+        t.number("radius_min", scene.sample.radius_min);
+        t.number("radius_max", scene.sample.radius_max);
+    }
+    if let Origin::Insertion(sizes) = &scene.origin {
+        t.text("sizes", sizes.name());
+        match sizes {
+            Sizes::Uniform => {}
+            Sizes::Normal { mean, deviation } => {
+                t.number("radius_mean", *mean);
+                t.number("radius_deviation", *deviation);
+            }
+            Sizes::Binary { large_fraction } => t.number("large_fraction", *large_fraction),
+            Sizes::List(radii) => {
+                let radii: Vec<String> = radii.iter().map(|r| show(*r)).collect();
+                t.line(&format!("radii = [{}]", radii.join(", ")));
+            }
+        }
+    }
     t.number("length", scene.sample.length);
+    if scene.dimension == Dimensions::Three {
+        t.number("width", scene.sample.width);
+    }
 
     t.table("load");
     match load {
@@ -93,10 +143,13 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
         LoadChoice::Pressure(p) => t.number("pressure", p),
         LoadChoice::NormalForce(n) => t.number("normal_force", n),
     }
+    t.number("gravity", scene.load.gravity);
 
     t.table("time");
-    if scene.time_step.given {
-        t.number("step", scene.time_step.step);
+    match scene.time_step.given {
+        StepChoice::Derived => {}
+        StepChoice::Given => t.number("step", scene.time_step.step),
+        StepChoice::Collision(speed) => t.number("collision_speed", speed),
     }
     t.line(&format!("force = {force}"));
 
@@ -109,17 +162,56 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     }
 
     t.table("shear");
-    match scene.shear.drive {
-        Drive::InertialNumber(i) => t.number("inertial_number", i),
-        Drive::Velocity(v) => t.number("velocity", v),
+    if let Some(spring) = scene.shear.spring {
+        match spring.number {
+            Some(number) => t.number("spring_number", number),
+            None => t.number("spring_stiffness", spring.stiffness),
+        }
     }
-    t.number("strain", scene.shear.strain);
+    match &scene.shear.motion {
+        Motion::Strain { drive, strain } => {
+            match drive {
+                Drive::InertialNumber(i) => t.number("inertial_number", *i),
+                Drive::Velocity(v) => t.number("velocity", *v),
+            }
+            t.number("strain", *strain);
+        }
+        Motion::Protocol(parts) => {
+            t.line("protocol = [");
+            for Part {
+                velocity,
+                time,
+                distance,
+            } in parts
+            {
+                let (name, length) = match distance {
+                    Some(distance) => ("distance", distance),
+                    None => ("time", time),
+                };
+                t.line(&format!(
+                    "    {{ velocity = {}, {name} = {} }},",
+                    show(*velocity),
+                    show(*length)
+                ));
+            }
+            t.line("]");
+        }
+    }
 
     t.table("output");
-    t.number("frame_strain", scene.output.frame_strain);
-    t.number("frame_start", scene.output.frame_start);
-    t.number("series_strain", scene.output.series_strain);
-    t.number("checkpoint_strain", scene.output.checkpoint_strain);
+    let output = &scene.output;
+    match scene.shear.motion {
+        Motion::Strain { .. } => {
+            t.number("frame_strain", output.frame_strain);
+            t.number("frame_start", output.frame_start);
+            t.number("series_strain", output.series_strain);
+            t.number("checkpoint_strain", output.checkpoint_strain);
+        }
+        Motion::Protocol(_) => {
+            t.whole("frame_rows", output.frame_rows);
+            t.whole("series_rows", output.series_rows);
+        }
+    }
     t.whole("progress_lines", scene.output.progress_lines);
     t.line(&format!("energy = {}", scene.output.energy));
 
@@ -142,12 +234,39 @@ fn derived_comments(scene: &Scene) -> String {
             if unit.is_empty() { "" } else { " " }
         );
     };
-    if let Law::LeeHurley(material) = scene.law {
-        comment("effective modulus E*", material.effective_modulus(), "Pa");
+    match scene.law {
+        Law::LeeHurley(material) => {
+            comment("effective modulus E*", material.effective_modulus(), "Pa")
+        }
+        Law::Hertz(spheres) => {
+            comment("normal stiffness k_n", spheres.normal_stiffness(), "Pa");
+            comment(
+                "tangential stiffness k_t",
+                spheres.tangential_stiffness(),
+                "Pa",
+            );
+            comment("normal damping gamma_n", spheres.normal_damping, "1/(m s)");
+        }
+        Law::Hooke(_) => {}
     }
-    comment("damping ratio alpha", scene.contact.damping_ratio, "");
+    if !matches!(scene.law, Law::Hertz(_)) {
+        comment("damping ratio alpha", scene.contact.damping_ratio, "");
+    }
     comment("pressure P", scene.load.pressure, "Pa");
-    comment("normal force N", scene.load.normal_force, "N/m");
+    let of_force = match scene.dimension {
+        Dimensions::Two => "N/m",
+        Dimensions::Three => "N",
+    };
+    comment("normal force N", scene.load.normal_force, of_force);
+    if let Some(spring) = scene.shear.spring {
+        let unit = match scene.dimension {
+            Dimensions::Two => "Pa",
+            Dimensions::Three => "N/m",
+        };
+        comment("stiffness of the spring k", spring.stiffness, unit);
+        let number = spring.stiffness * scene.sample.mean_diameter / scene.load.normal_force;
+        comment("spring number k d/N", number, "");
+    }
     comment("stiffness number kappa", scene.load.stiffness_number, "");
     comment("time step", scene.time_step.step, "s");
     comment(
@@ -236,29 +355,120 @@ mod tests {
     /// No key is forgotten: all but the alternatives that were not chosen are there.
     #[test]
     fn every_default_is_filled_in() {
-        let of_lee_hurley = ["young_modulus", "poisson_ratio"];
+        let of_hertz = [
+            "normal_damping",
+            "tangential_damping",
+            "impact_speed",
+            "impact_diameter",
+        ];
         let of_hooke = ["normal_stiffness", "tangential_stiffness"];
+        let of_lee_hurley = ["young_modulus", "poisson_ratio"];
+        let never = [
+            "restitution",
+            "pressure",
+            "normal_force",
+            "velocity",
+            "packing",
+            "walls",
+        ];
+        let of_sizes = [
+            "radius_mean",
+            "radius_deviation",
+            "large_fraction",
+            "radii",
+            "width",
+        ];
+        let of_protocols = [
+            "protocol",
+            "spring_stiffness",
+            "spring_number",
+            "frame_rows",
+            "series_rows",
+            "collision_speed",
+        ];
+        let always = [&of_hertz[..], &never, &of_sizes, &of_protocols].concat();
         for (law, other) in [(&[][..], of_hooke), (HOOKE, of_lee_hurley)] {
             let sets = [&["time.step=1e-10", "bookkeeping.skin=0.3"], law].concat();
-            let toml = with(&sets).toml;
-            for (_, keys) in crate::config::raw::TABLES {
-                for key in *keys {
-                    let alternative = [
-                        "restitution",
-                        "pressure",
-                        "normal_force",
-                        "velocity",
-                        "packing",
-                        "walls",
-                    ]
-                    .contains(key);
-                    assert_eq!(
-                        toml.contains(&format!("\n{key} = ")),
-                        !alternative && !other.contains(key),
-                        "{key} in {toml}"
-                    );
-                }
-            }
+            missing_are(&with(&sets).toml, &[&always[..], &other].concat());
+        }
+        let spheres = [
+            "dimension=3",
+            "contact.law=none",
+            "contact.rolling_friction=none",
+            "contact.rolling_damping_ratio=none",
+            "contact.damping_ratio=none",
+            "contact.normal_damping=1e12",
+            "sample.width=20e-6",
+            "sample.grains=8000",
+            "sample.sizes=normal",
+            "sample.radius_mean=0.7e-6",
+            "sample.radius_deviation=0.1e-6",
+            "shear.inertial_number=none",
+            "shear.strain=none",
+            "shear.spring_number=425",
+            "shear.protocol=[{velocity=1e-3,distance=1e-6},{velocity=0,time=2e-3}]",
+            "output.frame_strain=none",
+            "output.series_strain=none",
+            "output.checkpoint_strain=none",
+            "time.collision_speed=10",
+            "bookkeeping.skin=0.3",
+            "load.stiffness_number=none",
+            "load.pressure=1e5",
+        ];
+        let scene = with(&spheres);
+        reads_back(&scene);
+        let not = [
+            "damping_ratio",
+            "restitution",
+            "impact_speed",
+            "impact_diameter",
+            "normal_stiffness",
+            "tangential_stiffness",
+            "rolling_friction",
+            "rolling_damping_ratio",
+            "large_fraction",
+            "radii",
+            "packing",
+            "walls",
+            "stiffness_number",
+            "normal_force",
+            "step",
+            "inertial_number",
+            "velocity",
+            "strain",
+            "spring_stiffness",
+            "frame_strain",
+            "frame_start",
+            "series_strain",
+            "checkpoint_strain",
+        ];
+        missing_are(&scene.toml, &not);
+    }
+
+    fn missing_are(toml: &str, missing: &[&str]) {
+        for key in crate::config::raw::TABLES
+            .iter()
+            .flat_map(|(_, keys)| *keys)
+        {
+            let there = toml.contains(&format!("\n{key} = "));
+            assert_eq!(there, !missing.contains(key), "{key} in {toml}");
+        }
+    }
+
+    #[test]
+    fn every_distribution_and_drive_reads_back() {
+        for sets in [
+            &["sample.sizes=binary", "sample.large_fraction=0.25"][..],
+            &[
+                "sample.radius_min=none",
+                "sample.radius_max=none",
+                "sample.sizes=list",
+                "sample.radii=[0.5e-6, 0.75e-6, 1e-6]",
+            ],
+            &["shear.spring_stiffness=1e6"],
+            &["load.gravity=9.81"],
+        ] {
+            reads_back(&with(sets));
         }
     }
 }

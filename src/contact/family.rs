@@ -1,21 +1,30 @@
 //! A law before friction and rolling are chosen, so that a run can take the one it needs, with nothing in it that the scene lacks.
 
 use super::ContactLaw;
+use super::hertz::Hertz;
 use super::hooke::Hooke;
 use super::lee_hurley::LeeHurley;
-use crate::config::{Contact, Material, Springs};
+use crate::config::{Contact, Material, Scene, Spheres, Springs, derived};
+use crate::dimension::{Dimension, Three, Two};
 
 /// The constants of a law's springs, of which it can be made with and without friction and rolling.
 pub trait Family: Copy {
-    type Law<const FRICTION: bool, const ROLLING: bool>: ContactLaw;
+    type Space: Dimension;
+    type Law<const FRICTION: bool, const ROLLING: bool>: ContactLaw<Space = Self::Space>;
 
     fn law<const FRICTION: bool, const ROLLING: bool>(
         &self,
         contact: &Contact,
     ) -> Self::Law<FRICTION, ROLLING>;
+
+    /// The same while the sample is packed.
+    fn packing(&self, _: &Scene) -> Self {
+        *self
+    }
 }
 
 impl Family for Material {
+    type Space = Two;
     type Law<const FRICTION: bool, const ROLLING: bool> = LeeHurley<FRICTION, ROLLING>;
 
     fn law<const FRICTION: bool, const ROLLING: bool>(
@@ -26,13 +35,49 @@ impl Family for Material {
     }
 }
 
+/// Linear springs in the plane.
 impl Family for Springs {
-    type Law<const FRICTION: bool, const ROLLING: bool> = Hooke<FRICTION, ROLLING>;
+    type Space = Two;
+    type Law<const FRICTION: bool, const ROLLING: bool> = Hooke<Two, FRICTION, ROLLING>;
 
     fn law<const FRICTION: bool, const ROLLING: bool>(
         &self,
         contact: &Contact,
     ) -> Self::Law<FRICTION, ROLLING> {
         Hooke::new(self, contact)
+    }
+}
+
+/// Linear springs between spheres, which have no rolling resistance.
+#[derive(Debug, Clone, Copy)]
+pub struct SpringsInSpace(pub Springs);
+
+impl Family for SpringsInSpace {
+    type Space = Three;
+    type Law<const FRICTION: bool, const ROLLING: bool> = Hooke<Three, FRICTION, false>;
+
+    fn law<const FRICTION: bool, const ROLLING: bool>(
+        &self,
+        contact: &Contact,
+    ) -> Self::Law<FRICTION, ROLLING> {
+        Hooke::new(&self.0, contact)
+    }
+}
+
+/// Spheres without rolling resistance.
+impl Family for Spheres {
+    type Space = Three;
+    type Law<const FRICTION: bool, const ROLLING: bool> = Hertz<FRICTION>;
+
+    fn law<const FRICTION: bool, const ROLLING: bool>(
+        &self,
+        contact: &Contact,
+    ) -> Self::Law<FRICTION, ROLLING> {
+        Hertz::new(self, contact)
+    }
+
+    /// Damped more: a gas of spheres that lose little when they collide bears the load for long.
+    fn packing(&self, scene: &Scene) -> Self {
+        derived::packing_spheres(self, &scene.sample, scene.load.pressure)
     }
 }

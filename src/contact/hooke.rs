@@ -1,25 +1,28 @@
-//! Linear springs in 2D: Hooke with linear damping, Coulomb friction and rolling resistance, as LAMMPS' `gran/hooke/history` and
+//! Linear springs in 2D and 3D: Hooke with linear damping, Coulomb friction and rolling resistance, as LAMMPS' `gran/hooke/history` and
 //! LIGGGHTS' `hooke` have them, here with the clamp, the damping ratio and the conventions of `lee_hurley`.
 //!
 //! Normal:
 //!
 //!     F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
 //!
-//! Tangential: the history is the elastic force on i along t̂,
+//! Tangential: the history is the elastic force on i, in the tangent plane,
 //!
 //!     F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
 //!
-//! set to the limit ±μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
+//! cut to the limit μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
 //!
-//! Rolling, as LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita & Oda):
+//! Rolling, in 2D, as LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita & Oda):
 //!
 //!     M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
 //!
 //! limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added (`rolling`), which `epsd2` lacks and η_r = 0 takes away.
 
+use std::marker::PhantomData;
+
 use super::rolling::{self, Places, Rolling, roll};
-use super::{Blocks, ContactLaw, Limited, add_damping, loss};
+use super::{Blocks, ContactLaw, Limited, add_damping, loss, scaled, vector};
 use crate::config::{Contact, Springs};
+use crate::dimension::Dimension;
 use crate::simd::{Lanes, Mask, Row};
 
 /// Largest δ/(R_1+R_2) of two equal disks. A spring has no end, but disks this far in each other are disks no longer; for unequal
@@ -28,28 +31,29 @@ pub const LARGEST_OVERLAP: f64 = 0.094;
 
 /// Constants of the law, the same for all contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hooke<const FRICTION: bool, const ROLLING: bool> {
-    /// k_n, k_t (Pa).
+pub struct Hooke<D, const FRICTION: bool, const ROLLING: bool> {
+    /// k_n, k_t (N/m; per unit depth, Pa, in 2D).
     normal_stiffness: f64,
     tangential_stiffness: f64,
     /// γ_t/γ_n = √(k_t/k_n).
     tangential_damping: f64,
-    /// Mass per squared radius, ρπ (kg/m³).
+    /// Mass per squared radius, ρπ, in 2D, and per cubed radius, (4/3)ρπ, in 3D (kg/m³).
     density: f64,
     /// α.
     damping_ratio: f64,
     /// μ_s.
     friction: f64,
     rolling: Rolling,
+    space: PhantomData<D>,
 }
 
-impl<const FRICTION: bool, const ROLLING: bool> Hooke<FRICTION, ROLLING> {
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION, ROLLING> {
     pub fn new(springs: &Springs, contact: &Contact) -> Self {
         Self {
             normal_stiffness: springs.normal_stiffness,
             tangential_stiffness: springs.tangential_stiffness,
             tangential_damping: (springs.tangential_stiffness / springs.normal_stiffness).sqrt(),
-            density: std::f64::consts::PI * springs.density,
+            density: D::volume(1.0) * springs.density,
             damping_ratio: contact.damping_ratio,
             friction: contact.friction,
             rolling: Rolling {
@@ -58,6 +62,7 @@ impl<const FRICTION: bool, const ROLLING: bool> Hooke<FRICTION, ROLLING> {
                 friction: contact.rolling_friction,
                 damping_ratio: contact.rolling_damping_ratio,
             },
+            space: PhantomData,
         }
     }
 }
@@ -70,9 +75,12 @@ const LARGEST: usize = 1;
 /// Rows of the law without rolling.
 const PLAIN: usize = 2;
 
-impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, ROLLING> {
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
+    for Hooke<D, FRICTION, ROLLING>
+{
+    type Space = D;
     const PARAMETERS: usize = PLAIN + if ROLLING { rolling::PARAMETERS } else { 0 };
-    const HISTORY: usize = FRICTION as usize + ROLLING as usize;
+    const HISTORY: usize = if FRICTION { D::SPINS } else { 0 } + ROLLING as usize;
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
 
@@ -80,7 +88,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, R
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
         let c = |v| L::splat(token, v);
         let density = c(self.density);
-        let (m_i, m_j) = (density * r_i * r_i, density * r_j * r_j);
+        let (m_i, m_j) = (density * D::power(r_i), density * D::power(r_j));
         let reduced_mass = m_i * m_j / (m_i + m_j);
         let smaller = r_i.select(r_j.greater(r_i), r_j);
         (c(2.0 * self.damping_ratio) * (c(self.normal_stiffness) * reduced_mass).sqrt())
@@ -127,28 +135,33 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, R
                 .zip(&mut *blocks.response)
             {
                 let touching = load(&motion.overlap).greater(zero);
-                let (k_t, slip) = (
-                    c(self.tangential_stiffness),
-                    load(&motion.tangential_increment),
-                );
-                let before = load(&history[0]);
-                let trial = (-k_t).mul_add(slip, before);
-                let limit = c(self.friction) * load(&response.normal);
-                let v_t = load(&motion.tangential_velocity);
+                let n = D::SPINS;
+                let k_t = c(self.tangential_stiffness);
+                let before = vector(token, history, n);
+                let slip = vector(token, &motion.tangential_increment, n);
+                let v_t = vector(token, &motion.tangential_velocity, n);
                 let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
-                let f = Limited::new(token, trial, limit, gamma_t * v_t);
-                (f.elastic - f.viscous).store(&mut response.tangential);
-                response.sliding = f.at_limit.bits();
-                let after = f.elastic.select(touching, zero);
-                if LEDGER {
-                    let gained =
-                        (after - before) * (after + before) * c(1.0 / self.tangential_stiffness);
-                    (c(-0.5) * (before + after).mul_add(slip, gained))
-                        .store(&mut response.lost[loss::FRICTION]);
-                    let viscous = f.viscous.select(touching, zero);
-                    add_damping(token, response, viscous * v_t * step);
+                let mut trial = before;
+                for k in 0..n {
+                    trial[k] = (-k_t).mul_add(slip[k], before[k]);
                 }
-                after.store(&mut history[0]);
+                let limit = c(self.friction) * load(&response.normal);
+                let f = Limited::new(token, n, trial, limit, scaled(&v_t, gamma_t));
+                response.sliding = f.at_limit.bits();
+                for k in 0..n {
+                    (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);
+                    let (before, after) = (before[k], f.elastic[k].select(touching, zero));
+                    if LEDGER {
+                        let per_k = c(1.0 / self.tangential_stiffness);
+                        let gained = (after - before) * (after + before) * per_k;
+                        let lost = c(-0.5) * (before + after).mul_add(slip[k], gained);
+                        let sum = &mut response.lost[loss::FRICTION];
+                        if k == 0 { lost } else { load(sum) + lost }.store(sum);
+                        let viscous = f.viscous[k].select(touching, zero);
+                        add_damping(token, response, viscous * v_t[k] * step);
+                    }
+                    after.store(&mut history[k]);
+                }
             }
         }
         if ROLLING {
@@ -173,8 +186,11 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, R
         let normal = c(0.5 * self.normal_stiffness) * overlap * overlap;
         let (mut tangential, mut rolling) = (c(0.0), c(0.0));
         if FRICTION {
-            let force = load(&history[0]);
-            tangential = c(0.5 / self.tangential_stiffness) * force * force;
+            for row in &history[..D::SPINS] {
+                let force = load(row);
+                tangential =
+                    (c(0.5 / self.tangential_stiffness) * force).mul_add(force, tangential);
+            }
         }
         if ROLLING {
             let torque = load(&history[Self::HISTORY - 1]);
@@ -183,18 +199,21 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, R
         [normal, tangential, rolling]
     }
 
-    // k_t is the same in every step: its place in the state stays 0.
-    fn history_to_state([first, second, _]: [f64; 3]) -> [f64; 3] {
-        match (FRICTION, ROLLING) {
-            (true, _) => [first, 0.0, second],
-            (false, _) => [0.0, 0.0, first],
+    // In two dimensions k_t, which is the same in every step, has a place in the state: it stays 0.
+    fn history_to_state(history: [f64; 3]) -> [f64; 3] {
+        match (D::SPINS, FRICTION, ROLLING) {
+            (3, ..) => history,
+            (_, true, _) => [history[0], 0.0, history[1]],
+            (_, false, _) => [0.0, 0.0, history[0]],
         }
     }
 
-    fn history_from_state([tangential, _, rolling]: [f64; 3]) -> [f64; 3] {
-        match (FRICTION, ROLLING) {
-            (true, _) => [tangential, rolling, 0.0],
-            (false, _) => [rolling, 0.0, 0.0],
+    fn history_from_state(state: [f64; 3]) -> [f64; 3] {
+        let [tangential, _, rolling] = state;
+        match (D::SPINS, FRICTION, ROLLING) {
+            (3, ..) => state,
+            (_, true, _) => [tangential, rolling, 0.0],
+            (_, false, _) => [rolling, 0.0, 0.0],
         }
     }
 }
@@ -203,6 +222,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for Hooke<FRICTION, R
 mod tests {
     use super::*;
     use crate::contact::{CARRY, Motion, Response};
+    use crate::dimension::Two;
     use crate::simd::{LANES, Portable, PortableToken};
 
     const SPRINGS: Springs = Springs {
@@ -220,7 +240,7 @@ mod tests {
 
     /// What two disks of `RADII` do: F_n, F_t, M, sliding, beyond, and the new history. `motion` in the order of `Motion`.
     fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
-        type Law = Hooke<true, true>;
+        type Law = Hooke<Two, true, true>;
         let law = Law::new(&SPRINGS, &CONTACT);
         let mut parameters = [Row::ZERO; Law::PARAMETERS];
         let c = |v| Portable::splat(PortableToken, v);
@@ -230,10 +250,11 @@ mod tests {
         let motion = Motion {
             overlap,
             normal_velocity: v_n,
-            tangential_velocity: v_t,
-            tangential_increment: slip,
+            tangential_velocity: [v_t; 3],
+            tangential_increment: [slip; 3],
             rolling_velocity: spin,
             rolling_increment: roll,
+            ..Motion::ZERO
         };
         let mut response = [Response::NONE];
         law.evaluate::<Portable, false>(
@@ -249,7 +270,7 @@ mod tests {
         );
         let [r] = response;
         (
-            [r.normal, r.tangential, r.rolling].map(|row| row.0[3]),
+            [r.normal, r.tangential[0], r.rolling].map(|row| row.0[3]),
             [r.sliding != 0, r.beyond != 0],
             history.map(|row| row.0[3]),
         )
@@ -311,15 +332,19 @@ mod tests {
     fn every_part_of_the_history_has_its_place() {
         let state = [0.7, 0.0, 0.3];
         assert_eq!(
-            Hooke::<true, true>::history_to_state(Hooke::<true, true>::history_from_state(state)),
+            Hooke::<Two, true, true>::history_to_state(
+                Hooke::<Two, true, true>::history_from_state(state)
+            ),
             state
         );
         assert_eq!(
-            Hooke::<true, false>::history_to_state([0.7, 0.0, 0.0]),
+            Hooke::<Two, true, false>::history_to_state([0.7, 0.0, 0.0]),
             [0.7, 0.0, 0.0]
         );
         assert_eq!(
-            Hooke::<false, true>::history_to_state(Hooke::<false, true>::history_from_state(state)),
+            Hooke::<Two, false, true>::history_to_state(
+                Hooke::<Two, false, true>::history_from_state(state)
+            ),
             [0.0, 0.0, 0.3]
         );
     }

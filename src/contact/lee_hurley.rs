@@ -17,6 +17,7 @@ use std::f64::consts::{LN_2, PI};
 
 use super::rolling::{self, Places, Rolling, roll};
 use super::{Blocks, ContactLaw, Limited, add_damping, loss, scalar};
+use crate::dimension::Two;
 use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
 
 /// Beyond a/R = 0.3 of the smaller grain the fit A9 of the penalty factor is about to change sign.
@@ -137,6 +138,7 @@ pub fn normal_stiffness(effective_modulus: f64, r1: f64, r2: f64, overlap: f64) 
 }
 
 impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTION, ROLLING> {
+    type Space = Two;
     const PARAMETERS: usize =
         3 + if FRICTION { 2 } else { 0 } + if ROLLING { rolling::PARAMETERS } else { 0 };
     const HISTORY: usize = if FRICTION { 2 } else { 0 } + if ROLLING { 1 } else { 0 };
@@ -334,15 +336,17 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let first = (c(-2.0) * k_t).mul_add(load(&carry[PER_M]), k_t);
             let last = last.select(last.greater(zero), first);
             let trial = (c(-0.5) * (last + k_t))
-                .mul_add(load(&motion.tangential_increment), load(&history[0]));
+                .mul_add(load(&motion.tangential_increment[0]), load(&history[0]));
             let limit = c(self.friction) * load(&response.normal);
-            let v_t = load(&motion.tangential_velocity);
-            let f = Limited::new(token, trial, limit, load(&p[DAMPING]) * root * v_t);
-            (f.elastic - f.viscous).store(&mut response.tangential);
+            let v_t = load(&motion.tangential_velocity[0]);
+            let damping = load(&p[DAMPING]) * root * v_t;
+            let f = Limited::new(token, 1, [trial; 3], limit, [damping; 3]);
+            let (elastic, viscous) = (f.elastic[0], f.viscous[0]);
+            (elastic - viscous).store(&mut response.tangential[0]);
             response.sliding = f.at_limit.bits();
-            let (before, after) = (load(&history[0]), f.elastic.select(touching, zero));
+            let (before, after) = (load(&history[0]), elastic.select(touching, zero));
             if LEDGER {
-                let work = c(-0.5) * (before + after) * load(&motion.tangential_increment);
+                let work = c(-0.5) * (before + after) * load(&motion.tangential_increment[0]);
                 let stored = |force: L, per_k: L| c(0.5) * force * force * per_k;
                 let gained = stored(after, load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness))
                     - stored(before, inverse(token, last));
@@ -351,7 +355,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
                     .store(&mut response.lost[loss::FRICTION]);
                 zero.select(f.at_limit, lost)
                     .store(&mut response.lost[loss::STIFFNESS]);
-                let viscous = f.viscous.select(touching, zero);
+                let viscous = viscous.select(touching, zero);
                 add_damping(token, response, viscous * v_t * c(blocks.step));
             }
             after.store(&mut history[0]);
@@ -445,7 +449,7 @@ mod tests {
         let row = |v| Row([v; LANES]);
         let motion = Motion {
             overlap: row(overlap),
-            tangential_increment: row(slip),
+            tangential_increment: [row(slip); 3],
             rolling_increment: row(roll),
             ..Motion::ZERO
         };

@@ -1,23 +1,29 @@
 //! Contact laws: numbers in, numbers out. One law, one file; the loop over contacts is in `kernel`.
 
 pub mod family;
+pub mod hertz;
 pub mod hooke;
 pub mod lee_hurley;
 pub mod rolling;
 
-use crate::simd::{Lanes, Portable, PortableToken, Row, ln};
+use crate::dimension::{Dimension, Vector};
+use crate::simd::{Lanes, Portable, PortableToken, Row, inverse_sqrt, ln};
 
-/// How sixteen pairs of grains move, i before j, n from j to i, t̂ = ẑ × n (physics.md, conventions). SI units.
+/// How sixteen pairs of grains move, i before j, n from j to i (physics.md, conventions). SI units.
+///
+/// Tangential vectors have one component in two dimensions, along t̂ = ẑ × n, and in three those of a vector in the tangent plane.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion {
     /// δ (m), positive where the pair touches.
     pub overlap: Row,
     /// v_n of the full step, positive where the pair separates (m/s).
     pub normal_velocity: Row,
+    /// v_n(t + ½Δt) Δt (m); with a ledger only.
+    pub normal_increment: Row,
     /// v_t of the full step (m/s).
-    pub tangential_velocity: Row,
-    /// v_t(t + ½Δt) Δt (m).
-    pub tangential_increment: Row,
+    pub tangential_velocity: Vector<Row>,
+    /// v_t(t + ½Δt) Δt (m), in the tangent plane of the full step.
+    pub tangential_increment: Vector<Row>,
     /// ω_i - ω_j of the full step (rad/s).
     pub rolling_velocity: Row,
     /// (ω_i - ω_j)(t + ½Δt) Δt (rad).
@@ -28,8 +34,9 @@ impl Motion {
     pub const ZERO: Self = Self {
         overlap: Row::ZERO,
         normal_velocity: Row::ZERO,
-        tangential_velocity: Row::ZERO,
-        tangential_increment: Row::ZERO,
+        normal_increment: Row::ZERO,
+        tangential_velocity: [Row::ZERO; 3],
+        tangential_increment: [Row::ZERO; 3],
         rolling_velocity: Row::ZERO,
         rolling_increment: Row::ZERO,
     };
@@ -42,7 +49,8 @@ impl Motion {
 pub struct Blocks<'a> {
     /// [`ContactLaw::PARAMETERS`] rows per block.
     pub parameters: &'a [Row],
-    /// What the contacts remember, [`ContactLaw::HISTORY`] rows per block: replaced, by zeros where the pair does not touch.
+    /// What the contacts remember, [`ContactLaw::HISTORY`] rows per block: replaced, by zeros where the pair does not touch. With
+    /// friction a tangential vector comes first, which in three dimensions has been turned with n.
     pub history: &'a mut [Row],
     pub motion: &'a [Motion],
     pub carry: &'a mut [[Row; CARRY]],
@@ -69,8 +77,8 @@ pub mod loss {
 pub struct Response {
     /// F_n ≥ 0 along n.
     pub normal: Row,
-    /// F_t along t̂.
-    pub tangential: Row,
+    /// F_t.
+    pub tangential: Vector<Row>,
     /// Rolling torque about z.
     pub rolling: Row,
     /// At the Coulomb limit.
@@ -84,7 +92,7 @@ pub struct Response {
 impl Response {
     pub const NONE: Self = Self {
         normal: Row::ZERO,
-        tangential: Row::ZERO,
+        tangential: [Row::ZERO; 3],
         rolling: Row::ZERO,
         sliding: 0,
         beyond: 0,
@@ -97,6 +105,7 @@ pub const CARRY: usize = 4;
 
 /// A contact law, as the kernel drives it.
 pub trait ContactLaw: Copy + Send + Sync {
+    type Space: Dimension;
     /// Numbers per pair that depend on the grains alone.
     const PARAMETERS: usize;
     /// Numbers per contact that it remembers from step to step; 0 where the grains do not touch.
@@ -108,14 +117,14 @@ pub trait ContactLaw: Copy + Send + Sync {
     /// The parameters of pairs of radii r_i, r_j (m), a row each.
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]);
 
-    /// F_n (N/m) of two grains of this radius (m) at the end of the law.
+    /// F_n of two grains of this radius (m) at the end of the law.
     fn largest_force(&self, radius: f64) -> f64;
 
     /// The response of some blocks of contacts. Tangential forces and torques are filled in only by laws that have them.
     /// With `LEDGER`, the energies lost, too.
     fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>);
 
-    /// Elastic energies (J/m) of sixteen contacts: normal, tangential, rolling. Arbitrary where they do not touch.
+    /// Elastic energies (J; J/m in 2D) of sixteen contacts: normal, tangential, rolling. Arbitrary where they do not touch.
     fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
@@ -133,22 +142,71 @@ pub trait ContactLaw: Copy + Send + Sync {
 /// A spring's force or torque under a limit, beside a damper.
 pub(crate) struct Limited<L: Lanes> {
     /// The spring's part: at the limit where it would be beyond, and to be remembered so.
-    pub elastic: L,
+    pub elastic: Vector<L>,
     /// The damper's, which acts below the limit only.
-    pub viscous: L,
+    pub viscous: Vector<L>,
     pub at_limit: L::Mask,
 }
 
 impl<L: Lanes> Limited<L> {
-    /// `trial`: the spring's part without limit.
+    /// `trial`: the spring's part without limit; `n` components of it and of the damper's are meant.
     #[inline(always)]
-    pub fn new(token: L::Token, trial: L, limit: L, viscous: L) -> Self {
-        let at_limit = trial.abs().greater(limit);
+    pub fn new(token: L::Token, n: usize, trial: Vector<L>, limit: L, viscous: Vector<L>) -> Self {
+        let zero = L::splat(token, 0.0);
+        if n == 1 {
+            let at_limit = trial[0].abs().greater(limit);
+            return Self {
+                elastic: [limit.copy_sign(trial[0]).select(at_limit, trial[0]); 3],
+                viscous: [zero.select(at_limit, viscous[0]); 3],
+                at_limit,
+            };
+        }
+        let (length, per_length) = norm(token, &trial);
+        let at_limit = length.greater(limit);
+        let part = (limit * per_length).select(at_limit, L::splat(token, 1.0));
         Self {
-            elastic: limit.copy_sign(trial).select(at_limit, trial),
-            viscous: L::splat(token, 0.0).select(at_limit, viscous),
+            elastic: scaled(&trial, part),
+            viscous: [
+                zero.select(at_limit, viscous[0]),
+                zero.select(at_limit, viscous[1]),
+                zero.select(at_limit, viscous[2]),
+            ],
             at_limit,
         }
+    }
+}
+
+/// Square of what is so small that its direction does not matter.
+const NEXT_TO_NOTHING: f64 = 1e-290;
+
+/// |v| and 1/|v|.
+#[inline(always)]
+pub(crate) fn norm<L: Lanes>(token: L::Token, v: &Vector<L>) -> (L, L) {
+    let square = v[0].mul_add(v[0], v[1].mul_add(v[1], v[2] * v[2]));
+    let square = square.max(L::splat(token, NEXT_TO_NOTHING));
+    let per_length = inverse_sqrt(token, square);
+    (square * per_length, per_length)
+}
+
+#[inline(always)]
+pub(crate) fn scaled<L: Lanes>(v: &Vector<L>, by: L) -> Vector<L> {
+    [v[0] * by, v[1] * by, v[2] * by]
+}
+
+/// The first `n` components from rows; in place of the others, the first.
+#[inline(always)]
+pub(crate) fn vector<L: Lanes>(token: L::Token, rows: &[Row], n: usize) -> Vector<L> {
+    let mut v = [L::load(token, &rows[0]); 3];
+    for k in 1..n {
+        v[k] = L::load(token, &rows[k]);
+    }
+    v
+}
+
+#[inline(always)]
+pub(crate) fn store_vector<L: Lanes>(v: &Vector<L>, rows: &mut [Row], n: usize) {
+    for k in 0..n {
+        v[k].store(&mut rows[k]);
     }
 }
 
@@ -162,6 +220,24 @@ pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, en
 /// Natural logarithm of a positive normal number, the same on every platform.
 pub fn portable_ln(x: f64) -> f64 {
     scalar(|token| ln::<Portable>(token, Portable::splat(token, x)))
+}
+
+/// e^x of x ≤ 0, the same on every platform, to some (1 + |x|) ulps: the series of e^(x/2^k), squared k times.
+pub fn portable_exp(x: f64) -> f64 {
+    if x < -700.0 {
+        return 0.0;
+    }
+    let mut halvings = 0;
+    let mut small = -x;
+    while small > 0.125 {
+        small *= 0.5;
+        halvings += 1;
+    }
+    let mut sum = 1.0;
+    for n in (1..=12).rev() {
+        sum = 1.0 + small / f64::from(n) * sum;
+    }
+    (0..halvings).fold(1.0 / sum, |power, _| power * power)
 }
 
 /// A portable computation on one number.

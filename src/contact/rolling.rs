@@ -67,14 +67,16 @@ pub fn roll<L: Lanes, const LEDGER: bool>(
         let trial = (-load(&p[at])).mul_add(load(&motion.rolling_increment), load(&history[place]));
         let limit = load(&p[at + 2]) * load(&response.normal);
         let speed = load(&motion.rolling_velocity);
-        let m = Limited::new(token, trial, limit, load(&p[at + 1]) * speed);
-        (m.elastic - m.viscous).store(&mut response.rolling);
-        let (before, after) = (load(&history[place]), m.elastic.select(touching, zero));
+        let damping = load(&p[at + 1]) * speed;
+        let m = Limited::new(token, 1, [trial; 3], limit, [damping; 3]);
+        let (elastic, viscous) = (m.elastic[0], m.viscous[0]);
+        (elastic - viscous).store(&mut response.rolling);
+        let (before, after) = (load(&history[place]), elastic.select(touching, zero));
         if LEDGER {
             let work = (before + after) * load(&motion.rolling_increment);
             let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
             (L::splat(token, -0.5) * (work + gained)).store(&mut response.lost[loss::ROLLING]);
-            let viscous = m.viscous.select(touching, zero);
+            let viscous = viscous.select(touching, zero);
             add_damping(
                 token,
                 response,

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use bytemuck::{allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
+use bytemuck::{Zeroable, allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
 
 use super::{Exchange, Link};
+use crate::dimension::Dimension;
 use crate::failure::Failure;
 use crate::neighbour::Window;
-use crate::simd::Record;
 use crate::state::{ContactState, GrainState, Grains};
 
 /// Columns of the histogram by which the cuts are balanced.
@@ -15,21 +15,21 @@ const BINS: usize = 8192;
 
 /// The slabs of all ranks, and this rank's part in the exchange.
 #[derive(Debug)]
-pub struct Slabs {
+pub struct Slabs<D: Dimension> {
     /// L_x (m).
     length: f64,
     /// Slab r is [cuts[r], cuts[r + 1]).
     pub cuts: Vec<f64>,
-    links: Vec<Neighbour>,
+    links: Vec<Neighbour<D>>,
 }
 
 /// What goes to and comes from one neighbouring rank in every step.
 #[derive(Debug)]
-struct Neighbour {
+struct Neighbour<D: Dimension> {
     rank: usize,
     /// Own grains that it sees.
     send: Vec<u32>,
-    buffer: Vec<Record>,
+    buffer: Vec<D::Record>,
     /// Where its grains are among the local ones.
     ghosts: Range<usize>,
 }
@@ -44,7 +44,7 @@ pub fn most_ranks(length: f64, reach: f64) -> usize {
     }
 }
 
-impl Slabs {
+impl<D: Dimension> Slabs<D> {
     pub fn new(exchange: &impl Exchange, length: f64) -> Self {
         let size = exchange.size();
         Self {
@@ -157,7 +157,7 @@ impl Slabs {
     }
 
     /// Finds the own grains within `reach` (m) of a neighbour's slab, and adds the neighbours' as ghosts.
-    pub fn attach_ghosts(&mut self, exchange: &impl Exchange, grains: &mut Grains, reach: f64) {
+    pub fn attach_ghosts(&mut self, exchange: &impl Exchange, grains: &mut Grains<D>, reach: f64) {
         let (size, me) = (exchange.size(), exchange.rank());
         self.links.clear();
         if size == 1 {
@@ -166,7 +166,7 @@ impl Slabs {
         let (left, right) = ((me + size - 1) % size, (me + 1) % size);
         let (from, to) = (self.cuts[me], self.cuts[me + 1]);
         let near = |g: &u32, side: usize| {
-            let x = grains.record[*g as usize].0[0];
+            let x = grains.fields(*g as usize)[0];
             (side == left && x - from < reach) || (side == right && to - x < reach)
         };
         let mut states = vec![Vec::new(); size];
@@ -177,7 +177,7 @@ impl Slabs {
             states[rank] = send.iter().map(|&g| grains.state(g as usize)).collect();
             self.links.push(Neighbour {
                 rank,
-                buffer: vec![Record::ZERO; send.len()],
+                buffer: vec![D::Record::zeroed(); send.len()],
                 send,
                 ghosts: 0..0,
             });
@@ -197,9 +197,9 @@ impl Slabs {
     pub fn exchange(
         &mut self,
         exchange: &impl Exchange,
-        record: &mut [Record],
+        record: &mut [D::Record],
         owned: usize,
-        meanwhile: impl FnOnce(&[Record]),
+        meanwhile: impl FnOnce(&[D::Record]),
     ) {
         let (own, mut ghosts) = record.split_at_mut(owned);
         if self.links.is_empty() {
@@ -228,13 +228,11 @@ impl Slabs {
         let wide = to - from + 2.0 * reach;
         if exchange.size() == 1 || wide >= self.length {
             Window {
-                length: self.length,
                 from: 0.0,
                 width: self.length,
             }
         } else {
             Window {
-                length: self.length,
                 from: from - reach,
                 width: wide,
             }
@@ -244,7 +242,7 @@ impl Slabs {
     /// Bytes that this rank sends per step, and messages.
     pub fn traffic(&self) -> (usize, usize) {
         let rows: usize = self.links.iter().map(|l| l.send.len()).sum();
-        (rows * size_of::<Record>(), self.links.len())
+        (rows * size_of::<D::Record>(), self.links.len())
     }
 }
 

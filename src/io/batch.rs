@@ -1,6 +1,7 @@
 //! A batch of frames on its way from the ranks that have the grains to those that write them.
 
 use super::collective::{IdBlocks, records_of};
+use super::layout::{elements, forces};
 use crate::state::{ContactSample, GrainSample};
 use std::ops::Range;
 
@@ -131,26 +132,27 @@ impl Frames {
 
 /// A share of a batch, as columns.
 pub struct Part {
-    /// [f][n][3], [f][n][3], [f][n] of the share's frames and ids.
+    /// Of [`elements`], [f][n][width] of the share's frames and ids.
     pub values: [Vec<f64>; 3],
     /// Contacts of each of the share's frames.
     pub counts: Vec<i64>,
     pub i: Vec<u32>,
     pub j: Vec<u32>,
-    pub forces: [Vec<f64>; 5],
+    /// Of [`forces`].
+    pub forces: Vec<Vec<f64>>,
     pub sliding: Vec<u8>,
 }
 
 impl Part {
     /// From one message of each rank. Panics where a grain is missing, or anything comes twice: a fault of the program.
-    pub fn assemble(messages: &[Vec<u8>], share: &Share) -> Part {
+    pub fn assemble(messages: &[Vec<u8>], share: &Share, axes: usize) -> Part {
         let (frames, block) = (length(&share.frames) as usize, length(&share.ids) as usize);
         let mut part = Part {
-            values: [3, 3, 1].map(|width| vec![0.0; frames * block * width]),
+            values: elements(axes).map(|(_, width)| vec![0.0; frames * block * width]),
             counts: Vec::with_capacity(frames),
             i: Vec::new(),
             j: Vec::new(),
-            forces: Default::default(),
+            forces: vec![Vec::new(); forces(axes).len()],
             sliding: Vec::new(),
         };
         let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
@@ -169,9 +171,13 @@ impl Part {
                     assert!(!seen[n], "grain {} twice in a frame", grain.id);
                     seen[n] = true;
                     let at = f * block + n;
-                    part.values[0][3 * at..][..2].copy_from_slice(&grain.position);
-                    part.values[1][3 * at..][..2].copy_from_slice(&grain.velocity);
-                    part.values[2][at] = grain.angular_velocity;
+                    part.values[0][3 * at..][..3].copy_from_slice(&grain.position);
+                    part.values[1][3 * at..][..3].copy_from_slice(&grain.velocity);
+                    let spin = &grain.angular_velocity;
+                    match axes {
+                        2 => part.values[2][at] = spin[2],
+                        _ => part.values[2][3 * at..][..3].copy_from_slice(spin),
+                    }
                 }
                 found.extend(records_of::<ContactSample>(contacts));
             }
@@ -190,22 +196,34 @@ impl Part {
                     twice[0].0 as u32
                 );
             }
-            part.push(order.iter().map(|&(_, n)| &found[n as usize]));
+            part.push(order.iter().map(|&(_, n)| &found[n as usize]), axes);
         }
         part
     }
 
     /// One frame's contacts, in order.
-    fn push<'a>(&mut self, contacts: impl ExactSizeIterator<Item = &'a ContactSample>) {
+    fn push<'a>(
+        &mut self,
+        contacts: impl ExactSizeIterator<Item = &'a ContactSample>,
+        axes: usize,
+    ) {
         self.counts.push(contacts.len() as i64);
         for c in contacts {
             self.i.push(c.i);
             self.j.push(c.j);
-            self.forces[0].push(c.normal_force);
-            self.forces[1].push(c.tangential_force);
-            self.forces[2].push(c.tangential_history);
-            self.forces[3].push(c.rolling_history);
-            self.forces[4].push(c.overlap);
+            let [normal, rolling, overlap] = [&c.normal_force, &c.rolling_history, &c.overlap];
+            let tangents = if axes == 2 { 1 } else { 3 };
+            let force = &c.tangential_force[..tangents];
+            let history = &c.tangential_history[..tangents];
+            let one = std::slice::from_ref;
+            let all = [one(normal), force, history, one(rolling), one(overlap)];
+            let stored = all
+                .into_iter()
+                .enumerate()
+                .filter(|&(n, _)| axes == 2 || n != 3);
+            for (column, (_, values)) in self.forces.iter_mut().zip(stored) {
+                column.extend_from_slice(values);
+            }
             self.sliding.push(c.sliding as u8);
         }
     }
@@ -253,9 +271,9 @@ mod tests {
     fn everything_reaches_its_share() {
         let grain = |id| GrainSample {
             id,
-            position: [id as f64, 1.0],
-            velocity: [2.0, 3.0],
-            angular_velocity: 4.0,
+            position: [id as f64, 1.0, 0.0],
+            velocity: [2.0, 3.0, 0.0],
+            angular_velocity: [0.0, 0.0, 4.0],
         };
         let contact = |i, j| ContactSample {
             i,
@@ -280,7 +298,7 @@ mod tests {
             let (mut x, mut pairs, mut counts) = (Vec::new(), Vec::new(), [0; 2]);
             for (rank, message) in frames.messages(&shares).into_iter().enumerate() {
                 let share = shares.of(rank);
-                let part = Part::assemble(&[message], &share);
+                let part = Part::assemble(&[message], &share, 2);
                 x.extend(part.values[0].chunks(3).map(|p| p[0]));
                 pairs.extend(part.i.iter().copied().zip(part.j));
                 share
@@ -311,6 +329,6 @@ mod tests {
             grains: 2,
             ranks: 1,
         };
-        Part::assemble(&frames.messages(&shares), &shares.of(0));
+        Part::assemble(&frames.messages(&shares), &shares.of(0), 2);
     }
 }

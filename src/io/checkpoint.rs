@@ -18,7 +18,7 @@ pub const PREVIOUS: &str = "checkpoint.previous.h5";
 const PART: &str = "checkpoint.h5.part";
 
 const FORMAT: &str = "gshear-checkpoint";
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 
 /// A field of a record: its name, its numbers a record (1 or more), and how they are got and set.
 struct Field<R, T> {
@@ -63,12 +63,12 @@ impl Record for GrainState {
 
     fn numbers() -> Vec<Field<Self, f64>> {
         vec![
-            field!(Self, position, 2),
-            field!(Self, velocity, 2),
-            field!(Self, angular_velocity, number),
+            field!(Self, position, 3),
+            field!(Self, velocity, 3),
+            field!(Self, angular_velocity, 3),
             field!(Self, radius, number),
-            field!(Self, force, 2),
-            field!(Self, torque, number),
+            field!(Self, force, 3),
+            field!(Self, torque, 3),
         ]
     }
 }

@@ -10,17 +10,34 @@ pub const PARTICLES: &str = "particles/trajectory";
 pub const BOX: &str = "particles/trajectory/box";
 const CONTACTS: &str = "connectivity/contacts";
 
-/// Elements of a frame, and how many numbers a grain has in each.
-pub const ELEMENTS: [(&str, usize); 3] =
-    [("position", 3), ("velocity", 3), ("angular_velocity", 1)];
-/// What is stored of a contact as f64, in the order of `ContactSample`.
-pub const FORCES: [&str; 5] = [
-    "normal_force",
-    "tangential_force",
-    "tangential_history",
-    "rolling_history",
-    "overlap",
-];
+/// Elements of a frame in so many dimensions, and how many numbers a grain has in each.
+pub fn elements(axes: usize) -> [(&'static str, usize); 3] {
+    let spins = if axes == 2 { 1 } else { 3 };
+    [
+        ("position", 3),
+        ("velocity", 3),
+        ("angular_velocity", spins),
+    ]
+}
+
+/// What is stored of a contact as f64 in so many dimensions, and how many numbers of each.
+pub fn forces(axes: usize) -> &'static [(&'static str, usize)] {
+    match axes {
+        2 => &[
+            ("normal_force", 1),
+            ("tangential_force", 1),
+            ("tangential_history", 1),
+            ("rolling_history", 1),
+            ("overlap", 1),
+        ],
+        _ => &[
+            ("normal_force", 1),
+            ("tangential_force", 3),
+            ("tangential_history", 3),
+            ("overlap", 1),
+        ],
+    }
+}
 
 /// Most frames in a chunk.
 pub const CHUNK_FRAMES: usize = 64;
@@ -38,14 +55,16 @@ pub enum Mode {
 
 /// The growing datasets of the file.
 pub struct Columns {
+    /// Dimensions.
+    pub axes: usize,
     pub step: Column<u64>,
     pub time: Column<f64>,
-    /// Of [`ELEMENTS`].
+    /// Of [`elements`].
     pub values: Vec<Column<f64>>,
     pub offset: Column<u64>,
     pub i: Column<u32>,
     pub j: Column<u32>,
-    /// Of [`FORCES`].
+    /// Of [`forces`].
     pub forces: Vec<Column<f64>>,
     pub sliding: Column<u8>,
     pub row_step: Column<u64>,
@@ -56,7 +75,7 @@ pub struct Columns {
 
 impl Columns {
     /// Collective.
-    pub fn new(file: &H5File, mode: Mode, grains: usize) -> Result<Self, Failure> {
+    pub fn new(file: &H5File, mode: Mode, grains: usize, axes: usize) -> Result<Self, Failure> {
         let clock = |folder: &str| -> Result<(Column<u64>, Column<f64>), Failure> {
             let step = growing(file, mode, &format!("{folder}/step"), CHUNK_ROWS)?;
             Ok((
@@ -80,9 +99,10 @@ impl Columns {
             }
         };
 
-        let element = |n: usize| format!("{PARTICLES}/{}", ELEMENTS[n].0);
+        let elements = elements(axes);
+        let element = |n: usize| format!("{PARTICLES}/{}", elements[n].0);
         let mut values = Vec::new();
-        for (n, &(_, width)) in ELEMENTS.iter().enumerate() {
+        for (n, &(_, width)) in elements.iter().enumerate() {
             group(&element(n))?;
             let name = format!("{}/value", element(n));
             values.push(of_grains(file, mode, &name, grains, width)?);
@@ -97,9 +117,9 @@ impl Columns {
             .next_power_of_two()
             .clamp(CHUNK_ROWS, CHUNK_BYTES / 8);
         let contact = |name: &str| format!("{CONTACTS}/{name}");
-        let mut forces = Vec::new();
-        for name in FORCES {
-            forces.push(growing(file, mode, &contact(name), rows)?);
+        let mut columns = Vec::new();
+        for &(name, width) in forces(axes) {
+            columns.push(growing_wide(file, mode, &contact(name), rows, width)?);
         }
 
         let observable = |n: usize| format!("observables/{}", SERIES_COLUMNS[n]);
@@ -119,13 +139,14 @@ impl Columns {
         }
 
         Ok(Columns {
+            axes,
             step,
             time,
             values,
             offset: growing(file, mode, &contact("offset"), CHUNK_ROWS)?,
             i: growing(file, mode, &contact("i"), rows)?,
             j: growing(file, mode, &contact("j"), rows)?,
-            forces,
+            forces: columns,
             sliding: growing(file, mode, &contact("sliding"), rows)?,
             row_step,
             row_time,
@@ -144,6 +165,22 @@ fn growing<T: H5Type + Copy>(
     match mode {
         Mode::Create => file.dataset(name, &[0], Some(&[chunk])),
         Mode::Open => file.open_dataset(name),
+    }
+}
+
+/// The same of `width` numbers an entry.
+fn growing_wide(
+    file: &H5File,
+    mode: Mode,
+    name: &str,
+    chunk: usize,
+    width: usize,
+) -> Result<Column<f64>, Failure> {
+    match (mode, width) {
+        (Mode::Create, 2..) => {
+            file.dataset(name, &[0, width], Some(&[chunk.div_ceil(width), width]))
+        }
+        _ => growing(file, mode, name, chunk),
     }
 }
 
@@ -169,7 +206,7 @@ fn of_grains(
 }
 
 /// The groups and attributes that make the file H5MD 1.1. Collective.
-pub fn describe(file: &H5File) -> Result<(), Failure> {
+pub fn describe(file: &H5File, axes: usize) -> Result<(), Failure> {
     let name = env!("CARGO_PKG_NAME");
     for group in ["h5md", "h5md/author", "h5md/creator", BOX, PARAMETERS] {
         file.group(group)?;
@@ -179,6 +216,10 @@ pub fn describe(file: &H5File) -> Result<(), Failure> {
     file.attribute("h5md/creator", "name", &name.into())?;
     file.attribute("h5md/creator", "version", &env!("CARGO_PKG_VERSION").into())?;
     file.attribute(BOX, "dimension", &Attribute::Count(3))?;
-    let boundary = ["periodic", "none", "none"].map(String::from);
+    let boundary = match axes {
+        2 => ["periodic", "none", "none"],
+        _ => ["periodic", "periodic", "none"],
+    };
+    let boundary = boundary.map(String::from);
     file.attribute(BOX, "boundary", &Attribute::Texts(boundary.into()))
 }

@@ -3,7 +3,7 @@
 use super::batch::{Frames, Part, Shares, length};
 use super::collective::{IdBlocks, Outcome, agree, records_of};
 use super::h5::{Attribute, Column, H5File, Slab};
-use super::layout::{BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, describe};
+use super::layout::{BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, describe, forces};
 use crate::domain::{Exchange, total};
 use crate::failure::Failure;
 use crate::state::{ContactSample, GrainSample, SeriesRow};
@@ -25,10 +25,9 @@ pub struct GrainShape {
 /// What `run.h5` holds from the start.
 #[derive(Debug, Clone, Copy)]
 pub struct RunHeader<'a> {
-    /// L_x (m).
-    pub length: f64,
-    /// Height at the start of the shear (m).
-    pub height: f64,
+    pub axes: usize,
+    /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
+    pub edges: [f64; 3],
     /// This rank's grains; together the ranks have the ids 0 … N-1, each once.
     pub grains: &'a [GrainShape],
     /// Attributes of `parameters`; those of rank 0 are written.
@@ -78,11 +77,11 @@ impl TrajectoryWriter {
         };
         let created = (|| {
             let file = H5File::create(path, exchange.communicator())?;
-            describe(&file)?;
+            describe(&file, header.axes)?;
             for (name, value) in &attributes {
                 file.attribute(PARAMETERS, name, value)?;
             }
-            let columns = Columns::new(&file, Mode::Create, grains as usize)?;
+            let columns = Columns::new(&file, Mode::Create, grains as usize, header.axes)?;
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, created)?;
@@ -108,8 +107,8 @@ impl TrajectoryWriter {
         agree(exchange, looked)?;
         let extent = exchange.broadcast(bytemuck::cast_slice(&extent).to_vec());
         let extent: Vec<u64> = records_of(&extent).collect();
-        let [grains, contacts] = extent[..] else {
-            unreachable!("two numbers were sent")
+        let [grains, contacts, axes] = extent[..] else {
+            unreachable!("three numbers were sent")
         };
 
         let blocks = IdBlocks {
@@ -118,7 +117,7 @@ impl TrajectoryWriter {
         };
         let opened = (|| {
             let file = H5File::open(path, exchange.communicator())?;
-            let columns = Columns::new(&file, Mode::Open, grains as usize)?;
+            let columns = Columns::new(&file, Mode::Open, grains as usize, axes as usize)?;
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, opened)?;
@@ -194,9 +193,8 @@ impl TrajectoryWriter {
         let body: Vec<u8> = shapes.iter().map(|g| g.body as u8).collect();
         let radius: Vec<f64> = shapes.iter().map(|g| g.radius).collect();
         let mass: Vec<f64> = shapes.iter().map(|g| g.mass).collect();
-        let edges = [header.length, header.height, 0.0];
         let root = exchange.rank() == 0;
-        let edges = if root { &edges[..] } else { &[] };
+        let edges = if root { &header.edges[..] } else { &[] };
         let all = Slab::rows(0, edges.len() as u64, 1);
 
         let mut outcome = Outcome::default();
@@ -291,7 +289,7 @@ impl TrajectoryWriter {
         };
         let messages = exchange.all_to_all(self.frames.messages(&shares));
         let share = shares.of(exchange.rank());
-        let part = Part::assemble(&messages, &share);
+        let part = Part::assemble(&messages, &share, self.columns.axes);
         drop(messages);
 
         // Shares follow each other in the order of the file, so a rank's contacts are one stretch of it.
@@ -300,7 +298,8 @@ impl TrajectoryWriter {
         counts[first..first + part.counts.len()].copy_from_slice(&part.counts);
         exchange.sum(&mut counts);
         let begin = self.contacts_written + exchange.sum_below(part.i.len() as u64);
-        let stretch = Slab::rows(begin, part.i.len() as u64, 1);
+        let of_width = |width: usize| Slab::rows(begin, part.i.len() as u64, width as u64);
+        let stretch = of_width(1);
         let mut end = self.contacts_written;
         let mut ends = Vec::with_capacity(counts.len());
         for count in counts {
@@ -321,8 +320,11 @@ impl TrajectoryWriter {
         }
         outcome.note(columns.i.append(end, stretch, &part.i));
         outcome.note(columns.j.append(end, stretch, &part.j));
-        for (column, values) in columns.forces.iter_mut().zip(&part.forces) {
-            outcome.note(column.append(end, stretch, values));
+        let forces = forces(columns.axes);
+        for ((column, values), (_, width)) in
+            columns.forces.iter_mut().zip(&part.forces).zip(forces)
+        {
+            outcome.note(column.append(end, of_width(*width), values));
         }
         outcome.note(columns.sliding.append(end, stretch, &part.sliding));
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
@@ -406,8 +408,8 @@ fn by_root<T: H5Type + Copy>(
     column.append(after, Slab::rows(before, mine.len() as u64, 1), mine)
 }
 
-/// N, and the number of contacts in the first `frames` frames, of a file that is ours and long enough.
-fn inspect(path: &Path, frames: u64, rows: u64) -> Result<[u64; 2], Failure> {
+/// N, the number of contacts in the first `frames` frames, and the dimensions, of a file that is ours and long enough.
+fn inspect(path: &Path, frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
     let name = path.display();
     if !path.is_file() {
         return Err(Failure::input(format!(
@@ -415,7 +417,7 @@ fn inspect(path: &Path, frames: u64, rows: u64) -> Result<[u64; 2], Failure> {
         )));
     }
     let unfit = |why: String| Failure::input(format!("{name}: cannot go on with this file: {why}"));
-    let read = || -> hdf5::Result<Result<[u64; 2], Failure>> {
+    let read = || -> hdf5::Result<Result<[u64; 3], Failure>> {
         let file = hdf5::File::open(path)?;
         file.group(PARAMETERS)?.attr("scene")?;
         let length = |name: &str| -> hdf5::Result<u64> {
@@ -441,7 +443,8 @@ fn inspect(path: &Path, frames: u64, rows: u64) -> Result<[u64; 2], Failure> {
         if length("connectivity/contacts/i")? < contacts {
             return Ok(Err(unfit("contacts are missing".into())));
         }
-        Ok(Ok([grains as u64, contacts]))
+        let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
+        Ok(Ok([grains as u64, contacts, spin.ndim() as u64]))
     };
     read().unwrap_or_else(|error| {
         Err(unfit(format!(

@@ -11,7 +11,7 @@ use crate::io::run_reader::Run;
 use crate::report::lee_hurley::Choice;
 use crate::{analysis, report};
 
-use super::{compare, correlate, dmin, export, info, phases, regions, study};
+use super::{compare, correlate, dmin, export, info, phases, rate_state, regions, study};
 
 /// Reduces the runs of gshear-mpi: what is in them, D²min, stick and slip phases, and a report with figures.
 ///
@@ -116,6 +116,21 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
+    /// Fit rate-and-state friction to runs under a spring: velocity steps and slide-hold-slide
+    ///
+    /// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ among them. Writes the mean series, tables of
+    /// segments, steps, holds and fits (CSV), rate-state.json, and figures. Intervals are of 95 %.
+    RateState {
+        /// Each a run.h5, or the folder that holds one
+        #[arg(required = true, value_name = "RUN")]
+        runs: Vec<PathBuf>,
+        /// Evolution of the state to fit
+        #[arg(long, value_enum, default_value_t = rate_state::Laws::Both)]
+        law: rate_state::Laws,
+        /// Folder to write into [default: the first run's folder + /rate-state]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
     ///
     /// With --study lee-hurley instead, of one run or of several: every figure of Lee & Hurley that rests on data, under its number,
@@ -197,6 +212,16 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
         } => {
             let path = export::write(run, *format, *frame, out.as_deref())?;
             writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+        }
+        Command::RateState { runs, law, out } => {
+            let runs: Vec<Run> = runs
+                .iter()
+                .map(|run| Run::open(run))
+                .collect::<Result<_, _>>()?;
+            let folder = out
+                .clone()
+                .unwrap_or_else(|| runs[0].folder().join("rate-state"));
+            rate_state::write(&runs, *law, &folder, output)?;
         }
         Command::Report {
             runs,

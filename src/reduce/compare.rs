@@ -281,8 +281,8 @@ type ContactField = (&'static str, fn(&ContactSample) -> f64);
 
 const CONTACT_FIELDS: [ContactField; 6] = [
     ("normal_force", |c| c.normal_force),
-    ("tangential_force", |c| c.tangential_force),
-    ("tangential_history", |c| c.tangential_history),
+    ("tangential_force", |c| c.tangential_force[0]),
+    ("tangential_history", |c| c.tangential_history[0]),
     ("rolling_history", |c| c.rolling_history),
     ("overlap", |c| c.overlap),
     ("sliding", |c| c.sliding as f64),

@@ -1,16 +1,18 @@
 //! `export`: one state of a run in a format of other programs.
 
-use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
+use crate::config::Dimensions;
+use crate::dimension::{Dimension, Three, Two};
 use crate::domain::Solo;
 use crate::failure::Failure;
 use crate::io::lammps_data::{self, Atom, DataFile};
 use crate::io::run_reader::Run;
 use crate::io::{checkpoint, provenance, text_writer};
 use crate::run::{Header, Stage};
+use crate::state::Cell;
 
 /// Formats that a state can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -29,11 +31,17 @@ impl Format {
     }
 
     fn text(self, state: &State) -> String {
+        match (self, state.dimension) {
+            (_, Dimensions::Three) => data_file(state, self.program(), &[], Three::volume),
+            (Format::LammpsData, _) => data_file(state, self.program(), &SPHERES, Three::volume),
+            (Format::LiggghtsData, _) => data_file(state, self.program(), &DISKS, Two::volume),
+        }
+    }
+
+    fn program(self) -> &'static str {
         match self {
-            Format::LammpsData => {
-                data_file(state, "LAMMPS", &SPHERES, |r| 4.0 / 3.0 * PI * r * r * r)
-            }
-            Format::LiggghtsData => data_file(state, "LIGGGHTS", &DISKS, |r| PI * r * r),
+            Format::LammpsData => "LAMMPS",
+            Format::LiggghtsData => "LIGGGHTS",
         }
     }
 }
@@ -66,8 +74,8 @@ struct State {
     title: String,
     /// Name of its file without extension.
     name: String,
-    /// L_x (m).
-    length: f64,
+    cell: Cell,
+    dimension: Dimensions,
     grains: Vec<Grain>,
 }
 
@@ -75,11 +83,11 @@ struct Grain {
     /// 0 free, 1 bottom wall, 2 top wall.
     body: u32,
     radius: f64,
-    /// kg/m.
+    /// kg; kg/m in 2D.
     mass: f64,
-    position: [f64; 2],
-    velocity: [f64; 2],
-    angular_velocity: f64,
+    position: [f64; 3],
+    velocity: [f64; 3],
+    angular_velocity: [f64; 3],
 }
 
 /// Writes a state of `run`, a run or a checkpoint, to `out` or beside it. Returns the file.
@@ -143,9 +151,9 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
         body: disks.body[g].into(),
         radius: disks.radius[g],
         mass: disks.mass[g],
-        position: frame.position[g],
-        velocity: frame.velocity[g],
-        angular_velocity: frame.angular_velocity[g],
+        position: in_plane(frame.position[g]),
+        velocity: in_plane(frame.velocity[g]),
+        angular_velocity: [0.0, 0.0, frame.angular_velocity[g]],
     };
     Ok(State {
         title: format!(
@@ -155,9 +163,16 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
             run.path().display(),
         ),
         name: format!("frame-{t}"),
-        length: disks.length,
+        cell: Cell {
+            periods: [disks.length, f64::INFINITY],
+        },
+        dimension: Dimensions::Two,
         grains: (0..disks.count()).map(grain).collect(),
     })
+}
+
+fn in_plane([x, y]: [f64; 2]) -> [f64; 3] {
+    [x, y, 0.0]
 }
 
 fn of_checkpoint(path: &Path) -> Result<State, Failure> {
@@ -171,7 +186,7 @@ fn of_checkpoint(path: &Path) -> Result<State, Failure> {
     let grain = |g: &crate::state::GrainState| Grain {
         body: g.body,
         radius: g.radius,
-        mass: scene.law.disk_mass(g.radius),
+        mass: scene.law.density() * scene.dimension.volume(g.radius),
         position: g.position,
         velocity: g.velocity,
         angular_velocity: g.angular_velocity,
@@ -181,7 +196,8 @@ fn of_checkpoint(path: &Path) -> Result<State, Failure> {
         name: path
             .file_stem()
             .map_or("checkpoint".into(), |stem| stem.to_string_lossy().into()),
-        length: scene.sample.length,
+        cell: scene.sample.cell(),
+        dimension: scene.dimension,
         grains: snapshot.grains.iter().map(grain).collect(),
     })
 }
@@ -200,34 +216,36 @@ const DISKS: [&str; 2] = [
 fn data_file(
     state: &State,
     program: &str,
-    density: &[&str; 2],
+    density: &[&str],
     volume: impl Fn(f64) -> f64,
 ) -> String {
+    let up = state.dimension.axes() - 1;
     let edges = state
         .grains
         .iter()
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], g| {
-            let y = g.position[1];
+            let y = g.position[up];
             [lo.min(y - g.radius), hi.max(y + g.radius)]
         });
     let largest = state.grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
     let atom = |(g, grain): (usize, &Grain)| {
         let diameter = 2.0 * grain.radius;
-        let [x, y] = grain.position;
-        let [u, v] = grain.velocity;
         Atom {
             id: g as u64 + 1,
             kind: grain.body + 1,
             diameter,
             density: grain.mass / volume(grain.radius),
-            position: [x, y, 0.0],
-            velocity: [u, v, 0.0],
-            angular_velocity: [0.0, 0.0, grain.angular_velocity],
+            position: grain.position,
+            velocity: grain.velocity,
+            angular_velocity: grain.angular_velocity,
             line: 0,
         }
     };
     let file = DataFile {
-        bounds: [[0.0, state.length], edges, [-largest, largest]],
+        bounds: match (state.dimension, state.cell.periods) {
+            (Dimensions::Two, [length, _]) => [[0.0, length], edges, [-largest, largest]],
+            (Dimensions::Three, [length, width]) => [[0.0, length], [0.0, width], edges],
+        },
         types: 3,
         atoms: state.grains.iter().enumerate().map(atom).collect(),
     };
@@ -236,11 +254,15 @@ fn data_file(
         state.title,
         provenance::printed()
     );
-    let comments = [
-        "atom_style sphere, dimension 2, periodic along x. Types: 1 free grains, 2 bottom wall, 3 top wall.",
-        "SI units; the id is that of the run plus 1.",
-        density[0],
-        density[1],
-    ];
+    let what = match state.dimension {
+        Dimensions::Two => {
+            "atom_style sphere, dimension 2, periodic along x. Types: 1 free grains, 2 bottom wall, 3 top wall."
+        }
+        Dimensions::Three => {
+            "atom_style sphere, periodic along x and y. Types: 1 free grains, 2 bottom wall, 3 top wall."
+        }
+    };
+    let mut comments = vec![what, "SI units; the id is that of the run plus 1."];
+    comments.extend(density);
     lammps_data::write(&title, &comments, &file)
 }

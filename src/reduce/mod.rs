@@ -8,6 +8,7 @@ pub mod export;
 mod info;
 mod phases;
 mod pool;
+pub mod rate_state;
 mod regions;
 pub mod scalars;
 mod study;

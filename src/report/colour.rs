@@ -11,6 +11,9 @@ pub const GRAIN: RGBColor = RGBColor(0xf3, 0xf4, 0xf6);
 pub const WALL: RGBColor = RGBColor(0xc3, 0xc8, 0xce);
 pub const STICK: RGBColor = RGBColor(0x00, 0x72, 0xb2);
 pub const SLIP: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
+/// The evolution laws of rate-and-state friction, as in FR's figure S1.
+pub const AGING_LAW: RGBColor = RGBColor(0x00, 0x9e, 0x73);
+pub const SLIP_LAW: RGBColor = RGBColor(0xcc, 0x79, 0xa7);
 
 /// Curves beside each other: blue, vermillion, green, purple, orange, sky blue, black.
 pub const CURVES: [RGBColor; 7] = [

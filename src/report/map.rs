@@ -288,7 +288,7 @@ mod tests {
             i,
             j,
             normal_force,
-            tangential_force,
+            tangential_force: [tangential_force, 0.0, 0.0],
             ..zero
         }
     }

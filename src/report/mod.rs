@@ -7,6 +7,7 @@ pub mod lee_hurley;
 mod map;
 mod page;
 pub mod plot;
+pub mod rate_state;
 mod stress;
 mod summary;
 pub mod ticks;

@@ -161,7 +161,7 @@ pub(super) fn draw(
 }
 
 /// The first, the least, the greatest and the last point of every `column` of x, in their order.
-fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
+pub(super) fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
     let place = |point: &[f64; 2]| (point[0] / column).floor();
     let mut kept = Vec::new();
     for group in points.chunk_by(|a, b| place(a) == place(b)) {

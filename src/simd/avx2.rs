@@ -4,8 +4,8 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Mask, PairList, Pairs, Quad, Record, Row, TO_INTEGER,
-    Work,
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Line, Mask, Oct, PairList, Pairs, Quad, Row,
+    TO_INTEGER, Work,
 };
 
 /// Proof that this processor has AVX2 and FMA.
@@ -306,39 +306,60 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn differences(_: Avx2Token, records: &[Record], list: &PairList, block: usize) -> [Self; 8] {
+    fn differences<const LINE: usize, const LINES: usize>(
+        _: Avx2Token,
+        records: &[[Line; LINES]],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 8] {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX2; the indices were checked by `within`, and every record holds eight f64 and is aligned.
+        // SAFETY: the token proves AVX2; the indices were checked by `within`, and every line holds eight f64 and is aligned.
         unsafe {
             let mut low = [[_mm256_setzero_pd(); 4]; 4];
             let mut high = low;
             for k in 0..4 {
-                low[k] = columns(records, pairs, 4 * k, 0);
-                high[k] = columns(records, pairs, 4 * k, 4);
+                low[k] = columns::<LINE, LINES>(records, pairs, 4 * k, 0);
+                high[k] = columns::<LINE, LINES>(records, pairs, 4 * k, 4);
             }
-            [
-                Avx2(each(|k| low[k][0])),
-                Avx2(each(|k| low[k][1])),
-                Avx2(each(|k| low[k][2])),
-                Avx2(each(|k| low[k][3])),
-                Avx2(each(|k| high[k][0])),
-                Avx2(each(|k| high[k][1])),
-                Avx2(each(|k| high[k][2])),
-                Avx2(each(|k| high[k][3])),
-            ]
+            joined(low, high)
         }
     }
 
     #[inline(always)]
-    fn last_fields(_: Avx2Token, records: &[Record], list: &PairList, block: usize) -> [Self; 2] {
+    fn line_of_j<const LINE: usize, const LINES: usize>(
+        _: Avx2Token,
+        records: &[[Line; LINES]],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 8] {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX2; the indices were checked by `within`, and a record holds eight f64, of which the last two are read.
+        // SAFETY: the token proves AVX2; the indices were checked by `within`, and every line holds eight f64 and is aligned.
+        unsafe {
+            let mut low = [[_mm256_setzero_pd(); 4]; 4];
+            let mut high = low;
+            for k in 0..4 {
+                low[k] = columns_of_j::<LINE, LINES>(records, pairs, 4 * k, 0);
+                high[k] = columns_of_j::<LINE, LINES>(records, pairs, 4 * k, 4);
+            }
+            joined(low, high)
+        }
+    }
+
+    #[inline(always)]
+    fn end_of_j<const LINE: usize, const LINES: usize>(
+        _: Avx2Token,
+        records: &[[Line; LINES]],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 2] {
+        let pairs = list.within(block, records.len());
+        // SAFETY: the token proves AVX2; the indices were checked by `within`, and a line holds eight f64, of which the last two are read.
         unsafe {
             let mut even = [_mm256_setzero_pd(); 4];
             let mut odd = even;
             for k in 0..4 {
-                even[k] = two_ends(records, pairs, 4 * k);
-                odd[k] = two_ends(records, pairs, 4 * k + 1);
+                even[k] = two_ends::<LINE, LINES>(records, pairs, 4 * k);
+                odd[k] = two_ends::<LINE, LINES>(records, pairs, 4 * k + 1);
             }
             [
                 Avx2(each(|k| _mm256_unpacklo_pd(even[k], odd[k]))),
@@ -348,7 +369,7 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_to_pairs(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every quad holds
         // four f64 and is aligned.
@@ -369,6 +390,53 @@ impl Lanes for Avx2 {
             }
         }
     }
+
+    #[inline(always)]
+    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize) {
+        let pairs = list.within(block, sums.len());
+        // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every oct holds
+        // eight f64 and is aligned.
+        unsafe {
+            let [a, b, c] = terms;
+            let zero = _mm256_setzero_pd();
+            for part in 0..4 {
+                let (x, y, z) = (a[0].0[part], a[1].0[part], a[2].0[part]);
+                let c_x = _mm256_sub_pd(zero, c[0].0[part]);
+                let c_y = _mm256_sub_pd(zero, c[1].0[part]);
+                let c_z = _mm256_sub_pd(zero, c[2].0[part]);
+                let low_i = transpose([x, y, z, b[0].0[part]]);
+                let high_i = transpose([b[1].0[part], b[2].0[part], zero, zero]);
+                let low_j = transpose([x, y, z, c_x]);
+                let high_j = transpose([c_y, c_z, zero, zero]);
+                for k in 0..4 {
+                    let lane = 4 * part + k;
+                    let to = sums.as_mut_ptr().add(pairs.i[lane] as usize).cast::<f64>();
+                    _mm256_store_pd(to, _mm256_add_pd(_mm256_load_pd(to), low_i[k]));
+                    let to = to.add(4);
+                    _mm256_store_pd(to, _mm256_add_pd(_mm256_load_pd(to), high_i[k]));
+                    let to = sums.as_mut_ptr().add(pairs.j[lane] as usize).cast::<f64>();
+                    _mm256_store_pd(to, _mm256_sub_pd(_mm256_load_pd(to), low_j[k]));
+                    let to = to.add(4);
+                    _mm256_store_pd(to, _mm256_sub_pd(_mm256_load_pd(to), high_j[k]));
+                }
+            }
+        }
+    }
+}
+
+/// Eight quantities of sixteen pairs, of the first four and the last four of four pairs each.
+#[inline(always)]
+fn joined(low: [[__m256d; 4]; 4], high: [[__m256d; 4]; 4]) -> [Avx2; 8] {
+    [
+        Avx2(each(|k| low[k][0])),
+        Avx2(each(|k| low[k][1])),
+        Avx2(each(|k| low[k][2])),
+        Avx2(each(|k| low[k][3])),
+        Avx2(each(|k| high[k][0])),
+        Avx2(each(|k| high[k][1])),
+        Avx2(each(|k| high[k][2])),
+        Avx2(each(|k| high[k][3])),
+    ]
 }
 
 /// The bits of x, half an eighth of its power of two further.
@@ -386,14 +454,19 @@ unsafe fn rounded(x: __m256d) -> __m256i {
 /// # Safety
 /// The processor has AVX, and the indices are below `records.len()`.
 #[inline(always)]
-unsafe fn columns(records: &[Record], pairs: &Pairs, lane: usize, from: usize) -> [__m256d; 4] {
-    // SAFETY: as the caller promises; every record holds eight f64 and is aligned, four of which are read from `from` on.
+unsafe fn columns<const LINE: usize, const LINES: usize>(
+    records: &[[Line; LINES]],
+    pairs: &Pairs,
+    lane: usize,
+    from: usize,
+) -> [__m256d; 4] {
+    // SAFETY: as the caller promises; every line holds eight f64 and is aligned, four of which are read from `from` on.
     unsafe {
         let mut rows = [_mm256_setzero_pd(); 4];
         for (k, row) in rows.iter_mut().enumerate() {
             let (a, b) = (
-                records.get_unchecked(pairs.i[lane + k] as usize),
-                records.get_unchecked(pairs.j[lane + k] as usize),
+                &records.get_unchecked(pairs.i[lane + k] as usize)[LINE],
+                &records.get_unchecked(pairs.j[lane + k] as usize)[LINE],
             );
             *row = _mm256_sub_pd(
                 _mm256_load_pd(a.0.as_ptr().add(from)),
@@ -404,16 +477,42 @@ unsafe fn columns(records: &[Record], pairs: &Pairs, lane: usize, from: usize) -
     }
 }
 
-/// The last two fields of the records `pairs.j` of a lane and the next but one.
+/// Columns of a line of four records `pairs.j`, of the `lane` and the next three, from the field `from` on.
 ///
 /// # Safety
 /// The processor has AVX, and the indices are below `records.len()`.
 #[inline(always)]
-unsafe fn two_ends(records: &[Record], pairs: &Pairs, lane: usize) -> __m256d {
-    // SAFETY: as the caller promises; every record holds eight f64 and is aligned.
+unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
+    records: &[[Line; LINES]],
+    pairs: &Pairs,
+    lane: usize,
+    from: usize,
+) -> [__m256d; 4] {
+    // SAFETY: as the caller promises; every line holds eight f64 and is aligned, four of which are read from `from` on.
     unsafe {
-        let a = records.get_unchecked(pairs.j[lane] as usize);
-        let b = records.get_unchecked(pairs.j[lane + 2] as usize);
+        let mut rows = [_mm256_setzero_pd(); 4];
+        for (k, row) in rows.iter_mut().enumerate() {
+            let record = records.get_unchecked(pairs.j[lane + k] as usize);
+            *row = _mm256_load_pd(record[LINE].0.as_ptr().add(from));
+        }
+        transpose(rows)
+    }
+}
+
+/// The last two fields of a line of the records `pairs.j` of a lane and the next but one.
+///
+/// # Safety
+/// The processor has AVX, and the indices are below `records.len()`.
+#[inline(always)]
+unsafe fn two_ends<const LINE: usize, const LINES: usize>(
+    records: &[[Line; LINES]],
+    pairs: &Pairs,
+    lane: usize,
+) -> __m256d {
+    // SAFETY: as the caller promises; every line holds eight f64 and is aligned.
+    unsafe {
+        let a = &records.get_unchecked(pairs.j[lane] as usize)[LINE];
+        let b = &records.get_unchecked(pairs.j[lane + 2] as usize)[LINE];
         _mm256_set_m128d(
             _mm_load_pd(b.0.as_ptr().add(6)),
             _mm_load_pd(a.0.as_ptr().add(6)),

@@ -4,8 +4,8 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Mask, PairList, Pairs, Quad, Record, Row, TO_INTEGER,
-    Work,
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Line, Mask, Oct, PairList, Pairs, Quad, Row,
+    TO_INTEGER, Work,
 };
 
 /// Proof that this processor has AVX-512 F and DQ.
@@ -293,32 +293,58 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn differences(_: Avx512Token, records: &[Record], list: &PairList, block: usize) -> [Self; 8] {
+    fn differences<const LINE: usize, const LINES: usize>(
+        _: Avx512Token,
+        records: &[[Line; LINES]],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 8] {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every record holds eight f64 and is aligned.
+        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every line holds eight f64 and is aligned.
         unsafe {
-            let (a, b) = (columns(records, pairs, 0), columns(records, pairs, 8));
-            [
-                Avx512([a[0], b[0]]),
-                Avx512([a[1], b[1]]),
-                Avx512([a[2], b[2]]),
-                Avx512([a[3], b[3]]),
-                Avx512([a[4], b[4]]),
-                Avx512([a[5], b[5]]),
-                Avx512([a[6], b[6]]),
-                Avx512([a[7], b[7]]),
-            ]
+            joined(
+                columns::<LINE, LINES>(records, pairs, 0),
+                columns::<LINE, LINES>(records, pairs, 8),
+            )
         }
     }
 
     #[inline(always)]
-    fn last_fields(_: Avx512Token, records: &[Record], list: &PairList, block: usize) -> [Self; 2] {
+    fn line_of_j<const LINE: usize, const LINES: usize>(
+        _: Avx512Token,
+        records: &[[Line; LINES]],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 8] {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and a record holds eight f64, of which the last two are read.
+        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every line holds eight f64 and is aligned.
+        unsafe {
+            joined(
+                columns_of_j::<LINE, LINES>(records, pairs, 0),
+                columns_of_j::<LINE, LINES>(records, pairs, 8),
+            )
+        }
+    }
+
+    #[inline(always)]
+    fn end_of_j<const LINE: usize, const LINES: usize>(
+        _: Avx512Token,
+        records: &[[Line; LINES]],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 2] {
+        let pairs = list.within(block, records.len());
+        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and a line holds eight f64, of which the last two are read.
         unsafe {
             let (a, b) = (
-                (four_ends(records, pairs, 0), four_ends(records, pairs, 1)),
-                (four_ends(records, pairs, 8), four_ends(records, pairs, 9)),
+                (
+                    four_ends::<LINE, LINES>(records, pairs, 0),
+                    four_ends::<LINE, LINES>(records, pairs, 1),
+                ),
+                (
+                    four_ends::<LINE, LINES>(records, pairs, 8),
+                    four_ends::<LINE, LINES>(records, pairs, 9),
+                ),
             );
             [
                 Avx512([_mm512_unpacklo_pd(a.0, a.1), _mm512_unpacklo_pd(b.0, b.1)]),
@@ -328,7 +354,7 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn add_to_pairs(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every quad holds
         // four f64 and is aligned.
@@ -353,23 +379,69 @@ impl Lanes for Avx512 {
             }
         }
     }
+
+    #[inline(always)]
+    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize) {
+        let pairs = list.within(block, sums.len());
+        // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every oct holds
+        // eight f64 and is aligned.
+        unsafe {
+            let zero = _mm512_setzero_pd();
+            let [a, b, c] = terms;
+            for part in 0..2 {
+                let (x, y, z) = (a[0].0[part], a[1].0[part], a[2].0[part]);
+                let (b_x, b_y, b_z) = (b[0].0[part], b[1].0[part], b[2].0[part]);
+                let c_x = _mm512_sub_pd(zero, c[0].0[part]);
+                let c_y = _mm512_sub_pd(zero, c[1].0[part]);
+                let c_z = _mm512_sub_pd(zero, c[2].0[part]);
+                let on_i = transpose([x, y, z, b_x, b_y, b_z, zero, zero]);
+                let on_j = transpose([x, y, z, c_x, c_y, c_z, zero, zero]);
+                for k in 0..8 {
+                    let lane = 8 * part + k;
+                    let to = sums.as_mut_ptr().add(pairs.i[lane] as usize).cast::<f64>();
+                    _mm512_store_pd(to, _mm512_add_pd(_mm512_load_pd(to), on_i[k]));
+                    let to = sums.as_mut_ptr().add(pairs.j[lane] as usize).cast::<f64>();
+                    _mm512_store_pd(to, _mm512_sub_pd(_mm512_load_pd(to), on_j[k]));
+                }
+            }
+        }
+    }
 }
 
 // What follows are functions and no closures: a closure that is not inlined is not compiled for the instruction set.
+
+/// Eight quantities of sixteen pairs, of those of the first eight and of the last eight.
+#[inline(always)]
+fn joined(a: [__m512d; 8], b: [__m512d; 8]) -> [Avx512; 8] {
+    [
+        Avx512([a[0], b[0]]),
+        Avx512([a[1], b[1]]),
+        Avx512([a[2], b[2]]),
+        Avx512([a[3], b[3]]),
+        Avx512([a[4], b[4]]),
+        Avx512([a[5], b[5]]),
+        Avx512([a[6], b[6]]),
+        Avx512([a[7], b[7]]),
+    ]
+}
 
 /// Columns of the differences of eight pairs, from the `first` on.
 ///
 /// # Safety
 /// The processor has AVX-512 F, and the indices are below `records.len()`.
 #[inline(always)]
-unsafe fn columns(records: &[Record], pairs: &Pairs, first: usize) -> [__m512d; 8] {
-    // SAFETY: as the caller promises; every record holds eight f64 and is aligned.
+unsafe fn columns<const LINE: usize, const LINES: usize>(
+    records: &[[Line; LINES]],
+    pairs: &Pairs,
+    first: usize,
+) -> [__m512d; 8] {
+    // SAFETY: as the caller promises; every line holds eight f64 and is aligned.
     unsafe {
         let mut rows = [_mm512_setzero_pd(); 8];
         for (k, row) in rows.iter_mut().enumerate() {
             let (a, b) = (
-                records.get_unchecked(pairs.i[first + k] as usize),
-                records.get_unchecked(pairs.j[first + k] as usize),
+                &records.get_unchecked(pairs.i[first + k] as usize)[LINE],
+                &records.get_unchecked(pairs.j[first + k] as usize)[LINE],
             );
             *row = _mm512_sub_pd(_mm512_load_pd(a.0.as_ptr()), _mm512_load_pd(b.0.as_ptr()));
         }
@@ -377,18 +449,43 @@ unsafe fn columns(records: &[Record], pairs: &Pairs, first: usize) -> [__m512d; 
     }
 }
 
-/// The last two fields of the records `pairs.j` of every other lane, four of them, from the `first` on.
+/// Columns of a line of eight records `pairs.j`, from the `first` on.
+///
+/// # Safety
+/// The processor has AVX-512 F, and the indices are below `records.len()`.
+#[inline(always)]
+unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
+    records: &[[Line; LINES]],
+    pairs: &Pairs,
+    first: usize,
+) -> [__m512d; 8] {
+    // SAFETY: as the caller promises; every line holds eight f64 and is aligned.
+    unsafe {
+        let mut rows = [_mm512_setzero_pd(); 8];
+        for (k, row) in rows.iter_mut().enumerate() {
+            let record = records.get_unchecked(pairs.j[first + k] as usize);
+            *row = _mm512_load_pd(record[LINE].0.as_ptr());
+        }
+        transpose(rows)
+    }
+}
+
+/// The last two fields of a line of the records `pairs.j` of every other lane, four of them, from the `first` on.
 ///
 /// # Safety
 /// The processor has AVX-512 DQ, and the indices are below `records.len()`.
 #[inline(always)]
-unsafe fn four_ends(records: &[Record], pairs: &Pairs, first: usize) -> __m512d {
-    // SAFETY: as the caller promises; every record holds eight f64 and is aligned.
+unsafe fn four_ends<const LINE: usize, const LINES: usize>(
+    records: &[[Line; LINES]],
+    pairs: &Pairs,
+    first: usize,
+) -> __m512d {
+    // SAFETY: as the caller promises; every line holds eight f64 and is aligned.
     unsafe {
         let mut ends = [_mm512_setzero_pd(); 4];
         for (k, end) in ends.iter_mut().enumerate() {
             let record = records.get_unchecked(pairs.j[first + 2 * k] as usize);
-            *end = _mm512_broadcast_f64x2(_mm_load_pd(record.0.as_ptr().add(6)));
+            *end = _mm512_broadcast_f64x2(_mm_load_pd(record[LINE].0.as_ptr().add(6)));
         }
         let a = _mm512_mask_blend_pd(0b0000_1100, ends[0], ends[1]);
         let b = _mm512_mask_blend_pd(0b0011_0000, a, ends[2]);

@@ -26,13 +26,13 @@ pub const LANES: usize = 16;
 #[repr(C, align(64))]
 pub struct Row(pub [f64; LANES]);
 
-/// Eight f64 on one cache line: a grain as the kernel reads it.
+/// Eight f64 on one cache line. A grain, as the kernel reads it, takes one or two: its record.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub struct Record(pub [f64; 8]);
+pub struct Line(pub [f64; 8]);
 
-impl Record {
-    pub const ZERO: Self = Record([0.0; 8]);
+impl Line {
+    pub const ZERO: Self = Line([0.0; 8]);
 }
 
 impl Row {
@@ -44,19 +44,33 @@ impl Row {
 #[repr(C, align(32))]
 pub struct Quad(pub [f64; 4]);
 
-impl Quad {
-    pub const ZERO: Self = Quad([0.0; 4]);
-}
-
 impl Deref for Quad {
-    type Target = [f64; 4];
-    fn deref(&self) -> &[f64; 4] {
+    type Target = [f64];
+    fn deref(&self) -> &[f64] {
         &self.0
     }
 }
 
 impl DerefMut for Quad {
-    fn deref_mut(&mut self) -> &mut [f64; 4] {
+    fn deref_mut(&mut self) -> &mut [f64] {
+        &mut self.0
+    }
+}
+
+/// A cache line: what is added to one grain in three dimensions.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub struct Oct(pub [f64; 8]);
+
+impl Deref for Oct {
+    type Target = [f64];
+    fn deref(&self) -> &[f64] {
+        &self.0
+    }
+}
+
+impl DerefMut for Oct {
+    fn deref_mut(&mut self) -> &mut [f64] {
         &mut self.0
     }
 }
@@ -168,23 +182,34 @@ pub trait Lanes:
     fn inverse_start(self) -> Self;
     /// A start for x^(-1/2) of normal positive numbers, from the bits: |1 - x y²| < 0.0682.
     fn inverse_sqrt_start(self) -> Self;
-    /// `records[i] - records[j]` of a block of pairs, transposed: the k-th result holds field k of the sixteen differences.
+    /// `records[i] - records[j]` of a block of pairs, of one line, transposed: the k-th result holds field k of the sixteen
+    /// differences.
     ///
     /// # Panics
     /// Where an index of the list is outside `records`.
-    fn differences(
+    fn differences<const LINE: usize, const LINES: usize>(
         token: Self::Token,
-        records: &[Record],
+        records: &[[Line; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 8];
-    /// The last two fields of the records j.
+    /// One line of the records j, transposed.
     ///
     /// # Panics
     /// Where an index of the list is outside `records`.
-    fn last_fields(
+    fn line_of_j<const LINE: usize, const LINES: usize>(
         token: Self::Token,
-        records: &[Record],
+        records: &[[Line; LINES]],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 8];
+    /// The last two fields of one line of the records j.
+    ///
+    /// # Panics
+    /// Where an index of the list is outside `records`.
+    fn end_of_j<const LINE: usize, const LINES: usize>(
+        token: Self::Token,
+        records: &[[Line; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 2];
@@ -192,7 +217,12 @@ pub trait Lanes:
     ///
     /// # Panics
     /// Where an index of the list is outside `sums`.
-    fn add_to_pairs(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize);
+    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize);
+    /// Adds (a, b, 0, 0) to `sums[i]` and (-a, c, 0, 0) to `sums[j]`, where a, b and c are three numbers each.
+    ///
+    /// # Panics
+    /// Where an index of the list is outside `sums`.
+    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize);
 }
 
 /// What brings a number below 2^51 to integers in the last bits.
@@ -289,9 +319,8 @@ mod tests {
         let (x, y) = (L::load(token, &a), L::load(token, &b));
         let positive = twice([1.0, 1.9999999, 2.5e-12, 1e300, 3e-308, 0.7, 42.0, 1e-5]);
         let (e, m) = L::load(token, &positive).exponent_mantissa();
-        let records: Vec<Record> = (0..20)
-            .map(|k| Record(std::array::from_fn(|f| (k * k) as f64 + 0.1 * f as f64)))
-            .collect();
+        let line = |k: usize| Line(std::array::from_fn(|f| (k * k) as f64 + 0.1 * f as f64));
+        let records: Vec<[Line; 2]> = (0..20).map(|k| [line(k), line(2 * k + 1)]).collect();
         // Records that occur more than once, as first and as second.
         let mut list = PairList::default();
         list.push(Pairs {
@@ -323,8 +352,10 @@ mod tests {
             inverse::<L>(token, L::load(token, &positive)),
             inverse_sqrt::<L>(token, L::load(token, &positive)),
         ];
-        out.extend(L::differences(token, &records, &list, 0));
-        out.extend(L::last_fields(token, &records, &list, 0));
+        out.extend(L::differences::<0, 2>(token, &records, &list, 0));
+        out.extend(L::differences::<1, 2>(token, &records, &list, 0));
+        out.extend(L::line_of_j::<1, 2>(token, &records, &list, 0));
+        out.extend(L::end_of_j::<1, 2>(token, &records, &list, 0));
         let mut bits = Vec::new();
         for lanes in out {
             let mut row = Row::ZERO;
@@ -332,7 +363,11 @@ mod tests {
             bits.extend(row.0.map(f64::to_bits));
         }
         let mut sums: Vec<Quad> = (0..20).map(|k| Quad([0.1 * k as f64; 4])).collect();
-        L::add_to_pairs([x, y, x + y, x - y], &mut sums, &list, 0);
+        L::add_quads([x, y, x + y, x - y], &mut sums, &list, 0);
+        bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
+        let mut sums: Vec<Oct> = (0..20).map(|k| Oct([0.1 * k as f64; 8])).collect();
+        let terms = [[x, y, x + y], [x - y, x * y, -x], [y, -y, y - x]];
+        L::add_octs(terms, &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
         let small = L::splat(token, 2.5)
             .max(x)

@@ -3,7 +3,8 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Mask, PairList, Quad, Record, Row, TO_INTEGER,
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Line, Mask, Oct, PairList, Quad, Row,
+    TO_INTEGER,
 };
 
 /// Every processor can do this.
@@ -193,9 +194,9 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn differences(
+    fn differences<const LINE: usize, const LINES: usize>(
         _: PortableToken,
-        records: &[Record],
+        records: &[[Line; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 8] {
@@ -203,8 +204,8 @@ impl Lanes for Portable {
         let mut out = [Portable([0.0; LANES]); 8];
         for lane in 0..LANES {
             let (a, b) = (
-                &records[pairs.i[lane] as usize],
-                &records[pairs.j[lane] as usize],
+                &records[pairs.i[lane] as usize][LINE],
+                &records[pairs.j[lane] as usize][LINE],
             );
             for (field, lanes) in out.iter_mut().enumerate() {
                 lanes.0[lane] = a.0[field] - b.0[field];
@@ -214,18 +215,29 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn last_fields(
+    fn line_of_j<const LINE: usize, const LINES: usize>(
         _: PortableToken,
-        records: &[Record],
+        records: &[[Line; LINES]],
         list: &PairList,
         block: usize,
-    ) -> [Self; 2] {
+    ) -> [Self; 8] {
         let pairs = list.within(block, records.len());
-        [6, 7].map(|field| Portable(pairs.j.map(|j| records[j as usize].0[field])))
+        std::array::from_fn(|field| Portable(pairs.j.map(|j| records[j as usize][LINE].0[field])))
     }
 
     #[inline(always)]
-    fn add_to_pairs(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+    fn end_of_j<const LINE: usize, const LINES: usize>(
+        token: PortableToken,
+        records: &[[Line; LINES]],
+        list: &PairList,
+        block: usize,
+    ) -> [Self; 2] {
+        let [.., a, b] = Self::line_of_j::<LINE, LINES>(token, records, list, block);
+        [a, b]
+    }
+
+    #[inline(always)]
+    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         let [a, b, c, d] = terms;
         for lane in 0..LANES {
@@ -237,6 +249,22 @@ impl Lanes for Portable {
             on_j[0] -= a.0[lane];
             on_j[1] -= b.0[lane];
             on_j[2] += d.0[lane];
+        }
+    }
+
+    #[inline(always)]
+    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize) {
+        let pairs = list.within(block, sums.len());
+        let [a, b, c] = terms;
+        for lane in 0..LANES {
+            for k in 0..3 {
+                let on_i = &mut sums[pairs.i[lane] as usize].0;
+                on_i[k] += a[k].0[lane];
+                on_i[3 + k] += b[k].0[lane];
+                let on_j = &mut sums[pairs.j[lane] as usize].0;
+                on_j[k] -= a[k].0[lane];
+                on_j[3 + k] += c[k].0[lane];
+            }
         }
     }
 }

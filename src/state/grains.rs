@@ -1,24 +1,10 @@
 //! The grains of this rank: its own, sorted by id, then its ghosts.
 
-use crate::simd::{Quad, Record};
+use bytemuck::Zeroable;
+
+use crate::dimension::Dimension;
 
 use super::GrainState;
-
-/// Places in a grain's record.
-pub mod field {
-    /// Wrapped position (m).
-    pub const X: usize = 0;
-    pub const Y: usize = 1;
-    /// Velocity of the full step (m/s); while the forces are computed, as predicted.
-    pub const U: usize = 2;
-    pub const V: usize = 3;
-    /// Velocity of the half step (m/s).
-    pub const HALF_U: usize = 4;
-    pub const HALF_V: usize = 5;
-    /// Angular velocity (rad/s) of the half step and of the full step. The kernel reads these two again: last.
-    pub const HALF_W: usize = 6;
-    pub const W: usize = 7;
-}
 
 /// What a grain belongs to.
 pub mod body {
@@ -27,9 +13,6 @@ pub mod body {
     pub const TOP: u32 = 2;
 }
 
-/// F_x, F_y (N/m), torque (N), and one to fill up.
-pub type Force = Quad;
-
 /// What contact forces and torques are rounded to before they are added to the grains, powers of two: sums of whole multiples
 /// are exact, so that they do not depend on the order (contract 1), and the forces on two grains in contact cancel exactly.
 ///
@@ -37,14 +20,14 @@ pub type Force = Quad;
 /// positions does to the force: k R 2^-53, where the greatest force is about k R/10.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForceUnit {
-    /// (N/m)
+    /// (N; per unit depth in 2D)
     pub force: f64,
-    /// (N)
+    /// (N m; per unit depth in 2D)
     pub torque: f64,
 }
 
 impl ForceUnit {
-    /// `largest_force` (N/m) and `largest_radius` (m) of a contact, positive.
+    /// `largest_force` (N; N/m in 2D) and `largest_radius` (m) of a contact, positive.
     pub fn new(largest_force: f64, largest_radius: f64) -> Self {
         let force = power_of_two_above(largest_force) * 2f64.powi(-50);
         Self {
@@ -53,7 +36,7 @@ impl ForceUnit {
         }
     }
 
-    /// A multiple x of the unit is had by adding and subtracting 3·2^51 units, for |x| up to this (N/m).
+    /// A multiple x of the unit is had by adding and subtracting 3·2^51 units, for |x| up to this.
     pub fn largest(&self) -> f64 {
         self.force * 2f64.powi(51)
     }
@@ -67,23 +50,23 @@ fn power_of_two_above(x: f64) -> f64 {
 
 /// Structure of arrays over own grains and ghosts; what only own grains need is shorter.
 #[derive(Debug)]
-pub struct Grains {
+pub struct Grains<D: Dimension> {
     /// Number of own grains.
     pub owned: usize,
     pub id: Vec<u32>,
     pub body: Vec<u32>,
     pub radius: Vec<f64>,
-    pub record: Vec<Record>,
-    pub force: Vec<Force>,
+    pub record: Vec<D::Record>,
+    pub force: Vec<D::Force>,
     /// Of the contact forces.
     pub unit: ForceUnit,
-    /// m (kg/m), own grains.
+    /// m (kg; kg/m in 2D), own grains.
     pub mass: Vec<f64>,
     /// ½Δt/m and ½Δt/I, own grains; 0 for those of walls.
     pub half_kick: Vec<[f64; 2]>,
 }
 
-impl Default for Grains {
+impl<D: Dimension> Default for Grains<D> {
     fn default() -> Self {
         Self {
             owned: 0,
@@ -99,7 +82,12 @@ impl Default for Grains {
     }
 }
 
-impl Grains {
+/// The first of the axes about which grains turn: z alone in two dimensions.
+const fn first_spin<D: Dimension>() -> usize {
+    3 - D::SPINS
+}
+
+impl<D: Dimension> Grains<D> {
     /// Number of own grains and ghosts.
     pub fn local(&self) -> usize {
         self.id.len()
@@ -116,8 +104,7 @@ impl Grains {
         self.mass.clear();
         for g in own {
             self.push(g);
-            self.mass
-                .push(std::f64::consts::PI * density * g.radius * g.radius);
+            self.mass.push(density * D::volume(g.radius));
         }
         self.set_step(step);
     }
@@ -127,10 +114,23 @@ impl Grains {
         self.id.push(g.id);
         self.body.push(g.body);
         self.radius.push(g.radius);
-        let ([x, y], [u, v], w) = (g.position, g.velocity, g.angular_velocity);
-        self.record.push(Record([x, y, u, v, u, v, w, w]));
-        self.force
-            .push(Quad([g.force[0], g.force[1], g.torque, 0.0]));
+        let axes = 0..D::AXES;
+        let spins = first_spin::<D>()..3;
+        let mut record = D::Record::zeroed();
+        let mut put = |at: usize, values: &[f64]| {
+            D::fields_mut(&mut record)[at..at + values.len()].copy_from_slice(values);
+        };
+        put(D::POSITION, &g.position[axes.clone()]);
+        put(D::VELOCITY, &g.velocity[axes.clone()]);
+        put(D::HALF_VELOCITY, &g.velocity[axes.clone()]);
+        put(D::HALF_SPIN, &g.angular_velocity[spins.clone()]);
+        put(D::SPIN, &g.angular_velocity[spins.clone()]);
+        self.record.push(record);
+        let mut force = D::Force::zeroed();
+        let sums = &mut force[..];
+        sums[..D::TORQUE].copy_from_slice(&g.force[axes]);
+        sums[D::TORQUE..D::TORQUE + D::SPINS].copy_from_slice(&g.torque[spins]);
+        self.force.push(force);
     }
 
     /// Sets Δt (s).
@@ -139,25 +139,42 @@ impl Grains {
         for g in 0..self.owned {
             let (m, r) = (self.mass[g], self.radius[g]);
             self.half_kick.push(if self.body[g] == body::FREE {
-                [0.5 * step / m, 0.5 * step / (0.5 * m * r * r)]
+                [0.5 * step / m, 0.5 * step / (D::INERTIA * m * r * r)]
             } else {
                 [0.0; 2]
             });
         }
     }
 
+    pub fn fields(&self, g: usize) -> &[f64] {
+        D::fields(&self.record[g])
+    }
+
+    pub fn fields_mut(&mut self, g: usize) -> &mut [f64] {
+        D::fields_mut(&mut self.record[g])
+    }
+
     pub fn state(&self, g: usize) -> GrainState {
-        let r = &self.record[g].0;
-        let f = &self.force[g];
+        let (r, f) = (self.fields(g), &self.force[g][..]);
+        let linear = |from: &[f64], at: usize| {
+            let mut v = [0.0; 3];
+            v[..D::AXES].copy_from_slice(&from[at..at + D::AXES]);
+            v
+        };
+        let angular = |from: &[f64], at: usize| {
+            let mut w = [0.0; 3];
+            w[first_spin::<D>()..].copy_from_slice(&from[at..at + D::SPINS]);
+            w
+        };
         GrainState {
             id: self.id[g],
             body: self.body[g],
-            position: [r[field::X], r[field::Y]],
-            velocity: [r[field::U], r[field::V]],
-            angular_velocity: r[field::W],
+            position: linear(r, D::POSITION),
+            velocity: linear(r, D::VELOCITY),
+            angular_velocity: angular(r, D::SPIN),
             radius: self.radius[g],
-            force: [f[0], f[1]],
-            torque: f[2],
+            force: linear(f, 0),
+            torque: angular(f, D::TORQUE),
         }
     }
 
@@ -173,8 +190,8 @@ impl Grains {
         use std::mem::size_of;
         (self.id.capacity() + self.body.capacity()) * size_of::<u32>()
             + (self.radius.capacity() + self.mass.capacity()) * size_of::<f64>()
-            + self.record.capacity() * size_of::<Record>()
-            + self.force.capacity() * size_of::<Force>()
+            + self.record.capacity() * size_of::<D::Record>()
+            + self.force.capacity() * size_of::<D::Force>()
             + self.half_kick.capacity() * size_of::<[f64; 2]>()
     }
 }

@@ -7,9 +7,9 @@ mod grains;
 mod sample;
 mod snapshot;
 
-pub use cell::nearest_image;
+pub use cell::{Cell, length, nearest_image};
 pub use contacts::{Contacts, Part, Touching};
 pub use frame::{Disks, Frame};
-pub use grains::{Force, ForceUnit, Grains, body, field};
+pub use grains::{ForceUnit, Grains, body};
 pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
 pub use snapshot::{ContactState, GrainState, Snapshot};

@@ -2,14 +2,14 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// A grain in a frame: wrapped position (m), velocity (m/s), angular velocity about z (rad/s).
+/// A grain in a frame: wrapped position (m), velocity (m/s), angular velocity (rad/s); zeros for what two dimensions lack.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainSample {
     pub id: u64,
-    pub position: [f64; 2],
-    pub velocity: [f64; 2],
-    pub angular_velocity: f64,
+    pub position: [f64; 3],
+    pub velocity: [f64; 3],
+    pub angular_velocity: [f64; 3],
 }
 
 /// A touching contact in a frame; `i < j` are grain ids. Forces are per unit depth in 2D (N/m).
@@ -20,10 +20,10 @@ pub struct ContactSample {
     pub j: u32,
     /// F_n ≥ 0, repulsive, elastic and damping.
     pub normal_force: f64,
-    /// F_t on i along t̂ = ẑ × n (n from j to i), elastic and damping.
-    pub tangential_force: f64,
-    /// Elastic part of F_t: the contact's history.
-    pub tangential_history: f64,
+    /// F_t on i, elastic and damping: in 2D the one number along t̂ = ẑ × n (n from j to i), in 3D a vector.
+    pub tangential_force: [f64; 3],
+    /// What the contact remembers of it: its elastic part, or the displacement of its spring (m); components as of F_t.
+    pub tangential_history: [f64; 3],
     /// Elastic part of the rolling torque on i (N): the contact's history.
     pub rolling_history: f64,
     /// δ (m).
@@ -33,7 +33,7 @@ pub struct ContactSample {
 }
 
 /// Names of the columns of the time series, in `log.csv` and under `observables/` alike.
-pub const SERIES_COLUMNS: [&str; 20] = [
+pub const SERIES_COLUMNS: [&str; 24] = [
     "strain",
     "stress_ratio",
     "normal_force",
@@ -44,6 +44,10 @@ pub const SERIES_COLUMNS: [&str; 20] = [
     "kinetic_energy",
     "sliding_fraction",
     "wall_velocity",
+    "slip",
+    "slip_rate",
+    "drive_displacement",
+    "drive_velocity",
     "elastic_normal",
     "elastic_tangential",
     "elastic_rolling",
@@ -60,7 +64,7 @@ pub const SERIES_COLUMNS: [&str; 20] = [
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SeriesRow {
-    /// γ, wall displacement over the height at the start of the shear.
+    /// γ, displacement of the top wall over the height at the start of the shear.
     pub strain: f64,
     /// τ = S/N; NaN while nothing touches the top wall.
     pub stress_ratio: f64,
@@ -70,7 +74,7 @@ pub struct SeriesRow {
     pub shear_force: f64,
     /// h: distance between the planes at which the walls were cut from the sample (m).
     pub wall_height: f64,
-    /// Area of the free grains over that between the walls.
+    /// Volume (area in 2D) of the free grains over that between the walls.
     pub solid_fraction: f64,
     /// Mean number of contacts of a free grain.
     pub coordination: f64,
@@ -78,8 +82,14 @@ pub struct SeriesRow {
     pub kinetic_energy: f64,
     /// Sliding contacts over all contacts.
     pub sliding_fraction: f64,
-    /// Velocity of the top wall along y (m/s).
+    /// Velocity of the top wall away from the bottom (m/s).
     pub wall_velocity: f64,
+    /// Displacement of the top wall along x since the start of the shear (m), and its velocity (m/s).
+    pub slip: f64,
+    pub slip_rate: f64,
+    /// The same of what drives it: the far end of the spring, or the wall itself.
+    pub drive_displacement: f64,
+    pub drive_velocity: f64,
     /// The ledger of energy (J/m in 2D), not a number where none is kept. Elastic energy of the contacts.
     pub elastic_normal: f64,
     pub elastic_tangential: f64,

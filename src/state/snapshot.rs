@@ -2,23 +2,24 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// All of one grain. `body`: 0 free, 1 bottom wall, 2 top wall. SI units.
+/// All of one grain, in two dimensions with zeros for what it lacks. `body`: 0 free, 1 bottom wall, 2 top wall. SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainState {
     pub id: u32,
     pub body: u32,
-    pub position: [f64; 2],
-    pub velocity: [f64; 2],
-    pub angular_velocity: f64,
+    pub position: [f64; 3],
+    pub velocity: [f64; 3],
+    pub angular_velocity: [f64; 3],
     pub radius: f64,
-    /// F_x, F_y (N/m) of the last step.
-    pub force: [f64; 2],
-    /// Torque about z (N) of the last step.
-    pub torque: f64,
+    /// Force of the last step (N; N/m in 2D).
+    pub force: [f64; 3],
+    /// Torque of the last step (N m; N in 2D).
+    pub torque: [f64; 3],
 }
 
-/// All of one touching contact, `i < j`. History: elastic tangential force (N/m), last k_t (Pa), elastic rolling torque (N).
+/// All of one touching contact, `i < j`. History in 2D: elastic tangential force (N/m), last k_t (Pa), elastic rolling torque (N); in
+/// 3D: the tangential vector that the law remembers (force, N, or displacement, m).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ContactState {

@@ -1,11 +1,12 @@
 //! What the program keeps to rounding: momentum, the balance of torques, a history without slip, bits of every level.
 
+use gshear::dimension::{Dimension, Two};
 use gshear::domain::Solo;
 use gshear::drive::NoWalls;
 use gshear::kernel::ContactForces;
-use gshear::ledger::Ledger;
+use gshear::ledger::{Ledger, Sample};
 use gshear::simd::Level;
-use gshear::state::{ContactState, GrainState, field};
+use gshear::state::{ContactState, GrainState};
 use gshear::step::{advance, forces};
 use gshear::system::System;
 
@@ -44,7 +45,7 @@ fn crowd() -> Vec<GrainState> {
 /// A tenth of √(m/k_n), as the program would choose.
 const STEP: f64 = 6e-10;
 
-fn crowd_system(level: Level) -> System {
+fn crowd_system(level: Level) -> System<Two> {
     system::<true, true>(level, &LAW, LENGTH, STEP, None, crowd(), Vec::new(), None)
 }
 
@@ -71,7 +72,7 @@ fn momentum_is_conserved_to_rounding() {
     const STEPS: usize = 4000;
     let law = program_law::<true, true>(&LAW);
     let mut system = crowd_system(Level::detect());
-    let mut drive = NoWalls::default();
+    let mut drive = NoWalls;
     let start = system.grain_states();
     let mass = system.grains.mass.clone();
     // m u_now - m u_start of all grains, each product with its own rounding error.
@@ -111,7 +112,7 @@ fn momentum_is_conserved_to_rounding() {
             pull.fill(0.0);
             for at in system.contacts.touching() {
                 let force = samples.normal[at.block].0[at.lane].abs()
-                    + samples.tangential[at.block].0[at.lane].abs();
+                    + samples.tangential[at.block][0].0[at.lane].abs();
                 pull[at.i] += force;
                 pull[at.j] += force;
             }
@@ -155,7 +156,7 @@ fn every_level_gives_the_same_trajectory() {
     let run = |level: Level| {
         let law = program_law::<true, true>(&LAW);
         let mut system = crowd_system(level);
-        let mut drive = NoWalls::default();
+        let mut drive = NoWalls;
         for _ in 0..400 {
             advance(&Solo, &mut system, &law, &mut drive, false, None).unwrap();
         }
@@ -170,7 +171,7 @@ fn every_level_gives_the_same_trajectory() {
 }
 
 /// Two overlapping disks, moving and turning, with what they remember.
-fn pair<const R: bool>(step: f64, samples: &mut ContactForces) -> System {
+fn pair<const R: bool>(step: f64, samples: &mut ContactForces) -> System<Two> {
     let (r_i, r_j) = (0.7e-6, 1.0e-6);
     let (distance, angle) = ((r_i + r_j) * (1.0 - 3e-3), 0.7f64);
     let place = |s: f64| {
@@ -203,7 +204,7 @@ fn pair<const R: bool>(step: f64, samples: &mut ContactForces) -> System {
 fn torques_are_those_of_the_full_radii() {
     let mut samples = ContactForces::default();
     let s = pair::<true>(1e-12, &mut samples);
-    let tangential = samples.tangential[0].0[0];
+    let tangential = samples.tangential[0][0].0[0];
     let [a, b] = [s.grains.force[0], s.grains.force[1]];
     let (r_i, r_j) = (s.grains.radius[0], s.grains.radius[1]);
     assert!(tangential != 0.0);
@@ -214,7 +215,7 @@ fn torques_are_those_of_the_full_radii() {
     assert!((a[2] + b[2] + arms).abs() <= 6.0 * HALF_ULP * scale + s.grains.unit.torque);
     let mut samples = ContactForces::default();
     let s = pair::<false>(1e-12, &mut samples);
-    let tangential = samples.tangential[0].0[0];
+    let tangential = samples.tangential[0][0].0[0];
     for (k, r) in [(0, r_i), (1, r_j)] {
         let torque = s.grains.force[k][2];
         assert!(
@@ -240,21 +241,21 @@ fn angular_momentum_changes_by_the_overlap_alone() {
     let law = program_law::<true, true>(&LAW);
     let mut samples = ContactForces::default();
     let mut s = pair::<true>(step, &mut samples);
-    let mut drive = NoWalls::default();
-    let about = |s: &System| -> f64 {
+    let mut drive = NoWalls;
+    let about = |s: &System<Two>| -> f64 {
         exact_sum(s.grain_states().iter().enumerate().flat_map(|(k, g)| {
             let m = s.grains.mass[k];
-            let ([x, y], [u, v]) = (g.position, g.velocity);
+            let ([x, y, _], [u, v, _]) = (g.position, g.velocity);
             // About a point amid the two.
             let x = x - 4e-6;
             [
                 m * x * v,
                 -m * y * u,
-                0.5 * m * g.radius * g.radius * g.angular_velocity,
+                0.5 * m * g.radius * g.radius * g.angular_velocity[2],
             ]
         }))
     };
-    let turn = |samples: &ContactForces| -samples.overlap[0].0[0] * samples.tangential[0].0[0];
+    let turn = |samples: &ContactForces| -samples.overlap[0].0[0] * samples.tangential[0][0].0[0];
     let before = about(&s);
     let (mut turned, mut gross, mut size) = (0.0, 0.0, 0.0f64);
     for _ in 0..STEPS {
@@ -266,7 +267,7 @@ fn angular_momentum_changes_by_the_overlap_alone() {
         let states = s.grain_states();
         let term = |(k, g): (usize, &GrainState)| {
             let speed = g.velocity[0].hypot(g.velocity[1]);
-            s.grains.mass[k] * (8e-6 * speed + g.radius * g.radius * g.angular_velocity.abs())
+            s.grains.mass[k] * (8e-6 * speed + g.radius * g.radius * g.angular_velocity[2].abs())
         };
         size = size.max(states.iter().enumerate().map(term).sum());
     }
@@ -308,13 +309,13 @@ fn overlap_alone_does_not_change_the_tangential_force() {
         }],
         None,
     );
-    let mut drive = NoWalls::default();
+    let mut drive = NoWalls;
     let mut visit = |overlap: f64, speed: f64| {
         let mut samples = ContactForces::default();
-        let r = &mut s.grains.record[1].0;
-        r[field::Y] = 2.0 * radius * (1.0 - overlap);
-        r[field::V] = speed;
-        r[field::HALF_V] = speed;
+        let r = s.grains.fields_mut(1);
+        r[Two::UP] = 2.0 * radius * (1.0 - overlap);
+        r[Two::VELOCITY + Two::UP] = speed;
+        r[Two::HALF_VELOCITY + Two::UP] = speed;
         let outside = forces(&Solo, &mut s, &law, &mut drive, 1e-12, Some(&mut samples));
         assert_eq!(outside, None);
         let force = s.contact_states::<Full>()[0].history[0];
@@ -356,14 +357,14 @@ fn energy_is_accounted_for() {
             Some(&mut samples),
         );
         system.ledger = Some(Ledger::new(system.grains.unit, 1e-6));
-        let mut drive = NoWalls::default();
-        let entry = |system: &mut System, samples: &ContactForces| {
+        let mut drive = NoWalls;
+        let entry = |system: &mut System<Two>, samples: &ContactForces| {
             let kinetic: f64 = system
                 .grain_states()
                 .iter()
                 .zip(&system.grains.mass)
                 .map(|(g, m)| {
-                    let spin = 0.5 * g.radius.powi(2) * g.angular_velocity.powi(2);
+                    let spin = 0.5 * g.radius.powi(2) * g.angular_velocity[2].powi(2);
                     0.5 * m * (g.velocity[0].powi(2) + g.velocity[1].powi(2) + spin)
                 })
                 .sum();
@@ -372,13 +373,13 @@ fn energy_is_accounted_for() {
                 &Solo,
                 system.level,
                 &law,
-                &system.contacts,
-                &samples.overlap,
-                0.0,
-                step,
-                0.0,
-                0.0,
-                kinetic,
+                Sample {
+                    contacts: &system.contacts,
+                    overlap: &samples.overlap,
+                    load: 0.0,
+                    height: 0.0,
+                    kinetic,
+                },
             );
             system.ledger = Some(ledger);
             (kinetic + entry.elastic.iter().sum::<f64>(), entry.lost)

@@ -3,13 +3,14 @@
 use bytemuck::Zeroable;
 use gshear::config::{Bookkeeping, Contact, Material};
 use gshear::contact::lee_hurley::LeeHurley;
+use gshear::dimension::Two;
 use gshear::domain::Solo;
 use gshear::drive::{Drive, NoWalls};
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
-use gshear::state::{ContactState, GrainState, body};
+use gshear::state::{Cell, ContactState, GrainState, body};
 use gshear::step::{advance, initial_forces};
-use gshear::system::System;
+use gshear::system::{Setup, System};
 
 use crate::reference::{Disk, Law, Pair, Regime, STICKING, World};
 
@@ -75,11 +76,15 @@ pub fn grain(
     GrainState {
         id,
         radius,
-        position,
-        velocity,
-        angular_velocity: spin,
+        position: in_plane(position),
+        velocity: in_plane(velocity),
+        angular_velocity: [0.0, 0.0, spin],
         ..GrainState::zeroed()
     }
+}
+
+pub fn in_plane([x, y]: [f64; 2]) -> [f64; 3] {
+    [x, y, 0.0]
 }
 
 /// One system of these grains on one rank, its forces computed.
@@ -93,7 +98,7 @@ pub fn system<const F: bool, const R: bool>(
     grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
     samples: Option<&mut ContactForces>,
-) -> System {
+) -> System<Two> {
     let own = program_law::<F, R>(law);
     let radii = grains.iter().map(|g| g.radius);
     let mean = radii.clone().sum::<f64>() / grains.len() as f64;
@@ -102,19 +107,22 @@ pub fn system<const F: bool, const R: bool>(
         rebuild_every: 0,
         simd: "auto",
     };
-    let mut system = System::new(
-        &Solo,
+    let setup = Setup {
         level,
-        &bookkeeping,
-        length,
-        [radii.fold(0.0, f64::max), mean],
-        law.density,
+        bookkeeping: &bookkeeping,
+        cell: Cell {
+            periods: [length, f64::INFINITY],
+        },
+        largest_radius: radii.fold(0.0, f64::max),
+        mean_diameter: 2.0 * mean,
+        density: law.density,
         step,
-        1.0,
-        1,
-    )
-    .unwrap();
-    let mut drive = NoWalls::default();
+        gravity: 0.0,
+        typical_force: 1.0,
+        threads: 1,
+    };
+    let mut system = System::new(&Solo, setup).unwrap();
+    let mut drive = NoWalls;
     system
         .replace(&Solo, &own, &mut drive, grains, contacts)
         .unwrap();
@@ -125,11 +133,11 @@ pub fn system<const F: bool, const R: bool>(
 impl Scene {
     /// The states at the looks, by the program in `steps` steps (a multiple of `LOOKS`).
     pub fn program(&self, steps: usize) -> Vec<Vec<f64>> {
-        self.driven(steps, &mut NoWalls::default())
+        self.driven(steps, &mut NoWalls)
     }
 
     /// The same with something between the drift and the forces.
-    pub fn driven(&self, steps: usize, drive: &mut impl Drive) -> Vec<Vec<f64>> {
+    pub fn driven(&self, steps: usize, drive: &mut impl Drive<Two>) -> Vec<Vec<f64>> {
         assert_eq!(steps % LOOKS, 0);
         let law = program_law::<true, true>(&self.law);
         let mut grains = self.grains.clone();
@@ -165,11 +173,11 @@ impl Scene {
         looks
     }
 
-    fn state(&self, system: &System) -> Vec<f64> {
+    fn state(&self, system: &System<Two>) -> Vec<f64> {
         let mut s = Vec::new();
         for g in system.grain_states() {
-            let ([x, y], [u, v]) = (g.position, g.velocity);
-            s.extend([x, y, u, v, g.angular_velocity]);
+            let ([x, y, _], [u, v, _]) = (g.position, g.velocity);
+            s.extend([x, y, u, v, g.angular_velocity[2]]);
         }
         let contacts = system.contact_states::<Full>();
         for &(i, j, ..) in &self.pairs {
@@ -201,8 +209,8 @@ impl Scene {
         };
         let mut s = Vec::new();
         for g in &self.grains {
-            let ([x, y], [u, v]) = (g.position, g.velocity);
-            s.extend([x, y, u, v, g.angular_velocity]);
+            let ([x, y, _], [u, v, _]) = (g.position, g.velocity);
+            s.extend([x, y, u, v, g.angular_velocity[2]]);
         }
         for &(_, _, history, _) in &self.pairs {
             s.extend(history);
@@ -361,7 +369,7 @@ pub fn oscillation() -> Scene {
         ..LAW
     };
     let mut scene = sheared(law, 0.0, 0.0, 5e4, 0.0);
-    scene.grains[1].velocity = [0.1, 0.2];
+    scene.grains[1].velocity = [0.1, 0.2, 0.0];
     scene.duration = 25.6 * scene.time_scale();
     scene
 }

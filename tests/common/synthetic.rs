@@ -36,8 +36,8 @@ pub fn shapes(grains: u64) -> Vec<GrainShape> {
 
 pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
     RunHeader {
-        length: 20.0,
-        height: 15.5,
+        axes: 2,
+        edges: [20.0, 15.5, 0.0],
         grains,
         attributes: &[],
     }
@@ -62,9 +62,9 @@ pub fn at_the_end() -> Vec<(&'static str, Attribute)> {
 pub fn grain(t: u64, id: u64) -> GrainSample {
     GrainSample {
         id,
-        position: [number(t, id, 3), number(t, id, 4)],
-        velocity: [number(t, id, 5), number(t, id, 6)],
-        angular_velocity: number(t, id, 7),
+        position: [number(t, id, 3), number(t, id, 4), 0.0],
+        velocity: [number(t, id, 5), number(t, id, 6), 0.0],
+        angular_velocity: [0.0, 0.0, number(t, id, 7)],
     }
 }
 
@@ -84,8 +84,8 @@ pub fn contact(t: u64, (i, j): (u32, u32)) -> ContactSample {
         i,
         j,
         normal_force: of(1),
-        tangential_force: of(2),
-        tangential_history: of(3),
+        tangential_force: [of(2), 0.0, 0.0],
+        tangential_history: [of(3), 0.0, 0.0],
         rolling_history: of(4),
         overlap: of(5),
         sliding: u64::from(of(6) > 0.0),
@@ -103,18 +103,18 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
     let grain = |id| GrainState {
         id: id as u32,
         body: (id % 3) as u32,
-        position: [number(t, id, 10), number(t, id, 11)],
-        velocity: [number(t, id, 12), number(t, id, 13)],
-        angular_velocity: number(t, id, 14),
-        radius: number(t, id, 15),
-        force: [number(t, id, 16), number(t, id, 17)],
-        torque: number(t, id, 18),
+        position: [10, 11, 12].map(|c| number(t, id, c)),
+        velocity: [13, 14, 15].map(|c| number(t, id, c)),
+        angular_velocity: [16, 17, 18].map(|c| number(t, id, c)),
+        radius: number(t, id, 19),
+        force: [20, 21, 22].map(|c| number(t, id, c)),
+        torque: [23, 24, 25].map(|c| number(t, id, c)),
     };
     let contact = |(i, j)| ContactState {
         i,
         j,
         history: std::array::from_fn(|c| {
-            number(t, u64::from(i) << 32 | u64::from(j), 19 + c as u64)
+            number(t, u64::from(i) << 32 | u64::from(j), 26 + c as u64)
         }),
     };
     Snapshot {

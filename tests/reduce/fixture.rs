@@ -21,8 +21,10 @@ pub struct Fixture {
     pub series_step: Vec<u64>,
     /// As `SERIES_COLUMNS`, [columns][L].
     pub series: Vec<Vec<f64>>,
-    /// μ_s in the scene.
-    pub friction: f64,
+    /// Columns of the time series beside `SERIES_COLUMNS`, each [L].
+    pub further: Vec<(&'static str, Vec<f64>)>,
+    /// TOML.
+    pub scene: String,
     /// `None`: the run was stopped early.
     pub digest: Option<String>,
 }
@@ -123,7 +125,8 @@ impl Fixture {
             frames: made,
             series_step,
             series,
-            friction: 0.7,
+            further: vec![],
+            scene: "title = \"Made up <for> tests & nothing else\"\nseed = 1\n".into(),
             digest: Some("00c0ffee00c0ffee".into()),
         }
     }
@@ -238,8 +241,8 @@ impl Fixture {
             )
         };
         column("normal_force", |c| c.normal_force)?;
-        column("tangential_force", |c| c.tangential_force)?;
-        column("tangential_history", |c| c.tangential_history)?;
+        column("tangential_force", |c| c.tangential_force[0])?;
+        column("tangential_history", |c| c.tangential_history[0])?;
         column("rolling_history", |c| c.rolling_history)?;
         column("overlap", |c| c.overlap)?;
         growing(
@@ -249,7 +252,9 @@ impl Fixture {
         )?;
 
         let observables = file.create_group("observables")?;
-        for (name, values) in SERIES_COLUMNS.iter().zip(&self.series) {
+        let columns = SERIES_COLUMNS.iter().zip(&self.series);
+        let further = self.further.iter().map(|(name, values)| (name, values));
+        for (name, values) in columns.chain(further) {
             let group = observables.create_group(name)?;
             if *name == SERIES_COLUMNS[0] {
                 growing(&group, "step", &self.series_step)?;
@@ -267,12 +272,7 @@ impl Fixture {
         }
 
         let parameters = file.create_group("parameters")?;
-        let title = "Made up <for> tests & nothing else";
-        let scene = format!(
-            "title = \"{title}\"\nseed = 1\n[contact]\nfriction = {:?}\n",
-            self.friction
-        );
-        text(&parameters, "scene", &scene)?;
+        text(&parameters, "scene", &self.scene)?;
         text(&parameters, "version", "0.1.0")?;
         text(&parameters, "git_commit", "0000000")?;
         text(&parameters, "processor", "none")?;
@@ -336,8 +336,8 @@ fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
                     i: i as u32,
                     j: j as u32,
                     normal_force,
-                    tangential_force: 0.1 * normal_force * (d[0] / d[1].hypot(d[0])),
-                    tangential_history: 0.1 * normal_force,
+                    tangential_force: [0.1 * normal_force * (d[0] / d[1].hypot(d[0])), 0.0, 0.0],
+                    tangential_history: [0.1 * normal_force, 0.0, 0.0],
                     rolling_history: 1e-9 * normal_force,
                     overlap,
                     sliding: u64::from((i + j) % 20 == 0),

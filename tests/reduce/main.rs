@@ -3,6 +3,7 @@
 mod compare;
 mod export;
 mod fixture;
+mod rate_state;
 mod reading;
 mod references;
 mod results;

@@ -182,13 +182,15 @@ fn study_of(frictions: &[f64], large: bool) -> (Vec<TempDir>, TempDir) {
     let mut paths = Vec::new();
     for friction in frictions {
         let mut fixture = Fixture::sheared(16, 12, 60);
-        fixture.friction = *friction;
+        fixture.scene = format!("[contact]\nfriction = {friction:?}\n");
         let (folder, path) = folder_with(&fixture);
         runs.push(folder);
         paths.push(path);
     }
     if large {
-        let (folder, path) = folder_with(&Fixture::sheared(58, 40, 25));
+        let mut fixture = Fixture::sheared(58, 40, 25);
+        fixture.scene = "[contact]\nfriction = 0.7\n".into();
+        let (folder, path) = folder_with(&fixture);
         runs.push(folder);
         paths.push(path);
     }

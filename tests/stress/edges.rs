@@ -1,11 +1,14 @@
 //! Where a contact begins and where the law ends; a grain that touches nothing; grains that are crushed.
 
-use gshear::drive::{Drive, GrainWalls, Piston, Planes};
+use gshear::dimension::Two;
+use gshear::drive::{Drive, GrainWalls, Piston, Planes, Slider};
 use gshear::failure::Failure;
+use gshear::schedule::Protocol;
 use gshear::state::{GrainState, body};
 
 use crate::rig::{Place, Rig, Setting};
 use crate::runs::overlap_at;
+use crate::scenes::in_plane;
 use crate::scenes::{Full, LAW, grain, program_law};
 use crate::table::{Line, line};
 
@@ -181,8 +184,8 @@ pub fn lone_grain() -> Vec<Line> {
         let x = (start[0] + path[0]).rem_euclid(length);
         let expected = [x, start[1] + path[1]];
         wrong += usize::from(
-            now.position != expected
-                || now.velocity != velocity
+            now.position != in_plane(expected)
+                || now.velocity != in_plane(velocity)
                 || now.angular_velocity != one.angular_velocity,
         );
     }
@@ -223,7 +226,8 @@ fn between_walls(times: f64, step: f64) -> Rig<Full, GrainWalls> {
     ];
     let walls = GrainWalls {
         piston: press(times, height),
-        speed: 0.5,
+        slider: Slider::new(Protocol::new(step, [(0.5, 1_000_000)]), None),
+        along: false,
         top: Vec::new(),
     };
     let law = program_law::<true, true>(&LAW);
@@ -240,7 +244,7 @@ pub fn wall_velocity() -> Vec<Line> {
     for _ in 0..STEPS {
         rig.advance().expect("within the law");
         let now = rig.drive.piston.velocity;
-        wrong += usize::from(rig.grains()[2].velocity != [0.5, now]);
+        wrong += usize::from(rig.grains()[2].velocity != [0.5, now, 0.0]);
         turns += usize::from(now * last < 0.0);
         last = now;
     }
@@ -253,11 +257,11 @@ pub fn wall_velocity() -> Vec<Line> {
 }
 
 /// Until it fails: the failure, and whether everything was still a number then.
-fn until_failure<D: Drive>(mut rig: Rig<Full, D>) -> (Failure, bool) {
+fn until_failure<D: Drive<Two>>(mut rig: Rig<Full, D>) -> (Failure, bool) {
     for _ in 0..1_000_000 {
         if let Err(failure) = rig.advance() {
             let finite = rig.grains().iter().all(|g| {
-                let numbers = [g.position, g.velocity, [g.angular_velocity, 0.0]];
+                let numbers = [g.position, g.velocity, g.angular_velocity];
                 numbers.as_flattened().iter().all(|x| x.is_finite())
             });
             return (failure, finite);

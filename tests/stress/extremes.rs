@@ -25,9 +25,9 @@ fn squeezed(radius: f64, neighbours: &[(f64, f64, f64)], speed: f64) -> Scene {
         let (s, c) = angle.sin_cos();
         grains.push(GrainState {
             velocity: if k == 1 {
-                [speed, -0.3 * speed]
+                [speed, -0.3 * speed, 0.0]
             } else {
-                [0.0; 2]
+                [0.0; 3]
             },
             ..grain(
                 1 + k as u32,
@@ -117,7 +117,7 @@ pub fn far_from_the_origin() -> Vec<Line> {
     let end = |place: [f64; 2], length: f64| {
         let scene = scenes::oblique(LAW, 1.0, 0.5);
         let grains = scene.grains.iter().map(|g| GrainState {
-            position: [place[0] + g.position[0], place[1] + g.position[1]],
+            position: [place[0] + g.position[0], place[1] + g.position[1], 0.0],
             ..*g
         });
         let setting = Setting {

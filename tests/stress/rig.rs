@@ -2,18 +2,19 @@
 
 use gshear::config::Bookkeeping;
 use gshear::contact::ContactLaw;
+use gshear::dimension::{Dimension, Two};
 use gshear::domain::Solo;
 use gshear::drive::{Drive, NoWalls};
 use gshear::failure::Failure;
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
-use gshear::state::{ContactState, GrainState, field};
+use gshear::state::{Cell, ContactState, GrainState};
 use gshear::step::{Outside, advance, forces, initial_forces};
-use gshear::system::System;
+use gshear::system::{Setup, System};
 
 /// Some grains under a law and between walls, or without any, on one rank.
 pub struct Rig<C, D = NoWalls> {
-    pub system: System,
+    pub system: System<Two>,
     pub drive: D,
     law: C,
     samples: ContactForces,
@@ -49,7 +50,7 @@ pub struct Setting {
     pub skin: Option<f64>,
 }
 
-impl<C: ContactLaw> Rig<C> {
+impl<C: ContactLaw<Space = Two>> Rig<C> {
     /// Without walls, forces computed; or why they cannot be.
     pub fn free(
         law: C,
@@ -57,11 +58,11 @@ impl<C: ContactLaw> Rig<C> {
         grains: Vec<GrainState>,
         contacts: Vec<ContactState>,
     ) -> Result<Self, Failure> {
-        Self::new(law, NoWalls::default(), setting, grains, contacts)
+        Self::new(law, NoWalls, setting, grains, contacts)
     }
 }
 
-impl<C: ContactLaw, D: Drive> Rig<C, D> {
+impl<C: ContactLaw<Space = Two>, D: Drive<Two>> Rig<C, D> {
     pub fn new(
         law: C,
         mut drive: D,
@@ -76,17 +77,21 @@ impl<C: ContactLaw, D: Drive> Rig<C, D> {
             rebuild_every: 0,
             simd: "auto",
         };
-        let mut system = System::new(
-            &Solo,
-            Level::detect(),
-            &bookkeeping,
-            setting.length,
-            [radii.fold(0.0, f64::max), mean],
-            setting.density,
-            setting.step,
-            1.0,
-            1,
-        )?;
+        let setup = Setup {
+            level: Level::detect(),
+            bookkeeping: &bookkeeping,
+            cell: Cell {
+                periods: [setting.length, f64::INFINITY],
+            },
+            largest_radius: radii.fold(0.0, f64::max),
+            mean_diameter: 2.0 * mean,
+            density: setting.density,
+            step: setting.step,
+            gravity: 0.0,
+            typical_force: 1.0,
+            threads: 1,
+        };
+        let mut system = System::new(&Solo, setup)?;
         system.replace(&Solo, &law, &mut drive, grains, contacts)?;
         let mut samples = ContactForces::default();
         initial_forces(&Solo, &mut system, &law, &mut drive, Some(&mut samples))?;
@@ -114,12 +119,13 @@ impl<C: ContactLaw, D: Drive> Rig<C, D> {
 
     /// Puts a grain somewhere, for [`Rig::pass`].
     pub fn place(&mut self, grain: usize, place: Place) {
-        let r = &mut self.system.grains.record[grain].0;
-        [r[field::X], r[field::Y]] = place.position;
-        [r[field::U], r[field::V]] = place.velocity;
-        [r[field::HALF_U], r[field::HALF_V]] = place.half_velocity;
-        r[field::W] = place.spin;
-        r[field::HALF_W] = place.spin;
+        let r = self.system.grains.fields_mut(grain);
+        let mut put = |at: usize, values: &[f64]| r[at..at + values.len()].copy_from_slice(values);
+        put(Two::POSITION, &place.position);
+        put(Two::VELOCITY, &place.velocity);
+        put(Two::HALF_VELOCITY, &place.half_velocity);
+        put(Two::SPIN, &[place.spin]);
+        put(Two::HALF_SPIN, &[place.spin]);
     }
 
     /// The forces where the grains are; histories advance by `step` (s). Or what is outside the law.
@@ -141,7 +147,7 @@ impl<C: ContactLaw, D: Drive> Rig<C, D> {
         let at = self.system.contacts.touching();
         at.map(|at| Sample {
             normal: self.samples.normal[at.block].0[at.lane],
-            tangential: self.samples.tangential[at.block].0[at.lane],
+            tangential: self.samples.tangential[at.block][0].0[at.lane],
             overlap: self.samples.overlap[at.block].0[at.lane],
         })
         .collect()

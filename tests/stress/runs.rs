@@ -290,8 +290,8 @@ fn crushed(part: f64) -> (Outcome, (u32, u32)) {
     );
     for g in [i, j] {
         // So that they are where they were put when the forces are computed.
-        snapshot.grains[g].velocity = [0.0; 2];
-        snapshot.grains[g].force = [0.0; 2];
+        snapshot.grains[g].velocity = [0.0; 3];
+        snapshot.grains[g].force = [0.0; 3];
     }
     checkpoint::write(&Solo, folder.path(), &scene, &snapshot).expect("written");
     let resume = format!("--resume={}", path.display());
@@ -308,6 +308,7 @@ fn put(a: &GrainState, b: &GrainState, from: [f64; 2], part: f64) -> GrainState 
     moved.position = [
         x.rem_euclid(21e-6),
         b.position[1] + from[1] * distance / now,
+        0.0,
     ];
     moved
 }

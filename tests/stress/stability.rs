@@ -9,6 +9,7 @@ use std::f64::consts::PI;
 
 use gshear::config::{self, Scene, Source};
 use gshear::contact::ContactLaw;
+use gshear::dimension::Two;
 use gshear::state::{GrainState, body, nearest_image};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -301,7 +302,7 @@ fn bisected(scale: f64, part: f64, unstable: impl Fn(f64) -> bool) -> f64 {
 
 /// Whether the program, from a state out of balance by 1e-9 of the overlap, departs from it by a thousandth of the overlap:
 /// far from sliding and from parting, so that what grows are the linear modes.
-fn departs<C: ContactLaw>(law: C, of: &Arrangement, density: f64, step: f64) -> bool {
+fn departs<C: ContactLaw<Space = Two>>(law: C, of: &Arrangement, density: f64, step: f64) -> bool {
     const STEPS: usize = 20_000;
     const LOOK: usize = 50;
     let unit = of.overlap();
@@ -314,8 +315,10 @@ fn departs<C: ContactLaw>(law: C, of: &Arrangement, density: f64, step: f64) -> 
     };
     let mut grains = of.grains.clone();
     for g in grains.iter_mut().filter(|g| g.body == body::FREE) {
-        g.position = g.position.map(|x| x + 1e-9 * unit * random());
-        g.angular_velocity = 1e-9 * unit / (RADIUS * step) * random();
+        for x in &mut g.position[..2] {
+            *x += 1e-9 * unit * random();
+        }
+        g.angular_velocity[2] = 1e-9 * unit / (RADIUS * step) * random();
     }
     let setting = Setting {
         length: of.length,
@@ -332,7 +335,7 @@ fn departs<C: ContactLaw>(law: C, of: &Arrangement, density: f64, step: f64) -> 
             let far = rig.grains().iter().zip(&of.grains).any(|(now, was)| {
                 let dx = nearest_image(now.position[0] - was.position[0], of.length);
                 let moved = dx.hypot(now.position[1] - was.position[1]);
-                let turned = RADIUS * now.angular_velocity.abs() * step;
+                let turned = RADIUS * now.angular_velocity[2].abs() * step;
                 moved.max(turned) > 1e-3 * unit
             });
             if far {

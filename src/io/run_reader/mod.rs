@@ -86,6 +86,8 @@ pub struct Run {
     grains: Disks,
     /// Height of the box at the start of the shear (m).
     height: f64,
+    /// Disks, not spheres.
+    planar: bool,
     parameters: BTreeMap<String, Parameter>,
     series: Series,
     scalars: Option<StoredScalars>,
@@ -104,7 +106,7 @@ struct ContactColumns {
     normal_force: Dataset,
     tangential_force: Dataset,
     tangential_history: Dataset,
-    rolling_history: Dataset,
+    rolling_history: Option<Dataset>,
     overlap: Dataset,
     sliding: Dataset,
 }
@@ -139,32 +141,42 @@ impl Run {
                 "does not hold L_x > 0, height, 0",
             ));
         }
+        let parameters = source.parameters()?;
+        let planar = !matches!(parameters.get("dimension"), Some(Parameter::Integer(3)));
         let grains = Disks {
             radius: source.of_length("particles/trajectory/radius", n)?,
             body: source.of_length("particles/trajectory/body", n)?,
             mass: source.of_length("particles/trajectory/mass", n)?,
             length: edges[0],
         };
-        let parameters = source.parameters()?;
         let finished = parameters.contains_key("digest");
         let series = source.series(finished)?;
         let scalars = source.scalars(finished)?;
 
+        let spins = if planar { &[n][..] } else { &[n, 3] };
         let position = source.frames("particles/trajectory/position/value", &[n, 3])?;
         let velocity = source.frames("particles/trajectory/velocity/value", &[n, 3])?;
         let angular_velocity =
-            source.frames("particles/trajectory/angular_velocity/value", &[n])?;
+            source.frames("particles/trajectory/angular_velocity/value", spins)?;
         let mut step: Vec<u64> = source.all("particles/trajectory/position/step")?;
         let mut time: Vec<f64> = source.all("particles/trajectory/position/time")?;
         let mut offset: Vec<u64> = source.all("connectivity/contacts/offset")?;
-        let column = |name: &str| source.frames(&format!("connectivity/contacts/{name}"), &[]);
+        let wide = |name: &str, shape: &[usize]| {
+            source.frames(&format!("connectivity/contacts/{name}"), shape)
+        };
+        let column = |name: &str| wide(name, &[]);
+        let tangential = if planar { &[][..] } else { &[3] };
         let contacts = ContactColumns {
             i: column("i")?,
             j: column("j")?,
             normal_force: column("normal_force")?,
-            tangential_force: column("tangential_force")?,
-            tangential_history: column("tangential_history")?,
-            rolling_history: column("rolling_history")?,
+            tangential_force: wide("tangential_force", tangential)?,
+            tangential_history: wide("tangential_history", tangential)?,
+            // Of disks only.
+            rolling_history: match planar {
+                true => Some(column("rolling_history")?),
+                false => None,
+            },
             overlap: column("overlap")?,
             sliding: column("sliding")?,
         };
@@ -199,7 +211,8 @@ impl Run {
 
         Ok(Run {
             grains,
-            height: edges[1],
+            height: edges[if planar { 1 } else { 2 }],
+            planar,
             parameters,
             series,
             scalars,
@@ -243,6 +256,29 @@ impl Run {
     /// `None` where the run computed no scalars of frames.
     pub fn stored_scalars(&self) -> Option<&StoredScalars> {
         self.scalars.as_ref()
+    }
+
+    /// A column of the time series that not every run has, [L]; `None` where this one has not.
+    ///
+    /// Errors: a column that is damaged, or shorter than the others.
+    pub fn observable(&self, name: &str) -> Result<Option<Vec<f64>>, Failure> {
+        let object = format!("observables/{name}/value");
+        let file = self
+            .position
+            .file()
+            .map_err(|e| self.damaged(&self.position, &e))?;
+        let source = Source::of(file, &self.path);
+        if !source.exists(&object) {
+            return Ok(None);
+        }
+        let mut values: Vec<f64> = source.all(&object)?;
+        let rows = self.series.rows();
+        if values.len() < rows {
+            let length = values.len();
+            return Err(source.wrong(&object, format!("has {length} rows instead of {rows}")));
+        }
+        values.truncate(rows);
+        Ok(Some(values))
     }
 
     /// All attributes of `parameters`, by name.
@@ -319,6 +355,12 @@ impl Run {
 
     /// The frames of a range within 0 … T, as far as `fields` go.
     pub fn block_of(&self, range: Range<usize>, fields: Fields) -> Result<Vec<Frame>, Failure> {
+        if !self.planar {
+            return Err(Failure::input(format!(
+                "{}: frames of spheres cannot be reduced, only those of disks; its time series can",
+                self.path.display()
+            )));
+        }
         let mut position = self.planar(&self.position, &range)?.into_iter();
         let (mut velocity, mut angular_velocity) = (Vec::new(), Vec::new());
         if fields == Fields::All {
@@ -403,7 +445,10 @@ impl Run {
         let normal_force = self.column::<f64>(&columns.normal_force, &forces)?;
         let tangential_force = self.column::<f64>(&columns.tangential_force, &forces)?;
         let tangential_history = self.column::<f64>(&columns.tangential_history, &others)?;
-        let rolling_history = self.column::<f64>(&columns.rolling_history, &others)?;
+        let rolling_history = match &columns.rolling_history {
+            Some(dataset) => self.column::<f64>(dataset, &others)?,
+            None => Vec::new(),
+        };
         let overlap = self.column::<f64>(&columns.overlap, &others)?;
         let sliding = self.column::<u8>(&columns.sliding, &others)?;
         let n = self.grains.count();
@@ -419,8 +464,8 @@ impl Run {
             i: i[k],
             j: j[k],
             normal_force: of(&normal_force, k),
-            tangential_force: of(&tangential_force, k),
-            tangential_history: of(&tangential_history, k),
+            tangential_force: [of(&tangential_force, k), 0.0, 0.0],
+            tangential_history: [of(&tangential_history, k), 0.0, 0.0],
             rolling_history: of(&rolling_history, k),
             overlap: of(&overlap, k),
             sliding: sliding.get(k).map_or(0, |sliding| u64::from(*sliding)),
@@ -457,13 +502,13 @@ impl ContactColumns {
             &self.normal_force,
             &self.tangential_force,
             &self.tangential_history,
-            &self.rolling_history,
             &self.overlap,
             &self.sliding,
         ];
         columns
-            .iter()
-            .map(|dataset| dataset.size() as u64)
+            .into_iter()
+            .chain(&self.rolling_history)
+            .map(|dataset| dataset.shape()[0] as u64)
             .min()
             .unwrap_or(0)
     }

@@ -1,0 +1,120 @@
+//! All that is found of the realisations of one protocol, and the fits to several of them.
+
+use std::ops::Range;
+
+use super::fit::{Fit, chi_squared, fit};
+use super::law::Evolution;
+use super::measures::{self, Healing, Hold, Peaks, Steady, Step};
+use super::record::Record;
+use super::window::Window;
+
+/// A protocol and what its record shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Experiment {
+    pub record: Record,
+    /// [segments]
+    pub steady: Vec<Option<Steady>>,
+    pub steps: Vec<Step>,
+    pub holds: Vec<Hold>,
+    pub healing: Vec<Healing>,
+}
+
+impl Experiment {
+    /// `d_c` (m): as in [`Peaks`].
+    pub fn of(record: Record, d_c: Option<f64>) -> Self {
+        let steady = measures::steady_segments(&record);
+        let peaks = Peaks { d_c };
+        let steps = measures::steps(&record, &steady, peaks);
+        let holds = measures::holds(&record, &steady, peaks);
+        let healing = measures::healing(&holds);
+        Experiment {
+            record,
+            steady,
+            steps,
+            holds,
+            healing,
+        }
+    }
+}
+
+/// Segments of each velocity step: the one before and the one after.
+fn step_ranges(record: &Record) -> Vec<Range<usize>> {
+    let slides = |k: &usize| !record.drive[*k - 1].is_hold() && !record.drive[*k].is_hold();
+    let after = (1..record.drive.len()).filter(slides);
+    after.map(|k| k - 1..k + 1).collect()
+}
+
+/// Segments of each hold: the slide before, the hold, and the slide after where there is one.
+fn hold_ranges(record: &Record) -> Vec<Range<usize>> {
+    let count = record.drive.len();
+    let holds = (1..count).filter(|k| record.drive[*k].is_hold());
+    holds.map(|k| k - 1..count.min(k + 2)).collect()
+}
+
+/// The fits of both laws, or one of them, to the same windows.
+#[derive(Debug, Clone)]
+pub struct Fitted {
+    /// `all`, `all (jackknife)`, `velocity steps`, `slide-hold-slide`; or `velocity step`, `hold` for a single one.
+    pub name: &'static str,
+    /// Experiment and segments of a single step or hold.
+    pub event: Option<(usize, Range<usize>)>,
+    pub fits: Vec<(Evolution, Result<Fit, String>)>,
+    /// χ² of each fit with the noise of the best one; `None` where there is no fit.
+    pub chi_squared: Vec<Option<f64>>,
+}
+
+impl Fitted {
+    fn of(name: &'static str, windows: &[Window], laws: &[Evolution]) -> Self {
+        let fits: Vec<_> = laws.iter().map(|law| (*law, fit(windows, *law))).collect();
+        let done = fits.iter().filter_map(|(_, fit)| fit.as_ref().ok());
+        let best = done.min_by(|a, b| a.rms.total_cmp(&b.rms));
+        let chi = |(_, fit): &(Evolution, Result<Fit, String>)| {
+            Some(chi_squared(windows, fit.as_ref().ok()?, best?))
+        };
+        let chi_squared = fits.iter().map(chi).collect();
+        Fitted {
+            name,
+            event: None,
+            fits,
+            chi_squared,
+        }
+    }
+
+    /// The fit with the least residuals.
+    pub fn best(&self) -> Option<&Fit> {
+        let done = self.fits.iter().filter_map(|(_, fit)| fit.as_ref().ok());
+        done.min_by(|a, b| a.rms.total_cmp(&b.rms))
+    }
+}
+
+/// Fits everything at once, first; then, where there are both, all velocity steps and all slide-hold-slides; then, where there are
+/// several, each step and each hold by itself.
+pub fn fit_all(records: &[Record], laws: &[Evolution]) -> Vec<Fitted> {
+    let window = |(k, range): &(usize, Range<usize>)| Window::of(&records[*k], range.clone());
+    let of_all = |ranges: fn(&Record) -> Vec<Range<usize>>| -> Vec<(usize, Range<usize>)> {
+        let of = |(k, record)| ranges(record).into_iter().map(move |range| (k, range));
+        records.iter().enumerate().flat_map(of).collect()
+    };
+    let of_whole = |(k, record): (usize, &Record)| (k, 0..record.drive.len());
+    let whole: Vec<_> = records.iter().enumerate().map(of_whole).collect();
+    let steps = of_all(step_ranges);
+    let holds = of_all(hold_ranges);
+    let together = |name, ranges: &[(usize, Range<usize>)]| {
+        let windows: Vec<Window> = ranges.iter().map(window).collect();
+        Fitted::of(name, &windows, laws)
+    };
+    let mut fitted = vec![together("all", &whole)];
+    if !steps.is_empty() && !holds.is_empty() {
+        fitted.push(together("velocity steps", &steps));
+        fitted.push(together("slide-hold-slide", &holds));
+    }
+    if steps.len() + holds.len() > 1 {
+        for (name, events) in [("velocity step", steps), ("hold", holds)] {
+            fitted.extend(events.into_iter().map(|event| Fitted {
+                event: Some(event.clone()),
+                ..together(name, &[event])
+            }));
+        }
+    }
+    fitted
+}

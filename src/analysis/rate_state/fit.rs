@@ -1,0 +1,402 @@
+//! Least squares for a, b, D_c and μ*, through the forward model with the spring.
+
+use std::ops::Range;
+
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::storage::Owned;
+use nalgebra::{Dyn, Matrix4, OMatrix, OVector, U4, Vector4};
+
+use super::law::{Evolution, Law};
+use super::measures::student;
+use super::noise::correlation;
+use super::window::Window;
+
+/// A value and its 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    pub value: f64,
+    pub interval: [f64; 2],
+}
+
+impl Estimate {
+    /// Half the interval is `reach`.
+    pub(super) fn linear(value: f64, reach: f64) -> Self {
+        Estimate {
+            value,
+            interval: [value - reach, value + reach],
+        }
+    }
+
+    /// Half the interval of the logarithm is `reach`.
+    pub(super) fn logarithmic(value: f64, reach: f64) -> Self {
+        Estimate {
+            value,
+            interval: [value * (-reach).exp(), value * reach.exp()],
+        }
+    }
+}
+
+/// The law that fits best.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    pub law: Law,
+    pub a: Estimate,
+    pub b: Estimate,
+    pub a_minus_b: Estimate,
+    /// D_c (m).
+    pub d_c: Estimate,
+    pub mu_star: Estimate,
+    /// Root mean square of the residuals, of all means of rows alike.
+    pub rms: f64,
+    /// Σ n/g over the segments: independent values that the means are worth.
+    pub effective: f64,
+    /// [windows][means] measured less model.
+    pub residuals: Vec<Vec<f64>>,
+    /// [windows][segments] γ_0 g of the residuals.
+    pub(super) noise: Vec<Vec<f64>>,
+}
+
+impl Fit {
+    /// What was estimated, with the names of the tables.
+    pub fn estimates(&self) -> [(&'static str, Estimate); 5] {
+        [
+            ("a", self.a),
+            ("b", self.b),
+            ("a_minus_b", self.a_minus_b),
+            ("d_c", self.d_c),
+            ("mu_star", self.mu_star),
+        ]
+    }
+}
+
+/// Number of parameters: ln a, b, ln D_c, μ*. a and D_c are positive; b may vanish or be negative, as where friction only strengthens.
+const PARAMETERS: usize = 4;
+/// Steps of the central differences by ln a, b and ln D_c.
+const DIFFERENCES: [f64; 3] = [1e-3, 1e-5, 1e-3];
+/// Residual that stands for a motion which failed, so that the search turns back.
+const FAILED: f64 = 1e3;
+/// Errors of the forward model in μ: no noise is taken for less.
+const MODEL_ERROR: f64 = 1e-7;
+
+/// Fits a law to windows, all at once, starting from several a and D_c.
+///
+/// Every segment weighs as much as it is worth: its sum of squares over γ_0 g of its residuals (variance and inefficiency, see
+/// `correlation`), which a first fit with equal weights of all segments gives. The covariance of ln a, b, ln D_c, μ* is
+///
+///   C = Σ C_s,   C_s = A⁻¹ (w_s² γ_0 g (1 + h/ν) J_sᵀJ_s) A⁻¹,   A = Σ w_s J_sᵀJ_s,   sums over the segments s,
+///
+/// J being the derivatives, w the weights, γ_0 g of the final residuals. So correlated rows count as the n/g independent ones that they
+/// are worth. γ_0 g is a sum over 2W + 1 lags and known as well as from ν = n/(2W + 1) independent squares; h = tr(w_s J_sᵀJ_s A⁻¹) parameters
+/// that the segment takes make it too small by the share h/ν (Wolff 2004, eq. 49, where h = 1). Intervals are of 95 %, by Student's t;
+/// its degrees of freedom are those of Welch and Satterthwaite, (ΣC_s)²/Σ(C_s²/ν).
+/// V* is the first window's first velocity.
+///
+/// Errors: no convergence; data that do not determine the parameters. Says which.
+pub fn fit(windows: &[Window], evolution: Evolution) -> Result<Fit, String> {
+    let Some(first) = windows.first() else {
+        return Err("there is nothing to fit".into());
+    };
+    let v_star = first.drive[0].velocity;
+    let mut problem = Problem {
+        windows,
+        evolution,
+        v_star,
+        roots: equal_weights(windows),
+        at: Vector4::zeros(),
+    };
+    problem.at = problem.guess();
+    problem = problem.minimized()?;
+    let noise = problem.noise(&problem.residuals_of_windows()?);
+    problem.roots = noise
+        .iter()
+        .map(|segments| segments.iter().map(|s| s.variance.sqrt().recip()).collect())
+        .collect();
+    problem.minimized()?.result()
+}
+
+/// χ² of a fit in units of the noise that another one left, Σ r²/(γ_0 g) over all means: that other one's own is `effective`, and of two
+/// laws fitted to the same windows the likelier has the lesser χ². Take the noise from the one with the lesser `rms`.
+pub fn chi_squared(windows: &[Window], fit: &Fit, noise_of: &Fit) -> f64 {
+    let mut sum = 0.0;
+    for ((window, residuals), noise) in windows.iter().zip(&fit.residuals).zip(&noise_of.noise) {
+        for (means, noise) in window.segments.iter().zip(noise) {
+            let square: f64 = residuals[means.clone()].iter().map(|r| r * r).sum();
+            sum += square / noise;
+        }
+    }
+    sum
+}
+
+/// Noise of a segment.
+#[derive(Debug, Clone, Copy)]
+struct Noise {
+    /// γ_0 g.
+    variance: f64,
+    /// n/g.
+    effective: f64,
+    /// ν = n/(2W + 1), at least 1.
+    freedom: f64,
+}
+
+/// The least-squares problem at a point.
+#[derive(Clone)]
+struct Problem<'a> {
+    windows: &'a [Window],
+    evolution: Evolution,
+    v_star: f64,
+    /// [windows][segments] roots of the weights.
+    roots: Vec<Vec<f64>>,
+    /// ln a, b, ln D_c, μ*.
+    at: Vector4<f64>,
+}
+
+fn equal_weights(windows: &[Window]) -> Vec<Vec<f64>> {
+    let root = |means: &Range<usize>| (means.len().max(1) as f64).sqrt().recip();
+    windows
+        .iter()
+        .map(|window| window.segments.iter().map(root).collect())
+        .collect()
+}
+
+impl Problem<'_> {
+    fn law(&self, at: &Vector4<f64>) -> Law {
+        Law {
+            evolution: self.evolution,
+            mu_star: at[3],
+            a: at[0].exp(),
+            b: at[1],
+            d_c: at[2].exp(),
+            v_star: self.v_star,
+        }
+    }
+
+    /// The likeliest of some a and D_c, with a - b and μ* from the friction at the end of every slide.
+    fn guess(&self) -> Vector4<f64> {
+        let slides = self.windows.iter().flat_map(|window| {
+            let of = move |(k, segment): (usize, &super::protocol::Segment)| {
+                let ln_v = (segment.velocity / self.v_star).ln();
+                (!segment.is_hold())
+                    .then(|| ([ln_v, window.steady_friction(k)], segment.distance()))
+            };
+            window.drive.iter().enumerate().filter_map(of)
+        });
+        let (points, distances): (Vec<[f64; 2]>, Vec<f64>) = slides.unzip();
+        let n = points.len() as f64;
+        let [x, y] = [0, 1].map(|c| points.iter().map(|p| p[c]).sum::<f64>() / n);
+        let spread: f64 = points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
+        let moment: f64 = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum();
+        let slope = if spread > 1e-6 { moment / spread } else { 0.0 };
+        let longest = distances.into_iter().fold(0.0, f64::max);
+        let mut best = (f64::INFINITY, Vector4::zeros());
+        for a in [0.003, 0.01, 0.03] {
+            for share in [0.01, 0.03, 0.1, 0.3] {
+                let ln_d_c = f64::ln(share * longest);
+                let at = Vector4::new(f64::ln(a), a - slope, ln_d_c, y - slope * x);
+                let cost = self.weighted(&at).norm_squared();
+                if cost < best.0 {
+                    best = (cost, at);
+                }
+            }
+        }
+        best.1
+    }
+
+    fn means(&self) -> usize {
+        self.windows
+            .iter()
+            .map(|window| window.friction.len())
+            .sum()
+    }
+
+    /// Weighted residuals of all means; `FAILED` each where the motion fails.
+    fn weighted(&self, at: &Vector4<f64>) -> OVector<f64, Dyn> {
+        let law = self.law(at);
+        let mut all = Vec::with_capacity(self.means());
+        for (window, roots) in self.windows.iter().zip(&self.roots) {
+            let model = window.model_means(&law);
+            for (means, root) in window.segments.iter().zip(roots) {
+                all.extend(means.clone().map(|k| match &model {
+                    Ok(model) => root * (window.friction[k] - model[k]),
+                    Err(_) => root * FAILED,
+                }));
+            }
+        }
+        OVector::<f64, Dyn>::from_vec(all)
+    }
+
+    /// Derivatives of the weighted residuals.
+    fn derivatives(&self) -> OMatrix<f64, Dyn, U4> {
+        let mut j = OMatrix::<f64, Dyn, U4>::zeros(self.means());
+        for (c, h) in DIFFERENCES.into_iter().enumerate() {
+            let moved = |by: f64| {
+                let mut at = self.at;
+                at[c] += by;
+                self.weighted(&at)
+            };
+            j.set_column(c, &((moved(h) - moved(-h)) / (2.0 * h)));
+        }
+        let roots = self
+            .windows
+            .iter()
+            .zip(&self.roots)
+            .flat_map(|(window, roots)| {
+                let segments = window.segments.iter().zip(roots);
+                segments.flat_map(|(means, root)| std::iter::repeat_n(-root, means.len()))
+            });
+        j.set_column(3, &OVector::<f64, Dyn>::from_iterator(self.means(), roots));
+        j
+    }
+
+    fn minimized(self) -> Result<Self, String> {
+        let (problem, report) = LevenbergMarquardt::new()
+            .with_tol(1e-8)
+            .with_patience(30)
+            .minimize(self);
+        if report.termination.was_successful() {
+            Ok(problem)
+        } else {
+            Err(format!(
+                "the fit did not converge: {:?}",
+                report.termination
+            ))
+        }
+    }
+
+    /// [windows][means] measured less model.
+    fn residuals_of_windows(&self) -> Result<Vec<Vec<f64>>, String> {
+        let law = self.law(&self.at);
+        let of = |window: &Window| {
+            let model = window.model_means(&law)?;
+            let pairs = window.friction.iter().zip(model);
+            Ok(pairs.map(|(measured, model)| measured - model).collect())
+        };
+        self.windows.iter().map(of).collect()
+    }
+
+    /// [windows][segments].
+    fn noise(&self, residuals: &[Vec<f64>]) -> Vec<Vec<Noise>> {
+        let of = |residuals: &[f64]| {
+            let correlation = correlation(residuals);
+            let floor = MODEL_ERROR * MODEL_ERROR;
+            Noise {
+                variance: correlation.spectral_variance().max(floor),
+                effective: residuals.len() as f64 / correlation.inefficiency,
+                freedom: (residuals.len() as f64 / (2 * correlation.window + 1) as f64).max(1.0),
+            }
+        };
+        self.windows
+            .iter()
+            .zip(residuals)
+            .map(|(window, residuals)| {
+                let segments = window.segments.iter();
+                segments
+                    .map(|means| of(&residuals[means.clone()]))
+                    .collect()
+            })
+            .collect()
+    }
+
+    fn result(self) -> Result<Fit, String> {
+        let residuals = self.residuals_of_windows()?;
+        let noise = self.noise(&residuals);
+        let effective: f64 = noise.iter().flatten().map(|noise| noise.effective).sum();
+        if effective < PARAMETERS as f64 + 1.0 {
+            return Err(format!(
+                "the data are worth {effective:.1} independent values, too few for {PARAMETERS} parameters"
+            ));
+        }
+        let covariance = self.covariance(&noise)?;
+        let reach = |a, b, d_c, mu| covariance.reach(&Vector4::new(a, b, d_c, mu));
+        let law = self.law(&self.at);
+        let count = residuals.iter().map(Vec::len).sum::<usize>() as f64;
+        let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
+        Ok(Fit {
+            a: Estimate::logarithmic(law.a, reach(1.0, 0.0, 0.0, 0.0)),
+            b: Estimate::linear(law.b, reach(0.0, 1.0, 0.0, 0.0)),
+            // d(a - b) = a d(ln a) - db
+            a_minus_b: Estimate::linear(law.a - law.b, reach(law.a, -1.0, 0.0, 0.0)),
+            d_c: Estimate::logarithmic(law.d_c, reach(0.0, 0.0, 1.0, 0.0)),
+            mu_star: Estimate::linear(law.mu_star, reach(0.0, 0.0, 0.0, 1.0)),
+            law,
+            rms: (square / count).sqrt(),
+            effective,
+            residuals,
+            noise: noise
+                .iter()
+                .map(|segments| segments.iter().map(|noise| noise.variance).collect())
+                .collect(),
+        })
+    }
+
+    fn covariance(&self, noise: &[Vec<Noise>]) -> Result<Covariance, String> {
+        let j = self.derivatives();
+        let mut squares = Vec::new();
+        let mut row = 0;
+        for ((window, roots), noise) in self.windows.iter().zip(&self.roots).zip(noise) {
+            for ((means, root), noise) in window.segments.iter().zip(roots).zip(noise) {
+                let part = j.rows(row, means.len());
+                // Already weighted: w JᵀJ.
+                squares.push((part.transpose() * part, root * root, *noise));
+                row += means.len();
+            }
+        }
+        let a: Matrix4<f64> = squares.iter().map(|(square, ..)| square).sum();
+        // In units in which the diagonal is 1, so that small parameters count as much as large ones.
+        let scale = Matrix4::from_diagonal(&a.diagonal().map(|d: f64| d.sqrt().recip()));
+        let scaled = scale * a * scale;
+        let inverse = (scaled.symmetric_eigenvalues().min() > SINGULAR)
+            .then(|| scaled.try_inverse())
+            .flatten()
+            .ok_or("these data do not determine the parameters")?;
+        let inverse = scale * inverse * scale;
+        let part = |(square, weight, noise): (Matrix4<f64>, f64, Noise)| {
+            let taken = (square * inverse).trace();
+            let variance = noise.variance * (1.0 + taken / noise.freedom);
+            (
+                inverse * square * inverse * (weight * variance),
+                noise.freedom,
+            )
+        };
+        Ok(Covariance(squares.into_iter().map(part).collect()))
+    }
+}
+
+/// C_s of each segment and its degrees of freedom.
+struct Covariance(Vec<(Matrix4<f64>, f64)>);
+
+impl Covariance {
+    /// Half the 95 % interval of the combination of parameters with the given factors.
+    fn reach(&self, factors: &Vector4<f64>) -> f64 {
+        let parts = self.0.iter().map(|(part, freedom)| {
+            let variance = factors.dot(&(part * factors));
+            (variance, variance * variance / freedom)
+        });
+        let (variance, square) = parts.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+        student(variance * variance / square) * variance.sqrt()
+    }
+}
+
+/// Least eigenvalue of the scaled JᵀJ, below which differences of the model are noise.
+const SINGULAR: f64 = 1e-9;
+
+impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {
+    type ParameterStorage = Owned<f64, U4>;
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, U4>;
+
+    fn set_params(&mut self, at: &Vector4<f64>) {
+        self.at = *at;
+    }
+
+    fn params(&self) -> Vector4<f64> {
+        self.at
+    }
+
+    fn residuals(&self) -> Option<OVector<f64, Dyn>> {
+        Some(self.weighted(&self.at))
+    }
+
+    fn jacobian(&self) -> Option<OMatrix<f64, Dyn, U4>> {
+        Some(self.derivatives())
+    }
+}

@@ -1,0 +1,80 @@
+//! How sure a fit is by what realisations differ in, whatever the noise within them.
+
+use super::experiment::Fitted;
+use super::fit::{Estimate, Fit, fit};
+use super::law::Evolution;
+use super::measures::student;
+use super::record::{Record, mean};
+use super::window::Window;
+
+/// Fewest realisations of a protocol.
+const FEWEST: usize = 3;
+
+/// The fits to all with intervals of 95 % from fits that leave out one realisation each (Tukey 1958; by experiment, since each has its own realisations):
+/// variance Σ_e (R_e - 1)/R_e Σ_k (p_ek - p̄_e)² with Σ (R_e - 1) degrees of freedom, for ln a, b, a - b, ln D_c and μ*.
+///
+/// `groups`: the realisations among `records` of each experiment. `None` where an experiment has fewer than three; where a fit fails,
+/// so does its law.
+pub fn jackknife(records: &[Record], groups: &[Vec<usize>], all: &Fitted) -> Option<Fitted> {
+    if groups.iter().any(|group| group.len() < FEWEST) {
+        return None;
+    }
+    let spread = |(law, fit): &(Evolution, Result<Fit, String>)| {
+        let spread = fit
+            .clone()
+            .and_then(|fit| with_spread(records, groups, fit));
+        (*law, spread)
+    };
+    Some(Fitted {
+        name: "all (jackknife)",
+        event: None,
+        fits: all.fits.iter().map(spread).collect(),
+        chi_squared: all.chi_squared.clone(),
+    })
+}
+
+fn with_spread(records: &[Record], groups: &[Vec<usize>], full: Fit) -> Result<Fit, String> {
+    let windows: Vec<Window> = groups
+        .iter()
+        .map(|group| whole(records, group.iter().copied()))
+        .collect();
+    let (mut variance, mut freedom) = ([0.0; 5], 0.0);
+    for (e, group) in groups.iter().enumerate() {
+        let mut without = Vec::new();
+        for left in group {
+            let mut windows = windows.clone();
+            let kept = group.iter().copied().filter(|k| k != left);
+            windows[e] = whole(records, kept);
+            without.push(searched(&fit(&windows, full.law.evolution)?));
+        }
+        let count = group.len() as f64;
+        for (p, variance) in variance.iter_mut().enumerate() {
+            let mean = without.iter().map(|found| found[p]).sum::<f64>() / count;
+            let square: f64 = without.iter().map(|found| (found[p] - mean).powi(2)).sum();
+            *variance += (count - 1.0) / count * square;
+        }
+        freedom += count - 1.0;
+    }
+    let reach = variance.map(|variance| student(freedom) * variance.sqrt());
+    Ok(Fit {
+        a: Estimate::logarithmic(full.a.value, reach[0]),
+        b: Estimate::linear(full.b.value, reach[1]),
+        a_minus_b: Estimate::linear(full.a_minus_b.value, reach[2]),
+        d_c: Estimate::logarithmic(full.d_c.value, reach[3]),
+        mu_star: Estimate::linear(full.mu_star.value, reach[4]),
+        ..full
+    })
+}
+
+/// ln a, b, a - b, ln D_c, μ*.
+fn searched(fit: &Fit) -> [f64; 5] {
+    let law = fit.law;
+    [law.a.ln(), law.b, law.a - law.b, law.d_c.ln(), law.mu_star]
+}
+
+fn whole(records: &[Record], members: impl Iterator<Item = usize>) -> Window {
+    let members: Vec<&Record> = members.map(|k| &records[k]).collect();
+    let record = mean(&members);
+    let segments = record.drive.len();
+    Window::of(&record, 0..segments)
+}

@@ -1,0 +1,91 @@
+//! The rate-and-state law with the aging (Dieterich) and the slip (Ruina) evolution of θ.
+
+/// How θ evolves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Evolution {
+    /// dθ/dt = 1 - Vθ/D_c.
+    Aging,
+    /// dθ/dt = -(Vθ/D_c) ln(Vθ/D_c).
+    Slip,
+}
+
+impl Evolution {
+    pub fn name(self) -> &'static str {
+        match self {
+            Evolution::Aging => "aging",
+            Evolution::Slip => "slip",
+        }
+    }
+}
+
+/// μ = μ* + a ln(V/V*) + b ln(V*θ/D_c).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Law {
+    pub evolution: Evolution,
+    /// μ*: friction of steady sliding at V*.
+    pub mu_star: f64,
+    pub a: f64,
+    pub b: f64,
+    /// D_c (m).
+    pub d_c: f64,
+    /// V* (m/s): any velocity; only μ* depends on its choice.
+    pub v_star: f64,
+}
+
+/// Velocity and state by their logarithms, which stay moderate where V and θ run over many decades.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State {
+    /// ln(V/V*).
+    pub ln_v: f64,
+    /// ln(V*θ/D_c).
+    pub ln_theta: f64,
+}
+
+impl Law {
+    /// μ of a state.
+    pub fn friction(&self, state: State) -> f64 {
+        self.mu_star + self.a * state.ln_v + self.b * state.ln_theta
+    }
+
+    /// V (m/s).
+    pub fn velocity(&self, state: State) -> f64 {
+        self.v_star * state.ln_v.exp()
+    }
+
+    /// θ (s).
+    pub fn theta(&self, state: State) -> f64 {
+        self.d_c / self.v_star * state.ln_theta.exp()
+    }
+
+    /// Steady sliding at V > 0 (m/s): θ = D_c/V.
+    pub fn steady(&self, velocity: f64) -> State {
+        let ln_v = (velocity / self.v_star).ln();
+        State {
+            ln_v,
+            ln_theta: -ln_v,
+        }
+    }
+
+    /// d ln θ/dt (1/s).
+    pub fn evolution_rate(&self, state: State) -> f64 {
+        let slipping = self.velocity(state) / self.d_c;
+        match self.evolution {
+            Evolution::Aging => 1.0 / self.theta(state) - slipping,
+            Evolution::Slip => -slipping * (state.ln_v + state.ln_theta),
+        }
+    }
+
+    /// Derivatives of [`Self::evolution_rate`] by ln V and ln θ (1/s).
+    pub fn evolution_gradient(&self, state: State) -> [f64; 2] {
+        let slipping = self.velocity(state) / self.d_c;
+        match self.evolution {
+            Evolution::Aging => [-slipping, -1.0 / self.theta(state)],
+            Evolution::Slip => [-slipping * (state.ln_v + state.ln_theta + 1.0), -slipping],
+        }
+    }
+
+    /// k̄_c = (b - a)/D_c (1/m): without inertia, steady sliding on a softer spring is unstable (Ruina 1983).
+    pub fn critical_stiffness(&self) -> f64 {
+        (self.b - self.a) / self.d_c
+    }
+}

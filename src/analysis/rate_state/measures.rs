@@ -1,0 +1,272 @@
+//! What a record shows without a law of evolution: steady friction, velocity steps, holds and their healing.
+
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use super::noise::block_error;
+use super::record::Record;
+
+/// Steady friction in the latter half of a slide.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steady {
+    pub segment: usize,
+    /// V_drive (m/s).
+    pub velocity: f64,
+    /// μ_ss.
+    pub friction: f64,
+    /// Standard error of μ_ss, from means of blocks.
+    pub error: f64,
+    /// Standard deviation of the rows about μ_ss.
+    pub scatter: f64,
+    /// Slip in the whole segment (m).
+    pub slip: f64,
+}
+
+/// Where peaks are looked for: in the first half of a segment and, with D_c (m) known, over the first 2 D_c of its slip, as the extreme of
+/// running means over 0.05 D_c. The extreme of single rows would lie above the peak by some of their scatter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peaks {
+    pub d_c: Option<f64>,
+}
+
+/// Slip that peaks are looked for in, and that is averaged over, in D_c.
+const PEAK_WITHIN: f64 = 2.0;
+const PEAK_MEAN: f64 = 0.05;
+
+/// A change from one velocity to another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// The segment after the step.
+    pub segment: usize,
+    /// V_drive before and after (m/s).
+    pub velocities: [f64; 2],
+    /// Extreme μ after the step, the greatest after one up and the least after one down, less μ_ss before; and its standard error.
+    pub direct: [f64; 2],
+    /// The extreme less μ_ss after; and its standard error.
+    pub evolution: [f64; 2],
+    /// μ_ss after less μ_ss before: (a - b) ln(V_2/V_1); and its standard error.
+    pub net: [f64; 2],
+}
+
+/// A hold between slides; `after` is missing where nothing slides again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hold {
+    /// The hold's own segment.
+    pub segment: usize,
+    /// t_hold (s).
+    pub duration: f64,
+    /// V_i (m/s).
+    pub before: f64,
+    /// μ at the end of the hold less μ_ss before it.
+    pub relaxation: f64,
+    pub reslide: Option<Reslide>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reslide {
+    /// V_r (m/s).
+    pub velocity: f64,
+    /// Peak strength: the greatest μ after the hold, as [`Peaks`] finds it.
+    pub peak: f64,
+    /// Slip since the end of the hold at the peak (m).
+    pub slip_at_peak: f64,
+    /// Δμ: the peak less μ_ss before the hold.
+    pub healing: f64,
+    /// Standard error of Δμ: of μ_ss, and the scatter of means as long as that of the peak.
+    pub error: f64,
+}
+
+/// Δμ = intercept + slope · ln(t_hold/s), of holds with the same velocities before and after.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Healing {
+    /// V_i and V_r (m/s).
+    pub velocities: [f64; 2],
+    /// Index of each hold.
+    pub holds: Vec<usize>,
+    /// b where V_r = V_i and holds are long (aging law: Δμ → b ln t_hold + const).
+    pub slope: f64,
+    pub intercept: f64,
+    /// 95 % interval of the slope, by Student's t; `None` for two points.
+    pub interval: Option<[f64; 2]>,
+}
+
+/// Steady friction of each segment; `None` for holds.
+pub fn steady_segments(record: &Record) -> Vec<Option<Steady>> {
+    let of = |segment: usize| {
+        let drive = record.drive[segment];
+        let [_, half] = record.halves(segment);
+        let values = &record.friction[half];
+        if drive.is_hold() || values.is_empty() {
+            return None;
+        }
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let square: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+        let rows = record.rows(segment);
+        Some(Steady {
+            segment,
+            velocity: drive.velocity,
+            friction: mean,
+            error: block_error(values),
+            scatter: (square / (count - 1.0).max(1.0)).sqrt(),
+            slip: record.slip[rows.end - 1] - record.slip[rows.start],
+        })
+    };
+    (0..record.drive.len()).map(of).collect()
+}
+
+/// The changes from a slide to another one.
+pub fn steps(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Step> {
+    let of = |segment: usize| {
+        let (before, after) = (steady[segment - 1]?, steady[segment]?);
+        let up = after.velocity > before.velocity;
+        let Extreme { extreme, error, .. } = peaks.extreme(record, segment, up)?;
+        Some(Step {
+            segment,
+            velocities: [before.velocity, after.velocity],
+            direct: [extreme - before.friction, before.error.hypot(error)],
+            evolution: [extreme - after.friction, after.error.hypot(error)],
+            net: [
+                after.friction - before.friction,
+                before.error.hypot(after.error),
+            ],
+        })
+    };
+    (1..record.drive.len()).filter_map(of).collect()
+}
+
+/// The holds after a slide.
+pub fn holds(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Hold> {
+    let of = |segment: usize| {
+        let before = steady[segment - 1]?;
+        let rows = record.rows(segment);
+        if !record.drive[segment].is_hold() || rows.is_empty() {
+            return None;
+        }
+        let reslide = || {
+            let after = segment + 1;
+            let drive = record.drive.get(after).filter(|drive| !drive.is_hold())?;
+            let found = peaks.extreme(record, after, true)?;
+            Some(Reslide {
+                velocity: drive.velocity,
+                peak: found.extreme,
+                slip_at_peak: found.slip - record.slip[rows.end - 1],
+                healing: found.extreme - before.friction,
+                error: before.error.hypot(found.error),
+            })
+        };
+        Some(Hold {
+            segment,
+            duration: record.drive[segment].duration,
+            before: before.velocity,
+            relaxation: record.friction[rows.end - 1] - before.friction,
+            reslide: reslide(),
+        })
+    };
+    (1..record.drive.len()).filter_map(of).collect()
+}
+
+struct Extreme {
+    extreme: f64,
+    /// Slip there (m).
+    slip: f64,
+    /// Scatter of means of as many rows.
+    error: f64,
+}
+
+impl Peaks {
+    /// The greatest, or the least, μ of a segment.
+    fn extreme(self, record: &Record, segment: usize, greatest: bool) -> Option<Extreme> {
+        let [half, rest] = record.halves(segment);
+        if half.is_empty() || rest.is_empty() {
+            return None;
+        }
+        let start = record.slip[half.start];
+        let slipped = record.slip[rest.end - 1] - record.slip[rest.start];
+        let per_row = slipped / (rest.len() as f64 - 1.0).max(1.0);
+        let (mut end, mut length) = (half.end, 1);
+        if let Some(d_c) = self.d_c.filter(|_| per_row > 0.0) {
+            let within = |row: &usize| record.slip[*row] - start <= PEAK_WITHIN * d_c;
+            let near = half.clone().take_while(within).count();
+            length = ((PEAK_MEAN * d_c / per_row) as usize).clamp(1, half.len().min(rest.len()));
+            end = half.start + near.max(length);
+        }
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / length as f64;
+        let means = record.friction[half.start..end].windows(length).map(mean);
+        let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1);
+        let (at, extreme) = if greatest {
+            means.enumerate().max_by(order)?
+        } else {
+            means.enumerate().min_by(order)?
+        };
+        let of_rest: Vec<f64> = record.friction[rest].windows(length).map(mean).collect();
+        let count = of_rest.len() as f64;
+        let centre = of_rest.iter().sum::<f64>() / count;
+        let square: f64 = of_rest.iter().map(|m| (m - centre) * (m - centre)).sum();
+        Some(Extreme {
+            extreme,
+            slip: record.slip[half.start + at + length / 2],
+            error: (square / (count - 1.0).max(1.0)).sqrt(),
+        })
+    }
+}
+
+/// Fits of Δμ against ln t_hold, for each pair of velocities with at least two durations.
+pub fn healing(holds: &[Hold]) -> Vec<Healing> {
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs();
+    let mut groups: Vec<([f64; 2], Vec<usize>)> = Vec::new();
+    for (k, hold) in holds.iter().enumerate() {
+        let Some(reslide) = hold.reslide else {
+            continue;
+        };
+        let velocities = [hold.before, reslide.velocity];
+        let same = |v: &[f64; 2]| near(v[0], velocities[0]) && near(v[1], velocities[1]);
+        match groups.iter_mut().find(|(v, _)| same(v)) {
+            Some((_, members)) => members.push(k),
+            None => groups.push((velocities, vec![k])),
+        }
+    }
+    let fitted = |(velocities, members): ([f64; 2], Vec<usize>)| {
+        let point = |k: &usize| {
+            let healing = holds[*k].reslide.map_or(f64::NAN, |r| r.healing);
+            [holds[*k].duration.ln(), healing]
+        };
+        let points: Vec<[f64; 2]> = members.iter().map(point).collect();
+        let (intercept, slope, interval) = line(&points)?;
+        Some(Healing {
+            velocities,
+            holds: members,
+            slope,
+            intercept,
+            interval,
+        })
+    };
+    groups.into_iter().filter_map(fitted).collect()
+}
+
+/// Intercept, slope and its 95 % interval of the least-squares line; `None` where all x are equal.
+fn line(points: &[[f64; 2]]) -> Option<(f64, f64, Option<[f64; 2]>)> {
+    let n = points.len() as f64;
+    let mean = |c: usize| points.iter().map(|p| p[c]).sum::<f64>() / n;
+    let [x0, y0] = [mean(0), mean(1)];
+    let sum = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
+        points.iter().map(|[x, y]| f(x - x0, y - y0)).sum()
+    };
+    let spread = sum(&|x, _| x * x);
+    if points.len() < 2 || spread <= 1e-12 * n * (1.0 + x0 * x0) {
+        return None;
+    }
+    let slope = sum(&|x, y| x * y) / spread;
+    let rest = sum(&|x, y| (y - slope * x) * (y - slope * x));
+    let freedom = n - 2.0;
+    let interval = (freedom > 0.0).then(|| {
+        let half = student(freedom) * (rest / freedom / spread).sqrt();
+        [slope - half, slope + half]
+    });
+    Some((y0 - slope * x0, slope, interval))
+}
+
+/// How many standard errors a two-sided 95 % interval reaches to either side.
+pub(super) fn student(freedom: f64) -> f64 {
+    let t = StudentsT::new(0.0, 1.0, freedom).expect("degrees of freedom are positive");
+    t.inverse_cdf(0.975)
+}

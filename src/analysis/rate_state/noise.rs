@@ -1,0 +1,77 @@
+//! Errors of means of correlated values.
+
+/// How far values are correlated with their followers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Correlation {
+    /// γ_0: mean square.
+    pub variance: f64,
+    /// g = 1 + 2 Σ ρ_l ≥ 1: n values tell as much as n/g independent ones.
+    pub inefficiency: f64,
+    /// W: last lag of the sum.
+    pub window: usize,
+}
+
+impl Correlation {
+    /// γ_0 g: variance of the mean of n values, times n.
+    pub fn spectral_variance(&self) -> f64 {
+        self.variance * self.inefficiency
+    }
+}
+
+/// Correlation of values whose true mean is zero, such as the residuals of a fit, at equal intervals.
+///
+/// The sum over ρ ends at the first lag that is at least 5 g/2 (Sokal 1997, eq. 3.19), or at half the number of values.
+pub fn correlation(values: &[f64]) -> Correlation {
+    let n = values.len();
+    let product =
+        |lag: usize| -> f64 { values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum() };
+    let square = product(0);
+    let (mut inefficiency, mut window) = (1.0, 0);
+    if square > 0.0 {
+        for lag in 1..n / 2 {
+            inefficiency += 2.0 * product(lag) / square;
+            window = lag;
+            if lag as f64 >= 2.5 * inefficiency {
+                break;
+            }
+        }
+    }
+    Correlation {
+        variance: square / n.max(1) as f64,
+        inefficiency: inefficiency.clamp(1.0, n.max(1) as f64),
+        window,
+    }
+}
+
+/// Fewest blocks whose scatter is taken for the error of their mean.
+const FEWEST_BLOCKS: usize = 4;
+
+/// Standard error of the mean of correlated values at equal intervals, by means of blocks (Flyvbjerg & Petersen 1989).
+///
+/// The length B of the blocks, a power of two, is the least with B³ > 2n (e_B/e_1)⁴, e_B being the error from blocks of length B
+/// (Lee et al. 2011, PRE 83, 066706), or the longest that leaves four of them. NaN for fewer than four values.
+pub fn block_error(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mut blocks = values.to_vec();
+    let (mut length, mut first, mut error) = (1.0, f64::NAN, f64::NAN);
+    while blocks.len() >= FEWEST_BLOCKS {
+        let count = blocks.len() as f64;
+        let mean = blocks.iter().sum::<f64>() / count;
+        let square: f64 = blocks.iter().map(|b| (b - mean) * (b - mean)).sum();
+        error = (square / (count - 1.0) / count).sqrt();
+        if length == 1.0 {
+            first = error;
+        }
+        let ratio: f64 = error / first;
+        // NaN where all are equal: their error is 0 at any length.
+        if ratio.is_nan() || f64::powi(length, 3) > 2.0 * n * ratio.powi(4) {
+            break;
+        }
+        blocks = blocks
+            .chunks_exact(2)
+            .map(|two| 0.5 * (two[0] + two[1]))
+            .collect();
+        length *= 2.0;
+    }
+    error
+}

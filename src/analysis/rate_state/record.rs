@@ -1,0 +1,174 @@
+//! What was measured of a protocol: one run, or the mean of several realisations of it.
+
+use std::ops::Range;
+
+use super::protocol::Segment;
+
+/// Time series of a slider under one protocol; L rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    /// k̄: stiffness of the spring over the normal force (1/m).
+    pub stiffness: f64,
+    /// The segments, from the first row on.
+    pub drive: Vec<Segment>,
+    /// [L] (s), ascending.
+    pub time: Vec<f64>,
+    /// [L] of the slider (m).
+    pub slip: Vec<f64>,
+    /// [L] μ.
+    pub friction: Vec<f64>,
+    /// [L] standard deviation of μ among the realisations; NaN of a single one.
+    pub deviation: Vec<f64>,
+    pub realisations: usize,
+}
+
+/// Protocols are the same where velocities and durations agree to this share.
+const SAME_PROTOCOL: f64 = 1e-3;
+/// The same for k̄, whose normal force differs a little from sample to sample.
+const SAME_STIFFNESS: f64 = 0.05;
+
+impl Record {
+    /// When a segment begins (s).
+    pub fn begin(&self, segment: usize) -> f64 {
+        let before: f64 = self.drive[..segment].iter().map(|s| s.duration).sum();
+        self.time[0] + before
+    }
+
+    /// Rows after the begin of a segment, up to its end.
+    pub fn rows(&self, segment: usize) -> Range<usize> {
+        let row_at = |time: f64| self.time.partition_point(|t| *t <= time);
+        let end = if segment + 1 < self.drive.len() {
+            row_at(self.begin(segment + 1))
+        } else {
+            self.time.len()
+        };
+        let begin = if segment == 0 {
+            0
+        } else {
+            row_at(self.begin(segment))
+        };
+        begin..end
+    }
+
+    /// Rows of the first half of a segment, by time, and those of the latter half.
+    pub fn halves(&self, segment: usize) -> [Range<usize>; 2] {
+        let rows = self.rows(segment);
+        let middle = self.begin(segment) + 0.5 * self.drive[segment].duration;
+        let at = self
+            .time
+            .partition_point(|t| *t <= middle)
+            .clamp(rows.start, rows.end);
+        [rows.start..at, at..rows.end]
+    }
+
+    /// The same without the segments before `first` and the last ones from `end` on.
+    pub fn cut(&self, segments: Range<usize>) -> Record {
+        let rows = self.rows(segments.start).start..self.rows(segments.end - 1).end;
+        let of = |values: &[f64]| values[rows.clone()].to_vec();
+        let mut drive = self.drive[segments.clone()].to_vec();
+        // Segments are counted from the first row, which is a little after the begin.
+        drive[0].duration -= self.time[rows.start] - self.begin(segments.start);
+        Record {
+            stiffness: self.stiffness,
+            drive,
+            time: of(&self.time),
+            slip: of(&self.slip),
+            friction: of(&self.friction),
+            deviation: of(&self.deviation),
+            realisations: self.realisations,
+        }
+    }
+
+    fn same_protocol(&self, other: &Record) -> bool {
+        let near = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs());
+        let segments = self.drive.len();
+        // A run ends at its last row, which may be any.
+        let same = |k: usize| {
+            let (a, b) = (self.drive[k], other.drive[k]);
+            near(a.velocity, b.velocity, SAME_PROTOCOL)
+                && (k + 1 == segments || near(a.duration, b.duration, SAME_PROTOCOL))
+        };
+        segments == other.drive.len()
+            && near(self.stiffness, other.stiffness, SAME_STIFFNESS)
+            && (0..segments).all(same)
+    }
+}
+
+/// Joins the realisations of each protocol: their mean at the times of the first one, up to where the shortest ends. Protocols
+/// in the order of their first realisation; also returns which records each was made of.
+pub fn merge(records: &[Record]) -> Vec<(Record, Vec<usize>)> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (k, record) in records.iter().enumerate() {
+        let group = groups
+            .iter_mut()
+            .find(|group| records[group[0]].same_protocol(record));
+        match group {
+            Some(group) => group.push(k),
+            None => groups.push(vec![k]),
+        }
+    }
+    let joined = |group: Vec<usize>| {
+        let members: Vec<&Record> = group.iter().map(|k| &records[*k]).collect();
+        (mean(&members), group)
+    };
+    groups.into_iter().map(joined).collect()
+}
+
+/// The mean of realisations of one protocol.
+pub(super) fn mean(members: &[&Record]) -> Record {
+    let [first, ..] = members else {
+        unreachable!("a group has a member");
+    };
+    if members.len() == 1 {
+        return (*first).clone();
+    }
+    let count = members.len() as f64;
+    let last = |r: &&Record| r.time[r.time.len() - 1] - r.time[0];
+    let end = members.iter().map(last).fold(f64::INFINITY, f64::min);
+    // Times are those since each one's first row.
+    let rows = first.time.partition_point(|t| t - first.time[0] <= end);
+    let mut joined = Record {
+        stiffness: members.iter().map(|r| r.stiffness).sum::<f64>() / count,
+        drive: first.drive.clone(),
+        time: first.time[..rows].to_vec(),
+        slip: Vec::with_capacity(rows),
+        friction: Vec::with_capacity(rows),
+        deviation: Vec::with_capacity(rows),
+        realisations: members.len(),
+    };
+    for time in &joined.time {
+        let at = |values: fn(&Record) -> &[f64]| -> Vec<f64> {
+            let since = time - first.time[0];
+            members
+                .iter()
+                .map(|r| interpolated(&r.time, values(r), r.time[0] + since))
+                .collect()
+        };
+        let friction = at(|r| &r.friction);
+        let mean = friction.iter().sum::<f64>() / count;
+        let square: f64 = friction.iter().map(|f| (f - mean) * (f - mean)).sum();
+        joined.friction.push(mean);
+        joined.deviation.push((square / (count - 1.0)).sqrt());
+        joined
+            .slip
+            .push(at(|r| &r.slip).iter().sum::<f64>() / count);
+    }
+    if let (Some(segment), Some(time)) = (joined.drive.last_mut(), joined.time.last()) {
+        let begin = first.begin(first.drive.len() - 1);
+        segment.duration = time - begin;
+    }
+    joined
+}
+
+/// Linear between the rows, constant beyond them.
+fn interpolated(time: &[f64], values: &[f64], at: f64) -> f64 {
+    let after = time.partition_point(|t| *t < at);
+    if after == 0 {
+        return values[0];
+    }
+    if after == time.len() {
+        return values[after - 1];
+    }
+    let part = (at - time[after - 1]) / (time[after] - time[after - 1]);
+    values[after - 1] + part * (values[after] - values[after - 1])
+}

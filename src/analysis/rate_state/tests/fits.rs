@@ -1,0 +1,141 @@
+//! Fits to data made from the law itself, and how often their intervals hold it.
+
+use super::*;
+
+#[test]
+fn without_noise_a_fit_returns_the_law() {
+    for evolution in BOTH {
+        let law = law(evolution);
+        let holds = [
+            segment(0.02, 1.0),
+            segment(0.0, 1.0),
+            segment(0.02, 2.0),
+            segment(0.0, 10.0),
+            segment(0.02, 2.0),
+        ];
+        for drive in [&step_test()[..], &step_test()[..2], &holds] {
+            let record = synthetic(&law, drive, 1e-3);
+            let fit = fit(&[Window::of(&record, 0..drive.len())], evolution).expect("a fit");
+            let found = [fit.law.a, fit.law.b, fit.law.d_c, fit.law.mu_star];
+            for (found, made) in found.into_iter().zip([law.a, law.b, law.d_c, law.mu_star]) {
+                assert!((found / made - 1.0).abs() < 1e-3, "{found} for {made}");
+            }
+        }
+    }
+}
+
+/// Of 60 realisations of the noise: how many 95 % intervals hold a, b, D_c and a - b; and the root mean square of half their length
+/// over that of the error of the value.
+fn coverage(evolution: Evolution, sigma: f64, memory: f64) -> ([usize; 4], [f64; 4]) {
+    use rayon::prelude::*;
+    let law = law(evolution);
+    let clean = synthetic(&law, &step_test(), 2e-3);
+    let of = |seed: u64| {
+        let record = disturbed(&clean, seed, sigma, memory);
+        let fit = fit(&[Window::of(&record, 0..3)], evolution).expect("a fit");
+        let difference = law.a - law.b;
+        [
+            (fit.a, law.a),
+            (fit.b, law.b),
+            (fit.d_c, law.d_c),
+            (fit.a_minus_b, difference),
+        ]
+        .map(|(found, made)| {
+            let [low, high] = found.interval;
+            let (half, error) = (0.5 * (high - low), found.value - made);
+            ((low..=high).contains(&made), half * half, error * error)
+        })
+    };
+    let all: Vec<_> = (0..60u64).into_par_iter().map(of).collect();
+    let sum =
+        |c: usize, of: fn((bool, f64, f64)) -> f64| all.iter().map(|one| of(one[c])).sum::<f64>();
+    (
+        std::array::from_fn(|c| all.iter().filter(|one| one[c].0).count()),
+        std::array::from_fn(|c| (sum(c, |(_, half, _)| half) / sum(c, |(.., error)| error)).sqrt()),
+    )
+}
+
+/// Of 60 intervals of 95 % fewer than 50 hold the truth with a probability of 2e-4 (binomial), of 70 % with one of 0.99: so intervals that are
+/// much too short are noticed, and right ones pass. Half of a right one is 1.96 standard errors long; of 60, these are known to 9 %.
+#[test]
+fn intervals_hold_the_law_about_as_often_as_they_say() {
+    for evolution in BOTH {
+        for memory in [0.0, 5.0, 20.0] {
+            let (held, length) = coverage(evolution, 2e-3, memory);
+            assert!(
+                held.iter().all(|held| *held >= 50),
+                "{evolution:?}, memory {memory}: {held:?}"
+            );
+            if memory == 0.0 {
+                assert!(
+                    length.iter().all(|l| *l < 1.5 * 1.96),
+                    "{evolution:?}: {length:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Both laws are fitted to data of one of them: the one that they are of has the lesser χ², by far.
+#[test]
+fn chi_squared_tells_the_law() {
+    let drive = [
+        segment(0.02, 1.0),
+        segment(0.0, 10.0),
+        segment(0.02, 2.0),
+        segment(0.2, 0.3),
+    ];
+    for evolution in BOTH {
+        let record = disturbed(&synthetic(&law(evolution), &drive, 2e-3), 5, 1e-3, 3.0);
+        let windows = [Window::of(&record, 0..4)];
+        let fits = BOTH.map(|e| fit(&windows, e).expect("a fit"));
+        let best = if fits[0].rms < fits[1].rms { 0 } else { 1 };
+        assert_eq!(BOTH[best], evolution);
+        let [of_best, of_other] =
+            [best, 1 - best].map(|k| chi_squared(&windows, &fits[k], &fits[best]));
+        assert!((of_best / fits[best].effective - 1.0).abs() < 1e-9);
+        assert!(of_other > of_best + 100.0, "{of_best} {of_other}");
+    }
+}
+
+#[test]
+fn data_that_determine_nothing_are_refused() {
+    // Steady sliding only.
+    let record = disturbed(
+        &synthetic(&law(Evolution::Aging), &[segment(0.02, 2.0)], 1e-3),
+        1,
+        1e-3,
+        0.0,
+    );
+    let refused = fit(&[Window::of(&record, 0..1)], Evolution::Aging);
+    assert!(refused.is_err());
+    assert!(fit(&[], Evolution::Aging).is_err());
+}
+
+/// μ of the realisations differs by a constant and by nothing else, which no noise within a run shows: μ* is as uncertain as the mean of four
+/// such constants, (−3, −1, 1, 3) √0.6 σ, whose jackknife is exact: half the interval is t_3 s/√4, s² = 4σ² being their variance; a and b
+/// are as certain as before.
+#[test]
+fn jackknife_sees_what_differs_between_realisations() {
+    let clean = synthetic(&law(Evolution::Aging), &step_test(), 4e-3);
+    let sigma = 0.01;
+    let records: Vec<Record> = [-3.0, -1.0, 1.0, 3.0]
+        .into_iter()
+        .map(|shift| {
+            let mut record = clean.clone();
+            let by = shift * sigma * f64::sqrt(0.6);
+            record.friction.iter_mut().for_each(|f| *f += by);
+            record
+        })
+        .collect();
+    let (joined, groups): (Vec<Record>, Vec<Vec<usize>>) = merge(&records).into_iter().unzip();
+    let all = &fit_all(&joined, &[Evolution::Aging])[0];
+    let spread = jackknife(&records, &groups, all).expect("four realisations");
+    let fit = spread.fits[0].1.as_ref().expect("a fit");
+    let half = |e: Estimate| 0.5 * (e.interval[1] - e.interval[0]);
+    // Student's t for 3 degrees of freedom, from tables.
+    let expected = 3.182446305284263 * sigma;
+    assert!((half(fit.mu_star) / expected - 1.0).abs() < 1e-6);
+    assert!(half(fit.a) < 1e-8 && half(fit.b) < 1e-8 && half(fit.d_c) < 1e-8);
+    assert!(jackknife(&records[..2], &[vec![0, 1]], all).is_none());
+}

@@ -1,0 +1,196 @@
+//! What is measured without a law: protocol, realisations, steps, holds, errors of means.
+
+use super::*;
+
+/// The variance of the mean of n values of a process with ρ_l = φ^l is σ²/n (1 + φ)/(1 - φ), but for terms in 1/n². With n/g = 1000 both
+/// estimates of one series are known to about 10 %; of the mean of 40 series, to 2 %.
+#[test]
+fn errors_of_means_count_correlated_values_as_few() {
+    for memory in [0.0, 3.0, 10.0] {
+        let kept = if memory > 0.0 {
+            f64::exp(-1.0 / memory)
+        } else {
+            0.0
+        };
+        let g = (1.0 + kept) / (1.0 - kept);
+        let n = (1000.0 * g) as usize;
+        let expected = 0.3 * 0.3 * g / n as f64;
+        let [mut blocks, mut sums] = [0.0; 2];
+        for seed in 0..40 {
+            let values = noise(seed, n, 0.3, memory);
+            blocks += block_error(&values).powi(2) / 40.0;
+            sums += correlation(&values).spectral_variance() / n as f64 / 40.0;
+        }
+        assert!((blocks / expected - 1.0).abs() < 0.1 && (sums / expected - 1.0).abs() < 0.1);
+    }
+    assert!(block_error(&[1.0; 3]).is_nan());
+    assert_eq!(block_error(&[1.0; 300]), 0.0);
+}
+
+#[test]
+fn a_drive_is_cut_where_its_velocity_changes() {
+    let made = [
+        segment(0.02, 0.1234),
+        segment(0.0, 0.5),
+        segment(0.1, 0.0777),
+    ];
+    let (mut velocity, mut displacement) = (vec![], vec![]);
+    let time: Vec<f64> = (0..=350).map(|k| 2e-3 * f64::from(k)).collect();
+    for t in &time {
+        let (mut left, mut x) = (*t, 0.0);
+        let mut now = made[2].velocity;
+        for s in made {
+            x += s.velocity * left.min(s.duration);
+            if left <= s.duration {
+                now = s.velocity;
+                break;
+            }
+            left -= s.duration;
+        }
+        velocity.push(now);
+        displacement.push(x);
+    }
+    let found = of_drive(&time, &velocity, &displacement).expect("a drive");
+    assert_eq!(found.len(), 3);
+    for (found, made) in found.iter().zip(made) {
+        assert_eq!(found.velocity, made.velocity);
+    }
+    for (found, made) in found.iter().zip(made).take(2) {
+        assert!((found.duration - made.duration).abs() < 1e-12);
+    }
+    let total: f64 = found.iter().map(|s| s.duration).sum();
+    assert!((total - 0.7).abs() < 1e-12);
+
+    // A segment between two rows.
+    displacement[20..].iter_mut().for_each(|x| *x += 1e-3);
+    velocity[20..].iter_mut().for_each(|v| *v += 1e-3);
+    assert!(
+        of_drive(&time, &velocity, &displacement)
+            .unwrap_err()
+            .contains("between row 19 and row 20")
+    );
+    velocity[3] = -1.0;
+    assert!(
+        of_drive(&time, &velocity, &displacement)
+            .unwrap_err()
+            .contains("row 3")
+    );
+}
+
+/// Slide-hold-slide without noise: what is measured is what the law says.
+#[test]
+fn steps_and_holds_are_measured() {
+    let drive = [
+        segment(0.02, 8.0),
+        segment(0.0, 1.0),
+        segment(0.02, 8.0),
+        segment(0.0, 10.0),
+        segment(0.02, 8.0),
+        segment(0.0, 100.0),
+        segment(0.02, 8.0),
+        segment(0.1, 2.0),
+    ];
+    let law = law(Evolution::Aging);
+    let record = synthetic(&law, &drive, 2e-4);
+    let steady = steady_segments(&record);
+    let peaks = Peaks { d_c: None };
+    let holds = holds(&record, &steady, peaks);
+    let durations: Vec<f64> = holds.iter().map(|hold| hold.duration).collect();
+    assert_eq!(durations, [1.0, 10.0, 100.0]);
+    for hold in &holds {
+        assert!((steady[hold.segment - 1].expect("a slide").friction - 0.35).abs() < 1e-4);
+        let reslide = hold.reslide.expect("a reslide");
+        assert!(
+            (reslide.peak - 0.35 - reslide.healing).abs() < 1e-4
+                && reslide.healing > 0.0
+                && hold.relaxation < 0.0
+        );
+    }
+    // Long holds heal by b for every factor of e on a stiff spring (aging law): θ = t_hold, V at the peak that of the drive.
+    let of_long = healing(&holds[1..]);
+    assert!((of_long[0].slope / law.b - 1.0).abs() < 0.03, "{of_long:?}");
+    assert_eq!(
+        (of_long[0].interval, of_long[0].velocities),
+        (None, [0.02, 0.02])
+    );
+    assert!(healing(&holds)[0].interval.expect("of three holds")[1] > law.b * 0.9);
+
+    let steps = steps(&record, &steady, peaks);
+    assert_eq!(steps.len(), 1);
+    let (step, ln) = (steps[0], f64::ln(5.0));
+    assert!((step.net[0] / ln - (law.a - law.b)).abs() < 1e-4);
+    assert!(
+        (step.direct[0] / ln / law.a - 1.0).abs() < 0.01
+            && (step.evolution[0] / ln / law.b - 1.0).abs() < 0.01
+    );
+}
+
+#[test]
+fn realisations_are_joined_by_their_protocol() {
+    let law = law(Evolution::Slip);
+    let one = synthetic(&law, &step_test(), 2e-3);
+    let up = |record: &Record, by: f64| {
+        let mut record = record.clone();
+        record.friction.iter_mut().for_each(|f| *f += by);
+        record.time.iter_mut().for_each(|t| *t += 7.0);
+        record
+    };
+    // Stopped earlier, with other rows, of another protocol.
+    let mut short = up(&synthetic(&law, &step_test(), 1e-3), 0.03);
+    for column in [&mut short.time, &mut short.slip, &mut short.friction] {
+        column.truncate(4001);
+    }
+    short.drive[2].duration = 1.7;
+    let other = synthetic(&law, &step_test()[..2], 2e-3);
+    let joined = merge(&[one.clone(), up(&one, -0.03), other.clone(), short]);
+    assert_eq!(joined.len(), 2);
+    assert_eq!((&joined[0].1, &joined[1].1), (&vec![0, 1, 3], &vec![2]));
+    assert_eq!(joined[1].0.friction, other.friction);
+    let mean = &joined[0].0;
+    assert_eq!((mean.time.len(), mean.realisations), (2001, 3));
+    assert!((mean.drive[2].duration - 1.7).abs() < 1e-9);
+    for k in 0..2001 {
+        // The rows beside a step are interpolated from others.
+        let close = if one
+            .drive
+            .iter()
+            .enumerate()
+            .any(|(s, _)| (one.time[k] - one.begin(s)).abs() < 3e-3)
+        {
+            0.05
+        } else {
+            1e-9
+        };
+        assert!((mean.friction[k] - one.friction[k]).abs() < close, "{k}");
+        assert!((mean.deviation[k] - 0.03).abs() < close);
+    }
+}
+
+/// The mean of an exponential decay over 0.05 D_c is 2.5 % less than its begin. The greatest of 2500 rows lies 3.5 standard deviations above a
+/// peak that is none; the greatest of 40 means of 13 rows, about 2.2/√13 of one.
+#[test]
+fn peaks_are_not_those_of_the_noise() {
+    let drive = [segment(0.02, 4.0), segment(0.0, 10.0), segment(0.02, 8.0)];
+    let clean = synthetic(&law(Evolution::Aging), &drive, 1e-3);
+    let healing = |record: &Record, d_c: Option<f64>| {
+        let steady = steady_segments(record);
+        holds(record, &steady, Peaks { d_c })[0]
+            .reslide
+            .expect("a reslide")
+    };
+    let [raw, mean] = [None, Some(0.0053)].map(|d_c| healing(&clean, d_c).healing);
+    assert!((mean / raw - 0.975).abs() < 0.02, "{mean} {raw}");
+
+    let mut flat = clean.clone();
+    flat.friction = vec![0.35; flat.time.len()];
+    let noisy = disturbed(&flat, 3, 5e-3, 0.0);
+    let [raw, mean] = [None, Some(0.0053)].map(|d_c| healing(&noisy, d_c));
+    assert!(
+        raw.healing > 2.5 * 5e-3 && mean.healing < 1.0 * 5e-3,
+        "{raw:?} {mean:?}"
+    );
+    assert!(
+        (mean.error / 5e-3 * 13f64.sqrt() - 1.0).abs() < 0.2,
+        "{mean:?}"
+    );
+}

@@ -1,0 +1,103 @@
+//! Tests of rate-and-state friction: the law that they use, data made from it, and noise.
+
+mod fits;
+mod measures;
+mod motion;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+
+/// FR's law and stiffness: k̄ d = 425 at d = 3 mm.
+const STIFFNESS: f64 = 1.4e5;
+
+fn law(evolution: Evolution) -> Law {
+    Law {
+        evolution,
+        mu_star: 0.35,
+        a: 0.0247,
+        b: 0.0178,
+        d_c: 0.0053,
+        v_star: 0.02,
+    }
+}
+
+const BOTH: [Evolution; 2] = [Evolution::Aging, Evolution::Slip];
+
+fn segment(velocity: f64, duration: f64) -> Segment {
+    Segment { velocity, duration }
+}
+
+/// Made of the law: rows every `interval` (s) of a drive that begins with steady sliding.
+fn synthetic(law: &Law, drive: &[Segment], interval: f64) -> Record {
+    let total: f64 = drive.iter().map(|s| s.duration).sum();
+    let rows = (total / interval).round() as usize;
+    let time: Vec<f64> = (0..=rows).map(|k| interval * k as f64).collect();
+    let start = law.steady(drive[0].velocity);
+    let states = Slider::new(*law, STIFFNESS)
+        .motion(drive, start, &time)
+        .expect("a motion");
+    let friction: Vec<f64> = states.iter().map(|s| law.friction(*s)).collect();
+    let driven = |time: f64| -> f64 {
+        let mut left = time;
+        drive
+            .iter()
+            .map(|s| {
+                let part = left.clamp(0.0, s.duration);
+                left -= s.duration;
+                s.velocity * part
+            })
+            .sum()
+    };
+    Record {
+        stiffness: STIFFNESS,
+        drive: drive.to_vec(),
+        slip: time
+            .iter()
+            .zip(&friction)
+            .map(|(t, f)| driven(*t) - (f - friction[0]) / STIFFNESS)
+            .collect(),
+        deviation: vec![f64::NAN; time.len()],
+        time,
+        friction,
+        realisations: 1,
+    }
+}
+
+/// Values of a Gaussian process with standard deviation σ that forgets within `memory` values; 0: white.
+fn noise(seed: u64, count: usize, sigma: f64, memory: f64) -> Vec<f64> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut normal = move || {
+        let [u, v]: [f64; 2] = [1.0 - random.random::<f64>(), random.random()];
+        (-2.0 * u.ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
+    };
+    let kept = if memory > 0.0 {
+        (-1.0 / memory).exp()
+    } else {
+        0.0
+    };
+    let mut value = normal();
+    let next = |_| {
+        let now = sigma * value;
+        value = kept * value + (1.0 - kept * kept).sqrt() * normal();
+        now
+    };
+    (0..count).map(next).collect()
+}
+
+fn disturbed(record: &Record, seed: u64, sigma: f64, memory: f64) -> Record {
+    let mut record = record.clone();
+    let noise = noise(seed, record.time.len(), sigma, memory);
+    record
+        .friction
+        .iter_mut()
+        .zip(noise)
+        .for_each(|(f, n)| *f += n);
+    record
+}
+
+/// Two steps up and down.
+fn step_test() -> [Segment; 3] {
+    [segment(0.02, 2.0), segment(0.2, 0.3), segment(0.02, 3.0)]
+}

@@ -1,0 +1,186 @@
+//! The forward model against closed forms and SciPy.
+
+use super::*;
+
+#[test]
+fn sliding_becomes_steady_at_the_friction_of_the_law() {
+    for evolution in BOTH {
+        let law = law(evolution);
+        let slider = Slider::new(law, STIFFNESS);
+        for velocity in [2e-4, 0.1] {
+            // 40 D_c.
+            let drive = [segment(velocity, 40.0 * law.d_c / velocity)];
+            let start = law.steady(0.02);
+            let end = slider.motion(&drive, start, &[drive[0].duration]);
+            let state = end.expect("a motion")[0];
+            let steady = 0.35 + (0.0247 - 0.0178) * (velocity / 0.02).ln();
+            assert!((law.friction(state) - steady).abs() < 1e-8);
+            assert!((law.velocity(state) / velocity - 1.0).abs() < 1e-6);
+            assert!((law.theta(state) * velocity / law.d_c - 1.0).abs() < 1e-6);
+        }
+    }
+}
+
+/// With k̄ → ∞ the slider stands still in a hold: θ = θ_0 + t by the aging law, θ = θ_0 by the slip law.
+#[test]
+fn stationary_contacts_age_by_the_aging_law_only() {
+    let times = [1e-3, 1.0, 1e3];
+    for evolution in BOTH {
+        let law = law(evolution);
+        let start = law.steady(0.02);
+        let slider = Slider::new(law, 1e9);
+        let states = slider
+            .motion(&[segment(0.0, 1e3)], start, &times)
+            .expect("a motion");
+        for (time, state) in times.into_iter().zip(states) {
+            let theta = law.theta(start)
+                + if evolution == Evolution::Aging {
+                    time
+                } else {
+                    0.0
+                };
+            // It still slips a/k̄ for every factor of e by which V falls; by the slip law θ then falls with ln(Vθ/D_c) of about -25.
+            let slip = (0.35 - law.friction(state)) / 1e9;
+            assert!(slip / law.d_c < 1e-6);
+            assert!((law.theta(state) / theta - 1.0).abs() < 30.0 * slip / law.d_c + 1e-7);
+        }
+    }
+}
+
+/// Distance of the spring's ends and slip make up the friction: μ - μ_0 = k̄ (X_drive - slip).
+#[test]
+fn the_spring_is_in_balance() {
+    let law = law(Evolution::Slip);
+    let drive = [segment(0.0, 0.5), segment(0.2, 0.05)];
+    let times: Vec<f64> = (0..=110_000).map(|k| 5e-6 * f64::from(k)).collect();
+    let states = Slider::new(law, 300.0)
+        .motion(&drive, law.steady(0.02), &times)
+        .expect("a motion");
+    let velocity: Vec<f64> = states.iter().map(|s| law.velocity(*s)).collect();
+    let slip: f64 = velocity.windows(2).map(|v| 2.5e-6 * (v[0] + v[1])).sum();
+    let pulled = (law.friction(states[110_000]) - 0.35) / 300.0;
+    assert!(
+        (slip + pulled - drive[1].distance()).abs() < 1e-8,
+        "{slip} {pulled}"
+    );
+}
+
+/// Linear stability (Ruina 1983): disturbances of steady sliding grow where k̄ < k̄_c = (b - a)/D_c, decay where k̄ > k̄_c, and
+/// at k̄_c oscillate with the angular frequency √(k̄_c V²/(a D_c)) = (V/D_c) √((b - a)/a), for both laws.
+#[test]
+fn oscillations_grow_below_the_critical_stiffness_only() {
+    for evolution in BOTH {
+        let law = Law {
+            a: 0.01,
+            b: 0.015,
+            ..law(evolution)
+        };
+        let critical = law.critical_stiffness();
+        let (v, d_c) = (0.02, law.d_c);
+        // λ² + λ (V/a)(k̄ - k̄_c) + k̄ V²/(a D_c) = 0
+        let growth = |stiffness: f64| -0.5 * (v / law.a) * (stiffness - critical);
+        let omega =
+            |stiffness: f64| (stiffness * v * v / (law.a * d_c) - growth(stiffness).powi(2)).sqrt();
+        for share in [0.9, 1.0, 1.1] {
+            let stiffness = share * critical;
+            let start = State {
+                ln_v: 1e-4,
+                ln_theta: 0.0,
+            };
+            let period = 2.0 * std::f64::consts::PI / omega(stiffness);
+            let times = [period, 2.0 * period, 3.0 * period];
+            let mut slider = Slider::new(law, stiffness);
+            slider.tolerance = 1e-11;
+            let states = slider
+                .motion(&[segment(v, 1.0)], start, &times)
+                .expect("a motion");
+            for (state, time) in states.into_iter().zip(times) {
+                let expected = 1e-4 * (growth(stiffness) * time).exp();
+                // Terms of second order are of 1e-4.
+                assert!(
+                    (state.ln_v / expected - 1.0).abs() < 2e-3,
+                    "{evolution:?} {share}: {} for {expected}",
+                    state.ln_v
+                );
+            }
+        }
+    }
+}
+
+/// SciPy 1.x `solve_ivp`, method Radau, rtol 1e-12, atol 1e-13, of the same two equations from steady sliding at 0.02 m/s on: 10 s of hold,
+/// then 2 s at 0.02, 0.2 s at 0.2 and 2 s at 0.02 m/s; ln V and ln θ at the end of each.
+#[test]
+fn a_protocol_gives_the_states_of_scipy() {
+    const SCIPY: [[[f64; 2]; 4]; 2] = [
+        [
+            [-14.796037978424602, 3.6567387227214767],
+            [4.684522979887356e-07, 0.019719678096723807],
+            [2.3025852088585204, -2.2977438122886453],
+            [-1.1389017192755086e-08, -0.00047461581281471436],
+        ],
+        [
+            [-13.941223040519311, 0.003233708263442478],
+            [4.163566387769072e-11, 1.7354902752502116e-06],
+            [2.3025851221348566, -2.301370416430549],
+            [-2.9125282847983598e-08, -0.001214029342224186],
+        ],
+    ];
+    let drive = [
+        segment(0.0, 10.0),
+        segment(0.02, 2.0),
+        segment(0.2, 0.2),
+        segment(0.02, 2.0),
+    ];
+    for (evolution, expected) in BOTH.into_iter().zip(SCIPY) {
+        let law = law(evolution);
+        let error = |tolerance: f64| -> f64 {
+            let mut slider = Slider::new(law, STIFFNESS);
+            slider.tolerance = tolerance;
+            let times = [10.0, 12.0, 12.2, 14.2];
+            let states = slider
+                .motion(&drive, law.steady(0.02), &times)
+                .expect("a motion");
+            let difference =
+                |(s, e): (State, [f64; 2])| (s.ln_v - e[0]).abs().max((s.ln_theta - e[1]).abs());
+            states
+                .into_iter()
+                .zip(expected)
+                .map(difference)
+                .fold(0.0, f64::max)
+        };
+        let errors = [1e-5, 1e-7, 1e-9].map(error);
+        // Of μ: 100 times less.
+        assert!(
+            errors[0] < 1e-3 && errors[1] < 3e-5 && errors[2] < 1e-6,
+            "{errors:?}"
+        );
+    }
+}
+
+#[test]
+fn states_between_the_steps_are_as_good_as_those_at_their_ends() {
+    for evolution in BOTH {
+        let law = law(evolution);
+        let drive = [segment(0.02, 0.1), segment(0.2, 0.1), segment(0.0, 1.0)];
+        let times: Vec<f64> = (1..1200).map(|k| 1e-3 * f64::from(k)).collect();
+        let motion = |tolerance: f64| {
+            let mut slider = Slider::new(law, STIFFNESS);
+            slider.tolerance = tolerance;
+            let states = slider
+                .motion(&drive, law.steady(0.02), &times)
+                .expect("a motion");
+            states
+                .into_iter()
+                .map(|s| law.friction(s))
+                .collect::<Vec<f64>>()
+        };
+        let (coarse, fine) = (motion(1e-9), motion(1e-11));
+        assert_eq!(coarse.len(), times.len());
+        let worst = coarse
+            .iter()
+            .zip(&fine)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(worst < 1e-7, "{worst:e}");
+    }
+}

@@ -1,0 +1,110 @@
+//! The part of a record that a fit sees, and what a law makes of it.
+
+use std::ops::Range;
+
+use super::law::Law;
+use super::protocol::Segment;
+use super::record::Record;
+use super::slider::Slider;
+
+/// Rows of one segment are joined to at most this many means, so that a fit costs no more where rows are many.
+const MEANS: usize = 400;
+
+/// Some consecutive segments of a record, the first of them a slide, of which only the latter half counts: there sliding is taken for steady.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Window {
+    /// k̄ (1/m).
+    pub stiffness: f64,
+    /// The first one as short as it is seen.
+    pub drive: Vec<Segment>,
+    /// [rows] since the start of the drive (s).
+    pub time: Vec<f64>,
+    /// [means] rows of each.
+    groups: Vec<Range<usize>>,
+    /// [means] μ.
+    pub friction: Vec<f64>,
+    /// [segments] means of each.
+    pub segments: Vec<Range<usize>>,
+}
+
+impl Window {
+    /// The segments of `record` in the range, which must begin with a slide.
+    pub fn of(record: &Record, range: Range<usize>) -> Self {
+        let first = range.start;
+        let mut drive = record.drive[range.clone()].to_vec();
+        drive[0].duration *= 0.5;
+        let begin = record.begin(first) + drive[0].duration;
+        let mut window = Window {
+            stiffness: record.stiffness,
+            drive,
+            time: Vec::new(),
+            groups: Vec::new(),
+            friction: Vec::new(),
+            segments: Vec::new(),
+        };
+        for segment in range {
+            let rows = if segment == first {
+                record.halves(segment)[1].clone()
+            } else {
+                record.rows(segment)
+            };
+            let from = window.groups.len();
+            let length = rows.len().div_ceil(MEANS).max(1);
+            for start in rows.clone().step_by(length) {
+                let group = start..rows.end.min(start + length);
+                let sum: f64 = record.friction[group.clone()].iter().sum();
+                window.friction.push(sum / group.len() as f64);
+                let place = window.time.len();
+                window.groups.push(place..place + group.len());
+                let times = record.time[group]
+                    .iter()
+                    .map(|time| (time - begin).max(0.0));
+                window.time.extend(times);
+            }
+            window.segments.push(from..window.groups.len());
+        }
+        window
+    }
+
+    /// μ of the law at every row, on the window's spring, from steady sliding on.
+    ///
+    /// Errors: the slider runs away.
+    pub fn model(&self, law: &Law) -> Result<Vec<f64>, String> {
+        let start = law.steady(self.drive[0].velocity);
+        let states = Slider::new(*law, self.stiffness).motion(&self.drive, start, &self.time)?;
+        Ok(states
+            .into_iter()
+            .map(|state| law.friction(state))
+            .collect())
+    }
+
+    /// The same as means of the rows, as `friction` is.
+    pub fn model_means(&self, law: &Law) -> Result<Vec<f64>, String> {
+        let rows = self.model(law)?;
+        let mean =
+            |group: &Range<usize>| rows[group.clone()].iter().sum::<f64>() / group.len() as f64;
+        Ok(self.groups.iter().map(mean).collect())
+    }
+
+    /// [means] of a segment's latter half: where it is nearest to steady.
+    pub fn steady_friction(&self, segment: usize) -> f64 {
+        let means = &self.segments[segment];
+        let half = &self.friction[means.start + means.len() / 2..means.end];
+        half.iter().sum::<f64>() / half.len() as f64
+    }
+}
+
+/// The record that a law makes of the same protocol, on the window that begins in the first segment; before that, as it begins.
+///
+/// Errors: the slider runs away.
+pub fn modelled(record: &Record, law: &Law) -> Result<Record, String> {
+    let window = Window::of(record, 0..record.drive.len());
+    let model = window.model(law)?;
+    let before = record.time.len() - model.len();
+    let first = model.first().copied().unwrap_or(f64::NAN);
+    let friction = std::iter::repeat_n(first, before).chain(model).collect();
+    Ok(Record {
+        friction,
+        ..record.clone()
+    })
+}

@@ -1,0 +1,381 @@
+//! `rate-state` on runs that are made of the law itself.
+
+use std::path::{Path, PathBuf};
+
+use gshear::analysis::rate_state::{Evolution, Law, Segment, Slider};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
+
+use crate::fixture::{Fixture, TIME_STEP};
+use crate::results::assert_well_formed;
+use crate::{alone, done, refused};
+
+/// FR's with a and b exchanged: a law that weakens, k̄_c = 1.3 /m.
+const LAW: Law = Law {
+    evolution: Evolution::Slip,
+    mu_star: 0.35,
+    a: 0.0178,
+    b: 0.0247,
+    d_c: 0.0053,
+    v_star: 0.02,
+};
+/// N.
+const NORMAL_FORCE: f64 = 450.0;
+/// N/m: k̄ = 2000 /m, so soft that a slip law sees something of a hold.
+const STIFFNESS: f64 = 9e5;
+
+const SLIDE: Segment = Segment {
+    velocity: 0.02,
+    duration: 2.0,
+};
+
+fn segment(velocity: f64, duration: f64) -> Segment {
+    Segment { velocity, duration }
+}
+
+/// Slide-hold-slide, then a step up and one down.
+fn protocol() -> Vec<Segment> {
+    let hold = |duration| segment(0.0, duration);
+    vec![
+        SLIDE,
+        hold(1.0),
+        SLIDE,
+        hold(5.0),
+        SLIDE,
+        hold(25.0),
+        SLIDE,
+        segment(0.2, 0.3),
+        SLIDE,
+    ]
+}
+
+/// A run under a spring with rows every `interval` (s) and white noise of standard deviation σ in μ.
+fn run(drive: &[Segment], interval: f64, sigma: f64, seed: u64) -> Fixture {
+    let total: f64 = drive.iter().map(|s| s.duration).sum();
+    let steps = (interval / TIME_STEP).round() as u64;
+    let rows = (total / interval).round() as u64;
+    let mut fixture = Fixture::small();
+    fixture.series_step = (0..=rows).map(|row| row * steps).collect();
+    let time: Vec<f64> = (0..=rows)
+        .map(|row| (row * steps) as f64 * TIME_STEP)
+        .collect();
+    let mut slider = Slider::new(LAW, STIFFNESS / NORMAL_FORCE);
+    slider.tolerance = 1e-10;
+    let start = LAW.steady(drive[0].velocity);
+    let states = slider.motion(drive, start, &time).expect("a motion");
+
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut normal = move || {
+        let [u, v]: [f64; 2] = [1.0 - random.random::<f64>(), random.random()];
+        (-2.0 * u.ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
+    };
+    let mut of_drive = [vec![], vec![]];
+    let (mut slip, mut friction) = (vec![], vec![]);
+    for (t, state) in time.iter().zip(&states) {
+        let (mut begin, mut driven, mut velocity) = (0.0, 0.0, 0.0);
+        for s in drive {
+            if *t > begin || begin == 0.0 {
+                velocity = s.velocity;
+            }
+            driven += s.velocity * (t - begin).clamp(0.0, s.duration);
+            begin += s.duration;
+        }
+        of_drive[0].push(velocity);
+        of_drive[1].push(driven);
+        slip.push(driven - (LAW.friction(*state) - 0.35) * NORMAL_FORCE / STIFFNESS);
+        friction.push(LAW.friction(*state) + sigma * normal());
+    }
+    let rows = time.len();
+    fixture.series = vec![vec![0.0; rows]; fixture.series.len()];
+    fixture.series[1] = friction;
+    fixture.series[2] = vec![NORMAL_FORCE; rows];
+    let [velocity, displacement] = of_drive;
+    fixture.further = vec![
+        ("slip", slip),
+        ("drive_velocity", velocity),
+        ("drive_displacement", displacement),
+    ];
+    fixture.scene = format!("[shear]\ndrive = \"spring\"\nstiffness = {STIFFNESS:?}\n");
+    fixture.digest = Some(format!("{seed:016x}"));
+    fixture
+}
+
+/// Writes a run into a folder of its own under `folder`.
+fn written(folder: &Path, name: &str, fixture: &Fixture) -> String {
+    let own = folder.join(name);
+    std::fs::create_dir_all(&own).expect("a folder");
+    fixture.write(&own.join("run.h5"));
+    own.to_str().expect("UTF-8").to_string()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("a folder");
+    let mut paths: Vec<PathBuf> = entries.map(|e| e.expect("an entry").path()).collect();
+    paths.sort();
+    let name = |path: &PathBuf| {
+        path.file_name()
+            .expect("a name")
+            .to_string_lossy()
+            .into_owned()
+    };
+    paths.iter().map(name).collect()
+}
+
+fn json(folder: &Path) -> Value {
+    let text = std::fs::read_to_string(folder.join("rate-state.json")).expect("JSON");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+/// Rows of a table after its head, as cells.
+fn table(folder: &Path, name: &str) -> Vec<Vec<String>> {
+    let text = std::fs::read_to_string(folder.join(name)).expect("a table");
+    let cells = |line: &str| line.split(',').map(String::from).collect::<Vec<_>>();
+    let rows: Vec<Vec<String>> = text.lines().map(cells).collect();
+    assert!(rows.iter().all(|row| row.len() == rows[0].len()), "{name}");
+    rows[1..].to_vec()
+}
+
+/// Each 95 % interval, twice as long to either side, holds the law: 1e-4 that a right one does not; and it is no longer than a share of it.
+fn assert_near_the_law(fit: &Value, longest: f64) {
+    let law = [
+        ("a", LAW.a),
+        ("b", LAW.b),
+        ("d_c", LAW.d_c),
+        ("mu_star", LAW.mu_star),
+    ];
+    for (name, made) in law {
+        let number = |value: &Value| value.as_f64().expect("a number");
+        let [low, high] = [0, 1].map(|k| number(&fit[name]["interval"][k]));
+        let value = number(&fit[name]["value"]);
+        assert!(low < value && value < high);
+        let error = (value - made).abs();
+        assert!(
+            error < 2.0 * (high - low),
+            "{name}: {value} ({low} … {high}) for {made}"
+        );
+        assert!(high - low < longest * made, "{name}: {low} … {high}");
+    }
+}
+
+#[test]
+fn realisations_give_the_law_that_they_are_made_of() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let make = |seed| {
+        let fixture = run(&protocol(), 4e-3, 4e-3, seed);
+        written(folder.path(), &format!("seed-{seed}"), &fixture)
+    };
+    let runs = [1, 2, 3, 4].map(make);
+    let out = folder.path().join("out");
+    let mut arguments = vec!["rate-state"];
+    arguments.extend(runs.iter().map(String::as_str));
+    arguments.extend(["--out", out.to_str().expect("UTF-8")]);
+    let said = done(&arguments);
+    assert!(
+        said.contains("experiment 0: 4 realisations, 9 segments, 2 velocity steps, 3 holds"),
+        "{said}"
+    );
+
+    let expected = [
+        "fit.svg",
+        "fits.csv",
+        "healing.svg",
+        "holds.csv",
+        "holds.svg",
+        "rate-state.csv",
+        "rate-state.json",
+        "reslides.svg",
+        "segments.csv",
+        "steps.csv",
+        "steps.svg",
+    ];
+    assert_eq!(names(&out), expected);
+    for name in expected.iter().filter(|name| name.ends_with(".svg")) {
+        let path = out.join(name);
+        assert_well_formed(&std::fs::read_to_string(&path).expect("text"), &path);
+    }
+    let found = json(&out);
+    let fits = found["fits"].as_array().expect("fits");
+    let named: Vec<&str> = fits
+        .iter()
+        .map(|f| f["fit"].as_str().expect("a name"))
+        .collect();
+    let events = ["velocity step", "velocity step", "hold", "hold", "hold"];
+    let together = [
+        "all",
+        "all (jackknife)",
+        "velocity steps",
+        "slide-hold-slide",
+    ];
+    assert_eq!(named[..4], together);
+    assert_eq!(named[4..], events);
+    // By the slip law little evolves in a hold: those alone say less of b and D_c.
+    for (fit, longest) in fits.iter().zip([0.1, 0.2, 0.1, f64::INFINITY]) {
+        assert_near_the_law(&fit["laws"]["slip"], longest);
+    }
+    let chi = |law: &str| {
+        fits[0]["laws"][law]["chi_squared"]
+            .as_f64()
+            .expect("a number")
+    };
+    assert!(chi("aging") > chi("slip") + 100.0);
+
+    let experiment = &found["experiments"][0];
+    assert_eq!(experiment["realisations"], 4);
+    assert_eq!(experiment["runs"].as_array().expect("runs").len(), 4);
+    assert_eq!(
+        experiment["stiffness_over_normal_force"],
+        STIFFNESS / NORMAL_FORCE
+    );
+    // Noise of 4e-3 in every run: 2e-3 in the mean, 8e-3 for two standard deviations among the runs.
+    let scatter = experiment["protocol"][0]["mu_ss"]["scatter"]
+        .as_f64()
+        .expect("a number");
+    assert!((scatter / 2e-3 - 1.0).abs() < 0.2, "{scatter}");
+    let rows = table(&out, "rate-state.csv");
+    assert_eq!(rows.len(), 10_326);
+    let bands = rows
+        .iter()
+        .map(|row| row[5].parse::<f64>().expect("a number").powi(2));
+    let band = (bands.sum::<f64>() / rows.len() as f64).sqrt();
+    assert!((band / 8e-3 - 1.0).abs() < 0.05, "{band}");
+    assert_eq!(
+        [
+            table(&out, "segments.csv").len(),
+            table(&out, "steps.csv").len()
+        ],
+        [9, 2]
+    );
+    assert_eq!(
+        [
+            table(&out, "holds.csv").len(),
+            table(&out, "fits.csv").len()
+        ],
+        [3, 18]
+    );
+}
+
+/// One protocol for each law of sliding; a run that was stopped in its last segment; the law that was asked for.
+#[test]
+fn protocols_are_fitted_together() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut up = run(&[SLIDE, segment(0.1, 0.5)], 2e-3, 0.0, 1);
+    // While nothing touched the slider.
+    up.series[1][700..703].fill(f64::NAN);
+    let mut down = run(
+        &[SLIDE, segment(0.005, 4.0), segment(0.01, 0.02)],
+        2e-3,
+        0.0,
+        2,
+    );
+    down.digest = None;
+    let runs = [
+        written(folder.path(), "up", &up),
+        written(folder.path(), "down", &down),
+    ];
+    let said = done(&["rate-state", &runs[0], &runs[1], "--law", "slip"]);
+    let out = Path::new(&runs[0]).join("rate-state");
+    // Its last segment has ten rows, too few to be one.
+    assert!(
+        said.contains("experiment 1: 1 realisation, 2 segments, 1 velocity steps, 0 holds"),
+        "{said}"
+    );
+    let found = json(&out);
+    let fits = found["fits"].as_array().expect("fits");
+    assert_eq!(fits.len(), 3);
+    let laws = fits[0]["laws"].as_object().expect("laws");
+    assert_eq!(laws.keys().collect::<Vec<_>>(), ["slip"]);
+    for (name, made) in [
+        ("a", LAW.a),
+        ("b", LAW.b),
+        ("d_c", LAW.d_c),
+        ("mu_star", LAW.mu_star),
+    ] {
+        let value = laws["slip"][name]["value"].as_f64().expect("a number");
+        assert!((value / made - 1.0).abs() < 1e-3, "{name}: {value}");
+    }
+    assert!(names(&out).contains(&"fit-1.svg".to_string()));
+    assert!(!names(&out).contains(&"holds.svg".to_string()));
+}
+
+#[test]
+fn runs_that_are_no_tests_of_friction_are_refused() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let made = || run(&[SLIDE, segment(0.2, 0.3)], 1e-2, 0.0, 1);
+    let refusal = |name: &str, fixture: &Fixture, why: &str| {
+        let path = written(folder.path(), name, fixture);
+        let message = refused(&["rate-state", &path]);
+        assert!(message.contains(&format!("{path}/run.h5: ")), "{message}");
+        assert!(message.contains(why), "{message}");
+        assert_eq!(names(Path::new(&path)), ["run.h5"]);
+    };
+
+    let mut fixture = made();
+    fixture.scene = "[shear]\ndrive = \"velocity\"\n".into();
+    refusal(
+        "velocity",
+        &fixture,
+        "scene: shear.drive is \"velocity\"; rate-state needs a run under a spring",
+    );
+    fixture.scene = "[shear]\ndrive = \"spring\"\nstiffness = 0\n".into();
+    refusal("limp", &fixture, "shear.stiffness is not a number above 0");
+
+    let mut fixture = made();
+    fixture.further[0].1.truncate(100);
+    refusal(
+        "short",
+        &fixture,
+        "observables/slip/value: has 100 rows instead of 231",
+    );
+    let mut fixture = made();
+    fixture.further.remove(1);
+    refusal("column", &fixture, "observables/drive_velocity is missing");
+
+    let steady = run(&[SLIDE], 1e-2, 0.0, 1);
+    refusal(
+        "steady",
+        &steady,
+        "is 2e-2 m/s all the time; rate-state needs a velocity step or a hold",
+    );
+    let brief = run(&[SLIDE, segment(0.2, 0.1), SLIDE], 1e-2, 0.0, 1);
+    refusal(
+        "brief",
+        &brief,
+        "segment 1 of the drive (2.0000e-1 m/s for 1.0000e-1 s) has 10 rows of the time series; it needs at least 20",
+    );
+
+    let mut fixture = made();
+    fixture.further[1].1[7] = -0.02;
+    refusal(
+        "back",
+        &fixture,
+        "observables/drive_velocity: row 7 is -2e-2 m/s",
+    );
+    let mut fixture = made();
+    fixture.further[2].1[100..]
+        .iter_mut()
+        .for_each(|x| *x += 1.0);
+    fixture.further[1].1[100..]
+        .iter_mut()
+        .for_each(|v| *v += 0.01);
+    refusal(
+        "jump",
+        &fixture,
+        "between row 99 and row 100 it does not move as its velocity says",
+    );
+    let mut fixture = made();
+    fixture.series[2].iter_mut().for_each(|n| *n = 0.0);
+    refusal(
+        "free",
+        &fixture,
+        "observables/normal_force: its mean is 0e0 N",
+    );
+
+    let twice = written(folder.path(), "twice", &made());
+    let again = written(folder.path(), "again", &made());
+    assert!(refused(&["rate-state", &twice, &again]).contains("are the same run (equal digests)"));
+    assert!(crate::reduce(&["rate-state"]).status.code() == Some(2));
+}
