@@ -97,6 +97,9 @@ impl Recorder {
             ("pressure", Attribute::Number(scene.load.pressure)),
             ("height_start", Attribute::Number(schedule.height)),
         ];
+        let spring = scene.shear.spring;
+        let spring = spring.map(|s| ("spring_stiffness", Attribute::Number(s.stiffness)));
+        let attributes: Vec<_> = attributes.into_iter().chain(spring).collect();
         let header = RunHeader {
             axes: D::AXES,
             edges: edges::<D>(system.cell, schedule.height),

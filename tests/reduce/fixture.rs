@@ -21,10 +21,10 @@ pub struct Fixture {
     pub series_step: Vec<u64>,
     /// As `SERIES_COLUMNS`, [columns][L].
     pub series: Vec<Vec<f64>>,
-    /// Columns of the time series beside `SERIES_COLUMNS`, each [L].
-    pub further: Vec<(&'static str, Vec<f64>)>,
-    /// TOML.
-    pub scene: String,
+    /// μ_s in the scene.
+    pub friction: f64,
+    /// k (N/m) of a spring that pulls the top wall.
+    pub spring: Option<f64>,
     /// `None`: the run was stopped early.
     pub digest: Option<String>,
 }
@@ -125,8 +125,8 @@ impl Fixture {
             frames: made,
             series_step,
             series,
-            further: vec![],
-            scene: "title = \"Made up <for> tests & nothing else\"\nseed = 1\n".into(),
+            friction: 0.7,
+            spring: None,
             digest: Some("00c0ffee00c0ffee".into()),
         }
     }
@@ -253,8 +253,7 @@ impl Fixture {
 
         let observables = file.create_group("observables")?;
         let columns = SERIES_COLUMNS.iter().zip(&self.series);
-        let further = self.further.iter().map(|(name, values)| (name, values));
-        for (name, values) in columns.chain(further) {
+        for (name, values) in columns {
             let group = observables.create_group(name)?;
             if *name == SERIES_COLUMNS[0] {
                 growing(&group, "step", &self.series_step)?;
@@ -272,7 +271,18 @@ impl Fixture {
         }
 
         let parameters = file.create_group("parameters")?;
-        text(&parameters, "scene", &self.scene)?;
+        let title = "Made up <for> tests & nothing else";
+        let scene = format!(
+            "title = \"{title}\"\nseed = 1\n[contact]\nfriction = {:?}\n",
+            self.friction
+        );
+        text(&parameters, "scene", &scene)?;
+        if let Some(stiffness) = self.spring {
+            parameters
+                .new_attr::<f64>()
+                .create("spring_stiffness")?
+                .write_scalar(&stiffness)?;
+        }
         text(&parameters, "version", "0.1.0")?;
         text(&parameters, "git_commit", "0000000")?;
         text(&parameters, "processor", "none")?;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gshear::analysis::rate_state::{Evolution, Law, Segment, Slider};
+use gshear::state::SERIES_COLUMNS;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
@@ -88,17 +89,24 @@ fn run(drive: &[Segment], interval: f64, sigma: f64, seed: u64) -> Fixture {
     }
     let rows = time.len();
     fixture.series = vec![vec![0.0; rows]; fixture.series.len()];
-    fixture.series[1] = friction;
-    fixture.series[2] = vec![NORMAL_FORCE; rows];
     let [velocity, displacement] = of_drive;
-    fixture.further = vec![
+    for (name, values) in [
+        ("stress_ratio", friction),
+        ("normal_force", vec![NORMAL_FORCE; rows]),
         ("slip", slip),
         ("drive_velocity", velocity),
         ("drive_displacement", displacement),
-    ];
-    fixture.scene = format!("[shear]\ndrive = \"spring\"\nstiffness = {STIFFNESS:?}\n");
+    ] {
+        *column(&mut fixture, name) = values;
+    }
+    fixture.spring = Some(STIFFNESS);
     fixture.digest = Some(format!("{seed:016x}"));
     fixture
+}
+
+fn column<'a>(fixture: &'a mut Fixture, name: &str) -> &'a mut Vec<f64> {
+    let at = SERIES_COLUMNS.iter().position(|column| *column == name);
+    &mut fixture.series[at.expect("a column")]
 }
 
 /// Writes a run into a folder of its own under `folder`.
@@ -314,25 +322,12 @@ fn runs_that_are_no_tests_of_friction_are_refused() {
     };
 
     let mut fixture = made();
-    fixture.scene = "[shear]\ndrive = \"velocity\"\n".into();
+    fixture.spring = None;
     refusal(
         "velocity",
         &fixture,
-        "scene: shear.drive is \"velocity\"; rate-state needs a run under a spring",
+        "attribute spring_stiffness is missing: rate-state needs a run whose top wall is pulled by a spring",
     );
-    fixture.scene = "[shear]\ndrive = \"spring\"\nstiffness = 0\n".into();
-    refusal("limp", &fixture, "shear.stiffness is not a number above 0");
-
-    let mut fixture = made();
-    fixture.further[0].1.truncate(100);
-    refusal(
-        "short",
-        &fixture,
-        "observables/slip/value: has 100 rows instead of 231",
-    );
-    let mut fixture = made();
-    fixture.further.remove(1);
-    refusal("column", &fixture, "observables/drive_velocity is missing");
 
     let steady = run(&[SLIDE], 1e-2, 0.0, 1);
     refusal(
@@ -348,19 +343,17 @@ fn runs_that_are_no_tests_of_friction_are_refused() {
     );
 
     let mut fixture = made();
-    fixture.further[1].1[7] = -0.02;
+    column(&mut fixture, "drive_velocity")[7] = -0.02;
     refusal(
         "back",
         &fixture,
         "observables/drive_velocity: row 7 is -2e-2 m/s",
     );
     let mut fixture = made();
-    fixture.further[2].1[100..]
-        .iter_mut()
-        .for_each(|x| *x += 1.0);
-    fixture.further[1].1[100..]
-        .iter_mut()
-        .for_each(|v| *v += 0.01);
+    for (name, jump) in [("drive_displacement", 1.0), ("drive_velocity", 0.01)] {
+        let values = &mut column(&mut fixture, name)[100..];
+        values.iter_mut().for_each(|x| *x += jump);
+    }
     refusal(
         "jump",
         &fixture,

@@ -182,15 +182,13 @@ fn study_of(frictions: &[f64], large: bool) -> (Vec<TempDir>, TempDir) {
     let mut paths = Vec::new();
     for friction in frictions {
         let mut fixture = Fixture::sheared(16, 12, 60);
-        fixture.scene = format!("[contact]\nfriction = {friction:?}\n");
+        fixture.friction = *friction;
         let (folder, path) = folder_with(&fixture);
         runs.push(folder);
         paths.push(path);
     }
     if large {
-        let mut fixture = Fixture::sheared(58, 40, 25);
-        fixture.scene = "[contact]\nfriction = 0.7\n".into();
-        let (folder, path) = folder_with(&fixture);
+        let (folder, path) = folder_with(&Fixture::sheared(58, 40, 25));
         runs.push(folder);
         paths.push(path);
     }

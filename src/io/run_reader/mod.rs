@@ -258,29 +258,6 @@ impl Run {
         self.scalars.as_ref()
     }
 
-    /// A column of the time series that not every run has, [L]; `None` where this one has not.
-    ///
-    /// Errors: a column that is damaged, or shorter than the others.
-    pub fn observable(&self, name: &str) -> Result<Option<Vec<f64>>, Failure> {
-        let object = format!("observables/{name}/value");
-        let file = self
-            .position
-            .file()
-            .map_err(|e| self.damaged(&self.position, &e))?;
-        let source = Source::of(file, &self.path);
-        if !source.exists(&object) {
-            return Ok(None);
-        }
-        let mut values: Vec<f64> = source.all(&object)?;
-        let rows = self.series.rows();
-        if values.len() < rows {
-            let length = values.len();
-            return Err(source.wrong(&object, format!("has {length} rows instead of {rows}")));
-        }
-        values.truncate(rows);
-        Ok(Some(values))
-    }
-
     /// All attributes of `parameters`, by name.
     pub fn parameters(&self) -> &BTreeMap<String, Parameter> {
         &self.parameters

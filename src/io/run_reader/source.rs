@@ -34,11 +34,6 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// A file that is open.
-    pub(super) fn of(file: File, path: &'a Path) -> Self {
-        Source { file, path }
-    }
-
     pub(super) fn wrong(&self, object: &str, what: impl fmt::Display) -> Failure {
         Failure::input(format!("{}: {object}: {what}", self.path.display()))
     }

@@ -13,14 +13,13 @@ const FEWEST_ROWS: usize = 20;
 /// Errors: no spring, no such columns, nothing but one velocity, segments with too few rows.
 pub fn record(run: &Run) -> Result<Record, Failure> {
     let wrong = |what: String| Failure::input(format!("{}: {what}", run.path().display()));
-    let spring = spring(run)?;
-    let column = |name: &str| -> Result<Vec<f64>, Failure> {
-        run.observable(name)?.ok_or_else(|| {
-            wrong(format!(
-                "observables/{name} is missing: rate-state needs a run under a spring (shear.drive = \"spring\")"
-            ))
-        })
-    };
+    let spring = run.number("spring_stiffness").ok_or_else(|| {
+        wrong(
+            "parameters: attribute spring_stiffness is missing: rate-state needs a run whose top wall is pulled by a spring \
+             (shear.spring_stiffness or shear.spring_number)"
+                .into(),
+        )
+    })?;
     let mut time = run.series().time.clone();
     let mut columns = [
         "stress_ratio",
@@ -29,9 +28,7 @@ pub fn record(run: &Run) -> Result<Record, Failure> {
         "drive_velocity",
         "drive_displacement",
     ]
-    .map(column)
-    .into_iter()
-    .collect::<Result<Vec<_>, _>>()?;
+    .map(|name| run.series().column(name).to_vec());
     // Rows in which the slider touches nothing have no friction.
     let whole: Vec<bool> = (0..time.len())
         .map(|row| columns.iter().all(|column| column[row].is_finite()))
@@ -40,9 +37,7 @@ pub fn record(run: &Run) -> Result<Record, Failure> {
         let mut keep = whole.iter();
         values.retain(|_| keep.next() == Some(&true));
     }
-    let [friction, normal, slip, velocity, displacement] = &columns[..] else {
-        unreachable!("five columns were read");
-    };
+    let [friction, normal, slip, velocity, displacement] = &columns;
     if let Some(row) = (1..time.len()).find(|&row| time[row] <= time[row - 1]) {
         let name = "observables/stress_ratio/time";
         return Err(wrong(format!("{name}: does not increase at row {row}")));
@@ -65,33 +60,6 @@ pub fn record(run: &Run) -> Result<Record, Failure> {
         realisations: 1,
     };
     tested(&record).map_err(wrong)
-}
-
-/// k (N/m) of the scene.
-fn spring(run: &Run) -> Result<f64, Failure> {
-    let wrong = |what: String| Failure::input(format!("{}: scene: {what}", run.path().display()));
-    let scene: toml::Table = run
-        .scene()
-        .parse()
-        .map_err(|e: toml::de::Error| wrong(format!("is not TOML: {}", e.message())))?;
-    let shear = scene.get("shear");
-    let key = |name: &str| shear.and_then(|shear| shear.get(name));
-    if key("drive").and_then(|drive| drive.as_str()) != Some("spring") {
-        let found = key("drive").map_or("missing".into(), |drive| format!("{drive}"));
-        return Err(wrong(format!(
-            "shear.drive is {found}; rate-state needs a run under a spring (shear.drive = \"spring\")"
-        )));
-    }
-    let stiffness = key("stiffness").and_then(|value| {
-        let whole = value.as_integer().map(|value| value as f64);
-        value.as_float().or(whole)
-    });
-    match stiffness {
-        Some(stiffness) if stiffness > 0.0 && stiffness.is_finite() => Ok(stiffness),
-        _ => Err(wrong(
-            "shear.stiffness is not a number above 0 (N/m)".into(),
-        )),
-    }
 }
 
 /// The record from its first slide on, with rows enough in all of at least two segments.
