@@ -2,8 +2,9 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::neighbourhood::Cells;
+use super::neighbourhood::{NearPairs, separation};
 use super::rattlers;
+use crate::simd::{Lanes, Level, Work};
 use crate::state::{Disks, Frame};
 
 /// Radius of the neighbourhood over r̄ in LH section 3.2.
@@ -14,14 +15,32 @@ pub const RADIUS: f64 = 5.0;
 /// rounding of the positions (1e-14 of a radius) alone never lifts such a line above it.
 const SINGULAR: f64 = 1e-12;
 
+/// Where less than this share of the squared displacements is not affine, the difference would cancel: see [`NonAffine::residual`].
+const CANCELS: f64 = 0.01;
+
 /// Buffers for D²min, reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct NonAffine {
-    cells: Cells,
+    near: NearPairs,
     rattler: Vec<bool>,
-    /// Separations of one grain's neighbours, earlier and later.
-    pairs: Vec<(Vector2<f64>, Vector2<f64>)>,
+    moving: Vec<Moving>,
+    within: Vec<(u32, [f64; 2])>,
+    moments: Vec<Moments>,
+    neighbours: Vec<u32>,
+    /// G = Γ - 1 of every grain; NaN where it is undefined.
+    gradient: Vec<Matrix2<f64>>,
 }
+
+/// A grain in the earlier frame, NaN for a rattler, which is then near to nobody, and its displacement (m).
+#[derive(Debug, Clone, Copy)]
+struct Moving {
+    place: [f64; 2],
+    displacement: [f64; 2],
+}
+
+/// What a grain's neighbours add up to, b being the earlier separation and u the change of it:
+/// Σ b ⊗ b (xx, xy, yy), Σ u ⊗ b (xx, xy, yx, yy), Σ u² (m²).
+type Moments = [f64; 8];
 
 impl NonAffine {
     /// D²min of every grain between two frames (LH B1–B4).
@@ -31,7 +50,7 @@ impl NonAffine {
     ///
     /// Rattlers of the earlier frame are neither centres nor neighbours. NaN for them, for grains with fewer than
     /// two neighbours, and where the neighbours lie on one line (singular Y).
-    /// Separations are nearest images along x in both frames, so that nothing jumps at the seam.
+    /// Separations and displacements are nearest images along x, so that nothing jumps at the seam.
     pub fn between(
         &mut self,
         grains: &Disks,
@@ -40,51 +59,154 @@ impl NonAffine {
         later: &Frame,
         dmin: &mut [f64],
     ) {
+        let length = grains.length;
         rattlers::mark(grains, earlier, &mut self.rattler);
-        let rattler = &self.rattler;
-        self.cells
-            .fill(grains.length, radius, &earlier.position, |n| !rattler[n]);
+        self.near.update(length, radius, &earlier.position);
+        self.moving.clear();
+        let places = earlier.position.iter().zip(&later.position);
+        self.moving.extend(
+            places
+                .zip(&self.rattler)
+                .map(|((from, to), rattler)| Moving {
+                    place: if *rattler { [f64::NAN; 2] } else { *from },
+                    displacement: separation(length, *from, *to),
+                }),
+        );
+        self.sum_moments(length, radius);
+        self.gradient.clear();
+        let sums = self.moments.iter().zip(&self.neighbours);
+        self.gradient
+            .extend(sums.map(|(moments, neighbours)| best_fit(moments, *neighbours)));
         for (i, value) in dmin.iter_mut().enumerate() {
-            if rattler[i] {
-                *value = f64::NAN;
-                continue;
+            *value = self.residual(i, length, radius) / f64::from(self.neighbours[i]);
+        }
+    }
+
+    /// The rattlers of the earlier frame in the last call of [`Self::between`], [N].
+    pub fn rattlers(&self) -> &[bool] {
+        &self.rattler
+    }
+
+    fn sum_moments(&mut self, length: f64, radius: f64) {
+        self.moments.clear();
+        self.moments.resize(self.moving.len(), [0.0; 8]);
+        self.neighbours.clear();
+        self.neighbours.resize(self.moving.len(), 0);
+        Level::detect().run(SumMoments {
+            length,
+            radius,
+            near: &self.near,
+            moving: &self.moving,
+            within: &mut self.within,
+            moments: &mut self.moments,
+            neighbours: &mut self.neighbours,
+        });
+    }
+
+    /// Σ (u - G b)² (m²): Σ u² - tr(G Xᵀ) with X = Σ u ⊗ b or, where that would cancel, term by term.
+    fn residual(&self, i: usize, length: f64, radius: f64) -> f64 {
+        let [.., xx, xy, yx, yy, squares] = self.moments[i];
+        let g = self.gradient[i];
+        let rest = squares - g.component_mul(&Matrix2::new(xx, xy, yx, yy)).sum();
+        if rest >= CANCELS * squares || rest.is_nan() {
+            return rest;
+        }
+        let from = &self.moving[i];
+        let mut sum = 0.0;
+        self.near.around(i, |j| {
+            let to = &self.moving[j];
+            let b = separation(length, from.place, to.place);
+            if b[0] * b[0] + b[1] * b[1] <= radius * radius {
+                let rest = Vector2::from(change(from, to)) - g * Vector2::from(b);
+                sum += rest.norm_squared();
             }
-            let (before, after) = (earlier.position[i], later.position[i]);
-            self.pairs.clear();
-            self.cells.near(before, |j| {
-                let d = grains.separation(before, earlier.position[j]);
-                if j != i && d[0] * d[0] + d[1] * d[1] <= radius * radius {
-                    self.pairs
-                        .push((d.into(), grains.separation(after, later.position[j]).into()));
+        });
+        sum
+    }
+}
+
+/// The moments of every grain, pair by pair in order of (i, j): the same bits on every instruction set.
+struct SumMoments<'a> {
+    length: f64,
+    radius: f64,
+    near: &'a NearPairs,
+    moving: &'a [Moving],
+    within: &'a mut Vec<(u32, [f64; 2])>,
+    moments: &'a mut [Moments],
+    neighbours: &'a mut [u32],
+}
+
+impl Work for SumMoments<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) {
+        let SumMoments {
+            length,
+            radius,
+            near,
+            moving,
+            within,
+            moments,
+            neighbours,
+        } = self;
+        for (i, from) in moving.iter().enumerate() {
+            let after = near.after(i);
+            // Every near grain is written down, and the next one over it unless it is within the radius: a branch would be
+            // guessed wrong too often.
+            within.resize(within.len().max(after.len() + 1), (0, [0.0; 2]));
+            let mut count = 0;
+            for &j in after {
+                let b = separation(length, from.place, moving[j as usize].place);
+                within[count] = (j, b);
+                count += usize::from(b[0] * b[0] + b[1] * b[1] <= radius * radius);
+            }
+            let mut sums = moments[i];
+            for &(j, b) in &within[..count] {
+                let j = j as usize;
+                let u = change(from, &moving[j]);
+                let terms = [
+                    b[0] * b[0],
+                    b[0] * b[1],
+                    b[1] * b[1],
+                    u[0] * b[0],
+                    u[0] * b[1],
+                    u[1] * b[0],
+                    u[1] * b[1],
+                    u[0] * u[0] + u[1] * u[1],
+                ];
+                // From j both b and u have the other sign, and their products the same one.
+                let other = &mut moments[j];
+                for k in 0..8 {
+                    sums[k] += terms[k];
+                    other[k] += terms[k];
                 }
-            });
-            *value = residual(&self.pairs);
+                neighbours[j] += 1;
+            }
+            moments[i] = sums;
+            neighbours[i] += count as u32;
         }
     }
 }
 
-/// B1 with Γ of B4. The residuals are summed in a second pass: the expansion of the square in moments would cancel.
-fn residual(pairs: &[(Vector2<f64>, Vector2<f64>)]) -> f64 {
-    if pairs.len() < 2 {
-        return f64::NAN;
-    }
-    let mut x = Matrix2::zeros();
-    let mut y = Matrix2::zeros();
-    for (before, after) in pairs {
-        x += after * before.transpose();
-        y += before * before.transpose();
-    }
+/// u.
+#[inline(always)]
+fn change(from: &Moving, to: &Moving) -> [f64; 2] {
+    [
+        to.displacement[0] - from.displacement[0],
+        to.displacement[1] - from.displacement[1],
+    ]
+}
+
+/// G: B4 less the identity.
+fn best_fit(moments: &Moments, neighbours: u32) -> Matrix2<f64> {
+    let [bxx, bxy, byy, xx, xy, yx, yy, _] = *moments;
+    let y = Matrix2::new(bxx, bxy, bxy, byy);
     // Written so that NaN counts as singular.
-    let regular = y.determinant() > SINGULAR * y.trace() * y.trace();
-    let Some(inverse) = y.try_inverse().filter(|_| regular) else {
-        return f64::NAN;
-    };
-    let gamma = x * inverse;
-    let sum: f64 = pairs
-        .iter()
-        .map(|(before, after)| (after - gamma * before).norm_squared())
-        .sum();
-    sum / pairs.len() as f64
+    let regular = neighbours >= 2 && y.determinant() > SINGULAR * y.trace() * y.trace();
+    let inverse = y.try_inverse().filter(|_| regular);
+    let x = Matrix2::new(xx, xy, yx, yy);
+    inverse.map_or(Matrix2::repeat(f64::NAN), |inverse| x * inverse)
 }
 
 #[cfg(test)]
@@ -156,7 +278,8 @@ mod tests {
         }
     }
 
-    /// B1 minimised over Γ by SVD of the whole design matrix; neighbours by trying every grain and image.
+    /// B1 minimised over Γ - 1 by SVD of the whole design matrix, of the changes of the separations, which lose nothing by
+    /// rounding; neighbours by trying every grain and image.
     fn direct(grains: &Disks, rattler: &[bool], earlier: &Frame, later: &Frame, i: usize) -> f64 {
         let nearest = |a: [f64; 2], b: [f64; 2]| {
             let image = |k: f64| [b[0] - a[0] + k * grains.length, b[1] - a[1]];
@@ -169,12 +292,13 @@ mod tests {
         };
         let radius = 5.0 * grains.radius.iter().sum::<f64>() / grains.radius.len() as f64;
         let others = (0..grains.count()).filter(|&j| j != i && !rattler[j]);
+        let moved = |n: usize| nearest(earlier.position[n], later.position[n]);
         let (mut before, mut after) = (Vec::new(), Vec::new());
         for j in others {
             let d = nearest(earlier.position[i], earlier.position[j]);
             if d[0].hypot(d[1]) <= radius {
                 before.push(d);
-                after.extend(nearest(later.position[i], later.position[j]));
+                after.extend([0, 1].map(|k| moved(j)[k] - moved(i)[k]));
             }
         }
         let design = DMatrix::from_fn(after.len(), 4, |row, column| {

@@ -1,4 +1,23 @@
-//! Cells for finding all grains within a radius, periodic along x.
+//! Finding all grains within a radius, periodic along x: cells, and lists that serve many frames.
+
+/// How much farther than the radius the lists of near grains reach, over the radius, so that they serve many frames.
+const SKIN: f64 = 0.05;
+
+/// r_to - r_from (m), nearest image along x, of two positions wrapped into [0, L_x).
+///
+/// Compares where `Disks::separation` divides and rounds: the analysis spends most of its time here.
+#[inline(always)]
+pub fn separation(length: f64, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+    let dx = to[0] - from[0];
+    let image = if dx > 0.5 * length {
+        length
+    } else if dx < -0.5 * length {
+        -length
+    } else {
+        0.0
+    };
+    [dx - image, to[1] - from[1]]
+}
 
 /// Linear cells at least as wide as the search radius. Reused from frame to frame without allocating.
 #[derive(Debug, Default)]
@@ -92,5 +111,89 @@ impl Cells {
         let column = (r[0] / self.width) as usize;
         let row = ((r[1] - self.bottom) / self.height).max(0.0) as usize;
         (column.min(self.columns - 1), row.min(self.rows - 1))
+    }
+}
+
+/// All pairs that may be within a radius, in order of (i, j) whatever frame they were found in: sums over them do not
+/// depend on what came before.
+#[derive(Debug, Default)]
+pub struct NearPairs {
+    length: f64,
+    radius: f64,
+    /// The places the pairs were found at.
+    found_at: Vec<[f64; 2]>,
+    cells: Cells,
+    /// [N+1] first entry of each grain in `after` and in `before`.
+    start_after: Vec<u32>,
+    after: Vec<u32>,
+    start_before: Vec<u32>,
+    before: Vec<u32>,
+}
+
+impl NearPairs {
+    /// Makes sure that all pairs within `radius` (m) of the positions (m, wrapped) are in the lists; `length` is L_x (m).
+    pub fn update(&mut self, length: f64, radius: f64, position: &[[f64; 2]]) {
+        let skin = SKIN * radius;
+        let stayed = || {
+            let places = self.found_at.iter().zip(position);
+            places.fold(true, |stayed, (from, to)| {
+                let d = separation(length, *from, *to);
+                stayed & (d[0] * d[0] + d[1] * d[1] < 0.25 * skin * skin)
+            })
+        };
+        let same =
+            (self.length, self.radius, self.found_at.len()) == (length, radius, position.len());
+        if same && stayed() {
+            return;
+        }
+        (self.length, self.radius) = (length, radius);
+        self.found_at.clear();
+        self.found_at.extend_from_slice(position);
+        self.find(radius + skin);
+    }
+
+    fn find(&mut self, reach: f64) {
+        let NearPairs {
+            length,
+            found_at,
+            cells,
+            start_after,
+            after,
+            start_before,
+            before,
+            ..
+        } = self;
+        cells.fill(*length, reach, found_at, |_| true);
+        for list in [&mut *after, before, start_after, start_before] {
+            list.clear();
+        }
+        for (i, r) in found_at.iter().enumerate() {
+            let firsts = [after.len(), before.len()];
+            start_after.push(firsts[0] as u32);
+            start_before.push(firsts[1] as u32);
+            cells.near(*r, |j| {
+                let d = separation(*length, *r, found_at[j]);
+                if j != i && d[0] * d[0] + d[1] * d[1] <= reach * reach {
+                    if j > i { &mut *after } else { &mut *before }.push(j as u32);
+                }
+            });
+            after[firsts[0]..].sort_unstable();
+            before[firsts[1]..].sort_unstable();
+        }
+        start_after.push(after.len() as u32);
+        start_before.push(before.len() as u32);
+    }
+
+    /// Those of grain i with a higher id, ascending.
+    #[inline(always)]
+    pub fn after(&self, i: usize) -> &[u32] {
+        &self.after[self.start_after[i] as usize..self.start_after[i + 1] as usize]
+    }
+
+    /// All of grain i, ascending.
+    pub fn around(&self, i: usize, found: impl FnMut(usize)) {
+        let before = &self.before[self.start_before[i] as usize..self.start_before[i + 1] as usize];
+        let all = before.iter().chain(self.after(i));
+        all.map(|&j| j as usize).for_each(found);
     }
 }

@@ -5,11 +5,13 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+use crate::analysis::regions::MinPoints;
 use crate::failure::Failure;
 use crate::io::run_reader::Run;
+use crate::report::lee_hurley::Choice;
 use crate::{analysis, report};
 
-use super::{compare, dmin, export, info, phases, rate_state};
+use super::{compare, correlate, dmin, export, info, phases, rate_state, regions, study};
 
 /// Reduces the runs of gshear-mpi: what is in them, D²min, stick and slip phases, and a report with figures.
 ///
@@ -68,6 +70,35 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// Write a table of the scalars of every frame into regions.csv: GR regions, gD²min, contact angles (Lee & Hurley, section 3)
+    ///
+    /// A line a frame, each between it and the frame before: the greatest D²min and the mean of the greatest tenth (m²), the number
+    /// of GR regions in both readings of DBSCAN's minPts (1 and 2, the point itself counted), Spearman's rho of |Δσ_p| with D²min
+    /// and its p, mean and median contact angle in GR regions (rad).
+    Regions {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+        /// Folder to write into [default: the run's]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Write what happened in every phase and how it goes with the change of τ (Lee & Hurley, section 3.3)
+    ///
+    /// measures.csv: a line a phase, with the measures of equations 1 to 4. correlations.csv: Spearman's rho and its two-sided p in
+    /// half-decades of Δτ, Δτ_p and D²min. Phases are those of τ at the frames, whose interval is the Δγ that t_p is counted in.
+    Correlate {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+        /// Folder to write into [default: the run's]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Shear strain at which the stick-slip regime begins
+        #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
+        from: f64,
+        /// Points within reach that make a core point of DBSCAN, the point itself counted: 1, or 2, by which a grain alone is noise
+        #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+        min_points: u8,
+    },
     /// Write one state of a run in a format of other programs
     ///
     /// lammps-data and liggghts-data: a data file of atom_style sphere; types are 1 free grains, 2 bottom wall, 3 top wall, and
@@ -101,13 +132,34 @@ pub enum Command {
         out: Option<PathBuf>,
     },
     /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
+    ///
+    /// With --study lee-hurley instead, of one run or of several: every figure of Lee & Hurley that rests on data, under its number,
+    /// as fig-NN.svg with fig-NN.csv; the paper's numbers beside ours in numbers.csv; index.html that shows them. Samples of more
+    /// than 2,236 disks count as the paper's large one. The series of the phases is τ at the frames.
     Report {
-        /// A run.h5, or the folder that holds one
-        run: PathBuf,
-        /// Folder to write into [default: the run's folder + /report]
+        /// A run.h5, or the folder that holds one; several for a study
+        #[arg(required = true, value_name = "RUN")]
+        runs: Vec<PathBuf>,
+        /// Folder to write into [default: the first run's folder + /report, or + /lee-hurley]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        /// Repeat a published study
+        #[arg(long, value_enum)]
+        study: Option<Study>,
+        /// Shear strain at which the stick-slip regime of a study begins [default: the paper's, 0.022 small and 0.054 large]
+        #[arg(long, value_name = "STRAIN", requires = "study")]
+        from: Option<f64>,
+        /// Points within reach that make a core point of DBSCAN, as for correlate
+        #[arg(long, value_name = "N", default_value_t = 1, requires = "study", value_parser = clap::value_parser!(u8).range(1..=2))]
+        min_points: u8,
     },
+}
+
+/// A study that can be repeated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Study {
+    /// Lee & Hurley: microscopic dynamics of rearrangement and stick-slip
+    LeeHurley,
 }
 
 /// Does what the command line asks for; what it finds goes to `output`.
@@ -135,6 +187,23 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             let run = Run::open(run)?;
             phases::write(&run, out.as_deref().unwrap_or(run.folder()), output)?;
         }
+        Command::Regions { run, out } => {
+            let run = Run::open(run)?;
+            let path = regions::write(&run, out.as_deref().unwrap_or(run.folder()))?;
+            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+        }
+        Command::Correlate {
+            run,
+            out,
+            from,
+            min_points,
+        } => {
+            let run = Run::open(run)?;
+            let folder = out.as_deref().unwrap_or(run.folder());
+            for path in correlate::write(&run, folder, *from, reading(*min_points))? {
+                writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+            }
+        }
         Command::Export {
             run,
             format,
@@ -154,15 +223,43 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
                 .unwrap_or_else(|| runs[0].folder().join("rate-state"));
             rate_state::write(&runs, *law, &folder, output)?;
         }
-        Command::Report { run, out } => {
-            let run = Run::open(run)?;
-            let folder = out.clone().unwrap_or_else(|| run.folder().join("report"));
-            let page = report::write(&run, &folder)?;
+        Command::Report {
+            runs,
+            out,
+            study,
+            from,
+            min_points,
+        } => {
+            let first = Run::open(&runs[0])?;
+            let folder = |name: &str| out.clone().unwrap_or_else(|| first.folder().join(name));
+            let page = match study {
+                Some(Study::LeeHurley) => {
+                    let choice = Choice {
+                        onset: *from,
+                        min_points: reading(*min_points),
+                    };
+                    study::lee_hurley(runs, &folder("lee-hurley"), choice)?
+                }
+                None if runs.len() > 1 => {
+                    return Err(Failure::input(format!(
+                        "report: {} runs: without --study it takes one",
+                        runs.len()
+                    )));
+                }
+                None => report::write(&first, &folder("report"))?,
+            };
             writeln!(output, "wrote {}", page.display()).map_err(lost)?;
         }
     }
     output.flush().map_err(lost)?;
     Ok(0)
+}
+
+fn reading(min_points: u8) -> MinPoints {
+    match min_points {
+        1 => MinPoints::Itself,
+        _ => MinPoints::OneNeighbour,
+    }
 }
 
 /// Output that could not be written, to a terminal or a pipe.

@@ -2,10 +2,15 @@
 
 mod commands;
 pub mod compare;
+mod correlate;
 mod dmin;
 pub mod export;
 mod info;
 mod phases;
+mod pool;
 pub mod rate_state;
+mod regions;
+pub mod scalars;
+mod study;
 
 pub use commands::{Arguments, Command, run};

@@ -15,6 +15,23 @@ pub const SLIP: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
 pub const AGING_LAW: RGBColor = RGBColor(0x00, 0x9e, 0x73);
 pub const SLIP_LAW: RGBColor = RGBColor(0xcc, 0x79, 0xa7);
 
+/// Curves beside each other: blue, vermillion, green, purple, orange, sky blue, black.
+pub const CURVES: [RGBColor; 7] = [
+    STICK,
+    SLIP,
+    RGBColor(0x00, 0x9e, 0x73),
+    RGBColor(0xcc, 0x79, 0xa7),
+    RGBColor(0xe6, 0x9f, 0x00),
+    RGBColor(0x56, 0xb4, 0xe9),
+    INK,
+];
+/// Bands of the stages before, during and after a drop.
+pub const STAGES: [RGBColor; 3] = [
+    RGBColor(0xd6, 0xea, 0xf5),
+    RGBColor(0xfa, 0xdd, 0xc9),
+    RGBColor(0xdc, 0xee, 0xe4),
+];
+
 /// A colour scale by equidistant stops.
 pub struct Scale(&'static [u32]);
 

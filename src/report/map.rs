@@ -5,6 +5,7 @@ use plotters::style::RGBColor;
 use super::colour::{CHANGE, FORCE, GRAIN, GREY, VIRIDIS, WALL, WHITE};
 use super::plot::{Layout, Plot, figure};
 use super::ticks::{self, Tick};
+use crate::analysis::forces;
 use crate::state::{ContactSample, Disks, Frame};
 
 const WIDTH: f64 = 900.0;
@@ -62,13 +63,18 @@ impl View {
     }
 
     /// How far to shift something at x by periods of the cell so that it, with its `reach`, is in view.
-    fn shifts(&self, x: f64, reach: f64, length: f64) -> impl Iterator<Item = f64> + use<> {
+    pub(super) fn shifts(
+        &self,
+        x: f64,
+        reach: f64,
+        length: f64,
+    ) -> impl Iterator<Item = f64> + use<> {
         let View { x: [low, high], .. } = *self;
         let seen = move |shift: &f64| x + shift + reach >= low && x + shift - reach <= high;
         [-length, 0.0, length].into_iter().filter(seen)
     }
 
-    fn sees_height(&self, y: f64, reach: f64) -> bool {
+    pub(super) fn sees_height(&self, y: f64, reach: f64) -> bool {
         y + reach >= self.y[0] && y - reach <= self.y[1]
     }
 }
@@ -84,7 +90,9 @@ pub fn forces(grains: &Disks, frame: &Frame, view: View, greatest: f64, title: &
             .iter()
             .map(|c| c.normal_force / greatest)
             .collect();
-        lines(plot, grains, frame, view, &shares, |share| FORCE.at(share));
+        lines(plot, grains, frame, view, &shares, 0.0, |share| {
+            FORCE.at(share)
+        });
         let (factor, unit) = ticks::prefix(greatest);
         let ticks = on_bar(
             ticks::round(0.0, greatest * factor, 6),
@@ -115,22 +123,6 @@ pub fn scale_of_forces(frames: [&Frame; 2]) -> f64 {
         .unwrap_or(0.0)
 }
 
-/// Change of |f| of every contact that is in both frames (LH section 3.2: 0 where it was made or lost between them).
-pub fn changes(earlier: &Frame, later: &Frame) -> Vec<f64> {
-    let size = |contact: &ContactSample| contact.normal_force.hypot(contact.tangential_force[0]);
-    let before = |contact: &ContactSample| {
-        let found = earlier
-            .contacts
-            .binary_search_by_key(&(contact.i, contact.j), |c| (c.i, c.j));
-        found.map_or(size(contact), |k| size(&earlier.contacts[k]))
-    };
-    later
-        .contacts
-        .iter()
-        .map(|contact| size(contact) - before(contact))
-        .collect()
-}
-
 /// The differential force network between two frames, drawn on the later one.
 pub fn force_changes(
     grains: &Disks,
@@ -139,7 +131,8 @@ pub fn force_changes(
     view: View,
     title: &str,
 ) -> String {
-    let mut changes = changes(earlier, later);
+    let mut changes = Vec::new();
+    forces::changes(earlier, later, &mut changes);
     let greatest = changes
         .iter()
         .fold(0.0, |most: f64, change| most.max(change.abs()));
@@ -147,7 +140,7 @@ pub fn force_changes(
     changes.iter_mut().for_each(|change| *change /= greatest);
     map(view, |plot| {
         background(plot, grains, later, view);
-        lines(plot, grains, later, view, &changes, |share| {
+        lines(plot, grains, later, view, &changes, 0.0, |share| {
             CHANGE.at(0.5 + 0.5 * share)
         });
         let (factor, unit) = ticks::prefix(greatest);
@@ -236,7 +229,7 @@ fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: View) {
 }
 
 /// A grain and, at the seam, its image at the other end.
-fn disk(
+pub(super) fn disk(
     plot: &mut Plot,
     grains: &Disks,
     frame: &Frame,
@@ -251,13 +244,15 @@ fn disk(
     }
 }
 
-/// Lines between centres; the share of a contact, -1 … 1, gives the width and the colour. The strongest lie on top.
-fn lines(
+/// Lines between centres; the share of a contact, -1 … 1, gives the width and the colour. The strongest lie on top;
+/// those of less than `faint` are left out.
+pub(super) fn lines(
     plot: &mut Plot,
     grains: &Disks,
     frame: &Frame,
     view: View,
     shares: &[f64],
+    faint: f64,
     colour: impl Fn(f64) -> RGBColor,
 ) {
     let widest = 1.1 * grains.mean_radius() * plot.scale();
@@ -265,6 +260,7 @@ fn lines(
         .iter()
         .map(|share| share.clamp(-1.0, 1.0))
         .zip(&frame.contacts)
+        .filter(|(share, _)| share.abs() >= faint)
         .collect();
     sorted.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
     for (share, contact) in sorted {
@@ -295,25 +291,6 @@ mod tests {
             tangential_force: [tangential_force, 0.0, 0.0],
             ..zero
         }
-    }
-
-    #[test]
-    fn changes_are_those_of_the_size_of_contacts_in_both_frames() {
-        let frame = |contacts: &[ContactSample]| Frame {
-            contacts: contacts.to_vec(),
-            ..Frame::default()
-        };
-        let earlier = frame(&[
-            contact(0, 1, 3.0, -4.0),
-            contact(0, 2, 1.0, 0.0),
-            contact(1, 2, 1.0, 0.0),
-        ]);
-        let later = frame(&[
-            contact(0, 1, 12.0, 5.0),
-            contact(1, 2, 0.5, 0.0),
-            contact(1, 3, 9.0, 0.0),
-        ]);
-        assert_eq!(changes(&earlier, &later), [8.0, -0.5, 0.0]);
     }
 
     #[test]

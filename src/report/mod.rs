@@ -1,7 +1,9 @@
 //! The report of a run: figures, numbers, and a page that shows both.
 
 pub mod colour;
+mod compose;
 mod histogram;
+pub mod lee_hurley;
 mod map;
 mod page;
 pub mod plot;

@@ -141,7 +141,7 @@ fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
     format!("<table>\n{}</table>\n", rows.collect::<String>())
 }
 
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

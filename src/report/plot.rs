@@ -10,6 +10,8 @@ use super::ticks::Tick;
 /// plotters knows whole pixels only; it is given a canvas this many times larger, which the SVG header shrinks again.
 const FINE: f64 = 10.0;
 const FONT: f64 = 13.0;
+/// Every figure begins with it.
+pub(super) const NAMESPACE: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\"";
 
 /// Where the axes lie in a figure, in pixels of the figure.
 #[derive(Debug, Clone, Copy)]
@@ -25,6 +27,29 @@ pub struct Plot<'a> {
     layout: Layout,
     x: [f64; 2],
     y: [f64; 2],
+}
+
+/// Shapes of marks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Marker {
+    Square,
+    Diamond,
+    Up,
+    Down,
+}
+
+impl Marker {
+    pub const ALL: [Marker; 4] = [Marker::Square, Marker::Diamond, Marker::Up, Marker::Down];
+
+    /// Corners around the middle (px).
+    fn corners(self) -> &'static [[f64; 2]] {
+        match self {
+            Marker::Square => &[[-3.4, -3.4], [3.4, -3.4], [3.4, 3.4], [-3.4, 3.4]],
+            Marker::Diamond => &[[0.0, -4.8], [4.8, 0.0], [0.0, 4.8], [-4.8, 0.0]],
+            Marker::Up => &[[0.0, -4.6], [4.4, 3.2], [-4.4, 3.2]],
+            Marker::Down => &[[0.0, 4.6], [4.4, -3.2], [-4.4, -3.2]],
+        }
+    }
 }
 
 /// Draws a figure and returns it as SVG. In text `_{…}` and `^{…}` set indices and powers.
@@ -45,7 +70,7 @@ pub fn figure(layout: Layout, x: [f64; 2], y: [f64; 2], draw: impl FnOnce(&mut P
     let [width, height] = layout.size;
     let body = svg.find('>').map_or("", |end| &svg[end + 1..]);
     let header = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} {}\" \
+        "{NAMESPACE} width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} {}\" \
          stroke-linejoin=\"round\" stroke-linecap=\"round\">",
         size[0], size[1]
     );
@@ -118,6 +143,67 @@ impl Plot<'_> {
             self.backend
                 .draw_circle(centre, radius, &stroke(outline, 0.5), false)
                 .expect(IN_MEMORY);
+        }
+    }
+
+    /// A filled mark of a point of the data.
+    pub fn marker(&mut self, at: [f64; 2], marker: Marker, colour: RGBColor) {
+        let [x, y] = self.pixel(at);
+        let corners = marker
+            .corners()
+            .iter()
+            .map(|[dx, dy]| fine([x + dx, y + dy]));
+        self.backend
+            .fill_polygon(corners.collect::<Vec<_>>(), &colour)
+            .expect(IN_MEMORY);
+    }
+
+    /// An arrow between points of the data.
+    pub fn arrow(&mut self, from: [f64; 2], to: [f64; 2], colour: RGBColor) {
+        let [a, b] = [self.pixel(from), self.pixel(to)];
+        let d = [b[0] - a[0], b[1] - a[1]];
+        let side = |turn: f64| {
+            [
+                b[0] - 0.3 * d[0] + turn * 0.15 * d[1],
+                b[1] - 0.3 * d[1] - turn * 0.15 * d[0],
+            ]
+        };
+        let path = [a, b, side(1.0), b, side(-1.0)].map(fine);
+        self.backend
+            .draw_path(path, &stroke(colour, 0.5))
+            .expect(IN_MEMORY);
+    }
+
+    /// Small text above a point of the data.
+    pub fn label_above(&mut self, at: [f64; 2], text: &str) {
+        let [x, y] = self.pixel(at);
+        self.text(
+            [x, y - 6.0],
+            text,
+            FONT - 2.0,
+            (HPos::Center, VPos::Bottom),
+            INK,
+        );
+    }
+
+    /// Two lines of small text over the axes, from their left end.
+    pub fn small_titles(&mut self, lines: [&str; 2]) {
+        let [[left, top], _] = self.frame();
+        for (line, text) in lines.into_iter().enumerate() {
+            let at = [left, top - 27.0 + 16.0 * line as f64];
+            self.text(at, text, FONT - 2.0, (HPos::Left, VPos::Center), INK);
+        }
+    }
+
+    /// The axes filled with a colour scale from the left to the right.
+    pub fn flat_colour_bar(&mut self, scale: &Scale) {
+        const PIECES: usize = 128;
+        let [[left, top], [right, bottom]] = self.frame();
+        // Each piece reaches to the end and the next one covers it, so that no seam shows between them.
+        for piece in 0..PIECES {
+            let from = left + (right - left) * piece as f64 / PIECES as f64;
+            let colour = scale.at((piece as f64 + 0.5) / PIECES as f64);
+            self.pixel_box([[from, top], [right, bottom]], colour, 1.0);
         }
     }
 

@@ -120,7 +120,7 @@ fn window(rows: usize, drop: &Phase) -> std::ops::Range<usize> {
     drop.start.saturating_sub(around)..(drop.end + around + 1).min(rows)
 }
 
-fn percent_of(strain: &[f64]) -> Vec<f64> {
+pub(super) fn percent_of(strain: &[f64]) -> Vec<f64> {
     strain.iter().map(|strain| 100.0 * strain).collect()
 }
 
@@ -143,7 +143,14 @@ pub(super) fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] 
 }
 
 /// The rows as lines, broken at values that are not finite, with no more points than the figure can show.
-fn draw(plot: &mut Plot, x: &[f64], y: &[f64], rows: &[usize], colour: RGBColor, width: f64) {
+pub(super) fn draw(
+    plot: &mut Plot,
+    x: &[f64],
+    y: &[f64],
+    rows: &[usize],
+    colour: RGBColor,
+    width: f64,
+) {
     for stretch in rows.split(|&row| !y[row].is_finite()) {
         let points: Vec<[f64; 2]> = stretch.iter().map(|&row| [x[row], y[row]]).collect();
         let points = decimate(&points, 1.0 / plot.scale());

@@ -21,6 +21,8 @@ pub struct Fixture {
     pub series_step: Vec<u64>,
     /// As `SERIES_COLUMNS`, [columns][L].
     pub series: Vec<Vec<f64>>,
+    /// μ_s in the scene.
+    pub friction: f64,
     /// k (N/m) of a spring that pulls the top wall.
     pub spring: Option<f64>,
     /// `None`: the run was stopped early.
@@ -123,6 +125,7 @@ impl Fixture {
             frames: made,
             series_step,
             series,
+            friction: 0.7,
             spring: None,
             digest: Some("00c0ffee00c0ffee".into()),
         }
@@ -268,11 +271,12 @@ impl Fixture {
         }
 
         let parameters = file.create_group("parameters")?;
-        text(
-            &parameters,
-            "scene",
-            "title = \"Made up <for> tests & nothing else\"\nseed = 1\n",
-        )?;
+        let title = "Made up <for> tests & nothing else";
+        let scene = format!(
+            "title = \"{title}\"\nseed = 1\n[contact]\nfriction = {:?}\n",
+            self.friction
+        );
+        text(&parameters, "scene", &scene)?;
         if let Some(stiffness) = self.spring {
             parameters
                 .new_attr::<f64>()

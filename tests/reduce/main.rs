@@ -5,7 +5,9 @@ mod export;
 mod fixture;
 mod rate_state;
 mod reading;
+mod references;
 mod results;
+mod study;
 
 use std::process::{Command, Output};
 use std::sync::{Mutex, MutexGuard, PoisonError};

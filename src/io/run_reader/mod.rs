@@ -11,6 +11,7 @@ use hdf5::{Dataset, H5Type};
 use ndarray::{Ix1, Ix2, Ix3, s};
 
 use self::source::{FOREIGN, Source, one_line};
+use crate::analysis::frame_scalars::FrameScalars;
 use crate::failure::Failure;
 use crate::state::{ContactSample, Disks, Frame, SERIES_COLUMNS};
 
@@ -58,6 +59,27 @@ impl Series {
     }
 }
 
+/// What is read of a frame.
+///
+/// What is not read of the grains is left empty, what is not read of the contacts is 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+pub enum Fields {
+    /// Positions and the ids of the contacts: enough for D²min.
+    Pairs,
+    /// The forces as well: enough for the scalars of a frame.
+    Forces,
+    All,
+}
+
+/// Scalars that the run itself has computed, `observables/gshear/`; row k between the rows k-1 and k.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredScalars {
+    /// [L] steps since the start of the shear.
+    pub step: Vec<u64>,
+    /// [L].
+    pub scalars: Vec<FrameScalars>,
+}
+
 /// An open `run.h5`. What is small is read on opening; frames are read on demand.
 pub struct Run {
     path: PathBuf,
@@ -68,6 +90,7 @@ pub struct Run {
     planar: bool,
     parameters: BTreeMap<String, Parameter>,
     series: Series,
+    scalars: Option<StoredScalars>,
     step: Vec<u64>,
     time: Vec<f64>,
     offset: Vec<u64>,
@@ -128,6 +151,7 @@ impl Run {
         };
         let finished = parameters.contains_key("digest");
         let series = source.series(finished)?;
+        let scalars = source.scalars(finished)?;
 
         let spins = if planar { &[n][..] } else { &[n, 3] };
         let position = source.frames("particles/trajectory/position/value", &[n, 3])?;
@@ -191,6 +215,7 @@ impl Run {
             planar,
             parameters,
             series,
+            scalars,
             step,
             time,
             offset,
@@ -226,6 +251,11 @@ impl Run {
 
     pub fn series(&self) -> &Series {
         &self.series
+    }
+
+    /// `None` where the run computed no scalars of frames.
+    pub fn stored_scalars(&self) -> Option<&StoredScalars> {
+        self.scalars.as_ref()
     }
 
     /// All attributes of `parameters`, by name.
@@ -297,84 +327,107 @@ impl Run {
 
     /// The frames of a range within 0 … T.
     pub fn block(&self, range: Range<usize>) -> Result<Vec<Frame>, Failure> {
+        self.block_of(range, Fields::All)
+    }
+
+    /// The frames of a range within 0 … T, as far as `fields` go.
+    pub fn block_of(&self, range: Range<usize>, fields: Fields) -> Result<Vec<Frame>, Failure> {
         if !self.planar {
             return Err(Failure::input(format!(
                 "{}: frames of spheres cannot be reduced, only those of disks; its time series can",
                 self.path.display()
             )));
         }
-        let planar = |dataset: &Dataset| -> Result<Vec<Vec<[f64; 2]>>, Failure> {
-            let values: ndarray::Array3<f64> = dataset
-                .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
-                .map_err(|e| self.damaged(dataset, &e))?;
-            if values.slice(s![.., .., 2]).iter().any(|z| *z != 0.0) {
-                let name = dataset.name();
-                return Err(Failure::input(format!(
-                    "{}: {}: z is not 0: only 2D runs can be reduced",
-                    self.path.display(),
-                    &name[1..]
-                )));
-            }
-            Ok(values
-                .outer_iter()
-                .map(|frame| frame.outer_iter().map(|row| [row[0], row[1]]).collect())
-                .collect())
-        };
-        let position = planar(&self.position)?;
-        let velocity = planar(&self.velocity)?;
-        let angular_velocity = self
-            .angular_velocity
-            .read_slice::<f64, _, Ix2>(s![range.start..range.end, ..])
-            .map_err(|e| self.damaged(&self.angular_velocity, &e))?;
-        let mut contacts = self.contacts(range.clone())?.into_iter();
+        let mut position = self.planar(&self.position, &range)?.into_iter();
+        let (mut velocity, mut angular_velocity) = (Vec::new(), Vec::new());
+        if fields == Fields::All {
+            velocity = self.planar(&self.velocity, &range)?;
+            let values = self
+                .angular_velocity
+                .read_slice::<f64, _, Ix2>(s![range.start..range.end, ..])
+                .map_err(|e| self.damaged(&self.angular_velocity, &e))?;
+            angular_velocity = values.outer_iter().map(|frame| frame.to_vec()).collect();
+        }
+        let (mut velocity, mut angular_velocity) =
+            (velocity.into_iter(), angular_velocity.into_iter());
+        let mut contacts = self.contacts(range.clone(), fields)?.into_iter();
         let first = self.offset[range.start];
         debug_assert_eq!(contacts.len() as u64, self.offset[range.end] - first);
 
-        let frames = range
-            .clone()
-            .zip(position)
-            .zip(velocity)
-            .zip(angular_velocity.outer_iter());
-        Ok(frames
-            .map(|(((t, position), velocity), angular_velocity)| Frame {
-                step: self.step[t],
-                time: self.time[t],
-                position,
-                velocity,
-                angular_velocity: angular_velocity.to_vec(),
-                contacts: contacts
-                    .by_ref()
-                    .take((self.offset[t + 1] - self.offset[t]) as usize)
-                    .collect(),
-            })
-            .collect())
+        let frame = |t: usize| Frame {
+            step: self.step[t],
+            time: self.time[t],
+            position: position.next().unwrap_or_default(),
+            velocity: velocity.next().unwrap_or_default(),
+            angular_velocity: angular_velocity.next().unwrap_or_default(),
+            contacts: contacts
+                .by_ref()
+                .take((self.offset[t + 1] - self.offset[t]) as usize)
+                .collect(),
+        };
+        Ok(range.map(frame).collect())
     }
 
-    /// How many frames to read at a time so that a block stays near 64 MiB.
+    /// x and y of a dataset [T][N][3], of which z must be 0.
+    fn planar(
+        &self,
+        dataset: &Dataset,
+        range: &Range<usize>,
+    ) -> Result<Vec<Vec<[f64; 2]>>, Failure> {
+        let values = dataset
+            .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        let (values, _) = values.into_raw_vec_and_offset();
+        if values.iter().skip(2).step_by(3).any(|z| *z != 0.0) {
+            let name = dataset.name();
+            return Err(Failure::input(format!(
+                "{}: {}: z is not 0: only 2D runs can be reduced",
+                self.path.display(),
+                &name[1..]
+            )));
+        }
+        let frame = |t: usize| {
+            let rows = values[3 * t * self.grains.count()..].chunks_exact(3);
+            rows.take(self.grains.count())
+                .map(|row| [row[0], row[1]])
+                .collect()
+        };
+        Ok((0..range.len()).map(frame).collect())
+    }
+
+    /// How many frames to read at a time so that a block stays near 16 MiB: memory of that size is used again, where the
+    /// system would clear every page of a larger one anew.
     pub fn block_length(&self) -> usize {
         let frames = self.frames().max(1);
         let contacts = self.offset.last().map_or(0, |all| *all as usize) / frames;
         let bytes =
             self.grains.count() * 11 * size_of::<f64>() + contacts * 2 * size_of::<ContactSample>();
-        ((64 << 20) / bytes.max(1)).clamp(1, 512)
+        ((16 << 20) / bytes.max(1)).clamp(1, 512)
     }
 
-    fn contacts(&self, frames: Range<usize>) -> Result<Vec<ContactSample>, Failure> {
+    fn contacts(
+        &self,
+        frames: Range<usize>,
+        fields: Fields,
+    ) -> Result<Vec<ContactSample>, Failure> {
         let rows = self.offset[frames.start] as usize..self.offset[frames.end] as usize;
         let columns = &self.contacts;
         let (i, j) = (
             self.column::<u32>(&columns.i, &rows)?,
             self.column::<u32>(&columns.j, &rows)?,
         );
-        let normal_force = self.column::<f64>(&columns.normal_force, &rows)?;
-        let tangential_force = self.column::<f64>(&columns.tangential_force, &rows)?;
-        let tangential_history = self.column::<f64>(&columns.tangential_history, &rows)?;
+        // No rows of what is not asked for.
+        let rows_from = |least: Fields| if fields >= least { rows.clone() } else { 0..0 };
+        let (forces, others) = (rows_from(Fields::Forces), rows_from(Fields::All));
+        let normal_force = self.column::<f64>(&columns.normal_force, &forces)?;
+        let tangential_force = self.column::<f64>(&columns.tangential_force, &forces)?;
+        let tangential_history = self.column::<f64>(&columns.tangential_history, &others)?;
         let rolling_history = match &columns.rolling_history {
-            Some(dataset) => self.column::<f64>(dataset, &rows)?,
-            None => vec![0.0; rows.len()],
+            Some(dataset) => self.column::<f64>(dataset, &others)?,
+            None => Vec::new(),
         };
-        let overlap = self.column::<f64>(&columns.overlap, &rows)?;
-        let sliding = self.column::<u8>(&columns.sliding, &rows)?;
+        let overlap = self.column::<f64>(&columns.overlap, &others)?;
+        let sliding = self.column::<u8>(&columns.sliding, &others)?;
         let n = self.grains.count();
         if let Some(k) = (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
             let (file, row) = (self.path.display(), rows.start + k);
@@ -383,15 +436,16 @@ impl Run {
                 i[k], j[k]
             )));
         }
+        let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
         let contact = |k: usize| ContactSample {
             i: i[k],
             j: j[k],
-            normal_force: normal_force[k],
-            tangential_force: [tangential_force[k], 0.0, 0.0],
-            tangential_history: [tangential_history[k], 0.0, 0.0],
-            rolling_history: rolling_history[k],
-            overlap: overlap[k],
-            sliding: u64::from(sliding[k]),
+            normal_force: of(&normal_force, k),
+            tangential_force: [of(&tangential_force, k), 0.0, 0.0],
+            tangential_history: [of(&tangential_history, k), 0.0, 0.0],
+            rolling_history: of(&rolling_history, k),
+            overlap: of(&overlap, k),
+            sliding: sliding.get(k).map_or(0, |sliding| u64::from(*sliding)),
         };
         Ok((0..i.len()).map(contact).collect())
     }

@@ -8,7 +8,8 @@ use std::path::Path;
 use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenUnicode};
 use hdf5::{Dataset, File, H5Type, Location};
 
-use super::{Parameter, Series};
+use super::{Parameter, Series, StoredScalars};
+use crate::analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
 use crate::failure::Failure;
 use crate::state::SERIES_COLUMNS;
 
@@ -126,6 +127,26 @@ impl<'a> Source<'a> {
             time,
             columns,
         })
+    }
+
+    /// The scalars of `observables/gshear/`, if there are any.
+    pub(super) fn scalars(&self, finished: bool) -> Result<Option<StoredScalars>, Failure> {
+        const GROUP: &str = "observables/gshear";
+        if !self.exists(GROUP) {
+            return Ok(None);
+        }
+        let first = SCALAR_COLUMNS[0];
+        let mut step: Vec<u64> = self.all(&format!("{GROUP}/{first}/step"))?;
+        let read = |column: &&str| self.all(&format!("{GROUP}/{column}/value"));
+        let columns: Vec<Vec<f64>> = SCALAR_COLUMNS.iter().map(read).collect::<Result<_, _>>()?;
+        let names = SCALAR_COLUMNS.iter().copied();
+        let mut lengths: Vec<_> = names.zip(columns.iter().map(Vec::len)).collect();
+        lengths.push(("observables/gshear/dmin_greatest/step", step.len()));
+        let rows = self.common_length(&lengths, finished, "rows")?;
+        step.truncate(rows);
+        let row = |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| columns[c][k]));
+        let scalars = (0..rows).map(row).collect();
+        Ok(Some(StoredScalars { step, scalars }))
     }
 
     /// A run that ended properly has all of equal length; one that was cut short may have begun a batch.

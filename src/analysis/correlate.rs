@@ -1,0 +1,218 @@
+//! Which quantities LH correlate with the change of τ, and over which intervals or phases (section 3.3).
+
+use super::frame_scalars::FrameScalars;
+use super::measures::{self, Measured};
+use super::ranges::{self, Range, Row};
+use super::regions::MinPoints;
+use super::spearman::Correlation;
+
+/// Which phases count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Length {
+    All,
+    /// t_p > 3Δγ.
+    Long,
+    Short,
+}
+
+impl Length {
+    pub fn name(self) -> &'static str {
+        match self {
+            Length::All => "all",
+            Length::Long => "long",
+            Length::Short => "short",
+        }
+    }
+
+    fn has(self, phase: &Measured) -> bool {
+        match self {
+            Length::All => true,
+            Length::Long => phase.phase.is_long(),
+            Length::Short => !phase.phase.is_long(),
+        }
+    }
+}
+
+/// What is known of a phase.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    DminMax,
+    TopMax,
+    DminSum,
+    TopSum,
+    Duration,
+    RegionsLeast,
+    AngleMean,
+    AngleMedian,
+}
+
+impl Quantity {
+    /// As columns of tables are called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Quantity::DminMax => "dmin_max",
+            Quantity::TopMax => "top_max",
+            Quantity::DminSum => "dmin_sum",
+            Quantity::TopSum => "top_sum",
+            Quantity::Duration => "t_p",
+            Quantity::RegionsLeast => "regions_least",
+            Quantity::AngleMean => "angle_mean",
+            Quantity::AngleMedian => "angle_median",
+        }
+    }
+
+    /// LH's symbol; `_{…}` sets an index.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Quantity::DminMax => "mgD²_{min}",
+            Quantity::TopMax => "mg_{t10%}D²_{min}",
+            Quantity::DminSum => "sgD²_{min}",
+            Quantity::TopSum => "sg_{t10%}D²_{min}",
+            Quantity::Duration => "t_{p}",
+            Quantity::RegionsLeast => "N_{c}",
+            Quantity::AngleMean => "mean |θ|",
+            Quantity::AngleMedian => "median |θ|",
+        }
+    }
+
+    /// Its value in a phase.
+    pub fn of(self, phase: &Measured) -> f64 {
+        match self {
+            Quantity::DminMax => phase.dmin_max,
+            Quantity::TopMax => phase.top_max,
+            Quantity::DminSum => phase.dmin_sum,
+            Quantity::TopSum => phase.top_sum,
+            Quantity::Duration => phase.phase.duration() as f64,
+            Quantity::RegionsLeast => phase.regions_least,
+            Quantity::AngleMean => phase.angle_mean,
+            Quantity::AngleMedian => phase.angle_median,
+        }
+    }
+}
+
+/// What is correlated with Δτ or Δτ_p in its half-decades.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Subject {
+    /// Δτ of all intervals with gD²min.
+    Greatest,
+    /// Δτ of all intervals with g_t10%D²min.
+    TopTenth,
+    /// Δτ_p of phases with a quantity.
+    Phase(Quantity, Length),
+}
+
+/// All that the paper correlates with Δτ or Δτ_p.
+pub const SUBJECTS: [Subject; 17] = {
+    use Length::{All, Long, Short};
+    use Quantity::{DminMax, DminSum, Duration, TopMax, TopSum};
+    [
+        Subject::Greatest,
+        Subject::TopTenth,
+        Subject::Phase(DminMax, All),
+        Subject::Phase(TopMax, All),
+        Subject::Phase(DminSum, All),
+        Subject::Phase(TopSum, All),
+        Subject::Phase(DminMax, Long),
+        Subject::Phase(TopMax, Long),
+        Subject::Phase(DminSum, Long),
+        Subject::Phase(TopSum, Long),
+        Subject::Phase(DminMax, Short),
+        Subject::Phase(TopMax, Short),
+        Subject::Phase(DminSum, Short),
+        Subject::Phase(TopSum, Short),
+        Subject::Phase(Duration, All),
+        Subject::Phase(Duration, Long),
+        Subject::Phase(Duration, Short),
+    ]
+};
+
+/// What is correlated with Δτ_p of long phases, in ranges of mg_t10%D²min and of sg_t10%D²min (LH figures 11 and 23).
+pub const CONFIGURATIONS: [Quantity; 3] = [
+    Quantity::AngleMean,
+    Quantity::AngleMedian,
+    Quantity::RegionsLeast,
+];
+
+/// A series of frames in the stick-slip regime, with its phases.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Regime {
+    /// [L] γ, ascending.
+    pub strain: Vec<f64>,
+    /// [L] τ.
+    pub tau: Vec<f64>,
+    /// [L] row k between the rows k-1 and k.
+    pub scalars: Vec<FrameScalars>,
+    pub phases: Vec<Measured>,
+}
+
+impl Regime {
+    /// What happens from γ = `onset` on.
+    pub fn from(
+        onset: f64,
+        strain: &[f64],
+        tau: &[f64],
+        scalars: &[FrameScalars],
+        reading: MinPoints,
+    ) -> Self {
+        let first = strain.partition_point(|strain| *strain < onset);
+        let (strain, tau) = (strain[first..].to_vec(), tau[first..].to_vec());
+        let scalars = scalars[first..].to_vec();
+        let phases = measures::of(&strain, &tau, &scalars, reading);
+        Regime {
+            strain,
+            tau,
+            scalars,
+            phases,
+        }
+    }
+
+    /// ρ and p in every half-decade of Δτ or Δτ_p.
+    pub fn correlate(&self, subject: Subject) -> Vec<(Range, Correlation)> {
+        ranges::correlations(&self.rows(subject), &ranges::of_stress_changes())
+    }
+
+    fn rows(&self, subject: Subject) -> Vec<Row> {
+        let intervals = |of: fn(&FrameScalars) -> f64| {
+            let rows = (1..self.tau.len()).map(|k| {
+                let change = self.tau[k] - self.tau[k - 1];
+                row(change, of(&self.scalars[k]))
+            });
+            rows.collect()
+        };
+        match subject {
+            Subject::Greatest => intervals(|s| s.dmin_greatest),
+            Subject::TopTenth => intervals(|s| s.dmin_top_tenth),
+            Subject::Phase(quantity, length) => {
+                let phases = self.phases.iter().filter(|phase| length.has(phase));
+                phases
+                    .map(|phase| row(phase.phase.change, quantity.of(phase)))
+                    .collect()
+            }
+        }
+    }
+
+    /// ρ and p of Δτ_p of long phases with `quantity`, in half-decades of `by` over `unit` (m² where `by` is one).
+    pub fn correlate_by(
+        &self,
+        by: Quantity,
+        unit: f64,
+        quantity: Quantity,
+    ) -> Vec<(Range, Correlation)> {
+        let long = self.phases.iter().filter(|phase| Length::Long.has(phase));
+        let rows: Vec<Row> = long
+            .map(|phase| Row {
+                by: by.of(phase) / unit,
+                pair: [phase.phase.change, quantity.of(phase)],
+            })
+            .collect();
+        let ranges = ranges::around(rows.iter().map(|row| row.by));
+        ranges::correlations(&rows, &ranges)
+    }
+}
+
+fn row(change: f64, value: f64) -> Row {
+    Row {
+        by: change,
+        pair: [change, value],
+    }
+}

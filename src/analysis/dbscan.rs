@@ -1,0 +1,73 @@
+//! Density-based clusters of points (DBSCAN: Ester, Kriegel, Sander & Xu, KDD 1996), periodic along x.
+//!
+//! Our own, since the cell is periodic and a run asks for it at every frame, without allocating.
+
+use super::neighbourhood::{Cells, separation};
+
+/// Buffers of the search, reused from frame to frame.
+#[derive(Debug, Default)]
+pub struct Dbscan {
+    cells: Cells,
+    core: Vec<bool>,
+    stack: Vec<u32>,
+}
+
+impl Dbscan {
+    /// The cluster of every point; `None` for noise. Returns how many clusters there are.
+    ///
+    /// - `length`: L_x (m); `reach`: ε (m); `points`: wrapped into [0, L_x) along x (m).
+    /// - `min_points`: a point with so many points within ε, itself among them, is a core point. With 1 there is no noise.
+    /// - `labels`: becomes as long as `points`. Clusters are numbered by their first core points; a point that is no core
+    ///   point belongs to the first cluster that has a core point within ε of it.
+    pub fn clusters(
+        &mut self,
+        length: f64,
+        reach: f64,
+        min_points: usize,
+        points: &[[f64; 2]],
+        labels: &mut Vec<Option<u32>>,
+    ) -> usize {
+        let Dbscan { cells, core, stack } = self;
+        labels.clear();
+        labels.resize(points.len(), None);
+        if points.is_empty() {
+            return 0;
+        }
+        cells.fill(length, reach, points, |_| true);
+        let near = |i: usize, found: &mut dyn FnMut(usize)| {
+            cells.near(points[i], |j| {
+                let d = separation(length, points[i], points[j]);
+                if d[0] * d[0] + d[1] * d[1] <= reach * reach {
+                    found(j);
+                }
+            });
+        };
+        core.clear();
+        core.extend((0..points.len()).map(|i| {
+            let mut count = 0;
+            near(i, &mut |_| count += 1);
+            count >= min_points
+        }));
+        let mut clusters = 0;
+        for first in 0..points.len() {
+            if !core[first] || labels[first].is_some() {
+                continue;
+            }
+            let label = Some(clusters);
+            labels[first] = label;
+            stack.push(first as u32);
+            while let Some(i) = stack.pop() {
+                near(i as usize, &mut |j| {
+                    if labels[j].is_none() {
+                        labels[j] = label;
+                        if core[j] {
+                            stack.push(j as u32);
+                        }
+                    }
+                });
+            }
+            clusters += 1;
+        }
+        clusters as usize
+    }
+}

@@ -1,0 +1,109 @@
+//! Spearman's rank correlation with its two-sided p.
+
+use super::student;
+
+/// ρ between two quantities, and how likely one as strong is without any relation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Correlation {
+    /// NaN for fewer than two pairs, or where one of the two never changes.
+    pub rho: f64,
+    /// Two-sided, of Student's t with n - 2 degrees of freedom; NaN for fewer than three pairs.
+    pub p: f64,
+    /// n: pairs of which neither is NaN.
+    pub count: usize,
+}
+
+impl Correlation {
+    /// Above this p LH leave a coefficient out of their figures (section 3.3).
+    pub const SIGNIFICANT: f64 = 0.05;
+
+    /// Whether p ≤ 0.05, of at least five pairs: of four even the rarest order is no rarer than 2/4! = 0.08, whatever Student's t says.
+    pub fn is_significant(&self) -> bool {
+        self.count >= 5 && self.p <= Self::SIGNIFICANT
+    }
+}
+
+/// Buffers of the ranking, reused from frame to frame.
+#[derive(Debug, Default)]
+pub struct Spearman {
+    pairs: Vec<[f64; 2]>,
+    order: Vec<u64>,
+    keys: Vec<u64>,
+    ranks: [Vec<i64>; 2],
+}
+
+impl Spearman {
+    /// Pearson's coefficient of the ranks, ties having the average of theirs. Pairs with a NaN are left out.
+    ///
+    /// Ranks are summed as integers, exactly: ρ does not depend on the order of the pairs.
+    pub fn of(&mut self, pairs: impl Iterator<Item = [f64; 2]>) -> Correlation {
+        self.pairs.clear();
+        self.pairs
+            .extend(pairs.filter(|[x, y]| !x.is_nan() && !y.is_nan()));
+        let count = self.pairs.len();
+        for (k, ranks) in self.ranks.iter_mut().enumerate() {
+            let values = self.pairs.iter().map(|pair| pair[k]);
+            doubled_ranks(values, &mut self.order, &mut self.keys, ranks);
+        }
+        let [x, y] = &self.ranks;
+        let mean = count as i64 + 1;
+        let product = |a: &[i64], b: &[i64]| -> f64 {
+            let terms = a.iter().zip(b).map(|(a, b)| (a - mean) * (b - mean));
+            terms.map(i128::from).sum::<i128>() as f64
+        };
+        let rho = product(x, y) / (product(x, x) * product(y, y)).sqrt();
+        let rho = rho.clamp(-1.0, 1.0);
+        let p = student::two_sided(rho, count);
+        Correlation { rho, p, count }
+    }
+}
+
+/// Twice the average ranks, 1 … n, which are whole numbers.
+fn doubled_ranks(
+    values: impl Iterator<Item = f64>,
+    order: &mut Vec<u64>,
+    keys: &mut Vec<u64>,
+    ranks: &mut Vec<i64>,
+) {
+    keys.clear();
+    keys.extend(values.map(sort_key));
+    // The row in place of the last bits of the value: one integer sorts faster than a value with its row.
+    let rows = keys.len().next_power_of_two() as u64 - 1;
+    let key_of = |entry: &u64| keys[(entry & rows) as usize];
+    order.clear();
+    order.extend(keys.iter().zip(0..).map(|(key, row)| key & !rows | row));
+    order.sort_unstable();
+    ranks.clear();
+    ranks.resize(keys.len(), 0);
+    let mut first = 0;
+    for alike in order.chunk_by_mut(|a, b| a & !rows == b & !rows) {
+        if alike.len() > 1 {
+            alike.sort_unstable_by_key(key_of);
+        }
+        for tied in alike.chunk_by(|a, b| key_of(a) == key_of(b)) {
+            // The ranks first + 1 … first + length: their average, doubled.
+            let doubled = (2 * first + tied.len() + 1) as i64;
+            for entry in tied {
+                ranks[(entry & rows) as usize] = doubled;
+            }
+            first += tied.len();
+        }
+    }
+}
+
+/// Integers in the order of the values; -0 equals 0.
+pub(super) fn sort_key(value: f64) -> u64 {
+    let bits = (value + 0.0).to_bits();
+    if bits >> 63 == 0 {
+        bits | 1 << 63
+    } else {
+        !bits
+    }
+}
+
+/// Ranks 1 … n of values without NaN, ties having the average of theirs.
+pub fn ranks(values: &[f64]) -> Vec<f64> {
+    let (mut order, mut keys, mut doubled) = (Vec::new(), Vec::new(), Vec::new());
+    doubled_ranks(values.iter().copied(), &mut order, &mut keys, &mut doubled);
+    doubled.into_iter().map(|rank| 0.5 * rank as f64).collect()
+}

@@ -1,0 +1,65 @@
+//! `report --study`: a published study repeated on our runs.
+
+use std::path::{Path, PathBuf};
+
+use super::scalars::FrameSeries;
+use crate::failure::Failure;
+use crate::io::run_reader::Run;
+use crate::report::lee_hurley::{self, Choice, Size, Studied, friction};
+
+/// Reduces the runs, one after the other, and writes the study of Lee & Hurley into `folder`. Returns the page.
+///
+/// Errors: a run that will not do, files that cannot be written.
+pub fn lee_hurley(paths: &[PathBuf], folder: &Path, choice: Choice) -> Result<PathBuf, Failure> {
+    // All of them are opened before the work begins, so that a wrong name is noticed at once.
+    let runs: Vec<Run> = paths
+        .iter()
+        .map(|path| Run::open(path))
+        .collect::<Result<_, _>>()?;
+    let labels = labels(&runs);
+    let mut studied = Vec::new();
+    for (run, label) in runs.iter().zip(labels) {
+        let series = FrameSeries::of(run)?;
+        if series.tau.len() < 2 {
+            return Err(Failure::input(format!(
+                "{}: has {} frames: the study needs two or more",
+                run.path().display(),
+                series.tau.len()
+            )));
+        }
+        let curve = [&series.strain[..], &series.tau[..]];
+        studied.push(Studied::of(
+            run,
+            label,
+            choice,
+            curve,
+            &series.step,
+            &series.scalars,
+        )?);
+    }
+    lee_hurley::write(&studied, folder)
+}
+
+/// The friction and, where runs of both sizes are there, the size; numbered where that does not tell them apart. Without commas,
+/// since they stand in tables.
+fn labels(runs: &[Run]) -> Vec<String> {
+    let sizes: Vec<Size> = runs.iter().map(|run| Size::of(run.grains())).collect();
+    let both = sizes.iter().any(|size| *size != sizes[0]);
+    let label = |(run, size): (&Run, &Size)| {
+        let friction = friction(run).map_or("μ_s unknown".into(), |mu| format!("μ_s = {mu}"));
+        if both {
+            format!("{friction} {}", size.name())
+        } else {
+            friction
+        }
+    };
+    let labels: Vec<String> = runs.iter().zip(&sizes).map(label).collect();
+    let numbered = |(k, label): (usize, &String)| {
+        let same = |other: &&String| *other == label;
+        if labels.iter().filter(same).count() == 1 {
+            return label.clone();
+        }
+        format!("{label} ({})", labels[..=k].iter().filter(same).count())
+    };
+    labels.iter().enumerate().map(numbered).collect()
+}

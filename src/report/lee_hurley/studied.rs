@@ -1,0 +1,268 @@
+//! A run as the study sees it.
+
+use crate::analysis::correlate::Regime;
+use crate::analysis::frame_scalars::{FrameScalars, Scratch, frame_scalars};
+use crate::analysis::regions::MinPoints;
+use crate::analysis::stages::Stages;
+use crate::analysis::{displacement, phases};
+use crate::failure::Failure;
+use crate::io::run_reader::{Fields, Run};
+use crate::state::{Disks, Frame};
+
+/// Which of the paper's two samples a run is compared with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Size {
+    /// About 1,000 disks (sections 3 and 4).
+    Small,
+    /// About 5,000 (section 5).
+    Large,
+}
+
+impl Size {
+    /// √(1,000 · 5,000): the middle of the paper's two.
+    const BETWEEN: usize = 2236;
+
+    pub fn of(grains: &Disks) -> Self {
+        if grains.count() > Self::BETWEEN {
+            Size::Large
+        } else {
+            Size::Small
+        }
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Size::Small => "small",
+            Size::Large => "large",
+        }
+    }
+
+    /// γ at which the paper's stick-slip regime (section 3.2) or steady state (section 5) begins.
+    pub fn onset(self) -> f64 {
+        match self {
+            Size::Small => 0.022,
+            Size::Large => 0.054,
+        }
+    }
+}
+
+/// Of the drop: before, during, after (LH section 3.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    Before,
+    /// The largest drop.
+    Drop,
+    /// The great slips that follow it closely.
+    FurtherDrop,
+    After,
+}
+
+impl Stage {
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Before => "I",
+            Stage::Drop | Stage::FurtherDrop => "II",
+            Stage::After => "III",
+        }
+    }
+}
+
+/// An interval around the drop that the maps show, and what happened in it.
+pub struct Step {
+    /// 1 … of the steps shown.
+    pub number: usize,
+    pub stage: Stage,
+    /// Row of the regime at its end.
+    pub row: usize,
+    pub strain: [f64; 2],
+    /// At its end.
+    pub frame: Frame,
+    /// [contacts of the frame] differential force network (N/m).
+    pub force_change: Vec<f64>,
+    /// Grains of the greatest reduction.
+    pub regions: Vec<u32>,
+    /// [N] (m²), NaN where undefined.
+    pub dmin: Vec<f64>,
+    /// [N] non-affine displacement (m).
+    pub displacement: Vec<[f64; 2]>,
+}
+
+/// The largest drop of the regime.
+pub struct Event {
+    pub stages: Stages,
+    /// Empty where the run has no frames there.
+    pub steps: Vec<Step>,
+}
+
+/// A run with its statistics.
+pub struct Studied {
+    pub label: String,
+    pub path: String,
+    pub size: Size,
+    /// μ_s of the scene.
+    pub friction: Option<f64>,
+    pub grains: Disks,
+    /// I and κ of the run.
+    pub inertial_number: Option<f64>,
+    pub stiffness_number: Option<f64>,
+    /// γ and τ of the whole time series.
+    pub strain: Vec<f64>,
+    pub tau: Vec<f64>,
+    /// γ from which on the regime is taken.
+    pub onset: f64,
+    pub regime: Regime,
+    /// `None` without a slip.
+    pub event: Option<Event>,
+}
+
+/// What a run is studied by.
+#[derive(Debug, Clone, Copy)]
+pub struct Choice {
+    /// γ at which the regime begins; the paper's, or where the frames begin, if they do later or all end before it.
+    pub onset: Option<f64>,
+    pub min_points: MinPoints,
+}
+
+impl Studied {
+    /// The label as figures set it.
+    pub fn typeset_label(&self) -> String {
+        self.label.replace("μ_s", "μ_{s}")
+    }
+
+    /// `step`, `strain`, `tau`, `scalars`: [L], a row for each frame or interval looked at.
+    ///
+    /// Errors: a run that turns out damaged while it is read.
+    pub fn of(
+        run: &Run,
+        label: String,
+        choice: Choice,
+        [strain, tau]: [&[f64]; 2],
+        step: &[u64],
+        scalars: &[FrameScalars],
+    ) -> Result<Self, Failure> {
+        let size = Size::of(run.grains());
+        let first = strain.first().copied().unwrap_or(0.0);
+        let reached = strain.last().copied().unwrap_or(0.0);
+        let wanted = choice.onset.unwrap_or(size.onset());
+        let onset = if reached > wanted {
+            wanted.max(first)
+        } else {
+            first
+        };
+        let regime = Regime::from(onset, strain, tau, scalars, choice.min_points);
+        let step = &step[strain.len() - regime.strain.len()..];
+        Ok(Studied {
+            label,
+            path: run.path().display().to_string(),
+            size,
+            friction: friction(run),
+            grains: run.grains().clone(),
+            inertial_number: run.number("inertial_number"),
+            stiffness_number: run.number("stiffness_number"),
+            strain: run.series().column("strain").to_vec(),
+            tau: run.series().column("stress_ratio").to_vec(),
+            onset,
+            event: event(run, &regime, step)?,
+            regime,
+        })
+    }
+}
+
+/// μ_s of the scene; `None` where it has none.
+pub fn friction(run: &Run) -> Option<f64> {
+    let scene: toml::Table = run.scene().parse().ok()?;
+    scene.get("contact")?.get("friction")?.as_float()
+}
+
+fn event(run: &Run, regime: &Regime, step: &[u64]) -> Result<Option<Event>, Failure> {
+    let phases: Vec<phases::Phase> = regime.phases.iter().map(|m| m.phase).collect();
+    let Some(largest) = phases::largest_drop(&phases) else {
+        return Ok(None);
+    };
+    let stages = Stages::around(&phases, largest, &regime.tau);
+    let mut steps = Vec::new();
+    let mut scratch = Scratch::default();
+    for (stage, row) in shown(&stages) {
+        let frames = [row - 1, row].map(|row| run.frame_steps().binary_search(&step[row]));
+        let [Ok(earlier), Ok(later)] = frames else {
+            // Not all of them were stored: no maps rather than some.
+            steps.clear();
+            break;
+        };
+        let read = |t: usize| {
+            run.block_of(t..t + 1, Fields::Forces)
+                .map(|mut f| f.swap_remove(0))
+        };
+        let (earlier, frame) = (read(earlier)?, read(later)?);
+        let grains = run.grains();
+        frame_scalars(grains, &earlier, &frame, &mut scratch);
+        let mut displacement = Vec::new();
+        let rattlers = scratch.non_affine.rattlers();
+        displacement::non_affine(grains, &earlier, &frame, rattlers, &mut displacement);
+        steps.push(Step {
+            number: steps.len() + 1,
+            stage,
+            row,
+            strain: [regime.strain[row - 1], regime.strain[row]],
+            force_change: scratch.regions.changes().to_vec(),
+            regions: scratch.regions.grains().to_vec(),
+            dmin: scratch.dmin.clone(),
+            displacement,
+            frame,
+        });
+    }
+    Ok(Some(Event { stages, steps }))
+}
+
+/// Rows of the intervals that the maps show: 3 of Stage I, up to 6 of each part of Stage II, of which the first three follow
+/// one another, 3 of Stage III.
+fn shown(stages: &Stages) -> Vec<(Stage, usize)> {
+    let [before, drop, after] = stages.intervals();
+    let first_end = stages.drops[0][1];
+    let parts = [
+        (Stage::Before, before, 3, 0),
+        (Stage::Drop, *drop.start()..=first_end, 6, 3),
+        (Stage::FurtherDrop, first_end + 1..=*drop.end(), 6, 0),
+        (Stage::After, after, 3, 0),
+    ];
+    let of_part =
+        |(stage, rows, most, dense): (Stage, std::ops::RangeInclusive<usize>, usize, usize)| {
+            let rows: Vec<usize> = rows.collect();
+            spread(rows.len(), most, dense)
+                .into_iter()
+                .map(move |k| (stage, rows[k]))
+        };
+    parts.into_iter().flat_map(of_part).collect()
+}
+
+/// Up to `most` of 0 … count-1: the first `dense`, then evenly to the last.
+fn spread(count: usize, most: usize, dense: usize) -> Vec<usize> {
+    if count <= most {
+        return (0..count).collect();
+    }
+    let rest = most - dense;
+    let even = (1..=rest).map(|k| {
+        let from = dense as f64 - 1.0;
+        let share = if dense == 0 {
+            (k - 1) as f64 / (rest - 1) as f64
+        } else {
+            k as f64 / rest as f64
+        };
+        let from = if dense == 0 { 0.0 } else { from };
+        (from + share * ((count - 1) as f64 - from)).round() as usize
+    });
+    (0..dense).chain(even).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_spread_from_the_first_to_the_last() {
+        assert_eq!(spread(4, 6, 3), [0, 1, 2, 3]);
+        assert_eq!(spread(11, 3, 0), [0, 5, 10]);
+        assert_eq!(spread(12, 6, 3), [0, 1, 2, 5, 8, 11]);
+        assert_eq!(spread(0, 3, 0), [0; 0]);
+    }
+}
