@@ -186,8 +186,9 @@ fn gross_slip_in_any_direction() {
     assert_eq!(pair.force(), 0.0);
     let end = pair.system.grains.state(0);
     assert!((dot(end.velocity, n) / v_n - 1.0).abs() < 2e-3);
+    // The spring has to be loaded first, and n turns by a milliradian.
     let lost = v_t - dot(end.velocity, t);
-    assert!((lost / (2.0 * FRICTION * v_n) - 1.0).abs() < 5e-3, "{lost}");
+    assert!((lost / (2.0 * FRICTION * v_n) - 1.0).abs() < 1e-2, "{lost}");
     // Torque on i is -R n × F_t, and F_t is along -t.
     let axis = cross(n, t);
     let turned = dot(end.angular_velocity, axis) * RADIUS / (2.5 * lost);
