@@ -5,6 +5,7 @@ pub mod neighbourhood;
 pub mod phases;
 pub mod rate_state;
 pub mod rattlers;
+pub mod spectrum;
 
 #[cfg(test)]
 mod testing;

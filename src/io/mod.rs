@@ -7,6 +7,7 @@ pub mod h5;
 pub mod lammps_data;
 mod layout;
 pub mod log;
+pub mod matrix_market;
 pub mod provenance;
 pub mod reduced_writer;
 pub mod run_reader;
