@@ -53,7 +53,13 @@ pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failu
     let save = || -> std::io::Result<()> {
         let mut out = BufWriter::new(File::create(&part)?);
         writeln!(out, "%%MatrixMarket matrix coordinate real general")?;
-        writeln!(out, "{} {} {}", matrix.nrows(), matrix.ncols(), matrix.compute_nnz())?;
+        writeln!(
+            out,
+            "{} {} {}",
+            matrix.nrows(),
+            matrix.ncols(),
+            matrix.compute_nnz()
+        )?;
         for entry in matrix.triplet_iter() {
             writeln!(out, "{} {} {:?}", entry.row + 1, entry.col + 1, entry.val)?;
         }
@@ -102,7 +108,11 @@ fn array(lines: &mut Lines, header: &Header) -> Result<SparseColMat<usize, f64>,
         };
         for row in first..rows {
             if !lines.next()? {
-                let message = format!("the file ends before row {}, column {}", row + 1, column + 1);
+                let message = format!(
+                    "the file ends before row {}, column {}",
+                    row + 1,
+                    column + 1
+                );
                 return Err(lines.wrong(message));
             }
             let mut words = lines.text.split_ascii_whitespace();
@@ -128,7 +138,11 @@ fn add(
 ) {
     entries.push(Triplet::new(row, column, value));
     if symmetry != Symmetry::General && row != column {
-        let mirrored = if symmetry == Symmetry::Skew { -value } else { value };
+        let mirrored = if symmetry == Symmetry::Skew {
+            -value
+        } else {
+            value
+        };
         entries.push(Triplet::new(column, row, mirrored));
     }
 }
@@ -138,8 +152,7 @@ fn matrix(
     columns: usize,
     entries: &[Triplet<usize, usize, f64>],
 ) -> SparseColMat<usize, f64> {
-    SparseColMat::try_new_from_triplets(rows, columns, entries)
-        .expect("indices within the matrix")
+    SparseColMat::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
 }
 
 /// The lines of a file, with their numbers for messages.
@@ -186,8 +199,11 @@ impl Lines<'_> {
         if !self.next()? {
             return Err(self.wrong(format!("the file ends before {what}")));
         }
-        let numbers: Result<Vec<usize>, _> =
-            self.text.split_ascii_whitespace().map(usize::from_str).collect();
+        let numbers: Result<Vec<usize>, _> = self
+            .text
+            .split_ascii_whitespace()
+            .map(usize::from_str)
+            .collect();
         let sizes = numbers.ok().and_then(|numbers| numbers.try_into().ok());
         sizes.ok_or_else(|| self.wrong(format!("must hold {what}")))
     }
@@ -240,6 +256,10 @@ impl Lines<'_> {
     }
 
     fn wrong(&self, message: String) -> Failure {
-        Failure::input(format!("{}, line {}: {message}", self.path.display(), self.number))
+        Failure::input(format!(
+            "{}, line {}: {message}",
+            self.path.display(),
+            self.number
+        ))
     }
 }

@@ -11,5 +11,6 @@ pub mod matrix_market;
 pub mod provenance;
 pub mod reduced_writer;
 pub mod run_reader;
+pub mod spectrum_writer;
 pub mod text_writer;
 pub mod trajectory;

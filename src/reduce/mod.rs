@@ -7,5 +7,6 @@ pub mod export;
 mod info;
 mod phases;
 pub mod rate_state;
+mod spectrum;
 
 pub use commands::{Arguments, Command, run};

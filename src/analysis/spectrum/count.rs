@@ -6,8 +6,11 @@ use super::lu::Lu;
 use super::problem::Problem;
 use super::symbolic::Symbolic;
 
-/// Largest step of the phase that is taken at its word, in radians; each is confirmed by its two halves.
+/// Largest step of the phase that is taken at its word, in radians, if its two halves and the slopes at both ends and in the middle say so too.
+/// Without the slopes a step of many turns can pass for none.
 const STEP: f64 = std::f64::consts::FRAC_PI_4;
+/// Slopes are differences over this part of a piece.
+const SLOPE: f64 = 1.0 / 1024.0;
 /// Sides are first cut into so many pieces, and a piece is halved so often at the most.
 const PIECES: usize = 4;
 const HALVINGS: usize = 40;
@@ -27,7 +30,12 @@ impl Rectangle {
 
     fn corners(&self) -> [c64; 4] {
         let ([a, b], [c, d]) = (self.re, self.im);
-        [c64::new(a, c), c64::new(b, c), c64::new(b, d), c64::new(a, d)]
+        [
+            c64::new(a, c),
+            c64::new(b, c),
+            c64::new(b, d),
+            c64::new(a, d),
+        ]
     }
 }
 
@@ -126,7 +134,18 @@ impl Contour<'_> {
         let middle = (middle, self.phase(middle)?);
         let halves = [step(from.1, middle.1), step(middle.1, to.1)];
         if halves.iter().all(|half| half.abs() < 0.5 * STEP) {
-            return Ok(halves[0] + halves[1]);
+            let ahead = (to.0 - from.0) * SLOPE;
+            let mut even = true;
+            for (z, phase, ahead) in [
+                (from.0, from.1, ahead),
+                (middle.0, middle.1, ahead),
+                (to.0, to.1, -ahead),
+            ] {
+                even = even && step(phase, self.phase(z + ahead)?).abs() < STEP * SLOPE;
+            }
+            if even {
+                return Ok(halves[0] + halves[1]);
+            }
         }
         Ok(self.turn(from, middle, halvings - 1)? + self.turn(middle, to, halvings - 1)?)
     }

@@ -161,7 +161,11 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
                 let from = if attempt == 0 { first } else { 0 };
                 let before = column.norm_l2();
                 for _ in 0..2 {
-                    let along = take_out(done.rb().subcols(from, first + c - from), column.rb_mut(), par);
+                    let along = take_out(
+                        done.rb().subcols(from, first + c - from),
+                        column.rb_mut(),
+                        par,
+                    );
                     (from..first + c).for_each(|i| coefficients[(i, c)] += along[(i - from, 0)]);
                 }
                 left = column.norm_l2();
@@ -198,7 +202,11 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         for _ in 0..3 {
             take_out(done.rb(), column.rb_mut(), par);
             left = column.norm_l2();
-            let inverse = if left > 1e-13 * size { T::of(1.0 / left) } else { T::of(0.0) };
+            let inverse = if left > 1e-13 * size {
+                T::of(1.0 / left)
+            } else {
+                T::of(0.0)
+            };
             (0..self.n).for_each(|i| column[(i, 0)] *= inverse);
         }
         if left.is_nan() {
@@ -243,9 +251,13 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         self.basis.subcols_mut(kept, block).copy_from(&residual);
         self.projected.fill(T::of(0.0));
         let square = schur.t.view((0, 0), (kept, kept));
-        self.projected.view_mut((0, 0), (kept, kept)).copy_from(&square);
+        self.projected
+            .view_mut((0, 0), (kept, kept))
+            .copy_from(&square);
         let coupling = coupling.columns(0, kept);
-        self.projected.view_mut((kept, 0), (block, kept)).copy_from(&coupling);
+        self.projected
+            .view_mut((kept, 0), (block, kept))
+            .copy_from(&coupling);
         self.used = kept;
         None
     }
@@ -255,7 +267,14 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         let small = Mat::from_fn(q.nrows(), count, |i, j| q[(i, j)]);
         let mut out = Mat::zeros(self.n, count);
         let basis = self.basis.subcols(0, q.nrows());
-        matmul(out.as_mut(), Accum::Replace, basis, small.as_ref(), T::of(1.0), self.settings.par);
+        matmul(
+            out.as_mut(),
+            Accum::Replace,
+            basis,
+            small.as_ref(),
+            T::of(1.0),
+            self.settings.par,
+        );
         out
     }
 }
@@ -263,7 +282,14 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
 /// w ← w - V Vᴴ w; returns Vᴴ w.
 fn take_out<T: Scalar>(v: MatRef<'_, T>, w: MatMut<'_, T>, par: Par) -> Mat<T> {
     let mut along = Mat::zeros(v.ncols(), w.ncols());
-    matmul(along.as_mut(), Accum::Replace, v.adjoint(), w.rb(), T::of(1.0), par);
+    matmul(
+        along.as_mut(),
+        Accum::Replace,
+        v.adjoint(),
+        w.rb(),
+        T::of(1.0),
+        par,
+    );
     matmul(w, Accum::Add, v, along.as_ref(), T::of(-1.0), par);
     along
 }

@@ -57,7 +57,9 @@ impl<'a, T: Scalar> Lu<'a, T> {
         shift: T,
         par: Par,
     ) -> Result<Self, Singular> {
-        let largest = values.iter().fold(shift.widened().norm(), |most, v| most.max(v.abs()));
+        let largest = values
+            .iter()
+            .fold(shift.widened().norm(), |most, v| most.max(v.abs()));
         let mut place = vec![0; symbolic.size()];
         let mut updates: Vec<Vec<T>> = symbolic.fronts.iter().map(|_| Vec::new()).collect();
         let mut factors = Vec::with_capacity(symbolic.fronts.len());
@@ -79,7 +81,14 @@ impl<'a, T: Scalar> Lu<'a, T> {
                 let from = &symbolic.fronts[child].reach;
                 let added = std::mem::take(&mut updates[child]);
                 places(front, from, &mut place);
-                add(&added, &place[..from.len()], width, &mut panel, &mut rows, &mut update);
+                add(
+                    &added,
+                    &place[..from.len()],
+                    width,
+                    &mut panel,
+                    &mut rows,
+                    &mut update,
+                );
             }
             let factor = Factor::eliminate(panel, rows, &mut update, [width, reach], par);
             if !factor.regular(width, LEAST_PIVOT * largest) {
@@ -139,23 +148,28 @@ impl<'a, T: Scalar> Lu<'a, T> {
     }
 
     /// Runs `work` on x in the order of elimination; its second argument is room for some rows of x.
-    fn permuted(
-        &self,
-        mut x: MatMut<'_, T>,
-        work: impl FnOnce(MatMut<'_, T>, &mut Vec<T>),
-    ) {
+    fn permuted(&self, mut x: MatMut<'_, T>, work: impl FnOnce(MatMut<'_, T>, &mut Vec<T>)) {
         let (n, columns) = (x.nrows(), x.ncols());
         let order = &self.symbolic.order;
         let mut inner = vec![T::of(0.0); n * columns];
         for (j, column) in inner.chunks_exact_mut(n.max(1)).enumerate() {
             let from = x.rb().col(j);
-            column.iter_mut().zip(order).for_each(|(to, &i)| *to = from[i]);
+            column
+                .iter_mut()
+                .zip(order)
+                .for_each(|(to, &i)| *to = from[i]);
         }
         let mut scratch = Vec::new();
-        work(MatMut::from_column_major_slice_mut(&mut inner, n, columns), &mut scratch);
+        work(
+            MatMut::from_column_major_slice_mut(&mut inner, n, columns),
+            &mut scratch,
+        );
         for (j, column) in inner.chunks_exact(n.max(1)).enumerate() {
             let mut to = x.rb_mut().col_mut(j);
-            column.iter().zip(order).for_each(|(from, &i)| to[i] = *from);
+            column
+                .iter()
+                .zip(order)
+                .for_each(|(from, &i)| to[i] = *from);
         }
     }
 }
@@ -190,7 +204,10 @@ fn add<T: Scalar>(
     for (column, &j) in added.chunks_exact(count.max(1)).zip(place) {
         if j < width {
             let to = &mut panel[j * height..(j + 1) * height];
-            place.iter().zip(column).for_each(|(&i, value)| to[i] += *value);
+            place
+                .iter()
+                .zip(column)
+                .for_each(|(&i, value)| to[i] += *value);
             continue;
         }
         let to = &mut rows[(j - width) * width..(j - width + 1) * width];
@@ -231,7 +248,10 @@ impl<T: Scalar> Factor<T> {
         let mut scratch = vec![T::of(0.0); width];
         for column in rows.chunks_exact_mut(width) {
             scratch.copy_from_slice(column);
-            column.iter_mut().zip(&pivot).for_each(|(to, &i)| *to = scratch[i]);
+            column
+                .iter_mut()
+                .zip(&pivot)
+                .for_each(|(to, &i)| *to = scratch[i]);
         }
         if reach > 0 {
             let mut right = MatMut::from_column_major_slice_mut(&mut rows, width, reach);
@@ -253,7 +273,9 @@ impl<T: Scalar> Factor<T> {
         let height = self.panel.len() / width;
         let pivots = (0..width).map(|j| self.panel[j * height + j].widened().norm());
         // Not "pivot <= least": NaN must not pass.
-        pivots.into_iter().all(|pivot| pivot.is_finite() && pivot > least)
+        pivots
+            .into_iter()
+            .all(|pivot| pivot.is_finite() && pivot > least)
     }
 
     /// L₁₁ and U₁₁, L₂₁, U₁₂.
@@ -261,7 +283,11 @@ impl<T: Scalar> Factor<T> {
         let (width, reach) = (front.width, front.reach.len());
         let columns = MatRef::from_column_major_slice(&self.panel, width + reach, width);
         let (square, below) = columns.split_at_row(width);
-        (square, below, MatRef::from_column_major_slice(&self.rows, width, reach))
+        (
+            square,
+            below,
+            MatRef::from_column_major_slice(&self.rows, width, reach),
+        )
     }
 
     fn forward(&self, front: &Front, mut x: MatMut<'_, T>, scratch: &mut Vec<T>, par: Par) {
@@ -271,7 +297,10 @@ impl<T: Scalar> Factor<T> {
             let mut column = own.rb_mut().col_mut(j);
             scratch.clear();
             scratch.extend(self.pivot.iter().map(|&i| column[i]));
-            scratch.iter().enumerate().for_each(|(i, value)| column[i] = *value);
+            scratch
+                .iter()
+                .enumerate()
+                .for_each(|(i, value)| column[i] = *value);
         }
         solve_unit_lower_triangular_in_place(square, own.rb_mut(), par);
         subtract_later(front, x, below, scratch, par);
@@ -337,7 +366,11 @@ fn subtract_later<T: Scalar>(
     matmul(product, Accum::Replace, block, own, T::of(1.0), par);
     for (j, product) in scratch.chunks_exact(reach).enumerate() {
         let mut column = x.rb_mut().col_mut(j);
-        front.reach.iter().zip(product).for_each(|(&i, value)| column[i] -= *value);
+        front
+            .reach
+            .iter()
+            .zip(product)
+            .for_each(|(&i, value)| column[i] -= *value);
     }
 }
 

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use faer::sparse::{SparseColMat, Triplet};
 use faer::reborrow::ReborrowMut;
+use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, MatMut, MatRef, c64};
 
 use super::scalar::Scalar;
@@ -52,7 +52,11 @@ impl fmt::Display for Unfit {
                 write!(f, "{given} masses: K has {unknowns} unknowns")
             }
             Unfit::Mass { row, value } => {
-                write!(f, "row {}: mass {value} must be positive and finite", row + 1)
+                write!(
+                    f,
+                    "row {}: mass {value} must be positive and finite",
+                    row + 1
+                )
             }
             Unfit::NullLength { given, unknowns } => {
                 write!(f, "{given} rows: K has {unknowns} unknowns")
@@ -144,7 +148,9 @@ impl Problem {
             y.fill(T::of(0.0));
             for j in 0..self.size() {
                 let (rows, values) = (self.a.row_idx_of_col_raw(j), self.a.val_of_col(j));
-                rows.iter().zip(values).for_each(|(&i, &a)| y[i] += T::of(a) * x[j]);
+                rows.iter()
+                    .zip(values)
+                    .for_each(|(&i, &a)| y[i] += T::of(a) * x[j]);
             }
         }
     }
@@ -236,11 +242,7 @@ impl Problem {
     }
 }
 
-fn check(
-    k: &SparseColMat<usize, f64>,
-    mass: &[f64],
-    null: MatRef<'_, f64>,
-) -> Result<(), Unfit> {
+fn check(k: &SparseColMat<usize, f64>, mass: &[f64], null: MatRef<'_, f64>) -> Result<(), Unfit> {
     let unknowns = k.ncols();
     if k.nrows() != unknowns {
         return Err(Unfit::NotSquare([k.nrows(), unknowns]));

@@ -22,7 +22,11 @@ pub fn complex(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>) -> bool {
         let mut first = last;
         while first > 0 {
             let near = size(h[(first, first)]) + size(h[(first - 1, first - 1)]);
-            let near = if near == 0.0 || iteration > PATIENT { norm } else { near };
+            let near = if near == 0.0 || iteration > PATIENT {
+                norm
+            } else {
+                near
+            };
             if size(h[(first, first - 1)]) <= f64::EPSILON * near {
                 h[(first, first - 1)] = c64::new(0.0, 0.0);
                 break;
@@ -55,8 +59,16 @@ fn wilkinson(h: &DMatrix<c64>, last: usize) -> c64 {
     let product = h[(last - 1, last)] * h[(last, last - 1)];
     let root = (half * half + product).sqrt();
     let [plus, minus] = [half + root, half - root];
-    let large = if plus.norm() > minus.norm() { plus } else { minus };
-    if large.norm() == 0.0 { d } else { d - product / large }
+    let large = if plus.norm() > minus.norm() {
+        plus
+    } else {
+        minus
+    };
+    if large.norm() == 0.0 {
+        d
+    } else {
+        d - product / large
+    }
 }
 
 /// One QR step with Givens rotations on rows and columns `first` to `last`.
@@ -105,7 +117,11 @@ pub fn real(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>) -> bool {
         let mut first = last;
         while first > 0 {
             let near = h[(first, first)].abs() + h[(first - 1, first - 1)].abs();
-            let near = if near == 0.0 || iteration > PATIENT { norm } else { near };
+            let near = if near == 0.0 || iteration > PATIENT {
+                norm
+            } else {
+                near
+            };
             if h[(first, first - 1)].abs() <= f64::EPSILON * near {
                 h[(first, first - 1)] = 0.0;
                 break;
@@ -240,7 +256,9 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let n = 40;
         let plain = DMatrix::from_fn(n, n, |_, _| random.random_range(-1.0..1.0));
-        let graded = DMatrix::from_fn(n, n, |i, j| plain[(i, j)] * 10f64.powi(-((i + j) as i32) / 4));
+        let graded = DMatrix::from_fn(n, n, |i, j| {
+            plain[(i, j)] * 10f64.powi(-((i + j) as i32) / 4)
+        });
         let mut cycle = DMatrix::zeros(12, 12);
         (0..12).for_each(|i| cycle[((i + 1) % 12, i)] = 1.0);
         let jordan = DMatrix::from_fn(6, 6, |i, j| f64::from(u8::from(i == j || i + 1 == j)));

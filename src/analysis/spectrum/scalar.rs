@@ -7,7 +7,10 @@ use super::qr_iteration;
 
 /// f64 for real shifts, complex for all others.
 pub trait Scalar:
-    faer::traits::ComplexField<Real = f64> + nalgebra::ComplexField<RealField = f64> + Copy + bytemuck::Pod
+    faer::traits::ComplexField<Real = f64>
+    + nalgebra::ComplexField<RealField = f64>
+    + Copy
+    + bytemuck::Pod
 {
     /// Whether eigenvalues come in conjugate pairs that must stay together.
     const REAL: bool;

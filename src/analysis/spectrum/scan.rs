@@ -26,14 +26,19 @@ pub struct Scan {
 pub fn bendixson(problem: &Problem) -> Rectangle {
     let n = problem.size();
     let a = problem.matrix();
-    let transposed = a.transpose().to_col_major().expect("memory for the transpose");
+    let transposed = a
+        .transpose()
+        .to_col_major()
+        .expect("memory for the transpose");
     let mut diagonal = vec![0.0; n];
     let (mut symmetric, mut skew) = (vec![0.0; n], vec![0.0; n]);
     let mut column = vec![0.0; n];
     for j in 0..n {
         let of = |i: usize| (transposed.row_idx_of_col_raw(i), transposed.val_of_col(i));
         let (rows, values) = of(j);
-        rows.iter().zip(values).for_each(|(&i, value)| column[i] = *value);
+        rows.iter()
+            .zip(values)
+            .for_each(|(&i, value)| column[i] = *value);
         for (&i, value) in a.row_idx_of_col_raw(j).iter().zip(a.val_of_col(j)) {
             if i == j {
                 diagonal[j] = *value;
@@ -51,8 +56,12 @@ pub fn bendixson(problem: &Problem) -> Rectangle {
             column[i] = 0.0;
         }
     }
-    let low = (0..n).map(|j| diagonal[j] - symmetric[j]).fold(f64::INFINITY, f64::min);
-    let high = (0..n).map(|j| diagonal[j] + symmetric[j]).fold(f64::NEG_INFINITY, f64::max);
+    let low = (0..n)
+        .map(|j| diagonal[j] - symmetric[j])
+        .fold(f64::INFINITY, f64::min);
+    let high = (0..n)
+        .map(|j| diagonal[j] + symmetric[j])
+        .fold(f64::NEG_INFINITY, f64::max);
     let height = skew.into_iter().fold(0.0, f64::max);
     Rectangle {
         re: [low, high],
@@ -117,6 +126,9 @@ pub fn scan(
         cover.add(near.shift, radius);
         found.disks += 1;
         found.solves += near.solves;
+        if found.spectrum.eigenvalues.len() + problem.null().ncols() == problem.size() {
+            break;
+        }
     }
     Ok(found)
 }
@@ -147,14 +159,18 @@ impl Cover {
     }
 
     fn holds(&self, z: c64) -> bool {
-        self.disks.iter().any(|(centre, radius)| (z - centre).norm() < *radius)
+        self.disks
+            .iter()
+            .any(|(centre, radius)| (z - centre).norm() < *radius)
     }
 
     /// The lowest grid point, leftmost among equals, whose cell no disk holds whole.
     fn uncovered(&self) -> Option<c64> {
         let reach = self.pitch * std::f64::consts::FRAC_1_SQRT_2;
         let covered = |z: c64| {
-            self.disks.iter().find(|(centre, radius)| (z - centre).norm() + reach < *radius)
+            self.disks
+                .iter()
+                .find(|(centre, radius)| (z - centre).norm() + reach < *radius)
         };
         let mut y = 0.0;
         while y <= self.height + self.pitch {
@@ -164,7 +180,11 @@ impl Cover {
                     None if self.disks.is_empty() || y > 0.0 => return Some(c64::new(x, y)),
                     // On the real axis a disk reaches both ways: the shift may lie further on.
                     None => {
-                        let ahead = self.disks.iter().map(|disk| disk.1).filter(|r| r.is_finite());
+                        let ahead = self
+                            .disks
+                            .iter()
+                            .map(|disk| disk.1)
+                            .filter(|r| r.is_finite());
                         let ahead = ahead.last().unwrap_or(0.0);
                         return Some(c64::new((x + 0.7 * ahead).min(self.re[1]), 0.0));
                     }

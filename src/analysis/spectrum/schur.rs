@@ -78,7 +78,10 @@ impl<T: Scalar> Schur<T> {
         let values = if size == 1 {
             [entry(0, 0); 2]
         } else {
-            eigenvalues_of_two([[entry(0, 0).re, entry(0, 1).re], [entry(1, 0).re, entry(1, 1).re]])
+            eigenvalues_of_two([
+                [entry(0, 0).re, entry(0, 1).re],
+                [entry(1, 0).re, entry(1, 1).re],
+            ])
         };
         Block {
             start,
@@ -120,9 +123,13 @@ impl<T: Scalar> Schur<T> {
 
         let n = self.t.nrows();
         let rows = turn.adjoint() * self.t.view((start, start), (count, n - start));
-        self.t.view_mut((start, start), (count, n - start)).copy_from(&rows);
+        self.t
+            .view_mut((start, start), (count, n - start))
+            .copy_from(&rows);
         let columns = self.t.view((0, start), (start + count, count)) * &turn;
-        self.t.view_mut((0, start), (start + count, count)).copy_from(&columns);
+        self.t
+            .view_mut((0, start), (start + count, count))
+            .copy_from(&columns);
         let basis = self.q.view((0, start), (n, count)) * &turn;
         self.q.view_mut((0, start), (n, count)).copy_from(&basis);
         self.t.view_mut((start + q, start), (p, q)).fill(T::of(0.0));

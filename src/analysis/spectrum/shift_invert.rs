@@ -49,8 +49,10 @@ impl Nearest {
         if eigenvalues.len() + problem.null().ncols() >= problem.size() {
             return f64::INFINITY;
         }
-        let mut distances: Vec<f64> =
-            eigenvalues.iter().map(|e| (e.value - self.shift).norm()).collect();
+        let mut distances: Vec<f64> = eigenvalues
+            .iter()
+            .map(|e| (e.value - self.shift).norm())
+            .collect();
         distances.sort_by(f64::total_cmp);
         let outer = distances.len() - distances.len().div_ceil(4);
         let gaps = distances[outer.saturating_sub(1)..].windows(2);

@@ -78,12 +78,7 @@ impl Spectrum {
         Spectrum::with_vectors(problem, values, right, left)
     }
 
-    fn with_vectors(
-        problem: &Problem,
-        values: Vec<c64>,
-        right: Mat<c64>,
-        left: Mat<c64>,
-    ) -> Self {
+    fn with_vectors(problem: &Problem, values: Vec<c64>, right: Mat<c64>, left: Mat<c64>) -> Self {
         let mut image = Mat::zeros(problem.size(), 1);
         let mut eigenvalues = Vec::with_capacity(values.len());
         for (k, &value) in values.iter().enumerate() {
@@ -92,7 +87,11 @@ impl Spectrum {
             image -= w * faer::Scale(value);
             let residual = image.norm_l2() / problem.norm().max(f64::MIN_POSITIVE);
             let condition = left.col(k).norm_l2();
-            let condition = if condition.is_nan() { f64::INFINITY } else { condition };
+            let condition = if condition.is_nan() {
+                f64::INFINITY
+            } else {
+                condition
+            };
             let verdict = judge(value / problem.norm(), residual, condition);
             eigenvalues.push(Eigenvalue {
                 value,
@@ -119,9 +118,12 @@ impl Spectrum {
             .collect();
         order.sort_by(|&a, &b| {
             let [a, b] = [a, b].map(|k| &self.eigenvalues[k]);
-            key(a).total_cmp(&key(b)).then(b.value.im.total_cmp(&a.value.im))
+            key(a)
+                .total_cmp(&key(b))
+                .then(b.value.im.total_cmp(&a.value.im))
         });
-        let picked = |from: &Mat<c64>| Mat::from_fn(from.nrows(), order.len(), |i, j| from[(i, order[j])]);
+        let picked =
+            |from: &Mat<c64>| Mat::from_fn(from.nrows(), order.len(), |i, j| from[(i, order[j])]);
         Spectrum {
             eigenvalues: order.iter().map(|&k| self.eigenvalues[k]).collect(),
             right: picked(&self.right),
@@ -132,7 +134,9 @@ impl Spectrum {
     /// The conjugates of the eigenvalues that `kept` holds for.
     pub fn mirrored(&self, kept: impl Fn(&Eigenvalue) -> bool) -> Spectrum {
         let mut out = self.arranged(kept, |e| e.value.re);
-        out.eigenvalues.iter_mut().for_each(|e| e.value = e.value.conj());
+        out.eigenvalues
+            .iter_mut()
+            .for_each(|e| e.value = e.value.conj());
         for vectors in [&mut out.right, &mut out.left] {
             *vectors = vectors.conjugate().to_owned();
         }
@@ -145,7 +149,11 @@ impl Spectrum {
         let joined = |a: &Mat<c64>, b: &Mat<c64>| {
             let first = a.ncols();
             Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| {
-                if j < first { a[(i, j)] } else { b[(i, j - first)] }
+                if j < first {
+                    a[(i, j)]
+                } else {
+                    b[(i, j - first)]
+                }
             })
         };
         self.right = joined(&self.right, &other.right);
@@ -172,7 +180,9 @@ fn judge(value: c64, residual: f64, condition: f64) -> Verdict {
 
 /// How many of N groups of unknowns take part, over N: (Σ p)² / (N Σ p²), p = |v|² over the `group` unknowns of each (Bell & Dean 1970).
 pub fn participation(v: &[c64], group: usize) -> f64 {
-    let weights = v.chunks(group.max(1)).map(|part| part.iter().map(|v| v.norm_sqr()).sum::<f64>());
+    let weights = v
+        .chunks(group.max(1))
+        .map(|part| part.iter().map(|v| v.norm_sqr()).sum::<f64>());
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
     for p in weights {
         count += 1.0;
