@@ -45,6 +45,9 @@ pub struct Options {
     /// All eigenvalues, by the QR algorithm on the dense matrix
     #[arg(long, conflicts_with_all = ["shift", "count"])]
     dense: bool,
+    /// No left eigenvectors: half the time, and conditions that are lower bounds only
+    #[arg(long, conflicts_with_all = ["all_pairs", "dense"])]
+    right_only: bool,
     /// Unknowns per grain, for the participation ratio
     #[arg(long, value_name = "D", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     group: u16,
@@ -177,7 +180,7 @@ fn solve(
     let request = Request {
         shift: options.shift,
         count: options.count.unwrap_or(20) as usize,
-        left: true,
+        left: !options.right_only,
         par,
     };
     let found = nearest(problem, &symbolic, request).map_err(unsolved)?;

@@ -6,6 +6,7 @@ mod fixture;
 mod rate_state;
 mod reading;
 mod results;
+mod spectrum;
 
 use std::process::{Command, Output};
 use std::sync::{Mutex, MutexGuard, PoisonError};

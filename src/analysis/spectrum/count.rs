@@ -108,7 +108,7 @@ impl Contour<'_> {
         self.factorisations += 1;
         let lu = Lu::new(self.symbolic, self.problem.matrix().val(), z, self.par)
             .map_err(|_| Uncounted { at: z })?;
-        let mut phase = lu.determinant().phase;
+        let mut phase = lu.phase();
         for known in self.known {
             let away = known - z;
             phase *= away.conj() / away.norm();

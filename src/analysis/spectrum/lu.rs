@@ -38,15 +38,6 @@ struct Factor<T> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Singular;
 
-/// A determinant too large or small for a number.
-#[derive(Debug, Clone, Copy)]
-pub struct Determinant {
-    /// ln |det|.
-    pub logarithm: f64,
-    /// det/|det|.
-    pub phase: c64,
-}
-
 impl<'a, T: Scalar> Lu<'a, T> {
     /// Factors A - σI; `values` are those of A in the order of the pattern that `symbolic` was made of.
     ///
@@ -130,21 +121,19 @@ impl<'a, T: Scalar> Lu<'a, T> {
         });
     }
 
-    /// det(A - σI).
-    pub fn determinant(&self) -> Determinant {
-        let mut logarithm = 0.0;
+    /// det(A - σI) / |det(A - σI)|.
+    pub fn phase(&self) -> c64 {
         let mut phase = c64::new(1.0, 0.0);
         for (front, factor) in self.symbolic.fronts.iter().zip(&self.factors) {
             let height = front.width + front.reach.len();
             for j in 0..front.width {
                 let pivot = factor.panel[j * height + j].widened();
-                logarithm += pivot.norm().ln();
                 phase *= pivot / pivot.norm();
             }
             phase *= if factor.odd { -1.0 } else { 1.0 };
             phase /= phase.norm();
         }
-        Determinant { logarithm, phase }
+        phase
     }
 
     /// Runs `work` on x in the order of elimination; its second argument is room for some rows of x.

@@ -14,6 +14,9 @@ mod shift_invert;
 mod spectrum;
 mod symbolic;
 
+#[cfg(test)]
+mod tests;
+
 pub use count::{Rectangle, Uncounted, Winding, winding};
 pub use krylov::Stalled;
 pub use problem::{Problem, Unfit};
