@@ -180,12 +180,12 @@ impl Cover {
                     None if self.disks.is_empty() || y > 0.0 => return Some(c64::new(x, y)),
                     // On the real axis a disk reaches both ways: the shift may lie further on.
                     None => {
-                        let ahead = self
+                        let mut ahead = self
                             .disks
                             .iter()
                             .map(|disk| disk.1)
                             .filter(|r| r.is_finite());
-                        let ahead = ahead.last().unwrap_or(0.0);
+                        let ahead = ahead.next_back().unwrap_or(0.0);
                         return Some(c64::new((x + 0.7 * ahead).min(self.re[1]), 0.0));
                     }
                     // On to where this disk ends at this height.
