@@ -14,6 +14,7 @@ pub mod rate_state;
 pub mod rattlers;
 pub mod regions;
 pub mod spearman;
+pub mod spectrum;
 pub mod stages;
 pub mod stress;
 pub mod student;

@@ -11,7 +11,7 @@ use crate::io::run_reader::Run;
 use crate::report::lee_hurley::Choice;
 use crate::{analysis, report};
 
-use super::{compare, correlate, dmin, export, info, phases, rate_state, regions, study};
+use super::{compare, correlate, dmin, export, info, phases, rate_state, regions, spectrum, study};
 
 /// Reduces the runs of gshear-mpi: what is in them, D²min, stick and slip phases, and a report with figures.
 ///
@@ -131,6 +131,11 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// Eigenvalues of K v = λ M v, of matrix files: spectrum.csv, spectrum.h5 with the eigenvectors, spectrum.svg
+    ///
+    /// K is real and sparse, M a diagonal. Without --dense or --all-pairs: those nearest the shift, by shift-invert. A pair is evidence
+    /// only where the verdict says pair; doubtful ones may be the work of rounding (docs/spectrum.md).
+    Spectrum(spectrum::Options),
     /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
     ///
     /// With --study lee-hurley instead, of one run or of several: every figure of Lee & Hurley that rests on data, under its number,
@@ -223,6 +228,7 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
                 .unwrap_or_else(|| runs[0].folder().join("rate-state"));
             rate_state::write(&runs, *law, &folder, output)?;
         }
+        Command::Spectrum(options) => spectrum::write(options, output)?,
         Command::Report {
             runs,
             out,

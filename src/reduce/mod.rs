@@ -11,6 +11,7 @@ mod pool;
 pub mod rate_state;
 mod regions;
 pub mod scalars;
+mod spectrum;
 mod study;
 
 pub use commands::{Arguments, Command, run};

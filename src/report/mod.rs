@@ -8,6 +8,7 @@ mod map;
 mod page;
 pub mod plot;
 pub mod rate_state;
+pub mod spectrum;
 mod stress;
 mod summary;
 pub mod ticks;

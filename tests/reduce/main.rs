@@ -7,6 +7,7 @@ mod rate_state;
 mod reading;
 mod references;
 mod results;
+mod spectrum;
 mod study;
 
 use std::process::{Command, Output};

@@ -1,0 +1,152 @@
+//! How many eigenvalues lie in a rectangle, by the winding of the determinant, without finding any.
+
+use faer::{Par, c64};
+
+use super::lu::Lu;
+use super::problem::Problem;
+use super::symbolic::Symbolic;
+
+/// Largest step of the phase that is taken at its word, in radians, if its two halves and the slopes at both ends and in the middle say so too.
+/// Without the slopes a step of many turns can pass for none.
+const STEP: f64 = std::f64::consts::FRAC_PI_4;
+/// Slopes are differences over this part of a piece.
+const SLOPE: f64 = 1.0 / 1024.0;
+/// Sides are first cut into so many pieces, and a piece is halved so often at the most.
+const PIECES: usize = 4;
+const HALVINGS: usize = 40;
+
+/// A part of the complex plane, left-right and down-up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rectangle {
+    pub re: [f64; 2],
+    pub im: [f64; 2],
+}
+
+impl Rectangle {
+    pub fn contains(&self, z: c64) -> bool {
+        let within = |x: f64, [low, high]: [f64; 2]| low < x && x < high;
+        within(z.re, self.re) && within(z.im, self.im)
+    }
+
+    fn corners(&self) -> [c64; 4] {
+        let ([a, b], [c, d]) = (self.re, self.im);
+        [
+            c64::new(a, c),
+            c64::new(b, c),
+            c64::new(b, d),
+            c64::new(a, d),
+        ]
+    }
+}
+
+/// Eigenvalues in a rectangle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Winding {
+    pub eigenvalues: i64,
+    /// Factorisations that it took.
+    pub factorisations: usize,
+}
+
+/// An eigenvalue lies on the contour, or the phase would not settle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Uncounted {
+    pub at: c64,
+}
+
+/// Counts the eigenvalues of A in a rectangle: the winding number of det(A - zI) round it (argument principle).
+///
+/// The phase of det(A - zI) turns by π wherever an eigenvalue is passed closely, by nπ along the whole spectrum. So what is followed is the
+/// phase of det(A - zI) / Π (λ - z) over the eigenvalues that are already `known`, which hardly turns where nothing near is missing, and the
+/// number of the known ones inside is added. Known eigenvalues that are wrong do not spoil the count: they only make the phase turn more.
+pub fn winding(
+    problem: &Problem,
+    symbolic: &Symbolic,
+    rectangle: Rectangle,
+    known: &[c64],
+    par: Par,
+) -> Result<Winding, Uncounted> {
+    let mut contour = Contour {
+        problem,
+        symbolic,
+        known,
+        par,
+        factorisations: 0,
+    };
+    let corners = rectangle.corners();
+    let mut turned = 0.0;
+    let first = contour.phase(corners[0])?;
+    let mut from = (corners[0], first);
+    for side in 0..4 {
+        let [start, end] = [corners[side], corners[(side + 1) % 4]];
+        for piece in 1..=PIECES {
+            let z = start + (end - start) * (piece as f64 / PIECES as f64);
+            let closed = side == 3 && piece == PIECES;
+            let to = (z, if closed { first } else { contour.phase(z)? });
+            turned += contour.turn(from, to, HALVINGS)?;
+            from = to;
+        }
+    }
+    let missing = (turned / std::f64::consts::TAU).round() as i64;
+    let inside = known.iter().filter(|&&z| rectangle.contains(z)).count() as i64;
+    Ok(Winding {
+        eigenvalues: inside + missing,
+        factorisations: contour.factorisations,
+    })
+}
+
+struct Contour<'a> {
+    problem: &'a Problem,
+    symbolic: &'a Symbolic,
+    known: &'a [c64],
+    par: Par,
+    factorisations: usize,
+}
+
+impl Contour<'_> {
+    /// Phase of det(A - zI) / Π (λ - z).
+    fn phase(&mut self, z: c64) -> Result<c64, Uncounted> {
+        self.factorisations += 1;
+        let lu = Lu::new(self.symbolic, self.problem.matrix().val(), z, self.par)
+            .map_err(|_| Uncounted { at: z })?;
+        let mut phase = lu.phase();
+        for known in self.known {
+            let away = known - z;
+            phase *= away.conj() / away.norm();
+        }
+        if !phase.is_finite() {
+            return Err(Uncounted { at: z });
+        }
+        Ok(phase / phase.norm())
+    }
+
+    /// By how much the phase turns from one point to the next.
+    fn turn(
+        &mut self,
+        from: (c64, c64),
+        to: (c64, c64),
+        halvings: usize,
+    ) -> Result<f64, Uncounted> {
+        let step = |a: c64, b: c64| (b * a.conj()).arg();
+        let middle = 0.5 * (from.0 + to.0);
+        if halvings == 0 {
+            return Err(Uncounted { at: middle });
+        }
+        let middle = (middle, self.phase(middle)?);
+        let halves = [step(from.1, middle.1), step(middle.1, to.1)];
+        if halves.iter().all(|half| half.abs() < 0.5 * STEP) {
+            let ahead = (to.0 - from.0) * SLOPE;
+            let mut even = true;
+            for (z, phase, ahead) in [
+                (from.0, from.1, ahead),
+                (middle.0, middle.1, ahead),
+                (to.0, to.1, -ahead),
+            ] {
+                even = even && step(phase, self.phase(z + ahead)?).abs() < STEP * SLOPE;
+            }
+            if even {
+                return Ok(halves[0] + halves[1]);
+            }
+        }
+        Ok(self.turn(from, middle, halvings - 1)? + self.turn(middle, to, halvings - 1)?)
+    }
+}

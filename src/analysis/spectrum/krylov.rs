@@ -1,0 +1,295 @@
+//! Krylov–Schur iteration: the invariant subspace of the largest eigenvalues of an operator.
+
+use faer::linalg::matmul::matmul;
+use faer::reborrow::{Reborrow, ReborrowMut};
+use faer::{Accum, Mat, MatMut, MatRef, Par};
+use nalgebra::DMatrix;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::scalar::Scalar;
+use super::schur::Schur;
+
+/// How an iteration is run.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// Eigenvalues wanted.
+    pub count: usize,
+    /// Vectors that the operator is applied to at once. Eigenvalues of this multiplicity are found in exact arithmetic.
+    pub block: usize,
+    /// Columns of the basis.
+    pub capacity: usize,
+    /// Residual of an eigenvalue θ of the operator, over |θ|.
+    pub tolerance: f64,
+    pub restarts: usize,
+    pub par: Par,
+}
+
+/// An invariant subspace.
+pub struct Subspace<T> {
+    /// [n][k], orthonormal; k is `count`, or one more so that no conjugate pair is split, or fewer where n is.
+    pub basis: Mat<T>,
+    /// How often the operator was applied to a vector.
+    pub applied: usize,
+    pub restarts: usize,
+}
+
+/// The iteration has used up its restarts: so many eigenvalues have converged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stalled {
+    pub converged: usize,
+}
+
+/// Krylov–Schur (Stewart 2001) in blocks, with locking: what has converged is decoupled from the residual and kept.
+///
+/// `operator` replaces the columns of its argument [n][block] by their images; its range is what counts, so that directions that it
+/// projects away are never met. Wanted are the eigenvalues of greatest |θ|.
+pub fn largest<T: Scalar>(
+    n: usize,
+    operator: impl FnMut(MatMut<'_, T>),
+    settings: Settings,
+) -> Result<Subspace<T>, Stalled> {
+    let block = settings.block.min(n).max(1);
+    let capacity = settings.capacity.clamp((2 * block).min(n), n.max(1));
+    let mut krylov = Krylov {
+        operator,
+        n,
+        block,
+        capacity,
+        settings,
+        basis: Mat::zeros(n, capacity + block),
+        projected: DMatrix::zeros(capacity + block, capacity),
+        used: 0,
+        locked: 0,
+        applied: 0,
+        random: ChaCha8Rng::seed_from_u64(1),
+    };
+    krylov.start();
+    for restart in 0..=settings.restarts {
+        krylov.expand();
+        if let Some(basis) = krylov.contract() {
+            return Ok(Subspace {
+                basis,
+                applied: krylov.applied,
+                restarts: restart,
+            });
+        }
+    }
+    Err(Stalled {
+        converged: krylov.locked,
+    })
+}
+
+/// OP V = (V, U) H with V the first `used` columns of the basis and U the `block` columns after them.
+struct Krylov<T: Scalar, F> {
+    operator: F,
+    n: usize,
+    block: usize,
+    capacity: usize,
+    settings: Settings,
+    basis: Mat<T>,
+    projected: DMatrix<T>,
+    used: usize,
+    locked: usize,
+    applied: usize,
+    random: ChaCha8Rng,
+}
+
+impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
+    /// Random vectors, once through the operator, which takes them into its range.
+    fn start(&mut self) {
+        for j in 0..self.block {
+            self.fill_random(j);
+        }
+        (self.operator)(self.basis.subcols_mut(0, self.block));
+        self.applied += self.block;
+        self.orthonormalise(0);
+    }
+
+    fn fill_random(&mut self, column: usize) {
+        for i in 0..self.n {
+            self.basis[(i, column)] = T::of(self.random.random_range(-1.0..1.0));
+        }
+    }
+
+    /// Applies the operator to block after block until the basis is full.
+    fn expand(&mut self) {
+        while self.used < self.capacity {
+            let block = self.block.min(self.capacity - self.used);
+            let (done, mut next) = self.basis.as_mut().split_at_col_mut(self.used + self.block);
+            let mut next = next.rb_mut().subcols_mut(0, block);
+            next.copy_from(done.rb().subcols(self.used, block));
+            (self.operator)(next);
+            self.applied += block;
+            let first = self.used + self.block;
+            let coefficients = self.orthonormalise_block(first, block);
+            for c in 0..block {
+                let mut column = self.projected.column_mut(self.used + c);
+                column.fill(T::of(0.0));
+                (0..first + block).for_each(|i| column[i] = coefficients[(i, c)]);
+            }
+            self.used += block;
+        }
+    }
+
+    fn orthonormalise(&mut self, first: usize) {
+        let block = self.block;
+        self.orthonormalise_block(first, block);
+    }
+
+    /// Makes columns `first`.. orthonormal to all before them and among each other, by classical Gram–Schmidt twice.
+    ///
+    /// Returns the coefficients [first + block][block] of what the columns were.
+    fn orthonormalise_block(&mut self, first: usize, block: usize) -> DMatrix<T> {
+        let par = self.settings.par;
+        let mut coefficients = DMatrix::zeros(first + block, block);
+        let (done, mut next) = self.basis.as_mut().split_at_col_mut(first);
+        let mut next = next.rb_mut().subcols_mut(0, block);
+        let size: Vec<f64> = (0..block).map(|c| next.rb().col(c).norm_l2()).collect();
+        for _ in 0..2 {
+            let along = take_out(done.rb(), next.rb_mut(), par);
+            for c in 0..block {
+                (0..first).for_each(|i| coefficients[(i, c)] += along[(i, c)]);
+            }
+        }
+        for (c, &size) in size.iter().enumerate() {
+            let mut left = 0.0;
+            for attempt in 0..3 {
+                let (done, rest) = self.basis.as_mut().split_at_col_mut(first + c);
+                let mut column = rest.subcols_mut(0, 1);
+                // Against those of the block; and against all where so little was left that rounding shows.
+                let from = if attempt == 0 { first } else { 0 };
+                let before = column.norm_l2();
+                for _ in 0..2 {
+                    let along = take_out(
+                        done.rb().subcols(from, first + c - from),
+                        column.rb_mut(),
+                        par,
+                    );
+                    (from..first + c).for_each(|i| coefficients[(i, c)] += along[(i - from, 0)]);
+                }
+                left = column.norm_l2();
+                if left > 0.1 * before || left <= f64::EPSILON * size {
+                    break;
+                }
+            }
+            if left > 4.0 * f64::EPSILON * size && left.is_normal() {
+                coefficients[(first + c, c)] = T::of(left);
+                let inverse = T::of(1.0 / left);
+                let mut column = self.basis.col_mut(first + c);
+                (0..self.n).for_each(|i| column[i] *= inverse);
+            } else {
+                self.replace(first + c);
+            }
+        }
+        coefficients
+    }
+
+    /// Where the operator leads out of the basis no more: a random vector that goes on, or zero where the basis is all there is.
+    fn replace(&mut self, at: usize) {
+        if at >= self.n {
+            self.basis.col_mut(at).fill(T::of(0.0));
+            return;
+        }
+        let par = self.settings.par;
+        self.fill_random(at);
+        (self.operator)(self.basis.subcols_mut(at, 1));
+        self.applied += 1;
+        let (done, rest) = self.basis.as_mut().split_at_col_mut(at);
+        let mut column = rest.subcols_mut(0, 1);
+        let size = column.norm_l2();
+        let mut left = size;
+        for _ in 0..3 {
+            take_out(done.rb(), column.rb_mut(), par);
+            left = column.norm_l2();
+            let inverse = if left > 1e-13 * size {
+                T::of(1.0 / left)
+            } else {
+                T::of(0.0)
+            };
+            (0..self.n).for_each(|i| column[(i, 0)] *= inverse);
+        }
+        if left.is_nan() {
+            column.fill(T::of(0.0));
+        }
+    }
+
+    /// Orders the Schur form, locks what has converged, and returns the subspace, or keeps the better part of the basis.
+    fn contract(&mut self) -> Option<Mat<T>> {
+        let (used, block) = (self.used, self.block);
+        let square = self.projected.view((0, 0), (used, used)).clone_owned();
+        let coupling = self.projected.view((used, 0), (block, used)).clone_owned();
+        // Rounding in the operator is as large as the operator, which non-normality makes larger than its eigenvalues.
+        let rounding = 2.0 * f64::EPSILON * square.norm();
+        let schur = Schur::ordered(square, |value| value.norm())?;
+        let mut coupling = coupling * &schur.q;
+        let mut converged = 0;
+        for part in &schur.blocks {
+            let residual = coupling.columns(part.start, part.size).norm();
+            let size = part.values[0].norm();
+            if residual > (self.settings.tolerance * size).max(rounding) {
+                break;
+            }
+            coupling.columns_mut(part.start, part.size).fill(T::of(0.0));
+            converged = part.start + part.size;
+        }
+        self.locked = converged;
+        let ends = || schur.blocks.iter().map(|part| part.start + part.size);
+        if converged >= self.settings.count || converged == used && used == self.n {
+            let wanted = self.settings.count.min(used);
+            let end = ends().find(|&end| end >= wanted).expect("no more than all");
+            return Some(self.turned(&schur.q, end));
+        }
+
+        let count = self.settings.count.min(used);
+        let room = used.saturating_sub(2 * block).max(1);
+        let target = (count + (used - count) / 2).max(converged).min(room);
+        let kept = ends().take_while(|&end| end <= target).last().unwrap_or(0);
+        let basis = self.turned(&schur.q, kept);
+        let residual = self.basis.subcols(used, block).to_owned();
+        self.basis.subcols_mut(0, kept).copy_from(&basis);
+        self.basis.subcols_mut(kept, block).copy_from(&residual);
+        self.projected.fill(T::of(0.0));
+        let square = schur.t.view((0, 0), (kept, kept));
+        self.projected
+            .view_mut((0, 0), (kept, kept))
+            .copy_from(&square);
+        let coupling = coupling.columns(0, kept);
+        self.projected
+            .view_mut((kept, 0), (block, kept))
+            .copy_from(&coupling);
+        self.used = kept;
+        None
+    }
+
+    /// V Q over the first `count` columns of Q.
+    fn turned(&self, q: &DMatrix<T>, count: usize) -> Mat<T> {
+        let small = Mat::from_fn(q.nrows(), count, |i, j| q[(i, j)]);
+        let mut out = Mat::zeros(self.n, count);
+        let basis = self.basis.subcols(0, q.nrows());
+        matmul(
+            out.as_mut(),
+            Accum::Replace,
+            basis,
+            small.as_ref(),
+            T::of(1.0),
+            self.settings.par,
+        );
+        out
+    }
+}
+
+/// w ← w - V Vᴴ w; returns Vᴴ w.
+fn take_out<T: Scalar>(v: MatRef<'_, T>, w: MatMut<'_, T>, par: Par) -> Mat<T> {
+    let mut along = Mat::zeros(v.ncols(), w.ncols());
+    matmul(
+        along.as_mut(),
+        Accum::Replace,
+        v.adjoint(),
+        w.rb(),
+        T::of(1.0),
+        par,
+    );
+    matmul(w, Accum::Add, v, along.as_ref(), T::of(-1.0), par);
+    along
+}

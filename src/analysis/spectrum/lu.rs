@@ -1,0 +1,386 @@
+//! LU factors of A - σI.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::{
+    solve_lower_triangular_in_place, solve_unit_lower_triangular_in_place,
+    solve_unit_upper_triangular_in_place, solve_upper_triangular_in_place,
+};
+use faer::reborrow::{Reborrow, ReborrowMut};
+use faer::{Accum, MatMut, MatRef, Par, c64};
+
+use super::scalar::Scalar;
+use super::symbolic::{Front, Symbolic};
+
+/// A pivot less than this over the largest entry of A - σI is zero: the matrix is singular in double precision, or its pivots need a
+/// freedom that the fronts do not have.
+const LEAST_PIVOT: f64 = 1e-13;
+
+/// The factors of A - σI: per front P F₁₁ = L₁₁ U₁₁, L₂₁, U₁₂.
+pub struct Lu<'a, T> {
+    symbolic: &'a Symbolic,
+    factors: Vec<Factor<T>>,
+    par: Par,
+}
+
+struct Factor<T> {
+    /// [width + reach][width] by columns: L₁₁ and U₁₁ in one square, L₂₁ below.
+    panel: Vec<T>,
+    /// U₁₂ [width][reach] by columns.
+    rows: Vec<T>,
+    /// Row `pivot[i]` of the front became row i.
+    pivot: Vec<usize>,
+    odd: bool,
+}
+
+/// No pivot large enough in a front.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Singular;
+
+impl<'a, T: Scalar> Lu<'a, T> {
+    /// Factors A - σI; `values` are those of A in the order of the pattern that `symbolic` was made of.
+    ///
+    /// Errors: a pivot that vanishes.
+    pub fn new(
+        symbolic: &'a Symbolic,
+        values: &[f64],
+        shift: T,
+        par: Par,
+    ) -> Result<Self, Singular> {
+        let largest = values
+            .iter()
+            .fold(shift.widened().norm(), |most, v| most.max(v.abs()));
+        let mut place = vec![0; symbolic.size()];
+        let mut updates: Vec<Vec<T>> = symbolic.fronts.iter().map(|_| Vec::new()).collect();
+        let mut factors = Vec::with_capacity(symbolic.fronts.len());
+        for (s, front) in symbolic.fronts.iter().enumerate() {
+            let (width, reach) = (front.width, front.reach.len());
+            let height = width + reach;
+            let mut panel = vec![T::of(0.0); height * width];
+            let mut rows = vec![T::of(0.0); width * reach];
+            let mut update = vec![T::of(0.0); reach * reach];
+            for entry in &symbolic.entries[s] {
+                let value = T::of(values[entry.value as usize]);
+                match (entry.place as usize).checked_sub(panel.len()) {
+                    Some(at) => rows[at] += value,
+                    None => panel[entry.place as usize] += value,
+                }
+            }
+            (0..width).for_each(|j| panel[j * height + j] -= shift);
+            for &child in &front.children {
+                let from = &symbolic.fronts[child].reach;
+                let added = std::mem::take(&mut updates[child]);
+                places(front, from, &mut place);
+                add(
+                    &added,
+                    &place[..from.len()],
+                    width,
+                    &mut panel,
+                    &mut rows,
+                    &mut update,
+                );
+            }
+            let factor = Factor::eliminate(panel, rows, &mut update, [width, reach], par);
+            if !factor.regular(width, LEAST_PIVOT * largest) {
+                return Err(Singular);
+            }
+            factors.push(factor);
+            updates[s] = update;
+        }
+        Ok(Lu {
+            symbolic,
+            factors,
+            par,
+        })
+    }
+
+    /// Columns of x ← (A - σI)⁻¹ x.
+    pub fn solve(&self, x: MatMut<'_, T>) {
+        self.permuted(x, |mut x, scratch| {
+            let fronts = || self.symbolic.fronts.iter().zip(&self.factors);
+            for (front, factor) in fronts() {
+                factor.forward(front, x.rb_mut(), scratch, self.par);
+            }
+            for (front, factor) in fronts().rev() {
+                factor.backward(front, x.rb_mut(), scratch, self.par);
+            }
+        });
+    }
+
+    /// Columns of x ← (A - σI)⁻ᵀ x.
+    pub fn solve_transposed(&self, x: MatMut<'_, T>) {
+        self.permuted(x, |mut x, scratch| {
+            let fronts = || self.symbolic.fronts.iter().zip(&self.factors);
+            for (front, factor) in fronts() {
+                factor.forward_transposed(front, x.rb_mut(), scratch, self.par);
+            }
+            for (front, factor) in fronts().rev() {
+                factor.backward_transposed(front, x.rb_mut(), scratch, self.par);
+            }
+        });
+    }
+
+    /// det(A - σI) / |det(A - σI)|.
+    pub fn phase(&self) -> c64 {
+        let mut phase = c64::new(1.0, 0.0);
+        for (front, factor) in self.symbolic.fronts.iter().zip(&self.factors) {
+            let height = front.width + front.reach.len();
+            for j in 0..front.width {
+                let pivot = factor.panel[j * height + j].widened();
+                phase *= pivot / pivot.norm();
+            }
+            phase *= if factor.odd { -1.0 } else { 1.0 };
+            phase /= phase.norm();
+        }
+        phase
+    }
+
+    /// Runs `work` on x in the order of elimination; its second argument is room for some rows of x.
+    fn permuted(&self, mut x: MatMut<'_, T>, work: impl FnOnce(MatMut<'_, T>, &mut Vec<T>)) {
+        let (n, columns) = (x.nrows(), x.ncols());
+        let order = &self.symbolic.order;
+        let mut inner = vec![T::of(0.0); n * columns];
+        for (j, column) in inner.chunks_exact_mut(n.max(1)).enumerate() {
+            let from = x.rb().col(j);
+            column
+                .iter_mut()
+                .zip(order)
+                .for_each(|(to, &i)| *to = from[i]);
+        }
+        let mut scratch = Vec::new();
+        work(
+            MatMut::from_column_major_slice_mut(&mut inner, n, columns),
+            &mut scratch,
+        );
+        for (j, column) in inner.chunks_exact(n.max(1)).enumerate() {
+            let mut to = x.rb_mut().col_mut(j);
+            column
+                .iter()
+                .zip(order)
+                .for_each(|(from, &i)| to[i] = *from);
+        }
+    }
+}
+
+/// Places of the pivots `from` in a front.
+fn places(front: &Front, from: &[usize], place: &mut [usize]) {
+    let mut later = 0;
+    for (&pivot, place) in from.iter().zip(place) {
+        *place = if pivot < front.begin + front.width {
+            pivot - front.begin
+        } else {
+            while front.reach[later] < pivot {
+                later += 1;
+            }
+            front.width + later
+        };
+    }
+}
+
+/// Adds what a child leaves to the front of its parent. `place` ascends.
+fn add<T: Scalar>(
+    added: &[T],
+    place: &[usize],
+    width: usize,
+    panel: &mut [T],
+    rows: &mut [T],
+    update: &mut [T],
+) {
+    let count = place.len();
+    let (height, reach) = (panel.len() / width, rows.len() / width);
+    let inside = place.partition_point(|&place| place < width);
+    for (column, &j) in added.chunks_exact(count.max(1)).zip(place) {
+        if j < width {
+            let to = &mut panel[j * height..(j + 1) * height];
+            place
+                .iter()
+                .zip(column)
+                .for_each(|(&i, value)| to[i] += *value);
+            continue;
+        }
+        let to = &mut rows[(j - width) * width..(j - width + 1) * width];
+        let first = place[..inside].iter().zip(column);
+        first.for_each(|(&i, value)| to[i] += *value);
+        let to = &mut update[(j - width) * reach..(j - width + 1) * reach];
+        let rest = place[inside..].iter().zip(&column[inside..]);
+        rest.for_each(|(&i, value)| to[i - width] += *value);
+    }
+}
+
+impl<T: Scalar> Factor<T> {
+    /// Eliminates the pivots of an assembled front; `update` becomes F₂₂ - L₂₁ U₁₂.
+    fn eliminate(
+        mut panel: Vec<T>,
+        mut rows: Vec<T>,
+        update: &mut [T],
+        [width, reach]: [usize; 2],
+        par: Par,
+    ) -> Self {
+        let (mut pivot, mut inverse) = (vec![0usize; width], vec![0usize; width]);
+        let columns = MatMut::from_column_major_slice_mut(&mut panel, width + reach, width);
+        let (mut square, mut below) = columns.split_at_row_mut(width);
+        let mut memory = MemBuffer::new(lu_in_place_scratch::<usize, T>(
+            width,
+            width,
+            par,
+            Default::default(),
+        ));
+        let (info, _) = lu_in_place(
+            square.rb_mut(),
+            &mut pivot,
+            &mut inverse,
+            par,
+            MemStack::new(&mut memory),
+            Default::default(),
+        );
+        let mut scratch = vec![T::of(0.0); width];
+        for column in rows.chunks_exact_mut(width) {
+            scratch.copy_from_slice(column);
+            column
+                .iter_mut()
+                .zip(&pivot)
+                .for_each(|(to, &i)| *to = scratch[i]);
+        }
+        if reach > 0 {
+            let mut right = MatMut::from_column_major_slice_mut(&mut rows, width, reach);
+            solve_unit_lower_triangular_in_place(square.rb(), right.rb_mut(), par);
+            let upper = square.rb().transpose();
+            solve_lower_triangular_in_place(upper, below.rb_mut().transpose_mut(), par);
+            let update = MatMut::from_column_major_slice_mut(update, reach, reach);
+            matmul(update, Accum::Add, below.rb(), right.rb(), T::of(-1.0), par);
+        }
+        Factor {
+            panel,
+            rows,
+            pivot,
+            odd: info.transposition_count % 2 == 1,
+        }
+    }
+
+    fn regular(&self, width: usize, least: f64) -> bool {
+        let height = self.panel.len() / width;
+        let pivots = (0..width).map(|j| self.panel[j * height + j].widened().norm());
+        // Not "pivot <= least": NaN must not pass.
+        pivots
+            .into_iter()
+            .all(|pivot| pivot.is_finite() && pivot > least)
+    }
+
+    /// L₁₁ and U₁₁, L₂₁, U₁₂.
+    fn blocks(&self, front: &Front) -> (MatRef<'_, T>, MatRef<'_, T>, MatRef<'_, T>) {
+        let (width, reach) = (front.width, front.reach.len());
+        let columns = MatRef::from_column_major_slice(&self.panel, width + reach, width);
+        let (square, below) = columns.split_at_row(width);
+        (
+            square,
+            below,
+            MatRef::from_column_major_slice(&self.rows, width, reach),
+        )
+    }
+
+    fn forward(&self, front: &Front, mut x: MatMut<'_, T>, scratch: &mut Vec<T>, par: Par) {
+        let (square, below, _) = self.blocks(front);
+        let mut own = x.rb_mut().subrows_mut(front.begin, front.width);
+        for j in 0..own.ncols() {
+            let mut column = own.rb_mut().col_mut(j);
+            scratch.clear();
+            scratch.extend(self.pivot.iter().map(|&i| column[i]));
+            scratch
+                .iter()
+                .enumerate()
+                .for_each(|(i, value)| column[i] = *value);
+        }
+        solve_unit_lower_triangular_in_place(square, own.rb_mut(), par);
+        subtract_later(front, x, below, scratch, par);
+    }
+
+    fn backward(&self, front: &Front, mut x: MatMut<'_, T>, scratch: &mut Vec<T>, par: Par) {
+        let (square, _, right) = self.blocks(front);
+        subtract_own(front, x.rb_mut(), right, scratch, par);
+        let own = x.subrows_mut(front.begin, front.width);
+        solve_upper_triangular_in_place(square, own, par);
+    }
+
+    fn forward_transposed(
+        &self,
+        front: &Front,
+        mut x: MatMut<'_, T>,
+        scratch: &mut Vec<T>,
+        par: Par,
+    ) {
+        let (square, _, right) = self.blocks(front);
+        let own = x.rb_mut().subrows_mut(front.begin, front.width);
+        solve_lower_triangular_in_place(square.transpose(), own, par);
+        subtract_later(front, x, right.transpose(), scratch, par);
+    }
+
+    fn backward_transposed(
+        &self,
+        front: &Front,
+        mut x: MatMut<'_, T>,
+        scratch: &mut Vec<T>,
+        par: Par,
+    ) {
+        let (square, below, _) = self.blocks(front);
+        subtract_own(front, x.rb_mut(), below.transpose(), scratch, par);
+        let mut own = x.subrows_mut(front.begin, front.width);
+        solve_unit_upper_triangular_in_place(square.transpose(), own.rb_mut(), par);
+        for j in 0..own.ncols() {
+            let mut column = own.rb_mut().col_mut(j);
+            scratch.clear();
+            scratch.extend((0..front.width).map(|i| column[i]));
+            let back = self.pivot.iter().zip(scratch.iter());
+            back.for_each(|(&i, value)| column[i] = *value);
+        }
+    }
+}
+
+/// x[reach] -= block · x[own].
+fn subtract_later<T: Scalar>(
+    front: &Front,
+    mut x: MatMut<'_, T>,
+    block: MatRef<'_, T>,
+    scratch: &mut Vec<T>,
+    par: Par,
+) {
+    let (reach, columns) = (front.reach.len(), x.ncols());
+    if reach == 0 {
+        return;
+    }
+    scratch.clear();
+    scratch.resize(reach * columns, T::of(0.0));
+    let own = x.rb().subrows(front.begin, front.width);
+    let product = MatMut::from_column_major_slice_mut(scratch, reach, columns);
+    matmul(product, Accum::Replace, block, own, T::of(1.0), par);
+    for (j, product) in scratch.chunks_exact(reach).enumerate() {
+        let mut column = x.rb_mut().col_mut(j);
+        front
+            .reach
+            .iter()
+            .zip(product)
+            .for_each(|(&i, value)| column[i] -= *value);
+    }
+}
+
+/// x[own] -= block · x[reach].
+fn subtract_own<T: Scalar>(
+    front: &Front,
+    mut x: MatMut<'_, T>,
+    block: MatRef<'_, T>,
+    scratch: &mut Vec<T>,
+    par: Par,
+) {
+    let (reach, columns) = (front.reach.len(), x.ncols());
+    if reach == 0 {
+        return;
+    }
+    scratch.clear();
+    for j in 0..columns {
+        let column = x.rb().col(j);
+        scratch.extend(front.reach.iter().map(|&i| column[i]));
+    }
+    let later = MatRef::from_column_major_slice(scratch.as_slice(), reach, columns);
+    let own = x.rb_mut().subrows_mut(front.begin, front.width);
+    matmul(own, Accum::Add, block, later, T::of(-1.0), par);
+}

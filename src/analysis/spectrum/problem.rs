@@ -1,0 +1,266 @@
+//! The problem K v = λ M v, brought to the form that is solved.
+
+use std::fmt;
+
+use faer::reborrow::ReborrowMut;
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Mat, MatMut, MatRef, c64};
+
+use super::scalar::Scalar;
+
+/// A null vector may leave this over ‖A‖ at the most, and an eigenvalue this near 0 over ‖A‖ is zero.
+pub const ZERO: f64 = 1e-12;
+
+/// K v = λ M v with diagonal M as A w = λ w, A = M^(-1/2) K M^(-1/2), w = M^(1/2) v.
+///
+/// Displacements and rotations, light and heavy grains then have entries of one size, so that a residual of A says the same of
+/// all of them, while that of K v - λ M v is ruled by the heaviest; and A is symmetric where K is.
+/// Unknowns whose row and column hold nothing but zeros (rattlers) are zero modes and left out of A. Given null vectors of K (translations)
+/// are left out of what the iterations see.
+pub struct Problem {
+    a: SparseColMat<usize, f64>,
+    root_mass: Vec<f64>,
+    /// Unknown of K of every unknown of A.
+    active: Vec<usize>,
+    unknowns: usize,
+    null: Mat<f64>,
+    norm: f64,
+}
+
+/// What is wrong with K, M or the null vectors; rows and columns count from 0.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Unfit {
+    NotSquare([usize; 2]),
+    NotFinite([usize; 2]),
+    MassCount { given: usize, unknowns: usize },
+    Mass { row: usize, value: f64 },
+    NullLength { given: usize, unknowns: usize },
+    NullDependent,
+    NotNull { column: usize, residual: f64 },
+}
+
+impl fmt::Display for Unfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Unfit::NotSquare([rows, columns]) => {
+                write!(f, "{rows} × {columns}: K must be square")
+            }
+            Unfit::NotFinite([row, column]) => {
+                write!(f, "row {}, column {}: must be finite", row + 1, column + 1)
+            }
+            Unfit::MassCount { given, unknowns } => {
+                write!(f, "{given} masses: K has {unknowns} unknowns")
+            }
+            Unfit::Mass { row, value } => {
+                write!(
+                    f,
+                    "row {}: mass {value} must be positive and finite",
+                    row + 1
+                )
+            }
+            Unfit::NullLength { given, unknowns } => {
+                write!(f, "{given} rows: K has {unknowns} unknowns")
+            }
+            Unfit::NullDependent => f.write_str("null vectors must be linearly independent"),
+            Unfit::NotNull { column, residual } => write!(
+                f,
+                "column {}: leaves {residual:.1e} ‖K‖, must be a null vector of K and of its transpose",
+                column + 1
+            ),
+        }
+    }
+}
+
+impl Problem {
+    /// `mass`: diagonal of M; `null`: [unknowns][m] null vectors of K and of Kᵀ, m may be 0.
+    pub fn new(
+        k: &SparseColMat<usize, f64>,
+        mass: &[f64],
+        null: MatRef<'_, f64>,
+    ) -> Result<Self, Unfit> {
+        let unknowns = k.ncols();
+        check(k, mass, null)?;
+        let mut touched = vec![false; unknowns];
+        for entry in k.triplet_iter().filter(|entry| *entry.val != 0.0) {
+            touched[entry.row] = true;
+            touched[entry.col] = true;
+        }
+        let active: Vec<usize> = (0..unknowns).filter(|&j| touched[j]).collect();
+        let mut place = vec![usize::MAX; unknowns];
+        active.iter().enumerate().for_each(|(at, &j)| place[j] = at);
+        let root_mass: Vec<f64> = active.iter().map(|&j| mass[j].sqrt()).collect();
+        let entries: Vec<_> = k
+            .triplet_iter()
+            .filter(|entry| *entry.val != 0.0)
+            .map(|entry| {
+                let (i, j) = (place[entry.row], place[entry.col]);
+                Triplet::new(i, j, entry.val / (root_mass[i] * root_mass[j]))
+            })
+            .collect();
+        let a = SparseColMat::try_new_from_triplets(active.len(), active.len(), &entries)
+            .expect("indices within the matrix");
+        let mut problem = Problem {
+            a,
+            root_mass,
+            active,
+            unknowns,
+            null: Mat::zeros(0, 0),
+            norm: 0.0,
+        };
+        problem.norm = problem.two_norm();
+        problem.null = problem.orthonormal_null(null)?;
+        Ok(problem)
+    }
+
+    /// Number of unknowns of A.
+    pub fn size(&self) -> usize {
+        self.active.len()
+    }
+
+    /// Number of unknowns of K.
+    pub fn unknowns(&self) -> usize {
+        self.unknowns
+    }
+
+    /// Zero modes left out of A, one per empty row and column of K.
+    pub fn rattling(&self) -> usize {
+        self.unknowns - self.active.len()
+    }
+
+    /// Null vectors [size][m], orthonormal.
+    pub fn null(&self) -> MatRef<'_, f64> {
+        self.null.as_ref()
+    }
+
+    pub fn matrix(&self) -> &SparseColMat<usize, f64> {
+        &self.a
+    }
+
+    /// ‖A‖₂, by power iteration on AᵀA: a few per cent too small at the worst.
+    pub fn norm(&self) -> f64 {
+        self.norm
+    }
+
+    /// y ← A x, column by column.
+    pub fn apply<T: Scalar>(&self, x: MatRef<'_, T>, mut y: MatMut<'_, T>) {
+        for c in 0..x.ncols() {
+            let (x, mut y) = (x.col(c), y.rb_mut().col_mut(c));
+            y.fill(T::of(0.0));
+            for j in 0..self.size() {
+                let (rows, values) = (self.a.row_idx_of_col_raw(j), self.a.val_of_col(j));
+                rows.iter()
+                    .zip(values)
+                    .for_each(|(&i, &a)| y[i] += T::of(a) * x[j]);
+            }
+        }
+    }
+
+    /// y ← Aᵀ x, column by column.
+    pub fn apply_transposed<T: Scalar>(&self, x: MatRef<'_, T>, mut y: MatMut<'_, T>) {
+        for c in 0..x.ncols() {
+            let (x, mut y) = (x.col(c), y.rb_mut().col_mut(c));
+            for j in 0..self.size() {
+                let (rows, values) = (self.a.row_idx_of_col_raw(j), self.a.val_of_col(j));
+                let products = rows.iter().zip(values).map(|(&i, &a)| T::of(a) * x[i]);
+                y[j] = products.fold(T::of(0.0), |sum, product| sum + product);
+            }
+        }
+    }
+
+    /// Takes the null vectors out of every column of x.
+    pub fn project<T: Scalar>(&self, mut x: MatMut<'_, T>) {
+        for m in 0..self.null.ncols() {
+            let null = self.null.col(m);
+            for c in 0..x.ncols() {
+                let mut x = x.rb_mut().col_mut(c);
+                let along = (0..x.nrows()).map(|i| T::of(null[i]) * x[i]);
+                let along = along.fold(T::of(0.0), |sum, product| sum + product);
+                (0..x.nrows()).for_each(|i| x[i] -= T::of(null[i]) * along);
+            }
+        }
+    }
+
+    /// v = M^(-1/2) w over the unknowns of K, ‖v‖ = 1; `w` over those of A.
+    pub fn eigenvector(&self, w: &[c64]) -> Vec<c64> {
+        let mut v = vec![c64::new(0.0, 0.0); self.unknowns];
+        for ((&at, value), root) in self.active.iter().zip(w).zip(&self.root_mass) {
+            v[at] = *value / *root;
+        }
+        let norm = v.iter().map(|v| v.norm_sqr()).sum::<f64>().sqrt();
+        v.iter_mut().for_each(|v| *v /= norm);
+        v
+    }
+
+    fn two_norm(&self) -> f64 {
+        const STEPS: usize = 40;
+        let n = self.size();
+        let mut x = Mat::from_fn(n, 1, |i, _| 1.0 + (i as f64 * 0.754877).fract());
+        let mut y = Mat::zeros(n, 1);
+        let mut norm = 0.0;
+        for _ in 0..STEPS {
+            let length = x.norm_l2();
+            if length == 0.0 {
+                break;
+            }
+            x /= faer::Scale(length);
+            self.apply(x.as_ref(), y.as_mut());
+            norm = f64::max(norm, y.norm_l2());
+            self.apply_transposed(y.as_ref(), x.as_mut());
+        }
+        norm
+    }
+
+    /// Null vectors of A from those of K, checked on both sides.
+    fn orthonormal_null(&self, null: MatRef<'_, f64>) -> Result<Mat<f64>, Unfit> {
+        let mut kept = Mat::<f64>::zeros(self.size(), null.ncols());
+        let mut image = Mat::zeros(self.size(), 1);
+        for column in 0..null.ncols() {
+            let mut w = Mat::from_fn(self.size(), 1, |i, _| {
+                self.root_mass[i] * null[(self.active[i], column)]
+            });
+            let before = w.norm_l2();
+            for _ in 0..2 {
+                let earlier = kept.subcols(0, column);
+                let along = earlier.transpose() * &w;
+                w -= earlier * along;
+            }
+            let length = w.norm_l2();
+            if length <= 1e-10 * before || before == 0.0 {
+                return Err(Unfit::NullDependent);
+            }
+            w /= faer::Scale(length);
+            self.apply(w.as_ref(), image.as_mut());
+            let mut residual = image.norm_l2();
+            self.apply_transposed(w.as_ref(), image.as_mut());
+            residual = residual.max(image.norm_l2()) / self.norm;
+            if residual > ZERO {
+                return Err(Unfit::NotNull { column, residual });
+            }
+            kept.col_mut(column).copy_from(w.col(0));
+        }
+        Ok(kept)
+    }
+}
+
+fn check(k: &SparseColMat<usize, f64>, mass: &[f64], null: MatRef<'_, f64>) -> Result<(), Unfit> {
+    let unknowns = k.ncols();
+    if k.nrows() != unknowns {
+        return Err(Unfit::NotSquare([k.nrows(), unknowns]));
+    }
+    if let Some(entry) = k.triplet_iter().find(|entry| !entry.val.is_finite()) {
+        return Err(Unfit::NotFinite([entry.row, entry.col]));
+    }
+    if mass.len() != unknowns {
+        let given = mass.len();
+        return Err(Unfit::MassCount { given, unknowns });
+    }
+    if let Some(row) = mass.iter().position(|m| !(m.is_finite() && *m > 0.0)) {
+        let value = mass[row];
+        return Err(Unfit::Mass { row, value });
+    }
+    if null.ncols() > 0 && null.nrows() != unknowns {
+        let given = null.nrows();
+        return Err(Unfit::NullLength { given, unknowns });
+    }
+    Ok(())
+}

@@ -1,0 +1,290 @@
+//! From Hessenberg to Schur form. The iteration of nalgebra knows no exceptional shifts and goes in circles on the matrices that
+//! Krylov–Schur makes; that of faer gives no Schur vectors.
+
+use faer::c64;
+use nalgebra::DMatrix;
+
+/// Iterations on one eigenvalue before it is given up; from when on what is small beside the whole matrix, and not only beside its
+/// neighbours, is taken for zero (eigenvalues of high multiplicity do not fall apart by themselves); those at which the shift is an exceptional one.
+const MOST: usize = 120;
+const PATIENT: usize = 24;
+const EXCEPTIONAL: usize = 10;
+
+/// H ← QᴴHQ upper triangular, V ← VQ, with one shift at a time (Wilkinson's). False where it does not converge.
+pub fn complex(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>) -> bool {
+    let n = h.nrows();
+    let mut end = n;
+    let mut iteration = 0;
+    let size = |z: c64| z.re.abs() + z.im.abs();
+    let norm = h.iter().map(|&z| size(z)).fold(0.0, f64::max);
+    while end > 1 {
+        let last = end - 1;
+        let mut first = last;
+        while first > 0 {
+            let near = size(h[(first, first)]) + size(h[(first - 1, first - 1)]);
+            let near = if near == 0.0 || iteration > PATIENT {
+                norm
+            } else {
+                near
+            };
+            if size(h[(first, first - 1)]) <= f64::EPSILON * near {
+                h[(first, first - 1)] = c64::new(0.0, 0.0);
+                break;
+            }
+            first -= 1;
+        }
+        if first == last {
+            end -= 1;
+            iteration = 0;
+            continue;
+        }
+        iteration += 1;
+        if iteration > MOST {
+            return false;
+        }
+        let shift = if iteration % EXCEPTIONAL == 0 {
+            h[(last, last)] + c64::new(0.75 * size(h[(last, last - 1)]), 0.0)
+        } else {
+            wilkinson(h, last)
+        };
+        step(h, v, first, last, shift);
+    }
+    true
+}
+
+/// The eigenvalue of the last 2 × 2 block that is nearer to its last entry.
+fn wilkinson(h: &DMatrix<c64>, last: usize) -> c64 {
+    let (a, d) = (h[(last - 1, last - 1)], h[(last, last)]);
+    let half = (a - d) * 0.5;
+    let product = h[(last - 1, last)] * h[(last, last - 1)];
+    let root = (half * half + product).sqrt();
+    let [plus, minus] = [half + root, half - root];
+    let large = if plus.norm() > minus.norm() {
+        plus
+    } else {
+        minus
+    };
+    if large.norm() == 0.0 {
+        d
+    } else {
+        d - product / large
+    }
+}
+
+/// One QR step with Givens rotations on rows and columns `first` to `last`.
+fn step(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>, first: usize, last: usize, shift: c64) {
+    let n = h.nrows();
+    (first..=last).for_each(|i| h[(i, i)] -= shift);
+    let mut rotations = Vec::with_capacity(last - first);
+    for k in first..last {
+        let (a, b) = (h[(k, k)], h[(k + 1, k)]);
+        let length = a.norm().hypot(b.norm());
+        let (c, s) = if length == 0.0 {
+            (c64::new(1.0, 0.0), c64::new(0.0, 0.0))
+        } else {
+            (a / length, b / length)
+        };
+        for j in k..n {
+            let (x, y) = (h[(k, j)], h[(k + 1, j)]);
+            h[(k, j)] = c.conj() * x + s.conj() * y;
+            h[(k + 1, j)] = c * y - s * x;
+        }
+        rotations.push((c, s));
+    }
+    for (k, (c, s)) in (first..last).zip(rotations) {
+        let turn = |m: &mut DMatrix<c64>, rows: usize| {
+            for i in 0..rows {
+                let (x, y) = (m[(i, k)], m[(i, k + 1)]);
+                m[(i, k)] = x * c + y * s;
+                m[(i, k + 1)] = y * c.conj() - x * s.conj();
+            }
+        };
+        turn(h, (k + 2).min(last) + 1);
+        turn(v, n);
+    }
+    (first..=last).for_each(|i| h[(i, i)] += shift);
+}
+
+/// H ← QᵀHQ upper triangular but for 2 × 2 blocks of conjugate pairs, V ← VQ: Francis' double shift (Golub & Van Loan 2013, section 7.5).
+/// False where it does not converge.
+pub fn real(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>) -> bool {
+    let n = h.nrows();
+    let norm = h.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+    let mut end = n;
+    let mut iteration = 0;
+    while end > 0 {
+        let last = end - 1;
+        let mut first = last;
+        while first > 0 {
+            let near = h[(first, first)].abs() + h[(first - 1, first - 1)].abs();
+            let near = if near == 0.0 || iteration > PATIENT {
+                norm
+            } else {
+                near
+            };
+            if h[(first, first - 1)].abs() <= f64::EPSILON * near {
+                h[(first, first - 1)] = 0.0;
+                break;
+            }
+            first -= 1;
+        }
+        if first == last {
+            end -= 1;
+            iteration = 0;
+        } else if first + 1 == last {
+            split(h, v, first);
+            end -= 2;
+            iteration = 0;
+        } else {
+            iteration += 1;
+            if iteration > MOST {
+                return false;
+            }
+            double_step(h, v, first, last, iteration % EXCEPTIONAL == 0);
+        }
+    }
+    true
+}
+
+/// Makes the 2 × 2 block at `at` triangular where its eigenvalues are real.
+fn split(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>, at: usize) {
+    let (a, b) = (h[(at, at)], h[(at, at + 1)]);
+    let (c, d) = (h[(at + 1, at)], h[(at + 1, at + 1)]);
+    let half = 0.5 * (a - d);
+    let square = half * half + b * c;
+    if square < 0.0 {
+        return;
+    }
+    // (z, c) is an eigenvector, z = λ - d the larger of the two so that nothing cancels.
+    let z = half + square.sqrt().copysign(half);
+    let length = z.hypot(c);
+    if length == 0.0 {
+        return;
+    }
+    let (x, y) = (z / length, c / length);
+    let n = h.nrows();
+    for j in at..n {
+        let (top, low) = (h[(at, j)], h[(at + 1, j)]);
+        h[(at, j)] = x * top + y * low;
+        h[(at + 1, j)] = x * low - y * top;
+    }
+    let turn = |m: &mut DMatrix<f64>, rows: usize| {
+        for i in 0..rows {
+            let (left, right) = (m[(i, at)], m[(i, at + 1)]);
+            m[(i, at)] = x * left + y * right;
+            m[(i, at + 1)] = x * right - y * left;
+        }
+    };
+    turn(h, at + 2);
+    turn(v, n);
+    h[(at + 1, at)] = 0.0;
+}
+
+/// One double step on rows and columns `first` to `last`, at least three.
+fn double_step(
+    h: &mut DMatrix<f64>,
+    v: &mut DMatrix<f64>,
+    first: usize,
+    last: usize,
+    exceptional: bool,
+) {
+    let n = h.nrows();
+    let z = h[(first, first)];
+    // The two shifts as x, y and w of (x - s)(y - s) = w; differences first, since eigenvalues may be many and alike.
+    let (x, y, w) = if exceptional {
+        let s = h[(last, last - 1)].abs() + h[(last - 1, last - 2)].abs();
+        let x = h[(last, last)] + 0.75 * s;
+        (x, x, -0.4375 * s * s)
+    } else {
+        let w = h[(last, last - 1)] * h[(last - 1, last)];
+        (h[(last, last)], h[(last - 1, last - 1)], w)
+    };
+    let (r, s) = (x - z, y - z);
+    let mut x = [
+        (r * s - w) / h[(first + 1, first)] + h[(first, first + 1)],
+        h[(first + 1, first + 1)] - z - r - s,
+        h[(first + 2, first + 1)],
+    ];
+    for k in first..last {
+        let count = (last + 1 - k).min(3);
+        if k > first {
+            (0..3).for_each(|i| x[i] = if i < count { h[(k + i, k - 1)] } else { 0.0 });
+        }
+        let Some((axis, scale)) = reflector(&x) else {
+            continue;
+        };
+        for j in k.saturating_sub(1).max(first)..n {
+            let along: f64 = (0..count).map(|i| axis[i] * h[(k + i, j)]).sum();
+            (0..count).for_each(|i| h[(k + i, j)] -= scale * axis[i] * along);
+        }
+        let turn = |m: &mut DMatrix<f64>, rows: usize| {
+            for row in 0..rows {
+                let along: f64 = (0..count).map(|i| axis[i] * m[(row, k + i)]).sum();
+                (0..count).for_each(|i| m[(row, k + i)] -= scale * axis[i] * along);
+            }
+        };
+        turn(h, (k + 3).min(last) + 1);
+        turn(v, n);
+        if k > first {
+            (1..count).for_each(|i| h[(k + i, k - 1)] = 0.0);
+        }
+    }
+}
+
+/// u and 2/uᵀu of the reflection that turns x into the first axis; None where x is zero.
+fn reflector(x: &[f64; 3]) -> Option<([f64; 3], f64)> {
+    let largest = x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+    if largest == 0.0 {
+        return None;
+    }
+    let mut u = x.map(|x| x / largest);
+    let length = u.iter().map(|x| x * x).sum::<f64>().sqrt();
+    u[0] += length.copysign(u[0]);
+    let square: f64 = u.iter().map(|x| x * x).sum();
+    Some((u, 2.0 / square))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::linalg::Hessenberg;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Random entries over many orders of magnitude, cycles (whose shifts must be exceptional), and a Jordan block.
+    fn matrices() -> Vec<DMatrix<f64>> {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let n = 40;
+        let plain = DMatrix::from_fn(n, n, |_, _| random.random_range(-1.0..1.0));
+        let graded = DMatrix::from_fn(n, n, |i, j| {
+            plain[(i, j)] * 10f64.powi(-((i + j) as i32) / 4)
+        });
+        let mut cycle = DMatrix::zeros(12, 12);
+        (0..12).for_each(|i| cycle[((i + 1) % 12, i)] = 1.0);
+        let jordan = DMatrix::from_fn(6, 6, |i, j| f64::from(u8::from(i == j || i + 1 == j)));
+        vec![plain, graded, cycle, jordan, DMatrix::zeros(5, 5)]
+    }
+
+    #[test]
+    fn schur_form_is_similar_and_triangular() {
+        for b in matrices() {
+            let n = b.nrows();
+            let (mut q, mut t) = Hessenberg::new(b.clone()).unpack();
+            assert!(real(&mut t, &mut q));
+            let error = (&q * &t * q.transpose() - &b).norm();
+            assert!(error < 1e-13 * b.norm().max(1e-300), "{error:e}");
+            assert!((q.transpose() * &q - DMatrix::identity(n, n)).norm() < 1e-13);
+            for i in 1..n {
+                assert!((0..i - 1).all(|j| t[(i, j)] == 0.0));
+                assert!(i < 2 || t[(i, i - 1)] == 0.0 || t[(i - 1, i - 2)] == 0.0);
+            }
+
+            let wide = b.map(|x| c64::new(x, 0.3 * x.abs()));
+            let (mut q, mut t) = Hessenberg::new(wide.clone()).unpack();
+            assert!(complex(&mut t, &mut q));
+            let error = (&q * &t * q.adjoint() - &wide).norm();
+            assert!(error < 1e-13 * wide.norm().max(1e-300), "{error:e}");
+            (1..n).for_each(|i| assert_eq!(t[(i, i - 1)].norm(), 0.0));
+        }
+    }
+}

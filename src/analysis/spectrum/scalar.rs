@@ -1,0 +1,64 @@
+//! The two kinds of numbers that factors and Krylov bases are made of.
+
+use faer::c64;
+use nalgebra::DMatrix;
+
+use super::qr_iteration;
+
+/// f64 for real shifts, complex for all others.
+pub trait Scalar:
+    faer::traits::ComplexField<Real = f64>
+    + nalgebra::ComplexField<RealField = f64>
+    + Copy
+    + bytemuck::Pod
+{
+    /// Whether eigenvalues come in conjugate pairs that must stay together.
+    const REAL: bool;
+
+    fn of(value: f64) -> Self;
+    /// The number itself; of a real scalar the real part only.
+    fn narrowed(value: c64) -> Self;
+    fn widened(self) -> c64;
+    /// From Hessenberg to Schur form: H ← QᴴHQ, V ← VQ. False where the QR iteration does not converge.
+    fn triangularise(h: &mut DMatrix<Self>, v: &mut DMatrix<Self>) -> bool;
+}
+
+impl Scalar for f64 {
+    const REAL: bool = true;
+
+    fn of(value: f64) -> Self {
+        value
+    }
+
+    fn narrowed(value: c64) -> Self {
+        value.re
+    }
+
+    fn widened(self) -> c64 {
+        c64::new(self, 0.0)
+    }
+
+    fn triangularise(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>) -> bool {
+        qr_iteration::real(h, v)
+    }
+}
+
+impl Scalar for c64 {
+    const REAL: bool = false;
+
+    fn of(value: f64) -> Self {
+        c64::new(value, 0.0)
+    }
+
+    fn narrowed(value: c64) -> Self {
+        value
+    }
+
+    fn widened(self) -> c64 {
+        self
+    }
+
+    fn triangularise(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>) -> bool {
+        qr_iteration::complex(h, v)
+    }
+}

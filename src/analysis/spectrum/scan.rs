@@ -1,0 +1,203 @@
+//! All eigenvalues of a rectangle, and so all complex pairs, without a dense matrix.
+
+use faer::{Mat, Par, c64};
+
+use super::count::Rectangle;
+use super::problem::{Problem, ZERO};
+use super::shift_invert::{Failed, Request, nearest};
+use super::spectrum::{Eigenvalue, Spectrum, Verdict};
+use super::symbolic::Symbolic;
+
+/// Points per disk radius on which covering is decided.
+const GRID: f64 = 12.0;
+const DISKS: usize = 100_000;
+
+/// What a scan found.
+pub struct Scan {
+    /// All eigenvalues of the rectangle and of its mirror image.
+    pub spectrum: Spectrum,
+    /// Shifts that it took.
+    pub disks: usize,
+    pub solves: usize,
+}
+
+/// A rectangle that holds all eigenvalues (Bendixson 1902): Re λ lies between the extreme eigenvalues of (A + Aᵀ)/2, and |Im λ| is no more than
+/// the largest of (A - Aᵀ)/2. Those are bounded by Gershgorin's circles, which never fall short, if seldom tight.
+pub fn bendixson(problem: &Problem) -> Rectangle {
+    let n = problem.size();
+    let a = problem.matrix();
+    let transposed = a
+        .transpose()
+        .to_col_major()
+        .expect("memory for the transpose");
+    let mut diagonal = vec![0.0; n];
+    let (mut symmetric, mut skew) = (vec![0.0; n], vec![0.0; n]);
+    let mut column = vec![0.0; n];
+    for j in 0..n {
+        let of = |i: usize| (transposed.row_idx_of_col_raw(i), transposed.val_of_col(i));
+        let (rows, values) = of(j);
+        rows.iter()
+            .zip(values)
+            .for_each(|(&i, value)| column[i] = *value);
+        for (&i, value) in a.row_idx_of_col_raw(j).iter().zip(a.val_of_col(j)) {
+            if i == j {
+                diagonal[j] = *value;
+            } else {
+                symmetric[j] += 0.5 * (value + column[i]).abs();
+                skew[j] += 0.5 * (value - column[i]).abs();
+                column[i] = 0.0;
+            }
+        }
+        for &i in rows {
+            if i != j {
+                symmetric[j] += 0.5 * column[i].abs();
+                skew[j] += 0.5 * column[i].abs();
+            }
+            column[i] = 0.0;
+        }
+    }
+    let low = (0..n)
+        .map(|j| diagonal[j] - symmetric[j])
+        .fold(f64::INFINITY, f64::min);
+    let high = (0..n)
+        .map(|j| diagonal[j] + symmetric[j])
+        .fold(f64::NEG_INFINITY, f64::max);
+    let height = skew.into_iter().fold(0.0, f64::max);
+    Rectangle {
+        re: [low, high],
+        im: [-height, height],
+    }
+}
+
+/// All eigenvalues whose real part lies in `re` and whose imaginary part Bendixson's bound allows.
+///
+/// The upper half of the rectangle is covered by disks: each shift is the lowest point that no disk covers yet, its disk reaches as far as its
+/// `count` nearest eigenvalues do, and an eigenvalue belongs to the first disk that holds it. Where there are none, disks are large.
+pub fn scan(
+    problem: &Problem,
+    symbolic: &Symbolic,
+    re: [f64; 2],
+    count: usize,
+    par: Par,
+) -> Result<Scan, Failed> {
+    let height = bendixson(problem).im[1];
+    let mut cover = Cover {
+        re,
+        height,
+        disks: Vec::new(),
+        pitch: (re[1] - re[0]) / 50.0,
+    };
+    let mut found = Scan {
+        spectrum: Spectrum {
+            eigenvalues: Vec::new(),
+            right: Mat::zeros(problem.size(), 0),
+            left: Mat::zeros(problem.size(), 0),
+        },
+        disks: 0,
+        solves: 0,
+    };
+    while let Some(shift) = cover.uncovered() {
+        if found.disks == DISKS {
+            return Err(Failed::Factors);
+        }
+        let request = Request {
+            shift,
+            count,
+            left: true,
+            par,
+        };
+        let near = nearest(problem, symbolic, request)?;
+        let radius = near.radius(problem);
+        let norm = problem.norm();
+        let own = near.spectrum.arranged(
+            |e| {
+                let z = upper(e, norm);
+                (z - near.shift).norm() < radius
+                    && e.value.im >= -ZERO * norm
+                    && re[0] <= z.re
+                    && z.re <= re[1]
+                    && !cover.holds(z)
+            },
+            |e| e.value.re,
+        );
+        let mirrored = own.mirrored(|e| e.value.im > ZERO * norm);
+        found.spectrum.append(own);
+        found.spectrum.append(mirrored);
+        cover.add(near.shift, radius);
+        found.disks += 1;
+        found.solves += near.solves;
+        if found.spectrum.eigenvalues.len() + problem.null().ncols() == problem.size() {
+            break;
+        }
+    }
+    Ok(found)
+}
+
+/// The eigenvalue, or the real number that it is.
+fn upper(e: &Eigenvalue, norm: f64) -> c64 {
+    if e.verdict == Verdict::Real || e.value.im.abs() <= ZERO * norm {
+        c64::new(e.value.re, 0.0)
+    } else {
+        e.value
+    }
+}
+
+/// Disks over the upper half of a rectangle.
+struct Cover {
+    re: [f64; 2],
+    height: f64,
+    disks: Vec<(c64, f64)>,
+    pitch: f64,
+}
+
+impl Cover {
+    fn add(&mut self, centre: c64, radius: f64) {
+        if radius.is_finite() {
+            self.pitch = self.pitch.min(radius / GRID);
+        }
+        self.disks.push((centre, radius));
+    }
+
+    fn holds(&self, z: c64) -> bool {
+        self.disks
+            .iter()
+            .any(|(centre, radius)| (z - centre).norm() < *radius)
+    }
+
+    /// The lowest grid point, leftmost among equals, whose cell no disk holds whole.
+    fn uncovered(&self) -> Option<c64> {
+        let reach = self.pitch * std::f64::consts::FRAC_1_SQRT_2;
+        let covered = |z: c64| {
+            self.disks
+                .iter()
+                .find(|(centre, radius)| (z - centre).norm() + reach < *radius)
+        };
+        let mut y = 0.0;
+        while y <= self.height + self.pitch {
+            let mut x = self.re[0];
+            while x <= self.re[1] + self.pitch {
+                match covered(c64::new(x, y)) {
+                    None if self.disks.is_empty() || y > 0.0 => return Some(c64::new(x, y)),
+                    // On the real axis a disk reaches both ways: the shift may lie further on.
+                    None => {
+                        let mut ahead = self
+                            .disks
+                            .iter()
+                            .map(|disk| disk.1)
+                            .filter(|r| r.is_finite());
+                        let ahead = ahead.next_back().unwrap_or(0.0);
+                        return Some(c64::new((x + 0.7 * ahead).min(self.re[1]), 0.0));
+                    }
+                    // On to where this disk ends at this height.
+                    Some((centre, radius)) => {
+                        let half = ((radius - reach).powi(2) - (y - centre.im).powi(2)).sqrt();
+                        let cells = ((centre.re + half - x) / self.pitch).floor().max(1.0);
+                        x += cells * self.pitch;
+                    }
+                }
+            }
+            y += self.pitch;
+        }
+        None
+    }
+}

@@ -1,0 +1,152 @@
+//! Schur form of a small matrix, with the eigenvalues in a wished order.
+
+use faer::c64;
+use nalgebra::{DMatrix, DVector};
+
+use super::scalar::Scalar;
+
+/// B = Q T Qᴴ, T upper triangular but for 2 × 2 blocks of conjugate pairs where B is real.
+pub struct Schur<T: Scalar> {
+    pub q: DMatrix<T>,
+    pub t: DMatrix<T>,
+    /// From the first to the last on the diagonal of T.
+    pub blocks: Vec<Block>,
+}
+
+/// A diagonal block of T.
+#[derive(Debug, Clone, Copy)]
+pub struct Block {
+    pub start: usize,
+    pub size: usize,
+    /// Its first eigenvalue; a second one is the conjugate, or, in a pair that is about to be born or has just died, another real one.
+    pub values: [c64; 2],
+}
+
+impl<T: Scalar> Schur<T> {
+    /// Eigenvalues of greater `rank` come first. None where the QR iteration does not converge.
+    pub fn ordered(b: DMatrix<T>, rank: impl Fn(c64) -> f64) -> Option<Self> {
+        if !b.iter().all(|value| value.widened().is_finite()) {
+            return None;
+        }
+        // The reflections of nalgebra square what they are given: what underflows then becomes NaN.
+        let least = 1e-40 * b.norm();
+        let b = b.map(|value| {
+            let size = value.widened().norm();
+            if size < least { T::of(0.0) } else { value }
+        });
+        let (q, t) = match b.nrows() {
+            1 => (DMatrix::identity(1, 1), b),
+            _ => nalgebra::linalg::Hessenberg::new(b).unpack(),
+        };
+        let mut schur = Schur {
+            q,
+            t,
+            blocks: Vec::new(),
+        };
+        if !T::triangularise(&mut schur.t, &mut schur.q) {
+            return None;
+        }
+        schur.find_blocks();
+        let key = |block: &Block| rank(block.values[0]).max(rank(block.values[1]));
+        // Insertion by swaps of neighbours: what stands first stays, so that equal ones keep their order.
+        for last in 1..schur.blocks.len() {
+            let mut at = last;
+            while at > 0 && key(&schur.blocks[at]) > key(&schur.blocks[at - 1]) {
+                if !schur.swap(at - 1) {
+                    break;
+                }
+                at -= 1;
+            }
+        }
+        Some(schur)
+    }
+
+    fn find_blocks(&mut self) {
+        let n = self.t.nrows();
+        let mut start = 0;
+        self.blocks.clear();
+        while start < n {
+            let coupled = T::REAL && start + 1 < n && self.t[(start + 1, start)] != T::of(0.0);
+            let size = if coupled { 2 } else { 1 };
+            self.blocks.push(self.block(start, size));
+            start += size;
+        }
+    }
+
+    fn block(&self, start: usize, size: usize) -> Block {
+        let entry = |i: usize, j: usize| self.t[(start + i, start + j)].widened();
+        let values = if size == 1 {
+            [entry(0, 0); 2]
+        } else {
+            eigenvalues_of_two([
+                [entry(0, 0).re, entry(0, 1).re],
+                [entry(1, 0).re, entry(1, 1).re],
+            ])
+        };
+        Block {
+            start,
+            size,
+            values,
+        }
+    }
+
+    /// Swaps block `at` with the one after it (Bai & Demmel 1993). False where they are too alike to be told apart.
+    fn swap(&mut self, at: usize) -> bool {
+        let (p, q) = (self.blocks[at].size, self.blocks[at + 1].size);
+        let (start, count) = (self.blocks[at].start, p + q);
+        let window = self.t.view((start, start), (count, count)).clone_owned();
+        // T₁₁ X - X T₂₂ = T₁₂, so that the columns of (-X, I) span what belongs to T₂₂.
+        let mut system = DMatrix::<T>::zeros(p * q, p * q);
+        let mut right = DVector::<T>::zeros(p * q);
+        for j in 0..q {
+            for i in 0..p {
+                right[j * p + i] = window[(i, p + j)];
+                (0..p).for_each(|l| system[(j * p + i, j * p + l)] += window[(i, l)]);
+                (0..q).for_each(|l| system[(j * p + i, l * p + i)] -= window[(p + l, p + j)]);
+            }
+        }
+        let Some(x) = system.full_piv_lu().solve(&right) else {
+            return false;
+        };
+        let mut frame = DMatrix::<T>::zeros(count, count);
+        for j in 0..q {
+            (0..p).for_each(|i| frame[(i, j)] = -x[j * p + i]);
+            frame[(p + j, j)] = T::of(1.0);
+        }
+        (0..p).for_each(|i| frame[(i, q + i)] = T::of(1.0));
+        let turn = frame.qr().q();
+        let swapped = turn.adjoint() * &window * &turn;
+        let left_over = swapped.view((q, 0), (p, q)).norm();
+        if !left_over.is_finite() || left_over > 1e-14 * (1.0 + window.norm()) * 100.0 {
+            return false;
+        }
+
+        let n = self.t.nrows();
+        let rows = turn.adjoint() * self.t.view((start, start), (count, n - start));
+        self.t
+            .view_mut((start, start), (count, n - start))
+            .copy_from(&rows);
+        let columns = self.t.view((0, start), (start + count, count)) * &turn;
+        self.t
+            .view_mut((0, start), (start + count, count))
+            .copy_from(&columns);
+        let basis = self.q.view((0, start), (n, count)) * &turn;
+        self.q.view_mut((0, start), (n, count)).copy_from(&basis);
+        self.t.view_mut((start + q, start), (p, q)).fill(T::of(0.0));
+        self.blocks[at] = self.block(start, q);
+        self.blocks[at + 1] = self.block(start + q, p);
+        true
+    }
+}
+
+/// Eigenvalues of a real 2 × 2 matrix.
+fn eigenvalues_of_two([[a, b], [c, d]]: [[f64; 2]; 2]) -> [c64; 2] {
+    let (mean, half) = (0.5 * (a + d), 0.5 * (a - d));
+    let square = half * half + b * c;
+    let root = square.abs().sqrt();
+    if square < 0.0 {
+        [c64::new(mean, root), c64::new(mean, -root)]
+    } else {
+        [c64::new(mean + root, 0.0), c64::new(mean - root, 0.0)]
+    }
+}

@@ -1,0 +1,224 @@
+//! Eigenvalues with what they are worth.
+
+use faer::linalg::solvers::DenseSolveCore;
+use faer::{Mat, MatRef, c64};
+
+use super::problem::{Problem, ZERO};
+use super::scalar::Scalar;
+
+/// What an eigenvalue is evidence of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// |λ| ≤ 10⁻¹² ‖A‖.
+    Zero,
+    /// |Im λ| ≤ 10⁻¹² ‖A‖: what complex shifts leave of a zero.
+    Real,
+    /// One of a conjugate pair.
+    Pair,
+    /// An imaginary part that rounding alone may have made: no evidence of a pair, nor against it.
+    Doubtful,
+}
+
+impl Verdict {
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::Zero => "zero",
+            Verdict::Real => "real",
+            Verdict::Pair => "pair",
+            Verdict::Doubtful => "doubtful",
+        }
+    }
+}
+
+/// An eigenvalue of A. Its vectors are columns of `Spectrum`.
+#[derive(Debug, Clone, Copy)]
+pub struct Eigenvalue {
+    pub value: c64,
+    /// ‖A w - λ w‖ / (‖A‖ ‖w‖).
+    pub residual: f64,
+    /// 1/|yᴴ w| of the left and the right vector, both of length 1: how far λ moves over how far A does. Infinite where λ is defective.
+    pub condition: f64,
+    pub verdict: Verdict,
+}
+
+/// Eigenvalues and vectors.
+pub struct Spectrum {
+    pub eigenvalues: Vec<Eigenvalue>,
+    /// w of A w = λ w [size][k], of length 1.
+    pub right: Mat<c64>,
+    /// y of yᴴ A = λ yᴴ [size][k], with yᴴ w = 1. Where no left subspace was sought, that of the right one projected on it.
+    pub left: Mat<c64>,
+}
+
+impl Spectrum {
+    /// Rayleigh–Ritz: the eigenvalues of XᴴAX, X = `right` [size][k] orthonormal. `left`: the left invariant subspace of the same
+    /// eigenvalues; without it conditions are those within the right one.
+    pub fn of<T: Scalar>(problem: &Problem, right: &Mat<T>, left: Option<&Mat<T>>) -> Self {
+        let mut image = Mat::zeros(right.nrows(), right.ncols());
+        problem.apply(right.as_ref(), image.as_mut());
+        let small = right.adjoint() * &image;
+        let (values, vectors) = eigen(&small);
+        let right = widened(right.as_ref()) * normalised(vectors);
+        let left = left.map(|left| widened(left.as_ref()));
+        let left = left.as_ref().map_or(right.as_ref(), |left| left.as_ref());
+        Spectrum::with_vectors(problem, values, right.clone(), dual(left, right.as_ref()))
+    }
+
+    /// All eigenvalues of a problem, by the QR algorithm on A as a dense matrix.
+    pub fn dense(problem: &Problem) -> Self {
+        let n = problem.size();
+        let (values, vectors) = eigen(&problem.matrix().to_dense());
+        let right = normalised(vectors);
+        // The left vectors are the rows of the inverse of the right ones.
+        let left = if n > 0 {
+            right.partial_piv_lu().inverse().adjoint().to_owned()
+        } else {
+            Mat::zeros(0, 0)
+        };
+        Spectrum::with_vectors(problem, values, right, left)
+    }
+
+    fn with_vectors(problem: &Problem, values: Vec<c64>, right: Mat<c64>, left: Mat<c64>) -> Self {
+        let mut image = Mat::zeros(problem.size(), 1);
+        let mut eigenvalues = Vec::with_capacity(values.len());
+        for (k, &value) in values.iter().enumerate() {
+            let w = right.as_ref().subcols(k, 1);
+            problem.apply(w, image.as_mut());
+            image -= w * faer::Scale(value);
+            let residual = image.norm_l2() / problem.norm().max(f64::MIN_POSITIVE);
+            let condition = left.col(k).norm_l2();
+            let condition = if condition.is_nan() {
+                f64::INFINITY
+            } else {
+                condition
+            };
+            let verdict = judge(value / problem.norm(), residual, condition);
+            eigenvalues.push(Eigenvalue {
+                value,
+                residual,
+                condition,
+                verdict,
+            });
+        }
+        Spectrum {
+            eigenvalues,
+            right,
+            left,
+        }
+    }
+
+    /// Keeps the eigenvalues that `kept` holds for, in the order of `key`.
+    pub fn arranged(
+        &self,
+        kept: impl Fn(&Eigenvalue) -> bool,
+        key: impl Fn(&Eigenvalue) -> f64,
+    ) -> Spectrum {
+        let mut order: Vec<usize> = (0..self.eigenvalues.len())
+            .filter(|&k| kept(&self.eigenvalues[k]))
+            .collect();
+        order.sort_by(|&a, &b| {
+            let [a, b] = [a, b].map(|k| &self.eigenvalues[k]);
+            key(a)
+                .total_cmp(&key(b))
+                .then(b.value.im.total_cmp(&a.value.im))
+        });
+        let picked =
+            |from: &Mat<c64>| Mat::from_fn(from.nrows(), order.len(), |i, j| from[(i, order[j])]);
+        Spectrum {
+            eigenvalues: order.iter().map(|&k| self.eigenvalues[k]).collect(),
+            right: picked(&self.right),
+            left: picked(&self.left),
+        }
+    }
+
+    /// The conjugates of the eigenvalues that `kept` holds for.
+    pub fn mirrored(&self, kept: impl Fn(&Eigenvalue) -> bool) -> Spectrum {
+        let mut out = self.arranged(kept, |e| e.value.re);
+        out.eigenvalues
+            .iter_mut()
+            .for_each(|e| e.value = e.value.conj());
+        for vectors in [&mut out.right, &mut out.left] {
+            *vectors = vectors.conjugate().to_owned();
+        }
+        out
+    }
+
+    /// Joins two sets of eigenvalues of one problem.
+    pub fn append(&mut self, other: Spectrum) {
+        self.eigenvalues.extend(other.eigenvalues);
+        let joined = |a: &Mat<c64>, b: &Mat<c64>| {
+            let first = a.ncols();
+            Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| {
+                if j < first {
+                    a[(i, j)]
+                } else {
+                    b[(i, j - first)]
+                }
+            })
+        };
+        self.right = joined(&self.right, &other.right);
+        self.left = joined(&self.left, &other.left);
+    }
+}
+
+/// The verdict on λ/‖A‖.
+///
+/// Rounding moves λ by about its condition times ε, and at an exceptional point of two eigenvalues by √ε, of more by more, where the condition
+/// is accordingly great. An imaginary part below either is no evidence.
+fn judge(value: c64, residual: f64, condition: f64) -> Verdict {
+    let rounding = 10.0 * condition * residual.max(f64::EPSILON);
+    if value.norm() <= ZERO {
+        Verdict::Zero
+    } else if value.im.abs() <= ZERO {
+        Verdict::Real
+    } else if value.im.abs() <= f64::EPSILON.sqrt().max(rounding) {
+        Verdict::Doubtful
+    } else {
+        Verdict::Pair
+    }
+}
+
+/// How many of N groups of unknowns take part, over N: (Σ p)² / (N Σ p²), p = |v|² over the `group` unknowns of each (Bell & Dean 1970).
+pub fn participation(v: &[c64], group: usize) -> f64 {
+    let weights = v
+        .chunks(group.max(1))
+        .map(|part| part.iter().map(|v| v.norm_sqr()).sum::<f64>());
+    let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    for p in weights {
+        count += 1.0;
+        sum += p;
+        squares += p * p;
+    }
+    sum * sum / (count * squares)
+}
+
+/// Vectors in the span of `left` that are dual to `right`: LᴴR = 1.
+fn dual(left: MatRef<'_, c64>, right: MatRef<'_, c64>) -> Mat<c64> {
+    if right.ncols() == 0 {
+        return Mat::zeros(right.nrows(), 0);
+    }
+    let overlap = left.adjoint() * right;
+    left * overlap.partial_piv_lu().inverse().adjoint()
+}
+
+fn eigen<T: Scalar>(small: &Mat<T>) -> (Vec<c64>, Mat<c64>) {
+    if small.nrows() == 0 {
+        return (Vec::new(), Mat::zeros(0, 0));
+    }
+    let eigen = small.eigen().expect("the QR algorithm converges");
+    let values = (0..small.nrows()).map(|k| eigen.S()[k]).collect();
+    (values, eigen.U().to_owned())
+}
+
+fn normalised(mut vectors: Mat<c64>) -> Mat<c64> {
+    for k in 0..vectors.ncols() {
+        let norm = vectors.col(k).norm_l2();
+        let mut column = vectors.col_mut(k);
+        (0..column.nrows()).for_each(|i| column[i] /= norm);
+    }
+    vectors
+}
+
+fn widened<T: Scalar>(x: MatRef<'_, T>) -> Mat<c64> {
+    Mat::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)].widened())
+}

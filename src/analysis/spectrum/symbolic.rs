@@ -1,0 +1,163 @@
+//! The shape of the factors of A - σI, which is the same for every shift: fronts and the tree they are assembled along.
+
+use faer::Side;
+use faer::perm::Perm;
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
+
+use super::ordering::{SymmetricPattern, nested_dissection};
+
+/// Fronts of the multifrontal LU of a matrix with a symmetric pattern, with diagonal pivots chosen within each front
+/// (Duff & Reid 1983). Its fill is that of a Cholesky factor and its transpose.
+pub struct Symbolic {
+    size: usize,
+    /// `order[k]`: the unknown that is eliminated as k-th.
+    pub(super) order: Vec<usize>,
+    pub(super) fronts: Vec<Front>,
+    /// Per front its entries of A: where in its panel or its rows, and which value of A.
+    pub(super) entries: Vec<Vec<Entry>>,
+}
+
+/// Pivots that are eliminated together, and the later ones that they reach.
+pub(super) struct Front {
+    /// First pivot.
+    pub begin: usize,
+    pub width: usize,
+    /// The later pivots reached, ascending.
+    pub reach: Vec<usize>,
+    pub children: Vec<usize>,
+}
+
+/// A value of A and its place: in the panel [width + reach][width] of columns, or, from its end on, in the rows [width][reach].
+pub(super) struct Entry {
+    pub place: u32,
+    pub value: u32,
+}
+
+impl Symbolic {
+    /// `a`: the pattern of a square matrix.
+    pub fn new(a: SymbolicSparseColMatRef<'_, usize>) -> Self {
+        let n = a.ncols();
+        let pattern = SymmetricPattern::of(a);
+        let order = nested_dissection(&pattern);
+        let mut rank = vec![0; n];
+        order.iter().enumerate().for_each(|(k, &j)| rank[j] = k);
+        let mut fronts = fronts(&pattern, &order, &rank);
+        for s in 0..fronts.len() {
+            if let Some(&next) = fronts[s].reach.first() {
+                let parent = fronts.partition_point(|front| front.begin <= next) - 1;
+                fronts[parent].children.push(s);
+            }
+        }
+        let entries = entries(a, &rank, &fronts);
+        Symbolic {
+            size: n,
+            order,
+            fronts,
+            entries,
+        }
+    }
+
+    /// Number of unknowns.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// Entries of L and U together.
+    pub fn fill(&self) -> usize {
+        let of = |front: &Front| front.width * (front.width + 2 * front.reach.len());
+        self.fronts.iter().map(of).sum()
+    }
+
+    /// Multiplications and additions of one factorisation.
+    pub fn operations(&self) -> f64 {
+        let of = |front: &Front| {
+            let (w, r) = (front.width as f64, front.reach.len() as f64);
+            2.0 / 3.0 * w * w * w + 2.0 * w * w * r + 2.0 * w * r * r
+        };
+        self.fronts.iter().map(of).sum()
+    }
+}
+
+/// The supernodes of the Cholesky factor of the pattern, relaxed by faer.
+fn fronts(pattern: &SymmetricPattern, order: &[usize], rank: &[usize]) -> Vec<Front> {
+    let n = pattern.size();
+    let symmetric = SymbolicSparseColMat::new_checked(
+        n,
+        n,
+        pattern.column_start.clone(),
+        None,
+        pattern.row.clone(),
+    );
+    let permutation = Perm::new_checked(order.into(), rank.into(), n);
+    let parameters = CholeskySymbolicParams {
+        supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+        ..Default::default()
+    };
+    let ordering = SymmetricOrdering::Custom(permutation.as_ref());
+    let factor = factorize_symbolic_cholesky(symmetric.as_ref(), Side::Lower, ordering, parameters)
+        .expect("memory for the pattern of the factors");
+    let SymbolicCholeskyRaw::Supernodal(factor) = factor.raw() else {
+        unreachable!("supernodes were asked for");
+    };
+    let mut fronts = Vec::with_capacity(factor.n_supernodes());
+    for s in 0..factor.n_supernodes() {
+        let begin = factor.supernode_begin()[s];
+        let mut reach = factor.supernode(s).pattern().to_vec();
+        reach.sort_unstable();
+        fronts.push(Front {
+            begin,
+            width: factor.supernode_end()[s] - begin,
+            reach,
+            children: Vec::new(),
+        });
+    }
+    fronts
+}
+
+fn entries(
+    a: SymbolicSparseColMatRef<'_, usize>,
+    rank: &[usize],
+    fronts: &[Front],
+) -> Vec<Vec<Entry>> {
+    let mut front_of = vec![0; a.ncols()];
+    for (s, front) in fronts.iter().enumerate() {
+        front_of[front.begin..front.begin + front.width].fill(s);
+    }
+    let mut entries: Vec<Vec<Entry>> = fronts.iter().map(|_| Vec::new()).collect();
+    let mut value = 0u32;
+    for (j, &column) in rank.iter().enumerate() {
+        for &i in a.row_idx_of_col_raw(j) {
+            let row = rank[i];
+            let s = front_of[row.min(column)];
+            let front = &fronts[s];
+            let (i, j) = (front.place(row), front.place(column));
+            let height = front.width + front.reach.len();
+            let place = if j < front.width {
+                j * height + i
+            } else {
+                front.width * height + (j - front.width) * front.width + i
+            };
+            entries[s].push(Entry {
+                place: u32::try_from(place).expect("a front of less than 2³² entries"),
+                value,
+            });
+            value += 1;
+        }
+    }
+    entries
+}
+
+impl Front {
+    /// Place of a pivot among those of the front.
+    pub fn place(&self, pivot: usize) -> usize {
+        if pivot < self.begin + self.width {
+            return pivot - self.begin;
+        }
+        let later = self.reach.binary_search(&pivot);
+        self.width + later.expect("a pivot that the front reaches")
+    }
+}

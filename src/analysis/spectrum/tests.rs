@@ -1,0 +1,416 @@
+//! Against closed forms, the dense solver, and planted eigenvalues.
+
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Mat, Par, c64};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+
+fn sparse(n: usize, entries: &[(usize, usize, f64)]) -> SparseColMat<usize, f64> {
+    let entries: Vec<_> = entries
+        .iter()
+        .map(|&(i, j, v)| Triplet::new(i, j, v))
+        .collect();
+    SparseColMat::try_new_from_triplets(n, n, &entries).expect("indices within the matrix")
+}
+
+fn problem(k: &SparseColMat<usize, f64>) -> Problem {
+    let null = Mat::zeros(k.ncols(), 0);
+    Problem::new(k, &vec![1.0; k.ncols()], null.as_ref()).expect("fit")
+}
+
+fn near(problem: &Problem, shift: c64, count: usize) -> Nearest {
+    let symbolic = Symbolic::new(problem.matrix().symbolic());
+    let request = Request {
+        shift,
+        count,
+        left: true,
+        par: Par::Seq,
+    };
+    nearest(problem, &symbolic, request).expect("it converges")
+}
+
+/// Tridiagonal Toeplitz matrix with b above and c below the diagonal: λ_k = a + 2√(bc) cos(kπ/(n + 1)).
+fn toeplitz(n: usize, [a, b, c]: [f64; 3]) -> (SparseColMat<usize, f64>, Vec<c64>) {
+    let mut entries = Vec::new();
+    for i in 0..n {
+        entries.push((i, i, a));
+        if i + 1 < n {
+            entries.extend([(i, i + 1, b), (i + 1, i, c)]);
+        }
+    }
+    let root = c64::new(b * c, 0.0).sqrt();
+    let value =
+        |k: usize| a + 2.0 * root * (k as f64 * std::f64::consts::PI / (n as f64 + 1.0)).cos();
+    (sparse(n, &entries), (1..=n).map(value).collect())
+}
+
+/// Blocks of size 1 (real) and 2 (pairs a ± ib) turned by rotations in random planes, which keep the matrix normal and sparse.
+fn planted(
+    blocks: &[(f64, f64)],
+    rotations: usize,
+    seed: u64,
+) -> (SparseColMat<usize, f64>, Vec<c64>) {
+    let mut values = Vec::new();
+    for &(a, b) in blocks {
+        values.push(c64::new(a, b));
+        if b != 0.0 {
+            values.push(c64::new(a, -b));
+        }
+    }
+    let n = values.len();
+    let mut dense = Mat::<f64>::zeros(n, n);
+    let mut at = 0;
+    for &(a, b) in blocks {
+        dense[(at, at)] = a;
+        at += 1;
+        if b != 0.0 {
+            dense[(at, at)] = a;
+            dense[(at - 1, at)] = b;
+            dense[(at, at - 1)] = -b;
+            at += 1;
+        }
+    }
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    for _ in 0..rotations {
+        let (p, q) = (random.random_range(0..n), random.random_range(0..n));
+        if p == q {
+            continue;
+        }
+        let (s, c) = random.random_range(-3.0..3.0f64).sin_cos();
+        for j in 0..n {
+            let (x, y) = (dense[(p, j)], dense[(q, j)]);
+            dense[(p, j)] = c * x + s * y;
+            dense[(q, j)] = c * y - s * x;
+        }
+        for i in 0..n {
+            let (x, y) = (dense[(i, p)], dense[(i, q)]);
+            dense[(i, p)] = c * x + s * y;
+            dense[(i, q)] = c * y - s * x;
+        }
+    }
+    let mut entries = Vec::new();
+    for j in 0..n {
+        entries.extend(
+            (0..n)
+                .filter(|&i| dense[(i, j)] != 0.0)
+                .map(|i| (i, j, dense[(i, j)])),
+        );
+    }
+    (sparse(n, &entries), values)
+}
+
+/// Asks that the k eigenvalues found are those of `exact` nearest the shift, one by one, and that their residuals are small.
+fn assert_nearest(problem: &Problem, found: &Spectrum, exact: &[c64], shift: c64, tolerance: f64) {
+    let distance = |z: &c64| (z - shift).norm();
+    let mut rest: Vec<c64> = exact.to_vec();
+    rest.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let farthest = found
+        .eigenvalues
+        .iter()
+        .map(|e| distance(&e.value))
+        .fold(0.0, f64::max);
+    for e in &found.eigenvalues {
+        assert!(e.residual <= 1e-12, "{e:?}");
+        let best = (0..rest.len())
+            .min_by(|&a, &b| {
+                (rest[a] - e.value)
+                    .norm()
+                    .total_cmp(&(rest[b] - e.value).norm())
+            })
+            .expect("no more than there are");
+        let error = (rest.remove(best) - e.value).norm() / problem.norm();
+        assert!(error < tolerance, "{e:?}: {error:e}");
+    }
+    // None of those left is nearer than those found.
+    assert!(
+        rest.iter()
+            .all(|z| distance(z) >= farthest - 1e-9 * problem.norm())
+    );
+}
+
+#[test]
+fn toeplitz_with_real_and_with_complex_eigenvalues() {
+    // bc > 0: real, bc < 0: a ± 2i√|bc| cos. √(b/c) stays near 1, so that the conditions do.
+    for coefficients in [[2.0, -1.0, -1.05], [1.0, 0.5, -0.52]] {
+        let (k, exact) = toeplitz(60, coefficients);
+        let problem = problem(&k);
+        let dense = Spectrum::dense(&problem);
+        assert_eq!(dense.eigenvalues.len(), 60);
+        let centre = c64::new(0.0, 0.0);
+        assert_nearest(&problem, &dense, &exact, centre, 1e-12);
+        for shift in [c64::new(1.3, 0.0), c64::new(1.0, 0.4)] {
+            let found = near(&problem, shift, 12);
+            assert!(found.spectrum.eigenvalues.len() >= 12);
+            assert_nearest(&problem, &found.spectrum, &exact, shift, 1e-11);
+        }
+    }
+}
+
+/// Five points in two dimensions with a stream: (∇² with convection) is a sum of two Toeplitz matrices, whose eigenvalues add.
+#[test]
+fn convection_and_diffusion_on_a_square() {
+    let (side, convection) = (30, 0.2);
+    let (one, values) = toeplitz(side, [2.0, -1.0 + convection, -1.0 - convection]);
+    let mut entries = Vec::new();
+    for entry in one.triplet_iter() {
+        for other in 0..side {
+            entries.push((
+                entry.row * side + other,
+                entry.col * side + other,
+                *entry.val,
+            ));
+            entries.push((
+                other * side + entry.row,
+                other * side + entry.col,
+                *entry.val,
+            ));
+        }
+    }
+    let exact: Vec<c64> = values
+        .iter()
+        .flat_map(|a| values.iter().map(move |b| a + b))
+        .collect();
+    let problem = problem(&sparse(side * side, &entries));
+    // All but those on the diagonal are double, for a + b = b + a.
+    let found = near(&problem, c64::new(0.0, 0.0), 25);
+    assert_nearest(&problem, &found.spectrum, &exact, c64::new(0.0, 0.0), 1e-10);
+    assert!(
+        found
+            .spectrum
+            .eigenvalues
+            .iter()
+            .all(|e| e.verdict == Verdict::Real)
+    );
+}
+
+#[test]
+fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let n = 150;
+    let mut entries = Vec::new();
+    for i in 0..n {
+        entries.push((i, i, random.random_range(0.0..4.0)));
+        for step in [1, 7, 31] {
+            let j = (i + step) % n;
+            let v = random.random_range(-1.0..0.0);
+            entries.push((i, j, v));
+            entries.push((j, i, v + random.random_range(-0.3..0.3)));
+        }
+    }
+    let k = sparse(n, &entries);
+    let mass: Vec<f64> = (0..n).map(|i| 0.5 + 0.01 * i as f64).collect();
+    let problem = Problem::new(&k, &mass, Mat::zeros(n, 0).as_ref()).expect("fit");
+    let dense = Spectrum::dense(&problem);
+    assert!(dense.eigenvalues.iter().any(|e| e.verdict == Verdict::Pair));
+    let exact: Vec<c64> = dense.eigenvalues.iter().map(|e| e.value).collect();
+    for shift in [c64::new(1.0, 0.0), c64::new(0.5, 0.3)] {
+        let found = near(&problem, shift, 16).spectrum;
+        assert_nearest(&problem, &found, &exact, shift, 1e-12);
+        for (at, e) in found.eigenvalues.iter().enumerate() {
+            let same = |other: &Eigenvalue| (other.value - e.value).norm() < 1e-9;
+            let other = dense
+                .eigenvalues
+                .iter()
+                .position(same)
+                .expect("it is there");
+            let condition = dense.eigenvalues[other].condition;
+            assert!(
+                (e.condition / condition - 1.0).abs() < 1e-6,
+                "{e:?} {condition}"
+            );
+            let overlap = found.right.col(at).adjoint() * dense.right.col(other);
+            assert!((overlap.norm() - 1.0).abs() < 1e-9);
+            // K v = λ M v, of the unscaled vector.
+            let w: Vec<c64> = (0..n).map(|i| found.right[(i, at)]).collect();
+            let v = problem.eigenvector(&w);
+            let mut rest: Vec<c64> = (0..n).map(|i| -e.value * mass[i] * v[i]).collect();
+            k.triplet_iter()
+                .for_each(|k| rest[k.row] += *k.val * v[k.col]);
+            assert!(rest.iter().all(|rest| rest.norm() < 1e-11));
+        }
+    }
+}
+
+#[test]
+fn planted_pairs_are_found_and_counted() {
+    let mut blocks: Vec<(f64, f64)> = (0..80).map(|k| (0.03 + 0.05 * k as f64, 0.0)).collect();
+    // From wide ones to one of |Im λ| = 10⁻⁶ ‖A‖, and one that is double.
+    let pairs = [
+        (0.31, 0.5),
+        (1.0, 0.02),
+        (1.72, 4e-6),
+        (2.2, 0.3),
+        (2.2, 0.3),
+        (3.3, 0.11),
+    ];
+    blocks.extend(pairs);
+    let (k, exact) = planted(&blocks, 150, 7);
+    let problem = problem(&k);
+    let symbolic = Symbolic::new(problem.matrix().symbolic());
+    let bounds = bendixson(&problem);
+    let all = scan(&problem, &symbolic, bounds.re, 12, Par::Seq).expect("it converges");
+    assert_eq!(all.spectrum.eigenvalues.len(), exact.len());
+    assert_nearest(&problem, &all.spectrum, &exact, c64::new(0.0, 0.0), 1e-10);
+    let in_pairs = all
+        .spectrum
+        .eigenvalues
+        .iter()
+        .filter(|e| e.verdict == Verdict::Pair);
+    assert_eq!(in_pairs.count(), 2 * pairs.len());
+
+    let strip = Rectangle {
+        re: [bounds.re[0] - 0.1, bounds.re[1] + 0.1],
+        im: [f64::EPSILON.sqrt() * problem.norm(), bounds.im[1] + 0.1],
+    };
+    let count = |rectangle, known: &[c64]| {
+        winding(&problem, &symbolic, rectangle, known, Par::Seq)
+            .expect("a clear contour")
+            .eigenvalues
+    };
+    assert_eq!(count(strip, &exact), 6);
+    // Two that nobody has found are counted all the same, and one that is not there is not.
+    let known: Vec<c64> = exact.iter().copied().filter(|z| z.re != 2.2).collect();
+    assert_eq!(count(strip, &known), 6);
+    let mut invented = exact.clone();
+    invented.extend([c64::new(2.9, 0.4), c64::new(2.9, -0.4)]);
+    assert_eq!(count(strip, &invented), 6);
+    // Nothing is known: from above the pair of 4·10⁻⁶ on, along a line that passes no eigenvalue closely.
+    let high = Rectangle {
+        im: [0.01, strip.im[1]],
+        ..strip
+    };
+    assert_eq!(count(high, &[]), 5);
+}
+
+#[test]
+fn exceptional_points_give_no_pair() {
+    // Jordan blocks of two and three at 1 and 2, bent out of their form by a similarity that rounds.
+    let mut dense = Mat::<f64>::zeros(12, 12);
+    let diagonal = [1.0, 1.0, 2.0, 2.0, 2.0, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0];
+    (0..12).for_each(|i| dense[(i, i)] = diagonal[i]);
+    dense[(0, 1)] = 1.0;
+    dense[(2, 3)] = 1.0;
+    dense[(3, 4)] = 1.0;
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let frame = Mat::from_fn(12, 12, |i, j| {
+        f64::from(u8::from(i == j)) + 0.2 * random.random_range(-1.0..1.0)
+    });
+    let inverse = faer::linalg::solvers::DenseSolveCore::inverse(&frame.partial_piv_lu());
+    let bent = &frame * dense * inverse;
+    let entries: Vec<_> = (0..12).flat_map(|j| (0..12).map(move |i| (i, j))).collect();
+    let entries: Vec<_> = entries
+        .into_iter()
+        .map(|(i, j)| (i, j, bent[(i, j)]))
+        .collect();
+    let problem = problem(&sparse(12, &entries));
+    for spectrum in [
+        Spectrum::dense(&problem),
+        near(&problem, c64::new(1.6, 0.0), 5).spectrum,
+    ] {
+        for e in &spectrum.eigenvalues {
+            assert!(e.residual <= 1e-12, "{e:?}");
+            assert_ne!(e.verdict, Verdict::Pair, "{e:?}");
+            let defective = e.value.re < 2.5;
+            assert_eq!(e.condition > 1e6, defective, "{e:?}");
+        }
+    }
+}
+
+#[test]
+fn a_pair_just_born_is_evidence_and_one_below_the_limit_is_not() {
+    // ((1, 1), (-δ², 1)): 1 ± iδ, with condition about 1/(2δ).
+    for (delta, verdict) in [(1e-5, Verdict::Pair), (1e-9, Verdict::Doubtful)] {
+        let entries = [
+            (0, 0, 1.0),
+            (0, 1, 1.0),
+            (1, 0, -delta * delta),
+            (1, 1, 1.0),
+            (2, 2, 3.0),
+        ];
+        let spectrum = Spectrum::dense(&problem(&sparse(3, &entries)));
+        let near_one = |e: &&Eigenvalue| e.value.re < 2.0;
+        for e in spectrum.eigenvalues.iter().filter(near_one) {
+            assert_eq!(e.verdict, verdict, "{e:?}");
+        }
+    }
+}
+
+#[test]
+fn a_singular_shift_is_moved() {
+    let (k, exact) = toeplitz(50, [2.0, -1.0, -1.0]);
+    let problem = problem(&k);
+    let at = exact[20];
+    let found = near(&problem, at, 6);
+    assert_ne!(found.shift, at);
+    assert!((found.shift - at).norm() < 1e-4 * problem.norm());
+    assert_nearest(&problem, &found.spectrum, &exact, at, 1e-12);
+}
+
+#[test]
+fn zero_modes_are_set_apart() {
+    // A ring of springs (translation) and two unknowns without any (rattlers).
+    let n = 40;
+    let mut entries = Vec::new();
+    for i in 0..n {
+        entries.extend([(i, i, 2.0), (i, (i + 1) % n, -1.0), ((i + 1) % n, i, -1.0)]);
+    }
+    entries.push((n, n, 0.0));
+    let k = sparse(n + 2, &entries);
+    let translation = Mat::from_fn(n + 2, 1, |i, _| if i < n { 1.0 } else { 0.0 });
+    let fit = Problem::new(&k, &vec![2.0; n + 2], translation.as_ref()).expect("fit");
+    assert_eq!((fit.size(), fit.rattling(), fit.null().ncols()), (n, 2, 1));
+    let exact: Vec<c64> = (1..n)
+        .map(|k| {
+            c64::new(
+                1.0 - (k as f64 * std::f64::consts::TAU / n as f64).cos(),
+                0.0,
+            )
+        })
+        .collect();
+    let found = near(&fit, c64::new(0.0, 0.0), 6);
+    assert_ne!(found.shift, c64::new(0.0, 0.0));
+    assert_nearest(&fit, &found.spectrum, &exact, c64::new(0.0, 0.0), 1e-12);
+    assert!(
+        found
+            .spectrum
+            .eigenvalues
+            .iter()
+            .all(|e| e.verdict == Verdict::Real)
+    );
+
+    // Without being told, the translation is found and recognised.
+    let untold = Problem::new(&k, &vec![2.0; n + 2], Mat::zeros(n + 2, 0).as_ref()).expect("fit");
+    let found = near(&untold, c64::new(0.0, 0.0), 7);
+    let zeros = found
+        .spectrum
+        .eigenvalues
+        .iter()
+        .filter(|e| e.verdict == Verdict::Zero);
+    assert_eq!(zeros.count(), 1);
+
+    let slope = Mat::from_fn(n + 2, 1, |i, _| i as f64);
+    let unfit = Problem::new(&k, &vec![2.0; n + 2], slope.as_ref()).err();
+    assert!(matches!(unfit, Some(Unfit::NotNull { column: 0, .. })));
+}
+
+#[test]
+fn eigenvalues_of_high_multiplicity_are_all_found() {
+    let blocks: Vec<(f64, f64)> = (0..60)
+        .map(|k| (if k < 9 { 1.0 } else { 1.5 + k as f64 }, 0.0))
+        .collect();
+    let (k, exact) = planted(&blocks, 80, 13);
+    let problem = problem(&k);
+    let found = near(&problem, c64::new(0.8, 0.0), 12);
+    assert_nearest(&problem, &found.spectrum, &exact, c64::new(0.8, 0.0), 1e-12);
+}
+
+#[test]
+fn participation_counts_grains() {
+    let v: Vec<c64> = [3.0, 4.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        .map(|x| c64::new(0.0, x))
+        .into();
+    assert_eq!(participation(&v, 2), 0.5);
+    assert_eq!(participation(&v[..1], 1), 1.0);
+}

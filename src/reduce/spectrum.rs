@@ -1,0 +1,322 @@
+//! `spectrum`: eigenvalues of K v = λ M v.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use faer::sparse::SparseColMat;
+use faer::{Mat, Par, c64};
+
+use super::commands::lost;
+use crate::analysis::spectrum::{
+    Failed, Nearest, Problem, Rectangle, Request, Spectrum, Symbolic, Uncounted, Verdict,
+    bendixson, nearest, participation, scan, winding,
+};
+use crate::failure::Failure;
+use crate::io::spectrum_writer::{self, Columns};
+use crate::io::{matrix_market, text_writer};
+use crate::report;
+
+/// Unknowns up to which --all-pairs takes the dense solver: 200 MB of vectors, a minute or two.
+const DENSE: usize = 3000;
+/// Unknowns above which --dense is refused: memory grows with the square, time with the cube.
+const MOST_DENSE: usize = 12_000;
+
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// K as Matrix Market file: real, square, of any symmetry
+    #[arg(long, value_name = "K.mtx")]
+    matrix: PathBuf,
+    /// M as Matrix Market file: diagonal and positive [default: the identity]
+    #[arg(long, value_name = "M.mtx")]
+    mass: Option<PathBuf>,
+    /// Null vectors of K and of its transpose (translations), a column each: set apart before the iteration starts
+    #[arg(long, value_name = "N.mtx")]
+    null: Option<PathBuf>,
+    /// Eigenvalues nearest to this are wanted
+    #[arg(long, value_name = "RE[,IM]", default_value = "0", allow_hyphen_values = true, value_parser = shift)]
+    shift: c64,
+    /// How many; with --all-pairs, how many per shift
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    count: Option<u32>,
+    /// All eigenvalues, and a count of the complex pairs by the winding of det(K - zM) to check that none is missing
+    #[arg(long, conflicts_with = "shift")]
+    all_pairs: bool,
+    /// All eigenvalues, by the QR algorithm on the dense matrix
+    #[arg(long, conflicts_with_all = ["shift", "count"])]
+    dense: bool,
+    /// No left eigenvectors: half the time, and conditions that are lower bounds only
+    #[arg(long, conflicts_with_all = ["all_pairs", "dense"])]
+    right_only: bool,
+    /// Unknowns per grain, for the participation ratio
+    #[arg(long, value_name = "D", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    group: u16,
+    /// Folder to write into [default: that of the matrix]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+fn shift(text: &str) -> Result<c64, String> {
+    let (re, im) = text.split_once(',').unwrap_or((text, "0"));
+    let number = |part: &str| {
+        let value = part
+            .trim()
+            .parse::<f64>()
+            .ok()
+            .filter(|value| value.is_finite());
+        value.ok_or(format!("{part}: must be a finite number"))
+    };
+    Ok(c64::new(number(re)?, number(im)?))
+}
+
+/// Writes `spectrum.csv`, `spectrum.h5`, `spectrum.svg`, and what was found to `output`.
+///
+/// Errors: bad matrices; an iteration that does not converge; files that cannot be written.
+pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> {
+    let problem = problem(options)?;
+    let par = match rayon::current_num_threads() {
+        1 => Par::Seq,
+        threads => Par::rayon(threads),
+    };
+    faer::set_global_parallelism(par);
+    writeln!(
+        output,
+        "{} unknowns, ‖A‖ = {:.6e}; set apart: {} of no stiffness, {} given null vectors",
+        problem.unknowns(),
+        problem.norm(),
+        problem.rattling(),
+        problem.null().ncols()
+    )
+    .map_err(lost)?;
+    let spectrum = solve(options, &problem, par, output)?;
+    let centre = options.shift;
+    let spectrum = if options.dense || options.all_pairs {
+        spectrum.arranged(|_| true, |e| e.value.re)
+    } else {
+        spectrum.arranged(|_| true, |e| (e.value - centre).norm())
+    };
+    summary(&spectrum, output).map_err(lost)?;
+
+    let beside = options.matrix.parent().unwrap_or(Path::new(""));
+    let folder = options.out.as_deref().unwrap_or(beside);
+    let columns = columns(&problem, &spectrum, options.group.into());
+    let csv = folder.join("spectrum.csv");
+    text_writer::write(&csv, &table(&spectrum, &columns.participation))?;
+    let vectors = spectrum_writer::write(folder, &options.matrix, &problem, &columns)?;
+    let svg = folder.join("spectrum.svg");
+    text_writer::write(&svg, &report::spectrum::in_the_plane(&spectrum.eigenvalues))?;
+    for path in [csv, vectors, svg] {
+        writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+    }
+    Ok(())
+}
+
+fn problem(options: &Options) -> Result<Problem, Failure> {
+    let k = matrix_market::read(&options.matrix)?;
+    let mass = match &options.mass {
+        Some(path) => diagonal(path, &matrix_market::read(path)?)?,
+        None => vec![1.0; k.ncols()],
+    };
+    let null = match &options.null {
+        Some(path) => matrix_market::read(path)?.to_dense(),
+        None => Mat::zeros(k.ncols(), 0),
+    };
+    Problem::new(&k, &mass, null.as_ref()).map_err(|unfit| {
+        use crate::analysis::spectrum::Unfit;
+        let path = match unfit {
+            Unfit::NotSquare(_) | Unfit::NotFinite(_) => Some(&options.matrix),
+            Unfit::MassCount { .. } | Unfit::Mass { .. } => options.mass.as_ref(),
+            Unfit::NullLength { .. } | Unfit::NullDependent | Unfit::NotNull { .. } => {
+                options.null.as_ref()
+            }
+        };
+        let path = path.unwrap_or(&options.matrix);
+        Failure::input(format!("{}: {unfit}", path.display()))
+    })
+}
+
+fn diagonal(path: &Path, m: &SparseColMat<usize, f64>) -> Result<Vec<f64>, Failure> {
+    let mut mass = vec![0.0; m.ncols()];
+    for entry in m.triplet_iter().filter(|entry| *entry.val != 0.0) {
+        if entry.row != entry.col {
+            return Err(Failure::input(format!(
+                "{}: row {}, column {}: M must be diagonal",
+                path.display(),
+                entry.row + 1,
+                entry.col + 1
+            )));
+        }
+        mass[entry.row] = *entry.val;
+    }
+    Ok(mass)
+}
+
+fn solve(
+    options: &Options,
+    problem: &Problem,
+    par: Par,
+    output: &mut impl Write,
+) -> Result<Spectrum, Failure> {
+    let n = problem.size();
+    if options.dense && n > MOST_DENSE {
+        return Err(Failure::input(format!(
+            "--dense: {n} unknowns, must be {MOST_DENSE} or fewer; --all-pairs or --shift work on the sparse matrix"
+        )));
+    }
+    if options.dense || n < 3 {
+        return Ok(Spectrum::dense(problem));
+    }
+    let symbolic = Symbolic::new(problem.matrix().symbolic());
+    writeln!(
+        output,
+        "factors: {} entries, {:.3e} operations",
+        symbolic.fill(),
+        symbolic.operations()
+    )
+    .map_err(lost)?;
+    if options.all_pairs {
+        return all_pairs(options, problem, &symbolic, par, output);
+    }
+    let request = Request {
+        shift: options.shift,
+        count: options.count.unwrap_or(20) as usize,
+        left: !options.right_only,
+        par,
+    };
+    let found = nearest(problem, &symbolic, request).map_err(unsolved)?;
+    tell(&found, options.shift, output).map_err(lost)?;
+    Ok(found.spectrum)
+}
+
+fn all_pairs(
+    options: &Options,
+    problem: &Problem,
+    symbolic: &Symbolic,
+    par: Par,
+    output: &mut impl Write,
+) -> Result<Spectrum, Failure> {
+    let bounds = bendixson(problem);
+    let spectrum = if problem.size() <= DENSE {
+        Spectrum::dense(problem)
+    } else {
+        let count = options.count.unwrap_or(100) as usize;
+        let found = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;
+        writeln!(
+            output,
+            "scan: {} shifts, {} solves",
+            found.disks, found.solves
+        )
+        .map_err(lost)?;
+        let (all, null) = (found.spectrum.eigenvalues.len(), problem.null().ncols());
+        let n = problem.size();
+        writeln!(output, "scan: {} of {} eigenvalues", all + null, n).map_err(lost)?;
+        found.spectrum
+    };
+    let mut known: Vec<c64> = spectrum.eigenvalues.iter().map(|e| e.value).collect();
+    known.resize(problem.size().max(known.len()), c64::new(0.0, 0.0));
+    let margin = 0.01 * problem.norm();
+    let strip = Rectangle {
+        re: [bounds.re[0] - margin, bounds.re[1] + margin],
+        im: [f64::EPSILON.sqrt() * problem.norm(), bounds.im[1] + margin],
+    };
+    let inside = known.iter().filter(|&&z| strip.contains(z)).count();
+    match winding(problem, symbolic, strip, &known, par) {
+        Ok(count) => writeln!(
+            output,
+            "pairs over the limit of trust: {inside} found, {} by the winding of the determinant ({} factorisations)",
+            count.eigenvalues, count.factorisations
+        ),
+        Err(Uncounted { at }) => writeln!(
+            output,
+            "pairs over the limit of trust: {inside} found; not counted: an eigenvalue lies on the contour at {at:.3e}"
+        ),
+    }
+    .map_err(lost)?;
+    Ok(spectrum)
+}
+
+fn unsolved(failed: Failed) -> Failure {
+    Failure::numbers(match failed {
+        Failed::Factors => "K - σM is singular at the shift and all round it".to_string(),
+        Failed::Stalled(stalled) => format!(
+            "the iteration has stalled with {} eigenvalues converged: another --shift or another --count may do",
+            stalled.converged
+        ),
+    })
+}
+
+fn tell(found: &Nearest, wished: c64, output: &mut impl Write) -> std::io::Result<()> {
+    if found.shift != wished {
+        let moved = (found.shift - wished).norm();
+        writeln!(
+            output,
+            "K - σM is singular at the shift: moved by {moved:.3e}"
+        )?;
+    }
+    writeln!(
+        output,
+        "{} solves, {} restarts, {} factorisations",
+        found.solves, found.restarts, found.factorisations
+    )
+}
+
+fn summary(spectrum: &Spectrum, output: &mut impl Write) -> std::io::Result<()> {
+    let of = |verdict| {
+        spectrum
+            .eigenvalues
+            .iter()
+            .filter(|e| e.verdict == verdict)
+            .count()
+    };
+    let worst = spectrum
+        .eigenvalues
+        .iter()
+        .map(|e| e.residual)
+        .fold(0.0, f64::max);
+    writeln!(
+        output,
+        "{} eigenvalues: {} real, {} in pairs, {} doubtful, {} zero; largest residual {worst:.1e} ‖A‖",
+        spectrum.eigenvalues.len(),
+        of(Verdict::Real),
+        of(Verdict::Pair),
+        of(Verdict::Doubtful),
+        of(Verdict::Zero)
+    )
+}
+
+fn columns(problem: &Problem, spectrum: &Spectrum, group: usize) -> Columns {
+    let k = spectrum.eigenvalues.len();
+    let mut vectors = ndarray::Array3::zeros((k, problem.unknowns(), 2));
+    let mut taking_part = Vec::with_capacity(k);
+    for (k, mut row) in vectors.outer_iter_mut().enumerate() {
+        let w: Vec<c64> = (0..problem.size())
+            .map(|i| spectrum.right[(i, k)])
+            .collect();
+        let v = problem.eigenvector(&w);
+        for (mut to, value) in row.outer_iter_mut().zip(&v) {
+            to[0] = value.re;
+            to[1] = value.im;
+        }
+        taking_part.push(participation(&v, group));
+    }
+    Columns {
+        eigenvalues: spectrum.eigenvalues.clone(),
+        participation: taking_part,
+        vectors,
+    }
+}
+
+/// A line an eigenvalue; numbers in shortest form that reads back to the same bits.
+fn table(spectrum: &Spectrum, participation: &[f64]) -> String {
+    let mut csv = String::from("lambda_re,lambda_im,verdict,residual,condition,participation\n");
+    for (e, participation) in spectrum.eigenvalues.iter().zip(participation) {
+        let (re, im, verdict) = (e.value.re, e.value.im, e.verdict.name());
+        let (residual, condition) = (e.residual, e.condition);
+        writeln!(
+            csv,
+            "{re:?},{im:?},{verdict},{residual:?},{condition:?},{participation:?}"
+        )
+        .expect("a string grows");
+    }
+    csv
+}
