@@ -36,7 +36,7 @@ if [ ! -x "$program" ]; then
     exit 2
 fi
 
-# A rank is one core; threads would only share it.
+# Threads that nobody asked for would share the cores of the ranks.
 export OMP_NUM_THREADS=1 RAYON_NUM_THREADS=1
 if [ "$(id -u)" = 0 ]; then # In a container.
     export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
@@ -49,6 +49,9 @@ else
     folder=out/$(basename "$config" .toml)-$SLURM_JOB_ID
     arguments=("$config" --out "$folder")
 fi
+
+# One thread for each core that a rank has (#SBATCH --cpus-per-task): for samples of 50,000 grains and more.
+arguments+=(--threads "${SLURM_CPUS_PER_TASK:-1}")
 
 # The program's own clock, in case the signal does not come through: what is left of the job, less three minutes for the last
 # checkpoint, but at least half of it.

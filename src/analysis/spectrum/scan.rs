@@ -186,7 +186,7 @@ impl Cover {
                             .map(|disk| disk.1)
                             .filter(|r| r.is_finite());
                         let ahead = ahead.next_back().unwrap_or(0.0);
-                        return Some(c64::new((x + 0.7 * ahead).min(self.re[1]), 0.0));
+                        return Some(c64::new((x + 0.7 * ahead).min(self.re[1].max(x)), 0.0));
                     }
                     // On to where this disk ends at this height.
                     Some((centre, radius)) => {

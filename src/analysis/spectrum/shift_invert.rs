@@ -114,7 +114,7 @@ fn nearest_in<T: Scalar>(
     })
 }
 
-/// Measured on matrices of packings (docs/spectrum.md): two vectors at once read the factors half as often, and more than twice as many columns
+/// First choices, not tuned: two vectors at once read the factors half as often, and more than twice as many columns
 /// as wanted eigenvalues spare restarts.
 fn settings(request: Request, n: usize) -> Settings {
     let count = request.count.min(n);
