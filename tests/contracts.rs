@@ -80,6 +80,12 @@ fn bookkeeping_never_reaches_the_numbers() {
             "{ranks} ranks, {threads} threads"
         );
     }
+    // Messages through MPI, as between nodes, in place of shared memory.
+    let arguments = [format!("--resume={}", start.display())];
+    let apart = [("GSHEAR_NO_SHARED_MEMORY", "1")];
+    let other = folder.path().join("other");
+    let outcome = common::with_environment(&apart, 3, &other, &arguments);
+    assert_eq!(outcome.digest(), expected, "3 ranks without shared memory");
     for simd in ["avx2", "avx512"] {
         if gshear::simd::Level::named(simd).is_some() {
             let set = [format!("bookkeeping.simd={simd}")];

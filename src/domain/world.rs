@@ -29,7 +29,7 @@ const OPEN_MPI: [(&str, &str); 2] = [
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
 
-/// Where the environment has this, all messages go through MPI.
+/// Where rank 0's environment has this, all messages go through MPI.
 const NO_SHARED_MEMORY: &str = "GSHEAR_NO_SHARED_MEMORY";
 
 impl World {
@@ -53,7 +53,12 @@ impl World {
             }
         }));
         let communicator = universe.world();
-        let shares = std::env::var_os(NO_SHARED_MEMORY).is_none();
+        // As rank 0 has it: the environments of other nodes may differ, and all must do the same.
+        let mut shares = [u8::from(std::env::var_os(NO_SHARED_MEMORY).is_none())];
+        communicator
+            .process_at_rank(0)
+            .broadcast_into(&mut shares[..]);
+        let shares = shares[0] == 1;
         World {
             node: shares.then(|| Node::new(&communicator)).flatten(),
             rank: communicator.rank() as usize,

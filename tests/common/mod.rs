@@ -81,6 +81,16 @@ impl Outcome {
 
 /// `gshear-mpi arguments` on ranks, with its results in `folder`; on one rank without mpirun.
 pub fn gshear_mpi(ranks: usize, folder: &Path, arguments: &[String]) -> Outcome {
+    with_environment(&[], ranks, folder, arguments)
+}
+
+/// The same with further variables in the environment.
+pub fn with_environment(
+    variables: &[(&str, &str)],
+    ranks: usize,
+    folder: &Path,
+    arguments: &[String],
+) -> Outcome {
     let program = env!("CARGO_BIN_EXE_gshear-mpi");
     let mut command = if ranks == 1 {
         Command::new(program)
@@ -88,10 +98,11 @@ pub fn gshear_mpi(ranks: usize, folder: &Path, arguments: &[String]) -> Outcome 
         mpirun(ranks, program)
     };
     command.args(arguments).arg("--out").arg(folder);
+    command.envs(variables.iter().copied());
     Outcome::of(command.output().expect("the program starts"))
 }
 
-/// The same on one rank, asked to stop as soon as it has begun to pack.
+/// [`gshear_mpi`] on one rank, asked to stop as soon as it has begun to pack.
 pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
     use std::io::{BufRead, BufReader, Read};
     let mut child = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"))
