@@ -59,7 +59,9 @@ fn run(command: &mut Command, ranks: usize, accepted: i32) -> Said {
 
 /// Packs a scene on two ranks, unless it was packed before. `set` belongs to the scene.
 fn pack(folder: &Path, name: &'static str, config: &str, set: &[&str], strain: f64) -> Packed {
-    let out = folder.join(name);
+    // What was packed for another format of checkpoints cannot be gone on with.
+    let format = gshear::io::checkpoint::VERSION;
+    let out = folder.join(format!("{name}-{format}"));
     let checkpoint = out.join("checkpoint.h5");
     if !checkpoint.exists() {
         eprintln!("packing {name} …");

@@ -11,7 +11,7 @@
 use std::ops::Range;
 
 use crate::contact::{CARRY, ContactLaw, Motion, Response, loss, store_vector, vector};
-use crate::dimension::Dimension;
+use crate::dimension::{Dimension, Three};
 use crate::simd::{LANES, Lanes, Level, Mask, Row, Work, inverse_sqrt};
 use crate::state::{Cell, ForceUnit, Part};
 
@@ -368,7 +368,7 @@ fn turn_with_normal<L: Lanes>(
     half_step: L,
 ) {
     let mut u = vector::<L>(token, history, 3);
-    let p = u[0].mul_add(n[0], u[1].mul_add(n[1], u[2] * n[2]));
+    let p = Three::dot(&u, n);
     for k in 0..3 {
         let aside = half_step.mul_add(across[k], -n[k]);
         u[k] = p.mul_add(aside, u[k]);

@@ -33,7 +33,7 @@ pub struct Lattice<'a> {
 
 impl<'a> Lattice<'a> {
     pub fn new(sample: &'a Sample, sizes: &'a Sizes) -> Self {
-        let planar = sample.width == f64::INFINITY;
+        let planar = sample.is_planar();
         let along = columns(sample.length, sample.radius_max);
         let across = match planar {
             true => 1,
@@ -74,7 +74,7 @@ impl<'a> Lattice<'a> {
     fn column(&self, seed: u64, column: u32) -> Vec<GrainState> {
         let at = [column / self.columns[1], column % self.columns[1]];
         let periods = [self.sample.length, self.sample.width];
-        let planar = self.width[1] == 0.0;
+        let planar = self.sample.is_planar();
         let mut bottom = 0.0;
         let grain = |id| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);

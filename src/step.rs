@@ -254,7 +254,7 @@ impl<D: Dimension> Work for HalfKickAndDrift<'_, D> {
                 r[D::VELOCITY + axis] = v + dv;
                 let x = r[axis] + step * v;
                 r[axis] = if axis < D::UP && (x < 0.0 || x >= cell.periods[axis]) {
-                    wrapped(x, cell.periods[axis])
+                    Cell::wrapped(x, cell.periods[axis])
                 } else {
                     x
                 };
@@ -281,11 +281,6 @@ impl<D: Dimension> Work for HalfKickAndDrift<'_, D> {
 
 fn greater_or_nan(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
-}
-
-#[cold]
-fn wrapped(x: f64, period: f64) -> f64 {
-    Cell::wrapped(x, period)
 }
 
 /// -m g along the last axis, on grains that are free, rounded as the contact forces are.

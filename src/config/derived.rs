@@ -19,11 +19,7 @@ pub const STIFFNESS_NUMBER_MAX: f64 = 1e10;
 
 /// Solid fraction by which the height of a packing is estimated: random close packing of disks, and of spheres.
 fn packed_fraction(sample: &Sample) -> f64 {
-    if is_planar(sample) { 0.84 } else { 0.64 }
-}
-
-fn is_planar(sample: &Sample) -> bool {
-    sample.width == f64::INFINITY
+    if sample.is_planar() { 0.84 } else { 0.64 }
 }
 
 /// Height of the two walls and of the least sample between them, over d̄: one each, and five.
@@ -152,7 +148,7 @@ fn lightest_and_stiffest(law: &Law, sample: &Sample, mean_overlap: f64) -> [f64;
     let radius = sample.radius_min;
     let overlap = (10.0 * mean_overlap).min(OVERLAP_LIMIT * 2.0 * radius);
     let stiffness = law.normal_stiffness(radius, radius, overlap);
-    let volume = if is_planar(sample) {
+    let volume = if sample.is_planar() {
         Two::volume(radius)
     } else {
         Three::volume(radius)
@@ -218,7 +214,7 @@ pub fn step_limit(
     } else {
         0.0
     };
-    let (along, across) = if is_planar(sample) {
+    let (along, across) = if sample.is_planar() {
         (12.0, 36.0)
     } else {
         (24.0, 84.0)

@@ -211,19 +211,26 @@ impl Sample {
         }
     }
 
+    /// Disks, in a cell without a width.
+    pub fn is_planar(&self) -> bool {
+        self.width == f64::INFINITY
+    }
+
     /// Of a wall: L_x (m), in 3D L_x L_y (m²).
     pub fn base(&self) -> f64 {
-        match self.width {
-            f64::INFINITY => self.length,
-            width => self.length * width,
+        if self.is_planar() {
+            self.length
+        } else {
+            self.length * self.width
         }
     }
 
     /// Of the force that a mean grain carries, F = P d̄, in 3D P d̄².
     pub fn mean_section(&self) -> f64 {
-        match self.width {
-            f64::INFINITY => self.mean_diameter,
-            _ => self.mean_diameter * self.mean_diameter,
+        if self.is_planar() {
+            self.mean_diameter
+        } else {
+            self.mean_diameter * self.mean_diameter
         }
     }
 }

@@ -6,7 +6,7 @@ pub mod hooke;
 pub mod lee_hurley;
 pub mod rolling;
 
-use crate::dimension::{Dimension, Vector};
+use crate::dimension::{Dimension, Three, Vector};
 use crate::simd::{Lanes, Portable, PortableToken, Row, inverse_sqrt, ln};
 
 /// How sixteen pairs of grains move, i before j, n from j to i (physics.md, conventions). SI units.
@@ -182,8 +182,7 @@ const NEXT_TO_NOTHING: f64 = 1e-290;
 /// |v| and 1/|v|.
 #[inline(always)]
 pub(crate) fn norm<L: Lanes>(token: L::Token, v: &Vector<L>) -> (L, L) {
-    let square = v[0].mul_add(v[0], v[1].mul_add(v[1], v[2] * v[2]));
-    let square = square.max(L::splat(token, NEXT_TO_NOTHING));
+    let square = Three::dot(v, v).max(L::splat(token, NEXT_TO_NOTHING));
     let per_length = inverse_sqrt(token, square);
     (square * per_length, per_length)
 }

@@ -18,7 +18,8 @@ pub const PREVIOUS: &str = "checkpoint.previous.h5";
 const PART: &str = "checkpoint.h5.part";
 
 const FORMAT: &str = "gshear-checkpoint";
-const VERSION: u64 = 2;
+/// Changes with what a checkpoint holds.
+pub const VERSION: u64 = 2;
 
 /// A field of a record: its name, its numbers a record (1 or more), and how they are got and set.
 struct Field<R, T> {

@@ -28,6 +28,7 @@ impl Cell {
     }
 
     /// x in [0, period), in the very step in which it left.
+    #[cold]
     pub fn wrapped(x: f64, period: f64) -> f64 {
         let inside = if x < 0.0 { x + period } else { x - period };
         // x may be so little below zero that the sum rounds to the period.

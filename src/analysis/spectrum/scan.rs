@@ -123,6 +123,7 @@ pub fn scan(
         let mirrored = own.mirrored(|e| e.value.im > ZERO * norm);
         found.spectrum.append(own);
         found.spectrum.append(mirrored);
+        cover.refine(radius);
         cover.add(near.shift, radius);
         found.disks += 1;
         found.solves += near.solves;
@@ -164,9 +165,21 @@ impl Cover {
             .any(|(centre, radius)| (z - centre).norm() < *radius)
     }
 
+    /// From a point of the grid to the corner of its cell.
+    fn reach(&self) -> f64 {
+        self.pitch * std::f64::consts::FRAC_1_SQRT_2
+    }
+
+    /// A grid as fine as a disk of this radius needs to cover its own centre; else the same shift would come again and again.
+    fn refine(&mut self, radius: f64) {
+        while radius > 0.0 && self.reach() > 0.5 * radius {
+            self.pitch *= 0.5;
+        }
+    }
+
     /// The lowest grid point, leftmost among equals, whose cell no disk holds whole.
     fn uncovered(&self) -> Option<c64> {
-        let reach = self.pitch * std::f64::consts::FRAC_1_SQRT_2;
+        let reach = self.reach();
         let covered = |z: c64| {
             self.disks
                 .iter()

@@ -77,9 +77,9 @@ pub(super) fn derive(
     }
     let least = derived::pressure(law, sample, STIFFNESS_NUMBER_MAX);
     let most = derived::pressure(law, sample, STIFFNESS_NUMBER_MIN);
-    let (unit, factor) = match (choice, sample.width) {
-        (LoadChoice::NormalForce(_), f64::INFINITY) => ("N/m", base),
-        (LoadChoice::NormalForce(_), _) => ("N", base),
+    let (unit, factor) = match (choice, sample.is_planar()) {
+        (LoadChoice::NormalForce(_), true) => ("N/m", base),
+        (LoadChoice::NormalForce(_), false) => ("N", base),
         _ => ("Pa", 1.0),
     };
     c.refuse(
