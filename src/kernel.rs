@@ -261,6 +261,15 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
     for (k, ((([sum, r_i], touching), (difference, spins_of_j)), (motion, direction))) in blocks {
         let difference = difference.as_ref();
         let mut r = vector::<L>(token, &difference[C::Space::POSITION..], axes);
+        // How much faster along x the second grain's image is than itself: what is to be taken from differences of velocities.
+        let mut image_velocity = None;
+        if let Some(sheared) = &pass.cell.sheared {
+            let up = C::Space::UP;
+            let images = -(r[up] * c(1.0 / sheared.height)).round();
+            r[up] = images.mul_add(c(sheared.height), r[up]);
+            r[0] = images.mul_add(c(sheared.offset), r[0]);
+            image_velocity = Some(images * c(sheared.velocity));
+        }
         for axis in 0..C::Space::UP {
             let period = pass.cell.periods[axis];
             let images = -(r[axis] * c(1.0 / period)).round();
@@ -279,10 +288,14 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
         let sum = load(sum);
         let overlap = sum - distance;
         overlap.store(&mut motion.overlap);
-        let v = vector::<L>(token, &difference[C::Space::VELOCITY..], axes);
+        let mut v = vector::<L>(token, &difference[C::Space::VELOCITY..], axes);
+        let mut half_v = vector::<L>(token, &difference[C::Space::HALF_VELOCITY..], axes);
+        if let Some(more) = image_velocity {
+            v[0] = v[0] + more;
+            half_v[0] = half_v[0] + more;
+        }
         let v_n = C::Space::dot(&v, &n);
         v_n.store(&mut motion.normal_velocity);
-        let half_v = vector::<L>(token, &difference[C::Space::HALF_VELOCITY..], axes);
         let half_normal = C::Space::dot(&half_v, &n);
         if LEDGER {
             (half_normal * step).store(&mut motion.normal_increment);

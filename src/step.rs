@@ -37,6 +37,7 @@ pub fn advance<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
         system.clock.end(Phase::Rebuild);
     }
     drive.drift(step, &mut system.grains);
+    system.cell.lean(step);
     let (level, cell) = (system.level, system.cell);
     let mut fastest = drive.speed();
     system.team.over_own(
@@ -260,6 +261,7 @@ impl<D: Dimension> Work for HalfKickAndDrift<'_, D> {
                 };
                 speed += v * v;
             }
+            cell.wrap_up::<D>(r);
             for k in 0..D::SPINS {
                 let dw = angular * force[D::TORQUE + k];
                 let w = r[D::SPIN + k] + dw;

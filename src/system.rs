@@ -64,6 +64,8 @@ pub struct List {
     pub due: bool,
     /// No grain has moved further since the last rebuild (m).
     bound: f64,
+    /// How far the images above have moved since then (m).
+    leaned: f64,
     /// Where the own grains were then.
     origin: Vec<[f64; 3]>,
     /// A coordinate is no number, or a grain moved further than half a skin before the list could be rebuilt.
@@ -75,9 +77,7 @@ impl List {
     fn new(
         exchange: &impl Exchange,
         bookkeeping: &Bookkeeping,
-        Cell {
-            periods: [length, width],
-        }: Cell,
+        cell: Cell,
         largest_radius: f64,
         mean_diameter: f64,
     ) -> Result<Self, Failure> {
@@ -87,9 +87,13 @@ impl List {
             Some(skin) => [skin; 2],
             None => [THINNEST_SKIN, THICKEST_SKIN],
         };
-        let widest = 0.98 * (length / size as f64).min(width) - diameter;
+        let [length, width] = cell.periods;
+        let higher = cell.sheared.map_or(f64::INFINITY, |s| 0.5 * s.height);
+        // How much longer the reach is along x where the images lean.
+        let longer = cell.longest_reach_along(1.0);
+        let widest = 0.98 * (length / (longer * size as f64)).min(width).min(higher) - diameter;
         let range = [thin * mean_diameter, (thick * mean_diameter).min(widest)];
-        let most = most_ranks(0.98 * length, diameter + range[0]);
+        let most = most_ranks(0.98 * length, longer * (diameter + range[0]));
         if range[1] < range[0] {
             return Err(Failure::input(format!(
                 "{size} ranks are too many for this cell: a slab must be wider than the interaction range (the greatest \
@@ -107,6 +111,7 @@ impl List {
             rebuilds: 0,
             due: false,
             bound: 0.0,
+            leaned: 0.0,
             origin: Vec::new(),
             unsound: false,
         })
@@ -120,12 +125,16 @@ impl List {
         grains: &Grains<D>,
         cell: &Cell,
     ) -> bool {
+        let leaning = step * cell.sheared.map_or(0.0, |s| s.velocity.abs());
+        self.leaned += leaning;
+        // Half of it for a pair across the top, and all of it for a grain that went through it, whose way is measured wrongly by it.
+        let more = 1.5 * self.leaned;
         let half = 0.5 * self.skin;
-        self.bound += step * fastest;
+        self.bound += step * fastest + 1.5 * leaning;
         // The next step may be faster, if not twice as fast.
-        let margin = 2.0 * step * fastest;
+        let margin = 2.0 * step * fastest + 1.5 * leaning;
         if self.bound + margin > half {
-            let exact = self.displacement(grains, cell);
+            let exact = self.displacement(grains, cell) + more;
             self.bound = exact;
             self.unsound = exact.is_nan() || exact > half;
         }
@@ -267,12 +276,15 @@ impl<D: Dimension> System<D> {
         contacts: Vec<ContactState>,
     ) -> Result<(), Failure> {
         let reach = self.list.reach();
-        let (own, remembered) = self.slabs.redistribute(exchange, grains, contacts, reach)?;
+        let (own, remembered) = self
+            .slabs
+            .redistribute(exchange, self.cell, grains, contacts, reach)?;
         self.grains.replace(&own, self.density, self.step);
         let largest = 0.5 * self.list.diameter;
         self.grains.unit = ForceUnit::new(law.largest_force(largest), largest);
-        self.slabs.attach_ghosts(exchange, &mut self.grains, reach);
-        let window = self.slabs.window(exchange, reach);
+        self.slabs
+            .attach_ghosts(exchange, self.cell, &mut self.grains, reach);
+        let window = self.slabs.window(exchange, self.cell.reach_along(reach));
         let range = neighbour::Range {
             reach,
             skin: self.list.skin,
@@ -291,6 +303,7 @@ impl<D: Dimension> System<D> {
 
         self.list.due = false;
         self.list.bound = 0.0;
+        self.list.leaned = 0.0;
         self.list.built = self.steps;
         self.list.rebuilds += 1;
         self.list.origin.clear();

@@ -76,9 +76,7 @@ impl Spin {
                 rebuild_every: 0,
                 simd: "auto",
             },
-            cell: Cell {
-                periods: [20.0 * largest; 2],
-            },
+            cell: Cell::between_walls([20.0 * largest; 2]),
             largest_radius: largest,
             mean_diameter: 2.0 * largest,
             density: spheres.density,

@@ -100,9 +100,7 @@ impl Impact {
         let setup = Setup {
             level: Level::detect(),
             bookkeeping: &bookkeeping,
-            cell: Cell {
-                periods: [LENGTH, f64::INFINITY],
-            },
+            cell: Cell::between_walls([LENGTH, f64::INFINITY]),
             largest_radius: RADII[1],
             mean_diameter: 1.7e-3,
             density: SPRINGS.density,

@@ -65,6 +65,17 @@ pub fn packing_spheres(spheres: &Spheres, sample: &Sample, pressure: f64) -> Sph
     }
 }
 
+/// x^(1/3) of a positive number: Newton's steps from a start that is right to some ulps.
+pub fn cube_root(x: f64) -> f64 {
+    let third = portable_ln(x) / 3.0;
+    let start = if third > 0.0 {
+        1.0 / portable_exp(-third)
+    } else {
+        portable_exp(third)
+    };
+    (0..2).fold(start, |y, _| y - (y - x / (y * y)) / 3.0)
+}
+
 /// x^(2/5) of a positive number.
 fn two_fifths(x: f64) -> f64 {
     let exponent = 0.4 * portable_ln(x);

@@ -7,6 +7,7 @@ mod checker;
 pub mod derived;
 mod keys;
 mod overrides;
+mod periodic;
 mod raw;
 mod scene;
 mod source;
@@ -18,6 +19,7 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::DeTable;
 
+pub use periodic::*;
 pub use scene::*;
 pub use source::Source;
 
@@ -25,7 +27,37 @@ use crate::failure::Failure;
 use crate::packing::Packing;
 use source::Input;
 
-/// Reads a configuration, replaces values by the overrides (`key.path=value`, as of `--set`), checks it and derives the rest.
+/// What a configuration asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Study {
+    PlaneShear(Scene),
+    /// With a table `[box]`.
+    Periodic(PeriodicScene),
+}
+
+impl Study {
+    pub fn title(&self) -> &str {
+        match self {
+            Study::PlaneShear(scene) => &scene.title,
+            Study::Periodic(scene) => &scene.title,
+        }
+    }
+
+    /// The whole configuration as TOML.
+    pub fn toml(&self) -> &str {
+        match self {
+            Study::PlaneShear(scene) => &scene.toml,
+            Study::Periodic(scene) => &scene.toml,
+        }
+    }
+}
+
+/// Tables of scenes between walls, and of those in a box.
+const OF_WALLS: [&str; 4] = ["load", "pack", "shear", "output"];
+const OF_A_BOX: [&str; 3] = ["relax", "aqs", "newtonian"];
+
+/// Reads the configuration of a plane-shear run, replaces values by the overrides (`key.path=value`, as of `--set`), checks it and
+/// derives the rest.
 ///
 /// An override's value is TOML, or a bare word taken as a string; `none` takes a key away.
 ///
@@ -46,6 +78,21 @@ pub fn load_with(
     overrides: &[String],
     packing: ReadPacking<'_>,
 ) -> Result<Scene, Failure> {
+    match study(source, overrides, packing)? {
+        Study::PlaneShear(scene) => Ok(scene),
+        Study::Periodic(_) => Err(Failure::input(format!(
+            "{}: is of a periodic box, not of plane shear",
+            source.name()
+        ))),
+    }
+}
+
+/// [`load_with`], of whatever the configuration asks for.
+pub fn study(
+    source: &Source,
+    overrides: &[String],
+    packing: ReadPacking<'_>,
+) -> Result<Study, Failure> {
     let input = Input { source, overrides };
     let mut tree = DeTable::parse(source.text())
         .map_err(|e| {
@@ -66,6 +113,8 @@ pub fn load_with(
         .collect();
     overrides::apply(&mut tree, &input)?;
 
+    let boxed = tree.contains_key("box");
+    refuse_others(&tree, &input, boxed)?;
     let paths = paths(&tree);
     let all = 0..input.override_offset(overrides.len());
     let raw =
@@ -74,7 +123,34 @@ pub fn load_with(
             let path = paths.iter().find(|(at, _)| *at == offset);
             input.failure(offset, path.map_or("", |(_, path)| path), e.message())
         })?;
-    check::scene(raw, input, tables, packing)
+    if boxed {
+        return check::periodic::scene(raw, input, tables).map(Study::Periodic);
+    }
+    check::scene(raw, input, tables, packing).map(Study::PlaneShear)
+}
+
+/// Tables that mean nothing where there is a box, or none.
+fn refuse_others(tree: &DeTable<'_>, input: &Input<'_>, boxed: bool) -> Result<(), Failure> {
+    let (others, why) = match boxed {
+        true => (
+            &OF_WALLS[..],
+            "is of scenes with walls, and this one has a [box]",
+        ),
+        false => (
+            &OF_A_BOX[..],
+            "is of scenes with a [box], and this one has none",
+        ),
+    };
+    let found = tree
+        .iter()
+        .filter(|(key, _)| others.contains(&&**key.get_ref()));
+    match found.min_by_key(|(key, _)| key.span().start) {
+        Some((key, _)) => {
+            let table = format!("[{}]", key.get_ref());
+            Err(input.failure(key.span().start, &table, &format!("{why}; leave it out")))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Where each value begins, and its key's path.

@@ -209,6 +209,29 @@ table!(Output {
     progress_lines: Whole,
     energy: Flag,
 });
+table!(BoxTable {
+    solid_fraction: Number
+});
+table!(Relax {
+    method: Text,
+    tolerance: Number,
+    drag: Number,
+    max_steps: Whole,
+});
+table!(Aqs {
+    strain_step: Number,
+    steps: Whole,
+    frame_every: Whole,
+    spectrum: Flag,
+    birth_precision: Number,
+    until_imaginary: Number,
+});
+table!(Newtonian {
+    growth_times: Number,
+    rows: Whole,
+    frames: Whole,
+    spectra: Whole,
+});
 table!(Bookkeeping {
     skin: Number,
     rebuild_every: Whole,
@@ -230,6 +253,10 @@ pub struct Raw {
     pub pack: Pack,
     pub shear: Shear,
     pub output: Output,
+    pub r#box: BoxTable,
+    pub relax: Relax,
+    pub aqs: Aqs,
+    pub newtonian: Newtonian,
     pub bookkeeping: Bookkeeping,
 }
 
@@ -246,6 +273,10 @@ pub const TABLES: &[(&str, &[&str])] = &[
     ("pack", Pack::KEYS),
     ("shear", Shear::KEYS),
     ("output", Output::KEYS),
+    ("box", BoxTable::KEYS),
+    ("relax", Relax::KEYS),
+    ("aqs", Aqs::KEYS),
+    ("newtonian", Newtonian::KEYS),
     ("bookkeeping", Bookkeeping::KEYS),
 ];
 

@@ -206,9 +206,7 @@ impl Sample {
     }
 
     pub fn cell(&self) -> Cell {
-        Cell {
-            periods: [self.length, self.width],
-        }
+        Cell::between_walls([self.length, self.width])
     }
 
     /// Disks, in a cell without a width.

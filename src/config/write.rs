@@ -3,8 +3,12 @@
 
 use std::fmt::Write;
 
+use super::periodic::{Method, PeriodicScene};
 use super::raw::show;
-use super::scene::{Dimensions, Drive, Law, Motion, Origin, Part, Scene, Sizes, StepChoice, Walls};
+use super::scene::{
+    Bookkeeping, Contact, Dimensions, Drive, Law, Motion, Origin, Part, Sample, Scene, Sizes,
+    StepChoice, Walls,
+};
 
 /// How the damping was given.
 #[derive(Debug, Clone, Copy)]
@@ -62,7 +66,82 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     t.text("title", &scene.title);
     t.whole("seed", scene.seed);
     t.whole("dimension", scene.dimension.axes() as u64);
+    let common = Common {
+        dimension: scene.dimension,
+        law: scene.law,
+        contact: scene.contact,
+    };
+    materials(&mut t, &common, damping);
+    plane_shear(&mut t, scene, load, force);
+    t.0
+}
 
+/// The configuration of a scene in a periodic box; `force` is `time.force`.
+pub(super) fn periodic(scene: &PeriodicScene, damping: DampingChoice, force: bool) -> String {
+    let mut t = Lines(String::new());
+    t.line("# What is run: every default filled in. What follows from it:");
+    t.line(&format!("# time step = {:?}", scene.time_step.step));
+    t.line(&format!(
+        "# its limit of stability = {:?}",
+        scene.time_step.limit
+    ));
+    t.text("title", &scene.title);
+    t.whole("seed", scene.seed);
+    t.whole("dimension", scene.dimension.axes() as u64);
+    let common = Common {
+        dimension: scene.dimension,
+        law: scene.law,
+        contact: scene.contact,
+    };
+    materials(&mut t, &common, damping);
+    t.table("sample");
+    t.whole("grains", scene.sample.grains.into());
+    radii(&mut t, &scene.sample, Some(&scene.sizes));
+    t.table("box");
+    t.number("solid_fraction", scene.solid_fraction);
+    t.table("time");
+    if scene.time_step.given == StepChoice::Given {
+        t.number("step", scene.time_step.step);
+    }
+    t.line(&format!("force = {force}"));
+    t.table("relax");
+    let relax = &scene.relax;
+    let name = Method::NAMES
+        .iter()
+        .find(|(_, known)| *known == relax.method);
+    t.text("method", name.map_or("", |(name, _)| name));
+    t.number("tolerance", relax.tolerance);
+    t.number("drag", relax.drag);
+    t.whole("max_steps", relax.max_steps);
+    t.table("aqs");
+    let aqs = &scene.aqs;
+    t.number("strain_step", aqs.strain_step);
+    t.whole("steps", aqs.steps);
+    t.whole("frame_every", aqs.frame_every);
+    t.line(&format!("spectrum = {}", aqs.spectrum));
+    if aqs.spectrum {
+        t.number("birth_precision", aqs.birth_precision);
+        t.number("until_imaginary", aqs.until_imaginary);
+    }
+    if let Some(newtonian) = &scene.newtonian {
+        t.table("newtonian");
+        t.number("growth_times", newtonian.growth_times);
+        t.whole("rows", newtonian.rows);
+        t.whole("frames", newtonian.frames);
+        t.whole("spectra", newtonian.spectra);
+    }
+    bookkeeping(&mut t, &scene.bookkeeping);
+    t.0
+}
+
+/// What scenes with and without walls have in common.
+struct Common {
+    dimension: Dimensions,
+    law: Law,
+    contact: Contact,
+}
+
+fn materials(t: &mut Lines, scene: &Common, damping: DampingChoice) {
     t.table("material");
     let material = match scene.law {
         Law::LeeHurley(material) => Some([material.young_modulus, material.poisson_ratio]),
@@ -101,7 +180,9 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
         t.number("rolling_friction", scene.contact.rolling_friction);
         t.number("rolling_damping_ratio", scene.contact.rolling_damping_ratio);
     }
+}
 
+fn plane_shear(t: &mut Lines, scene: &Scene, load: LoadChoice, force: bool) {
     t.table("sample");
     if let Origin::Packing { file, walls } = &scene.origin {
         t.text("packing", &file.path.display().to_string());
@@ -109,29 +190,11 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
         t.text("walls", name.map_or("", |(name, _)| name));
     }
     t.whole("grains", scene.sample.grains.into());
-    let list = match &scene.origin {
-        Origin::Insertion(Sizes::List(radii)) => Some(radii),
-        _ => None,
+    let sizes = match &scene.origin {
+        Origin::Insertion(sizes) => Some(sizes),
+        Origin::Packing { .. } => None,
     };
-    if list.is_none() {
-        t.number("radius_min", scene.sample.radius_min);
-        t.number("radius_max", scene.sample.radius_max);
-    }
-    if let Origin::Insertion(sizes) = &scene.origin {
-        t.text("sizes", sizes.name());
-        match sizes {
-            Sizes::Uniform => {}
-            Sizes::Normal { mean, deviation } => {
-                t.number("radius_mean", *mean);
-                t.number("radius_deviation", *deviation);
-            }
-            Sizes::Binary { large_fraction } => t.number("large_fraction", *large_fraction),
-            Sizes::List(radii) => {
-                let radii: Vec<String> = radii.iter().map(|r| show(*r)).collect();
-                t.line(&format!("radii = [{}]", radii.join(", ")));
-            }
-        }
-    }
+    radii(t, &scene.sample, sizes);
     t.number("length", scene.sample.length);
     if scene.dimension == Dimensions::Three {
         t.number("width", scene.sample.width);
@@ -215,13 +278,38 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     t.whole("progress_lines", scene.output.progress_lines);
     t.line(&format!("energy = {}", scene.output.energy));
 
+    bookkeeping(t, &scene.bookkeeping);
+}
+
+/// Between which radii, and how they are distributed, if the grains are inserted.
+fn radii(t: &mut Lines, sample: &Sample, sizes: Option<&Sizes>) {
+    if !matches!(sizes, Some(Sizes::List(_))) {
+        t.number("radius_min", sample.radius_min);
+        t.number("radius_max", sample.radius_max);
+    }
+    let Some(sizes) = sizes else { return };
+    t.text("sizes", sizes.name());
+    match sizes {
+        Sizes::Uniform => {}
+        Sizes::Normal { mean, deviation } => {
+            t.number("radius_mean", *mean);
+            t.number("radius_deviation", *deviation);
+        }
+        Sizes::Binary { large_fraction } => t.number("large_fraction", *large_fraction),
+        Sizes::List(radii) => {
+            let radii: Vec<String> = radii.iter().map(|r| show(*r)).collect();
+            t.line(&format!("radii = [{}]", radii.join(", ")));
+        }
+    }
+}
+
+fn bookkeeping(t: &mut Lines, bookkeeping: &Bookkeeping) {
     t.table("bookkeeping");
-    if let Some(skin) = scene.bookkeeping.skin {
+    if let Some(skin) = bookkeeping.skin {
         t.number("skin", skin);
     }
-    t.whole("rebuild_every", scene.bookkeeping.rebuild_every);
-    t.text("simd", scene.bookkeeping.simd);
-    t.0
+    t.whole("rebuild_every", bookkeeping.rebuild_every);
+    t.text("simd", bookkeeping.simd);
 }
 
 fn derived_comments(scene: &Scene) -> String {

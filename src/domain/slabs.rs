@@ -8,7 +8,7 @@ use super::{Exchange, Link};
 use crate::dimension::Dimension;
 use crate::failure::Failure;
 use crate::neighbour::Window;
-use crate::state::{ContactState, GrainState, Grains};
+use crate::state::{Cell, ContactState, GrainState, Grains};
 
 /// Columns of the histogram by which the cuts are balanced.
 const BINS: usize = 8192;
@@ -62,11 +62,12 @@ impl<D: Dimension> Slabs<D> {
         self.cuts[1..slabs].partition_point(|&cut| cut <= x)
     }
 
-    /// Moves the cuts to where the number of grains is balanced, then every grain, with the contacts it has, to the rank
+    /// `reach` (m): of the pairs in space. Moves the cuts to where the number of grains is balanced, then every grain, with the contacts it has, to the rank
     /// that owns it. Returns this rank's grains by id, and all contacts of theirs (with others', too) by (i, j).
     pub fn redistribute(
         &mut self,
         exchange: &impl Exchange,
+        cell: Cell,
         grains: Vec<GrainState>,
         mut contacts: Vec<ContactState>,
         reach: f64,
@@ -74,12 +75,12 @@ impl<D: Dimension> Slabs<D> {
         let (size, me) = (exchange.size(), exchange.rank());
         let mut mine = grains;
         if size > 1 {
-            self.balance(exchange, &mine, reach)?;
+            self.balance(exchange, cell, &mine, cell.reach_along(reach))?;
             let mut leaving: Vec<(u32, usize)> = Vec::new();
             let mut grains_to = vec![Vec::new(); size];
             let mut contacts_to = vec![Vec::new(); size];
             mine.retain(|g| {
-                let owner = self.owner(g.position[0]);
+                let owner = self.owner(cell.along::<D>(&g.position));
                 if owner != me {
                     leaving.push((g.id, owner));
                     grains_to[owner].push(*g);
@@ -115,6 +116,7 @@ impl<D: Dimension> Slabs<D> {
     fn balance(
         &mut self,
         exchange: &impl Exchange,
+        cell: Cell,
         grains: &[GrainState],
         reach: f64,
     ) -> Result<(), Failure> {
@@ -130,7 +132,7 @@ impl<D: Dimension> Slabs<D> {
         }
         let mut histogram = vec![0i64; BINS];
         for g in grains {
-            let bin = (g.position[0] / self.length * BINS as f64) as usize;
+            let bin = (cell.along::<D>(&g.position) / self.length * BINS as f64) as usize;
             histogram[bin.min(BINS - 1)] += 1;
         }
         exchange.sum(&mut histogram);
@@ -157,7 +159,14 @@ impl<D: Dimension> Slabs<D> {
     }
 
     /// Finds the own grains within `reach` (m) of a neighbour's slab, and adds the neighbours' as ghosts.
-    pub fn attach_ghosts(&mut self, exchange: &impl Exchange, grains: &mut Grains<D>, reach: f64) {
+    pub fn attach_ghosts(
+        &mut self,
+        exchange: &impl Exchange,
+        cell: Cell,
+        grains: &mut Grains<D>,
+        reach: f64,
+    ) {
+        let reach = cell.reach_along(reach);
         let (size, me) = (exchange.size(), exchange.rank());
         self.links.clear();
         if size == 1 {
@@ -166,7 +175,7 @@ impl<D: Dimension> Slabs<D> {
         let (left, right) = ((me + size - 1) % size, (me + 1) % size);
         let (from, to) = (self.cuts[me], self.cuts[me + 1]);
         let near = |g: &u32, side: usize| {
-            let x = grains.fields(*g as usize)[0];
+            let x = cell.along::<D>(grains.fields(*g as usize));
             (side == left && x - from < reach) || (side == right && to - x < reach)
         };
         let mut states = vec![Vec::new(); size];

@@ -163,9 +163,7 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
             run.path().display(),
         ),
         name: format!("frame-{t}"),
-        cell: Cell {
-            periods: [disks.length, f64::INFINITY],
-        },
+        cell: Cell::between_walls([disks.length, f64::INFINITY]),
         dimension: Dimensions::Two,
         grains: (0..disks.count()).map(grain).collect(),
     })

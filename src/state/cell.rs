@@ -1,4 +1,4 @@
-//! The cell: periodic along all axes but the last, along which the walls bound it.
+//! The cell: periodic along all axes but the last, along which walls bound it, or along that one as well, sheared.
 
 use crate::dimension::Dimension;
 
@@ -12,17 +12,50 @@ pub fn nearest_image(dx: f64, length: f64) -> f64 {
 pub struct Cell {
     /// L_x, and in three dimensions L_y (m).
     pub periods: [f64; 2],
+    /// Where the cell is periodic along the last axis, too.
+    pub sheared: Option<Sheared>,
+}
+
+/// The last axis of a cell that is periodic along it (Lees and Edwards): the image above is displaced along x.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sheared {
+    /// Period along the last axis (m).
+    pub height: f64,
+    /// Displacement of the image above along x (m), in [-L_x/2, L_x/2].
+    pub offset: f64,
+    /// Its velocity along x (m/s): γ̇ times the height.
+    pub velocity: f64,
+}
+
+impl Sheared {
+    /// dx/dz of a line of images.
+    fn tilt(&self) -> f64 {
+        self.offset / self.height
+    }
 }
 
 impl Cell {
+    /// Between walls; L_x and L_y (m).
+    pub const fn between_walls(periods: [f64; 2]) -> Self {
+        Self {
+            periods,
+            sheared: None,
+        }
+    }
+
     /// The nearest image of a - b (m), as many components as there are dimensions.
     pub fn separation<D: Dimension>(&self, a: &[f64], b: &[f64]) -> [f64; 3] {
         let mut r = [0.0; 3];
         for (axis, r) in r[..D::AXES].iter_mut().enumerate() {
             *r = a[axis] - b[axis];
-            if axis != D::UP {
-                *r = nearest_image(*r, self.periods[axis]);
-            }
+        }
+        if let Some(sheared) = self.sheared {
+            let images = (r[D::UP] / sheared.height).round();
+            r[D::UP] -= images * sheared.height;
+            r[0] -= images * sheared.offset;
+        }
+        for (r, period) in r[..D::UP].iter_mut().zip(self.periods) {
+            *r = nearest_image(*r, period);
         }
         r
     }
@@ -34,9 +67,182 @@ impl Cell {
         // x may be so little below zero that the sum rounds to the period.
         if inside >= period { 0.0 } else { inside }
     }
+
+    /// Brings a grain that has left a sheared cell along the last axis back into it: its record's position and velocities.
+    #[inline(always)]
+    pub fn wrap_up<D: Dimension>(&self, fields: &mut [f64]) {
+        if let Some(sheared) = &self.sheared
+            && !(0.0..sheared.height).contains(&fields[D::UP])
+        {
+            self.through_the_top::<D>(sheared, fields);
+        }
+    }
+
+    #[cold]
+    fn through_the_top<D: Dimension>(&self, sheared: &Sheared, fields: &mut [f64]) {
+        let images = if fields[D::UP] < 0.0 { 1.0 } else { -1.0 };
+        fields[D::UP] = Self::wrapped(fields[D::UP], sheared.height);
+        let x = fields[0] + images * sheared.offset;
+        fields[0] = if (0.0..self.periods[0]).contains(&x) {
+            x
+        } else {
+            Self::wrapped(x, self.periods[0])
+        };
+        fields[D::VELOCITY] += images * sheared.velocity;
+        fields[D::HALF_VELOCITY] += images * sheared.velocity;
+    }
+
+    /// Where a grain is along x among the slabs (m), in [0, L_x): the cuts between them lean with the images of a sheared cell, so
+    /// that a grain and its image above are in the same one.
+    pub fn along<D: Dimension>(&self, position: &[f64]) -> f64 {
+        let Some(sheared) = &self.sheared else {
+            return position[0];
+        };
+        let s = position[0] - sheared.tilt() * position[D::UP];
+        let inside = s - self.periods[0] * (s / self.periods[0]).floor();
+        if inside >= self.periods[0] {
+            0.0
+        } else {
+            inside
+        }
+    }
+
+    /// How far apart along x, as [`Cell::along`] has it, two grains may be that are `reach` (m) apart.
+    pub fn reach_along(&self, reach: f64) -> f64 {
+        match &self.sheared {
+            None => reach,
+            // A little more, for the rounding of `along`.
+            Some(sheared) => reach * (1.0 + sheared.tilt() * sheared.tilt()).sqrt() * (1.0 + 1e-9),
+        }
+    }
+
+    /// [`Cell::reach_along`] when the images lean as far as they may.
+    pub fn longest_reach_along(&self, reach: f64) -> f64 {
+        let leaning = |sheared| Self {
+            sheared: Some(Sheared {
+                offset: 0.5 * self.periods[0],
+                ..sheared
+            }),
+            ..*self
+        };
+        self.sheared
+            .map_or(reach, |s| leaning(s).reach_along(reach))
+    }
+
+    /// A step (s) of the images' motion.
+    pub fn lean(&mut self, step: f64) {
+        if let Some(Sheared { velocity, .. }) = self.sheared
+            && velocity != 0.0
+        {
+            self.shear(step * velocity);
+        }
+    }
+
+    /// Displaces the image above by this much more along x (m).
+    pub fn shear(&mut self, by: f64) {
+        let period = self.periods[0];
+        if let Some(sheared) = &mut self.sheared {
+            sheared.offset = nearest_image(sheared.offset + by, period);
+        }
+    }
 }
 
 /// Length of a vector (m).
 pub fn length(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dimension::{Three, Two};
+
+    /// Against the nearest of all images, whatever the offset.
+    fn nearest<D: Dimension>() {
+        let mut seed = 3u64;
+        let mut random = || {
+            seed = seed
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (seed >> 11) as f64 / (1u64 << 53) as f64
+        };
+        for _ in 0..2000 {
+            let mut cell = Cell::between_walls([5.0, 4.0]);
+            let (height, velocity) = (6.0, 0.0);
+            let offset = 0.0;
+            cell.sheared = Some(Sheared {
+                height,
+                offset,
+                velocity,
+            });
+            cell.shear(20.0 * random() - 10.0);
+            let offset = cell.sheared.unwrap().offset;
+            assert!(offset.abs() <= 2.5);
+            let mut point = |periods: [f64; 3]| periods.map(|l| l * random());
+            let periods = if D::AXES == 2 {
+                [5.0, 6.0, 0.0]
+            } else {
+                [5.0, 4.0, 6.0]
+            };
+            let (a, b) = (point(periods), point(periods));
+            let mut least = f64::INFINITY;
+            let mut best = [0.0; 3];
+            for up in -2..=2 {
+                for along in -3..=3 {
+                    for across in if D::AXES == 2 { 0..=0 } else { -1..=1 } {
+                        let mut r = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+                        r[0] += f64::from(along) * 5.0 + f64::from(up) * offset;
+                        if D::AXES == 3 {
+                            r[1] += f64::from(across) * 4.0;
+                        }
+                        r[D::UP] += f64::from(up) * height;
+                        if length(r) < least {
+                            (least, best) = (length(r), r);
+                        }
+                    }
+                }
+            }
+            // Farther apart than half a period there may be another image as near.
+            if least < 1.9 {
+                let r = cell.separation::<D>(&a, &b);
+                for (r, best) in r.iter().zip(best) {
+                    assert!((r - best).abs() < 1e-12, "{r} {best}");
+                }
+                let along = cell.along::<D>(&a) - cell.along::<D>(&b);
+                assert!(nearest_image(along, 5.0).abs() <= cell.reach_along(least));
+                assert!(cell.reach_along(least) <= cell.longest_reach_along(least));
+            }
+        }
+    }
+
+    #[test]
+    fn separations_in_a_sheared_cell_are_those_of_the_nearest_images() {
+        nearest::<Two>();
+        nearest::<Three>();
+    }
+
+    #[test]
+    fn a_grain_and_its_image_are_in_one_place() {
+        let sheared = Sheared {
+            height: 6.0,
+            offset: -1.5,
+            velocity: 0.25,
+        };
+        let cell = Cell {
+            periods: [5.0, f64::INFINITY],
+            sheared: Some(sheared),
+        };
+        for (x, z) in [(0.5, 6.25), (4.75, -0.125)] {
+            let mut fields = vec![0.0; 16];
+            (fields[0], fields[Two::UP]) = (x, z);
+            let before = cell.along::<Two>(&fields);
+            cell.wrap_up::<Two>(&mut fields);
+            assert!((0.0..5.0).contains(&fields[0]) && (0.0..6.0).contains(&fields[1]));
+            assert!((cell.along::<Two>(&fields) - before).abs() < 1e-14);
+            assert!(length(cell.separation::<Two>(&fields, &[x, z])) < 1e-14);
+            let faster = if z < 0.0 { 0.25 } else { -0.25 };
+            assert_eq!(fields[Two::VELOCITY], faster);
+            assert_eq!(fields[Two::HALF_VELOCITY], faster);
+        }
+    }
 }

@@ -7,7 +7,7 @@ mod grains;
 mod sample;
 mod snapshot;
 
-pub use cell::{Cell, length, nearest_image};
+pub use cell::{Cell, Sheared, length, nearest_image};
 pub use contacts::{Contacts, Part, Touching};
 pub use frame::{Disks, Frame};
 pub use grains::{ForceUnit, Grains, body};

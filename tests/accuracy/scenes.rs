@@ -110,9 +110,7 @@ pub fn system<const F: bool, const R: bool>(
     let setup = Setup {
         level,
         bookkeeping: &bookkeeping,
-        cell: Cell {
-            periods: [length, f64::INFINITY],
-        },
+        cell: Cell::between_walls([length, f64::INFINITY]),
         largest_radius: radii.fold(0.0, f64::max),
         mean_diameter: 2.0 * mean,
         density: law.density,

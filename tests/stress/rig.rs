@@ -80,9 +80,7 @@ impl<C: ContactLaw<Space = Two>, D: Drive<Two>> Rig<C, D> {
         let setup = Setup {
             level: Level::detect(),
             bookkeeping: &bookkeeping,
-            cell: Cell {
-                periods: [setting.length, f64::INFINITY],
-            },
+            cell: Cell::between_walls([setting.length, f64::INFINITY]),
             largest_radius: radii.fold(0.0, f64::max),
             mean_diameter: 2.0 * mean,
             density: setting.density,

@@ -2,6 +2,7 @@
 
 mod law;
 mod load;
+pub(super) mod periodic;
 mod sample;
 mod shear;
 

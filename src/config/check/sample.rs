@@ -57,13 +57,7 @@ pub(super) fn check(c: &mut Checker<'_>, dimension: Dimensions, sample: raw::Sam
             known.map(|(_, walls)| walls)
         }),
     };
-    let sizes = SizeKeys {
-        sizes: key!(sample.sizes),
-        mean: key!(sample.radius_mean),
-        deviation: key!(sample.radius_deviation),
-        large_fraction: key!(sample.large_fraction),
-        radii: key!(sample.radii),
-    };
+    let sizes = size_keys!(sample);
     if dimension == Dimensions::Two {
         c.useless(
             &keys.width,
@@ -91,36 +85,157 @@ pub(super) fn check(c: &mut Checker<'_>, dimension: Dimensions, sample: raw::Sam
             "there is no packing to find walls in; give sample.packing, or leave it out",
         );
     }
-    c.required_whole(
+    check_inserted(
+        c,
+        &sizes,
         &keys.grains,
-        1,
-        most,
-        "the number of grains, such as grains = 1000",
+        [&keys.radius_min, &keys.radius_max],
     );
-    for (key, what) in [
-        (
-            &keys.radius_min,
-            "the least R (m), such as radius_min = 0.5e-6",
-        ),
-        (
-            &keys.radius_max,
-            "the greatest R (m), such as radius_max = 1e-6",
-        ),
-        (&keys.length, "L_x (m), such as length = 48e-6"),
-    ] {
-        // A list says itself which is the least and which the greatest.
-        let of_list = sizes.radii.given.is_some() && key.path != keys.length.path;
-        if of_list {
-            c.useless(key, "is the least or the greatest of sample.radii");
-        } else {
-            c.required(key, &POSITIVE, what);
-        }
-    }
+    c.required(&keys.length, &POSITIVE, "L_x (m), such as length = 48e-6");
     if dimension == Dimensions::Three {
         c.required(&keys.width, &POSITIVE, "L_y (m), such as width = 30e-3");
     }
     keys.sizes = Some(sizes.check(c));
     keys
+}
+
+/// The keys of [`SizeKeys`], out of the raw table.
+macro_rules! size_keys {
+    ($sample:ident) => {
+        SizeKeys {
+            sizes: key!($sample.sizes),
+            mean: key!($sample.radius_mean),
+            deviation: key!($sample.radius_deviation),
+            large_fraction: key!($sample.large_fraction),
+            radii: key!($sample.radii),
+        }
+    };
+}
+use size_keys;
+
+/// How many grains are inserted, and between which radii.
+fn check_inserted(
+    c: &mut Checker<'_>,
+    sizes: &SizeKeys,
+    grains: &Key<Whole>,
+    [radius_min, radius_max]: [&Key<Number>; 2],
+) {
+    // Grains are numbered by u32.
+    let most = u32::MAX.into();
+    let what = "the number of grains, such as grains = 1000";
+    c.required_whole(grains, 1, most, what);
+    for (key, what) in [
+        (radius_min, "the least R (m), such as radius_min = 0.5e-6"),
+        (radius_max, "the greatest R (m), such as radius_max = 1e-6"),
+    ] {
+        // A list says itself which is the least and which the greatest.
+        if sizes.radii.given.is_some() {
+            c.useless(key, "is the least or the greatest of sample.radii");
+        } else {
+            c.required(key, &POSITIVE, what);
+        }
+    }
+}
+
+/// The keys of grains in a box, whose size follows from its solid fraction.
+pub(super) struct BoxedKeys {
+    dimension: Dimensions,
+    grains: Key<Whole>,
+    radii: [Key<Number>; 2],
+    sizes: Sizes,
+}
+
+pub(super) fn check_boxed(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    sample: raw::Sample,
+) -> BoxedKeys {
+    let why = "follows from box.solid_fraction";
+    c.useless(&key!(sample.length), why);
+    c.useless(&key!(sample.width), why);
+    c.useless(&key!(sample.packing), "is of scenes with walls");
+    c.useless(&key!(sample.walls), "is of scenes with walls");
+    let (grains, radius_min, radius_max) = (
+        key!(sample.grains),
+        key!(sample.radius_min),
+        key!(sample.radius_max),
+    );
+    let sizes = size_keys!(sample);
+    check_inserted(c, &sizes, &grains, [&radius_min, &radius_max]);
+    BoxedKeys {
+        dimension,
+        grains,
+        radii: [radius_min, radius_max],
+        sizes: sizes.check(c),
+    }
+}
+
+impl BoxedKeys {
+    /// The sample in a box as long in every direction, of which its grains fill the part φ.
+    pub fn derive(
+        self,
+        c: &mut Checker<'_>,
+        solid_fraction: f64,
+    ) -> Result<(Sample, Sizes), Failure> {
+        let [a, b] = radii(c, &self.sizes, [&self.radii[0], &self.radii[1]]);
+        c.settle()?;
+        let grains = self.grains.given.as_ref().map_or(0, |(_, n)| n.0 as u32);
+        let mean_volume = self.sizes.mean([a, b], |r| self.dimension.volume(r));
+        let volume = f64::from(grains) * mean_volume / solid_fraction;
+        let (length, width) = match self.dimension {
+            Dimensions::Two => (volume.sqrt(), f64::INFINITY),
+            Dimensions::Three => (derived::cube_root(volume), derived::cube_root(volume)),
+        };
+        let least = 4.4 * b;
+        if length < least {
+            let places = [(self.grains.path, self.grains.offset())];
+            c.refuse_among(
+                &places,
+                &format!(
+                    "the box would be {length:.3e} long, and grains would meet their own images; give more grains, so that it is longer than {least:.3e}"
+                ),
+            );
+        }
+        c.settle()?;
+        let sample = Sample {
+            grains,
+            radius_min: a,
+            radius_max: b,
+            mean_diameter: self.sizes.mean([a, b], |r| 2.0 * r),
+            mean_volume,
+            length,
+            width,
+        };
+        Ok((sample, self.sizes))
+    }
+}
+
+/// The least and the greatest radius, and whether they can be.
+fn radii(c: &mut Checker<'_>, sizes: &Sizes, keys: [&Key<Number>; 2]) -> [f64; 2] {
+    let given = |key: &Key<Number>| key.given.as_ref().map_or(f64::NAN, |(_, x)| x.0);
+    let [a, b] = match sizes {
+        Sizes::List(radii) => [
+            radii.iter().copied().fold(f64::INFINITY, f64::min),
+            radii.iter().copied().fold(0.0, f64::max),
+        ],
+        _ => keys.map(given),
+    };
+    let places = keys.map(|key| (key.path, key.offset()));
+    if a > b {
+        c.refuse_among(
+            &places,
+            &format!("radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"),
+        );
+    }
+    if let Sizes::Normal { mean, deviation } = sizes
+        && (mean + 4.0 * deviation < a || mean - 4.0 * deviation > b)
+    {
+        c.refuse_among(
+            &places,
+            &format!("the normal distribution about {mean:?} with deviation {deviation:?} has next to nothing between radius_min and radius_max; give a mean between them"),
+        );
+    }
+    [a, b]
 }
 
 /// How the radii of inserted grains are distributed.
@@ -219,31 +334,7 @@ pub(super) fn derive(
     let number = |key: &Key<Number>| key.given.as_ref().map(|(_, x)| x.0);
     let Some((at, Text(path))) = &keys.packing.given else {
         let sizes = keys.sizes.clone().unwrap_or(Sizes::Uniform);
-        let (a, b) = match &sizes {
-            Sizes::List(radii) => (
-                radii.iter().copied().fold(f64::INFINITY, f64::min),
-                radii.iter().copied().fold(0.0, f64::max),
-            ),
-            _ => (
-                number(&keys.radius_min).unwrap_or(f64::NAN),
-                number(&keys.radius_max).unwrap_or(f64::NAN),
-            ),
-        };
-        let radii = [keys.places()[1], keys.places()[2]];
-        if a > b {
-            c.refuse_among(
-                &radii,
-                &format!("radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"),
-            );
-        }
-        if let Sizes::Normal { mean, deviation } = sizes
-            && (mean + 4.0 * deviation < a || mean - 4.0 * deviation > b)
-        {
-            c.refuse_among(
-                &radii,
-                &format!("the normal distribution about {mean:?} with deviation {deviation:?} has next to nothing between radius_min and radius_max; give a mean between them"),
-            );
-        }
+        let [a, b] = radii(c, &sizes, [&keys.radius_min, &keys.radius_max]);
         c.settle()?;
         let volume = |r| keys.dimension.volume(r);
         let sample = Sample {
