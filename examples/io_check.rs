@@ -8,7 +8,7 @@ use gshear::domain::{Exchange, World};
 use gshear::failure::Failure;
 use gshear::io::trajectory::{RunHeader, TrajectoryWriter};
 use gshear::io::{checkpoint, log::Log};
-use gshear::state::{ContactSample, ContactState, GrainSample, GrainState, Snapshot};
+use gshear::state::{ContactSample, ContactState, FramePart, GrainSample, GrainState, Snapshot};
 use std::path::Path;
 use std::time::Instant;
 use synthetic::*;
@@ -86,6 +86,10 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
         part.grains.retain(|g| mine(t, u64::from(g.id)));
         part.contacts.retain(|c| mine(t, u64::from(c.i)));
         part.grains.reverse();
+        if let Some(frame) = &mut part.analysed {
+            frame.grains.retain(|g| mine(t, u64::from(g.id)));
+            frame.contacts.retain(|c| mine(t, u64::from(c.i)));
+        }
         checkpoint::write(world, folder, "seed = 1\n", &part)?;
     }
     let (scene, part) = checkpoint::read(world, &folder.join(checkpoint::NAME))?;
@@ -94,6 +98,10 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
         header: part.header,
         grains: together(world, &part.grains),
         contacts: together(world, &part.contacts),
+        analysed: part.analysed.map(|frame| FramePart {
+            grains: together(world, &frame.grains),
+            contacts: together(world, &frame.contacts),
+        }),
     };
     assert_eq!(whole, snapshot(6, grains));
     Ok(())

@@ -204,10 +204,16 @@ table!(Output {
     frame_start: Number,
     series_strain: Number,
     checkpoint_strain: Number,
+    keep_checkpoints: Flag,
     frame_rows: Whole,
     series_rows: Whole,
     progress_lines: Whole,
     energy: Flag,
+});
+table!(Analysis {
+    scalars: Flag,
+    strain: Number,
+    start: Number,
 });
 table!(Bookkeeping {
     skin: Number,
@@ -230,6 +236,7 @@ pub struct Raw {
     pub pack: Pack,
     pub shear: Shear,
     pub output: Output,
+    pub analysis: Analysis,
     pub bookkeeping: Bookkeeping,
 }
 
@@ -246,6 +253,7 @@ pub const TABLES: &[(&str, &[&str])] = &[
     ("pack", Pack::KEYS),
     ("shear", Shear::KEYS),
     ("output", Output::KEYS),
+    ("analysis", Analysis::KEYS),
     ("bookkeeping", Bookkeeping::KEYS),
 ];
 

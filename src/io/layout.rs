@@ -1,6 +1,6 @@
 //! What lies where in `run.h5`: created anew, or opened to go on.
 
-use super::h5::{Attribute, Column, H5File};
+use super::h5::{Attribute, Column, H5File, Slab};
 use crate::failure::Failure;
 use crate::state::SERIES_COLUMNS;
 use hdf5::H5Type;
@@ -44,7 +44,7 @@ pub const CHUNK_FRAMES: usize = 64;
 /// Bytes of a chunk of frames: enough to be written fast, little enough to be read for one frame.
 const CHUNK_BYTES: usize = 512 << 10;
 /// Entries in a chunk of what has one number a frame or row.
-const CHUNK_ROWS: usize = 1024;
+pub const CHUNK_ROWS: usize = 1024;
 
 /// Whether the objects are new or there already.
 #[derive(Clone, Copy, PartialEq)]
@@ -203,6 +203,18 @@ fn of_grains(
         1 => file.dataset(name, &[0, grains], Some(&[frames, block])),
         _ => file.dataset(name, &[0, grains, width], Some(&[frames, block, width])),
     }
+}
+
+/// Appends after `before` rows what every rank knows and rank 0 writes.
+pub fn by_root<T: H5Type + Copy>(
+    root: bool,
+    column: &mut Column<T>,
+    before: u64,
+    data: &[T],
+) -> Result<(), Failure> {
+    let after = before + data.len() as u64;
+    let mine = if root { data } else { &[] };
+    column.append(after, Slab::rows(before, mine.len() as u64, 1), mine)
 }
 
 /// The groups and attributes that make the file H5MD 1.1. Collective.

@@ -2,8 +2,12 @@
 
 use super::batch::{Frames, Part, Shares, length};
 use super::collective::{IdBlocks, Outcome, agree, records_of};
-use super::h5::{Attribute, Column, H5File, Slab};
-use super::layout::{BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, describe, forces};
+use super::h5::{Attribute, H5File, Slab};
+use super::layout::{
+    BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, by_root, describe, forces,
+};
+use super::scalar_columns::ScalarColumns;
+use crate::analysis::frame_scalars::FrameScalars;
 use crate::domain::{Exchange, total};
 use crate::failure::Failure;
 use crate::state::{ContactSample, GrainSample, SeriesRow};
@@ -46,6 +50,8 @@ const FLUSH_SECONDS: f64 = 2.0;
 /// `run.h5`, open for writing. What is in it does not depend on the number of ranks. Every call is collective.
 pub struct TrajectoryWriter {
     columns: Columns,
+    /// Where the run computes scalars of frames.
+    scalars: Option<ScalarColumns>,
     file: H5File,
     blocks: IdBlocks,
     /// Frames of a batch.
@@ -162,6 +168,7 @@ impl TrajectoryWriter {
         let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
         TrajectoryWriter {
             columns,
+            scalars: None,
             file,
             blocks,
             batch: (BATCH_BYTES / (frame * blocks.grains as usize).max(1)).clamp(1, CHUNK_FRAMES),
@@ -250,6 +257,33 @@ impl TrajectoryWriter {
         self.write_rows(exchange)
     }
 
+    /// From here on scalars of frames are written, after the first `rows` rows that the file has of them.
+    pub fn begin_scalars(&mut self, exchange: &impl Exchange, rows: u64) -> Result<(), Failure> {
+        let scalars = ScalarColumns::new(&self.file, rows);
+        self.scalars = Some(agree(exchange, scalars)?);
+        Ok(())
+    }
+
+    /// Rows of scalars so far, with those that wait to be written; 0 where none are.
+    pub fn scalar_rows(&self) -> u64 {
+        self.scalars.as_ref().map_or(0, ScalarColumns::rows)
+    }
+
+    /// The next scalars, the same on every rank, of steps whose rows of the time series were given before. Panics before
+    /// [`Self::begin_scalars`].
+    pub fn scalars(
+        &mut self,
+        exchange: &impl Exchange,
+        rows: &[(u64, FrameScalars)],
+    ) -> Result<(), Failure> {
+        let scalars = self.scalars.as_mut().expect("scalars were begun");
+        scalars.push(rows);
+        if scalars.waiting() < BATCH_ROWS {
+            return Ok(());
+        }
+        self.write_rows(exchange)
+    }
+
     /// Everything to the file, so that it can be read, and gone on with, whatever happens to the program.
     pub fn flush(&mut self, exchange: &impl Exchange) -> Result<(), Failure> {
         self.write_frames(exchange)?;
@@ -273,7 +307,7 @@ impl TrajectoryWriter {
             outcome.note(self.file.attribute(PARAMETERS, &name, &value));
         }
         self.file.agree(exchange, outcome)?;
-        drop(self.columns);
+        drop((self.columns, self.scalars));
         agree(exchange, self.file.close())
     }
 
@@ -353,7 +387,8 @@ impl TrajectoryWriter {
     }
 
     fn write_rows(&mut self, exchange: &impl Exchange) -> Result<(), Failure> {
-        if self.rows.is_empty() {
+        let scalars = self.scalars.as_ref().map_or(0, ScalarColumns::waiting);
+        if self.rows.is_empty() && scalars == 0 {
             return Ok(());
         }
         let rows = std::mem::take(&mut self.rows);
@@ -368,6 +403,9 @@ impl TrajectoryWriter {
         for (n, column) in columns.observables.iter_mut().enumerate() {
             let values: Vec<f64> = rows.iter().map(|r| r.2.columns()[n]).collect();
             outcome.note(by_root(root, column, before, &values));
+        }
+        if let Some(scalars) = &mut self.scalars {
+            scalars.write(root, &mut outcome);
         }
         self.file.agree(exchange, outcome)?;
         self.rows_written += rows.len() as u64;
@@ -394,18 +432,6 @@ fn fixed<T: H5Type + Copy>(
     data: &[T],
 ) -> Result<(), Failure> {
     file.dataset::<T>(name, &[size], None)?.write(slab, data)
-}
-
-/// Appends after `before` rows what every rank knows and rank 0 writes.
-fn by_root<T: H5Type + Copy>(
-    root: bool,
-    column: &mut Column<T>,
-    before: u64,
-    data: &[T],
-) -> Result<(), Failure> {
-    let after = before + data.len() as u64;
-    let mine = if root { data } else { &[] };
-    column.append(after, Slab::rows(before, mine.len() as u64, 1), mine)
 }
 
 /// N, the number of contacts in the first `frames` frames, and the dimensions, of a file that is ours and long enough.
