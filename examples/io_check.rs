@@ -8,7 +8,7 @@ use gshear::domain::{Exchange, World};
 use gshear::failure::Failure;
 use gshear::io::trajectory::{RunHeader, TrajectoryWriter};
 use gshear::io::{checkpoint, log::Log};
-use gshear::state::{ContactSample, ContactState, GrainSample, GrainState, Snapshot};
+use gshear::state::{ContactSample, ContactState, FramePart, GrainSample, GrainState, Snapshot};
 use std::path::Path;
 use std::time::Instant;
 use synthetic::*;
@@ -67,7 +67,8 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
     writer.finish(world, &at_the_end())?;
 
     // Resumed from the middle of a batch.
-    let mut writer = TrajectoryWriter::open_to_append(world, &path, 81, 55)?;
+    let mut writer =
+        TrajectoryWriter::open_to_append(world, &path, &gshear::state::SERIES_COLUMNS, 81, 55)?;
     let mut log = Log::open_to_append(world, &csv, 55)?;
     assert_eq!((writer.frames(), writer.rows()), (81, 55));
     for t in 81..150 {
@@ -86,6 +87,10 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
         part.grains.retain(|g| mine(t, u64::from(g.id)));
         part.contacts.retain(|c| mine(t, u64::from(c.i)));
         part.grains.reverse();
+        if let Some(frame) = &mut part.analysed {
+            frame.grains.retain(|g| mine(t, u64::from(g.id)));
+            frame.contacts.retain(|c| mine(t, u64::from(c.i)));
+        }
         checkpoint::write(world, folder, "seed = 1\n", &part)?;
     }
     let (scene, part) = checkpoint::read(world, &folder.join(checkpoint::NAME))?;
@@ -94,6 +99,10 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
         header: part.header,
         grains: together(world, &part.grains),
         contacts: together(world, &part.contacts),
+        analysed: part.analysed.map(|frame| FramePart {
+            grains: together(world, &frame.grains),
+            contacts: together(world, &frame.contacts),
+        }),
     };
     assert_eq!(whole, snapshot(6, grains));
     Ok(())

@@ -52,9 +52,9 @@ pub struct Load {
 pub trait Drive<D: Dimension> {
     /// Grains are slowed by -c m v.
     const DRAG: bool;
-    /// c (1/s).
-    fn drag(&self) -> f64 {
-        0.0
+    /// c of translations and of rotations (1/s).
+    fn drag(&self) -> [f64; 2] {
+        [0.0; 2]
     }
     /// Fastest that a wall moves (m/s).
     fn speed(&self) -> f64;
@@ -128,8 +128,9 @@ impl<C: ContactLaw> Planes<C> {
 impl<C: ContactLaw> Drive<C::Space> for Planes<C> {
     const DRAG: bool = true;
 
-    fn drag(&self) -> f64 {
-        self.drag
+    /// Spins as well: a grain that touches nothing would turn for ever, and the sample never be at rest.
+    fn drag(&self) -> [f64; 2] {
+        [self.drag; 2]
     }
 
     fn speed(&self) -> f64 {
@@ -377,30 +378,54 @@ impl<D: Dimension> Drive<D> for GrainWalls {
     }
 }
 
-/// No walls: a box that is open along the last axis, for tests of grains alone.
+/// What a drive without walls does: nothing.
+macro_rules! no_walls {
+    ($space:ident) => {
+        fn speed(&self) -> f64 {
+            0.0
+        }
+
+        fn start(&mut self, _: Load) {}
+
+        fn drift(&mut self, _: f64, _: &mut Grains<$space>) {}
+
+        fn predict(&mut self, _: f64, _: &mut Grains<$space>) {}
+
+        fn forces(&mut self, _: Level, _: Cell, _: f64, _: &mut Grains<$space>) -> Option<usize> {
+            None
+        }
+
+        fn load(&self, _: &Grains<$space>, _: &FixedPoint, _: &mut [Accumulator; 2]) {}
+
+        fn kick(&mut self, _: f64, _: Load, _: &mut Grains<$space>) {}
+
+        fn renumber(&mut self, _: Level, _: &Grains<$space>, _: f64) {}
+    };
+}
+
+/// Grains alone, all of them slowed along their way but not in their spins (BO section III).
+#[derive(Debug)]
+pub struct Overdamped {
+    /// η_0 (1/s).
+    pub drag: f64,
+}
+
+/// Grains alone.
 #[derive(Debug, Default)]
 pub struct NoWalls;
+
+impl<D: Dimension> Drive<D> for Overdamped {
+    const DRAG: bool = true;
+
+    fn drag(&self) -> [f64; 2] {
+        [self.drag, 0.0]
+    }
+
+    no_walls!(D);
+}
 
 impl<D: Dimension> Drive<D> for NoWalls {
     const DRAG: bool = false;
 
-    fn speed(&self) -> f64 {
-        0.0
-    }
-
-    fn start(&mut self, _: Load) {}
-
-    fn drift(&mut self, _: f64, _: &mut Grains<D>) {}
-
-    fn predict(&mut self, _: f64, _: &mut Grains<D>) {}
-
-    fn forces(&mut self, _: Level, _: Cell, _: f64, _: &mut Grains<D>) -> Option<usize> {
-        None
-    }
-
-    fn load(&self, _: &Grains<D>, _: &FixedPoint, _: &mut [Accumulator; 2]) {}
-
-    fn kick(&mut self, _: f64, _: Load, _: &mut Grains<D>) {}
-
-    fn renumber(&mut self, _: Level, _: &Grains<D>, _: f64) {}
+    no_walls!(D);
 }

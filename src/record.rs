@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::analysis::frame_scalars::FrameScalars;
 use crate::config::Scene;
 use crate::dimension::Dimension;
 use crate::domain::Exchange;
@@ -14,7 +15,7 @@ use crate::io::provenance;
 use crate::io::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
 use crate::run::Options;
 use crate::schedule::Schedule;
-use crate::state::{Cell, ContactSample, GrainSample, SeriesRow, Snapshot};
+use crate::state::{Cell, ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow, Snapshot};
 use crate::system::System;
 
 pub const RUN_FILE: &str = "run.h5";
@@ -27,10 +28,24 @@ pub struct Recorder {
     log: Log,
     /// What failed of the log since the last flush.
     log_state: Result<(), Failure>,
+    /// Rows of scalars before, where none are computed now.
+    scalars_before: u64,
+    /// Whether the files are those of the run that is gone on with.
+    pub goes_on: bool,
+}
+
+/// How much of each is in the files.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Written {
+    pub frames: u64,
+    /// Of the time series.
+    pub rows: u64,
+    /// Rows of the scalars of frames.
+    pub scalars: u64,
 }
 
 impl Recorder {
-    /// New files, or those of the run that is gone on with, cut back to the frames and rows `written` at its checkpoint.
+    /// New files, or those of the run that is gone on with, cut back to what was `written` at its checkpoint.
     /// Where the folder holds no such run, new ones that begin there.
     pub fn open<E: Exchange, D: Dimension>(
         exchange: &E,
@@ -38,17 +53,23 @@ impl Recorder {
         schedule: &Schedule,
         system: &System<D>,
         options: &Options,
-        written: Option<[u64; 2]>,
+        written: Option<Written>,
     ) -> Result<Self, Failure> {
         folder(exchange, &options.out)?;
         let (run, log) = (options.out.join(RUN_FILE), options.out.join(LOG_FILE));
         let there = exchange.broadcast(vec![u8::from(run.exists())])[0] == 1;
-        if let (Some([frames, rows]), true) = (written, there) {
-            return Ok(Self {
-                trajectory: TrajectoryWriter::open_to_append(exchange, &run, frames, rows)?,
+        if let (Some(written), true) = (written, there) {
+            let Written { frames, rows, .. } = written;
+            let trajectory =
+                TrajectoryWriter::open_to_append(exchange, &run, &SERIES_COLUMNS, frames, rows)?;
+            return Self {
+                trajectory,
                 log: Log::open_to_append(exchange, &log, rows)?,
                 log_state: Ok(()),
-            });
+                scalars_before: written.scalars,
+                goes_on: true,
+            }
+            .with_scalars(exchange, scene);
         }
         let wrote = if exchange.rank() == 0 {
             let path = options.out.join(SCENE_FILE);
@@ -102,15 +123,29 @@ impl Recorder {
         let attributes: Vec<_> = attributes.into_iter().chain(spring).collect();
         let header = RunHeader {
             axes: D::AXES,
+            walls: true,
+            series: &SERIES_COLUMNS,
             edges: edges::<D>(system.cell, schedule.height),
             grains: &grains,
             attributes: &attributes,
         };
-        Ok(Self {
+        Self {
             trajectory: TrajectoryWriter::create(exchange, &run, &header)?,
             log: Log::create(exchange, &log)?,
             log_state: Ok(()),
-        })
+            scalars_before: 0,
+            goes_on: false,
+        }
+        .with_scalars(exchange, scene)
+    }
+
+    fn with_scalars<E: Exchange>(mut self, exchange: &E, scene: &Scene) -> Result<Self, Failure> {
+        if scene.analysis.scalars {
+            self.trajectory
+                .begin_scalars(exchange, self.scalars_before)?;
+            self.scalars_before = 0;
+        }
+        Ok(self)
     }
 
     pub fn series<E: Exchange>(
@@ -139,12 +174,25 @@ impl Recorder {
             .frame(exchange, step, time, grains, contacts)
     }
 
-    /// Everything to the files. Returns the frames and rows in them.
-    pub fn flush<E: Exchange>(&mut self, exchange: &E) -> Result<[u64; 2], Failure> {
+    /// The next scalars of frames, the same on every rank.
+    pub fn scalars<E: Exchange>(
+        &mut self,
+        exchange: &E,
+        rows: &[(u64, FrameScalars)],
+    ) -> Result<(), Failure> {
+        self.trajectory.scalars(exchange, rows)
+    }
+
+    /// Everything to the files. Returns what is in them.
+    pub fn flush<E: Exchange>(&mut self, exchange: &E) -> Result<Written, Failure> {
         self.trajectory.flush(exchange)?;
         let logged = std::mem::replace(&mut self.log_state, Ok(())).and_then(|()| self.log.flush());
         agree(exchange, logged)?;
-        Ok([self.trajectory.frames(), self.trajectory.rows()])
+        Ok(Written {
+            frames: self.trajectory.frames(),
+            rows: self.trajectory.rows(),
+            scalars: self.scalars_before + self.trajectory.scalar_rows(),
+        })
     }
 
     /// Closes the files; with the digest of the last state and the speed (grain-steps per second and rank) where the run is
@@ -168,15 +216,22 @@ impl Recorder {
     }
 }
 
-/// A checkpoint in the run's folder; each contact on the rank that has its first grain.
+/// A checkpoint in the run's folder, under the name of its step as well where it is to be kept; each contact on the rank that has
+/// its first grain.
 pub fn checkpoint<E: Exchange>(
     exchange: &E,
     out: &Path,
     scene: &str,
     snapshot: &Snapshot,
+    keep: Option<u64>,
 ) -> Result<(), Failure> {
     folder(exchange, out)?;
-    checkpoint::write(exchange, out, scene, snapshot)
+    checkpoint::write(exchange, out, scene, snapshot)?;
+    let kept = match (keep, exchange.rank()) {
+        (Some(step), 0) => checkpoint::keep(out, step),
+        _ => Ok(()),
+    };
+    agree(exchange, kept)
 }
 
 fn folder<E: Exchange>(exchange: &E, out: &Path) -> Result<(), Failure> {

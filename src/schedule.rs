@@ -13,8 +13,20 @@ pub struct Schedule {
     /// Steps of the stage.
     pub total: u64,
     pub first_frame: u64,
+    /// First frame that is analysed.
+    pub first_analysis: u64,
     /// Every so many steps; 0 is never.
     pub progress: u64,
+    /// Frames of a stretch that is computed again, instead of the segments'.
+    window: Option<Window>,
+}
+
+/// A stretch of the shear that is computed again: frames of the steps `first`, `first` + `every`, … up to `last`, where it ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    pub first: u64,
+    pub last: u64,
+    pub every: u64,
 }
 
 /// How the drive moves along x: one velocity after the other.
@@ -38,6 +50,8 @@ pub struct Segment {
     pub position: f64,
     /// Every so many steps; 0 is never.
     pub frames: u64,
+    /// Frames whose scalars are computed.
+    pub analysis: u64,
     pub series: u64,
     pub checkpoints: u64,
 }
@@ -53,6 +67,7 @@ impl Protocol {
                 velocity,
                 position,
                 frames: 0,
+                analysis: 0,
                 series: 0,
                 checkpoints: 0,
             };
@@ -101,7 +116,7 @@ impl Schedule {
         let step = scene.time_step.step;
         let output = &scene.output;
         let mut protocol;
-        let mut first_frame = 0;
+        let (mut first_frame, mut first_analysis) = (0, 0);
         match &scene.shear.motion {
             Motion::Strain { drive, strain } => {
                 let speed = match drive {
@@ -112,10 +127,19 @@ impl Schedule {
                 let steps = |strain: f64| whole(strain / per_step);
                 protocol = Protocol::new(step, [(speed, steps(*strain))]);
                 let all = &mut protocol.segments[0];
-                all.frames = steps(output.frame_strain);
                 all.series = steps(output.series_strain);
-                all.checkpoints = steps(output.checkpoint_strain);
-                first_frame = steps(output.frame_start);
+                // Frames and rows of the time series meet wherever their intervals as strains do.
+                let with_rows = |strain: f64| match output.rows_in(strain) {
+                    Some(rows) => rows * all.series,
+                    None => steps(strain),
+                };
+                all.frames = with_rows(output.frame_strain);
+                all.checkpoints = with_rows(output.checkpoint_strain);
+                first_frame = on_grid(steps(output.frame_start), all.frames);
+                if scene.analysis.scalars {
+                    all.analysis = with_rows(scene.analysis.strain);
+                    first_analysis = on_grid(steps(scene.analysis.start), all.analysis);
+                }
             }
             Motion::Protocol(parts) => {
                 let steps = |part: &Part| (part.velocity, whole(part.time / step));
@@ -137,12 +161,24 @@ impl Schedule {
             height,
             total,
             first_frame,
+            first_analysis,
             progress: match output.progress_lines {
                 0 => 0,
                 lines => (total / lines).max(1),
             },
             protocol,
+            window: None,
         }
+    }
+
+    /// The same to the end of a window, with its frames, without checkpoints and scalars.
+    pub fn of_window(mut self, window: Window) -> Self {
+        for segment in &mut self.protocol.segments {
+            (segment.analysis, segment.checkpoints) = (0, 0);
+        }
+        self.total = self.total.min(window.last);
+        self.window = Some(window);
+        self
     }
 
     /// γ of the drive after so many steps.
@@ -161,7 +197,14 @@ impl Schedule {
     }
 
     pub fn frame_due(&self, step: u64) -> bool {
+        if let Some(window) = self.window {
+            return step >= window.first && due(window.every, step - window.first);
+        }
         step >= self.first_frame && self.due(|s| s.frames, step, self.first_frame)
+    }
+
+    pub fn analysis_due(&self, step: u64) -> bool {
+        step >= self.first_analysis && self.due(|s| s.analysis, step, self.first_analysis)
     }
 
     pub fn series_due(&self, step: u64) -> bool {
@@ -191,6 +234,14 @@ fn whole(steps: f64) -> u64 {
     }
 }
 
+/// The multiple of an interval that is nearest to this step.
+fn on_grid(step: u64, every: u64) -> u64 {
+    match every {
+        0 => step,
+        every => (step + every / 2) / every * every,
+    }
+}
+
 fn due(every: u64, step: u64) -> bool {
     every > 0 && step.is_multiple_of(every)
 }
@@ -207,10 +258,39 @@ mod tests {
         let per_step = schedule.strain(1);
         assert!((schedule.strain(schedule.total) - 0.1).abs() <= 0.5 * per_step);
         let whole = schedule.protocol.segments[0];
-        assert!((whole.frames as f64 * per_step - 1e-4).abs() <= 0.5 * per_step);
+        assert!((whole.series as f64 * per_step - 1e-5).abs() <= 0.5 * per_step);
+        // Ten rows, rounded once.
+        assert_eq!(whole.frames, 10 * whole.series);
         assert!((schedule.inertial_number(&scene, whole.velocity) / 2e-4 - 1.0).abs() < 1e-14);
         assert!(schedule.frame_due(0) && schedule.frame_due(3 * whole.frames));
         assert!(!schedule.frame_due(3 * whole.frames + 1));
+    }
+
+    /// Rows of the time series are there wherever a frame is written or analysed, though no start is a multiple of an interval.
+    #[test]
+    fn frames_have_rows() {
+        let set = [
+            "output.series_strain=7.2e-7",
+            "output.frame_strain=3.6e-6",
+            "output.frame_start=0.022",
+            "analysis.scalars=true",
+            "analysis.strain=1.44e-6",
+        ];
+        let scene = load(&Source::embedded(), &set.map(String::from)).expect("sound");
+        let s = Schedule::new(&scene, 40e-6);
+        let all = s.protocol.segments[0];
+        assert_eq!((all.frames, all.analysis), (5 * all.series, 2 * all.series));
+        for (first, every) in [
+            (s.first_frame, all.frames),
+            (s.first_analysis, all.analysis),
+        ] {
+            assert_eq!(first % every, 0);
+            assert!((s.strain(first) - 0.022).abs() <= 0.5 * s.strain(every) + s.strain(1));
+        }
+        assert!(
+            s.analysis_due(s.first_analysis) && !s.analysis_due(s.first_analysis - all.analysis)
+        );
+        assert!((0..20).all(|k| s.series_due(s.first_analysis + k * all.analysis)));
     }
 
     /// Contract 2: nothing about output moves the time step or the number of steps.

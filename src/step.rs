@@ -295,8 +295,8 @@ fn weigh<D: Dimension>(grains: &mut Grains<D>, gravity: f64) {
     }
 }
 
-/// Spins as well: a grain that touches nothing would turn for ever, and the sample never be at rest.
-fn slow_down<D: Dimension>(grains: &mut Grains<D>, drag: f64) {
+/// By drag (1/s) of translations and of rotations.
+fn slow_down<D: Dimension>(grains: &mut Grains<D>, [linear, angular]: [f64; 2]) {
     for g in 0..grains.owned {
         let (r, mass, radius) = (
             D::fields(&grains.record[g]),
@@ -305,10 +305,10 @@ fn slow_down<D: Dimension>(grains: &mut Grains<D>, drag: f64) {
         );
         let force = &mut grains.force[g];
         for axis in 0..D::AXES {
-            force[axis] -= drag * mass * r[D::VELOCITY + axis];
+            force[axis] -= linear * mass * r[D::VELOCITY + axis];
         }
         for k in 0..D::SPINS {
-            force[D::TORQUE + k] -= drag * D::INERTIA * mass * radius * radius * r[D::SPIN + k];
+            force[D::TORQUE + k] -= angular * D::INERTIA * mass * radius * radius * r[D::SPIN + k];
         }
     }
 }

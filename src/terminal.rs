@@ -168,6 +168,19 @@ impl Terminal {
                     every("series", segments[0].series),
                     every("checkpoints", segments[0].checkpoints),
                 ));
+                let starts = [
+                    ("frames", segments[0].frames, schedule.first_frame),
+                    ("scalars", segments[0].analysis, schedule.first_analysis),
+                ];
+                for (name, steps, first) in starts {
+                    if steps > 0 && (name == "scalars" || first > 0) {
+                        self.say(format!(
+                            "shear: {} from step {first} on, strain {:.6}",
+                            every(name, steps),
+                            schedule.strain(first)
+                        ));
+                    }
+                }
             }
             Motion::Protocol(_) => {
                 for (n, segment) in segments.iter().enumerate() {

@@ -40,6 +40,7 @@ fn every_bit_comes_back() {
 fn no_contacts_are_no_damage() {
     let folder = tempfile::tempdir().unwrap();
     let whole = Snapshot {
+        analysed: None,
         contacts: Vec::new(),
         ..snapshot(3, 2)
     };
@@ -79,6 +80,8 @@ fn a_flipped_bit_in_any_dataset_is_named() {
         ("/", "its"),
         ("grains", "its grains"),
         ("contacts", "its contacts"),
+        ("analysed/grains", "its grains of the analysed frame"),
+        ("analysed/contacts", "its contacts of the analysed frame"),
     ] {
         for dataset in file.group(group).unwrap().datasets().unwrap() {
             let start = dataset.offset().unwrap() as usize;
@@ -87,7 +90,7 @@ fn a_flipped_bit_in_any_dataset_is_named() {
         }
     }
     drop(file);
-    assert_eq!(places.len(), 3 * (2 + 8 + 3));
+    assert_eq!(places.len(), 3 * (2 + 8 + 3 + 3 + 4));
     for (place, part) in places {
         let mut damaged = whole.clone();
         damaged[place] ^= 1;

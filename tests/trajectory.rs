@@ -6,6 +6,7 @@ use common::synthetic::{at_the_end, attributes, contact, grain, header, pairs, r
 use gshear::domain::Solo;
 use gshear::failure::Failure;
 use gshear::io::trajectory::{RunHeader, TrajectoryWriter};
+use gshear::state::SERIES_COLUMNS;
 use std::path::Path;
 
 const GRAINS: u64 = 11;
@@ -53,7 +54,8 @@ fn whatever_was_flushed_survives_the_program() {
     assert_eq!(length(&file, "observables/stress_ratio/value"), 70);
     drop(file);
 
-    let mut writer2 = TrajectoryWriter::open_to_append(&Solo, &killed, 70, 70).unwrap();
+    let mut writer2 =
+        TrajectoryWriter::open_to_append(&Solo, &killed, &SERIES_COLUMNS, 70, 70).unwrap();
     frames(&mut writer2, 70..80);
     writer.finish(&Solo, &at_the_end()).unwrap();
     writer2.finish(&Solo, &at_the_end()).unwrap();
@@ -88,7 +90,7 @@ fn frames_beyond_those_that_count_are_cut_off() {
     let mut writer = create(&path);
     frames(&mut writer, 0..20);
     writer.finish(&Solo, &at_the_end()).unwrap();
-    drop(TrajectoryWriter::open_to_append(&Solo, &path, 13, 7).unwrap());
+    drop(TrajectoryWriter::open_to_append(&Solo, &path, &SERIES_COLUMNS, 13, 7).unwrap());
     let file = hdf5::File::open(&path).unwrap();
     let contacts = (0..13).map(|t| pairs(t, GRAINS).len()).sum::<usize>();
     assert_eq!(
@@ -108,8 +110,13 @@ fn frames_beyond_those_that_count_are_cut_off() {
 fn what_cannot_be_gone_on_with_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
-    let refused = |frames, rows| match TrajectoryWriter::open_to_append(&Solo, &path, frames, rows)
-    {
+    let refused = |frames, rows| match TrajectoryWriter::open_to_append(
+        &Solo,
+        &path,
+        &SERIES_COLUMNS,
+        frames,
+        rows,
+    ) {
         Err(Failure::Input(message)) => message,
         Err(other) => panic!("{other}"),
         Ok(_) => panic!("not refused"),

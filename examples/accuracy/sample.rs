@@ -45,6 +45,7 @@ impl Sample {
             stop_at: Some(SHEARED),
             wall_time: None,
             threads: 1,
+            replay: None,
         };
         Run::new(&Solo, &scene, &options)
             .and_then(|run| run.run(Start::Insertion))

@@ -35,7 +35,7 @@ pub struct Damped<D> {
 impl<D: Drive<Two>> Drive<Two> for Damped<D> {
     const DRAG: bool = D::DRAG;
 
-    fn drag(&self) -> f64 {
+    fn drag(&self) -> [f64; 2] {
         self.walls.drag()
     }
 

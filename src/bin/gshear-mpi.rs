@@ -133,6 +133,7 @@ fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
         stop_at: arguments.stop_at,
         wall_time: arguments.walltime,
         threads: arguments.threads.into(),
+        replay: None,
     };
     Run::new(world, &scene, &options)?.run(start)
 }

@@ -53,7 +53,7 @@ impl Study {
 }
 
 /// Tables of scenes between walls, and of those in a box.
-const OF_WALLS: [&str; 4] = ["load", "pack", "shear", "output"];
+const OF_WALLS: [&str; 5] = ["load", "pack", "shear", "output", "analysis"];
 const OF_A_BOX: [&str; 3] = ["relax", "aqs", "newtonian"];
 
 /// Reads the configuration of a plane-shear run, replaces values by the overrides (`key.path=value`, as of `--set`), checks it and
@@ -210,8 +210,12 @@ mod tests {
             assert_eq!(scene.load.stiffness_number, 1e4);
             assert!((13e3..14e3).contains(&scene.load.pressure));
             assert_eq!(scene.contact.damping_ratio, 0.1);
-            assert_eq!(scene.output.frame_strain, frame);
-            assert_eq!(scene.output.frame_start, start);
+            assert_eq!(scene.output.frame_strain, 0.0);
+            assert!(scene.analysis.scalars);
+            assert_eq!(
+                [scene.analysis.strain, scene.analysis.start],
+                [frame, start]
+            );
             let frames = (strain - start) / frame;
             assert!((frames - 130_000.0).abs() < 1.0, "{frames}");
             let ratio = derived::packed_height(&scene.sample) / scene.sample.length;
@@ -270,10 +274,19 @@ mod tests {
                 frame_start: 0.0,
                 series_strain: 1e-5,
                 checkpoint_strain: 0.02,
+                keep_checkpoints: false,
                 frame_rows: 0,
                 series_rows: 1000,
                 progress_lines: 20,
                 energy: true
+            }
+        );
+        assert_eq!(
+            scene.analysis,
+            Analysis {
+                scalars: false,
+                strain: 1e-4,
+                start: 0.0
             }
         );
         assert_eq!(

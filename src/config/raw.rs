@@ -204,6 +204,7 @@ table!(Output {
     frame_start: Number,
     series_strain: Number,
     checkpoint_strain: Number,
+    keep_checkpoints: Flag,
     frame_rows: Whole,
     series_rows: Whole,
     progress_lines: Whole,
@@ -232,6 +233,11 @@ table!(Newtonian {
     frames: Whole,
     spectra: Whole,
 });
+table!(Analysis {
+    scalars: Flag,
+    strain: Number,
+    start: Number,
+});
 table!(Bookkeeping {
     skin: Number,
     rebuild_every: Whole,
@@ -257,6 +263,7 @@ pub struct Raw {
     pub relax: Relax,
     pub aqs: Aqs,
     pub newtonian: Newtonian,
+    pub analysis: Analysis,
     pub bookkeeping: Bookkeeping,
 }
 
@@ -277,6 +284,7 @@ pub const TABLES: &[(&str, &[&str])] = &[
     ("relax", Relax::KEYS),
     ("aqs", Aqs::KEYS),
     ("newtonian", Newtonian::KEYS),
+    ("analysis", Analysis::KEYS),
     ("bookkeeping", Bookkeeping::KEYS),
 ];
 

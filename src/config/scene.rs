@@ -23,6 +23,7 @@ pub struct Scene {
     pub pack: Pack,
     pub shear: Shear,
     pub output: Output,
+    pub analysis: Analysis,
     pub bookkeeping: Bookkeeping,
     /// The whole configuration as TOML with every default filled in: what `scene.toml` and `run.h5` hold.
     pub toml: String,
@@ -441,12 +442,36 @@ pub struct Output {
     pub frame_start: f64,
     pub series_strain: f64,
     pub checkpoint_strain: f64,
+    /// Whether every checkpoint of the shear is kept, from the state before the first step on.
+    pub keep_checkpoints: bool,
     pub frame_rows: u64,
     pub series_rows: u64,
     /// Lines on the terminal over the whole run.
     pub progress_lines: u64,
     /// Whether a ledger of energy is kept.
     pub energy: bool,
+}
+
+impl Output {
+    /// How many rows of the time series an interval has, if it has a whole number of them.
+    pub fn rows_in(&self, strain: f64) -> Option<u64> {
+        let rows = strain / self.series_strain;
+        // Decimal fractions divide no better.
+        let whole = rows.round();
+        (rows.is_finite() && whole >= 1.0 && (rows - whole).abs() < 1e-9 * whole)
+            .then_some(whole as u64)
+    }
+}
+
+/// What the run itself computes of its frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Analysis {
+    /// Whether the scalars of frames are computed (LH section 3).
+    pub scalars: bool,
+    /// Δγ between these frames, which need not be written.
+    pub strain: f64,
+    /// γ of the first of them.
+    pub start: f64,
 }
 
 /// What must not reach the numbers.

@@ -275,8 +275,18 @@ fn plane_shear(t: &mut Lines, scene: &Scene, load: LoadChoice, force: bool) {
             t.whole("series_rows", output.series_rows);
         }
     }
+    t.line(&format!("keep_checkpoints = {}", output.keep_checkpoints));
     t.whole("progress_lines", scene.output.progress_lines);
     t.line(&format!("energy = {}", scene.output.energy));
+
+    t.table("analysis");
+    t.line(&format!("scalars = {}", scene.analysis.scalars));
+    if let Motion::Strain { .. } = scene.shear.motion {
+        if scene.analysis.strain > 0.0 {
+            t.number("strain", scene.analysis.strain);
+        }
+        t.number("start", scene.analysis.start);
+    }
 
     bookkeeping(t, &scene.bookkeeping);
 }
@@ -415,6 +425,13 @@ mod tests {
             ],
             &["time.step=1e-6", "time.force=true"],
             &["bookkeeping.skin=0.3", "bookkeeping.rebuild_every=17"],
+            &["output.frame_strain=0", "output.frame_start=0.01"],
+            &["analysis.scalars=true", "analysis.start=0.02"],
+            &[
+                "analysis.scalars=true",
+                "analysis.strain=7e-5",
+                "output.frame_strain=0",
+            ],
             &[
                 "sample.radius_min=0.1",
                 "sample.radius_max=0.30000000000000004",
@@ -529,6 +546,7 @@ mod tests {
             "frame_start",
             "series_strain",
             "checkpoint_strain",
+            "start",
         ];
         missing_are(&scene.toml, &not);
     }

@@ -136,6 +136,19 @@ impl H5File {
             .map_err(|e| self.context.failure(name, "create", &e))
     }
 
+    /// Whether there is an object of this name, in groups that are there.
+    pub fn has(&self, name: &str) -> bool {
+        self.file.link_exists(name)
+    }
+
+    /// What to say where rows that were written before are missing.
+    pub fn lacks(&self, name: &str, rows: u64) -> Failure {
+        Failure::input(format!(
+            "{}: cannot go on with this file: {name} holds less than the {rows} rows that the checkpoint counts",
+            self.context.path.display()
+        ))
+    }
+
     /// A second name for an object.
     pub fn link(&self, target: &str, name: &str) -> Result<(), Failure> {
         let made = self.file.link_hard(target, name);
@@ -347,6 +360,10 @@ pub struct Column<T> {
 }
 
 impl<T: H5Type + Copy> Column<T> {
+    pub fn rows(&self) -> u64 {
+        self.shape[0] as u64
+    }
+
     /// A new number of rows. Collective.
     pub fn resize(&mut self, rows: u64) -> Result<(), Failure> {
         if rows as usize == self.shape[0] {

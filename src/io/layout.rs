@@ -1,8 +1,7 @@
 //! What lies where in `run.h5`: created anew, or opened to go on.
 
-use super::h5::{Attribute, Column, H5File};
+use super::h5::{Attribute, Column, H5File, Slab};
 use crate::failure::Failure;
-use crate::state::SERIES_COLUMNS;
 use hdf5::H5Type;
 
 pub const PARAMETERS: &str = "parameters";
@@ -44,7 +43,7 @@ pub const CHUNK_FRAMES: usize = 64;
 /// Bytes of a chunk of frames: enough to be written fast, little enough to be read for one frame.
 const CHUNK_BYTES: usize = 512 << 10;
 /// Entries in a chunk of what has one number a frame or row.
-const CHUNK_ROWS: usize = 1024;
+pub const CHUNK_ROWS: usize = 1024;
 
 /// Whether the objects are new or there already.
 #[derive(Clone, Copy, PartialEq)]
@@ -69,13 +68,19 @@ pub struct Columns {
     pub sliding: Column<u8>,
     pub row_step: Column<u64>,
     pub row_time: Column<f64>,
-    /// Of [`SERIES_COLUMNS`].
+    /// Of the time series, in the order of its columns.
     pub observables: Vec<Column<f64>>,
 }
 
 impl Columns {
-    /// Collective.
-    pub fn new(file: &H5File, mode: Mode, grains: usize, axes: usize) -> Result<Self, Failure> {
+    /// `series`: the columns of the time series. Collective.
+    pub fn new(
+        file: &H5File,
+        mode: Mode,
+        grains: usize,
+        axes: usize,
+        series: &[&str],
+    ) -> Result<Self, Failure> {
         let clock = |folder: &str| -> Result<(Column<u64>, Column<f64>), Failure> {
             let step = growing(file, mode, &format!("{folder}/step"), CHUNK_ROWS)?;
             Ok((
@@ -122,9 +127,9 @@ impl Columns {
             columns.push(growing_wide(file, mode, &contact(name), rows, width)?);
         }
 
-        let observable = |n: usize| format!("observables/{}", SERIES_COLUMNS[n]);
+        let observable = |n: usize| format!("observables/{}", series[n]);
         let mut observables = Vec::new();
-        for n in 0..SERIES_COLUMNS.len() {
+        for n in 0..series.len() {
             group(&observable(n))?;
             observables.push(growing(
                 file,
@@ -134,7 +139,7 @@ impl Columns {
             )?);
         }
         let (row_step, row_time) = clock(&observable(0))?;
-        for n in 1..SERIES_COLUMNS.len() {
+        for n in 1..series.len() {
             link_clock(&observable(0), &observable(n))?;
         }
 
@@ -205,8 +210,20 @@ fn of_grains(
     }
 }
 
-/// The groups and attributes that make the file H5MD 1.1. Collective.
-pub fn describe(file: &H5File, axes: usize) -> Result<(), Failure> {
+/// Appends after `before` rows what every rank knows and rank 0 writes.
+pub fn by_root<T: H5Type + Copy>(
+    root: bool,
+    column: &mut Column<T>,
+    before: u64,
+    data: &[T],
+) -> Result<(), Failure> {
+    let after = before + data.len() as u64;
+    let mine = if root { data } else { &[] };
+    column.append(after, Slab::rows(before, mine.len() as u64, 1), mine)
+}
+
+/// The groups and attributes that make the file H5MD 1.1; `walls`: the box is bounded along its last axis. Collective.
+pub fn describe(file: &H5File, axes: usize, walls: bool) -> Result<(), Failure> {
     let name = env!("CARGO_PKG_NAME");
     for group in ["h5md", "h5md/author", "h5md/creator", BOX, PARAMETERS] {
         file.group(group)?;
@@ -216,9 +233,10 @@ pub fn describe(file: &H5File, axes: usize) -> Result<(), Failure> {
     file.attribute("h5md/creator", "name", &name.into())?;
     file.attribute("h5md/creator", "version", &env!("CARGO_PKG_VERSION").into())?;
     file.attribute(BOX, "dimension", &Attribute::Count(3))?;
+    let last = if walls { "none" } else { "periodic" };
     let boundary = match axes {
-        2 => ["periodic", "none", "none"],
-        _ => ["periodic", "periodic", "none"],
+        2 => ["periodic", last, "none"],
+        _ => ["periodic", "periodic", last],
     };
     let boundary = boundary.map(String::from);
     file.attribute(BOX, "boundary", &Attribute::Texts(boundary.into()))

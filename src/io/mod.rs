@@ -11,6 +11,7 @@ pub mod matrix_market;
 pub mod provenance;
 pub mod reduced_writer;
 pub mod run_reader;
+mod scalar_columns;
 pub mod spectrum_writer;
 pub mod text_writer;
 pub mod trajectory;

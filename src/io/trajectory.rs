@@ -2,11 +2,15 @@
 
 use super::batch::{Frames, Part, Shares, length};
 use super::collective::{IdBlocks, Outcome, agree, records_of};
-use super::h5::{Attribute, Column, H5File, Slab};
-use super::layout::{BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, describe, forces};
+use super::h5::{Attribute, H5File, Slab};
+use super::layout::{
+    BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, by_root, describe, forces,
+};
+use super::scalar_columns::ScalarColumns;
+use crate::analysis::frame_scalars::FrameScalars;
 use crate::domain::{Exchange, total};
 use crate::failure::Failure;
-use crate::state::{ContactSample, GrainSample, SeriesRow};
+use crate::state::{ContactSample, GrainSample};
 use bytemuck::{Pod, Zeroable};
 use hdf5::H5Type;
 use std::path::Path;
@@ -26,6 +30,10 @@ pub struct GrainShape {
 #[derive(Debug, Clone, Copy)]
 pub struct RunHeader<'a> {
     pub axes: usize,
+    /// Whether the box is bounded along its last axis.
+    pub walls: bool,
+    /// Columns of the time series.
+    pub series: &'a [&'a str],
     /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
     pub edges: [f64; 3],
     /// This rank's grains; together the ranks have the ids 0 … N-1, each once.
@@ -46,12 +54,14 @@ const FLUSH_SECONDS: f64 = 2.0;
 /// `run.h5`, open for writing. What is in it does not depend on the number of ranks. Every call is collective.
 pub struct TrajectoryWriter {
     columns: Columns,
+    /// Where the run computes scalars of frames.
+    scalars: Option<ScalarColumns>,
     file: H5File,
     blocks: IdBlocks,
     /// Frames of a batch.
     batch: usize,
     frames: Frames,
-    rows: Vec<(u64, f64, SeriesRow)>,
+    rows: Vec<(u64, f64, Vec<f64>)>,
     frames_written: u64,
     contacts_written: u64,
     rows_written: u64,
@@ -77,11 +87,17 @@ impl TrajectoryWriter {
         };
         let created = (|| {
             let file = H5File::create(path, exchange.communicator())?;
-            describe(&file, header.axes)?;
+            describe(&file, header.axes, header.walls)?;
             for (name, value) in &attributes {
                 file.attribute(PARAMETERS, name, value)?;
             }
-            let columns = Columns::new(&file, Mode::Create, grains as usize, header.axes)?;
+            let columns = Columns::new(
+                &file,
+                Mode::Create,
+                grains as usize,
+                header.axes,
+                header.series,
+            )?;
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, created)?;
@@ -90,18 +106,19 @@ impl TrajectoryWriter {
         Ok(writer)
     }
 
-    /// An existing file, to go on after its first `frames` frames and `rows` rows; what it holds beyond them is cut off.
+    /// An existing file with these columns of the time series, to go on after its first `frames` frames and `rows` rows; what it holds beyond them is cut off.
     /// `Failure::Input` where the file is none of a run, or holds less.
     pub fn open_to_append(
         exchange: &impl Exchange,
         path: &Path,
+        series: &[&str],
         frames: u64,
         rows: u64,
     ) -> Result<Self, Failure> {
         // Looked at by one rank alone, as a failure within a collective call may leave the others waiting.
         let mut extent = Vec::new();
         let looked = match exchange.rank() {
-            0 => inspect(path, frames, rows).map(|e| extent = e.to_vec()),
+            0 => inspect(path, series[0], frames, rows).map(|e| extent = e.to_vec()),
             _ => Ok(()),
         };
         agree(exchange, looked)?;
@@ -117,7 +134,7 @@ impl TrajectoryWriter {
         };
         let opened = (|| {
             let file = H5File::open(path, exchange.communicator())?;
-            let columns = Columns::new(&file, Mode::Open, grains as usize, axes as usize)?;
+            let columns = Columns::new(&file, Mode::Open, grains as usize, axes as usize, series)?;
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, opened)?;
@@ -162,6 +179,7 @@ impl TrajectoryWriter {
         let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
         TrajectoryWriter {
             columns,
+            scalars: None,
             file,
             blocks,
             batch: (BATCH_BYTES / (frame * blocks.grains as usize).max(1)).clamp(1, CHUNK_FRAMES),
@@ -241,10 +259,37 @@ impl TrajectoryWriter {
         exchange: &impl Exchange,
         step: u64,
         time: f64,
-        row: &SeriesRow,
+        row: &impl AsRef<[f64]>,
     ) -> Result<(), Failure> {
-        self.rows.push((step, time, *row));
+        self.rows.push((step, time, row.as_ref().to_vec()));
         if self.rows.len() < BATCH_ROWS {
+            return Ok(());
+        }
+        self.write_rows(exchange)
+    }
+
+    /// From here on scalars of frames are written, after the first `rows` rows that the file has of them.
+    pub fn begin_scalars(&mut self, exchange: &impl Exchange, rows: u64) -> Result<(), Failure> {
+        let scalars = ScalarColumns::new(&self.file, rows);
+        self.scalars = Some(agree(exchange, scalars)?);
+        Ok(())
+    }
+
+    /// Rows of scalars so far, with those that wait to be written; 0 where none are.
+    pub fn scalar_rows(&self) -> u64 {
+        self.scalars.as_ref().map_or(0, ScalarColumns::rows)
+    }
+
+    /// The next scalars, the same on every rank, of steps whose rows of the time series were given before. Panics before
+    /// [`Self::begin_scalars`].
+    pub fn scalars(
+        &mut self,
+        exchange: &impl Exchange,
+        rows: &[(u64, FrameScalars)],
+    ) -> Result<(), Failure> {
+        let scalars = self.scalars.as_mut().expect("scalars were begun");
+        scalars.push(rows);
+        if scalars.waiting() < BATCH_ROWS {
             return Ok(());
         }
         self.write_rows(exchange)
@@ -273,7 +318,7 @@ impl TrajectoryWriter {
             outcome.note(self.file.attribute(PARAMETERS, &name, &value));
         }
         self.file.agree(exchange, outcome)?;
-        drop(self.columns);
+        drop((self.columns, self.scalars));
         agree(exchange, self.file.close())
     }
 
@@ -353,7 +398,8 @@ impl TrajectoryWriter {
     }
 
     fn write_rows(&mut self, exchange: &impl Exchange) -> Result<(), Failure> {
-        if self.rows.is_empty() {
+        let scalars = self.scalars.as_ref().map_or(0, ScalarColumns::waiting);
+        if self.rows.is_empty() && scalars == 0 {
             return Ok(());
         }
         let rows = std::mem::take(&mut self.rows);
@@ -366,8 +412,11 @@ impl TrajectoryWriter {
         let time: Vec<f64> = rows.iter().map(|r| r.1).collect();
         outcome.note(by_root(root, &mut columns.row_time, before, &time));
         for (n, column) in columns.observables.iter_mut().enumerate() {
-            let values: Vec<f64> = rows.iter().map(|r| r.2.columns()[n]).collect();
+            let values: Vec<f64> = rows.iter().map(|r| r.2[n]).collect();
             outcome.note(by_root(root, column, before, &values));
+        }
+        if let Some(scalars) = &mut self.scalars {
+            scalars.write(root, &mut outcome);
         }
         self.file.agree(exchange, outcome)?;
         self.rows_written += rows.len() as u64;
@@ -396,20 +445,8 @@ fn fixed<T: H5Type + Copy>(
     file.dataset::<T>(name, &[size], None)?.write(slab, data)
 }
 
-/// Appends after `before` rows what every rank knows and rank 0 writes.
-fn by_root<T: H5Type + Copy>(
-    root: bool,
-    column: &mut Column<T>,
-    before: u64,
-    data: &[T],
-) -> Result<(), Failure> {
-    let after = before + data.len() as u64;
-    let mine = if root { data } else { &[] };
-    column.append(after, Slab::rows(before, mine.len() as u64, 1), mine)
-}
-
-/// N, the number of contacts in the first `frames` frames, and the dimensions, of a file that is ours and long enough.
-fn inspect(path: &Path, frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
+/// `first` of the columns of the time series. N, the number of contacts in the first `frames` frames, and the dimensions, of a file that is ours and long enough.
+fn inspect(path: &Path, first: &str, frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
     let name = path.display();
     if !path.is_file() {
         return Err(Failure::input(format!(
@@ -430,7 +467,7 @@ fn inspect(path: &Path, frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
         };
         let (has_frames, has_rows) = (
             length("connectivity/contacts/offset")?,
-            length("observables/strain/step")?,
+            length(&format!("observables/{first}/step"))?,
         );
         if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
             return Ok(Err(unfit(format!(

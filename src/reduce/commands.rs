@@ -11,13 +11,16 @@ use crate::io::run_reader::Run;
 use crate::report::lee_hurley::Choice;
 use crate::{analysis, report};
 
-use super::{compare, correlate, dmin, export, info, phases, rate_state, regions, spectrum, study};
+use super::{
+    compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum, study,
+};
 
 /// Reduces the runs of gshear-mpi: what is in them, D²min, stick and slip phases, and a report with figures.
 ///
 /// RUN is a run.h5 or the folder that holds one. Runs that were stopped early are read as far as they go.
 ///
-/// Exit codes: 0 done; 1 the runs differ (compare), or anything not named here; 2 bad input (file or arguments).
+/// Exit codes: 0 done; 1 the runs differ (compare), or anything not named here; 2 bad input (file or arguments); 3 the numbers
+/// failed (a replay that differs).
 #[derive(Debug, Parser)]
 #[command(name = "gshear-reduce", version, max_term_width = 100)]
 pub struct Arguments {
@@ -136,6 +139,23 @@ pub enum Command {
     /// K is real and sparse, M a diagonal. Without --dense or --all-pairs: those nearest the shift, by shift-invert. A pair is evidence
     /// only where the verdict says pair; doubtful ones may be the work of rounding (docs/spectrum.md).
     Spectrum(spectrum::Options),
+    /// Compute a stretch of a run again, with frames, from the checkpoint before it: run.h5 in a folder of its own
+    ///
+    /// The run must have kept its checkpoints (output.keep_checkpoints); what lies after its last one or two is there in any case.
+    /// Its time series from the checkpoint on is compared with the one stored, to the last bit: exit code 3 where it differs.
+    Replay {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+        /// From the first to the last row of the time series in this stretch of shear strain, as 0.1005..0.1006
+        #[arg(long, value_name = "A..B", value_parser = replay::strains)]
+        strain: Strains,
+        /// Steps between frames, from the first row on [default: a frame for every row]
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+        every: Option<u64>,
+        /// Folder to write into [default: the run's folder + /replay-A-B]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
     ///
     /// With --study lee-hurley instead, of one run or of several: every figure of Lee & Hurley that rests on data, under its number,
@@ -159,6 +179,9 @@ pub enum Command {
         min_points: u8,
     },
 }
+
+/// γ of both ends of a stretch.
+type Strains = [f64; 2];
 
 /// A study that can be repeated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -227,6 +250,19 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
                 .clone()
                 .unwrap_or_else(|| runs[0].folder().join("rate-state"));
             rate_state::write(&runs, *law, &folder, output)?;
+        }
+        Command::Replay {
+            run,
+            strain,
+            every,
+            out,
+        } => {
+            let wanted = replay::Wanted {
+                strain: *strain,
+                every: *every,
+                threads: arguments.threads.map_or(1, usize::from),
+            };
+            replay::write(&Run::open(run)?, wanted, out.as_deref(), output)?;
         }
         Command::Spectrum(options) => spectrum::write(options, output)?,
         Command::Report {

@@ -10,6 +10,7 @@ mod phases;
 mod pool;
 pub mod rate_state;
 mod regions;
+pub mod replay;
 pub mod scalars;
 mod spectrum;
 mod study;

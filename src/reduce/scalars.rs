@@ -54,7 +54,10 @@ impl FrameSeries {
 
     /// From the frames alone.
     pub fn of_frames(run: &Run) -> Result<Self, Failure> {
-        let strain = run.frame_strains()?;
+        let strain = match column_at(run, "strain", run.frame_steps()) {
+            Some(strain) => strain,
+            None => run.frame_strains()?,
+        };
         let (tau, scalars) = compute(run)?.into_iter().unzip();
         Ok(FrameSeries {
             step: run.frame_steps().to_vec(),

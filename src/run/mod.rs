@@ -1,5 +1,6 @@
 //! The stages of a run, from the sample to the last step.
 
+mod analysis;
 mod pack;
 mod shear;
 
@@ -16,12 +17,12 @@ use crate::domain::{Accumulator, Exchange, FixedPoint};
 use crate::drive::{Piston, SliderState};
 use crate::failure::Failure;
 use crate::ledger::Kept;
-use crate::record;
+use crate::record::{self, Written};
 use crate::sample::Lattice;
-use crate::schedule::{inertial_time, mean_mass};
+use crate::schedule::{Window, inertial_time, mean_mass};
 use crate::signals::Signals;
 use crate::simd::Level;
-use crate::state::{ContactState, GrainState, Snapshot, body};
+use crate::state::{ContactState, FramePart, GrainState, Snapshot, body};
 use crate::system::{Setup, System};
 use crate::terminal::Terminal;
 
@@ -43,6 +44,8 @@ pub struct Options {
     pub wall_time: Option<Duration>,
     /// Threads inside each rank.
     pub threads: usize,
+    /// Only the stretch from the checkpoint to the end of this window, into new files and without a word.
+    pub replay: Option<Window>,
 }
 
 /// What a run begins with; of grains this rank's part, whichever they are.
@@ -77,6 +80,9 @@ pub struct Header {
     /// Frames and rows of the time series written so far.
     pub frames: u64,
     pub rows: u64,
+    /// Rows of the scalars of frames.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub scalars: u64,
     /// The ledger of energy, where one is kept.
     #[serde(default)]
     pub ledger: Option<Kept>,
@@ -131,7 +137,9 @@ struct Moment<'a> {
     step: u64,
     piston: &'a Piston,
     slider: Option<&'a SliderState>,
-    written: [u64; 2],
+    written: Written,
+    /// The last frame of which scalars were computed.
+    analysed: Option<&'a FramePart>,
 }
 
 /// The state at the start of a stage, wherever its grains are.
@@ -143,8 +151,9 @@ struct State {
     grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
     /// Frames and rows written before, if this goes on with an earlier run.
-    written: Option<[u64; 2]>,
+    written: Option<Written>,
     ledger: Option<Kept>,
+    analysed: Option<FramePart>,
 }
 
 impl<'a, E: Exchange> Run<'a, E> {
@@ -158,7 +167,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             options,
             level,
             signals: Signals::catch()?,
-            terminal: Terminal::new(exchange.rank() == 0),
+            terminal: Terminal::new(exchange.rank() == 0 && options.replay.is_none()),
             started: Instant::now(),
         })
     }
@@ -281,6 +290,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             slider: None,
             written: None,
             ledger: None,
+            analysed: None,
         }
     }
 
@@ -332,8 +342,13 @@ impl<'a, E: Exchange> Run<'a, E> {
                 slider: header.slider,
                 grains: snapshot.grains,
                 contacts,
-                written: Some([header.frames, header.rows]),
+                written: Some(Written {
+                    frames: header.frames,
+                    rows: header.rows,
+                    scalars: header.scalars,
+                }),
                 ledger: header.ledger,
+                analysed: snapshot.analysed,
             },
         ))
     }
@@ -361,20 +376,22 @@ impl<'a, E: Exchange> Run<'a, E> {
         system: &System<C::Space>,
         of: Moment<'_>,
     ) -> Result<(), Failure> {
-        let [frames, rows] = of.written;
         let header = Header {
             stage: of.stage,
             step: of.step,
             piston: *of.piston,
             slider: of.slider.copied(),
-            frames,
-            rows,
+            frames: of.written.frames,
+            rows: of.written.rows,
+            scalars: of.written.scalars,
             ledger: system.ledger.as_ref().map(|l| l.keep(self.exchange)),
             packing: match &self.scene.origin {
                 Origin::Insertion(_) => None,
                 Origin::Packing { file, .. } => Some(file.clone()),
             },
         };
+        let sheared = matches!(of.stage, Stage::Shear { .. });
+        let keep = (sheared && self.scene.output.keep_checkpoints).then_some(of.step);
         record::checkpoint(
             self.exchange,
             &self.options.out,
@@ -383,7 +400,9 @@ impl<'a, E: Exchange> Run<'a, E> {
                 header: serde_json::to_string(&header).expect("a header of finite numbers"),
                 grains: system.grain_states(),
                 contacts: system.own_contact_states::<C>(),
+                analysed: of.analysed.cloned(),
             },
+            keep,
         )
     }
 
@@ -394,6 +413,10 @@ impl<'a, E: Exchange> Run<'a, E> {
             || (self.exchange.rank() == 0
                 && out_of_time.is_some_and(|t| self.started.elapsed() >= t))
     }
+}
+
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 fn in_stage(failure: Failure, stage: &str) -> Failure {

@@ -7,6 +7,7 @@ use crate::domain::{Accumulator, Exchange};
 use crate::drive::{Piston, Planes};
 use crate::failure::Failure;
 use crate::observe::{self, Frame};
+use crate::record::Written;
 use crate::sample::freeze_walls;
 use crate::schedule::inertial_time;
 use crate::step::{advance, initial_forces};
@@ -91,7 +92,8 @@ impl<E: Exchange> Run<'_, E> {
                     step,
                     piston: &drive.piston,
                     slider: None,
-                    written: [0; 2],
+                    written: Written::default(),
+                    analysed: None,
                 };
                 self.save::<C>(&system, moment)?;
                 if stop {
@@ -119,6 +121,7 @@ impl<E: Exchange> Run<'_, E> {
             contacts: system.contact_states::<C>(),
             slider: None,
             written: None,
+            analysed: None,
             ledger: None,
         };
         Ok(Some((height, state)))

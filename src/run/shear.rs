@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use super::analysis::Analysis;
 use super::{Ending, Moment, Run, Stage, State, in_stage};
 use crate::clock::Phase;
 use crate::contact::ContactLaw;
@@ -11,7 +12,7 @@ use crate::failure::Failure;
 use crate::kernel::ContactForces;
 use crate::ledger::Ledger;
 use crate::observe::{self, Frame};
-use crate::record::Recorder;
+use crate::record::{Recorder, Written};
 use crate::schedule::Schedule;
 use crate::state::body;
 use crate::step::{advance, initial_forces};
@@ -24,7 +25,10 @@ impl<E: Exchange> Run<'_, E> {
         state: State,
     ) -> Result<Ending, Failure> {
         let (exchange, scene, options) = (self.exchange, self.scene, self.options);
-        let schedule = Schedule::new(scene, height);
+        let mut schedule = Schedule::new(scene, height);
+        if let Some(window) = options.replay {
+            schedule = schedule.of_window(window);
+        }
         let mut system = self.system::<C::Space>()?;
         system.steps = state.step;
         let spring = scene.shear.spring.map(|spring| spring.stiffness);
@@ -56,9 +60,27 @@ impl<E: Exchange> Run<'_, E> {
             system.ledger = Some(ledger);
         }
         self.terminal.shearing(scene, &schedule, first);
-        let mut recorder =
-            Recorder::open(exchange, scene, &schedule, &system, options, state.written)?;
+        let written = state.written.filter(|_| options.replay.is_none());
+        let mut recorder = Recorder::open(exchange, scene, &schedule, &system, options, written)?;
+        // Rows of new files begin with a frame that has none before it.
+        let before = state.analysed.filter(|_| recorder.goes_on);
+        let mut analysis = scene
+            .analysis
+            .scalars
+            .then(|| Analysis::new(exchange, &system, before));
         let mut samples = ContactForces::default();
+        if first == 0 && scene.output.keep_checkpoints && options.replay.is_none() {
+            // As the sample was packed, so that a window before the first checkpoint can be replayed without packing again.
+            let moment = Moment {
+                stage: Stage::Shear { height },
+                step: 0,
+                piston: &walls.piston,
+                slider: None,
+                written: Written::default(),
+                analysed: None,
+            };
+            self.save::<C>(&system, moment)?;
+        }
         let mut step = first;
         let clock_start = Instant::now();
         let mut stopped = false;
@@ -67,6 +89,7 @@ impl<E: Exchange> Run<'_, E> {
         while begins || (step < schedule.total && !stopped) {
             let next = if begins { 0 } else { step + 1 };
             let (series, frames) = (schedule.series_due(next), schedule.frame_due(next));
+            let analysed = schedule.analysis_due(next);
             if begins {
                 let samples = Some(&mut samples);
                 initial_forces(exchange, &mut system, law, &mut walls, samples)
@@ -74,7 +97,7 @@ impl<E: Exchange> Run<'_, E> {
                 begins = false;
             } else {
                 let stop = self.asked_to_stop() || options.stop_at == Some(next);
-                let sampled = (series || frames).then_some(&mut samples);
+                let sampled = (series || frames || analysed).then_some(&mut samples);
                 let stop = advance(exchange, &mut system, law, &mut walls, stop, sampled)
                     .map_err(|e| in_stage(e, "shear"))?;
                 step = next;
@@ -94,17 +117,29 @@ impl<E: Exchange> Run<'_, E> {
                 recorder.series(exchange, step, time, &row)?;
                 self.terminal.latest(&row);
             }
-            if frames {
+            if frames || analysed {
                 let (grains, contacts) = observe::frame::<C>(&system, &samples);
-                recorder.frame(exchange, step, time, &grains, &contacts)?;
+                if frames {
+                    recorder.frame(exchange, step, time, &grains, &contacts)?;
+                }
+                if let (Some(analysis), true) = (&mut analysis, analysed) {
+                    let rows = analysis.frame(exchange, step, &grains, &contacts);
+                    recorder.scalars(exchange, &rows)?;
+                }
             }
-            if schedule.checkpoint_due(step) || stopped || step == schedule.total {
+            let ends = stopped || step == schedule.total;
+            if schedule.checkpoint_due(step) || (ends && options.replay.is_none()) {
+                if let Some(analysis) = &mut analysis {
+                    let rows = analysis.flush(exchange);
+                    recorder.scalars(exchange, &rows)?;
+                }
                 let moment = Moment {
                     stage: Stage::Shear { height },
                     step,
                     piston: &walls.piston,
                     slider: Some(&walls.slider.state),
                     written: recorder.flush(exchange)?,
+                    analysed: analysis.as_ref().and_then(Analysis::last),
                 };
                 self.save::<C>(&system, moment)?;
             }

@@ -12,4 +12,4 @@ pub use contacts::{Contacts, Part, Touching};
 pub use frame::{Disks, Frame};
 pub use grains::{ForceUnit, Grains, body};
 pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
-pub use snapshot::{ContactState, GrainState, Snapshot};
+pub use snapshot::{ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot};

@@ -106,6 +106,12 @@ pub struct SeriesRow {
     pub energy_residual: f64,
 }
 
+impl AsRef<[f64]> for SeriesRow {
+    fn as_ref(&self) -> &[f64] {
+        bytemuck::cast_slice(std::slice::from_ref(self))
+    }
+}
+
 impl SeriesRow {
     /// The row as the columns of [`SERIES_COLUMNS`].
     pub fn columns(&self) -> [f64; SERIES_COLUMNS.len()] {

@@ -28,10 +28,38 @@ pub struct ContactState {
     pub history: [f64; 3],
 }
 
+/// Where a grain was in a frame (m): what the scalars of a frame need of it.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct GrainPlace {
+    pub id: u32,
+    pub body: u32,
+    pub position: [f64; 2],
+}
+
+/// What bore on a contact in a frame, `i < j` (N/m): what the scalars of a frame need of it.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ContactForce {
+    pub i: u32,
+    pub j: u32,
+    pub normal_force: f64,
+    pub tangential_force: f64,
+}
+
+/// This rank's part of a frame whose scalars are wanted; over the ranks every grain and every contact comes once.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FramePart {
+    pub grains: Vec<GrainPlace>,
+    pub contacts: Vec<ContactForce>,
+}
+
 /// This rank's part of a checkpoint. `header` is JSON, the same on every rank: stage, step, walls, what was written so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
     pub header: String,
     pub grains: Vec<GrainState>,
     pub contacts: Vec<ContactState>,
+    /// The last frame of which the run computed scalars, on every rank or on none: the next ones are between it and the next.
+    pub analysed: Option<FramePart>,
 }

@@ -4,7 +4,10 @@
 
 use gshear::io::h5::Attribute;
 use gshear::io::trajectory::{GrainShape, RunHeader};
-use gshear::state::{ContactSample, ContactState, GrainSample, GrainState, SeriesRow, Snapshot};
+use gshear::state::{
+    ContactForce, ContactSample, ContactState, FramePart, GrainPlace, GrainSample, GrainState,
+    SeriesRow, Snapshot,
+};
 
 fn hash(a: u64, b: u64, c: u64) -> u64 {
     let mut x =
@@ -36,6 +39,8 @@ pub fn shapes(grains: u64) -> Vec<GrainShape> {
 
 pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
     RunHeader {
+        walls: true,
+        series: &gshear::state::SERIES_COLUMNS,
         axes: 2,
         edges: [20.0, 15.5, 0.0],
         grains,
@@ -117,9 +122,24 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
             number(t, u64::from(i) << 32 | u64::from(j), 26 + c as u64)
         }),
     };
+    let place = |id| GrainPlace {
+        id: id as u32,
+        body: 0,
+        position: [27, 28].map(|c| number(t, id, c)),
+    };
+    let force = |(i, j)| ContactForce {
+        i,
+        j,
+        normal_force: number(t, u64::from(i) << 32 | u64::from(j), 29),
+        tangential_force: number(t, u64::from(i) << 32 | u64::from(j), 30),
+    };
     Snapshot {
         header: format!("{{\"step\":{t}}}"),
         grains: (0..grains).map(grain).collect(),
         contacts: pairs(t, grains).into_iter().map(contact).collect(),
+        analysed: Some(FramePart {
+            grains: (0..grains).map(place).collect(),
+            contacts: pairs(t + 1, grains).into_iter().map(force).collect(),
+        }),
     }
 }

@@ -1,5 +1,6 @@
 //! From what was written to a scene in which nothing is optional any more.
 
+mod analysis;
 mod law;
 mod load;
 pub(super) mod periodic;
@@ -78,6 +79,7 @@ pub(super) fn scene(
     let pack = check_pack(&mut c, raw.pack, &sample);
     let mut shear = shear::check(&mut c, raw.shear);
     let output = shear::output(&mut c, raw.output, &shear);
+    let analysis = analysis::check(&mut c, raw.analysis, dimension, &shear, &output);
     let bookkeeping = check_bookkeeping(&mut c, raw.bookkeeping);
     c.settle()?;
 
@@ -130,6 +132,7 @@ pub(super) fn scene(
         pack,
         shear,
         output,
+        analysis,
         bookkeeping,
         toml: String::new(),
     };

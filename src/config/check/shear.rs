@@ -164,6 +164,7 @@ pub(super) fn output(c: &mut Checker<'_>, output: raw::Output, shear: &Shear) ->
         frame_start: c.number(&frame_start, &NOT_NEGATIVE).unwrap_or(0.0),
         series_strain: c.number(&series_strain, &NOT_NEGATIVE).unwrap_or(1e-5),
         checkpoint_strain: c.number(&checkpoint_strain, &NOT_NEGATIVE).unwrap_or(0.02),
+        keep_checkpoints: c.flag(&key!(output.keep_checkpoints)).unwrap_or(false),
         frame_rows: c
             .whole(&frame_rows, 0, i64::MAX)
             .map_or(0, i64::unsigned_abs),
