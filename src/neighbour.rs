@@ -200,7 +200,7 @@ pub fn pairs<D: Dimension>(
 mod tests {
     use super::*;
     use crate::dimension::{Three, Two};
-    use crate::state::{GrainState, Sheared};
+    use crate::state::{GrainState, Masses, Sheared};
     use bytemuck::Zeroable;
 
     /// Against all pairs, in narrow and wide cells, with ghosts; `offset` over L_x of a sheared cell.
@@ -241,7 +241,7 @@ mod tests {
                 })
                 .collect();
             let mut grains = Grains::<D>::default();
-            grains.replace(&states[..owned], 1.0, 1.0);
+            grains.replace(&states[..owned], Masses::Equal(1.0), 1.0);
             for ghost in &states[owned..] {
                 grains.push(ghost);
             }

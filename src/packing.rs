@@ -244,7 +244,7 @@ impl Packing {
     ) -> Result<(), Failure> {
         let cell = scene.sample.cell();
         let mut grains = Grains::<D>::default();
-        grains.replace(states, scene.law.density(), scene.time_step.step);
+        grains.replace(states, scene.law.masses(), scene.time_step.step);
         let window = Window {
             from: 0.0,
             width: self.file.length,

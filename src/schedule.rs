@@ -106,9 +106,9 @@ pub fn inertial_time(scene: &Scene) -> f64 {
     (mean_mass(scene) / scene.load.pressure * per_section).sqrt()
 }
 
-/// m̄ = ρπ⟨R²⟩ (kg/m), in three dimensions (4/3)πρ⟨R³⟩ (kg).
+/// m̄ = ρπ⟨R²⟩ (kg/m), in three dimensions (4/3)πρ⟨R³⟩ (kg); or the mass that all have.
 pub fn mean_mass(scene: &Scene) -> f64 {
-    scene.sample.mean_volume * scene.law.density()
+    scene.law.masses().of(scene.sample.mean_volume)
 }
 
 impl Schedule {

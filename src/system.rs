@@ -10,7 +10,7 @@ use crate::failure::Failure;
 use crate::ledger::Ledger;
 use crate::neighbour;
 use crate::simd::Level;
-use crate::state::{Cell, ContactState, Contacts, ForceUnit, GrainState, Grains, length};
+use crate::state::{Cell, ContactState, Contacts, ForceUnit, GrainState, Grains, Masses, length};
 use crate::step::Outside;
 use crate::team::Team;
 
@@ -26,8 +26,7 @@ const BEST_LIFE: f64 = 400.0;
 pub struct System<D: Dimension> {
     pub level: Level,
     pub cell: Cell,
-    /// ρ (kg/m³).
-    pub density: f64,
+    pub masses: Masses,
     /// Δt (s).
     pub step: f64,
     /// g (m/s²), against the last axis; 0 is none.
@@ -192,7 +191,7 @@ pub struct Setup<'a> {
     pub cell: Cell,
     pub largest_radius: f64,
     pub mean_diameter: f64,
-    pub density: f64,
+    pub masses: Masses,
     pub step: f64,
     pub gravity: f64,
     /// Of forces on walls.
@@ -208,7 +207,7 @@ impl<D: Dimension> System<D> {
         Ok(Self {
             level: of.level,
             cell: of.cell,
-            density: of.density,
+            masses: of.masses,
             step: of.step,
             gravity: of.gravity,
             steps: 0,
@@ -279,7 +278,7 @@ impl<D: Dimension> System<D> {
         let (own, remembered) = self
             .slabs
             .redistribute(exchange, self.cell, grains, contacts, reach)?;
-        self.grains.replace(&own, self.density, self.step);
+        self.grains.replace(&own, self.masses, self.step);
         let largest = 0.5 * self.list.diameter;
         self.grains.unit = ForceUnit::new(law.largest_force(largest), largest);
         self.slabs

@@ -96,6 +96,12 @@ impl Terminal {
                 spheres.tangential_stiffness(),
                 spheres.normal_damping
             ),
+            Law::Mindlin(springs) => format!(
+                "law:   {}, k_n = {:.4e} N/m^1.5, k_t = {:.4e} N/m^1.5",
+                scene.law.name(),
+                springs.normal_stiffness,
+                springs.tangential_stiffness
+            ),
         });
         self.say(format!(
             "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {}",

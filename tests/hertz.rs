@@ -9,7 +9,7 @@ use gshear::domain::Solo;
 use gshear::drive::NoWalls;
 use gshear::kernel::ContactForces;
 use gshear::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
-use gshear::state::{Cell, ContactState, GrainState};
+use gshear::state::{Cell, ContactState, GrainState, Masses};
 use gshear::step::{advance, forces, initial_forces};
 use gshear::system::{Setup, System};
 
@@ -79,7 +79,7 @@ impl Spin {
             cell: Cell::between_walls([20.0 * largest; 2]),
             largest_radius: largest,
             mean_diameter: 2.0 * largest,
-            density: spheres.density,
+            masses: Masses::Density(spheres.density),
             step,
             gravity: 0.0,
             typical_force: 1.0,

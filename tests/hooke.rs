@@ -10,7 +10,7 @@ use gshear::domain::Solo;
 use gshear::drive::NoWalls;
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
-use gshear::state::{Cell, ContactState, GrainState};
+use gshear::state::{Cell, ContactState, GrainState, Masses};
 use gshear::step::{advance, initial_forces};
 use gshear::system::{Setup, System};
 
@@ -103,7 +103,7 @@ impl Impact {
             cell: Cell::between_walls([LENGTH, f64::INFINITY]),
             largest_radius: RADII[1],
             mean_diameter: 1.7e-3,
-            density: SPRINGS.density,
+            masses: Masses::Density(SPRINGS.density),
             step,
             gravity: 0.0,
             typical_force: 1.0,

@@ -99,7 +99,7 @@ impl Sample {
             cell: scene.sample.cell(),
             largest_radius: scene.sample.radius_max,
             mean_diameter: scene.sample.mean_diameter,
-            density: scene.law.density(),
+            masses: scene.law.masses(),
             step,
             gravity: 0.0,
             typical_force: scene.load.normal_force,

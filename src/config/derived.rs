@@ -164,7 +164,7 @@ fn lightest_and_stiffest(law: &Law, sample: &Sample, mean_overlap: f64) -> [f64;
     } else {
         Three::volume(radius)
     };
-    [law.density() * volume, stiffness]
+    [law.masses().of(volume), stiffness]
 }
 
 /// √(m_min/k_n,max) (s).
@@ -215,6 +215,12 @@ pub fn step_limit(
         Law::Hertz(spheres) => (
             1.5 * secant,
             spheres.tangential_stiffness() / spheres.normal_stiffness() * secant,
+            0.0,
+        ),
+        // (1 + 2s - 3s²) k_t √δ at most, at s = 1/3.
+        Law::Mindlin(springs) => (
+            1.5 * secant,
+            4.0 / 3.0 * springs.tangential_stiffness / springs.normal_stiffness * secant,
             0.0,
         ),
     };

@@ -144,7 +144,8 @@ macro_rules! table {
 table!(Material {
     young_modulus: Number,
     poisson_ratio: Number,
-    density: Number
+    density: Number,
+    mass: Number,
 });
 table!(Contact {
     law: Text,

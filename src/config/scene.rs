@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::contact::{hertz, hooke, lee_hurley, portable_exp, portable_ln};
+use crate::contact::{hertz, hooke, lee_hurley, mindlin, portable_exp, portable_ln};
 use crate::dimension::{Dimension, Three, Two};
-use crate::state::Cell;
+use crate::state::{Cell, Masses};
 
 /// A plane-shear run, ready to be set up.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,26 +69,29 @@ pub enum Law {
     Hooke(Springs),
     /// FR eqs 1 and 2; spheres.
     Hertz(Spheres),
+    /// BO eqs 1 and 5; disks or spheres.
+    Mindlin(MindlinSprings),
 }
 
 impl Law {
     /// The names of all laws, as `contact.law` has them.
-    pub const NAMES: [&str; 3] = ["lee-hurley", "hooke", "hertz"];
+    pub const NAMES: [&str; 4] = ["lee-hurley", "hooke", "hertz", "mindlin"];
 
     pub fn name(&self) -> &'static str {
         match self {
             Law::LeeHurley(_) => Self::NAMES[0],
             Law::Hooke(_) => Self::NAMES[1],
             Law::Hertz(_) => Self::NAMES[2],
+            Law::Mindlin(_) => Self::NAMES[3],
         }
     }
 
-    /// ρ (kg/m³) of the grains.
-    pub fn density(&self) -> f64 {
+    pub fn masses(&self) -> Masses {
         match self {
-            Law::LeeHurley(material) => material.density,
-            Law::Hooke(springs) => springs.density,
-            Law::Hertz(spheres) => spheres.density,
+            Law::LeeHurley(material) => Masses::Density(material.density),
+            Law::Hooke(springs) => Masses::Density(springs.density),
+            Law::Hertz(spheres) => Masses::Density(spheres.density),
+            Law::Mindlin(springs) => springs.masses,
         }
     }
 
@@ -102,6 +105,7 @@ impl Law {
             Law::Hertz(spheres) => {
                 spheres.normal_stiffness() * (overlap * r1 * r2 / (r1 + r2)).sqrt()
             }
+            Law::Mindlin(springs) => springs.normal_stiffness * overlap.sqrt(),
         }
     }
 
@@ -117,6 +121,7 @@ impl Law {
             }
             Law::Hooke(_) => 2.0 * hooke::LARGEST_OVERLAP * smaller,
             Law::Hertz(_) => 2.0 * hertz::LARGEST_OVERLAP * smaller,
+            Law::Mindlin(_) => 2.0 * mindlin::LARGEST_OVERLAP * smaller,
         }
     }
 }
@@ -127,6 +132,14 @@ pub struct Springs {
     pub normal_stiffness: f64,
     pub tangential_stiffness: f64,
     pub density: f64,
+}
+
+/// Springs of F = k δ^(3/2) between grains, whatever their radii: k_n, k_t (N/m^(3/2); per unit depth in 2D).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MindlinSprings {
+    pub normal_stiffness: f64,
+    pub tangential_stiffness: f64,
+    pub masses: Masses,
 }
 
 /// Of the grains: E (Pa), ν, ρ (kg/m³).
@@ -166,7 +179,8 @@ impl Spheres {
     }
 }
 
-/// What contacts have beside their springs: μ_s, μ_r, α (normal and tangential damping ratio; not of `Law::Hertz`), η_r.
+/// What contacts have beside their springs: μ_s, μ_r, α (normal and tangential damping ratio; not of `Law::Hertz` and
+/// `Law::Mindlin`), η_r.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     pub friction: f64,

@@ -9,12 +9,15 @@ use super::scene::{
     Bookkeeping, Contact, Dimensions, Drive, Law, Motion, Origin, Part, Sample, Scene, Sizes,
     StepChoice, Walls,
 };
+use crate::state::Masses;
 
 /// How the damping was given.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum DampingChoice {
     /// As it stands in the scene: α, or γ_n of spheres.
     Ratio,
+    /// The law has none.
+    Undamped,
     Restitution(f64),
     /// Of two equal spheres (m) at a speed (m/s).
     Impact {
@@ -146,19 +149,27 @@ fn materials(t: &mut Lines, scene: &Common, damping: DampingChoice) {
     let material = match scene.law {
         Law::LeeHurley(material) => Some([material.young_modulus, material.poisson_ratio]),
         Law::Hertz(spheres) => Some([spheres.young_modulus, spheres.poisson_ratio]),
-        Law::Hooke(_) => None,
+        Law::Hooke(_) | Law::Mindlin(_) => None,
     };
     if let Some([young_modulus, poisson_ratio]) = material {
         t.number("young_modulus", young_modulus);
         t.number("poisson_ratio", poisson_ratio);
     }
-    t.number("density", scene.law.density());
+    match scene.law.masses() {
+        Masses::Density(density) => t.number("density", density),
+        Masses::Equal(mass) => t.number("mass", mass),
+    }
 
     t.table("contact");
     t.text("law", scene.law.name());
-    if let Law::Hooke(springs) = scene.law {
-        t.number("normal_stiffness", springs.normal_stiffness);
-        t.number("tangential_stiffness", springs.tangential_stiffness);
+    let springs = match scene.law {
+        Law::Hooke(springs) => Some([springs.normal_stiffness, springs.tangential_stiffness]),
+        Law::Mindlin(springs) => Some([springs.normal_stiffness, springs.tangential_stiffness]),
+        Law::LeeHurley(_) | Law::Hertz(_) => None,
+    };
+    if let Some([normal, tangential]) = springs {
+        t.number("normal_stiffness", normal);
+        t.number("tangential_stiffness", tangential);
     }
     t.number("friction", scene.contact.friction);
     match (damping, scene.law) {
@@ -171,12 +182,14 @@ fn materials(t: &mut Lines, scene: &Common, damping: DampingChoice) {
         (DampingChoice::Ratio, Law::Hertz(spheres)) => {
             t.number("normal_damping", spheres.normal_damping)
         }
+        (DampingChoice::Undamped, _) => {}
         (DampingChoice::Ratio, _) => t.number("damping_ratio", scene.contact.damping_ratio),
     }
     if let Law::Hertz(spheres) = scene.law {
         t.number("tangential_damping", spheres.tangential_damping);
     }
-    if scene.dimension == Dimensions::Two {
+    let rolls = scene.dimension == Dimensions::Two && !matches!(scene.law, Law::Mindlin(_));
+    if rolls {
         t.number("rolling_friction", scene.contact.rolling_friction);
         t.number("rolling_damping_ratio", scene.contact.rolling_damping_ratio);
     }
@@ -345,9 +358,9 @@ fn derived_comments(scene: &Scene) -> String {
             );
             comment("normal damping gamma_n", spheres.normal_damping, "1/(m s)");
         }
-        Law::Hooke(_) => {}
+        Law::Hooke(_) | Law::Mindlin(_) => {}
     }
-    if !matches!(scene.law, Law::Hertz(_)) {
+    if matches!(scene.law, Law::LeeHurley(_) | Law::Hooke(_)) {
         comment("damping ratio alpha", scene.contact.damping_ratio, "");
     }
     comment("pressure P", scene.load.pressure, "Pa");

@@ -1,10 +1,13 @@
 //! A law before friction and rolling are chosen, so that a run can take the one it needs, with nothing in it that the scene lacks.
 
+use std::marker::PhantomData;
+
 use super::ContactLaw;
 use super::hertz::Hertz;
 use super::hooke::Hooke;
 use super::lee_hurley::LeeHurley;
-use crate::config::{Contact, Material, Scene, Spheres, Springs, derived};
+use super::mindlin::Mindlin;
+use crate::config::{Contact, Material, MindlinSprings, Scene, Spheres, Springs, derived};
 use crate::dimension::{Dimension, Three, Two};
 
 /// The constants of a law's springs, of which it can be made with and without friction and rolling.
@@ -61,6 +64,34 @@ impl Family for SpringsInSpace {
         contact: &Contact,
     ) -> Self::Law<FRICTION, ROLLING> {
         Hooke::new(&self.0, contact)
+    }
+}
+
+/// BO's law in the plane or in space, without rolling resistance.
+#[derive(Debug, Clone, Copy)]
+pub struct MindlinIn<D> {
+    springs: MindlinSprings,
+    space: PhantomData<D>,
+}
+
+impl<D> MindlinIn<D> {
+    pub fn new(springs: MindlinSprings) -> Self {
+        Self {
+            springs,
+            space: PhantomData,
+        }
+    }
+}
+
+impl<D: Dimension> Family for MindlinIn<D> {
+    type Space = D;
+    type Law<const FRICTION: bool, const ROLLING: bool> = Mindlin<D, FRICTION>;
+
+    fn law<const FRICTION: bool, const ROLLING: bool>(
+        &self,
+        contact: &Contact,
+    ) -> Self::Law<FRICTION, ROLLING> {
+        Mindlin::new(&self.springs, contact)
     }
 }
 

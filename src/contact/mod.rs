@@ -4,6 +4,7 @@ pub mod family;
 pub mod hertz;
 pub mod hooke;
 pub mod lee_hurley;
+pub mod mindlin;
 pub mod rolling;
 
 use crate::dimension::{Dimension, Three, Vector};

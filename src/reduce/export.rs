@@ -184,7 +184,7 @@ fn of_checkpoint(path: &Path) -> Result<State, Failure> {
     let grain = |g: &crate::state::GrainState| Grain {
         body: g.body,
         radius: g.radius,
-        mass: scene.law.density() * scene.dimension.volume(g.radius),
+        mass: scene.law.masses().of(scene.dimension.volume(g.radius)),
         position: g.position,
         velocity: g.velocity,
         angular_velocity: g.angular_velocity,

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{self, Dimensions, Law, Origin, PackingFile, Scene, Source};
 use crate::contact::ContactLaw;
-use crate::contact::family::{Family, SpringsInSpace};
-use crate::dimension::Dimension;
+use crate::contact::family::{Family, MindlinIn, SpringsInSpace};
+use crate::dimension::{Dimension, Three, Two};
 use crate::domain::{Accumulator, Exchange, FixedPoint};
 use crate::drive::{Piston, SliderState};
 use crate::failure::Failure;
@@ -188,6 +188,12 @@ impl<'a, E: Exchange> Run<'a, E> {
                 self.stages(SpringsInSpace(springs), stage, state)
             }
             (Law::Hertz(spheres), _) => self.stages(spheres, stage, state),
+            (Law::Mindlin(springs), Dimensions::Two) => {
+                self.stages(MindlinIn::<Two>::new(springs), stage, state)
+            }
+            (Law::Mindlin(springs), Dimensions::Three) => {
+                self.stages(MindlinIn::<Three>::new(springs), stage, state)
+            }
         }
     }
 
@@ -298,10 +304,10 @@ impl<'a, E: Exchange> Run<'a, E> {
     fn mass_of_top(&self, grains: &[GrainState]) -> f64 {
         let masses = FixedPoint::new(mean_mass(self.scene));
         let mut mass = Accumulator::default();
-        let density = self.scene.law.density();
+        let of_grain = self.scene.law.masses();
         for g in grains.iter().filter(|g| g.body == body::TOP) {
             let volume = self.scene.dimension.volume(g.radius);
-            masses.add(&mut mass, density * volume);
+            masses.add(&mut mass, of_grain.of(volume));
         }
         let [mass] = masses.total(self.exchange, [mass]);
         mass
@@ -361,7 +367,7 @@ impl<'a, E: Exchange> Run<'a, E> {
             cell: sample.cell(),
             largest_radius: sample.radius_max,
             mean_diameter: sample.mean_diameter,
-            density: scene.law.density(),
+            masses: scene.law.masses(),
             step: scene.time_step.step,
             gravity: scene.load.gravity,
             typical_force: scene.load.normal_force,

@@ -48,6 +48,25 @@ fn power_of_two_above(x: f64) -> f64 {
     f64::from_bits((exponent + 1) << 52)
 }
 
+/// What gives the grains their masses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Masses {
+    /// ρ (kg/m³) of all.
+    Density(f64),
+    /// m (kg; kg/m in 2D), the same for all, whatever their size.
+    Equal(f64),
+}
+
+impl Masses {
+    /// m (kg; kg/m in 2D) of a grain of this volume (m³; m² in 2D), and so the mean of many.
+    pub fn of(self, volume: f64) -> f64 {
+        match self {
+            Masses::Density(density) => density * volume,
+            Masses::Equal(mass) => mass,
+        }
+    }
+}
+
 /// Structure of arrays over own grains and ghosts; what only own grains need is shorter.
 #[derive(Debug)]
 pub struct Grains<D: Dimension> {
@@ -93,8 +112,8 @@ impl<D: Dimension> Grains<D> {
         self.id.len()
     }
 
-    /// Own grains, sorted by id, without ghosts. `density` in kg/m³, `step` Δt in s.
-    pub fn replace(&mut self, own: &[GrainState], density: f64, step: f64) {
+    /// Own grains, sorted by id, without ghosts. `step`: Δt (s).
+    pub fn replace(&mut self, own: &[GrainState], masses: Masses, step: f64) {
         self.owned = own.len();
         self.id.clear();
         self.body.clear();
@@ -104,7 +123,7 @@ impl<D: Dimension> Grains<D> {
         self.mass.clear();
         for g in own {
             self.push(g);
-            self.mass.push(density * D::volume(g.radius));
+            self.mass.push(masses.of(D::volume(g.radius)));
         }
         self.set_step(step);
     }

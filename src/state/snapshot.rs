@@ -18,8 +18,8 @@ pub struct GrainState {
     pub torque: [f64; 3],
 }
 
-/// All of one touching contact, `i < j`. History in 2D: elastic tangential force (N/m), last k_t (Pa), elastic rolling torque (N); in
-/// 3D: the tangential vector that the law remembers (force, N, or displacement, m).
+/// All of one touching contact, `i < j`. History in 2D: what the law remembers along t̂ (elastic force, N/m, or displacement, m),
+/// last k_t (Pa), elastic rolling torque (N); in 3D: the tangential vector that it remembers (force, N, or displacement, m).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ContactState {

@@ -8,7 +8,7 @@ use gshear::domain::Solo;
 use gshear::drive::{Drive, NoWalls};
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
-use gshear::state::{Cell, ContactState, GrainState, body};
+use gshear::state::{Cell, ContactState, GrainState, Masses, body};
 use gshear::step::{advance, initial_forces};
 use gshear::system::{Setup, System};
 
@@ -113,7 +113,7 @@ pub fn system<const F: bool, const R: bool>(
         cell: Cell::between_walls([length, f64::INFINITY]),
         largest_radius: radii.fold(0.0, f64::max),
         mean_diameter: 2.0 * mean,
-        density: law.density,
+        masses: Masses::Density(law.density),
         step,
         gravity: 0.0,
         typical_force: 1.0,

@@ -8,7 +8,7 @@ use gshear::drive::{Drive, NoWalls};
 use gshear::failure::Failure;
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
-use gshear::state::{Cell, ContactState, GrainState};
+use gshear::state::{Cell, ContactState, GrainState, Masses};
 use gshear::step::{Outside, advance, forces, initial_forces};
 use gshear::system::{Setup, System};
 
@@ -83,7 +83,7 @@ impl<C: ContactLaw<Space = Two>, D: Drive<Two>> Rig<C, D> {
             cell: Cell::between_walls([setting.length, f64::INFINITY]),
             largest_radius: radii.fold(0.0, f64::max),
             mean_diameter: 2.0 * mean,
-            density: setting.density,
+            masses: Masses::Density(setting.density),
             step: setting.step,
             gravity: 0.0,
             typical_force: 1.0,

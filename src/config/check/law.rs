@@ -6,6 +6,7 @@ use crate::config::derived;
 use crate::config::raw::{self, Number, Text, show};
 use crate::config::scene::*;
 use crate::config::write::DampingChoice;
+use crate::state::Masses;
 
 const POISSON: Bounds = Bounds {
     hold: |x| (0.0..=0.5).contains(&x),
@@ -18,6 +19,7 @@ struct Keys {
     young_modulus: Key<Number>,
     poisson_ratio: Key<Number>,
     density: Key<Number>,
+    mass: Key<Number>,
     normal_stiffness: Key<Number>,
     tangential_stiffness: Key<Number>,
     normal_damping: Key<Number>,
@@ -31,20 +33,23 @@ struct Keys {
 const LEE_HURLEY: &str = Law::NAMES[0];
 const HOOKE: &str = Law::NAMES[1];
 const HERTZ: &str = Law::NAMES[2];
+const MINDLIN: &str = Law::NAMES[3];
 
 impl Keys {
     /// Which laws know a key.
-    fn owners(&self) -> [(&Key<Number>, &'static [&'static str]); 9] {
+    fn owners(&self) -> [(&Key<Number>, &'static [&'static str]); 11] {
         [
             (&self.young_modulus, &[LEE_HURLEY, HERTZ]),
             (&self.poisson_ratio, &[LEE_HURLEY, HERTZ]),
-            (&self.normal_stiffness, &[HOOKE]),
-            (&self.tangential_stiffness, &[HOOKE]),
+            (&self.mass, &[MINDLIN]),
+            (&self.normal_stiffness, &[HOOKE, MINDLIN]),
+            (&self.tangential_stiffness, &[HOOKE, MINDLIN]),
             (&self.normal_damping, &[HERTZ]),
             (&self.tangential_damping, &[HERTZ]),
             (&self.impact_speed, &[HERTZ]),
             (&self.impact_diameter, &[HERTZ]),
             (&self.damping_ratio, &[LEE_HURLEY, HOOKE]),
+            (&self.restitution, &[LEE_HURLEY, HOOKE, HERTZ]),
         ]
     }
 }
@@ -64,6 +69,7 @@ pub(super) fn check(
         young_modulus: key!(material.young_modulus),
         poisson_ratio: key!(material.poisson_ratio),
         density: key!(material.density),
+        mass: key!(material.mass),
         normal_stiffness: key!(contact.normal_stiffness),
         tangential_stiffness: key!(contact.tangential_stiffness),
         normal_damping: key!(contact.normal_damping),
@@ -78,11 +84,19 @@ pub(super) fn check(
         let why = "rolling resistance is between disks; with dimension = 3 there is none";
         c.useless(&rolling_friction, why);
         c.useless(&rolling_damping, why);
+    } else if name == Some(MINDLIN) {
+        let why = "the law \"mindlin\" has no rolling resistance";
+        c.useless(&rolling_friction, why);
+        c.useless(&rolling_damping, why);
     }
     let (law, damping_ratio, choice) = match name {
         Some(HERTZ) => {
             let (spheres, choice) = spheres(c, &keys);
             (Law::Hertz(spheres), 0.0, choice)
+        }
+        Some(MINDLIN) => {
+            let springs = mindlin_springs(c, &keys);
+            (Law::Mindlin(springs), 0.0, DampingChoice::Undamped)
         }
         _ => {
             let law = match name {
@@ -119,11 +133,11 @@ fn name(c: &mut Checker<'_>, dimension: Dimensions, keys: &Keys) -> Option<&'sta
     match (known, dimension) {
         (LEE_HURLEY, Dimensions::Three) => c.refuse(
             law,
-            "is a law of disks; with dimension = 3 give \"hertz\" or \"hooke\"",
+            "is a law of disks; with dimension = 3 give \"hertz\", \"hooke\" or \"mindlin\"",
         ),
         (HERTZ, Dimensions::Two) => c.refuse(
             law,
-            "is a law of spheres; give dimension = 3, or \"lee-hurley\" or \"hooke\"",
+            "is a law of spheres; give dimension = 3, or \"lee-hurley\", \"hooke\" or \"mindlin\"",
         ),
         _ => {}
     }
@@ -195,11 +209,37 @@ fn material(c: &mut Checker<'_>, keys: &Keys, needed: bool) -> Material {
 }
 
 fn springs(c: &mut Checker<'_>, keys: &Keys) -> Springs {
-    let k_n = c.required(
-        &keys.normal_stiffness,
-        &POSITIVE,
-        "k_n (N/m; per unit depth, which is Pa, in 2D), such as normal_stiffness = 1e8",
+    let what = "k_n (N/m; per unit depth, which is Pa, in 2D), such as normal_stiffness = 1e8";
+    let [normal_stiffness, tangential_stiffness] = stiffnesses(c, keys, what);
+    Springs {
+        normal_stiffness,
+        tangential_stiffness,
+        density: density(c, keys),
+    }
+}
+
+fn mindlin_springs(c: &mut Checker<'_>, keys: &Keys) -> MindlinSprings {
+    let what = "k_n (N/m^1.5; per unit depth in 2D), such as normal_stiffness = 1e10";
+    let [normal_stiffness, tangential_stiffness] = stiffnesses(c, keys, what);
+    let (density, mass) = (&keys.density, &keys.mass);
+    let chosen = c.exactly_one(
+        &[density, mass],
+        "the masses: density (rho, kg/m^3), such as density = 2500.0, or mass (kg; kg/m in 2D), the same for all grains",
     );
+    let masses = match (c.number(density, &POSITIVE), c.number(mass, &POSITIVE)) {
+        (_, Some(mass)) if chosen == 1 => Masses::Equal(mass),
+        (density, _) => Masses::Density(density.unwrap_or(f64::NAN)),
+    };
+    MindlinSprings {
+        normal_stiffness,
+        tangential_stiffness,
+        masses,
+    }
+}
+
+/// k_n and k_t; `what` asks for k_n.
+fn stiffnesses(c: &mut Checker<'_>, keys: &Keys, what: &str) -> [f64; 2] {
+    let k_n = c.required(&keys.normal_stiffness, &POSITIVE, what);
     let k_t = c.number(&keys.tangential_stiffness, &POSITIVE);
     if let Some(k_t) = k_t.filter(|&k_t| k_t > k_n) {
         let words = format!("must lie in (0, normal_stiffness = {}]", show(k_n));
@@ -208,11 +248,7 @@ fn springs(c: &mut Checker<'_>, keys: &Keys) -> Springs {
             &format!("{words}, found {}", show(k_t)),
         );
     }
-    Springs {
-        normal_stiffness: k_n,
-        tangential_stiffness: k_t.unwrap_or(2.0 / 7.0 * k_n),
-        density: density(c, keys),
-    }
+    [k_n, k_t.unwrap_or(2.0 / 7.0 * k_n)]
 }
 
 fn damping_ratio(c: &mut Checker<'_>, keys: &Keys) -> (f64, DampingChoice) {
