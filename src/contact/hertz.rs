@@ -8,6 +8,7 @@
 //! The history u (m) is the tangential displacement since the touch. Where |F_t| would be beyond μF_n, it is cut to the limit, and u
 //! is set back so that spring and damper together give just that force.
 
+use super::stiffness::{Derivatives, Stiffness};
 use super::{Blocks, ContactLaw, add_damping, loss, norm, scaled, vector};
 use crate::config::{Contact, Spheres};
 use crate::dimension::{Dimension, Three};
@@ -211,5 +212,28 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
                 add_damping(token, response, power * c(blocks.step));
             }
         }
+    }
+}
+
+/// F_t = -√(δR*) k_t u grows with the root of δ under a u that stays; at the limit it is -μF_n u/|u|.
+impl<const FRICTION: bool> Stiffness for Hertz<FRICTION> {
+    fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+        let [r_i, r_j] = radii;
+        let root = (overlap * r_i * r_j / (r_i + r_j)).sqrt();
+        let d = Derivatives {
+            normal: self.normal_stiffness * root * overlap,
+            normal_slope: 1.5 * self.normal_stiffness * root,
+            ..Derivatives::default()
+        };
+        if !FRICTION {
+            return d;
+        }
+        let k_t = self.tangential_stiffness * root;
+        let trial = history.map(|u| -k_t * u);
+        let mut d = d.limited(trial, k_t, self.friction);
+        if !d.sliding {
+            d.tangential_slope = d.tangential.map(|f| 0.5 * f / overlap);
+        }
+        d
     }
 }

@@ -20,6 +20,7 @@
 use std::marker::PhantomData;
 
 use super::rolling::{self, Places, Rolling, roll};
+use super::stiffness::{Derivatives, Stiffness};
 use super::{Blocks, ContactLaw, Limited, add_damping, loss, scaled, vector};
 use crate::config::{Contact, Springs};
 use crate::dimension::Dimension;
@@ -215,6 +216,31 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             (_, true, _) => [tangential, rolling, 0.0],
             (_, false, _) => [rolling, 0.0, 0.0],
         }
+    }
+}
+
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
+    for Hooke<D, FRICTION, ROLLING>
+{
+    fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+        let mut d = Derivatives {
+            normal: self.normal_stiffness * overlap,
+            normal_slope: self.normal_stiffness,
+            ..Derivatives::default()
+        };
+        let [first, _, torque] = history;
+        let force = match D::SPINS {
+            3 => history,
+            _ => [first, 0.0, 0.0],
+        };
+        if FRICTION {
+            d = d.limited(force, self.tangential_stiffness, self.friction);
+        }
+        if ROLLING {
+            let (k_r, arm) = self.rolling.spring(radii);
+            d = d.rolling(torque, k_r, arm);
+        }
+        d
     }
 }
 

@@ -16,7 +16,8 @@
 use std::f64::consts::{LN_2, PI};
 
 use super::rolling::{self, Places, Rolling, roll};
-use super::{Blocks, ContactLaw, Limited, add_damping, loss, scalar};
+use super::stiffness::{Derivatives, Stiffness};
+use super::{Blocks, ContactLaw, Limited, add_damping, loss, portable_ln, scalar};
 use crate::dimension::Two;
 use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
 
@@ -128,13 +129,16 @@ fn root<L: Lanes>(token: L::Token, g: L, m_hat: L) -> (L, L) {
 
 /// k_n = F_n^e/δ (Pa) of two cylinders of radii r1, r2 (m) at the overlap δ (m), E* in Pa (A2, physics.md).
 pub fn normal_stiffness(effective_modulus: f64, r1: f64, r2: f64, overlap: f64) -> f64 {
-    let y = overlap / (4.0 * (r1 + r2));
-    let per_m = scalar(|token| {
+    PI * effective_modulus * inverse_root(overlap / (4.0 * (r1 + r2)))
+}
+
+/// 1/m of y.
+fn inverse_root(y: f64) -> f64 {
+    scalar(|token| {
         let y = Portable::splat(token, y);
         let g = rough_inverse(token, y);
         root(token, g, near_root(token, y, g)).1
-    });
-    PI * effective_modulus * per_m
+    })
 }
 
 impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTION, ROLLING> {
@@ -361,6 +365,46 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             after.store(&mut history[0]);
             k_t.select(touching, zero).store(&mut history[1]);
         }
+    }
+}
+
+/// The history is a force, which does not change with δ below its limit. dF_n/dδ = πE*/(ℓ-2).
+impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION, ROLLING> {
+    fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+        let [r_i, r_j] = radii;
+        let y = overlap / (4.0 * (r_i + r_j));
+        let m = 1.0 / inverse_root(y);
+        let mut d = Derivatives {
+            normal: self.stiffness / m * overlap,
+            normal_slope: self.stiffness / (m - 1.0),
+            ..Derivatives::default()
+        };
+        let [force, _, torque] = history;
+        if FRICTION {
+            let k_t = self.tangential_stiffness(radii, m, (y / m).sqrt());
+            d = d.limited([force, 0.0, 0.0], k_t, self.friction);
+        }
+        if ROLLING {
+            let (k_r, arm) = self.rolling.spring(radii);
+            d = d.rolling(torque, k_r, arm);
+        }
+        d
+    }
+}
+
+impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
+    /// k_t (Pa) of A8 and A9 of m = ℓ-1 and √x, as in `rub`.
+    fn tangential_stiffness(&self, [r_i, r_j]: [f64; 2], m: f64, root_x: f64) -> f64 {
+        let penalty = |of: f64, other: f64| {
+            let a = 4.0 * (other / of).sqrt() * root_x;
+            self.penalty + a * (self.penalty_slope - 10.31 * a)
+        };
+        let half_log = 0.5 * portable_ln(r_i / r_j);
+        let base = 0.5 * m + 0.5 + self.poisson;
+        let compliance = m + 2.0 - 2.0 * LN_2
+            + penalty(r_i, r_j) * (base + half_log)
+            + penalty(r_j, r_i) * (base - half_log);
+        self.stiffness / compliance
     }
 }
 

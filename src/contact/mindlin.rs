@@ -10,6 +10,7 @@
 
 use std::marker::PhantomData;
 
+use super::stiffness::{self, Derivatives, Stiffness};
 use super::{Blocks, ContactLaw, loss, norm, vector};
 use crate::config::{Contact, MindlinSprings};
 use crate::dimension::{Dimension, Vector};
@@ -219,5 +220,39 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 (lost - sticks).store(&mut response.lost[loss::FRICTION]);
             }
         }
+    }
+}
+
+/// With s ≤ 1: ∂F_t/∂t = -k_t √δ (1 + 2s - 3s²) along t (A6) and -k_t √δ (1 + s - s²) across it; ∂F_t/∂δ = -k_t (1 + s - s² + 2(2s² - s)) t/(2√δ)
+/// (B1). Beyond, F_t = -μ k_n δ^(3/2) t/|t|, with the same derivatives at s = 1.
+impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
+    fn derivatives(&self, _: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+        let root = overlap.sqrt();
+        let mut d = Derivatives {
+            normal: self.normal_stiffness * overlap * root,
+            normal_slope: 1.5 * self.normal_stiffness * root,
+            ..Derivatives::default()
+        };
+        if !FRICTION {
+            return d;
+        }
+        let length = stiffness::norm(history);
+        d.direction = stiffness::unit(history, length);
+        let s = length / (self.reach() * overlap);
+        let k_t = self.tangential_stiffness * root;
+        if s < 1.0 {
+            let secant = 1.0 + s - s * s;
+            d.along = k_t * (1.0 + 2.0 * s - 3.0 * s * s);
+            d.across = k_t * secant;
+            d.tangential = history.map(|t| -d.across * t);
+            let slope = -k_t / (2.0 * overlap) * (secant + 2.0 * s * (2.0 * s - 1.0));
+            d.tangential_slope = history.map(|t| slope * t);
+        } else {
+            d.sliding = true;
+            d.across = self.friction * d.normal / length;
+            d.tangential = d.direction.map(|t| -self.friction * d.normal * t);
+            d.tangential_slope = d.direction.map(|t| -self.friction * d.normal_slope * t);
+        }
+        d
     }
 }

@@ -6,6 +6,7 @@ pub mod hooke;
 pub mod lee_hurley;
 pub mod mindlin;
 pub mod rolling;
+pub mod stiffness;
 
 use crate::dimension::{Dimension, Three, Vector};
 use crate::simd::{Lanes, Portable, PortableToken, Row, inverse_sqrt, ln};

@@ -31,6 +31,12 @@ pub struct Places {
 }
 
 impl Rolling {
+    /// k_r (N m; N in 2D) and μ_r R_r (m) of two radii (m).
+    pub(super) fn spring(&self, [r_i, r_j]: [f64; 2]) -> (f64, f64) {
+        let r_r = r_i * r_j / (r_i + r_j);
+        (self.stiffness * r_r * r_r, self.friction * r_r)
+    }
+
     /// k_r, C_r and μ_r R_r.
     #[inline(always)]
     pub fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {

@@ -1,0 +1,497 @@
+//! K of `analysis::jacobian` against differences of the kernel's own forces and torques.
+
+use bytemuck::Zeroable;
+use faer::Mat;
+use gshear::analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
+use gshear::analysis::spectrum::{Problem, Spectrum};
+use gshear::config::{Bookkeeping, Contact, Material, MindlinSprings, Spheres, Springs};
+use gshear::contact::ContactLaw;
+use gshear::contact::hertz::Hertz;
+use gshear::contact::hooke::Hooke;
+use gshear::contact::lee_hurley::LeeHurley;
+use gshear::contact::mindlin::Mindlin;
+use gshear::contact::stiffness::Stiffness;
+use gshear::dimension::{Dimension, Three, Two};
+use gshear::domain::Solo;
+use gshear::drive::NoWalls;
+use gshear::simd::Level;
+use gshear::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
+use gshear::step::{forces, initial_forces};
+use gshear::system::{Setup, System};
+
+type Vector = [f64; 3];
+
+const CONTACT: Contact = Contact {
+    friction: 0.4,
+    rolling_friction: 0.1,
+    damping_ratio: 0.2,
+    rolling_damping_ratio: 0.3,
+};
+const PLAIN: Contact = Contact {
+    rolling_friction: 0.0,
+    rolling_damping_ratio: 0.0,
+    ..CONTACT
+};
+const MASSES: Masses = Masses::Density(1.3);
+
+/// Grains along each axis, and about as many mean diameters.
+const SIDE: usize = 5;
+
+struct Random(u64);
+
+impl Random {
+    /// In [-1, 1).
+    fn next(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// Grains of random radii near a lattice, in a sheared box, pressed together; no pair is about to touch or to part.
+struct Packing {
+    grains: Vec<GrainState>,
+    cell: Cell,
+    /// Overlap and n of the touching pairs.
+    pairs: Vec<([u32; 2], f64, Vector)>,
+}
+
+impl Packing {
+    fn new<D: Dimension>() -> Self {
+        (1..)
+            .map(Self::of_seed::<D>)
+            .find(|packing| packing.pairs.len() > 1)
+            .expect("one of many")
+    }
+
+    fn of_seed<D: Dimension>(seed: u64) -> Self {
+        const SPACING: f64 = 0.97;
+        let mut random = Random(seed);
+        let box_side = SPACING * SIDE as f64;
+        let cell = Cell {
+            periods: [box_side, box_side],
+            sheared: Some(Sheared {
+                height: box_side,
+                offset: 0.02,
+                velocity: 0.0,
+            }),
+        };
+        let mut grains = Vec::new();
+        for id in 0..SIDE.pow(D::AXES as u32) {
+            let mut position = [0.0; 3];
+            for (axis, x) in position[..D::AXES].iter_mut().enumerate() {
+                let row = id / SIDE.pow(axis as u32) % SIDE;
+                *x = SPACING * (row as f64 + 0.5 + 0.01 * random.next());
+            }
+            grains.push(GrainState {
+                id: id as u32,
+                radius: 0.5 + 0.03 * random.next(),
+                position,
+                ..GrainState::zeroed()
+            });
+        }
+        let mut pairs = Vec::new();
+        for (i, a) in grains.iter().enumerate() {
+            for b in &grains[i + 1..] {
+                let r = cell.separation::<D>(&a.position, &b.position);
+                let overlap = a.radius + b.radius - length(r);
+                if overlap.abs() < 1e-3 {
+                    pairs.clear();
+                    return Self {
+                        grains,
+                        cell,
+                        pairs,
+                    };
+                }
+                if overlap > 0.0 {
+                    let n = r.map(|x| x / length(r));
+                    pairs.push(([a.id, b.id], overlap, n));
+                }
+            }
+        }
+        Self {
+            grains,
+            cell,
+            pairs,
+        }
+    }
+}
+
+/// A law and what its contacts remember.
+struct Case<C> {
+    law: C,
+    /// Of F_n, the overlap, the part of the limit, and a direction in the tangent plane (in 2D a sign).
+    history: fn(f64, f64, f64, Vector) -> Vector,
+}
+
+/// Forces and torques on all grains where the `k`-th unknown of `grain` has moved by h in one step.
+fn moved<C: ContactLaw>(
+    system: &mut System<C::Space>,
+    law: &C,
+    (grain, k): (usize, usize),
+    h: f64,
+) -> Vec<f64> {
+    const STEP: f64 = 0.5;
+    let history = system.contacts.history.clone();
+    let record = system.grains.record[grain];
+    let fields = system.grains.fields_mut(grain);
+    if k < C::Space::AXES {
+        fields[k] += h;
+        fields[C::Space::HALF_VELOCITY + k] = h / STEP;
+    } else {
+        fields[C::Space::HALF_SPIN + k - C::Space::AXES] = h / STEP;
+    }
+    let outside = forces(&Solo, system, law, &mut NoWalls, STEP, None);
+    assert_eq!(outside, None);
+    let per_grain = C::Space::AXES + C::Space::SPINS;
+    let found = system.grains.force.iter();
+    let found = found.flat_map(|f| f[..per_grain].to_vec()).collect();
+    system.contacts.history = history;
+    system.grains.record[grain] = record;
+    found
+}
+
+/// A system whose contacts have the histories of the case, some of them beyond their limits, and K.
+fn build<C: ContactLaw + Stiffness>(
+    case: &Case<C>,
+    history: History,
+) -> (System<C::Space>, Jacobian) {
+    let mut packing = Packing::new::<C::Space>();
+    // Two grains of a wall.
+    packing.grains[3].body = body::BOTTOM;
+    packing.grains[7].body = body::BOTTOM;
+    let mut random = Random(99);
+    let contacts = packing.pairs.iter().map(|&([i, j], overlap, n)| {
+        let radii = [i, j].map(|g| packing.grains[g as usize].radius);
+        let normal = case.law.derivatives(radii, overlap, [0.0; 3]).normal;
+        let direction = if C::Space::SPINS == 1 {
+            [random.next().signum(), 0.0, 0.0]
+        } else {
+            let any = [random.next(), random.next(), random.next()];
+            let along = any[0] * n[0] + any[1] * n[1] + any[2] * n[2];
+            let t: Vector = std::array::from_fn(|k| any[k] - along * n[k]);
+            t.map(|x| x / length(t))
+        };
+        let part = 0.5 + 0.4 * random.next();
+        ContactState {
+            i,
+            j,
+            history: (case.history)(normal, overlap, part, direction),
+        }
+    });
+    let contacts = contacts.collect();
+    let setup = Setup {
+        level: Level::detect(),
+        bookkeeping: &Bookkeeping {
+            skin: Some(0.1),
+            rebuild_every: 0,
+            simd: "auto",
+        },
+        cell: packing.cell,
+        largest_radius: 0.53,
+        mean_diameter: 1.0,
+        masses: MASSES,
+        step: 1.0,
+        gravity: 0.0,
+        typical_force: 1.0,
+        threads: 1,
+    };
+    let mut system = System::new(&Solo, setup).expect("one rank");
+    system
+        .replace(&Solo, &case.law, &mut NoWalls, packing.grains, contacts)
+        .expect("a list");
+    initial_forces(&Solo, &mut system, &case.law, &mut NoWalls, None).expect("sound");
+    // Every fifth contact beyond the limit of friction, every seventh beyond that of rolling.
+    let touching: Vec<_> = system.contacts.touching().collect();
+    for (k, at) in touching.iter().enumerate() {
+        let mut scale = |row: usize, by: f64| {
+            system.contacts.history[at.block * C::HISTORY + row].0[at.lane] *= by;
+        };
+        if k % 5 == 0 && C::FRICTION {
+            (0..C::Space::SPINS).for_each(|row| scale(row, 14.0));
+        }
+        if k % 7 == 3 && C::ROLLING {
+            scale(C::HISTORY - 1, 14.0);
+        }
+    }
+    let (grains, contacts) = (system.grain_states(), system.contact_states::<C>());
+    let state = State {
+        grains: &grains,
+        contacts: &contacts,
+        cell: system.cell,
+        masses: MASSES,
+    };
+    let jacobian = assemble::<C::Space>(state, &case.law, history);
+    (system, jacobian)
+}
+
+/// Every entry of K, to 1e-8 of the greatest.
+fn agrees<C: ContactLaw + Stiffness>(case: &Case<C>) {
+    const H: f64 = 2e-5;
+    let (mut system, jacobian) = build(case, History::Turned);
+    let per_grain = jacobian.per_grain;
+    assert_eq!(jacobian.unknowns(), per_grain * (system.grains.owned - 2));
+    assert!(jacobian.contacts > 30);
+    assert_eq!(jacobian.sliding > 5, C::FRICTION);
+    let k = jacobian.k.to_dense();
+    let greatest = k.norm_max();
+    let place = |g: usize| jacobian.grains.iter().position(|&free| free as usize == g);
+    let mut worst = 0.0f64;
+    for column in 0..jacobian.unknowns() {
+        let grain = jacobian.grains[column / per_grain] as usize;
+        let unknown = (grain, column % per_grain);
+        let [a, b, c, d] =
+            [-2.0, -1.0, 1.0, 2.0].map(|part| moved(&mut system, &case.law, unknown, part * H));
+        for g in 0..system.grains.owned {
+            let Some(row) = place(g) else { continue };
+            for f in 0..per_grain {
+                let at = g * per_grain + f;
+                let slope = (a[at] - 8.0 * b[at] + 8.0 * c[at] - d[at]) / (12.0 * H);
+                let error = k[(per_grain * row + f, column)] + slope;
+                worst = worst.max(error.abs());
+            }
+        }
+    }
+    assert!(worst < 1e-8 * greatest, "{:e}", worst / greatest);
+}
+
+const SPRINGS: Springs = Springs {
+    normal_stiffness: 1.0,
+    tangential_stiffness: 0.4,
+    density: 1.3,
+};
+const SMOOTH: MindlinSprings = MindlinSprings {
+    normal_stiffness: 1.0,
+    tangential_stiffness: 2.0 / 7.0,
+    masses: MASSES,
+};
+const SPHERES: Spheres = Spheres {
+    young_modulus: 1.5,
+    poisson_ratio: 0.3,
+    density: 1.3,
+    normal_damping: 0.3,
+    tangential_damping: 0.1,
+};
+const MATERIAL: Material = Material {
+    young_modulus: 1.0,
+    poisson_ratio: 0.2,
+    density: 1.3,
+};
+
+/// t* = μ (k_n/k_t) δ.
+fn smooth<D: Dimension>() -> Case<Mindlin<D, true>> {
+    Case {
+        law: Mindlin::new(&SMOOTH, &PLAIN),
+        history: |_, overlap, part, direction| direction.map(|t| part * 0.4 * 3.5 * overlap * t),
+    }
+}
+
+#[test]
+fn smoothed_mindlin() {
+    agrees(&smooth::<Two>());
+    agrees(&smooth::<Three>());
+}
+
+#[test]
+fn hertz() {
+    let case = Case {
+        law: Hertz::<true>::new(&SPHERES, &PLAIN),
+        history: |_, overlap, part, direction| {
+            let reach = 0.4 * SPHERES.normal_stiffness() / SPHERES.tangential_stiffness();
+            direction.map(|t| part * reach * overlap * t)
+        },
+    };
+    agrees(&case);
+}
+
+#[test]
+fn linear_springs() {
+    let case = Case {
+        law: Hooke::<Two, true, true>::new(&SPRINGS, &CONTACT),
+        history: |normal, _, part, [sign, ..]| {
+            [
+                part * 0.4 * normal * sign,
+                0.0,
+                (part - 0.6) * 0.025 * normal,
+            ]
+        },
+    };
+    agrees(&case);
+    let case = Case {
+        law: Hooke::<Three, true, false>::new(&SPRINGS, &PLAIN),
+        history: |normal, _, part, direction| direction.map(|t| part * 0.4 * normal * t),
+    };
+    agrees(&case);
+}
+
+#[test]
+fn lee_hurley() {
+    let case = Case {
+        law: LeeHurley::<true, true>::new(&MATERIAL, &CONTACT),
+        history: |normal, _, part, [sign, ..]| {
+            [
+                part * 0.4 * normal * sign,
+                0.0,
+                (part - 0.6) * 0.025 * normal,
+            ]
+        },
+    };
+    agrees(&case);
+}
+
+#[test]
+fn without_friction() {
+    agrees(&Case {
+        law: Mindlin::<Three, false>::new(&SMOOTH, &PLAIN),
+        history: |_, _, _, _| [0.0; 3],
+    });
+    agrees(&Case {
+        law: LeeHurley::<false, true>::new(&MATERIAL, &CONTACT),
+        history: |normal, _, part, _| [0.0, 0.0, (part - 0.6) * 0.025 * normal],
+    });
+}
+
+/// Forces and torques over R by BO's eqs A3–A8 themselves, where t stays as n turns: q is of (r, R θ), grain after grain.
+fn forces_of_the_paper(
+    grains: &[GrainState],
+    contacts: &[ContactState],
+    cell: Cell,
+    q: &[f64],
+) -> Vec<f64> {
+    let at =
+        |g: u32, first: usize| -> Vector { std::array::from_fn(|k| q[6 * g as usize + first + k]) };
+    let mut sums = vec![0.0; q.len()];
+    for c in contacts {
+        let (a, b) = (&grains[c.i as usize], &grains[c.j as usize]);
+        let r = cell.separation::<Three>(&at(c.i, 0), &at(c.j, 0));
+        let n = r.map(|x| x / length(r));
+        let overlap = a.radius + b.radius - length(r);
+        // dr_ij and R_i dθ_i + R_j dθ_j from where the histories are.
+        let before = cell.separation::<Three>(&a.position, &b.position);
+        let dr: Vector = std::array::from_fn(|k| r[k] - before[k]);
+        let (s_i, s_j) = (at(c.i, 3), at(c.j, 3));
+        let s: Vector = std::array::from_fn(|k| s_i[k] + s_j[k]);
+        let along = dr[0] * n[0] + dr[1] * n[1] + dr[2] * n[2];
+        let turning = cross(n, s);
+        let t: Vector = std::array::from_fn(|k| c.history[k] + dr[k] - along * n[k] + turning[k]);
+        let part = length(t) / (0.4 * 3.5 * overlap);
+        assert!(part < 1.0);
+        let secant = 2.0 / 7.0 * overlap.sqrt() * (1.0 + part - part * part);
+        let friction = t.map(|t| -secant * t);
+        let moment = cross(n, friction);
+        for k in 0..3 {
+            let force = overlap.powf(1.5) * n[k] + friction[k];
+            sums[6 * c.i as usize + k] += force;
+            sums[6 * c.j as usize + k] -= force;
+            sums[6 * c.i as usize + 3 + k] -= moment[k];
+            sums[6 * c.j as usize + 3 + k] -= moment[k];
+        }
+    }
+    sums
+}
+
+fn cross(a: Vector, b: Vector) -> Vector {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+/// Spheres of mass 1 with contacts below their limits, all of them free.
+fn spheres_of_the_paper() -> (Vec<GrainState>, Vec<ContactState>, Cell) {
+    let packing = Packing::new::<Three>();
+    let mut random = Random(5);
+    let contacts = packing.pairs.iter().map(|&([i, j], overlap, n)| {
+        let any = [random.next(), random.next(), random.next()];
+        let t = cross(n, any);
+        let size = (0.5 + 0.4 * random.next()) * 0.4 * 3.5 * overlap / length(t);
+        let history = t.map(|x| size * x);
+        ContactState { i, j, history }
+    });
+    let contacts = contacts.collect();
+    (packing.grains, contacts, packing.cell)
+}
+
+/// Every block of B15 by its definition (B11–B14), and the spectrum of K of the law whose t does not turn.
+#[test]
+fn the_form_of_the_paper() {
+    const H: f64 = 2e-5;
+    let (grains, contacts, cell) = spheres_of_the_paper();
+    let state = State {
+        grains: &grains,
+        contacts: &contacts,
+        cell,
+        masses: Masses::Equal(1.0),
+    };
+    let law = Mindlin::<Three, true>::new(&SMOOTH, &PLAIN);
+    let jacobian = assemble::<Three>(state, &law, History::Unturned);
+    let turned = assemble::<Three>(state, &law, History::Turned);
+    let apart = turned.k.to_dense() - jacobian.k.to_dense();
+    assert!(apart.norm_max() > 1e-3 * turned.k.to_dense().norm_max());
+    assert_eq!(jacobian.sliding, 0);
+    let j = paper_form(&jacobian, |g| grains[g as usize].radius).to_dense();
+    let count = grains.len();
+    let mut q: Vec<f64> = Vec::new();
+    for g in &grains {
+        q.extend(g.position);
+        q.extend([0.0; 3]);
+    }
+    let mut worst = 0.0f64;
+    for i in 0..count {
+        for alpha in 0..6 {
+            let [a, b, c, d] = [-2.0, -1.0, 1.0, 2.0].map(|part| {
+                let mut moved = q.clone();
+                moved[6 * i + alpha] += part * H;
+                forces_of_the_paper(&grains, &contacts, cell, &moved)
+            });
+            for k in 0..count {
+                for beta in 0..6 {
+                    let at = 6 * k + beta;
+                    let slope = (a[at] - 8.0 * b[at] + 8.0 * c[at] - d[at]) / (12.0 * H);
+                    // ∂F/∂r and ∂T̃/∂θ̃ with the sign turned round (B11, B14), ∂T̃/∂r and ∂F/∂θ̃ as they are (B13, B12).
+                    let sign = if (alpha < 3) == (beta < 3) { -1.0 } else { 1.0 };
+                    let inertia = if alpha < 3 { 1.0 } else { 0.4 };
+                    let found = j[(alpha * count + i, beta * count + k)];
+                    worst = worst.max((found - sign * slope / inertia).abs());
+                }
+            }
+        }
+    }
+    assert!(worst < 1e-8 * j.norm_max(), "{worst:e}");
+
+    let of_j = j.eigenvalues().expect("convergence");
+    let null = jacobian.translations();
+    let problem = Problem::new(&jacobian.k, &jacobian.mass, null.as_ref()).expect("a problem");
+    let of_k = Spectrum::dense(&problem);
+    assert_eq!(of_j.len(), of_k.eigenvalues.len());
+    let norm = problem.norm();
+    for e in &of_k.eigenvalues {
+        let apart = of_j.iter().map(|z| (z - e.value).norm());
+        let apart = apart.fold(f64::INFINITY, f64::min);
+        let moves = e.condition.min(1e6) * 1e-11 * norm;
+        assert!(apart < moves, "{}: {apart:e}", e.value);
+    }
+}
+
+/// Translations are null vectors of K and of its transpose without walls; a force that leaves no trace in the sum is found back.
+#[test]
+fn translations_are_null_vectors() {
+    let (grains, contacts, cell) = spheres_of_the_paper();
+    let state = State {
+        grains: &grains,
+        contacts: &contacts,
+        cell,
+        masses: MASSES,
+    };
+    let law = Mindlin::<Three, true>::new(&SMOOTH, &PLAIN);
+    let jacobian = assemble::<Three>(state, &law, History::Turned);
+    let null = jacobian.translations();
+    assert_eq!(null.ncols(), 3);
+    let problem = Problem::new(&jacobian.k, &jacobian.mass, null.as_ref()).expect("null vectors");
+    assert_eq!(problem.null().ncols(), 3);
+    let image: Mat<f64> = jacobian.k.as_ref() * &null;
+    assert!(image.norm_max() < 1e-14 * jacobian.k.to_dense().norm_max());
+}
