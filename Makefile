@@ -16,7 +16,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test scaling bench accuracy stress peers clean
+.PHONY: help deps build run test scaling bench accuracy stress peers million clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
@@ -27,6 +27,7 @@ help:
 	@echo "make accuracy  against an independent integration, and error against run time: writes into docs/, minutes"
 	@echo "make stress    where it is hard: writes docs/stress.md, minutes"
 	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
+	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
 	@echo "make deps      install the system packages that are missing (Debian, Ubuntu)"
 	@echo "make clean     remove target/ (results in out/ stay)"
 
@@ -65,6 +66,15 @@ stress: deps
 peers: build
 	@scripts/peers-deps
 	@benches/peers/run $(PEERS)
+
+# A packing is made once; 75 is the exit code of a run that was stopped.
+out/million/packing.data: | build
+	$(MPIRUN) -n $(RANKS) $(PROGRAM) configs/gouge-default.toml --out out/million/packing --stop-at 1 || [ $$? -eq 75 ]
+	$(REDUCE) export out/million/packing/checkpoint.h5 --format lammps-data --out $@
+
+million: build out/million/packing.data
+	$(MPIRUN) -n $(RANKS) $(PROGRAM) configs/packing-million.toml --out out/million/shear
+	$(REDUCE) info out/million/shear/run.h5
 
 clean:
 	cargo clean

@@ -313,6 +313,19 @@ pub struct GrainWalls {
 }
 
 impl GrainWalls {
+    /// What of them belongs to the state.
+    pub fn state(&self) -> [f64; 6] {
+        let (piston, slider) = (&self.piston, &self.slider.state);
+        [
+            piston.height,
+            piston.velocity,
+            piston.acceleration,
+            slider.displacement,
+            slider.velocity,
+            slider.acceleration,
+        ]
+    }
+
     fn impose<D: Dimension>(&self, along: f64, up: f64, grains: &mut Grains<D>) {
         for &g in &self.top {
             let r = grains.fields_mut(g as usize);

@@ -16,6 +16,7 @@ pub mod ledger;
 pub mod neighbour;
 pub mod observe;
 pub mod packing;
+pub mod periodic;
 pub mod record;
 pub mod reduce;
 pub mod report;

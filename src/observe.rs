@@ -217,12 +217,12 @@ pub fn frame<C: ContactLaw>(
     (grains, contacts)
 }
 
-/// Digest of the state: every grain, every touching contact with its history, the walls, the step. It is the sum of 128-bit
+/// Digest of the state: every grain, every touching contact with its history, the walls or whatever else (`more`), the step. It is the sum of 128-bit
 /// hashes of them, so it does not depend on who holds what; collective.
 pub fn digest<C: ContactLaw, E: Exchange>(
     exchange: &E,
     system: &System<C::Space>,
-    walls: &GrainWalls,
+    more: &[u8],
     step: u64,
 ) -> String {
     // Two sums of 64 bits, each wrapping.
@@ -239,16 +239,7 @@ pub fn digest<C: ContactLaw, E: Exchange>(
         add(bytemuck::bytes_of(&c));
     }
     if exchange.rank() == 0 {
-        let (piston, slider) = (&walls.piston, &walls.slider.state);
-        let wall = [
-            piston.height,
-            piston.velocity,
-            piston.acceleration,
-            slider.displacement,
-            slider.velocity,
-            slider.acceleration,
-        ];
-        add(bytemuck::cast_slice(&wall));
+        add(more);
         add(&step.to_le_bytes());
     }
     exchange.sum(&mut halves);

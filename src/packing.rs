@@ -16,6 +16,25 @@ use crate::state::{GrainState, Grains, body, length};
 const BOTTOM_TYPE: u32 = 2;
 const TOP_TYPE: u32 = 3;
 
+/// So many copies beside each other along x and y, in a box as many times as long and as wide.
+fn replicated(mut data: DataFile, copies: [u32; 2]) -> DataFile {
+    for (axis, copies) in copies.into_iter().enumerate() {
+        let [low, high] = data.bounds[axis];
+        let period = high - low;
+        let once = data.atoms.clone();
+        for copy in 1..copies {
+            let shift = period * f64::from(copy);
+            data.atoms.extend(once.iter().map(|atom| {
+                let mut atom = *atom;
+                atom.position[axis] += shift;
+                atom
+            }));
+        }
+        data.bounds[axis][1] = low + period * f64::from(copies);
+    }
+    data
+}
+
 /// The grains of a file.
 #[derive(Debug, Clone)]
 pub struct Packing {
@@ -28,11 +47,11 @@ pub struct Packing {
 
 impl Packing {
     /// Reads a LAMMPS data file of spheres: disks where all are in the plane z = 0 or the box along z is no longer than the largest
-    /// of them, else spheres in a box that is periodic along x and y.
+    /// of them, else spheres in a box that is periodic along x and y; and sets so many `copies` beside each other along x and y.
     ///
     /// # Errors
     /// `Failure::Input` with the line, what is wrong with it and what would be right.
-    pub fn read(path: &Path) -> Result<Self, Failure> {
+    pub fn read(path: &Path, copies: [u32; 2]) -> Result<Self, Failure> {
         let name = path.display().to_string();
         let unreadable =
             |e: &dyn std::fmt::Display| Failure::input(format!("{name}: cannot be read: {e}"));
@@ -44,10 +63,11 @@ impl Packing {
         })?;
         let text = String::from_utf8(bytes).map_err(|e| unreadable(&e))?;
         let absolute = std::path::absolute(path).map_err(|e| unreadable(&e))?;
-        Self::new(&name, &absolute, lammps_data::parse(&name, &text)?)
+        let data = lammps_data::parse(&name, &text)?;
+        Self::new(&name, &absolute, replicated(data, copies), copies)
     }
 
-    fn new(name: &str, path: &Path, data: DataFile) -> Result<Self, Failure> {
+    fn new(name: &str, path: &Path, data: DataFile, replicate: [u32; 2]) -> Result<Self, Failure> {
         let mut atoms = data.atoms;
         let wrong =
             |line: usize, what: String| Err(Failure::input(format!("{name}:{line}: {what}")));
@@ -133,6 +153,7 @@ impl Packing {
         let has = |kind| atoms.iter().any(|a| a.kind == kind);
         let file = PackingFile {
             path: path.into(),
+            replicate,
             grains: count,
             radius_min: radii().fold(f64::INFINITY, f64::min),
             radius_max,
@@ -302,9 +323,9 @@ mod tests {
             shear = { inertial_number = 1e-3, strain = 0.01 }
         ";
         let data = lammps_data::parse("f", &edit(TEXT.into()))?;
-        let packing = Packing::new("f", Path::new(FILE), data)?;
+        let packing = Packing::new("f", Path::new(FILE), data, [1, 1])?;
         let sets: Vec<String> = sets.iter().map(|s| s.to_string()).collect();
-        let scene = config::load_with(&Source::new("s", text), &sets, &mut |_| {
+        let scene = config::load_with(&Source::new("s", text), &sets, &mut |_, _| {
             Ok(packing.file.clone())
         })?;
         Ok((packing, scene))
@@ -334,8 +355,33 @@ mod tests {
     }
 
     #[test]
+    fn copies_stand_beside_each_other() {
+        let once = Packing::read(Path::new(FILE), [1, 1]).unwrap();
+        let thrice = Packing::read(Path::new(FILE), [3, 1]).unwrap();
+        assert_eq!(thrice.file.grains, 3 * once.file.grains);
+        assert_eq!(thrice.file.length, 3.0 * once.file.length);
+        assert_eq!(thrice.file.edges, once.file.edges);
+        let place = |a: &Atom, shift: f64| [a.position[0] + shift, a.position[1]];
+        let mut copies: Vec<[f64; 2]> = (0..3)
+            .flat_map(|k| {
+                let shift = f64::from(k) * once.file.length;
+                once.atoms.iter().map(move |a| place(a, shift))
+            })
+            .collect();
+        let mut found: Vec<[f64; 2]> = thrice.atoms.iter().map(|a| place(a, 0.0)).collect();
+        let by_place = |a: &[f64; 2], b: &[f64; 2]| a.partial_cmp(b).unwrap();
+        copies.sort_by(by_place);
+        found.sort_by(by_place);
+        for (copy, found) in copies.iter().zip(&found) {
+            // A grain left of the box is wrapped before it is copied, or after.
+            assert!((copy[0] - found[0]).abs() < 1e-12 * thrice.file.length);
+            assert_eq!(copy[1], found[1]);
+        }
+    }
+
+    #[test]
     fn what_the_scene_knows_of_it() {
-        let file = Packing::read(Path::new(FILE)).unwrap().file;
+        let file = Packing::read(Path::new(FILE), [1, 1]).unwrap().file;
         assert_eq!((file.grains, file.wall_types), (120, true));
         let size = (file.radius_min, file.radius_max, file.mean_volume);
         assert_eq!((size.0, size.1), (0.5e-3, 0.5e-3));

@@ -79,14 +79,7 @@ impl Recorder {
             Ok(())
         };
         agree(exchange, wrote)?;
-        let grains: Vec<GrainShape> = (0..system.grains.owned)
-            .map(|g| GrainShape {
-                id: system.grains.id[g],
-                body: system.grains.body[g],
-                radius: system.grains.radius[g],
-                mass: system.grains.mass[g],
-            })
-            .collect();
+        let grains = shapes(system);
         // What is one number for a run at one speed is that of the first part of a protocol.
         let first = schedule.protocol.segment(0);
         let attributes = [
@@ -216,6 +209,18 @@ impl Recorder {
     }
 }
 
+/// What never changes of the own grains.
+pub fn shapes<D: Dimension>(system: &System<D>) -> Vec<GrainShape> {
+    let grains = &system.grains;
+    let shape = |g: usize| GrainShape {
+        id: grains.id[g],
+        body: grains.body[g],
+        radius: grains.radius[g],
+        mass: grains.mass[g],
+    };
+    (0..grains.owned).map(shape).collect()
+}
+
 /// A checkpoint in the run's folder, under the name of its step as well where it is to be kept; each contact on the rank that has
 /// its first grain.
 pub fn checkpoint<E: Exchange>(
@@ -234,7 +239,7 @@ pub fn checkpoint<E: Exchange>(
     agree(exchange, kept)
 }
 
-fn folder<E: Exchange>(exchange: &E, out: &Path) -> Result<(), Failure> {
+pub fn folder<E: Exchange>(exchange: &E, out: &Path) -> Result<(), Failure> {
     let made = if exchange.rank() == 0 {
         std::fs::create_dir_all(out)
             .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))

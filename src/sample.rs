@@ -102,8 +102,8 @@ impl<'a> Lattice<'a> {
     }
 }
 
-/// R (m) of one grain.
-fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64) -> f64 {
+/// R (m) of one grain, of numbers in [0, 1).
+pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64) -> f64 {
     let (a, b) = (sample.radius_min, sample.radius_max);
     match sizes {
         Sizes::Uniform => a + uniform() * (b - a),

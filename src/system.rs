@@ -165,6 +165,11 @@ impl List {
         })
     }
 
+    /// Of the next list, at least this skin (m).
+    pub fn widen(&mut self, skin: f64) {
+        self.skin = self.skin.max(skin);
+    }
+
     pub fn forced(&self, steps: u64) -> bool {
         self.every > 0 && steps - self.built >= self.every
     }

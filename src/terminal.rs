@@ -7,11 +7,14 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::clock::Phase;
-use crate::config::{Dimensions, Drive as SceneDrive, Law, Motion, Origin, Scene, Walls};
+use crate::config::{
+    Dimensions, Drive as SceneDrive, Law, Motion, Origin, PeriodicScene, Scene, Walls,
+};
 use crate::dimension::Dimension;
 use crate::domain::Exchange;
 use crate::drive::Piston;
 use crate::io::provenance;
+use crate::periodic::{Birth, Progress, strain};
 use crate::schedule::Schedule;
 use crate::simd::Level;
 use crate::state::SeriesRow;
@@ -303,5 +306,87 @@ fn duration(seconds: f64) -> String {
         0..60 => format!("{s} s"),
         60..3600 => format!("{} min {:02} s", s / 60, s % 60),
         _ => format!("{} h {:02} min", s / 3600, s % 3600 / 60),
+    }
+}
+
+/// Of runs in a periodic box.
+impl Terminal {
+    pub fn periodic_header(&self, exchange: &impl Exchange, scene: &PeriodicScene, level: Level) {
+        self.say(format!("{}: {}", provenance::printed(), scene.title));
+        self.say(format!(
+            "{} on {} ({}); {} grains in a periodic box {:.4e} long, solid fraction {:.4}",
+            ranks(exchange.size()),
+            provenance::processor(),
+            level.name(),
+            scene.sample.grains,
+            scene.sample.length,
+            scene.solid_fraction
+        ));
+        self.say(format!(
+            "law:   {}; step:  dt = {:.4e}, limit {:.4e}",
+            scene.law.name(),
+            scene.time_step.step,
+            scene.time_step.limit
+        ));
+    }
+
+    /// `steps` of overdamped dynamics at the solid fraction asked for.
+    pub fn prepared(&self, steps: u64) {
+        self.say(format!(
+            "pack:  at rest without friction after {steps} steps of overdamped dynamics"
+        ));
+    }
+
+    pub(crate) fn strain_step(&self, step: u64, row: &strain::Row) {
+        let observed = &row.observed;
+        let pairs = match &row.eigenvalues {
+            None => String::new(),
+            Some(eigenvalues) => match eigenvalues.greatest_pair() {
+                None => ", no complex pair".into(),
+                Some(pair) => format!(
+                    ", complex pairs: {}, greatest |Im| {:.3e}",
+                    eigenvalues.pairs(),
+                    pair.lambda_i
+                ),
+            },
+        };
+        self.say(format!(
+            "aqs:   step {step} strain {:.6e} stress {:.5e} pressure {:.5e} z {:.3} residual {:.1e} | {} factorisations, {} steps{pairs}",
+            row.strain,
+            observed.shear_stress,
+            observed.pressure,
+            observed.coordination,
+            row.residual,
+            row.found.factorisations,
+            row.found.steps,
+        ));
+    }
+
+    pub fn born(&self, birth: &Birth) {
+        self.say(format!(
+            "birth: a complex pair between strains {:.12e} and {:.12e}",
+            birth.before, birth.after
+        ));
+    }
+
+    pub fn strained(&self, progress: &Progress, digest: &str) {
+        self.say(format!(
+            "aqs:   done after {} steps, {} of them by overdamped dynamics as Newton's method did not do; digest {digest}",
+            progress.steps, progress.fell_back
+        ));
+    }
+
+    pub fn newtonian(&self, steps: u64, step: f64) {
+        self.say(format!(
+            "newtonian: {steps} steps, to the time {:.4e}",
+            steps as f64 * step
+        ));
+    }
+
+    pub fn moved(&self, digest: &str, out: &Path) {
+        self.say(format!(
+            "done:  digest {digest}\n       results in {}",
+            out.display()
+        ));
     }
 }

@@ -6,6 +6,7 @@ pub mod displacement;
 pub mod dmin;
 pub mod forces;
 pub mod frame_scalars;
+pub mod growth;
 pub mod jacobian;
 pub mod measures;
 pub mod neighbourhood;

@@ -6,13 +6,15 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use gshear::config::{self, Origin, Scene, Source};
+use gshear::config::{self, Origin, PeriodicScene, Scene, Source, Study};
 use gshear::domain::{Exchange, World};
 use gshear::failure::{Failure, STOPPED_EARLY};
 use gshear::io::checkpoint;
 use gshear::io::collective::agree;
 use gshear::packing::Packing;
+use gshear::periodic::{self, PeriodicRun};
 use gshear::run::{Ending, Header, Options, Run, Start};
+use gshear::state::Snapshot;
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]
@@ -121,10 +123,10 @@ fn main() -> ExitCode {
 }
 
 fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
-    let (scene, out, start) = set_up(world, arguments)?;
+    let (task, out) = set_up(world, arguments)?;
     if arguments.check {
         if world.rank() == 0 {
-            print!("{}", scene.toml);
+            print!("{}", task.toml());
         }
         return Ok(Ending::Done);
     }
@@ -135,21 +137,39 @@ fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
         threads: arguments.threads.into(),
         replay: None,
     };
-    Run::new(world, &scene, &options)?.run(start)
+    match task {
+        Task::PlaneShear(scene, start) => Run::new(world, &scene, &options)?.run(start),
+        Task::Periodic(scene, from) => PeriodicRun::new(world, &scene, &options)?.run(from),
+    }
 }
 
-type SetUp = (Scene, PathBuf, Start);
+/// What is to be run, and what it begins with.
+enum Task {
+    PlaneShear(Box<Scene>, Start),
+    Periodic(Box<PeriodicScene>, Option<Snapshot>),
+}
 
-fn set_up(world: &World, arguments: &Arguments) -> Result<SetUp, Failure> {
+impl Task {
+    fn toml(&self) -> &str {
+        match self {
+            Task::PlaneShear(scene, _) => &scene.toml,
+            Task::Periodic(scene, _) => &scene.toml,
+        }
+    }
+}
+
+fn set_up(world: &World, arguments: &Arguments) -> Result<(Task, PathBuf), Failure> {
     if let Some(path) = &arguments.resume {
         let (toml, snapshot) = checkpoint::read(world, path)?;
-        let scene = Header::read(&snapshot)?.scene(path, toml, &arguments.set)?;
+        let task = if periodic::Header::read(&snapshot).is_some() {
+            let scene = periodic::scene_of_checkpoint(path, toml, &arguments.set)?;
+            Task::Periodic(Box::new(scene), Some(snapshot))
+        } else {
+            let scene = Header::read(&snapshot)?.scene(path, toml, &arguments.set)?;
+            Task::PlaneShear(Box::new(scene), Start::Checkpoint(snapshot))
+        };
         let beside = path.parent().unwrap_or(std::path::Path::new(".")).into();
-        return Ok((
-            scene,
-            arguments.out.clone().unwrap_or(beside),
-            Start::Checkpoint(snapshot),
-        ));
+        return Ok((task, arguments.out.clone().unwrap_or(beside)));
     }
     // One rank reads, so that all run the same scene.
     let read = match &arguments.config {
@@ -164,7 +184,7 @@ fn set_up(world: &World, arguments: &Arguments) -> Result<SetUp, Failure> {
         Some(path) => Source::of_file(path, text),
         None => Source::new(source.name(), text),
     };
-    let (scene, start) = from_the_start(world, &source, &arguments.set)?;
+    let task = from_the_start(world, &source, &arguments.set)?;
     let name = arguments
         .config
         .as_deref()
@@ -174,19 +194,15 @@ fn set_up(world: &World, arguments: &Arguments) -> Result<SetUp, Failure> {
         .out
         .clone()
         .unwrap_or_else(|| PathBuf::from("out").join(&*name));
-    Ok((scene, out, start))
+    Ok((task, out))
 }
 
 /// The scene and, where it has a packing, its grains: rank 0 reads them, the others are told what the scene must know.
-fn from_the_start(
-    world: &World,
-    source: &Source,
-    set: &[String],
-) -> Result<(Scene, Start), Failure> {
+fn from_the_start(world: &World, source: &Source, set: &[String]) -> Result<Task, Failure> {
     let mut packing = None;
-    let scene = config::load_with(source, set, &mut |path| {
+    let study = config::study(source, set, &mut |path, copies| {
         let read = match world.rank() {
-            0 => Packing::read(path).map(Some),
+            0 => Packing::read(path, copies).map(Some),
             _ => Ok(None),
         };
         packing = agree(world, read)?;
@@ -194,9 +210,13 @@ fn from_the_start(
         let text = world.broadcast(serde_json::to_vec(&file).expect("a file of finite numbers"));
         Ok(serde_json::from_slice(&text).expect("what rank 0 wrote"))
     })?;
+    let scene = match study {
+        Study::PlaneShear(scene) => scene,
+        Study::Periodic(scene) => return Ok(Task::Periodic(Box::new(scene), None)),
+    };
     if let Origin::Insertion(_) = scene.origin {
-        return Ok((scene, Start::Insertion));
+        return Ok(Task::PlaneShear(Box::new(scene), Start::Insertion));
     }
     let grains = agree(world, packing.map_or(Ok(Vec::new()), |p| p.grains(&scene)))?;
-    Ok((scene, Start::Packing(grains)))
+    Ok(Task::PlaneShear(Box::new(scene), Start::Packing(grains)))
 }

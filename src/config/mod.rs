@@ -64,13 +64,14 @@ const OF_A_BOX: [&str; 3] = ["relax", "aqs", "newtonian"];
 /// # Errors
 /// `Failure::Input` with the first problem: where it is, what is wrong, and what would be right.
 pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
-    load_with(source, overrides, &mut |path| {
-        Packing::read(path).map(|packing| packing.file)
+    load_with(source, overrides, &mut |path, copies| {
+        Packing::read(path, copies).map(|packing| packing.file)
     })
 }
 
-/// Says what is in the file of a packing, for one that has been read already or on another rank.
-pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path) -> Result<PackingFile, Failure>;
+/// Says what is in the file of a packing and its copies along the periodic axes, for one that has been read already or on another
+/// rank.
+pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, [u32; 2]) -> Result<PackingFile, Failure>;
 
 /// [`load`], with `packing` asked about the file of a packing, if the scene has one.
 pub fn load_with(

@@ -173,6 +173,7 @@ table!(Sample {
     length: Number,
     width: Number,
     packing: Text,
+    replicate: Numbers,
     walls: Text,
 });
 table!(Load {

@@ -332,6 +332,9 @@ pub enum Origin {
 pub struct PackingFile {
     /// Absolute.
     pub path: PathBuf,
+    /// Copies along x and y that are set beside each other; what follows is of all of them.
+    #[serde(default = "once")]
+    pub replicate: [u32; 2],
     pub grains: u32,
     /// As in [`Sample`].
     pub radius_min: f64,
@@ -344,6 +347,11 @@ pub struct PackingFile {
     pub edges: [f64; 2],
     /// Whether its types are 1, 2 and 3, all three, so that 2 and 3 can be walls.
     pub wall_types: bool,
+}
+
+/// Of files before there were copies.
+fn once() -> [u32; 2] {
+    [1, 1]
 }
 
 impl PackingFile {

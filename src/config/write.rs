@@ -199,6 +199,9 @@ fn plane_shear(t: &mut Lines, scene: &Scene, load: LoadChoice, force: bool) {
     t.table("sample");
     if let Origin::Packing { file, walls } = &scene.origin {
         t.text("packing", &file.path.display().to_string());
+        let copies = &file.replicate[..scene.dimension.axes() - 1];
+        let copies: Vec<String> = copies.iter().map(u32::to_string).collect();
+        t.line(&format!("replicate = [{}]", copies.join(", ")));
         let name = Walls::NAMES.iter().find(|(_, known)| known == walls);
         t.text("walls", name.map_or("", |(name, _)| name));
     }

@@ -161,6 +161,8 @@ pub enum Command {
     /// With --study lee-hurley instead, of one run or of several: every figure of Lee & Hurley that rests on data, under its number,
     /// as fig-NN.svg with fig-NN.csv; the paper's numbers beside ours in numbers.csv; index.html that shows them. Samples of more
     /// than 2,236 disks count as the paper's large one. The series of the phases is τ at the frames.
+    ///
+    /// With --study bonfanti, of the folder of one run in a periodic box: figures 1 to 5 of Bonfanti et al. with their data.
     Report {
         /// A run.h5, or the folder that holds one; several for a study
         #[arg(required = true, value_name = "RUN")]
@@ -188,6 +190,8 @@ type Strains = [f64; 2];
 pub enum Study {
     /// Lee & Hurley: microscopic dynamics of rearrangement and stick-slip
     LeeHurley,
+    /// Bonfanti et al.: oscillatory instabilities, of the folder of a run in a periodic box
+    Bonfanti,
 }
 
 /// Does what the command line asks for; what it finds goes to `output`.
@@ -272,10 +276,15 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             from,
             min_points,
         } => {
+            if let Some(Study::Bonfanti) = study {
+                let page = study::bonfanti(runs, out.as_deref())?;
+                writeln!(output, "wrote {}", page.display()).map_err(lost)?;
+                return Ok(0);
+            }
             let first = Run::open(&runs[0])?;
             let folder = |name: &str| out.clone().unwrap_or_else(|| first.folder().join(name));
             let page = match study {
-                Some(Study::LeeHurley) => {
+                Some(_) => {
                     let choice = Choice {
                         onset: *from,
                         min_points: reading(*min_points),

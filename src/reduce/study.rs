@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::scalars::FrameSeries;
 use crate::failure::Failure;
 use crate::io::run_reader::Run;
+use crate::report::bonfanti;
 use crate::report::lee_hurley::{self, Choice, Size, Studied, friction};
 
 /// Reduces the runs, one after the other, and writes the study of Lee & Hurley into `folder`. Returns the page.
@@ -38,6 +39,20 @@ pub fn lee_hurley(paths: &[PathBuf], folder: &Path, choice: Choice) -> Result<Pa
         )?);
     }
     lee_hurley::write(&studied, folder)
+}
+
+/// Writes the study of Bonfanti et al. of the run in a folder. Returns the page.
+///
+/// Errors: more than one run, files that are missing or damaged, files that cannot be written.
+pub fn bonfanti(runs: &[PathBuf], folder: Option<&Path>) -> Result<PathBuf, Failure> {
+    let [run] = runs else {
+        return Err(Failure::input(format!(
+            "report: {} runs: the study of Bonfanti et al. takes one",
+            runs.len()
+        )));
+    };
+    let beside = run.join("bonfanti");
+    bonfanti::write(run, folder.unwrap_or(&beside))
 }
 
 /// The friction and, where runs of both sizes are there, the size; numbered where that does not tell them apart. Without commas,

@@ -1,5 +1,6 @@
 //! The report of a run: figures, numbers, and a page that shows both.
 
+pub mod bonfanti;
 pub mod colour;
 mod compose;
 mod histogram;

@@ -101,8 +101,9 @@ impl Header {
     /// The scene of a checkpoint (`name` in messages, `toml` its text), without the file that the grains may have come from.
     pub fn scene(&self, name: &Path, toml: String, set: &[String]) -> Result<Scene, Failure> {
         let source = Source::new(format!("{} (its scene)", name.display()), toml);
-        config::load_with(&source, set, &mut |path| {
-            let known = self.packing.as_ref().filter(|file| file.path == path);
+        config::load_with(&source, set, &mut |path, copies| {
+            let same = |file: &&PackingFile| file.path == path && file.replicate == copies;
+            let known = self.packing.as_ref().filter(same);
             known.cloned().ok_or_else(|| {
                 Failure::input("the grains are those of the checkpoint; leave it as it was")
             })
@@ -320,26 +321,7 @@ impl<'a, E: Exchange> Run<'a, E> {
 
     fn restore(&self, snapshot: Snapshot) -> Result<(Stage, State), Failure> {
         let header = Header::read(&snapshot)?;
-        let total = crate::domain::total(self.exchange, snapshot.grains.len() as u64);
-        // A contact is read by the rank that has read its first grain; the rank that has the second must know of it, too.
-        let mut to = vec![Vec::new(); self.exchange.size()];
-        let blocks = crate::io::collective::IdBlocks {
-            grains: total,
-            ranks: self.exchange.size() as u64,
-        };
-        for contact in &snapshot.contacts {
-            let (a, b) = (blocks.holder(contact.i), blocks.holder(contact.j));
-            to[a].extend_from_slice(bytemuck::bytes_of(contact));
-            if b != a {
-                to[b].extend_from_slice(bytemuck::bytes_of(contact));
-            }
-        }
-        let contacts = self
-            .exchange
-            .all_to_all(to)
-            .iter()
-            .flat_map(|bytes| bytemuck::allocation::pod_collect_to_vec::<u8, ContactState>(bytes))
-            .collect();
+        let contacts = crate::io::checkpoint::to_both_holders(self.exchange, &snapshot);
         Ok((
             header.stage,
             State {

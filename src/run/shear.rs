@@ -154,7 +154,8 @@ impl<E: Exchange> Run<'_, E> {
         let seconds = exchange.maximum(clock_start.elapsed().as_secs_f64());
         let rate =
             scene.sample.grains as f64 * (step - first) as f64 / seconds / exchange.size() as f64;
-        let digest = observe::digest::<C, E>(exchange, &system, &walls, step);
+        let walls = walls.state();
+        let digest = observe::digest::<C, E>(exchange, &system, bytemuck::cast_slice(&walls), step);
         recorder.finish(exchange, &system, rate, &digest, !stopped)?;
         let phases = system.clock.table(exchange);
         self.terminal

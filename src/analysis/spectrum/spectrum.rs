@@ -20,6 +20,13 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    pub const ALL: [Verdict; 4] = [
+        Verdict::Zero,
+        Verdict::Real,
+        Verdict::Pair,
+        Verdict::Doubtful,
+    ];
+
     pub fn name(self) -> &'static str {
         match self {
             Verdict::Zero => "zero",

@@ -17,6 +17,8 @@ pub(super) struct SampleKeys {
     length: Key<Number>,
     width: Key<Number>,
     pub packing: Key<Text>,
+    /// Copies of the packing along x and y.
+    replicate: [u32; 2],
     pub walls: Option<Walls>,
 }
 
@@ -34,6 +36,7 @@ impl SampleKeys {
 
 pub(super) fn check(c: &mut Checker<'_>, dimension: Dimensions, sample: raw::Sample) -> SampleKeys {
     let walls = key!(sample.walls);
+    let packing = key!(sample.packing);
     let length = key!(sample.length);
     let width = key!(sample.width);
     let mut keys = SampleKeys {
@@ -44,7 +47,8 @@ pub(super) fn check(c: &mut Checker<'_>, dimension: Dimensions, sample: raw::Sam
         sizes: None,
         length,
         width,
-        packing: key!(sample.packing),
+        replicate: copies(c, dimension, &key!(sample.replicate), &packing),
+        packing,
         walls: c.text(&walls).and_then(|name| {
             let known = Walls::NAMES.into_iter().find(|(known, _)| *known == name);
             if known.is_none() {
@@ -97,6 +101,39 @@ pub(super) fn check(c: &mut Checker<'_>, dimension: Dimensions, sample: raw::Sam
     }
     keys.sizes = Some(sizes.check(c));
     keys
+}
+
+/// Copies along x and, in three dimensions, y.
+fn copies(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    key: &Key<Numbers>,
+    packing: &Key<Text>,
+) -> [u32; 2] {
+    let Some((_, Numbers(given))) = &key.given else {
+        return [1, 1];
+    };
+    if packing.given.is_none() {
+        c.useless(
+            key,
+            "says how often sample.packing is repeated, which is not given",
+        );
+    }
+    let whole = |x: &f64| x.fract() == 0.0 && (1.0..=1e6).contains(x);
+    match (dimension, &given[..]) {
+        (Dimensions::Two, [x]) if whole(x) => [*x as u32, 1],
+        (Dimensions::Three, [x, y]) if whole(x) && whole(y) => [*x as u32, *y as u32],
+        _ => {
+            let example = match dimension {
+                Dimensions::Two => "one whole number, the copies along x, such as replicate = [10]",
+                Dimensions::Three => {
+                    "two whole numbers, the copies along x and y, such as replicate = [10, 10]"
+                }
+            };
+            c.refuse(key, &format!("must be {example}"));
+            [1, 1]
+        }
+    }
 }
 
 /// The keys of [`SizeKeys`], out of the raw table.
@@ -155,6 +192,7 @@ pub(super) fn check_boxed(
     c.useless(&key!(sample.width), why);
     c.useless(&key!(sample.packing), "is of scenes with walls");
     c.useless(&key!(sample.walls), "is of scenes with walls");
+    c.useless(&key!(sample.replicate), "is of scenes with walls");
     let (grains, radius_min, radius_max) = (
         key!(sample.grains),
         key!(sample.radius_min),
@@ -350,7 +388,7 @@ pub(super) fn derive(
         check_size(c, &sample, height, &keys.places())?;
         return Ok((sample, Origin::Insertion(sizes)));
     };
-    let file = packing(&c.resolve(*at, path)).map_err(|failure| match failure {
+    let file = packing(&c.resolve(*at, path), keys.replicate).map_err(|failure| match failure {
         Failure::Input(what) => c.failure(*at, keys.packing.path, &what),
         other => other,
     })?;

@@ -2,7 +2,7 @@
 
 mod records;
 
-use super::collective::{IdBlocks, Outcome, agree};
+use super::collective::{IdBlocks, Outcome, agree, records_of};
 use super::h5::{Attribute, H5File, Word};
 use crate::domain::{Exchange, total};
 use crate::failure::Failure;
@@ -30,6 +30,25 @@ fn checksum<R: Record>(exchange: &impl Exchange, records: &[R]) -> u64 {
 
 fn hex(sum: u64) -> String {
     format!("{sum:016x}")
+}
+
+/// The contacts of a checkpoint that has been read, with every rank that has read one of their grains: they come with the first.
+pub fn to_both_holders(exchange: &impl Exchange, snapshot: &Snapshot) -> Vec<ContactState> {
+    let blocks = IdBlocks {
+        grains: total(exchange, snapshot.grains.len() as u64),
+        ranks: exchange.size() as u64,
+    };
+    let mut to = vec![Vec::new(); exchange.size()];
+    for contact in &snapshot.contacts {
+        let (a, b) = (blocks.holder(contact.i), blocks.holder(contact.j));
+        to[a].extend_from_slice(bytemuck::bytes_of(contact));
+        if b != a {
+            to[b].extend_from_slice(bytemuck::bytes_of(contact));
+        }
+    }
+    let received = exchange.all_to_all(to);
+    let contacts = received.iter().flat_map(|bytes| records_of(bytes));
+    contacts.collect()
 }
 
 /// Writes the folder's `checkpoint.h5`, keeping the one that is there as `checkpoint.previous.h5`.

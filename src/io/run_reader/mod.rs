@@ -1,5 +1,6 @@
 //! Reads `run.h5` (docs/file-formats.md): serially, by blocks of frames, so that memory does not grow with the run.
 
+mod periodic;
 mod source;
 
 use std::collections::BTreeMap;
@@ -10,6 +11,7 @@ use std::path::{Path, PathBuf};
 use hdf5::{Dataset, H5Type};
 use ndarray::{Ix1, Ix2, Ix3, s};
 
+pub use self::periodic::PeriodicRun;
 use self::source::{FOREIGN, Source, one_line};
 use crate::analysis::frame_scalars::FrameScalars;
 use crate::failure::Failure;

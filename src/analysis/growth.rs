@@ -1,0 +1,197 @@
+//! How fast an oscillatory instability grows and oscillates, from its mean square displacement (BO eqs 9 and 10, figure 3).
+
+/// ω_r and ω_i fitted to M(t) = e^(2ω_i t) (a + b cos 2ω_r t + c sin 2ω_r t).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Growth {
+    pub omega_i: f64,
+    /// Not a number where no rows are dense enough to show the oscillation.
+    pub omega_r: f64,
+    /// The stretch of time that was fitted.
+    pub from: f64,
+    pub to: f64,
+    /// Decades over which M grows there.
+    pub decades: f64,
+}
+
+/// Rows of a stretch of equal intervals that show an oscillation, at least.
+const LEAST_ROWS: usize = 64;
+/// M grows above its first values by this before the pair is taken to rule it.
+const ABOVE_NOISE: f64 = 1e3;
+
+/// Fits the growth of M, [L] at the times [L] in order, where M is less than `linear`, up to which the equations are linear.
+///
+/// ω_i is that of the line through ln M over the stretch. ω_r comes from the rows that lie densest: those of equal, least intervals.
+/// `None` where M does not grow by a decade.
+pub fn fit(time: &[f64], msd: &[f64], linear: f64) -> Option<Growth> {
+    let early = msd.iter().filter(|m| **m > 0.0).take(20);
+    let noise = early.fold(0.0, |a: f64, b| a.max(*b));
+    let end = msd.iter().position(|m| *m > linear).unwrap_or(msd.len());
+    let begin = msd[..end].iter().rposition(|m| *m < ABOVE_NOISE * noise);
+    let begin = begin.map_or(0, |last| last + 1);
+    let rows = begin..end;
+    if rows.len() < 3 {
+        return None;
+    }
+    let points: Vec<[f64; 2]> = rows
+        .clone()
+        .filter(|&k| msd[k] > 0.0)
+        .map(|k| [time[k], msd[k].ln()])
+        .collect();
+    let slope = slope(&thinned(&points))?;
+    let (from, to) = (time[begin], time[end - 1]);
+    let decades = slope * (to - from) / std::f64::consts::LN_10;
+    if decades < 1.0 {
+        return None;
+    }
+    let omega_i = 0.5 * slope;
+    Some(Growth {
+        omega_i,
+        omega_r: frequency(&time[rows.clone()], &msd[rows], omega_i).unwrap_or(f64::NAN),
+        from,
+        to,
+        decades,
+    })
+}
+
+/// Points at about equal distances, so that stretches of many rows do not weigh more than others: one in each of 400 intervals.
+fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    const INTERVALS: f64 = 400.0;
+    let (first, last) = match (points.first(), points.last()) {
+        (Some(first), Some(last)) => (first[0], last[0]),
+        _ => return Vec::new(),
+    };
+    let mut kept: Vec<[f64; 2]> = Vec::new();
+    let mut sums = [0.0; 3];
+    let mut interval = 0.0;
+    for point in points {
+        let of = ((point[0] - first) / (last - first) * INTERVALS).floor();
+        if of != interval && sums[2] > 0.0 {
+            kept.push([sums[0] / sums[2], sums[1] / sums[2]]);
+            sums = [0.0; 3];
+        }
+        interval = of;
+        sums = [sums[0] + point[0], sums[1] + point[1], sums[2] + 1.0];
+    }
+    kept.push([sums[0] / sums[2], sums[1] / sums[2]]);
+    kept
+}
+
+/// Of the line of least squares.
+fn slope(points: &[[f64; 2]]) -> Option<f64> {
+    let n = points.len() as f64;
+    let mean = |k: usize| points.iter().map(|p| p[k]).sum::<f64>() / n;
+    let (x, y) = (mean(0), mean(1));
+    let spread: f64 = points.iter().map(|p| (p[0] - x).powi(2)).sum();
+    let both: f64 = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum();
+    (spread > 0.0).then_some(both / spread)
+}
+
+/// ω_r of the densest rows.
+fn frequency(time: &[f64], msd: &[f64], omega_i: f64) -> Option<f64> {
+    let dense = densest(time)?;
+    let (time, msd) = (&time[dense.clone()], &msd[dense]);
+    let start = time[0];
+    let values: Vec<[f64; 2]> = time
+        .iter()
+        .zip(msd)
+        .map(|(t, m)| [t - start, m * (-2.0 * omega_i * (t - start)).exp()])
+        .collect();
+    let mean = values.iter().map(|v| v[1]).sum::<f64>() / values.len() as f64;
+    let rises = values
+        .windows(2)
+        .filter(|w| w[0][1] < mean && w[1][1] >= mean);
+    let rises: Vec<f64> = rises.map(|w| w[0][0]).collect();
+    let (first, last) = (rises.first()?, rises.last()?);
+    if rises.len() < 3 {
+        return None;
+    }
+    let period = (last - first) / (rises.len() - 1) as f64;
+    // Of M, which oscillates with 2ω_r; refined by the residual of the linear fit of a, b, c, within what the count leaves open.
+    let counted = std::f64::consts::TAU / period;
+    let margin = 0.5 * std::f64::consts::TAU / (last - first);
+    let (mut low, mut high) = (counted - margin, counted + margin);
+    let golden = 0.5 * (5f64.sqrt() - 1.0);
+    for _ in 0..60 {
+        let [a, b] = [high - golden * (high - low), low + golden * (high - low)];
+        if residual(&values, a) < residual(&values, b) {
+            high = b;
+        } else {
+            low = a;
+        }
+    }
+    Some(0.25 * (low + high))
+}
+
+/// The longest stretch of rows at the least interval.
+fn densest(time: &[f64]) -> Option<std::ops::Range<usize>> {
+    let gaps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
+    let least = gaps
+        .iter()
+        .copied()
+        .filter(|gap| *gap > 0.0)
+        .fold(f64::INFINITY, f64::min);
+    let (mut best, mut begin) = (0..0, 0);
+    for (k, gap) in gaps.iter().enumerate() {
+        if *gap > 1.001 * least {
+            begin = k + 1;
+        } else if k + 2 - begin > best.len() {
+            best = begin..k + 2;
+        }
+    }
+    (best.len() >= LEAST_ROWS).then_some(best)
+}
+
+/// Sum of squares that a + b cos ωt + c sin ωt leaves of the values.
+fn residual(values: &[[f64; 2]], omega: f64) -> f64 {
+    use nalgebra::{DMatrix, DVector};
+    let row = |k: usize, column: usize| match column {
+        0 => 1.0,
+        1 => (omega * values[k][0]).cos(),
+        _ => (omega * values[k][0]).sin(),
+    };
+    let of = DMatrix::from_fn(values.len(), 3, row);
+    let to = DVector::from_fn(values.len(), |k, _| values[k][1]);
+    let normal = of.transpose() * &of;
+    match normal.cholesky() {
+        Some(factor) => (&of * factor.solve(&(of.transpose() * &to)) - to).norm_squared(),
+        None => f64::INFINITY,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows far apart with two dense stretches, as the runs have them.
+    fn times(end: f64, period: f64) -> Vec<f64> {
+        let coarse = (0..2000).map(|k| end * f64::from(k) / 2000.0);
+        let dense = (0..320).map(|k| 0.6 * end + period / 16.0 * f64::from(k));
+        let mut times: Vec<f64> = coarse.chain(dense).collect();
+        times.sort_by(f64::total_cmp);
+        times
+    }
+
+    #[test]
+    fn growth_and_frequency_of_a_known_pair_come_back() {
+        for (omega_r, omega_i) in [(0.3, 1e-4), (0.05, 2e-3), (1.7, 3e-5)] {
+            let time = times(14.0 / omega_i, std::f64::consts::PI / omega_r);
+            let of = |t: &f64| {
+                let (phase, grown) = (2.0 * omega_r * t, 1e-26 * (2.0 * omega_i * t).exp());
+                // Noise, the linear regime, and what is left when it has ended.
+                (1e-25 + grown * (1.2 + (phase + 0.4).cos())).min(1e-14)
+            };
+            let msd: Vec<f64> = time.iter().map(of).collect();
+            let growth = fit(&time, &msd, 9e-15).unwrap();
+            assert!((growth.omega_i / omega_i - 1.0).abs() < 3e-3, "{growth:?}");
+            assert!((growth.omega_r / omega_r - 1.0).abs() < 1e-3, "{growth:?}");
+            assert!(growth.decades > 6.0);
+        }
+    }
+
+    #[test]
+    fn what_does_not_grow_is_not_fitted() {
+        let time = times(100.0, 1.0);
+        let msd: Vec<f64> = time.iter().map(|t| 1e-20 * (1.5 + t.sin())).collect();
+        assert_eq!(fit(&time, &msd, 1.0), None);
+    }
+}

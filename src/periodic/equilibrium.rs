@@ -1,0 +1,212 @@
+//! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
+
+use super::spectrum::Whole;
+use super::{Held, PeriodicRun};
+use crate::config::Method;
+use crate::contact::ContactLaw;
+use crate::dimension::Dimension;
+use crate::domain::Exchange;
+use crate::drive::{NoWalls, Overdamped};
+use crate::failure::Failure;
+use crate::state::{Cell, body};
+use crate::step::{advance, forces, initial_forces};
+use crate::system::System;
+
+/// Steps of Newton's method, of which a few are enough where the way is smooth.
+const MOST_ITERATIONS: u64 = 12;
+/// A step of it may move no grain further, over d̄: beyond, the way is not smooth.
+pub(super) const LONGEST: f64 = 0.02;
+/// Overdamped dynamics is looked at every so many steps.
+const LOOK: u64 = 100;
+
+/// How an equilibrium was found.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Found {
+    /// Factorisations of K.
+    pub factorisations: u64,
+    /// Steps of overdamped dynamics.
+    pub steps: u64,
+    /// Newton's method was tried and did not do.
+    pub fell_back: bool,
+}
+
+/// dr and dθ of a grain; in two dimensions dθ is about z and comes third.
+pub(super) type Move = [f64; 6];
+
+impl<E: Exchange> PeriodicRun<'_, E> {
+    /// Brings the system, whose forces are those of its positions, to rest.
+    pub(super) fn relax<C: ContactLaw>(
+        &self,
+        system: &mut System<C::Space>,
+        law: &C,
+    ) -> Result<Found, Failure> {
+        let mut found = Found::default();
+        if self.scene.relax.method == Method::Newton {
+            let held = Held::of::<C>(system);
+            if self.newton(system, law, &mut found.factorisations)? {
+                return Ok(found);
+            }
+            held.put_back(self.exchange, system, law)?;
+            found.fell_back = true;
+        }
+        found.steps = self.overdamped(system, law)?;
+        Ok(found)
+    }
+
+    /// Newton's method on the forces as the histories follow the displacements: each step is one step of the dynamics. Returns
+    /// whether it has come to rest, with all contacts that there were.
+    fn newton<C: ContactLaw>(
+        &self,
+        system: &mut System<C::Space>,
+        law: &C,
+        factorisations: &mut u64,
+    ) -> Result<bool, Failure> {
+        let (exchange, tolerance) = (self.exchange, self.scene.relax.tolerance);
+        let before = Whole::gather::<C>(exchange, system);
+        let longest = LONGEST * self.scene.sample.mean_diameter;
+        let mut last = f64::INFINITY;
+        for _ in 0..MOST_ITERATIONS {
+            let residual = residual(exchange, system, 0.0);
+            if residual <= tolerance {
+                let after = Whole::gather::<C>(exchange, system);
+                return Ok(after.has_contacts_of(&before));
+            }
+            // Not "residual > last": NaN is no progress.
+            if !(residual < last) {
+                return Ok(false);
+            }
+            last = residual;
+            system.list.widen(2.5 * longest);
+            system.rebuild(exchange, law, &mut NoWalls)?;
+            let whole = Whole::gather::<C>(exchange, system);
+            let Some(moves) =
+                whole.newton_step::<C::Space>(exchange, system, self.stiffness.as_ref())
+            else {
+                return Ok(false);
+            };
+            *factorisations += 1;
+            let furthest = moves
+                .iter()
+                .map(|m| m[..C::Space::AXES].iter().map(|x| x * x).sum::<f64>());
+            let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
+            if !(furthest < longest) || !displace(exchange, system, law, &moves, 0.0)? {
+                return Ok(false);
+            }
+        }
+        Ok(false)
+    }
+
+    /// BO's overdamped dynamics, until no force is greater than the tolerance. Returns its steps.
+    pub(super) fn overdamped<C: ContactLaw>(
+        &self,
+        system: &mut System<C::Space>,
+        law: &C,
+    ) -> Result<u64, Failure> {
+        let (exchange, relax) = (self.exchange, &self.scene.relax);
+        let mut drive = Overdamped { drag: relax.drag };
+        system.rebuild(exchange, law, &mut drive)?;
+        initial_forces(exchange, system, law, &mut drive, None)?;
+        let mut steps = 0;
+        let mut left = residual(exchange, system, relax.drag);
+        while left > relax.tolerance {
+            if steps >= relax.max_steps {
+                return Err(Failure::numbers(format!(
+                    "not at rest after relax.max_steps = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
+                     relax.tolerance is {:.2e}",
+                    relax.tolerance
+                )));
+            }
+            for _ in 0..LOOK {
+                advance(exchange, system, law, &mut drive, false, None)?;
+            }
+            steps += LOOK;
+            left = residual(exchange, system, relax.drag);
+            if left.is_nan() {
+                return Err(Failure::numbers("a force is no number"));
+            }
+        }
+        stop(system);
+        system.rebuild(exchange, law, &mut NoWalls)?;
+        initial_forces(exchange, system, law, &mut NoWalls, None)?;
+        Ok(steps)
+    }
+}
+
+/// The greatest |F|, and |T|/R, on a grain: of the contacts, and of the drag (1/time) that is among the forces. Collective.
+pub(super) fn residual<D: Dimension>(
+    exchange: &impl Exchange,
+    system: &System<D>,
+    drag: f64,
+) -> f64 {
+    let grains = &system.grains;
+    let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let mut greatest = 0.0f64;
+    for g in (0..grains.owned).filter(|&g| grains.body[g] == body::FREE) {
+        let (force, fields) = (&grains.force[g][..], grains.fields(g));
+        let mut contacts = [0.0; 3];
+        let mut slowing = [0.0; 3];
+        for axis in 0..D::AXES {
+            slowing[axis] = drag * grains.mass[g] * fields[D::VELOCITY + axis];
+            contacts[axis] = force[axis] + slowing[axis];
+        }
+        let torque = length(&force[D::TORQUE..D::TORQUE + D::SPINS]) / grains.radius[g];
+        for x in [length(&contacts), length(&slowing), torque] {
+            greatest = if x > greatest || x.is_nan() {
+                x
+            } else {
+                greatest
+            };
+        }
+    }
+    exchange.maximum(greatest)
+}
+
+/// Takes all velocities away.
+pub(super) fn stop<D: Dimension>(system: &mut System<D>) {
+    for g in 0..system.grains.owned {
+        system.grains.fields_mut(g)[D::VELOCITY..D::SPIN + D::SPINS].fill(0.0);
+    }
+}
+
+/// Moves the own grains, and the images above by `shear` along x, in one step after which all are at rest again: contacts remember
+/// what they remember of a step of the dynamics. The list must be new, and wide enough. Returns whether the law holds there.
+pub(super) fn displace<C: ContactLaw>(
+    exchange: &impl Exchange,
+    system: &mut System<C::Space>,
+    law: &C,
+    moves: &[Move],
+    shear: f64,
+) -> Result<bool, Failure> {
+    let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
+    let step = system.step;
+    if let Some(sheared) = &mut system.cell.sheared {
+        sheared.velocity = shear / step;
+    }
+    system.cell.shear(shear);
+    let cell = system.cell;
+    for (g, by) in moves.iter().enumerate() {
+        let fields = system.grains.fields_mut(g);
+        for axis in 0..axes {
+            fields[C::Space::HALF_VELOCITY + axis] = by[axis] / step;
+            let x = fields[axis] + by[axis];
+            fields[axis] = match cell.periods.get(axis) {
+                Some(&period) if axis < C::Space::UP && !(0.0..period).contains(&x) => {
+                    Cell::wrapped(x, period)
+                }
+                _ => x,
+            };
+        }
+        for k in 0..spins {
+            fields[C::Space::HALF_SPIN + k] = by[axes + k] / step;
+        }
+        cell.wrap_up::<C::Space>(fields);
+    }
+    let outside = forces(exchange, system, law, &mut NoWalls, step, None);
+    stop(system);
+    if let Some(sheared) = &mut system.cell.sheared {
+        sheared.velocity = 0.0;
+    }
+    // At rest, without the dampers.
+    let outside = outside.or(forces(exchange, system, law, &mut NoWalls, 0.0, None));
+    Ok(exchange.maximum(f64::from(u8::from(outside.is_some()))) == 0.0)
+}

@@ -1,0 +1,248 @@
+//! Runs in a periodic sheared box (BO section III): a packing prepared without friction, strain steps each brought to mechanical
+//! equilibrium, Newton's equations from the last of them.
+
+mod equilibrium;
+mod newtonian;
+mod observe;
+mod prepare;
+mod record;
+mod spectrum;
+pub(crate) mod strain;
+
+use std::path::Path;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::{self, Dimensions, Law, PeriodicScene, Source, Study};
+use crate::contact::ContactLaw;
+use crate::contact::family::{Family, MindlinIn, SpringsInSpace};
+use crate::contact::stiffness::{self, Stiffness};
+use crate::dimension::{Dimension, Three, Two};
+use crate::domain::Exchange;
+use crate::drive::NoWalls;
+use crate::failure::Failure;
+use crate::io::checkpoint;
+use crate::run::{Ending, Options};
+use crate::signals::Signals;
+use crate::simd::Level;
+use crate::state::{Cell, ContactState, GrainState, Snapshot};
+use crate::system::{Setup, System};
+use crate::terminal::Terminal;
+
+pub use record::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE, SPECTRA_FILE};
+
+/// One run: who takes part, what is run, how.
+pub struct PeriodicRun<'a, E: Exchange> {
+    exchange: &'a E,
+    scene: &'a PeriodicScene,
+    options: &'a Options,
+    level: Level,
+    signals: Signals,
+    terminal: Terminal,
+    started: Instant,
+    /// The law's derivatives.
+    stiffness: Box<dyn Stiffness>,
+}
+
+/// What a checkpoint says beside grains and contacts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Header {
+    pub progress: Progress,
+    /// Frames and rows of the strain steps' file.
+    pub frames: u64,
+    pub rows: u64,
+}
+
+/// How far the strain steps have come.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Progress {
+    /// Strain steps that are done.
+    pub steps: u64,
+    /// Displacement of the image above along x.
+    pub offset: f64,
+    /// Of the first complex pair, if it has been born.
+    pub birth: Option<Birth>,
+    /// Complex pairs after the last of them, and that of the greatest |Im λ|.
+    pub pairs: u64,
+    pub pair: Option<Pair>,
+    /// Strain steps for which Newton's method was not enough.
+    pub fell_back: u64,
+}
+
+/// Where the first complex pair is born: the last γ without and the first with it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Birth {
+    pub before: f64,
+    pub after: f64,
+}
+
+/// A complex pair λ_r ± iλ_i, and ω_r ± iω_i = √λ (BO eq. 8).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pair {
+    pub lambda_r: f64,
+    pub lambda_i: f64,
+    pub omega_r: f64,
+    pub omega_i: f64,
+}
+
+impl Pair {
+    pub fn new(lambda_r: f64, lambda_i: f64) -> Self {
+        let lambda_i = lambda_i.abs();
+        let root = faer::c64::new(lambda_r, lambda_i).sqrt();
+        Self {
+            lambda_r,
+            lambda_i,
+            omega_r: root.re,
+            omega_i: root.im,
+        }
+    }
+}
+
+impl Header {
+    /// That of a checkpoint; `None` where it is of a run with walls.
+    pub fn read(snapshot: &Snapshot) -> Option<Self> {
+        serde_json::from_str(&snapshot.header).ok()
+    }
+}
+
+/// The scene of a checkpoint (`name` in messages, `toml` its text).
+pub fn scene_of_checkpoint(
+    name: &Path,
+    toml: String,
+    set: &[String],
+) -> Result<PeriodicScene, Failure> {
+    let source = Source::new(format!("{} (its scene)", name.display()), toml);
+    let no_packing = &mut |_: &Path, _| Err(Failure::input("a box has no packing"));
+    match config::study(&source, set, no_packing)? {
+        Study::Periodic(scene) => Ok(scene),
+        Study::PlaneShear(_) => Err(Failure::input(format!(
+            "{}: the scene has no [box]",
+            source.name()
+        ))),
+    }
+}
+
+/// The state at rest, this rank's part of it, to go back to.
+#[derive(Debug, Clone)]
+struct Held {
+    cell: Cell,
+    grains: Vec<GrainState>,
+    contacts: Vec<ContactState>,
+}
+
+impl Held {
+    fn of<C: ContactLaw>(system: &System<C::Space>) -> Self {
+        Self {
+            cell: system.cell,
+            grains: system.grain_states(),
+            contacts: system.contact_states::<C>(),
+        }
+    }
+
+    fn put_back<C: ContactLaw, E: Exchange>(
+        self,
+        exchange: &E,
+        system: &mut System<C::Space>,
+        law: &C,
+    ) -> Result<(), Failure> {
+        system.cell = self.cell;
+        system.replace(exchange, law, &mut NoWalls, self.grains, self.contacts)
+    }
+}
+
+impl<'a, E: Exchange> PeriodicRun<'a, E> {
+    pub fn new(
+        exchange: &'a E,
+        scene: &'a PeriodicScene,
+        options: &'a Options,
+    ) -> Result<Self, Failure> {
+        let level = Level::named(scene.bookkeeping.simd).ok_or_else(|| {
+            Failure::input(format!("this processor has no {}", scene.bookkeeping.simd))
+        })?;
+        Ok(Self {
+            exchange,
+            scene,
+            options,
+            level,
+            signals: Signals::catch()?,
+            terminal: Terminal::new(exchange.rank() == 0),
+            started: Instant::now(),
+            stiffness: stiffness::of(scene.law, scene.dimension, &scene.contact),
+        })
+    }
+
+    /// From insertion, or from a checkpoint, to the end.
+    pub fn run(self, from: Option<Snapshot>) -> Result<Ending, Failure> {
+        self.terminal
+            .periodic_header(self.exchange, self.scene, self.level);
+        // Once per run, so that no step asks again.
+        match (self.scene.law, self.scene.dimension) {
+            (Law::LeeHurley(material), _) => self.stages(material, from),
+            (Law::Hooke(springs), Dimensions::Two) => self.stages(springs, from),
+            (Law::Hooke(springs), Dimensions::Three) => self.stages(SpringsInSpace(springs), from),
+            (Law::Hertz(spheres), _) => self.stages(spheres, from),
+            (Law::Mindlin(springs), Dimensions::Two) => {
+                self.stages(MindlinIn::<Two>::new(springs), from)
+            }
+            (Law::Mindlin(springs), Dimensions::Three) => {
+                self.stages(MindlinIn::<Three>::new(springs), from)
+            }
+        }
+    }
+
+    fn stages<F: Family>(self, family: F, from: Option<Snapshot>) -> Result<Ending, Failure> {
+        let contact = &self.scene.contact;
+        let (state, header) = match from {
+            Some(snapshot) => self.restore(snapshot)?,
+            None => (self.prepare(&family.law::<false, false>(contact))?, None),
+        };
+        if contact.friction > 0.0 {
+            self.shear(&family.law::<true, false>(contact), state, header)
+        } else {
+            self.shear(&family.law::<false, false>(contact), state, header)
+        }
+    }
+
+    fn restore(&self, snapshot: Snapshot) -> Result<(Held, Option<Header>), Failure> {
+        let header = Header::read(&snapshot)
+            .ok_or_else(|| Failure::input("the checkpoint is not one of a periodic box"))?;
+        let mut cell = self.scene.cell(self.scene.sample.length);
+        cell.shear(header.progress.offset);
+        let contacts = checkpoint::to_both_holders(self.exchange, &snapshot);
+        let state = Held {
+            cell,
+            grains: snapshot.grains,
+            contacts,
+        };
+        Ok((state, Some(header)))
+    }
+
+    fn system<D: Dimension>(&self, cell: Cell) -> Result<System<D>, Failure> {
+        let (scene, sample) = (self.scene, &self.scene.sample);
+        let radius = 0.5 * sample.mean_diameter;
+        let overlap = 0.01 * sample.mean_diameter;
+        let setup = Setup {
+            level: self.level,
+            bookkeeping: &scene.bookkeeping,
+            cell,
+            largest_radius: sample.radius_max,
+            mean_diameter: sample.mean_diameter,
+            masses: scene.law.masses(),
+            step: scene.time_step.step,
+            gravity: 0.0,
+            typical_force: scene.law.normal_stiffness(radius, radius, overlap) * overlap,
+            threads: self.options.threads,
+        };
+        System::new(self.exchange, setup)
+    }
+
+    /// Whether some rank was asked to stop; collective.
+    fn asked_to_stop(&self) -> bool {
+        let out_of_time = self.options.wall_time;
+        let asked =
+            self.signals.received() || out_of_time.is_some_and(|t| self.started.elapsed() >= t);
+        self.exchange.maximum(f64::from(u8::from(asked))) > 0.0
+    }
+}

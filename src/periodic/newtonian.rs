@@ -1,0 +1,230 @@
+//! Newton's equations from the last state at rest: the growth of a complex pair (BO section IV).
+
+use bytemuck::{Pod, Zeroable, allocation::pod_collect_to_vec, cast_slice};
+
+use super::observe::observe;
+use super::record::NewtonianRecorder;
+use super::spectrum::Whole;
+use super::{Pair, PeriodicRun, Progress};
+use crate::config::Newtonian;
+use crate::contact::ContactLaw;
+use crate::dimension::Dimension;
+use crate::domain::Exchange;
+use crate::drive::NoWalls;
+use crate::failure::Failure;
+use crate::kernel::ContactForces;
+use crate::run::Ending;
+use crate::step::{advance, initial_forces};
+use crate::system::System;
+
+/// Without a pair, the stage lasts so many steps.
+const STEPS_WITHOUT_A_PAIR: f64 = 100_000.0;
+
+impl<E: Exchange> PeriodicRun<'_, E> {
+    pub(super) fn newtonian<C: ContactLaw>(
+        &self,
+        system: &mut System<C::Space>,
+        law: &C,
+        of: &Newtonian,
+        progress: &Progress,
+    ) -> Result<Ending, Failure> {
+        let (exchange, scene) = (self.exchange, self.scene);
+        let step = system.step;
+        let steps = match &progress.pair {
+            Some(pair) => (of.growth_times / pair.omega_i / step).ceil(),
+            None => STEPS_WITHOUT_A_PAIR,
+        } as u64;
+        let every = |count: u64| match count {
+            0 => u64::MAX,
+            count => (steps / count).max(1),
+        };
+        let (rows, frames, spectra) = (every(of.rows), every(of.frames), every(of.spectra));
+        let dense = progress.pair.map(|pair| Dense::new(&pair, steps, step));
+        let mut out =
+            NewtonianRecorder::create(exchange, scene, system, &self.options.out, progress)?;
+        self.terminal.newtonian(steps, step);
+        system.rebuild(exchange, law, &mut NoWalls)?;
+        initial_forces(exchange, system, law, &mut NoWalls, None)?;
+        let mut motion = Motion::begin(exchange, system);
+        let mut samples = ContactForces::default();
+        for done in 0..=steps {
+            if done > 0 {
+                // Without a checkpoint of its own, this stage begins anew after a stop.
+                let asked = self.signals.received();
+                if advance(exchange, system, law, &mut NoWalls, asked, None)? {
+                    self.terminal.stopped(&self.options.out, "newtonian", done);
+                    return Ok(Ending::Stopped);
+                }
+                motion.turn(exchange, system);
+            }
+            let time = done as f64 * step;
+            let oscillation = dense.as_ref().is_some_and(|dense| dense.due(done));
+            let (row, frame) = (done % rows == 0 || oscillation, done % frames == 0);
+            if row || frame {
+                let observed = observe(exchange, system, law, &mut samples, scene.sample.grains);
+                if row {
+                    out.row(
+                        exchange,
+                        done,
+                        time,
+                        &observed,
+                        &motion.measure(exchange, system),
+                    )?;
+                }
+                if frame {
+                    out.frame::<C, E>(exchange, system, &samples, done, time)?;
+                }
+            }
+            if spectra != u64::MAX && done % spectra == 0 {
+                let whole = Whole::gather::<C>(exchange, system);
+                out.spectrum(
+                    exchange,
+                    time,
+                    &whole.eigenvalues::<C::Space>(exchange, system, self.stiffness.as_ref())?,
+                )?;
+            }
+        }
+        let digest = out.finish::<C, E>(exchange, system, steps)?;
+        self.terminal.moved(&digest, &self.options.out);
+        Ok(Ending::Done)
+    }
+}
+
+/// Two stretches in which rows lie so densely that they show the oscillation of the pair.
+struct Dense {
+    begins: [u64; 2],
+    length: u64,
+    every: u64,
+}
+
+impl Dense {
+    /// Where they begin, over the whole stage; periods of the mean square displacement, π/ω_r, in each; rows in each period.
+    const BEGINS: [f64; 2] = [0.5, 0.7];
+    const PERIODS: f64 = 20.0;
+    const ROWS: f64 = 16.0;
+
+    fn new(pair: &Pair, steps: u64, step: f64) -> Self {
+        let period = std::f64::consts::PI / pair.omega_r / step;
+        Self {
+            begins: Self::BEGINS.map(|part| (part * steps as f64) as u64),
+            length: (Self::PERIODS * period) as u64,
+            every: ((period / Self::ROWS) as u64).max(1),
+        }
+    }
+
+    fn due(&self, step: u64) -> bool {
+        let of = |begin: u64| {
+            let since = step.checked_sub(begin);
+            since.is_some_and(|since| since <= self.length && since % self.every == 0)
+        };
+        self.begins.into_iter().any(of)
+    }
+}
+
+/// How the grains have moved since the start.
+struct Motion {
+    /// Where all grains were, by id.
+    start: Vec<[f64; 3]>,
+    /// θ of the own grains since then, and which these are.
+    angle: Vec<Angle>,
+    /// Rebuilds of the list, at which grains change hands.
+    rebuilds: u64,
+}
+
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Angle {
+    id: u64,
+    theta: [f64; 3],
+}
+
+/// Sums over the grains.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Moved {
+    pub id: u64,
+    /// Mean of |Δr|² + R² |Δθ|² (BO eq. 10).
+    pub msd: f64,
+    pub kinetic_energy: f64,
+}
+
+/// Everybody's records, sorted.
+fn gathered<R: Pod, K: Ord>(exchange: &impl Exchange, own: &[R], key: fn(&R) -> K) -> Vec<R> {
+    let mut all: Vec<R> = exchange
+        .gather(cast_slice(own))
+        .iter()
+        .flat_map(|bytes| pod_collect_to_vec::<u8, R>(bytes))
+        .collect();
+    all.sort_unstable_by_key(key);
+    all
+}
+
+impl Motion {
+    fn begin<D: Dimension>(exchange: &impl Exchange, system: &System<D>) -> Self {
+        let own: Vec<Angle> = system
+            .grain_states()
+            .iter()
+            .map(|g| Angle {
+                id: g.id.into(),
+                theta: g.position,
+            })
+            .collect();
+        let all = gathered(exchange, &own, |at| at.id);
+        let at_rest = |at: &Angle| Angle {
+            theta: [0.0; 3],
+            ..*at
+        };
+        Self {
+            start: all.iter().map(|at| at.theta).collect(),
+            angle: own.iter().map(at_rest).collect(),
+            rebuilds: system.list.rebuilds,
+        }
+    }
+
+    /// The turns of the step that is done.
+    fn turn<D: Dimension>(&mut self, exchange: &impl Exchange, system: &System<D>) {
+        let grains = &system.grains;
+        if self.rebuilds != system.list.rebuilds {
+            self.rebuilds = system.list.rebuilds;
+            let all = gathered(exchange, &self.angle, |at| at.id);
+            let own = grains.id[..grains.owned].iter();
+            self.angle = own.map(|&id| all[id as usize]).collect();
+        }
+        for (g, angle) in self.angle.iter_mut().enumerate() {
+            let fields = grains.fields(g);
+            for k in 0..D::SPINS {
+                angle.theta[k] += system.step * fields[D::HALF_SPIN + k];
+            }
+        }
+    }
+
+    fn measure<D: Dimension>(&self, exchange: &impl Exchange, system: &System<D>) -> Moved {
+        let grains = &system.grains;
+        let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
+        let own: Vec<Moved> = self
+            .angle
+            .iter()
+            .enumerate()
+            .map(|(g, angle)| {
+                let (fields, radius) = (grains.fields(g), grains.radius[g]);
+                let start = &self.start[angle.id as usize];
+                let moved = square(&system.cell.separation::<D>(fields, start));
+                let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
+                let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
+                Moved {
+                    id: angle.id,
+                    msd: moved + radius * radius * square(&angle.theta),
+                    kinetic_energy: 0.5
+                        * grains.mass[g]
+                        * (velocity + D::INERTIA * radius * radius * spin),
+                }
+            })
+            .collect();
+        let all = gathered(exchange, &own, |moved| moved.id);
+        Moved {
+            id: 0,
+            msd: all.iter().map(|m| m.msd).sum::<f64>() / all.len() as f64,
+            kinetic_energy: all.iter().map(|m| m.kinetic_energy).sum(),
+        }
+    }
+}

@@ -1,0 +1,384 @@
+//! What a run in a box leaves in its folder: `aqs.h5` and `newtonian.h5` (H5MD), `spectra.csv`, `scene.toml`, checkpoints.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::newtonian::Moved;
+use super::observe::Observed;
+use super::spectrum::Eigenvalues;
+use super::strain::Row;
+use super::{Header, Progress};
+use crate::config::PeriodicScene;
+use crate::contact::ContactLaw;
+use crate::dimension::Dimension;
+use crate::domain::Exchange;
+use crate::failure::Failure;
+use crate::io::collective::agree;
+use crate::io::h5::Attribute;
+use crate::io::provenance;
+use crate::io::trajectory::{RunHeader, TrajectoryWriter};
+use crate::kernel::ContactForces;
+use crate::observe::{digest, frame};
+use crate::record::{self, SCENE_FILE, shapes};
+use crate::state::Snapshot;
+use crate::system::System;
+
+pub const AQS_FILE: &str = "aqs.h5";
+pub const NEWTONIAN_FILE: &str = "newtonian.h5";
+/// Eigenvalues in time: a row each.
+pub const SPECTRA_FILE: &str = "spectra.csv";
+
+/// Columns of the time series of the strain steps; what was not asked for is not a number.
+pub const AQS_COLUMNS: [&str; 18] = [
+    "strain",
+    "image_offset",
+    "shear_stress",
+    "pressure",
+    "elastic_energy",
+    "contacts",
+    "coordination",
+    "sliding_fraction",
+    "residual",
+    "factorisations",
+    "overdamped_steps",
+    "fell_back",
+    "pairs",
+    "imaginary_least",
+    "imaginary_greatest",
+    "pair_real",
+    "least_real",
+    "zero_modes",
+];
+
+/// Columns of the time series of Newton's equations.
+pub const NEWTONIAN_COLUMNS: [&str; 7] = [
+    "msd",
+    "kinetic_energy",
+    "elastic_energy",
+    "shear_stress",
+    "pressure",
+    "contacts",
+    "sliding_fraction",
+];
+
+/// Checkpoints are written at least so often.
+const CHECKPOINTS: Duration = Duration::from_secs(60);
+
+/// The files of the strain steps.
+pub(super) struct Recorder {
+    folder: PathBuf,
+    toml: String,
+    frame_every: u64,
+    trajectory: TrajectoryWriter,
+    saved: Instant,
+}
+
+fn attributes<D: Dimension>(
+    exchange: &impl Exchange,
+    scene: &PeriodicScene,
+    system: &System<D>,
+) -> Vec<(&'static str, Attribute)> {
+    vec![
+        ("scene", Attribute::Text(scene.toml.clone())),
+        ("version", Attribute::Text(provenance::VERSION.into())),
+        ("git_commit", Attribute::Text(provenance::GIT_COMMIT.into())),
+        ("ranks", Attribute::Count(exchange.size() as u64)),
+        ("processor", Attribute::Text(provenance::processor())),
+        ("started", Attribute::Text(provenance::now())),
+        ("time_step", Attribute::Number(system.step)),
+        ("dimension", Attribute::Count(D::AXES as u64)),
+        (
+            "mean_diameter",
+            Attribute::Number(scene.sample.mean_diameter),
+        ),
+    ]
+}
+
+fn writer<D: Dimension>(
+    exchange: &impl Exchange,
+    path: &Path,
+    series: &[&str],
+    system: &System<D>,
+    attributes: &[(&str, Attribute)],
+) -> Result<TrajectoryWriter, Failure> {
+    let mut edges = [0.0; 3];
+    edges[..D::UP].copy_from_slice(&system.cell.periods[..D::UP]);
+    edges[D::UP] = system.cell.sheared.map_or(0.0, |s| s.height);
+    let header = RunHeader {
+        axes: D::AXES,
+        walls: false,
+        series,
+        edges,
+        grains: &shapes(system),
+        attributes,
+    };
+    TrajectoryWriter::create(exchange, path, &header)
+}
+
+impl Recorder {
+    /// New files, or those of the run that is gone on with.
+    pub fn open<D: Dimension>(
+        exchange: &impl Exchange,
+        scene: &PeriodicScene,
+        system: &System<D>,
+        folder: &Path,
+        header: &Option<Header>,
+    ) -> Result<Self, Failure> {
+        record::folder(exchange, folder)?;
+        let path = folder.join(AQS_FILE);
+        let there = exchange.broadcast(vec![u8::from(path.exists())])[0] == 1;
+        let trajectory = match header {
+            Some(header) if there => TrajectoryWriter::open_to_append(
+                exchange,
+                &path,
+                &AQS_COLUMNS,
+                header.frames,
+                header.rows,
+            )?,
+            _ => {
+                let wrote = match exchange.rank() {
+                    0 => {
+                        let path = folder.join(SCENE_FILE);
+                        std::fs::write(&path, &scene.toml).map_err(|e| {
+                            Failure::other(format!("{}: cannot be written: {e}", path.display()))
+                        })
+                    }
+                    _ => Ok(()),
+                };
+                agree(exchange, wrote)?;
+                let attributes = attributes(exchange, scene, system);
+                writer(exchange, &path, &AQS_COLUMNS, system, &attributes)?
+            }
+        };
+        Ok(Self {
+            folder: folder.into(),
+            toml: scene.toml.clone(),
+            frame_every: scene.aqs.frame_every,
+            trajectory,
+            saved: Instant::now(),
+        })
+    }
+
+    pub fn strain_row(
+        &mut self,
+        exchange: &impl Exchange,
+        step: u64,
+        row: &Row,
+    ) -> Result<(), Failure> {
+        let nan = f64::NAN;
+        let of = |value: fn(&Eigenvalues) -> f64| row.eigenvalues.as_ref().map_or(nan, value);
+        let imaginary = of(|e| e.greatest_pair().map_or(0.0, |pair| pair.lambda_i));
+        let observed = &row.observed;
+        let columns: [f64; AQS_COLUMNS.len()] = [
+            row.strain,
+            row.offset,
+            observed.shear_stress,
+            observed.pressure,
+            observed.elastic_energy,
+            observed.contacts as f64,
+            observed.coordination,
+            observed.sliding_fraction,
+            row.residual,
+            row.found.factorisations as f64,
+            row.found.steps as f64,
+            f64::from(u8::from(row.found.fell_back)),
+            of(|e| e.pairs() as f64),
+            -imaginary,
+            imaginary,
+            of(|e| e.greatest_pair().map_or(f64::NAN, |pair| pair.lambda_r)),
+            of(Eigenvalues::least_real),
+            of(|e| e.zeros() as f64),
+        ];
+        self.trajectory.series(exchange, step, row.strain, &columns)
+    }
+
+    pub fn frame_due(&self, step: u64) -> bool {
+        self.frame_every > 0 && step.is_multiple_of(self.frame_every)
+    }
+
+    pub fn strain_frame<C: ContactLaw, E: Exchange>(
+        &mut self,
+        exchange: &E,
+        system: &System<C::Space>,
+        samples: &ContactForces,
+        step: u64,
+    ) -> Result<(), Failure> {
+        let (grains, contacts) = frame::<C>(system, samples);
+        self.trajectory
+            .frame(exchange, step, step as f64, &grains, &contacts)
+    }
+
+    pub fn flush(&mut self, exchange: &impl Exchange) -> Result<[u64; 2], Failure> {
+        self.trajectory.flush(exchange)?;
+        Ok([self.trajectory.frames(), self.trajectory.rows()])
+    }
+
+    pub fn checkpoint_due(&self) -> bool {
+        self.saved.elapsed() > CHECKPOINTS
+    }
+
+    pub fn checkpoint<C: ContactLaw, E: Exchange>(
+        &mut self,
+        exchange: &E,
+        system: &System<C::Space>,
+        progress: Progress,
+        [frames, rows]: [u64; 2],
+    ) -> Result<(), Failure> {
+        self.saved = Instant::now();
+        let header = Header {
+            progress,
+            frames,
+            rows,
+        };
+        let snapshot = Snapshot {
+            header: serde_json::to_string(&header).expect("a header of finite numbers"),
+            grains: system.grain_states(),
+            contacts: system.own_contact_states::<C>(),
+            analysed: None,
+        };
+        record::checkpoint(exchange, &self.folder, &self.toml, &snapshot, None)
+    }
+
+    /// Closes the file of the strain steps. Returns the digest of the state.
+    pub fn finish<C: ContactLaw, E: Exchange>(
+        self,
+        exchange: &E,
+        system: &System<C::Space>,
+        progress: &Progress,
+    ) -> Result<String, Failure> {
+        let offset = progress.offset.to_le_bytes();
+        let digest = digest::<C, E>(exchange, system, &offset, progress.steps);
+        let mut attributes = vec![
+            ("digest", Attribute::Text(digest.clone())),
+            ("fell_back", Attribute::Count(progress.fell_back)),
+        ];
+        if let Some(birth) = &progress.birth {
+            attributes.push(("birth_before", Attribute::Number(birth.before)));
+            attributes.push(("birth_after", Attribute::Number(birth.after)));
+        }
+        self.trajectory.finish(exchange, &attributes)?;
+        Ok(digest)
+    }
+}
+
+/// The files of Newton's equations.
+pub(super) struct NewtonianRecorder {
+    trajectory: TrajectoryWriter,
+    /// On rank 0, where eigenvalues are asked for.
+    spectra: Option<BufWriter<File>>,
+    path: PathBuf,
+}
+
+impl NewtonianRecorder {
+    pub fn create<D: Dimension>(
+        exchange: &impl Exchange,
+        scene: &PeriodicScene,
+        system: &System<D>,
+        folder: &Path,
+        progress: &Progress,
+    ) -> Result<Self, Failure> {
+        let mut attributes = attributes(exchange, scene, system);
+        let strain = scene.aqs.strain_step * progress.steps as f64;
+        attributes.push(("strain", Attribute::Number(strain)));
+        attributes.push(("image_offset", Attribute::Number(progress.offset)));
+        if let Some(pair) = &progress.pair {
+            attributes.push(("lambda_r", Attribute::Number(pair.lambda_r)));
+            attributes.push(("lambda_i", Attribute::Number(pair.lambda_i)));
+            attributes.push(("omega_r", Attribute::Number(pair.omega_r)));
+            attributes.push(("omega_i", Attribute::Number(pair.omega_i)));
+        }
+        let path = folder.join(NEWTONIAN_FILE);
+        let trajectory = writer(exchange, &path, &NEWTONIAN_COLUMNS, system, &attributes)?;
+        let path = folder.join(SPECTRA_FILE);
+        let asked = scene.newtonian.is_some_and(|n| n.spectra > 0) && exchange.rank() == 0;
+        let opened = match asked {
+            true => File::create(&path)
+                .map(BufWriter::new)
+                .and_then(|mut file| {
+                    writeln!(file, "time,real,imaginary,verdict")?;
+                    Ok(Some(file))
+                }),
+            false => Ok(None),
+        };
+        let unwritten = |e| Failure::other(format!("{}: cannot be written: {e}", path.display()));
+        let spectra = agree(exchange, opened.map_err(unwritten))?;
+        Ok(Self {
+            trajectory,
+            spectra,
+            path,
+        })
+    }
+
+    pub fn row(
+        &mut self,
+        exchange: &impl Exchange,
+        step: u64,
+        time: f64,
+        observed: &Observed,
+        moved: &Moved,
+    ) -> Result<(), Failure> {
+        let columns: [f64; NEWTONIAN_COLUMNS.len()] = [
+            moved.msd,
+            moved.kinetic_energy,
+            observed.elastic_energy,
+            observed.shear_stress,
+            observed.pressure,
+            observed.contacts as f64,
+            observed.sliding_fraction,
+        ];
+        self.trajectory.series(exchange, step, time, &columns)
+    }
+
+    pub fn frame<C: ContactLaw, E: Exchange>(
+        &mut self,
+        exchange: &E,
+        system: &System<C::Space>,
+        samples: &ContactForces,
+        step: u64,
+        time: f64,
+    ) -> Result<(), Failure> {
+        let (grains, contacts) = frame::<C>(system, samples);
+        self.trajectory
+            .frame(exchange, step, time, &grains, &contacts)
+    }
+
+    /// All eigenvalues at a time; as rank 0 alone writes them, its failure is told to all.
+    pub fn spectrum(
+        &mut self,
+        exchange: &impl Exchange,
+        time: f64,
+        eigenvalues: &Eigenvalues,
+    ) -> Result<(), Failure> {
+        let wrote = match &mut self.spectra {
+            None => Ok(()),
+            Some(file) => eigenvalues.all().try_for_each(|(value, verdict)| {
+                writeln!(
+                    file,
+                    "{time:?},{:?},{:?},{}",
+                    value.re,
+                    value.im,
+                    verdict.name()
+                )
+            }),
+        };
+        let unwritten =
+            |e| Failure::other(format!("{}: cannot be written: {e}", self.path.display()));
+        agree(exchange, wrote.map_err(unwritten))
+    }
+
+    /// Closes the file. Returns the digest of the state.
+    pub fn finish<C: ContactLaw, E: Exchange>(
+        self,
+        exchange: &E,
+        system: &System<C::Space>,
+        steps: u64,
+    ) -> Result<String, Failure> {
+        let offset = system.cell.sheared.map_or(0.0, |s| s.offset).to_le_bytes();
+        let digest = digest::<C, E>(exchange, system, &offset, steps);
+        let attributes = [("digest", Attribute::Text(digest.clone()))];
+        self.trajectory.finish(exchange, &attributes)?;
+        Ok(digest)
+    }
+}

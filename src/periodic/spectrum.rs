@@ -1,0 +1,192 @@
+//! The whole packing on one rank: K of it, Newton's step by it, and its eigenvalues.
+
+use bytemuck::allocation::pod_collect_to_vec;
+use bytemuck::cast_slice;
+use faer::{Mat, c64};
+
+use super::Pair;
+use super::equilibrium::Move;
+use crate::analysis::jacobian::{self, History, Jacobian};
+use crate::analysis::spectrum::{Eigenvalue, Problem, Spectrum, Verdict};
+use crate::contact::ContactLaw;
+use crate::contact::stiffness::Stiffness;
+use crate::dimension::Dimension;
+use crate::domain::Exchange;
+use crate::failure::Failure;
+use crate::io::collective::agree;
+use crate::state::{ContactState, GrainState};
+use crate::system::System;
+
+/// All grains by id, and all touching contacts by (i, j).
+pub(super) struct Whole {
+    pub grains: Vec<GrainState>,
+    pub contacts: Vec<ContactState>,
+}
+
+impl Whole {
+    /// Collective; on every rank.
+    pub fn gather<C: ContactLaw>(exchange: &impl Exchange, system: &System<C::Space>) -> Self {
+        let grains = exchange.gather(cast_slice(&system.grain_states()));
+        let contacts = exchange.gather(cast_slice(&system.own_contact_states::<C>()));
+        let mut grains: Vec<GrainState> = grains
+            .iter()
+            .flat_map(|bytes| pod_collect_to_vec(bytes))
+            .collect();
+        let mut contacts: Vec<ContactState> = contacts
+            .iter()
+            .flat_map(|bytes| pod_collect_to_vec(bytes))
+            .collect();
+        grains.sort_unstable_by_key(|g| g.id);
+        contacts.sort_unstable_by_key(|c| (c.i, c.j));
+        Self { grains, contacts }
+    }
+
+    /// Whether no contact of `other` has opened.
+    pub fn has_contacts_of(&self, other: &Self) -> bool {
+        let known = |c: &ContactState| {
+            self.contacts
+                .binary_search_by_key(&(c.i, c.j), |here| (here.i, here.j))
+                .is_ok()
+        };
+        other.contacts.iter().all(known)
+    }
+}
+
+impl Whole {
+    fn jacobian<D: Dimension>(&self, system: &System<D>, law: &dyn Stiffness) -> Jacobian {
+        let state = jacobian::State {
+            grains: &self.grains,
+            contacts: &self.contacts,
+            cell: system.cell,
+            masses: system.masses,
+        };
+        jacobian::assemble::<D>(state, law, History::Turned)
+    }
+
+    /// Newton's step dq of the own grains, (K + ε‖K‖ M) dq = F; `None` where that cannot be factorised. Rank 0 solves, so that all
+    /// move by the same bits; collective.
+    ///
+    /// ε is so small that it slows nothing down but the zero modes: translations, rattlers, and turns that no contact resists.
+    pub fn newton_step<D: Dimension>(
+        &self,
+        exchange: &impl Exchange,
+        system: &System<D>,
+        law: &dyn Stiffness,
+    ) -> Option<Vec<Move>> {
+        let solved = match exchange.rank() {
+            0 => self.solve(system, law).unwrap_or_default(),
+            _ => Vec::new(),
+        };
+        let bytes = exchange.broadcast(cast_slice(&solved).to_vec());
+        let moves: Vec<Move> = pod_collect_to_vec(&bytes);
+        let own = &system.grains.id[..system.grains.owned];
+        (!moves.is_empty()).then(|| own.iter().map(|&id| moves[id as usize]).collect())
+    }
+
+    /// Of all grains, by id.
+    fn solve<D: Dimension>(&self, system: &System<D>, law: &dyn Stiffness) -> Option<Vec<Move>> {
+        let jacobian = self.jacobian(system, law);
+        let null = Mat::<f64>::zeros(jacobian.unknowns(), 0);
+        let problem = Problem::new(&jacobian.k, &jacobian.mass, null.as_ref()).ok()?;
+        let force = jacobian.grains.iter().flat_map(|&id| {
+            let g = &self.grains[id as usize];
+            let mut of = [0.0; 6];
+            of[..D::AXES].copy_from_slice(&g.force[..D::AXES]);
+            of[D::AXES..D::AXES + D::SPINS].copy_from_slice(&g.torque[3 - D::SPINS..]);
+            of.into_iter().take(jacobian.per_grain)
+        });
+        let force: Vec<f64> = force.collect();
+        let moved = problem.solve_shifted(&force, -ZERO_MODES * problem.norm())?;
+        let mut moves = vec![[0.0; 6]; self.grains.len()];
+        for (of, &id) in moved.chunks(jacobian.per_grain).zip(&jacobian.grains) {
+            moves[id as usize][..of.len()].copy_from_slice(of);
+        }
+        Some(moves)
+    }
+
+    /// All eigenvalues of K v = λ M v; on every rank. Rank 0 finds them; collective.
+    ///
+    /// # Errors
+    /// K is no matrix of finite numbers.
+    pub fn eigenvalues<D: Dimension>(
+        &self,
+        exchange: &impl Exchange,
+        system: &System<D>,
+        law: &dyn Stiffness,
+    ) -> Result<Eigenvalues, Failure> {
+        let found = match exchange.rank() {
+            0 => self.spectrum(system, law),
+            _ => Ok(Vec::new()),
+        };
+        let found = agree(exchange, found)?;
+        let bytes = exchange.broadcast(cast_slice(&found).to_vec());
+        let read = |[re, im, verdict]: [f64; 3]| (c64::new(re, im), Verdict::ALL[verdict as usize]);
+        let all = pod_collect_to_vec::<u8, [f64; 3]>(&bytes);
+        Ok(Eigenvalues {
+            all: all.into_iter().map(read).collect(),
+        })
+    }
+
+    /// Real and imaginary part, and the place of the verdict among all.
+    fn spectrum<D: Dimension>(
+        &self,
+        system: &System<D>,
+        law: &dyn Stiffness,
+    ) -> Result<Vec<[f64; 3]>, Failure> {
+        let jacobian = self.jacobian(system, law);
+        let null = jacobian.translations();
+        let unfit = |why| Failure::numbers(format!("the stiffness matrix: {why}"));
+        let problem = Problem::new(&jacobian.k, &jacobian.mass, null.as_ref()).map_err(unfit)?;
+        let spectrum = Spectrum::dense(&problem);
+        let row = |e: &Eigenvalue| {
+            let verdict = Verdict::ALL.iter().position(|known| *known == e.verdict);
+            [e.value.re, e.value.im, verdict.unwrap_or(0) as f64]
+        };
+        Ok(spectrum.eigenvalues.iter().map(row).collect())
+    }
+}
+
+/// ε of [`Whole::newton_step`].
+const ZERO_MODES: f64 = 1e-9;
+
+/// All eigenvalues of a packing, with what they are evidence of.
+pub(crate) struct Eigenvalues {
+    all: Vec<(c64, Verdict)>,
+}
+
+impl Eigenvalues {
+    pub fn all(&self) -> impl Iterator<Item = (c64, Verdict)> + '_ {
+        self.all.iter().copied()
+    }
+
+    /// Those above the real axis.
+    fn upper(&self) -> impl Iterator<Item = c64> + '_ {
+        let upper = |(value, verdict): &(c64, Verdict)| *verdict == Verdict::Pair && value.im > 0.0;
+        self.all().filter(upper).map(|(value, _)| value)
+    }
+
+    /// Number of complex pairs.
+    pub fn pairs(&self) -> u64 {
+        self.upper().count() as u64
+    }
+
+    /// The pair of the greatest |Im λ|.
+    pub fn greatest_pair(&self) -> Option<Pair> {
+        let greatest = self.upper().max_by(|a, b| a.im.total_cmp(&b.im));
+        greatest.map(|value| Pair::new(value.re, value.im))
+    }
+
+    /// The least real part of what is not zero.
+    pub fn least_real(&self) -> f64 {
+        let real = self.all().filter(|(_, verdict)| *verdict != Verdict::Zero);
+        real.map(|(value, _)| value.re)
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Zero modes.
+    pub fn zeros(&self) -> u64 {
+        self.all()
+            .filter(|(_, verdict)| *verdict == Verdict::Zero)
+            .count() as u64
+    }
+}

@@ -1,0 +1,121 @@
+//! Runs in a periodic sheared box, through the real program: the contracts, bits compared, and what the paper's stages must give.
+
+mod common;
+
+use std::path::Path;
+
+use common::{Outcome, gshear_mpi};
+use gshear::io::run_reader::PeriodicRun;
+use gshear::periodic::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE};
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+
+fn run(folder: &Path, ranks: usize, more: &[&str]) -> Outcome {
+    let mut arguments = vec![SCENE.to_string()];
+    arguments.extend(more.iter().map(|s| s.to_string()));
+    gshear_mpi(ranks, folder, &arguments)
+}
+
+/// All digests that a run prints: of the strain steps and of the last stage.
+fn digests(outcome: &Outcome) -> Vec<String> {
+    assert_eq!(outcome.code, 0, "{}", outcome.text);
+    let words = outcome.text.split_whitespace();
+    let after = words.clone().skip(1).zip(words);
+    after
+        .filter(|(_, word)| *word == "digest")
+        .map(|(digest, _)| digest.into())
+        .collect()
+}
+
+/// Contracts 1 and 3 in 2D and 3D: any number of ranks, threads, instruction sets and skins; stopped and gone on with.
+#[test]
+fn bookkeeping_never_reaches_the_numbers() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    for dimension in ["--set=dimension=3", "--set=dimension=2"] {
+        // Disks at their own fraction, and in a box long enough for three slabs.
+        let fraction = match dimension {
+            "--set=dimension=2" => "--set=box.solid_fraction=0.9",
+            _ => "--set=box.solid_fraction=0.72",
+        };
+        let base = [dimension, fraction];
+        let with = |more: &[&'static str]| [&base[..], more].concat();
+        let expected = digests(&run(&at("one"), 1, &base));
+        assert_eq!(expected.len(), 2);
+        for (ranks, more) in [
+            (2, &[][..]),
+            (3, &["--set=bookkeeping.skin=0.05"]),
+            (1, &["--set=bookkeeping.simd=portable"]),
+            (2, &["--threads=2", "--set=bookkeeping.rebuild_every=7"]),
+        ] {
+            let found = digests(&run(&at("other"), ranks, &with(more)));
+            assert_eq!(found, expected, "{dimension}, {ranks} ranks, {more:?}");
+        }
+        let stopped = run(&at("part"), 2, &with(&["--stop-at=5"]));
+        assert_eq!(stopped.code, 75, "{}", stopped.text);
+        let checkpoint = format!("--resume={}", at("part").join("checkpoint.h5").display());
+        let resumed = gshear_mpi(3, &at("part"), &[checkpoint]);
+        assert_eq!(digests(&resumed), expected, "{dimension}, resumed");
+        let read = |name: &str, file: &str, columns: &[&str]| {
+            let run = PeriodicRun::open(&at(name).join(file), columns).expect("a file of the run");
+            let bits = |column: &&str| -> Vec<u64> {
+                run.column(column).iter().map(|x| x.to_bits()).collect()
+            };
+            columns.iter().map(bits).collect::<Vec<_>>()
+        };
+        for (file, columns) in [
+            (AQS_FILE, &AQS_COLUMNS[..]),
+            (NEWTONIAN_FILE, &NEWTONIAN_COLUMNS),
+        ] {
+            assert_eq!(
+                read("part", file, columns),
+                read("one", file, columns),
+                "{file}"
+            );
+        }
+    }
+}
+
+/// Newton's method reaches what overdamped dynamics reaches where no contact opens: the same energy, stress and pressure.
+#[test]
+fn newtons_method_finds_the_state_of_overdamped_dynamics() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let of = |method: &str| {
+        let folder = folder.path().join(method);
+        let method = format!("--set=relax.method={method}");
+        let more = [
+            &*method,
+            "--set=relax.tolerance=1e-13",
+            "--set=contact.friction=10.0",
+            "--set=aqs.strain_step=1e-6",
+            "--set=newtonian.growth_times=none",
+            "--set=newtonian.rows=none",
+            "--set=newtonian.frames=none",
+        ];
+        let outcome = run(&folder, 1, &more);
+        assert_eq!(outcome.code, 0, "{}", outcome.text);
+        PeriodicRun::open(&folder.join(AQS_FILE), &AQS_COLUMNS).expect("a file of the run")
+    };
+    let (newton, overdamped) = (of("newton"), of("overdamped"));
+    let fell_back: f64 = newton.column("fell_back").iter().sum();
+    assert!(fell_back < 3.0, "{fell_back} of 12 steps were not smooth");
+    assert!(
+        overdamped
+            .column("overdamped_steps")
+            .iter()
+            .skip(1)
+            .all(|n| *n > 0.0)
+    );
+    for name in ["elastic_energy", "pressure"] {
+        for (a, b) in newton.column(name).iter().zip(overdamped.column(name)) {
+            assert!((a / b - 1.0).abs() < 1e-9, "{name}: {a} {b}");
+        }
+    }
+    let change = |run: &PeriodicRun| {
+        let stress = run.column("shear_stress");
+        stress[12] - stress[0]
+    };
+    assert!((change(&newton) / change(&overdamped) - 1.0).abs() < 1e-5);
+}
