@@ -2,6 +2,7 @@
 
 mod correlations;
 mod curves;
+mod drops;
 mod event;
 mod numbers;
 mod page;
@@ -35,7 +36,7 @@ impl Figure {
 }
 
 /// Writes the study into `folder`, which is made if missing: the figures as SVG with their data as CSV, `numbers.csv`,
-/// `index.html`. Returns the page.
+/// `drops.csv`, `index.html`. Returns the page.
 ///
 /// Errors: files that cannot be written.
 pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
@@ -49,6 +50,7 @@ pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
     }
     let numbers = numbers::of(runs);
     text_writer::write(&folder.join("numbers.csv"), &numbers::csv(&numbers))?;
+    text_writer::write(&folder.join("drops.csv"), &drops::csv(runs))?;
     // Last, so that a page never shows figures that are not there.
     let page = folder.join("index.html");
     text_writer::write(&page, &page::html(runs, &numbers, &drawn))?;
