@@ -104,10 +104,10 @@ fn a_window_is_that_of_the_run_with_frames() {
     }
 
     // Denser than rows.
-    let out = folder("dense");
+    let (out, kept) = (folder("dense"), folder("kept"));
     let run = [
         "replay",
-        text(&folder("kept")),
+        text(&kept),
         "--strain=0.3..0.32",
         "--every=7",
         "--out",

@@ -102,6 +102,9 @@ pub struct Studied {
     /// μ_s of the scene.
     pub friction: Option<f64>,
     pub grains: Disks,
+    /// What the scene has beside its seed and what is written of it: the same in runs that differ in their seeds only.
+    pub family: String,
+    pub seed: Option<i64>,
     /// I and κ of the run.
     pub inertial_number: Option<f64>,
     pub stiffness_number: Option<f64>,
@@ -164,6 +167,8 @@ impl Studied {
             path: run.path().display().to_string(),
             size,
             friction: friction(run),
+            family: family(run),
+            seed: scene(run).and_then(|scene| scene.get("seed")?.as_integer()),
             grains: run.grains().clone(),
             inertial_number: run.number("inertial_number"),
             stiffness_number: run.number("stiffness_number"),
@@ -194,8 +199,19 @@ impl Studied {
 
 /// μ_s of the scene; `None` where it has none.
 pub fn friction(run: &Run) -> Option<f64> {
-    let scene: toml::Table = run.scene().parse().ok()?;
-    scene.get("contact")?.get("friction")?.as_float()
+    scene(run)?.get("contact")?.get("friction")?.as_float()
+}
+
+fn scene(run: &Run) -> Option<toml::Table> {
+    run.scene().parse().ok()
+}
+
+fn family(run: &Run) -> String {
+    let mut scene = scene(run).unwrap_or_default();
+    for other in ["seed", "title", "output", "analysis", "bookkeeping"] {
+        scene.remove(other);
+    }
+    format!("{} disks\n{scene}", run.grains().count())
 }
 
 /// Around the largest drop; `None` without a slip.
