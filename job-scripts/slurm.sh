@@ -1,8 +1,12 @@
 #!/bin/bash
-# One run under Slurm:
+# One run under Slurm, or the runs of a sweep as a job array:
 #
 #   sbatch job-scripts/slurm.sh configs/lee-hurley-small.toml                     a new run
 #   sbatch job-scripts/slurm.sh configs/lee-hurley-small.toml RUN/checkpoint.h5   goes on where that run stopped
+#   sbatch --array=1-12 job-scripts/slurm.sh configs/sweep.toml                   the 12 runs of its [sweep]
+#
+# target/release/gshear-mpi CONFIG.toml --sweep list numbers the runs of a sweep. Their results go to out/<config>/<run>; the same
+# line again passes over those that are done and goes on with those that stopped. --array=1-12%4 runs four at a time.
 #
 # Submit it from the folder of the project, built there before (cargo build --release). Options of sbatch win over the lines
 # below: sbatch --ntasks=8 --time=2-00:00:00 job-scripts/slurm.sh ...
@@ -45,6 +49,10 @@ fi
 if [ -n "$checkpoint" ]; then
     folder=$(dirname "$checkpoint")
     arguments=(--resume "$checkpoint" --out "$folder")
+elif [ -n "${SLURM_ARRAY_TASK_ID:-}" ]; then
+    # Without the job's id: the same array again goes on in the same folders.
+    folder=out/$(basename "$config" .toml)
+    arguments=("$config" --sweep "$SLURM_ARRAY_TASK_ID" --out "$folder")
 else
     folder=out/$(basename "$config" .toml)-$SLURM_JOB_ID
     arguments=("$config" --out "$folder")
@@ -70,7 +78,9 @@ esac
 echo "${launch[*]} $program ${arguments[*]}"
 "${launch[@]}" "$program" "${arguments[@]}"
 code=$?
-if [ "$code" = 75 ]; then
+if [ "$code" = 75 ] && [ -n "${SLURM_ARRAY_TASK_ID:-}" ]; then
+    echo "stopped early; go on with: sbatch --array=$SLURM_ARRAY_TASK_ID job-scripts/slurm.sh $config"
+elif [ "$code" = 75 ]; then
     echo "stopped early; go on with: sbatch job-scripts/slurm.sh $config $folder/checkpoint.h5"
 fi
 exit "$code"

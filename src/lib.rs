@@ -12,6 +12,7 @@ pub mod drive;
 pub mod failure;
 pub mod io;
 pub mod kernel;
+pub mod launch;
 pub mod ledger;
 pub mod neighbour;
 pub mod observe;

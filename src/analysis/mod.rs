@@ -17,6 +17,7 @@ pub mod rattlers;
 pub mod regions;
 pub mod spearman;
 pub mod spectrum;
+pub mod spread;
 pub mod stages;
 pub mod stress;
 pub mod student;

@@ -1,20 +1,17 @@
 //! The simulation: parse, run, exit code.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
 
-use gshear::config::{self, Origin, PeriodicScene, Scene, Source, Study};
+use gshear::config::Source;
 use gshear::domain::{Exchange, World};
 use gshear::failure::{Failure, STOPPED_EARLY};
-use gshear::io::checkpoint;
 use gshear::io::collective::agree;
-use gshear::packing::Packing;
-use gshear::periodic::{self, PeriodicRun};
-use gshear::run::{Ending, Header, Options, Run, Start};
-use gshear::state::Snapshot;
+use gshear::launch::{self, Sweep, Task};
+use gshear::run::{Ending, Options};
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]
@@ -23,6 +20,7 @@ use gshear::state::Snapshot;
 Without CONFIG.toml the embedded default scene runs (configs/plane-shear-2d.toml, the fast version of Lee & Hurley).
 
 Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, checkpoint.h5 and the one before it, scene.toml.
+Of a sweep: the same in a folder below it for each run; --sweep passes over those that are done and goes on with those that stopped.
 Reduce them with gshear-reduce report.
 
 Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint (signal, --walltime or --stop-at: go on
@@ -42,6 +40,9 @@ struct Arguments {
     /// Goes on from a checkpoint, exactly, on any number of ranks
     #[arg(long, value_name = "CHECKPOINT")]
     resume: Option<PathBuf>,
+    /// Of a scene with [sweep]: lists its runs, or runs all of them one after the other, or the N-th, into folders of their own
+    #[arg(long, value_name = "list|all|N", value_parser = choice, conflicts_with_all = ["resume", "check", "stop_at"])]
+    sweep: Option<Choice>,
     /// Checks the scene, prints it with every default filled in, and ends
     #[arg(long)]
     check: bool,
@@ -54,6 +55,26 @@ struct Arguments {
     /// Stops at a checkpoint after this step of the shear
     #[arg(long, value_name = "STEP")]
     stop_at: Option<u64>,
+}
+
+/// Which runs of a sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Choice {
+    List,
+    All,
+    /// From 1.
+    One(usize),
+}
+
+fn choice(text: &str) -> Result<Choice, String> {
+    match (text, text.parse()) {
+        ("list", _) => Ok(Choice::List),
+        ("all", _) => Ok(Choice::All),
+        (_, Ok(number)) if number > 0 => Ok(Choice::One(number)),
+        _ => Err(format!(
+            "{text:?} is none of list, all, and the number of a run from 1"
+        )),
+    }
 }
 
 /// 3h50m, 90s, 45 (minutes, as Slurm), 2:30:00.
@@ -123,55 +144,58 @@ fn main() -> ExitCode {
 }
 
 fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
-    let (task, out) = set_up(world, arguments)?;
+    let mut options = Options {
+        out: PathBuf::new(),
+        stop_at: arguments.stop_at,
+        wall_time: arguments.walltime,
+        threads: arguments.threads.into(),
+        replay: None,
+    };
+    if let Some(path) = &arguments.resume {
+        let task = launch::from_checkpoint(world, path, &arguments.set)?;
+        let beside = path.parent().unwrap_or(Path::new(".")).into();
+        options.out = arguments.out.clone().unwrap_or(beside);
+        return check_or_run(world, arguments, &options, task);
+    }
+    let source = read(world, arguments)?;
+    let name = arguments
+        .config
+        .as_deref()
+        .and_then(|p| p.file_stem())
+        .map_or("plane-shear-2d".into(), |s| s.to_string_lossy());
+    options.out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("out").join(&*name));
+    let Some(choice) = arguments.sweep else {
+        let task = launch::from_the_start(world, &source, &arguments.set)?;
+        return check_or_run(world, arguments, &options, task);
+    };
+    let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
+    match choice {
+        Choice::List => sweep.list(world).map(|()| Ending::Done),
+        Choice::All => sweep.all(world, &options),
+        Choice::One(number) => sweep.one(world, number, &options),
+    }
+}
+
+fn check_or_run(
+    world: &World,
+    arguments: &Arguments,
+    options: &Options,
+    task: Task,
+) -> Result<Ending, Failure> {
     if arguments.check {
         if world.rank() == 0 {
             print!("{}", task.toml());
         }
         return Ok(Ending::Done);
     }
-    let options = Options {
-        out,
-        stop_at: arguments.stop_at,
-        wall_time: arguments.walltime,
-        threads: arguments.threads.into(),
-        replay: None,
-    };
-    match task {
-        Task::PlaneShear(scene, start) => Run::new(world, &scene, &options)?.run(start),
-        Task::Periodic(scene, from) => PeriodicRun::new(world, &scene, &options)?.run(from),
-    }
+    task.run(world, options)
 }
 
-/// What is to be run, and what it begins with.
-enum Task {
-    PlaneShear(Box<Scene>, Start),
-    Periodic(Box<PeriodicScene>, Option<Snapshot>),
-}
-
-impl Task {
-    fn toml(&self) -> &str {
-        match self {
-            Task::PlaneShear(scene, _) => &scene.toml,
-            Task::Periodic(scene, _) => &scene.toml,
-        }
-    }
-}
-
-fn set_up(world: &World, arguments: &Arguments) -> Result<(Task, PathBuf), Failure> {
-    if let Some(path) = &arguments.resume {
-        let (toml, snapshot) = checkpoint::read(world, path)?;
-        let task = if periodic::Header::read(&snapshot).is_some() {
-            let scene = periodic::scene_of_checkpoint(path, toml, &arguments.set)?;
-            Task::Periodic(Box::new(scene), Some(snapshot))
-        } else {
-            let scene = Header::read(&snapshot)?.scene(path, toml, &arguments.set)?;
-            Task::PlaneShear(Box::new(scene), Start::Checkpoint(snapshot))
-        };
-        let beside = path.parent().unwrap_or(std::path::Path::new(".")).into();
-        return Ok((task, arguments.out.clone().unwrap_or(beside)));
-    }
-    // One rank reads, so that all run the same scene.
+/// The configuration. One rank reads, so that all run the same scene.
+fn read(world: &World, arguments: &Arguments) -> Result<Source, Failure> {
     let read = match &arguments.config {
         Some(path) if world.rank() == 0 => Source::read(path),
         Some(path) => Ok(Source::of_file(path, "")),
@@ -180,43 +204,8 @@ fn set_up(world: &World, arguments: &Arguments) -> Result<(Task, PathBuf), Failu
     let source = agree(world, read)?;
     let text = world.broadcast(source.text().as_bytes().to_vec());
     let text = String::from_utf8_lossy(&text);
-    let source = match &arguments.config {
+    Ok(match &arguments.config {
         Some(path) => Source::of_file(path, text),
         None => Source::new(source.name(), text),
-    };
-    let task = from_the_start(world, &source, &arguments.set)?;
-    let name = arguments
-        .config
-        .as_deref()
-        .and_then(|p| p.file_stem())
-        .map_or("plane-shear-2d".into(), |s| s.to_string_lossy());
-    let out = arguments
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("out").join(&*name));
-    Ok((task, out))
-}
-
-/// The scene and, where it has a packing, its grains: rank 0 reads them, the others are told what the scene must know.
-fn from_the_start(world: &World, source: &Source, set: &[String]) -> Result<Task, Failure> {
-    let mut packing = None;
-    let study = config::study(source, set, &mut |path, copies| {
-        let read = match world.rank() {
-            0 => Packing::read(path, copies).map(Some),
-            _ => Ok(None),
-        };
-        packing = agree(world, read)?;
-        let file = packing.as_ref().map(|packing| &packing.file);
-        let text = world.broadcast(serde_json::to_vec(&file).expect("a file of finite numbers"));
-        Ok(serde_json::from_slice(&text).expect("what rank 0 wrote"))
-    })?;
-    let scene = match study {
-        Study::PlaneShear(scene) => scene,
-        Study::Periodic(scene) => return Ok(Task::Periodic(Box::new(scene), None)),
-    };
-    if let Origin::Insertion(_) = scene.origin {
-        return Ok(Task::PlaneShear(Box::new(scene), Start::Insertion));
-    }
-    let grains = agree(world, packing.map_or(Ok(Vec::new()), |p| p.grains(&scene)))?;
-    Ok(Task::PlaneShear(Box::new(scene), Start::Packing(grains)))
+    })
 }

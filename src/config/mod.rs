@@ -11,6 +11,7 @@ mod periodic;
 mod raw;
 mod scene;
 mod source;
+pub mod sweep;
 mod write;
 
 use std::path::Path;
@@ -107,6 +108,12 @@ pub fn study(
             input.failure(offset, "", &what)
         })?
         .into_inner();
+    if let Some((key, _)) = tree.remove_entry(sweep::SWEEP)
+        && !source.is_member()
+    {
+        let what = sweep::not_one_run(source)?;
+        return Err(input.failure(key.span().start, sweep::SWEEP, &what));
+    }
     keys::check_known(&tree, &input)?;
     let tables = tree
         .keys()
@@ -227,6 +234,22 @@ mod tests {
         // P follows from κ and E* alone.
         let difference = small.load.pressure - large.load.pressure;
         assert!(difference.abs() < 1e-12 * small.load.pressure);
+    }
+
+    /// Their sweep has the small scene among its runs.
+    #[test]
+    fn the_frictions_of_the_paper() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/lee-hurley-frictions.toml");
+        let source = Source::read(path).unwrap();
+        let members = sweep::members(&source).unwrap().unwrap();
+        assert_eq!(members.len(), 12);
+        let set = [
+            &members[9].set[..],
+            &["title=Lee & Hurley, small sample".into()],
+        ]
+        .concat();
+        let ours = load(&source.of_member(), &set).unwrap();
+        assert_eq!(ours, shipped("lee-hurley-small.toml"));
     }
 
     #[test]

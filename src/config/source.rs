@@ -12,6 +12,8 @@ pub struct Source {
     text: String,
     /// Where the paths in it begin.
     folder: PathBuf,
+    /// Whether its sweep is passed over, as by one of the runs that it makes.
+    member: bool,
 }
 
 impl Source {
@@ -21,6 +23,7 @@ impl Source {
             name: name.into(),
             text: text.into(),
             folder: PathBuf::new(),
+            member: false,
         }
     }
 
@@ -73,6 +76,18 @@ impl Source {
                 )))
             }
         }
+    }
+
+    /// The same as one of the runs of its sweep reads it: without the sweep.
+    pub fn of_member(&self) -> Self {
+        Source {
+            member: true,
+            ..self.clone()
+        }
+    }
+
+    pub(super) fn is_member(&self) -> bool {
+        self.member
     }
 
     pub fn name(&self) -> &str {

@@ -159,7 +159,8 @@ pub enum Command {
     /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
     ///
     /// With --study lee-hurley instead, of one run or of several: every figure of Lee & Hurley that rests on data, under its number,
-    /// as fig-NN.svg with fig-NN.csv; the paper's numbers beside ours in numbers.csv; index.html that shows them. Samples of more
+    /// as fig-NN.svg with fig-NN.csv; the paper's numbers beside ours in numbers.csv; the largest drops in drops.csv; index.html that
+    /// shows them. Frames around the largest drop that are missing are replayed where checkpoints were kept. Samples of more
     /// than 2,236 disks count as the paper's large one. The series of the phases is τ at the frames.
     ///
     /// With --study bonfanti, of the folder of one run in a periodic box: figures 1 to 5 of Bonfanti et al. with their data.
@@ -203,6 +204,8 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
         pool.build_global()
             .map_err(|e| Failure::other(format!("threads: {e}")))?;
     }
+    // Of a single run that is computed again.
+    let threads = arguments.threads.map_or(1, usize::from);
     match &arguments.command {
         Command::Info { run } => info::print(&Run::open(run)?, output)?,
         Command::Compare { a, b } => {
@@ -264,7 +267,7 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             let wanted = replay::Wanted {
                 strain: *strain,
                 every: *every,
-                threads: arguments.threads.map_or(1, usize::from),
+                threads,
             };
             replay::write(&Run::open(run)?, wanted, out.as_deref(), output)?;
         }
@@ -289,7 +292,7 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
                         onset: *from,
                         min_points: reading(*min_points),
                     };
-                    study::lee_hurley(runs, &folder("lee-hurley"), choice)?
+                    study::lee_hurley(runs, &folder("lee-hurley"), choice, threads)?
                 }
                 None if runs.len() > 1 => {
                     return Err(Failure::input(format!(

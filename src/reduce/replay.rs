@@ -45,6 +45,11 @@ pub fn strains(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
+/// Whether the run kept its checkpoints.
+pub fn can(run: &Run) -> bool {
+    !checkpoint::kept(run.folder()).is_empty()
+}
+
 /// Computes the stretch again and says what was found.
 ///
 /// Errors: as of [`window`].

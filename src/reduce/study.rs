@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::replay::{self, Wanted};
 use super::scalars::FrameSeries;
 use crate::failure::Failure;
 use crate::io::run_reader::Run;
@@ -10,8 +11,16 @@ use crate::report::lee_hurley::{self, Choice, Size, Studied, friction};
 
 /// Reduces the runs, one after the other, and writes the study of Lee & Hurley into `folder`. Returns the page.
 ///
-/// Errors: a run that will not do, files that cannot be written.
-pub fn lee_hurley(paths: &[PathBuf], folder: &Path, choice: Choice) -> Result<PathBuf, Failure> {
+/// Where the frames around the largest drop of a run are missing, and it kept its checkpoints, they are computed again by so many
+/// `threads` into `folder`/replay-K.
+///
+/// Errors: a run that will not do, a replay that comes out different, files that cannot be written.
+pub fn lee_hurley(
+    paths: &[PathBuf],
+    folder: &Path,
+    choice: Choice,
+    threads: usize,
+) -> Result<PathBuf, Failure> {
     // All of them are opened before the work begins, so that a wrong name is noticed at once.
     let runs: Vec<Run> = paths
         .iter()
@@ -19,7 +28,7 @@ pub fn lee_hurley(paths: &[PathBuf], folder: &Path, choice: Choice) -> Result<Pa
         .collect::<Result<_, _>>()?;
     let labels = labels(&runs);
     let mut studied = Vec::new();
-    for (run, label) in runs.iter().zip(labels) {
+    for (k, (run, label)) in runs.iter().zip(labels).enumerate() {
         let series = FrameSeries::of(run)?;
         if series.tau.len() < 2 {
             return Err(Failure::input(format!(
@@ -29,14 +38,17 @@ pub fn lee_hurley(paths: &[PathBuf], folder: &Path, choice: Choice) -> Result<Pa
             )));
         }
         let curve = [&series.strain[..], &series.tau[..]];
-        studied.push(Studied::of(
-            run,
-            label,
-            choice,
-            curve,
-            &series.step,
-            &series.scalars,
-        )?);
+        let mut found = Studied::of(run, label, choice, curve, &series.step, &series.scalars)?;
+        if let (Some(strain), true) = (found.missing(), replay::can(run)) {
+            let wanted = Wanted {
+                strain,
+                every: None,
+                threads,
+            };
+            let out = folder.join(format!("replay-{}", k + 1));
+            found.take_frames(&replay::window(run, wanted, &out)?.run)?;
+        }
+        studied.push(found);
     }
     lee_hurley::write(&studied, folder)
 }

@@ -139,7 +139,7 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         contacts: pairs(t, grains).into_iter().map(contact).collect(),
         analysed: Some(FramePart {
             grains: (0..grains).map(place).collect(),
-            contacts: pairs(t + 1, grains).into_iter().map(force).collect(),
+            contacts: pairs(t, grains).into_iter().map(force).collect(),
         }),
     }
 }

@@ -23,6 +23,8 @@ pub struct Fixture {
     pub series: Vec<Vec<f64>>,
     /// μ_s in the scene.
     pub friction: f64,
+    /// The scene's.
+    pub seed: u64,
     /// k (N/m) of a spring that pulls the top wall.
     pub spring: Option<f64>,
     /// `None`: the run was stopped early.
@@ -126,6 +128,7 @@ impl Fixture {
             series_step,
             series,
             friction: 0.7,
+            seed: 1,
             spring: None,
             digest: Some("00c0ffee00c0ffee".into()),
         }
@@ -273,8 +276,8 @@ impl Fixture {
         let parameters = file.create_group("parameters")?;
         let title = "Made up <for> tests & nothing else";
         let scene = format!(
-            "title = \"{title}\"\nseed = 1\n[contact]\nfriction = {:?}\n",
-            self.friction
+            "title = \"{title}\"\nseed = {}\n[contact]\nfriction = {:?}\n",
+            self.seed, self.friction
         );
         text(&parameters, "scene", &scene)?;
         if let Some(stiffness) = self.spring {

@@ -267,6 +267,88 @@ fn a_study_of_both_samples_has_every_figure() {
     assert_eq!(last.as_deref(), Some("III"));
 }
 
+/// Three seeds of one scene, one of them given twice, beside a run of another friction.
+#[test]
+fn seeds_make_means_with_errors() {
+    let _alone = alone();
+    let mut paths = Vec::new();
+    let mut folders = Vec::new();
+    for (seed, friction, frames) in [
+        (1, 0.7, 60),
+        (2, 0.7, 50),
+        (3, 0.7, 40),
+        (3, 0.7, 40),
+        (1, 0.3, 30),
+    ] {
+        let mut fixture = Fixture::sheared(16, 12, frames);
+        (fixture.seed, fixture.friction) = (seed, friction);
+        let (folder, path) = folder_with(&fixture);
+        done(&["correlate", &path]);
+        folders.push(folder);
+        paths.push(path);
+    }
+    let out = tempfile::tempdir().expect("a folder");
+    let into = out.path().to_str().expect("UTF-8").to_string();
+    let mut arguments = vec!["report", "--study", "lee-hurley", "--out", &into];
+    arguments.extend(paths.iter().map(String::as_str));
+    done(&arguments);
+    let names = checked(out.path());
+    assert!(names.contains(&"ensemble-small.svg".to_string()));
+    assert!(!names.contains(&"ensemble-large.svg".to_string()));
+    // Figure 13 has one run of each friction.
+    assert_eq!(
+        table(&out.path().join("fig-13.csv"))["panel"].len(),
+        10 * 2 * 16
+    );
+
+    let found = table(&out.path().join("ensemble.csv"));
+    assert!(found["runs_of"].iter().all(|label| label == "μ_s = 0.7"));
+    let row = found["what"]
+        .iter()
+        .position(|what| what == "intervals")
+        .expect("a row");
+    // 59, 49 and 39 of them: s² = 100.
+    assert_eq!(found["runs"][row], "3");
+    assert_eq!(numbers(&found["mean"])[row], 49.0);
+    assert!((numbers(&found["error"])[row] - (100.0f64 / 3.0).sqrt()).abs() < 1e-13);
+    assert_eq!(
+        [
+            numbers(&found["least"])[row],
+            numbers(&found["greatest"])[row]
+        ],
+        [39.0, 59.0]
+    );
+
+    // The mean ρ of a range is that of the runs' own tables, as far as they have five pairs there.
+    let merged = table(&out.path().join("ensemble-correlations.csv"));
+    let single: Vec<_> = folders[..3]
+        .iter()
+        .map(|folder| table(&folder.path().join("correlations.csv")))
+        .collect();
+    let mut compared = 0;
+    for k in 0..merged["with"].len() {
+        let own = single.iter().filter_map(|run| {
+            let same = |row: &usize| {
+                ["with", "over", "from", "to"]
+                    .iter()
+                    .all(|name| run[*name][*row] == merged[*name][k])
+                    && run["range_of"][*row].starts_with("delta_tau")
+            };
+            let row = (0..run["with"].len()).find(same).expect("the range");
+            let pairs: usize = run["pairs"][row].parse().expect("a count");
+            (pairs >= 5).then(|| numbers(&run["rho"])[row])
+        });
+        let own: Vec<f64> = own.collect();
+        assert_eq!(merged["runs"][k], own.len().to_string());
+        if own.len() > 1 {
+            let mean = own.iter().sum::<f64>() / own.len() as f64;
+            assert!((numbers(&merged["rho_mean"])[k] - mean).abs() < 1e-15);
+            compared += 1;
+        }
+    }
+    assert!(compared > 5, "{compared}");
+}
+
 #[test]
 fn figures_without_a_run_for_them_are_left_out_and_said() {
     let _alone = alone();

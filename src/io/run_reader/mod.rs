@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use hdf5::{Dataset, H5Type};
 use ndarray::{Ix1, Ix2, Ix3, s};
 
-pub use self::periodic::PeriodicRun;
+pub use self::periodic::{PeriodicRun, scene_of_finished};
 use self::source::{FOREIGN, Source, one_line};
 use crate::analysis::frame_scalars::FrameScalars;
 use crate::failure::Failure;

@@ -111,3 +111,13 @@ impl PeriodicRun {
         }
     }
 }
+
+/// The scene of a file of a run, if it has ended. `Failure::Input` where it is none.
+pub fn scene_of_finished(path: &Path) -> Result<Option<String>, Failure> {
+    hdf5::silence_errors(true);
+    let parameters = Source::open(path)?.parameters()?;
+    Ok(match (parameters.get("digest"), parameters.get("scene")) {
+        (Some(_), Some(Parameter::Text(scene))) => Some(scene.clone()),
+        _ => None,
+    })
+}

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use plotters::style::RGBColor;
 
+use super::ensemble::Family;
 use super::studied::{Size, Studied};
 use super::{Drawn, Figure, no_run};
 use crate::analysis::correlate::{Length, Quantity, Subject};
@@ -45,6 +46,8 @@ struct Curve {
     colour: RGBColor,
     marker: Marker,
     points: Vec<(Range, Correlation)>,
+    /// Half the length of a bar at every point; none where this is empty.
+    bars: Vec<f64>,
 }
 
 fn curve(k: usize, name: String, points: Vec<(Range, Correlation)>) -> Curve {
@@ -53,6 +56,7 @@ fn curve(k: usize, name: String, points: Vec<(Range, Correlation)>) -> Curve {
         colour: CURVES[k % CURVES.len()],
         marker: Marker::ALL[k % Marker::ALL.len()],
         points,
+        bars: Vec::new(),
     }
 }
 
@@ -166,7 +170,7 @@ fn symbol(subject: Subject) -> &'static str {
 }
 
 /// Key of a subject in tables: with what, over what.
-fn key(subject: Subject) -> [&'static str; 2] {
+pub fn key(subject: Subject) -> [&'static str; 2] {
     match subject {
         Subject::Greatest => ["dmin_greatest", "intervals"],
         Subject::TopTenth => ["dmin_top_tenth", "intervals"],
@@ -227,16 +231,7 @@ fn compared(number: u8, runs: &[&Studied], caption: String) -> Figure {
             add(&mut csv, letter(k), run, subject, &points);
             curves.push(curve(c, run.typeset_label(), points));
         }
-        let over = key(subject)[1];
-        let title = match subject {
-            Subject::Phase(..) => format!(
-                "({}) Δτ_{{p}} – {}, {over} phases",
-                letter(k),
-                symbol(subject)
-            ),
-            _ => format!("({}) Δτ – {}, all intervals", letter(k), symbol(subject)),
-        };
-        drawn.push(panel_of_stress(&title, &curves));
+        drawn.push(panel_of_stress(&title(k, subject), &curves));
     }
     let svg = grid_of(2, &drawn);
     Figure {
@@ -244,6 +239,38 @@ fn compared(number: u8, runs: &[&Studied], caption: String) -> Figure {
         caption,
         svg,
         data: vec![(".csv", csv)],
+    }
+}
+
+/// The ten panels, a curve a family, with its mean and bars of its standard error.
+pub fn seeds(families: &[&Family]) -> String {
+    let mut drawn = Vec::new();
+    for (k, subject) in TEN.into_iter().enumerate() {
+        let of_family = |(c, family): (usize, &&Family)| {
+            let found = family.correlate(subject);
+            let points = found.iter().map(|(range, mean, _)| (*range, *mean));
+            let name = family.label().replace("μ_s", "μ_{s}");
+            Curve {
+                bars: found.iter().map(|(_, _, spread)| spread.error).collect(),
+                ..curve(c, name, points.collect())
+            }
+        };
+        let curves: Vec<Curve> = families.iter().enumerate().map(of_family).collect();
+        drawn.push(panel_of_stress(&title(k, subject), &curves));
+    }
+    grid_of(2, &drawn)
+}
+
+/// Of one of the ten panels.
+fn title(k: usize, subject: Subject) -> String {
+    let over = key(subject)[1];
+    match subject {
+        Subject::Phase(..) => format!(
+            "({}) Δτ_{{p}} – {}, {over} phases",
+            letter(k),
+            symbol(subject)
+        ),
+        _ => format!("({}) Δτ – {}, all intervals", letter(k), symbol(subject)),
     }
 }
 
@@ -388,6 +415,12 @@ fn panel(
             };
             for line in curve.points.windows(2).filter(same_side).filter_map(points) {
                 plot.line(&line, curve.colour, 1.4);
+            }
+            for ((range, found), bar) in curve.points.iter().zip(&curve.bars) {
+                if found.is_significant() && bar.is_finite() {
+                    let (x, y) = (place(range.middle()), found.rho.abs());
+                    plot.line(&[[x, y - bar], [x, y + bar]], curve.colour, 1.4);
+                }
             }
             for at in curve.points.chunks(1).filter_map(points).flatten() {
                 plot.marker(at, curve.marker, curve.colour);

@@ -2,6 +2,8 @@
 
 mod correlations;
 mod curves;
+mod drops;
+mod ensemble;
 mod event;
 mod numbers;
 mod page;
@@ -35,7 +37,8 @@ impl Figure {
 }
 
 /// Writes the study into `folder`, which is made if missing: the figures as SVG with their data as CSV, `numbers.csv`,
-/// `index.html`. Returns the page.
+/// `drops.csv`, of runs that
+/// differ in their seeds only `ensemble.csv`, `ensemble-correlations.csv` and `ensemble-….svg`, `index.html`. Returns the page.
 ///
 /// Errors: files that cannot be written.
 pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
@@ -49,15 +52,33 @@ pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
     }
     let numbers = numbers::of(runs);
     text_writer::write(&folder.join("numbers.csv"), &numbers::csv(&numbers))?;
+    text_writer::write(&folder.join("drops.csv"), &drops::csv(runs))?;
+    let mut families = ensemble::families(runs);
+    families.retain(|family| family.runs.len() > 1);
+    if !families.is_empty() {
+        let write = |name: &str, text: &str| text_writer::write(&folder.join(name), text);
+        write("ensemble.csv", &ensemble::numbers_csv(&families))?;
+        write(
+            "ensemble-correlations.csv",
+            &ensemble::correlations_csv(&families),
+        )?;
+    }
+    let seeds = ensemble::figures(&families);
+    for (name, svg) in &seeds {
+        text_writer::write(&folder.join(name), svg)?;
+    }
     // Last, so that a page never shows figures that are not there.
     let page = folder.join("index.html");
-    text_writer::write(&page, &page::html(runs, &numbers, &drawn))?;
+    text_writer::write(&page, &page::html(runs, &numbers, &drawn, &seeds))?;
     Ok(page)
 }
 
 /// In the order of their numbers. Figure 1 is a drawing of the set-up.
 fn figures(runs: &[Studied]) -> Vec<Drawn> {
-    let of = |size: Size| -> Vec<&Studied> { runs.iter().filter(|run| run.size == size).collect() };
+    // Of runs that differ in their seeds only, the first.
+    let families = ensemble::families(runs);
+    let first = || families.iter().map(|family| family.runs[0]);
+    let of = |size: Size| -> Vec<&Studied> { first().filter(|run| run.size == size).collect() };
     let (small, large) = (of(Size::Small), of(Size::Large));
     // LH show the sample with μ_s = 0.7; section 4 has the others.
     let main = |runs: &[&'_ Studied]| -> Option<usize> {

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::drops;
 use super::studied::{Size, Studied};
 use crate::analysis::correlate::{CONFIGURATIONS, Length, Quantity, Subject};
 use crate::analysis::ranges::Range;
@@ -171,6 +172,7 @@ fn drop(run: &Studied) -> Vec<(String, String, String)> {
                 strain(to)
             ),
         ),
+        line("next largest slips", "not given", drops::next(run)),
         line(
             "great slips in Stage II",
             if run.size == Size::Large { "2" } else { "1" },

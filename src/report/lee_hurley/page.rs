@@ -5,14 +5,28 @@ use super::studied::Studied;
 use super::{Drawn, Figure};
 use crate::report::page::escape;
 
-/// The page as HTML. It shows the figures from the files beside it.
-pub fn html(runs: &[Studied], numbers: &[Number], drawn: &[Drawn]) -> String {
+/// The page as HTML. It shows the figures from the files beside it; `seeds`: those of several seeds, name and SVG.
+pub fn html(
+    runs: &[Studied],
+    numbers: &[Number],
+    drawn: &[Drawn],
+    seeds: &[(String, String)],
+) -> String {
     let mut body = String::new();
     for figure in drawn {
         match figure {
             Ok(figure) => body += &shown(figure),
             Err((number, why)) => body += &format!("<p>Figure {number}: {}.</p>\n", escape(why)),
         }
+    }
+    let mut ensemble = String::new();
+    for (name, _) in seeds {
+        ensemble += &format!(
+            "<figure>\n<img src=\"{name}\" alt=\"{name}\" style=\"max-width: 100%\"/>\n<figcaption>Runs that differ in their seeds \
+             only: the mean of their coefficients with its standard error, where the median p is at most 0.05. \
+             <a href=\"ensemble-correlations.csv\">ensemble-correlations.csv</a>, \
+             <a href=\"ensemble.csv\">ensemble.csv</a></figcaption>\n</figure>\n"
+        );
     }
     let mut tables = String::new();
     for run in runs {
@@ -39,7 +53,7 @@ pub fn html(runs: &[Studied], numbers: &[Number], drawn: &[Drawn]) -> String {
          <style>\n{}</style>\n</head>\n<body>\n<h1>The study of Lee and Hurley</h1>\n\
          <p class=\"lead\">The figures of \"Microscopic dynamics of particle rearrangement and its correlation with stick-slip behavior in \
          granular shear\", of these runs and under the numbers of the paper. The data of each lie beside it as CSV.</p>\n\
-         <h2>Figures</h2>\n<p>Figure 1 is a drawing of the set-up.</p>\n{body}<h2>The numbers of the paper, and ours</h2>\n\
+         <h2>Figures</h2>\n<p>Figure 1 is a drawing of the set-up.</p>\n{body}{ensemble}<h2>The numbers of the paper, and ours</h2>\n\
          <p>Weak is below 0.4 and strong from 0.6 on; the paper uses the words without numbers.</p>\n{tables}</body>\n</html>\n",
         include_str!("../page.css")
     )

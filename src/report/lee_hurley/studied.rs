@@ -102,6 +102,9 @@ pub struct Studied {
     /// μ_s of the scene.
     pub friction: Option<f64>,
     pub grains: Disks,
+    /// What the scene has beside its seed and what is written of it: the same in runs that differ in their seeds only.
+    pub family: String,
+    pub seed: Option<i64>,
     /// I and κ of the run.
     pub inertial_number: Option<f64>,
     pub stiffness_number: Option<f64>,
@@ -111,6 +114,8 @@ pub struct Studied {
     /// γ from which on the regime is taken.
     pub onset: f64,
     pub regime: Regime,
+    /// Steps of the rows of the regime.
+    pub step: Vec<u64>,
     /// `None` without a slip.
     pub event: Option<Event>,
 }
@@ -150,39 +155,77 @@ impl Studied {
             first
         };
         let regime = Regime::from(onset, strain, tau, scalars, choice.min_points);
-        let step = &step[strain.len() - regime.strain.len()..];
+        let step = step[strain.len() - regime.strain.len()..].to_vec();
+        let stages = stages(&regime);
+        let event = stages.map(|stages| -> Result<Event, Failure> {
+            let steps = steps(run, &regime, &stages, &step)?;
+            Ok(Event { stages, steps })
+        });
+        let event = event.transpose()?;
         Ok(Studied {
             label,
             path: run.path().display().to_string(),
             size,
             friction: friction(run),
+            family: family(run),
+            seed: scene(run).and_then(|scene| scene.get("seed")?.as_integer()),
             grains: run.grains().clone(),
             inertial_number: run.number("inertial_number"),
             stiffness_number: run.number("stiffness_number"),
             strain: run.series().column("strain").to_vec(),
             tau: run.series().column("stress_ratio").to_vec(),
             onset,
-            event: event(run, &regime, step)?,
+            event,
             regime,
+            step,
         })
+    }
+
+    /// γ from the first to the last row that the maps show, where their frames are missing.
+    pub fn missing(&self) -> Option<[f64; 2]> {
+        let event = self.event.as_ref().filter(|e| e.steps.is_empty())?;
+        let strain = |row: usize| self.regime.strain[row];
+        Some([strain(event.stages.begin), strain(event.stages.end)])
+    }
+
+    /// Takes the frames for the maps from another run of the same grains. Errors: one that turns out damaged.
+    pub fn take_frames(&mut self, frames: &Run) -> Result<(), Failure> {
+        if let Some(event) = &mut self.event {
+            event.steps = steps(frames, &self.regime, &event.stages, &self.step)?;
+        }
+        Ok(())
     }
 }
 
 /// μ_s of the scene; `None` where it has none.
 pub fn friction(run: &Run) -> Option<f64> {
-    let scene: toml::Table = run.scene().parse().ok()?;
-    scene.get("contact")?.get("friction")?.as_float()
+    scene(run)?.get("contact")?.get("friction")?.as_float()
 }
 
-fn event(run: &Run, regime: &Regime, step: &[u64]) -> Result<Option<Event>, Failure> {
+fn scene(run: &Run) -> Option<toml::Table> {
+    run.scene().parse().ok()
+}
+
+fn family(run: &Run) -> String {
+    let mut scene = scene(run).unwrap_or_default();
+    for other in ["seed", "title", "output", "analysis", "bookkeeping"] {
+        scene.remove(other);
+    }
+    format!("{} disks\n{scene}", run.grains().count())
+}
+
+/// Around the largest drop; `None` without a slip.
+fn stages(regime: &Regime) -> Option<Stages> {
     let phases: Vec<phases::Phase> = regime.phases.iter().map(|m| m.phase).collect();
-    let Some(largest) = phases::largest_drop(&phases) else {
-        return Ok(None);
-    };
-    let stages = Stages::around(&phases, largest, &regime.tau);
+    let largest = phases::largest_drop(&phases)?;
+    Some(Stages::around(&phases, largest, &regime.tau))
+}
+
+/// The intervals that the maps show, of the run's frames; none where a frame is missing. `step`: of the rows of the regime.
+fn steps(run: &Run, regime: &Regime, stages: &Stages, step: &[u64]) -> Result<Vec<Step>, Failure> {
     let mut steps = Vec::new();
     let mut scratch = Scratch::default();
-    for (stage, row) in shown(&stages) {
+    for (stage, row) in shown(stages) {
         let frames = [row - 1, row].map(|row| run.frame_steps().binary_search(&step[row]));
         let [Ok(earlier), Ok(later)] = frames else {
             // Not all of them were stored: no maps rather than some.
@@ -211,7 +254,7 @@ fn event(run: &Run, regime: &Regime, step: &[u64]) -> Result<Option<Event>, Fail
             frame,
         });
     }
-    Ok(Some(Event { stages, steps }))
+    Ok(steps)
 }
 
 /// Rows of the intervals that the maps show: 3 of Stage I, up to 6 of each part of Stage II, of which the first three follow

@@ -1,0 +1,267 @@
+//! `gshear-reduce replay` and the report that replays: frames that were never stored, to the last bit.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use common::gshear_mpi;
+use gshear::io::run_reader::Run;
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
+const SPHERES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml");
+
+fn run(scene: &str, ranks: usize, folder: &Path, set: &[&str]) {
+    let mut arguments = vec![scene.to_string()];
+    arguments.extend(set.iter().map(|s| format!("--set={s}")));
+    gshear_mpi(ranks, folder, &arguments).digest();
+}
+
+fn reduce(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+    command
+        .args(arguments)
+        .output()
+        .expect("the program starts")
+}
+
+/// What it said, after it has ended with this code.
+fn said(output: &Output, code: i32) -> String {
+    let text = [&output.stdout[..], &output.stderr].concat();
+    let text = String::from_utf8(text).expect("text");
+    assert_eq!(output.status.code(), Some(code), "{text}");
+    text
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a path in UTF-8")
+}
+
+/// All that is stored of the frames of these steps.
+fn frames(folder: &Path, steps: &[u64]) -> Vec<gshear::state::Frame> {
+    let run = Run::open(folder).expect("a run");
+    let at = |step: &u64| run.frame_steps().binary_search(step).expect("a frame");
+    let read = |step: &u64| run.frame(at(step)).expect("a frame");
+    steps.iter().map(read).collect()
+}
+
+#[test]
+fn a_window_is_that_of_the_run_with_frames() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = |name: &str| -> PathBuf { temporary.path().join(name) };
+    // A frame a row, of the same run.
+    run(SCENE, 1, &folder("frames"), &["output.frame_strain=0.005"]);
+    let kept = [
+        "output.frame_strain=0",
+        "output.keep_checkpoints=true",
+        "output.checkpoint_strain=0.25",
+        "analysis.scalars=true",
+        "analysis.strain=0.005",
+    ];
+    run(SCENE, 2, &folder("kept"), &kept);
+    let whole = Run::open(&folder("frames")).expect("a run");
+    let strain = whole.series().column("strain").to_vec();
+
+    // From the first state, across a checkpoint, from a row that has one, to the last row.
+    let checkpoint = strain.iter().position(|s| *s > 0.24).expect("a row");
+    for (k, [from, to]) in [
+        [0.0, 0.03],
+        [0.2, 0.3],
+        [strain[checkpoint], 0.4],
+        [0.9, 1.0],
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let out = folder(&format!("replay-{k}"));
+        let window = format!("{from}..{to}");
+        let threads = ["--threads", ["1", "2"][k % 2]];
+        let arguments = [
+            "replay",
+            text(&folder("kept")),
+            "--strain",
+            &window,
+            "--out",
+            text(&out),
+        ]
+        .map(String::from);
+        let all: Vec<&str> = arguments
+            .iter()
+            .map(String::as_str)
+            .chain(threads)
+            .collect();
+        let words = said(&reduce(&all), 0);
+        assert!(words.contains("to the last bit"), "{words}");
+        let rows = (0..strain.len()).filter(|row| strain[*row] >= from && strain[*row] <= to);
+        let steps: Vec<u64> = rows.map(|row| whole.series().step[row]).collect();
+        let again = Run::open(&out).expect("a run");
+        assert_eq!(again.frame_steps(), steps, "{window}");
+        assert!(
+            frames(&out, &steps) == frames(&folder("frames"), &steps),
+            "{window}"
+        );
+    }
+
+    // Denser than rows.
+    let (out, kept) = (folder("dense"), folder("kept"));
+    let run = [
+        "replay",
+        text(&kept),
+        "--strain=0.3..0.32",
+        "--every=7",
+        "--out",
+        text(&out),
+    ];
+    said(&reduce(&run), 0);
+    let again = Run::open(&out).expect("a run");
+    let steps = again.frame_steps();
+    assert!(steps.len() > 10 && steps.windows(2).all(|w| w[1] - w[0] == 7));
+}
+
+#[test]
+fn spheres_under_a_spring_are_replayed() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path().join("run");
+    // The protocol writes a checkpoint at the end of every part.
+    run(SPHERES, 1, &folder, &["output.keep_checkpoints=true"]);
+    let whole = Run::open(&folder).expect("a run");
+    let strain = whole.series().column("strain");
+    let [from, to] = [0.6, 0.7].map(|part| strain[(part * strain.len() as f64) as usize]);
+    let window = format!("{from:?}..{to:?}");
+    let words = said(&reduce(&["replay", text(&folder), "--strain", &window]), 0);
+    assert!(words.contains("to the last bit"), "{words}");
+}
+
+#[test]
+fn another_time_series_is_noticed() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path().join("run");
+    let set = [
+        "output.keep_checkpoints=true",
+        "shear.strain=0.2",
+        "output.checkpoint_strain=0.05",
+    ];
+    run(SCENE, 1, &folder, &set);
+    let arguments = ["replay", text(&folder), "--strain=0.1..0.12"];
+    said(&reduce(&arguments), 0);
+
+    let file = hdf5::File::open_rw(folder.join("run.h5")).expect("run.h5");
+    let column = file
+        .dataset("observables/coordination/value")
+        .expect("a column");
+    let mut values = column.read_raw::<f64>().expect("values");
+    let step = file.dataset("observables/strain/step").expect("steps");
+    let step = step.read_raw::<u64>().expect("steps");
+    let strain = file.dataset("observables/strain/value").expect("strains");
+    let strain = strain.read_raw::<f64>().expect("strains");
+    let row = strain.iter().position(|s| *s > 0.11).expect("a row");
+    values[row] = f64::from_bits(values[row].to_bits() ^ 1);
+    column.write_raw(&values).expect("written");
+    drop((column, file));
+    let words = said(&reduce(&arguments), 3);
+    let place = format!("first at step {}, coordination is", step[row]);
+    assert!(words.contains(&place) && words.contains("1 of "), "{words}");
+}
+
+#[test]
+fn what_cannot_be_replayed_is_refused() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path().join("run");
+    run(SCENE, 1, &folder, &["shear.strain=0.1"]);
+    for (arguments, wanted) in [
+        (
+            &["--strain=0.02..0.04"][..],
+            "there is no checkpoint before step",
+        ),
+        (
+            &["--strain=0.3..0.4"],
+            "has fewer than two rows of the time series",
+        ),
+        (&["--strain=0.04..0.02"], "is no stretch of strain"),
+        (&["--strain=0.04"], "is no stretch of strain"),
+    ] {
+        let words = said(
+            &reduce(&[&["replay", text(&folder)], arguments].concat()),
+            2,
+        );
+        assert!(words.contains(wanted), "{words}");
+    }
+    let kept = temporary.path().join("kept");
+    run(
+        SCENE,
+        1,
+        &kept,
+        &["shear.strain=0.1", "output.keep_checkpoints=true"],
+    );
+    let itself = [
+        "replay",
+        text(&kept),
+        "--strain=0.02..0.04",
+        "--out",
+        text(&kept),
+    ];
+    assert!(said(&reduce(&itself), 2).contains("holds the run itself"));
+}
+
+/// The study of a run that stored its scalars and checkpoints is that of the run that stored its frames.
+#[test]
+fn the_study_replays_the_largest_drop() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = |name: &str| -> PathBuf { temporary.path().join(name) };
+    run(SCENE, 1, &folder("frames"), &["output.frame_strain=0.005"]);
+    let kept = [
+        "output.frame_strain=0",
+        "output.keep_checkpoints=true",
+        "output.checkpoint_strain=0.25",
+        "analysis.scalars=true",
+        "analysis.strain=0.005",
+    ];
+    run(SCENE, 1, &folder("kept"), &kept);
+    let study = |name: &str| {
+        let out = folder(&format!("study-{name}"));
+        let run = folder(name);
+        said(
+            &reduce(&[
+                "report",
+                "--study=lee-hurley",
+                text(&run),
+                "--out",
+                text(&out),
+            ]),
+            0,
+        );
+        out
+    };
+    let (one, other) = (study("frames"), study("kept"));
+    let mut compared = 0;
+    for entry in std::fs::read_dir(&one).expect("a folder") {
+        let name = entry.expect("a file").file_name();
+        let name = name.to_str().expect("a name");
+        // The page names the run.
+        if name == "index.html" {
+            continue;
+        }
+        let read = |folder: &Path| std::fs::read(folder.join(name)).expect(name);
+        assert!(read(&one) == read(&other), "{name} differs");
+        compared += 1;
+    }
+    assert!(compared > 20 && one.join("fig-03.csv").is_file());
+    assert!(other.join("replay-1/run.h5").is_file() && !one.join("replay-1").exists());
+    let drops = std::fs::read_to_string(one.join("drops.csv")).expect("drops.csv");
+    let changes: Vec<f64> = drops
+        .lines()
+        .skip(1)
+        .map(|line| {
+            line.rsplit(',')
+                .next()
+                .and_then(|c| c.parse().ok())
+                .expect("Δτ_p")
+        })
+        .collect();
+    assert!(changes.len() > 5 && changes.is_sorted() && changes[0] < 0.0);
+}
