@@ -180,6 +180,20 @@ impl Problem {
         }
     }
 
+    /// M^(-1/2) b [size][1], of b over the unknowns of K; what acts on unknowns of no stiffness is left out.
+    pub fn scaled(&self, b: &[f64]) -> Mat<f64> {
+        Mat::from_fn(self.size(), 1, |i, _| b[self.active[i]] / self.root_mass[i])
+    }
+
+    /// M^(-1/2) w over the unknowns of K, 0 for those of no stiffness; `w` [size][1].
+    pub fn unscaled(&self, w: MatRef<'_, f64>) -> Vec<f64> {
+        let mut x = vec![0.0; self.unknowns];
+        for (i, &at) in self.active.iter().enumerate() {
+            x[at] = w[(i, 0)] / self.root_mass[i];
+        }
+        x
+    }
+
     /// v = M^(-1/2) w over the unknowns of K, ‖v‖ = 1; `w` over those of A.
     pub fn eigenvector(&self, w: &[c64]) -> Vec<c64> {
         let mut v = vec![c64::new(0.0, 0.0); self.unknowns];
