@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 use faer::Mat;
 use gshear::analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
-use gshear::analysis::spectrum::{Problem, Spectrum};
+use gshear::analysis::spectrum::{Problem, Solver, Spectrum};
 use gshear::config::{Bookkeeping, Contact, Material, MindlinSprings, Spheres, Springs};
 use gshear::contact::ContactLaw;
 use gshear::contact::hertz::Hertz;
@@ -494,4 +494,109 @@ fn translations_are_null_vectors() {
     assert_eq!(problem.null().ncols(), 3);
     let image: Mat<f64> = jacobian.k.as_ref() * &null;
     assert!(image.norm_max() < 1e-14 * jacobian.k.to_dense().norm_max());
+}
+
+/// K x = b gives back what b was made of, whatever else moves freely, with one order of elimination for all matrices of one pattern.
+#[test]
+fn linear_systems_are_solved() {
+    let (mut grains, mut contacts, cell) = spheres_of_the_paper();
+    // A sphere that touches none, and one that hangs on a single contact, about which it can turn.
+    let free = grains.len() as u32;
+    for _ in 0..2 {
+        let mut grain = grains[0];
+        grain.id = grains.len() as u32;
+        grain.position[2] += 0.5 * SIDE as f64;
+        grains.push(grain);
+    }
+    let r = cell.separation::<Three>(&grains[0].position, &grains[free as usize + 1].position);
+    let onto = 0.97 * (grains[0].radius + grains[free as usize + 1].radius) / length(r);
+    for k in 0..3 {
+        grains[free as usize + 1].position[k] = grains[0].position[k] - onto * r[k];
+    }
+    contacts.push(ContactState {
+        i: 0,
+        j: free + 1,
+        history: [0.0; 3],
+    });
+    let law = Mindlin::<Three, true>::new(&SMOOTH, &PLAIN);
+    let mut solver = Solver::default();
+    let mut random = Random(17);
+    for part in [1.0, 0.5] {
+        for c in &mut contacts {
+            c.history = c.history.map(|t| part * t);
+        }
+        let state = State {
+            grains: &grains,
+            contacts: &contacts,
+            cell,
+            masses: Masses::Equal(1.0),
+        };
+        let jacobian = assemble::<Three>(state, &law, History::Turned);
+        let problem = jacobian.problem().expect("a problem");
+        let factors = solver.factor(&problem).expect("factors");
+        // Of all but the two spheres, and without translations: with masses of 1 their mean displacement is 0.
+        let held = 6 * free as usize;
+        let mut x: Vec<f64> = (0..jacobian.unknowns()).map(|_| random.next()).collect();
+        x[held..].fill(0.0);
+        for axis in 0..3 {
+            let mean = x[..held].iter().skip(axis).step_by(6).sum::<f64>() / f64::from(free);
+            x[..held]
+                .iter_mut()
+                .skip(axis)
+                .step_by(6)
+                .for_each(|x| *x -= mean);
+        }
+        let right = Mat::from_fn(x.len(), 1, |i, _| x[i]);
+        let b: Mat<f64> = jacobian.k.as_ref() * &right;
+        let b: Vec<f64> = (0..x.len()).map(|i| b[(i, 0)]).collect();
+        let solution = factors.solve(&b);
+        assert!(solution.residual < 1e-13, "{:e}", solution.residual);
+        let again: Mat<f64> = jacobian.k.as_ref() * Mat::from_fn(x.len(), 1, |i, _| solution.x[i]);
+        let size = b.iter().fold(0.0f64, |most, b| most.max(b.abs()));
+        for (i, b) in b.iter().enumerate() {
+            assert!((again[(i, 0)] - b).abs() < 1e-12 * size, "{i}");
+        }
+        // Up to what moves freely the solution is x itself.
+        for (i, (found, x)) in solution.x.iter().zip(&x).enumerate().take(held) {
+            assert!((found - x).abs() < 1e-8, "{i}: {found} is not {x}");
+        }
+        assert!(solution.x[held..held + 6].iter().all(|x| *x == 0.0));
+        for (g, [moved, turned]) in jacobian.by_grain(&solution.x) {
+            let first = 6 * g as usize;
+            assert_eq!(moved, solution.x[first..first + 3]);
+            assert_eq!(turned, solution.x[first + 3..first + 6]);
+        }
+        let back = jacobian.unknowns_of(|g| {
+            let x = &solution.x[6 * g as usize..];
+            [[x[0], x[1], x[2]], [x[3], x[4], x[5]]]
+        });
+        assert_eq!(back, solution.x);
+    }
+    assert_eq!(solver.analyses, 1);
+}
+
+/// Eigenvalues alone are those with vectors, and the same at each call.
+#[test]
+fn eigenvalues_alone() {
+    let (grains, contacts, cell) = spheres_of_the_paper();
+    let state = State {
+        grains: &grains,
+        contacts: &contacts,
+        cell,
+        masses: Masses::Equal(1.0),
+    };
+    let law = Mindlin::<Three, true>::new(&SMOOTH, &PLAIN);
+    let problem = assemble::<Three>(state, &law, History::Turned)
+        .problem()
+        .expect("a problem");
+    let values = Spectrum::values(&problem);
+    assert_eq!(values, Spectrum::values(&problem));
+    let whole = Spectrum::dense(&problem);
+    assert_eq!(values.len(), whole.eigenvalues.len());
+    for e in &whole.eigenvalues {
+        let apart = values.iter().map(|z| (z - e.value).norm());
+        let apart = apart.fold(f64::INFINITY, f64::min);
+        let moves = e.condition.min(1e6) * 1e-12 * problem.norm();
+        assert!(apart < moves, "{}: {apart:e}", e.value);
+    }
 }

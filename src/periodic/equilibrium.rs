@@ -79,9 +79,12 @@ impl<E: Exchange> PeriodicRun<'_, E> {
             system.list.widen(2.5 * longest);
             system.rebuild(exchange, law, &mut NoWalls)?;
             let whole = Whole::gather::<C>(exchange, system);
-            let Some(moves) =
-                whole.newton_step::<C::Space>(exchange, system, self.stiffness.as_ref())
-            else {
+            let Some(moves) = whole.newton_step::<C::Space>(
+                exchange,
+                system,
+                self.stiffness.as_ref(),
+                &mut self.solver.borrow_mut(),
+            ) else {
                 return Ok(false);
             };
             *factorisations += 1;

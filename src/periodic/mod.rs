@@ -9,11 +9,13 @@ mod record;
 mod spectrum;
 pub(crate) mod strain;
 
+use std::cell::RefCell;
 use std::path::Path;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use crate::analysis::spectrum::Solver;
 use crate::config::{self, Dimensions, Law, PeriodicScene, Source, Study};
 use crate::contact::ContactLaw;
 use crate::contact::family::{Family, MindlinIn, SpringsInSpace};
@@ -43,6 +45,8 @@ pub struct PeriodicRun<'a, E: Exchange> {
     started: Instant,
     /// The law's derivatives.
     stiffness: Box<dyn Stiffness>,
+    /// Of Newton's steps, which K's pattern outlives.
+    solver: RefCell<Solver>,
 }
 
 /// What a checkpoint says beside grains and contacts.
@@ -170,6 +174,7 @@ impl<'a, E: Exchange> PeriodicRun<'a, E> {
             terminal: Terminal::new(exchange.rank() == 0),
             started: Instant::now(),
             stiffness: stiffness::of(scene.law, scene.dimension, &scene.contact),
+            solver: RefCell::default(),
         })
     }
 

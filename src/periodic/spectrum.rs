@@ -2,12 +2,12 @@
 
 use bytemuck::allocation::pod_collect_to_vec;
 use bytemuck::cast_slice;
-use faer::{Mat, c64};
+use faer::c64;
 
 use super::Pair;
 use super::equilibrium::Move;
 use crate::analysis::jacobian::{self, History, Jacobian};
-use crate::analysis::spectrum::{Eigenvalue, Problem, Spectrum, Verdict};
+use crate::analysis::spectrum::{Eigenvalue, Problem, Solver, Spectrum, Verdict};
 use crate::contact::ContactLaw;
 use crate::contact::stiffness::Stiffness;
 use crate::dimension::Dimension;
@@ -63,18 +63,17 @@ impl Whole {
         jacobian::assemble::<D>(state, law, History::Turned)
     }
 
-    /// Newton's step dq of the own grains, (K + ε‖K‖ M) dq = F; `None` where that cannot be factorised. Rank 0 solves, so that all
+    /// Newton's step dq of the own grains, K dq = F without zero modes; `None` where K cannot be factorised. Rank 0 solves, so that all
     /// move by the same bits; collective.
-    ///
-    /// ε is so small that it slows nothing down but the zero modes: translations, rattlers, and turns that no contact resists.
     pub fn newton_step<D: Dimension>(
         &self,
         exchange: &impl Exchange,
         system: &System<D>,
         law: &dyn Stiffness,
+        solver: &mut Solver,
     ) -> Option<Vec<Move>> {
         let solved = match exchange.rank() {
-            0 => self.solve(system, law).unwrap_or_default(),
+            0 => self.solve(system, law, solver).unwrap_or_default(),
             _ => Vec::new(),
         };
         let bytes = exchange.broadcast(cast_slice(&solved).to_vec());
@@ -84,9 +83,14 @@ impl Whole {
     }
 
     /// Of all grains, by id.
-    fn solve<D: Dimension>(&self, system: &System<D>, law: &dyn Stiffness) -> Option<Vec<Move>> {
+    fn solve<D: Dimension>(
+        &self,
+        system: &System<D>,
+        law: &dyn Stiffness,
+        solver: &mut Solver,
+    ) -> Option<Vec<Move>> {
         let jacobian = self.jacobian(system, law);
-        let null = Mat::<f64>::zeros(jacobian.unknowns(), 0);
+        let null = jacobian.translations();
         let problem = Problem::new(&jacobian.k, &jacobian.mass, null.as_ref()).ok()?;
         let force = jacobian.grains.iter().flat_map(|&id| {
             let g = &self.grains[id as usize];
@@ -96,7 +100,7 @@ impl Whole {
             of.into_iter().take(jacobian.per_grain)
         });
         let force: Vec<f64> = force.collect();
-        let moved = problem.solve_shifted(&force, -ZERO_MODES * problem.norm())?;
+        let moved = solver.factor(&problem).ok()?.solve(&force).x;
         let mut moves = vec![[0.0; 6]; self.grains.len()];
         for (of, &id) in moved.chunks(jacobian.per_grain).zip(&jacobian.grains) {
             moves[id as usize][..of.len()].copy_from_slice(of);
@@ -145,9 +149,6 @@ impl Whole {
         Ok(spectrum.eigenvalues.iter().map(row).collect())
     }
 }
-
-/// ε of [`Whole::newton_step`].
-const ZERO_MODES: f64 = 1e-9;
 
 /// All eigenvalues of a packing, with what they are evidence of.
 pub(crate) struct Eigenvalues {

@@ -68,6 +68,29 @@ impl std::str::FromStr for Which {
     }
 }
 
+impl Which {
+    /// Its number.
+    ///
+    /// Errors: the run has no such frame.
+    pub(super) fn of(self, run: &Run) -> Result<usize, Failure> {
+        let frames = run.frames();
+        let asked = match self {
+            Which::Number(t) if t < frames => return Ok(t),
+            Which::Last if frames > 0 => return Ok(frames - 1),
+            Which::Last => "last".to_string(),
+            Which::Number(t) => t.to_string(),
+        };
+        let there = match frames {
+            0 => "no frames".into(),
+            n => format!("the frames 0 … {}", n - 1),
+        };
+        Err(Failure::input(format!(
+            "--frame {asked}: {} has {there}",
+            run.path().display()
+        )))
+    }
+}
+
 /// Grains by id, as far as any format wants them. SI units.
 struct State {
     /// What it is of, on one line.
@@ -127,25 +150,7 @@ pub fn write(
 }
 
 fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
-    let frames = run.frames();
-    let t = match which {
-        Which::Number(t) if t < frames => t,
-        Which::Last if frames > 0 => frames - 1,
-        _ => {
-            let there = match frames {
-                0 => "no frames".into(),
-                n => format!("the frames 0 … {}", n - 1),
-            };
-            let asked = match which {
-                Which::Last => "last".to_string(),
-                Which::Number(t) => t.to_string(),
-            };
-            return Err(Failure::input(format!(
-                "--frame {asked}: {} has {there}",
-                run.path().display()
-            )));
-        }
-    };
+    let t = which.of(run)?;
     let (disks, frame) = (run.grains(), run.frame(t)?);
     let grain = |g: usize| Grain {
         body: disks.body[g].into(),

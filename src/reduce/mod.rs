@@ -13,6 +13,7 @@ mod regions;
 pub mod replay;
 pub mod scalars;
 mod spectrum;
+mod stiffness;
 mod study;
 
 pub use commands::{Arguments, Command, run};

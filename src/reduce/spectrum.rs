@@ -1,13 +1,15 @@
-//! `spectrum`: eigenvalues of K v = λ M v.
+//! `spectrum`: eigenvalues of K v = λ M v, of a run or of files.
 
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use faer::sparse::SparseColMat;
+use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Par, c64};
 
 use super::commands::lost;
+use super::export::Which;
+use super::stiffness::{self, Wanted};
 use crate::analysis::spectrum::{
     Failed, Nearest, Problem, Rectangle, Request, Spectrum, Symbolic, Uncounted, Verdict,
     bendixson, nearest, participation, scan, winding,
@@ -24,14 +26,29 @@ const MOST_DENSE: usize = 12_000;
 
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// K as Matrix Market file: real, square, of any symmetry
+    /// A run.h5, the folder that holds one, or a checkpoint: K and M are made of its grains, contacts and law
+    #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]
+    run: Option<PathBuf>,
+    /// Frame of the run: its number, or last [default: last]
+    #[arg(long, value_name = "K", requires = "run")]
+    frame: Option<Which>,
+    /// The frame nearest to this shear strain
+    #[arg(long, value_name = "GAMMA", requires = "run", conflicts_with = "frame")]
+    strain: Option<f64>,
+    /// The matrix J of the appendix of Bonfanti et al., whose histories do not turn with the contacts, instead of K
+    #[arg(long, requires = "run")]
+    paper_form: bool,
+    /// Write K to this file, M beside it as .mass.mtx, and the translations as .null.mtx
+    #[arg(long, value_name = "K.mtx", requires = "run")]
+    export_matrix: Option<PathBuf>,
+    /// K as Matrix Market file, instead of a run: real, square, of any symmetry
     #[arg(long, value_name = "K.mtx")]
-    matrix: PathBuf,
+    matrix: Option<PathBuf>,
     /// M as Matrix Market file: diagonal and positive [default: the identity]
-    #[arg(long, value_name = "M.mtx")]
+    #[arg(long, value_name = "M.mtx", requires = "matrix")]
     mass: Option<PathBuf>,
     /// Null vectors of K and of its transpose (translations), a column each: set apart before the iteration starts
-    #[arg(long, value_name = "N.mtx")]
+    #[arg(long, value_name = "N.mtx", requires = "matrix")]
     null: Option<PathBuf>,
     /// Eigenvalues nearest to this are wanted
     #[arg(long, value_name = "RE[,IM]", default_value = "0", allow_hyphen_values = true, value_parser = shift)]
@@ -48,10 +65,10 @@ pub struct Options {
     /// No left eigenvectors: half the time, and conditions that are lower bounds only
     #[arg(long, conflicts_with_all = ["all_pairs", "dense"])]
     right_only: bool,
-    /// Unknowns per grain, for the participation ratio
+    /// Unknowns per grain, for the participation ratio: neighbours in the matrix
     #[arg(long, value_name = "D", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     group: u16,
-    /// Folder to write into [default: that of the matrix]
+    /// Folder to write into [default: that of the run or matrix]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -73,7 +90,11 @@ fn shift(text: &str) -> Result<c64, String> {
 ///
 /// Errors: bad matrices; an iteration that does not converge; files that cannot be written.
 pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> {
-    let problem = problem(options)?;
+    let Asked {
+        problem,
+        source,
+        grain,
+    } = asked(options, output)?;
     let par = match rayon::current_num_threads() {
         1 => Par::Seq,
         threads => Par::rayon(threads),
@@ -97,12 +118,16 @@ pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> 
     };
     summary(&spectrum, output).map_err(lost)?;
 
-    let beside = options.matrix.parent().unwrap_or(Path::new(""));
+    let beside = match source.is_dir() {
+        true => Some(source.as_path()),
+        false => source.parent(),
+    };
+    let beside = beside.unwrap_or(Path::new(""));
     let folder = options.out.as_deref().unwrap_or(beside);
-    let columns = columns(&problem, &spectrum, options.group.into());
+    let columns = columns(&problem, &spectrum, &grain);
     let csv = folder.join("spectrum.csv");
     text_writer::write(&csv, &table(&spectrum, &columns.participation))?;
-    let vectors = spectrum_writer::write(folder, &options.matrix, &problem, &columns)?;
+    let vectors = spectrum_writer::write(folder, &source, &problem, &columns)?;
     let svg = folder.join("spectrum.svg");
     text_writer::write(&svg, &report::spectrum::in_the_plane(&spectrum.eigenvalues))?;
     for path in [csv, vectors, svg] {
@@ -111,8 +136,82 @@ pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> 
     Ok(())
 }
 
-fn problem(options: &Options) -> Result<Problem, Failure> {
-    let k = matrix_market::read(&options.matrix)?;
+/// What is to be solved, and where it comes from.
+struct Asked {
+    problem: Problem,
+    source: PathBuf,
+    /// Grain of every unknown.
+    grain: Vec<usize>,
+}
+
+fn asked(options: &Options, output: &mut impl Write) -> Result<Asked, Failure> {
+    if let Some(run) = &options.run {
+        return of_run(run, options, output);
+    }
+    let source = options.matrix.clone().unwrap_or_default();
+    let problem = of_files(&source, options)?;
+    let grain = (0..problem.unknowns()).map(|k| k / usize::from(options.group));
+    Ok(Asked {
+        grain: grain.collect(),
+        problem,
+        source,
+    })
+}
+
+fn of_run(run: &Path, options: &Options, output: &mut impl Write) -> Result<Asked, Failure> {
+    let frame = options.frame.map(Wanted::Frame);
+    let wanted = frame.or(options.strain.map(Wanted::Strain));
+    let made = stiffness::of(run, wanted, options.paper_form, output)?;
+    let jacobian = &made.jacobian;
+    let n = jacobian.unknowns();
+    // J has its masses in it, and null vectors of its own.
+    let (k, mass, null) = match &made.paper {
+        Some(j) => (j, vec![1.0; n], Mat::zeros(n, 0)),
+        None => (&jacobian.k, jacobian.mass.clone(), jacobian.translations()),
+    };
+    if let Some(path) = &options.export_matrix {
+        let entries: Vec<_> = (0..n).map(|i| Triplet::new(i, i, mass[i])).collect();
+        let m = sparse(n, n, &entries);
+        let of_null = (0..null.ncols()).flat_map(|j| (0..n).map(move |i| (i, j)));
+        let entries: Vec<_> = of_null
+            .filter(|&at| null[at] != 0.0)
+            .map(|(i, j)| Triplet::new(i, j, null[(i, j)]))
+            .collect();
+        let beside = |name: &str| path.with_extension(name);
+        let mut files = vec![(path.clone(), k), (beside("mass.mtx"), &m)];
+        let translations = sparse(n, null.ncols(), &entries);
+        if null.ncols() > 0 {
+            files.push((beside("null.mtx"), &translations));
+        }
+        for (path, matrix) in files {
+            matrix_market::write(&path, matrix)?;
+            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+        }
+    }
+    let per_grain = jacobian.per_grain;
+    let grain = |unknown: usize| match made.paper {
+        Some(_) => unknown % (n / per_grain),
+        None => unknown / per_grain,
+    };
+    let problem = Problem::new(k, &mass, null.as_ref())
+        .map_err(|unfit| Failure::numbers(format!("{}: K: {unfit}", run.display())))?;
+    Ok(Asked {
+        problem,
+        source: run.to_path_buf(),
+        grain: (0..n).map(grain).collect(),
+    })
+}
+
+fn sparse(
+    rows: usize,
+    columns: usize,
+    entries: &[Triplet<usize, usize, f64>],
+) -> SparseColMat<usize, f64> {
+    SparseColMat::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
+}
+
+fn of_files(matrix: &Path, options: &Options) -> Result<Problem, Failure> {
+    let k = matrix_market::read(matrix)?;
     let mass = match &options.mass {
         Some(path) => diagonal(path, &matrix_market::read(path)?)?,
         None => vec![1.0; k.ncols()],
@@ -124,13 +223,13 @@ fn problem(options: &Options) -> Result<Problem, Failure> {
     Problem::new(&k, &mass, null.as_ref()).map_err(|unfit| {
         use crate::analysis::spectrum::Unfit;
         let path = match unfit {
-            Unfit::NotSquare(_) | Unfit::NotFinite(_) => Some(&options.matrix),
+            Unfit::NotSquare(_) | Unfit::NotFinite(_) => None,
             Unfit::MassCount { .. } | Unfit::Mass { .. } => options.mass.as_ref(),
             Unfit::NullLength { .. } | Unfit::NullDependent | Unfit::NotNull { .. } => {
                 options.null.as_ref()
             }
         };
-        let path = path.unwrap_or(&options.matrix);
+        let path = path.map_or(matrix, |path| path.as_path());
         Failure::input(format!("{}: {unfit}", path.display()))
     })
 }
@@ -284,7 +383,7 @@ fn summary(spectrum: &Spectrum, output: &mut impl Write) -> std::io::Result<()> 
     )
 }
 
-fn columns(problem: &Problem, spectrum: &Spectrum, group: usize) -> Columns {
+fn columns(problem: &Problem, spectrum: &Spectrum, grain: &[usize]) -> Columns {
     let k = spectrum.eigenvalues.len();
     let mut vectors = ndarray::Array3::zeros((k, problem.unknowns(), 2));
     let mut taking_part = Vec::with_capacity(k);
@@ -297,7 +396,7 @@ fn columns(problem: &Problem, spectrum: &Spectrum, group: usize) -> Columns {
             to[0] = value.re;
             to[1] = value.im;
         }
-        taking_part.push(participation(&v, group));
+        taking_part.push(participation(&v, grain));
     }
     Columns {
         eigenvalues: spectrum.eigenvalues.clone(),

@@ -9,6 +9,7 @@ mod pattern;
 use faer::Mat;
 use faer::sparse::SparseColMat;
 
+use super::spectrum::{Problem, Unfit};
 use crate::contact::stiffness::Stiffness;
 use crate::dimension::Dimension;
 use crate::state::{Cell, ContactState, GrainState, Masses, body, length};
@@ -59,6 +60,37 @@ pub struct Jacobian {
 impl Jacobian {
     pub fn unknowns(&self) -> usize {
         self.mass.len()
+    }
+
+    /// K v = λ M v, translations set apart. It also is what `spectrum::Solver` takes.
+    ///
+    /// Errors: a K that is not finite.
+    pub fn problem(&self) -> Result<Problem, Unfit> {
+        Problem::new(&self.k, &self.mass, self.translations().as_ref())
+    }
+
+    /// [unknowns] from a vector and an axial vector of every free grain, by id: force and torque, or displacement and rotation.
+    pub fn unknowns_of(&self, of: impl Fn(u32) -> [[f64; 3]; 2]) -> Vec<f64> {
+        let spins = self.per_grain - self.axes;
+        let one = |&g: &u32| {
+            let [linear, angular] = of(g);
+            let (axes, turns) = (0..self.axes, 3 - spins..3);
+            axes.map(move |k| linear[k])
+                .chain(turns.map(move |k| angular[k]))
+        };
+        self.grains.iter().flat_map(one).collect()
+    }
+
+    /// The reverse of [`Jacobian::unknowns_of`]: every free grain with its two vectors, zeros for what two dimensions lack.
+    pub fn by_grain<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = (u32, [[f64; 3]; 2])> + 'a {
+        let spins = self.per_grain - self.axes;
+        let of = self.grains.iter().zip(x.chunks_exact(self.per_grain));
+        of.map(move |(&g, x)| {
+            let mut both = [[0.0; 3]; 2];
+            both[0][..self.axes].copy_from_slice(&x[..self.axes]);
+            both[1][3 - spins..].copy_from_slice(&x[self.axes..]);
+            (g, both)
+        })
     }
 
     /// [unknowns][axes], translations of all grains: null vectors of K and of its transpose. No columns where walls hold the grains.

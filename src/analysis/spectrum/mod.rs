@@ -10,6 +10,7 @@ mod scalar;
 mod scan;
 mod schur;
 mod shift_invert;
+mod solve;
 #[allow(clippy::module_inception)]
 mod spectrum;
 mod symbolic;
@@ -19,8 +20,10 @@ mod tests;
 
 pub use count::{Rectangle, Uncounted, Winding, winding};
 pub use krylov::Stalled;
+pub use lu::Singular;
 pub use problem::{Problem, Unfit};
 pub use scan::{Scan, bendixson, scan};
 pub use shift_invert::{Failed, Nearest, Request, nearest};
+pub use solve::{Factors, Solution, Solver};
 pub use spectrum::{Eigenvalue, Spectrum, Verdict, participation};
 pub use symbolic::Symbolic;

@@ -4,11 +4,9 @@ use std::fmt;
 
 use faer::reborrow::ReborrowMut;
 use faer::sparse::{SparseColMat, Triplet};
-use faer::{Mat, MatMut, MatRef, Par, c64};
+use faer::{Mat, MatMut, MatRef, c64};
 
-use super::lu::Lu;
 use super::scalar::Scalar;
-use super::symbolic::Symbolic;
 
 /// A null vector may leave this over ‖A‖ at the most, and an eigenvalue this near 0 over ‖A‖ is zero.
 pub const ZERO: f64 = 1e-12;
@@ -182,19 +180,18 @@ impl Problem {
         }
     }
 
-    /// v of (K - σM) v = `force`, [unknowns], by LU; 0 where K has nothing. `None` where K - σM is singular.
-    pub fn solve_shifted(&self, force: &[f64], shift: f64) -> Option<Vec<f64>> {
-        let symbolic = Symbolic::new(self.a.symbolic());
-        let lu = Lu::new(&symbolic, self.a.val(), shift, Par::Seq).ok()?;
-        let mut w = Mat::from_fn(self.size(), 1, |i, _| {
-            force[self.active[i]] / self.root_mass[i]
-        });
-        lu.solve(w.as_mut());
-        let mut v = vec![0.0; self.unknowns];
+    /// M^(-1/2) b [size][1], of b over the unknowns of K; what acts on unknowns of no stiffness is left out.
+    pub fn scaled(&self, b: &[f64]) -> Mat<f64> {
+        Mat::from_fn(self.size(), 1, |i, _| b[self.active[i]] / self.root_mass[i])
+    }
+
+    /// M^(-1/2) w over the unknowns of K, 0 for those of no stiffness; `w` [size][1].
+    pub fn unscaled(&self, w: MatRef<'_, f64>) -> Vec<f64> {
+        let mut x = vec![0.0; self.unknowns];
         for (i, &at) in self.active.iter().enumerate() {
-            v[at] = w[(i, 0)] / self.root_mass[i];
+            x[at] = w[(i, 0)] / self.root_mass[i];
         }
-        Some(v)
+        x
     }
 
     /// v = M^(-1/2) w over the unknowns of K, ‖v‖ = 1; `w` over those of A.

@@ -1,7 +1,10 @@
 //! Eigenvalues with what they are worth.
 
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::evd::{ComputeEigenvectors, evd_real, evd_scratch};
 use faer::linalg::solvers::DenseSolveCore;
-use faer::{Mat, MatRef, c64};
+use faer::{Mat, MatRef, Par, c64};
 
 use super::problem::{Problem, ZERO};
 use super::scalar::Scalar;
@@ -71,7 +74,35 @@ impl Spectrum {
         Spectrum::with_vectors(problem, values, right.clone(), dual(left, right.as_ref()))
     }
 
-    /// All eigenvalues of a problem, by the QR algorithm on A as a dense matrix.
+    /// All eigenvalues of a problem, in no order, by the QR algorithm on A as a dense matrix, without vectors and verdicts: some five times as
+    /// fast as [`Spectrum::dense`], and on one thread, so that the result is always the same.
+    pub fn values(problem: &Problem) -> Vec<c64> {
+        let n = problem.size();
+        let (mut re, mut im) = (Diag::<f64>::zeros(n), Diag::<f64>::zeros(n));
+        let scratch = evd_scratch::<f64>(
+            n,
+            ComputeEigenvectors::No,
+            ComputeEigenvectors::No,
+            Par::Seq,
+            Default::default(),
+        );
+        evd_real(
+            problem.matrix().to_dense().as_ref(),
+            re.as_mut(),
+            im.as_mut(),
+            None,
+            None,
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+            Default::default(),
+        )
+        .expect("the QR algorithm converges");
+        let value = |k: usize| c64::new(re[k], im[k]);
+        (0..n).map(value).collect()
+    }
+
+    /// All eigenvalues of a problem, by the QR algorithm on A as a dense matrix, on as many threads as faer may use
+    /// (`faer::set_global_parallelism`).
     pub fn dense(problem: &Problem) -> Self {
         let n = problem.size();
         let (values, vectors) = eigen(&problem.matrix().to_dense());
@@ -185,18 +216,16 @@ fn judge(value: c64, residual: f64, condition: f64) -> Verdict {
     }
 }
 
-/// How many of N groups of unknowns take part, over N: (Σ p)² / (N Σ p²), p = |v|² over the `group` unknowns of each (Bell & Dean 1970).
-pub fn participation(v: &[c64], group: usize) -> f64 {
-    let weights = v
-        .chunks(group.max(1))
-        .map(|part| part.iter().map(|v| v.norm_sqr()).sum::<f64>());
-    let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
-    for p in weights {
-        count += 1.0;
-        sum += p;
-        squares += p * p;
+/// How many of N grains take part, over N: (Σ p)² / (N Σ p²), p = |v|² over the unknowns of each (Bell & Dean 1970). `grain`: that of every unknown.
+pub fn participation(v: &[c64], grain: &[usize]) -> f64 {
+    let count = grain.iter().max().map_or(0, |last| last + 1);
+    let mut weight = vec![0.0; count];
+    for (&g, v) in grain.iter().zip(v) {
+        weight[g] += v.norm_sqr();
     }
-    sum * sum / (count * squares)
+    let sum: f64 = weight.iter().sum();
+    let squares: f64 = weight.iter().map(|p| p * p).sum();
+    sum * sum / (count as f64 * squares)
 }
 
 /// Vectors in the span of `left` that are dual to `right`: LᴴR = 1.

@@ -2,6 +2,7 @@
 
 mod periodic;
 mod source;
+mod state;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -430,14 +431,7 @@ impl Run {
         };
         let overlap = self.column::<f64>(&columns.overlap, &others)?;
         let sliding = self.column::<u8>(&columns.sliding, &others)?;
-        let n = self.grains.count();
-        if let Some(k) = (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
-            let (file, row) = (self.path.display(), rows.start + k);
-            return Err(Failure::input(format!(
-                "{file}: connectivity/contacts: row {row} joins grains {} and {}; ids must be i < j < {n}",
-                i[k], j[k]
-            )));
-        }
+        self.check_pairs(&i, &j, rows.start)?;
         let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
         let contact = |k: usize| ContactSample {
             i: i[k],
@@ -450,6 +444,21 @@ impl Run {
             sliding: sliding.get(k).map_or(0, |sliding| u64::from(*sliding)),
         };
         Ok((0..i.len()).map(contact).collect())
+    }
+
+    /// Ids of the contacts from row `first` on.
+    fn check_pairs(&self, i: &[u32], j: &[u32], first: usize) -> Result<(), Failure> {
+        let n = self.grains.count();
+        match (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
+            None => Ok(()),
+            Some(k) => Err(Failure::input(format!(
+                "{}: connectivity/contacts: row {} joins grains {} and {}; ids must be i < j < {n}",
+                self.path.display(),
+                first + k,
+                i[k],
+                j[k]
+            ))),
+        }
     }
 
     fn column<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>, Failure> {

@@ -1,0 +1,126 @@
+//! K and M of a frame of a run, or of a checkpoint.
+
+use std::path::Path;
+
+use super::commands::lost;
+use super::export::Which;
+use crate::analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
+use crate::config::{self, Dimensions, Scene, Source};
+use crate::contact::stiffness;
+use crate::dimension::{Three, Two};
+use crate::domain::Solo;
+use crate::failure::Failure;
+use crate::io::checkpoint;
+use crate::io::run_reader::Run;
+use crate::run::{Header, Stage};
+use crate::state::{ContactState, GrainState};
+use std::io::Write;
+
+/// Which frame is wanted.
+#[derive(Debug, Clone, Copy)]
+pub enum Wanted {
+    Frame(Which),
+    /// The one nearest to this shear strain.
+    Strain(f64),
+}
+
+/// K, and J of the paper where that was asked for.
+pub struct Stiffness {
+    pub jacobian: Jacobian,
+    pub paper: Option<faer::sparse::SparseColMat<usize, f64>>,
+}
+
+/// K of a run.h5, the folder that holds one, or a checkpoint; with `paper` that of histories that do not turn. Says what it is of.
+///
+/// Errors: a file that is damaged or none of these; a frame that is not there; a sample that is still being packed.
+pub fn of(
+    path: &Path,
+    wanted: Option<Wanted>,
+    paper: bool,
+    output: &mut impl Write,
+) -> Result<Stiffness, Failure> {
+    let (scene, grains, contacts, what) = if checkpoint::is_checkpoint(path) {
+        of_checkpoint(path, wanted)?
+    } else {
+        of_run(
+            &Run::open(path)?,
+            wanted.unwrap_or(Wanted::Frame(Which::Last)),
+        )?
+    };
+    let law = stiffness::of(scene.law, scene.dimension, &scene.contact);
+    let state = State {
+        grains: &grains,
+        contacts: &contacts,
+        cell: scene.sample.cell(),
+        masses: scene.law.masses(),
+    };
+    let history = if paper {
+        History::Unturned
+    } else {
+        History::Turned
+    };
+    let jacobian = match scene.dimension {
+        Dimensions::Two => assemble::<Two>(state, &*law, history),
+        Dimensions::Three => assemble::<Three>(state, &*law, history),
+    };
+    writeln!(
+        output,
+        "{what}: {} free grains of {}, {} contacts, {} of them sliding",
+        jacobian.grains.len(),
+        grains.len(),
+        jacobian.contacts,
+        jacobian.sliding
+    )
+    .map_err(lost)?;
+    let radius = |g: u32| grains[g as usize].radius;
+    let paper = paper.then(|| paper_form(&jacobian, radius));
+    Ok(Stiffness { jacobian, paper })
+}
+
+type Found = (Scene, Vec<GrainState>, Vec<ContactState>, String);
+
+fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> {
+    if wanted.is_some() {
+        return Err(Failure::input(format!(
+            "--frame, --strain: {} is a checkpoint, which holds one state; leave it out",
+            path.display()
+        )));
+    }
+    let (toml, snapshot) = checkpoint::read(&Solo, path)?;
+    let header = Header::read(&snapshot)?;
+    let scene = header.scene(path, toml, &[])?;
+    match header.stage {
+        Stage::Shear { .. } => {}
+        Stage::Pack { .. } => {
+            return Err(Failure::input(format!(
+                "{}: the sample is still being packed, between planes whose contacts are not kept; take a checkpoint of the shear",
+                path.display()
+            )));
+        }
+    }
+    let what = format!("step {} of the shear in {}", header.step, path.display());
+    Ok((scene, snapshot.grains, snapshot.contacts, what))
+}
+
+fn of_run(run: &Run, wanted: Wanted) -> Result<Found, Failure> {
+    let t = match wanted {
+        Wanted::Frame(which) => which.of(run)?,
+        Wanted::Strain(strain) => {
+            let strains = run.frame_strains()?;
+            let apart = |&t: &usize| (strains[t] - strain).abs();
+            let nearest = (0..strains.len()).min_by(|a, b| apart(a).total_cmp(&apart(b)));
+            nearest.ok_or_else(|| {
+                Failure::input(format!("--strain: {} has no frames", run.path().display()))
+            })?
+        }
+    };
+    let name = format!("{} (its scene)", run.path().display());
+    let scene = config::load(&Source::new(name, run.scene().to_string()), &[])?;
+    let (grains, contacts) = run.state(t)?;
+    let what = format!(
+        "frame {t} (step {}) of {}",
+        run.frame_steps()[t],
+        run.path().display()
+    );
+    Ok((scene, grains, contacts, what))
+}
