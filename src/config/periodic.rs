@@ -90,7 +90,7 @@ pub struct Aqs {
 /// Newton's equations without any drag, from the last state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Newtonian {
-    /// How long, in 1/ω_i of the complex pair (BO eq. 8); without a pair in 100 Δt.
+    /// How long, in 1/ω_i of the complex pair (BO eq. 8); without a pair in 1000 Δt.
     pub growth_times: f64,
     /// Rows of the time series, frames, and spectra over that time.
     pub rows: u64,

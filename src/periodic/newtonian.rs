@@ -17,8 +17,8 @@ use crate::run::Ending;
 use crate::step::{advance, initial_forces};
 use crate::system::System;
 
-/// Without a pair, the stage lasts so many steps.
-const STEPS_WITHOUT_A_PAIR: f64 = 100_000.0;
+/// Without a pair, its growth time is taken to be so many steps.
+const STEPS_WITHOUT_A_PAIR: f64 = 1000.0;
 
 impl<E: Exchange> PeriodicRun<'_, E> {
     pub(super) fn newtonian<C: ContactLaw>(
@@ -32,14 +32,21 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         let step = system.step;
         let steps = match &progress.pair {
             Some(pair) => (of.growth_times / pair.omega_i / step).ceil(),
-            None => STEPS_WITHOUT_A_PAIR,
+            None => (of.growth_times * STEPS_WITHOUT_A_PAIR).ceil(),
         } as u64;
         let every = |count: u64| match count {
             0 => u64::MAX,
             count => (steps / count).max(1),
         };
-        let (rows, frames, spectra) = (every(of.rows), every(of.frames), every(of.spectra));
         let dense = progress.pair.map(|pair| Dense::new(&pair, steps, step));
+        let spectra = every(of.spectra);
+        let frames = match (&progress.pair, every(of.frames)) {
+            (Some(pair), wanted) if wanted != u64::MAX => strobe(pair, wanted, step),
+            (_, wanted) => wanted,
+        };
+        // All rows lie at multiples of the dense ones' interval, so that none is between two of them.
+        let grid = dense.as_ref().map_or(1, |dense| dense.every);
+        let rows = every(of.rows).div_ceil(grid).saturating_mul(grid);
         let mut out =
             NewtonianRecorder::create(exchange, scene, system, &self.options.out, progress)?;
         self.terminal.newtonian(steps, step);
@@ -90,6 +97,14 @@ impl<E: Exchange> PeriodicRun<'_, E> {
     }
 }
 
+/// Steps between frames, about as many as `wanted`, but a 24th of a period of the pair more than whole ones: frame by frame, the
+/// oscillation is seen slowed down.
+fn strobe(pair: &Pair, wanted: u64, step: f64) -> u64 {
+    let period = std::f64::consts::TAU / pair.omega_r / step;
+    let whole = (wanted as f64 / period).round();
+    ((whole + 1.0 / 24.0) * period).round().max(1.0) as u64
+}
+
 /// Two stretches in which rows lie so densely that they show the oscillation of the pair.
 struct Dense {
     begins: [u64; 2],
@@ -105,10 +120,11 @@ impl Dense {
 
     fn new(pair: &Pair, steps: u64, step: f64) -> Self {
         let period = std::f64::consts::PI / pair.omega_r / step;
+        let every = ((period / Self::ROWS) as u64).max(1);
         Self {
-            begins: Self::BEGINS.map(|part| (part * steps as f64) as u64),
+            begins: Self::BEGINS.map(|part| (part * steps as f64) as u64 / every * every),
             length: (Self::PERIODS * period) as u64,
-            every: ((period / Self::ROWS) as u64).max(1),
+            every,
         }
     }
 

@@ -14,12 +14,12 @@ use crate::report::stress::{decimate, padded};
 use crate::report::ticks;
 
 const WIDE: Layout = Layout {
-    size: [900.0, 380.0],
-    margin: [92.0, 36.0, 24.0, 58.0],
+    size: [900.0, 400.0],
+    margin: [104.0, 62.0, 24.0, 58.0],
 };
 const SQUARE: Layout = Layout {
     size: [640.0, 600.0],
-    margin: [92.0, 36.0, 24.0, 58.0],
+    margin: [104.0, 36.0, 24.0, 58.0],
 };
 
 /// A line of a panel.

@@ -121,7 +121,8 @@ impl Studied {
             },
             Figure {
                 number: 4,
-                caption: "Trajectories of the eight spheres that have moved most by the end of the linear growth, over the greatest displacement, seen along z.",
+                caption: "Trajectories of the eight spheres that have moved most by the end of the linear growth, over the greatest displacement, seen along z. \
+                          Frames lie a little more than whole periods apart, so that they show the oscillation slowed down.",
                 drawn: moving.and_then(|run| curves::spirals(run, self.growth.as_ref())),
             },
             Figure {
