@@ -4,6 +4,7 @@ pub mod correlate;
 pub mod dbscan;
 pub mod displacement;
 pub mod dmin;
+pub mod event;
 pub mod forces;
 pub mod frame_scalars;
 pub mod growth;

@@ -42,6 +42,13 @@ impl PeriodicScene {
             }),
         }
     }
+
+    /// The box at its solid fraction, its images above displaced by `offset` along x.
+    pub fn sheared_cell(&self, offset: f64) -> Cell {
+        let mut cell = self.cell(self.sample.length);
+        cell.shear(offset);
+        cell
+    }
 }
 
 /// How mechanical equilibrium is found.

@@ -213,11 +213,9 @@ impl<'a, E: Exchange> PeriodicRun<'a, E> {
     fn restore(&self, snapshot: Snapshot) -> Result<(Held, Option<Header>), Failure> {
         let header = Header::read(&snapshot)
             .ok_or_else(|| Failure::input("the checkpoint is not one of a periodic box"))?;
-        let mut cell = self.scene.cell(self.scene.sample.length);
-        cell.shear(header.progress.offset);
         let contacts = checkpoint::to_both_holders(self.exchange, &snapshot);
         let state = Held {
-            cell,
+            cell: self.scene.sheared_cell(header.progress.offset),
             grains: snapshot.grains,
             contacts,
         };

@@ -19,9 +19,9 @@ use crate::step::{advance, initial_forces};
 /// Room of a lattice site, over the greatest diameter.
 const ROOM: f64 = 1.1;
 /// By how much the box shrinks in a step.
-const SHRINKING: f64 = 0.99;
+const SHRINKING: f64 = 0.995;
 /// Steps for which the grains move in a box before it shrinks on, and their drag there in 1/Δt.
-const SETTLING: u64 = 200;
+const SETTLING: u64 = 300;
 const DRAG: f64 = 0.02;
 
 impl<E: Exchange> PeriodicRun<'_, E> {

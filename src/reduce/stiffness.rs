@@ -5,15 +5,16 @@ use std::path::Path;
 use super::commands::lost;
 use super::export::Which;
 use crate::analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
-use crate::config::{self, Dimensions, Scene, Source};
+use crate::config::{self, Contact, Dimensions, Law, Scene, Source};
 use crate::contact::stiffness;
 use crate::dimension::{Three, Two};
 use crate::domain::Solo;
 use crate::failure::Failure;
 use crate::io::checkpoint;
 use crate::io::run_reader::Run;
+use crate::periodic;
 use crate::run::{Header, Stage};
-use crate::state::{ContactState, GrainState};
+use crate::state::{Cell, ContactState, GrainState};
 use std::io::Write;
 
 /// Which frame is wanted.
@@ -30,54 +31,89 @@ pub struct Stiffness {
     pub paper: Option<faer::sparse::SparseColMat<usize, f64>>,
 }
 
+/// A state, and what K of it needs to know.
+pub struct Found {
+    law: Law,
+    contact: Contact,
+    dimension: Dimensions,
+    cell: Cell,
+    pub grains: Vec<GrainState>,
+    contacts: Vec<ContactState>,
+    what: String,
+}
+
+impl Found {
+    /// Errors: a file that is damaged, or neither a run nor a checkpoint; a frame that is not there; a sample that is still being packed.
+    pub fn read(path: &Path, wanted: Option<Wanted>) -> Result<Self, Failure> {
+        if checkpoint::is_checkpoint(path) {
+            return of_checkpoint(path, wanted);
+        }
+        let wanted = wanted.unwrap_or(Wanted::Frame(Which::Last));
+        of_run(&Run::open(path)?, wanted)
+    }
+
+    pub fn jacobian(&self, history: History) -> Jacobian {
+        let law = stiffness::of(self.law, self.dimension, &self.contact);
+        let state = State {
+            grains: &self.grains,
+            contacts: &self.contacts,
+            cell: self.cell,
+            masses: self.law.masses(),
+        };
+        match self.dimension {
+            Dimensions::Two => assemble::<Two>(state, &*law, history),
+            Dimensions::Three => assemble::<Three>(state, &*law, history),
+        }
+    }
+}
+
 /// K of a run.h5, the folder that holds one, or a checkpoint; with `paper` that of histories that do not turn. Says what it is of.
 ///
-/// Errors: a file that is damaged or none of these; a frame that is not there; a sample that is still being packed.
+/// Errors: as of [`Found::read`].
 pub fn of(
     path: &Path,
     wanted: Option<Wanted>,
     paper: bool,
     output: &mut impl Write,
 ) -> Result<Stiffness, Failure> {
-    let (scene, grains, contacts, what) = if checkpoint::is_checkpoint(path) {
-        of_checkpoint(path, wanted)?
-    } else {
-        of_run(
-            &Run::open(path)?,
-            wanted.unwrap_or(Wanted::Frame(Which::Last)),
-        )?
-    };
-    let law = stiffness::of(scene.law, scene.dimension, &scene.contact);
-    let state = State {
-        grains: &grains,
-        contacts: &contacts,
-        cell: scene.sample.cell(),
-        masses: scene.law.masses(),
-    };
+    let found = Found::read(path, wanted)?;
     let history = if paper {
         History::Unturned
     } else {
         History::Turned
     };
-    let jacobian = match scene.dimension {
-        Dimensions::Two => assemble::<Two>(state, &*law, history),
-        Dimensions::Three => assemble::<Three>(state, &*law, history),
-    };
+    let jacobian = found.jacobian(history);
     writeln!(
         output,
-        "{what}: {} free grains of {}, {} contacts, {} of them sliding",
+        "{}: {} free grains of {}, {} contacts, {} of them sliding",
+        found.what,
         jacobian.grains.len(),
-        grains.len(),
+        found.grains.len(),
         jacobian.contacts,
         jacobian.sliding
     )
     .map_err(lost)?;
-    let radius = |g: u32| grains[g as usize].radius;
+    let radius = |g: u32| found.grains[g as usize].radius;
     let paper = paper.then(|| paper_form(&jacobian, radius));
     Ok(Stiffness { jacobian, paper })
 }
 
-type Found = (Scene, Vec<GrainState>, Vec<ContactState>, String);
+fn of_scene(
+    scene: &Scene,
+    grains: Vec<GrainState>,
+    contacts: Vec<ContactState>,
+    what: String,
+) -> Found {
+    Found {
+        law: scene.law,
+        contact: scene.contact,
+        dimension: scene.dimension,
+        cell: scene.sample.cell(),
+        grains,
+        contacts,
+        what,
+    }
+}
 
 fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> {
     if wanted.is_some() {
@@ -87,6 +123,22 @@ fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> 
         )));
     }
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
+    if let Some(header) = periodic::Header::read(&snapshot) {
+        let scene = periodic::scene_of_checkpoint(path, toml, &[])?;
+        return Ok(Found {
+            law: scene.law,
+            contact: scene.contact,
+            dimension: scene.dimension,
+            cell: scene.sheared_cell(header.progress.offset),
+            grains: snapshot.grains,
+            contacts: snapshot.contacts,
+            what: format!(
+                "strain step {} in {}",
+                header.progress.steps,
+                path.display()
+            ),
+        });
+    }
     let header = Header::read(&snapshot)?;
     let scene = header.scene(path, toml, &[])?;
     match header.stage {
@@ -99,7 +151,7 @@ fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> 
         }
     }
     let what = format!("step {} of the shear in {}", header.step, path.display());
-    Ok((scene, snapshot.grains, snapshot.contacts, what))
+    Ok(of_scene(&scene, snapshot.grains, snapshot.contacts, what))
 }
 
 fn of_run(run: &Run, wanted: Wanted) -> Result<Found, Failure> {
@@ -122,5 +174,5 @@ fn of_run(run: &Run, wanted: Wanted) -> Result<Found, Failure> {
         run.frame_steps()[t],
         run.path().display()
     );
-    Ok((scene, grains, contacts, what))
+    Ok(of_scene(&scene, grains, contacts, what))
 }

@@ -4,7 +4,11 @@ use std::path::{Path, PathBuf};
 
 use super::replay::{self, Wanted};
 use super::scalars::FrameSeries;
+use super::stiffness::Found;
+use crate::analysis::jacobian::History;
+use crate::analysis::spectrum::{Problem, Spectrum, Verdict};
 use crate::failure::Failure;
+use crate::io::checkpoint;
 use crate::io::run_reader::Run;
 use crate::report::bonfanti;
 use crate::report::lee_hurley::{self, Choice, Size, Studied, friction};
@@ -64,7 +68,48 @@ pub fn bonfanti(runs: &[PathBuf], folder: Option<&Path>) -> Result<PathBuf, Fail
         )));
     };
     let beside = run.join("bonfanti");
-    bonfanti::write(run, folder.unwrap_or(&beside))
+    let state = run.join(checkpoint::NAME);
+    let foretold = match state.exists() {
+        true => growing_pair(&state)?,
+        false => None,
+    };
+    bonfanti::write(run, folder.unwrap_or(&beside), foretold.as_deref())
+}
+
+/// Unknowns up to which the growing pair is sought among all eigenvalues.
+const MOST_UNKNOWNS: usize = 3000;
+
+/// Of the complex pair of the greatest imaginary part, |v|² of each grain's translation, [N], scaled to a sum of 1. `None` without a pair.
+fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
+    let jacobian = Found::read(checkpoint, None)?.jacobian(History::Turned);
+    if jacobian.unknowns() > MOST_UNKNOWNS {
+        return Ok(None);
+    }
+    let unfit = |why| Failure::numbers(format!("{}: {why}", checkpoint.display()));
+    let problem = Problem::new(
+        &jacobian.k,
+        &jacobian.mass,
+        jacobian.translations().as_ref(),
+    );
+    let problem = problem.map_err(unfit)?;
+    let spectrum = Spectrum::dense(&problem);
+    let pairs = (0..spectrum.eigenvalues.len())
+        .filter(|&k| spectrum.eigenvalues[k].verdict == Verdict::Pair);
+    let imaginary = |k: usize| spectrum.eigenvalues[k].value.im;
+    let Some(k) = pairs.max_by(|a, b| imaginary(*a).total_cmp(&imaginary(*b))) else {
+        return Ok(None);
+    };
+    let w: Vec<_> = (0..problem.size())
+        .map(|i| spectrum.right[(i, k)])
+        .collect();
+    let v = problem.eigenvector(&w);
+    let of_grain = |unknowns: &[faer::c64]| {
+        let axes = &unknowns[..jacobian.axes];
+        axes.iter().map(|x| x.norm_sqr()).sum::<f64>()
+    };
+    let squares: Vec<f64> = v.chunks(jacobian.per_grain).map(of_grain).collect();
+    let sum: f64 = squares.iter().sum();
+    Ok(Some(squares.iter().map(|x| x / sum).collect()))
 }
 
 /// The friction and, where runs of both sizes are there, the size; numbered where that does not tell them apart. Without commas,

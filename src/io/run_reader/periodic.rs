@@ -8,6 +8,7 @@ use ndarray::{Ix3, s};
 use super::Parameter;
 use super::source::{Source, one_line};
 use crate::failure::Failure;
+use crate::state::{Cell, Sheared};
 
 /// The time series of a stage in a box, and where its grains were.
 pub struct PeriodicRun {
@@ -23,6 +24,9 @@ pub struct PeriodicRun {
     pub frame_time: Vec<f64>,
     /// [T][N] positions.
     pub positions: Vec<Vec<[f64; 3]>>,
+    /// [N].
+    pub radius: Vec<f64>,
+    edges: Vec<f64>,
 }
 
 impl PeriodicRun {
@@ -81,6 +85,8 @@ impl PeriodicRun {
             frame_step,
             frame_time,
             positions: (0..frames).map(of_frame).collect(),
+            radius: source.of_length("particles/trajectory/radius", grains.len())?,
+            edges: source.of_length("particles/trajectory/box/edges", 3)?,
         })
     }
 
@@ -92,6 +98,26 @@ impl PeriodicRun {
     pub fn column(&self, name: &str) -> &[f64] {
         let column = self.columns.get(name);
         column.unwrap_or_else(|| panic!("{name} is no column that was asked for"))
+    }
+
+    pub fn is_planar(&self) -> bool {
+        self.number("dimension") == Some(2.0)
+    }
+
+    /// The box of a stage in which it is not sheared any more.
+    pub fn cell(&self) -> Cell {
+        let (width, height) = match self.is_planar() {
+            true => (f64::INFINITY, self.edges[1]),
+            false => (self.edges[1], self.edges[2]),
+        };
+        Cell {
+            periods: [self.edges[0], width],
+            sheared: Some(Sheared {
+                height,
+                offset: self.number("image_offset").unwrap_or(0.0),
+                velocity: 0.0,
+            }),
+        }
     }
 
     /// A number among the parameters.

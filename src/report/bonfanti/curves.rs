@@ -279,6 +279,37 @@ pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'st
     })
 }
 
+/// Figure 6.
+pub fn slip(foretold: &[f64], dmin: &[f64]) -> Drawn {
+    let points: Vec<[f64; 2]> = foretold
+        .iter()
+        .zip(dmin)
+        .filter(|(a, b)| **a > 0.0 && **b > 0.0)
+        .map(|(a, b)| [a.log10(), b.log10()])
+        .collect();
+    let x = padded(points.iter().map(|p| p[0]), 0.05);
+    let y = padded(points.iter().map(|p| p[1]), 0.05);
+    let svg = figure(SQUARE, x, y, |plot| {
+        let x_ticks = ticks::decades(x[0], x[1], 8);
+        let y_ticks = ticks::decades(y[0], y[1], 8);
+        plot.grid(&x_ticks, &y_ticks);
+        for point in &points {
+            plot.disk(*point, 3.0, STICK, None);
+        }
+        plot.clip();
+        plot.axes(
+            &x_ticks,
+            &y_ticks,
+            "|v|^{2} in the growing pair",
+            "D^{2}_{min} of the slip",
+        );
+    });
+    Drawn {
+        svg,
+        csv: rows("eigenvector_square,dmin", &[foretold, dmin]),
+    }
+}
+
 /// Figure 5.
 pub fn stress(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
     let stress = run.column("shear_stress");

@@ -5,7 +5,9 @@ mod curves;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use crate::analysis::event;
 use crate::analysis::growth::{self, Growth};
+use crate::dimension::{Three, Two};
 use crate::failure::Failure;
 use crate::io::run_reader::PeriodicRun;
 use crate::io::text_writer;
@@ -22,6 +24,8 @@ struct Studied {
     /// [time, real, imaginary] of eigenvalues.
     spectra: Vec<[f64; 3]>,
     growth: Option<Growth>,
+    /// |v|² in the growing pair and D²min of the slip that follows, [N].
+    slip: Option<[Vec<f64>; 2]>,
 }
 
 /// A figure under the paper's number, or why there is none.
@@ -47,8 +51,9 @@ struct Number {
 /// Writes the study of the run in `run` into `folder`. Returns the page.
 ///
 /// Errors: files that are missing, damaged, or cannot be written.
-pub fn write(run: &Path, folder: &Path) -> Result<PathBuf, Failure> {
-    let studied = Studied::read(run)?;
+/// `foretold`: |v|² of each grain in the growing pair, [N].
+pub fn write(run: &Path, folder: &Path, foretold: Option<&[f64]>) -> Result<PathBuf, Failure> {
+    let studied = Studied::read(run, foretold)?;
     let figures = studied.figures();
     let numbers = studied.numbers();
     for figure in &figures {
@@ -70,7 +75,7 @@ pub fn write(run: &Path, folder: &Path) -> Result<PathBuf, Failure> {
 }
 
 impl Studied {
-    fn read(run: &Path) -> Result<Self, Failure> {
+    fn read(run: &Path, foretold: Option<&[f64]>) -> Result<Self, Failure> {
         let strain = PeriodicRun::open(&run.join(AQS_FILE), &AQS_COLUMNS)?;
         let path = run.join(NEWTONIAN_FILE);
         let newtonian = match path.exists() {
@@ -86,11 +91,16 @@ impl Studied {
             let diameter = run.number("mean_diameter").unwrap_or(1.0);
             growth::fit(&run.time, run.column("msd"), LINEAR * diameter * diameter)
         });
+        let slip = newtonian
+            .as_ref()
+            .zip(foretold)
+            .and_then(|(run, foretold)| Some([foretold.to_vec(), dmin_of(run)?]));
         Ok(Self {
             strain,
             newtonian,
             spectra,
             growth,
+            slip,
         })
     }
 
@@ -129,6 +139,15 @@ impl Studied {
                 number: 5,
                 caption: "(a) Shear stress (virial) in time. (b) Its change in the linear growth.",
                 drawn: moving.map(|run| curves::stress(run, self.growth.as_ref())),
+            },
+            Figure {
+                number: 6,
+                caption: "Beyond the paper: D²min between the first and the last frame against |v|² of the growing pair, a mark a sphere.",
+                drawn: self
+                    .slip
+                    .as_ref()
+                    .map(|[foretold, dmin]| curves::slip(foretold, dmin))
+                    .ok_or("no complex pair, or no frames of what follows it"),
             },
         ]
     }
@@ -181,6 +200,24 @@ impl Studied {
             self.growth.map(|g| format!("{:.1}", g.decades)),
         );
         add(
+            "overlap of the pair's eigenvector with D²min of the slip that follows",
+            "not in the paper",
+            self.slip.as_ref().map(|[foretold, dmin]| {
+                let mean = |v: &[f64]| v.iter().filter(|x| x.is_finite()).sum::<f64>();
+                let square = |v: &[f64]| {
+                    v.iter()
+                        .filter(|x| x.is_finite())
+                        .map(|x| x * x)
+                        .sum::<f64>()
+                };
+                let n = foretold.len() as f64;
+                let chance =
+                    mean(foretold) * mean(dmin) / n / (square(foretold) * square(dmin)).sqrt();
+                let overlap = event::overlap(foretold, dmin);
+                format!("{overlap:.3} ({chance:.3} by chance)")
+            }),
+        );
+        add(
             "drop of the shear stress",
             "22 %",
             self.newtonian.as_ref().and_then(|run| {
@@ -191,6 +228,16 @@ impl Studied {
         );
         numbers
     }
+}
+
+/// D²min of every grain between the first and the last frame; neighbours within 5 mean radii, as LH have it.
+fn dmin_of(run: &PeriodicRun) -> Option<Vec<f64>> {
+    let (first, last) = (run.positions.first()?, run.positions.last()?);
+    let radius = 5.0 * run.radius.iter().sum::<f64>() / run.radius.len() as f64;
+    Some(match run.is_planar() {
+        true => event::non_affine::<Two>(run.cell(), first, last, radius),
+        false => event::non_affine::<Three>(run.cell(), first, last, radius),
+    })
 }
 
 /// [time, real, imaginary] of the rows of `spectra.csv`.
