@@ -148,21 +148,21 @@ fn another_time_series_is_noticed() {
     let arguments = ["replay", text(&folder), "--strain=0.1..0.12"];
     said(&reduce(&arguments), 0);
 
+    let run = Run::open(&folder).expect("a run");
+    let row = run.series().column("strain").iter().position(|s| *s > 0.11);
+    let row = row.expect("a row");
+    let step = run.series().step[row];
+    drop(run);
     let file = hdf5::File::open_rw(folder.join("run.h5")).expect("run.h5");
-    let column = file
-        .dataset("observables/coordination/value")
-        .expect("a column");
+    let column = file.dataset("observables/coordination/value");
+    let column = column.expect("a column");
     let mut values = column.read_raw::<f64>().expect("values");
-    let step = file.dataset("observables/strain/step").expect("steps");
-    let step = step.read_raw::<u64>().expect("steps");
-    let strain = file.dataset("observables/strain/value").expect("strains");
-    let strain = strain.read_raw::<f64>().expect("strains");
-    let row = strain.iter().position(|s| *s > 0.11).expect("a row");
     values[row] = f64::from_bits(values[row].to_bits() ^ 1);
     column.write_raw(&values).expect("written");
-    drop((column, file));
+    drop(column);
+    file.close().expect("closed");
     let words = said(&reduce(&arguments), 3);
-    let place = format!("first at step {}, coordination is", step[row]);
+    let place = format!("first at step {step}, coordination is");
     assert!(words.contains(&place) && words.contains("1 of "), "{words}");
 }
 
