@@ -1,8 +1,9 @@
 //! Speed of whole runs, through the real program: medians of several repetitions, and ratios of runs taken in turn.
 //!
-//! `cargo bench` runs the small scenes in a few minutes; `cargo bench -- large` adds 100,000 disks, which take some minutes to pack.
+//! `cargo bench` runs the small scenes in a few minutes; `cargo bench -- large` adds 100,000 and 1,000,000 disks, which are copies of the
+//! packed 5,000 beside each other, and threads.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 const REPETITIONS: usize = 5;
@@ -10,7 +11,8 @@ const REPETITIONS: usize = 5;
 /// A scene packed once, from whose first shear step every run goes on.
 struct Packed {
     name: &'static str,
-    checkpoint: PathBuf,
+    /// Arguments with which a run begins.
+    begin: Vec<String>,
     /// γ of a run.
     strain: f64,
 }
@@ -79,22 +81,51 @@ fn pack(folder: &Path, name: &'static str, config: &str, set: &[&str], strain: f
     }
     Packed {
         name,
-        checkpoint,
+        begin: vec!["--resume".into(), checkpoint.display().to_string()],
         strain,
     }
 }
 
+/// So many copies of the packed 5,000 disks beside each other.
+fn tiled(folder: &Path, name: &'static str, packed: &Packed, copies: u32, strain: f64) -> Packed {
+    let data = folder.join("large-5000.data");
+    let mut export = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+    export
+        .args([
+            "export",
+            &packed.begin[1],
+            "--format",
+            "lammps-data",
+            "--out",
+        ])
+        .arg(&data);
+    run(&mut export, 1, 0);
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/lee-hurley-large.toml");
+    let mut begin = vec![config.display().to_string()];
+    let of_the_file = ["grains", "radius_min", "radius_max", "length"];
+    begin.extend(of_the_file.map(|key| format!("--set=sample.{key}=none")));
+    begin.push(format!("--set=sample.packing={}", data.display()));
+    begin.push(format!("--set=sample.replicate=[{copies}]"));
+    for set in ["analysis.scalars=false", "output.frame_strain=0.0"] {
+        begin.push(format!("--set={set}"));
+    }
+    Packed {
+        name,
+        begin,
+        strain,
+    }
+}
 impl Packed {
     fn run(&self, folder: &Path, ranks: usize, set: &[&str]) -> Said {
         let out = folder.join("run");
         let mut command = program(ranks);
-        command
-            .arg("--resume")
-            .arg(&self.checkpoint)
-            .arg("--out")
-            .arg(&out);
+        command.args(&self.begin).arg("--out").arg(&out);
         command.arg(format!("--set=shear.strain={}", self.strain));
-        command.args(set.iter().map(|s| format!("--set={s}")));
+        // What begins with a dash is an option of the program.
+        command.args(set.iter().map(|s| match s.starts_with('-') {
+            true => s.to_string(),
+            false => format!("--set={s}"),
+        }));
         let said = run(&mut command, ranks, 0);
         std::fs::remove_dir_all(&out).expect("the run's folder");
         said
@@ -211,21 +242,25 @@ fn main() {
         (1, &avx2),
     );
     if large {
-        // As high as the default scene, but a hundred times as long.
-        let wide = [
-            "sample.grains=100000",
-            "sample.length=4.8e-3",
-            "pack.tolerance=1e-4",
-        ];
-        let hundred = pack(&folder, "wide-100000", "plane-shear-2d.toml", &wide, 0.0001);
-        hundred.pair(
-            &folder,
-            "1 rank, 2 ranks; no frames",
-            (1, &quiet),
-            (2, &quiet),
-        );
-        let memory = hundred.run(&folder, 2, &quiet).text;
-        let line = memory.lines().find(|l| l.contains("bytes per grain"));
-        println!("{}", line.unwrap_or(""));
+        let fast = ["shear.inertial_number=2e-4", "output.energy=false"];
+        let threads = ["--threads=2", fast[0], fast[1]];
+        for (name, copies, strain) in [("tiled-100000", 20, 2e-4), ("tiled-1000000", 200, 2e-5)] {
+            let many = tiled(&folder, name, &five, copies, strain);
+            many.pair(
+                &folder,
+                "1 rank, 2 ranks; no frames",
+                (1, &fast),
+                (2, &fast),
+            );
+            many.pair(
+                &folder,
+                "1 rank; 1 thread, 2 threads",
+                (1, &fast),
+                (1, &threads),
+            );
+            let memory = many.run(&folder, 2, &fast).text;
+            let line = memory.lines().find(|l| l.contains("bytes per grain"));
+            println!("{}", line.unwrap_or(""));
+        }
     }
 }
