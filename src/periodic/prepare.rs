@@ -39,7 +39,13 @@ impl<E: Exchange> PeriodicRun<'_, E> {
             };
             let in_stage = |e| in_preparation(e, length);
             initial_forces(exchange, &mut system, law, &mut drive, None).map_err(in_stage)?;
-            for _ in 0..SETTLING {
+            // At the end until the waves of the last steps have died down, which a weak drag of the scene might not keep within the law.
+            let settling = if length == target {
+                10 * SETTLING
+            } else {
+                SETTLING
+            };
+            for _ in 0..settling {
                 advance(exchange, &mut system, law, &mut drive, false, None).map_err(in_stage)?;
             }
             if length == target {
