@@ -14,7 +14,7 @@ seed = 5
 dimension = 3
 material.mass = 1e-9
 contact = { law = "mindlin", normal_stiffness = 1e11, friction = 0.5 }
-sample = { grains = 520, radius_min = 0.5e-6, radius_max = 1.0e-6, length = 12e-6, width = 7.2e-6 }
+sample = { grains = 700, radius_min = 0.5e-6, radius_max = 1.0e-6, length = 12e-6, width = 8.4e-6 }
 load.stiffness_number = 1e2
 pack.tolerance = 1e-3
 shear = { inertial_number = 0.1, strain = 0.3 }
