@@ -510,9 +510,8 @@ fn linear_systems_are_solved() {
     }
     let r = cell.separation::<Three>(&grains[0].position, &grains[free as usize + 1].position);
     let onto = 0.97 * (grains[0].radius + grains[free as usize + 1].radius) / length(r);
-    for k in 0..3 {
-        grains[free as usize + 1].position[k] = grains[0].position[k] - onto * r[k];
-    }
+    let (near, apart) = (grains[0].position, r.map(|x| onto * x));
+    grains[free as usize + 1].position = std::array::from_fn(|k| near[k] - apart[k]);
     contacts.push(ContactState {
         i: 0,
         j: free + 1,

@@ -11,8 +11,8 @@ use super::commands::lost;
 use super::export::Which;
 use super::stiffness::{self, Wanted};
 use crate::analysis::spectrum::{
-    Failed, Nearest, Problem, Rectangle, Request, Spectrum, Symbolic, Uncounted, Verdict,
-    bendixson, nearest, participation, scan, winding,
+    Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Spectrum, Symbolic,
+    Uncounted, Verdict, bendixson, nearest, participation, scan, winding,
 };
 use crate::failure::Failure;
 use crate::io::spectrum_writer::{self, Columns};
@@ -109,7 +109,8 @@ pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> 
         problem.null().ncols()
     )
     .map_err(lost)?;
-    let spectrum = solve(options, &problem, par, output)?;
+    let mut spectrum = solve(options, &problem, par, output)?;
+    refine(&mut spectrum, &problem, par, output).map_err(lost)?;
     let centre = options.shift;
     let spectrum = if options.dense || options.all_pairs {
         spectrum.arranged(|_| true, |e| e.value.re)
@@ -356,6 +357,26 @@ fn tell(found: &Nearest, wished: c64, output: &mut impl Write) -> std::io::Resul
         output,
         "{} solves, {} restarts, {} factorisations",
         found.solves, found.restarts, found.factorisations
+    )
+}
+
+/// Brings every residual to [`RESIDUAL`], or says of how many it could not.
+fn refine(
+    spectrum: &mut Spectrum,
+    problem: &Problem,
+    par: Par,
+    output: &mut impl Write,
+) -> std::io::Result<()> {
+    let over = |e: &&Eigenvalue| e.residual > RESIDUAL;
+    let before = spectrum.eigenvalues.iter().filter(over).count();
+    if before == 0 {
+        return Ok(());
+    }
+    let symbolic = Symbolic::new(problem.matrix().symbolic());
+    let after = spectrum.refine(problem, &symbolic, par);
+    writeln!(
+        output,
+        "{before} residuals were over {RESIDUAL:e} ‖A‖ and refined; {after} still are"
     )
 }
 

@@ -25,5 +25,5 @@ pub use problem::{Problem, Unfit};
 pub use scan::{Scan, bendixson, scan};
 pub use shift_invert::{Failed, Nearest, Request, nearest};
 pub use solve::{Factors, Solution, Solver};
-pub use spectrum::{Eigenvalue, Spectrum, Verdict, participation};
+pub use spectrum::{Eigenvalue, RESIDUAL, Spectrum, Verdict, participation};
 pub use symbolic::Symbolic;

@@ -6,8 +6,10 @@ use faer::linalg::evd::{ComputeEigenvectors, evd_real, evd_scratch};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef, Par, c64};
 
+use super::lu::Lu;
 use super::problem::{Problem, ZERO};
 use super::scalar::Scalar;
+use super::symbolic::Symbolic;
 
 /// What an eigenvalue is evidence of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,6 +52,11 @@ pub struct Eigenvalue {
     pub condition: f64,
     pub verdict: Verdict,
 }
+
+/// Residual that every eigenvalue is to have at the most.
+pub const RESIDUAL: f64 = 1e-12;
+/// Solves that may bring one there.
+const SOLVES: usize = 3;
 
 /// Eigenvalues and vectors.
 pub struct Spectrum {
@@ -143,6 +150,56 @@ impl Spectrum {
             right,
             left,
         }
+    }
+
+    /// Brings residuals over [`RESIDUAL`] below it by inverse iteration with the eigenvalue found, then taken anew from the vector. Left vectors
+    /// stay as they are. Returns how many could not be brought there.
+    pub fn refine(&mut self, problem: &Problem, symbolic: &Symbolic, par: Par) -> usize {
+        let mut left_over = 0;
+        for k in 0..self.eigenvalues.len() {
+            for _ in 0..SOLVES {
+                if self.eigenvalues[k].residual <= RESIDUAL
+                    || !self.improve(k, problem, symbolic, par)
+                {
+                    break;
+                }
+            }
+            left_over += usize::from(self.eigenvalues[k].residual > RESIDUAL);
+        }
+        left_over
+    }
+
+    /// One solve; false where it makes nothing better.
+    fn improve(&mut self, k: usize, problem: &Problem, symbolic: &Symbolic, par: Par) -> bool {
+        let old = self.eigenvalues[k];
+        // A little beside the eigenvalue: at it the pivots vanish.
+        let shift = old.value + 1e-11 * problem.norm();
+        let Ok(lu) = Lu::new(symbolic, problem.matrix().val(), shift, par) else {
+            return false;
+        };
+        let mut w = self.right.subcols(k, 1).to_owned();
+        lu.solve(w.as_mut());
+        let length = w.norm_l2();
+        if !length.is_normal() {
+            return false;
+        }
+        w /= faer::Scale(c64::new(length, 0.0));
+        let mut image = Mat::zeros(problem.size(), 1);
+        problem.apply(w.as_ref(), image.as_mut());
+        let value = (w.adjoint() * &image)[(0, 0)];
+        image -= &w * faer::Scale(value);
+        let residual = image.norm_l2() / problem.norm().max(f64::MIN_POSITIVE);
+        if residual.is_nan() || residual >= old.residual {
+            return false;
+        }
+        self.right.col_mut(k).copy_from(w.col(0));
+        self.eigenvalues[k] = Eigenvalue {
+            value,
+            residual,
+            condition: old.condition,
+            verdict: judge(value / problem.norm(), residual, old.condition),
+        };
+        true
     }
 
     /// Keeps the eigenvalues that `kept` holds for, in the order of `key`.

@@ -414,3 +414,37 @@ fn participation_counts_grains() {
     assert_eq!(participation(&v, &[0, 0, 1, 1, 2, 2, 3, 3]), 0.5);
     assert_eq!(participation(&v[..1], &[0]), 1.0);
 }
+
+/// Vectors that are a little wrong become right, and eigenvalues with them.
+#[test]
+fn residuals_are_refined() {
+    let mut random = ChaCha8Rng::seed_from_u64(23);
+    let n = 60;
+    let mut entries = Vec::new();
+    for i in 0..n {
+        entries.push(Triplet::new(i, i, 1.0 + 0.1 * i as f64));
+        for j in [(i + 1) % n, (i + 7) % n] {
+            entries.push(Triplet::new(i, j, random.random_range(-1.0..1.0)));
+            entries.push(Triplet::new(j, i, random.random_range(-1.0..1.0)));
+        }
+    }
+    let k = SparseColMat::try_new_from_triplets(n, n, &entries).expect("a matrix");
+    let problem = Problem::new(&k, &vec![1.0; n], Mat::zeros(n, 0).as_ref()).expect("a problem");
+    let exact = Spectrum::dense(&problem);
+    let mut spectrum = Spectrum::dense(&problem);
+    for (j, e) in spectrum.eigenvalues.iter_mut().enumerate() {
+        e.value += c64::new(1e-8, 1e-8);
+        e.residual = 1e-8;
+        (0..n).for_each(|i| spectrum.right[(i, j)] += 1e-8 * random.random_range(-1.0..1.0));
+    }
+    let symbolic = Symbolic::new(problem.matrix().symbolic());
+    assert_eq!(spectrum.refine(&problem, &symbolic, Par::Seq), 0);
+    for (found, exact) in spectrum.eigenvalues.iter().zip(&exact.eigenvalues) {
+        assert!(found.residual <= RESIDUAL, "{:e}", found.residual);
+        let apart = (found.value - exact.value).norm();
+        assert!(
+            apart < 1e-11 * exact.condition * problem.norm(),
+            "{apart:e}"
+        );
+    }
+}

@@ -1,0 +1,105 @@
+//! `gshear-reduce spectrum` of runs and checkpoints, through the real programs.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use common::{alone, gshear_mpi, succeed};
+
+const MINDLIN: &str = r#"
+title = "Smoothed Mindlin"
+seed = 5
+dimension = 3
+material.mass = 1e-9
+contact = { law = "mindlin", normal_stiffness = 1e11, friction = 0.5 }
+sample = { grains = 700, radius_min = 0.5e-6, radius_max = 1.0e-6, length = 12e-6, width = 8.4e-6 }
+load.stiffness_number = 1e2
+pack.tolerance = 1e-3
+shear = { inertial_number = 0.1, strain = 0.3 }
+output.frame_strain = 1e-4
+"#;
+
+fn spectrum(arguments: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+    let output = succeed(command.args(["spectrum", "--threads", "1"]).args(arguments));
+    String::from_utf8(output.stdout).expect("text")
+}
+
+fn path(folder: &Path, name: &str) -> String {
+    folder.join(name).to_str().expect("UTF-8").to_string()
+}
+
+/// A frame and the checkpoint of the same step have the same K and M, to the last bit, in two dimensions and three; what is exported and read again has
+/// the same eigenvalues.
+#[test]
+fn frames_and_checkpoints_have_one_stiffness() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let in_space = path(folder.path(), "mindlin.toml");
+    fs::write(&in_space, MINDLIN).expect("a scene");
+    let in_plane = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
+    for (name, scene, set, per_grain) in [
+        ("plane", in_plane, "output.frame_strain=1e-9", 3),
+        ("space", in_space.as_str(), "output.frame_strain=1e-9", 6),
+    ] {
+        let run = folder.path().join(name);
+        let arguments = [scene.into(), format!("--set={set}"), "--stop-at=60".into()];
+        let outcome = gshear_mpi(1, &run, &arguments);
+        assert_eq!(outcome.code, 75, "{}", outcome.text);
+
+        let export = |what: &str| path(folder.path(), &format!("{name}-{what}.mtx"));
+        let out = |what: &str| path(folder.path(), &format!("{name}-{what}"));
+        let (frame, checkpoint) = (export("frame"), export("checkpoint"));
+        let whole = path(&run, "checkpoint.h5");
+        let said = spectrum(&[
+            &whole,
+            "--dense",
+            "--export-matrix",
+            &checkpoint,
+            "--out",
+            &out("a"),
+        ]);
+        assert!(said.contains("step 60 of the shear"), "{said}");
+        let of_run = path(&run, "run.h5");
+        let said = spectrum(&[
+            &of_run,
+            "--dense",
+            "--export-matrix",
+            &frame,
+            "--out",
+            &out("b"),
+        ]);
+        assert!(said.contains("(step 60)"), "{said}");
+        let read = |file: &str| fs::read(file).expect("a file");
+        assert!(read(&frame) == read(&checkpoint), "{name}: K differs");
+        let mass = |file: &str| file.replace(".mtx", ".mass.mtx");
+        assert!(
+            read(&mass(&frame)) == read(&mass(&checkpoint)),
+            "{name}: M differs"
+        );
+
+        let group = per_grain.to_string();
+        let mass = mass(&frame);
+        spectrum(&[
+            "--matrix",
+            &frame,
+            "--mass",
+            &mass,
+            "--dense",
+            "--group",
+            &group,
+            "--out",
+            &out("c"),
+        ]);
+        let table = |what: &str| {
+            fs::read_to_string(Path::new(&out(what)).join("spectrum.csv")).expect("a table")
+        };
+        assert!(table("a").lines().count() > 100);
+        assert!(
+            table("a") == table("b") && table("a") == table("c"),
+            "{name}: eigenvalues differ"
+        );
+    }
+}
