@@ -71,8 +71,9 @@ impl<E: Exchange> PeriodicRun<'_, E> {
                 let after = Whole::gather::<C>(exchange, system);
                 return Ok(after.has_contacts_of(&before));
             }
-            // Not "residual > last": NaN is no progress.
-            if !(residual < last) {
+            // NaN is no progress.
+            let falls = residual < last;
+            if !falls {
                 return Ok(false);
             }
             last = residual;
@@ -92,7 +93,8 @@ impl<E: Exchange> PeriodicRun<'_, E> {
                 .iter()
                 .map(|m| m[..C::Space::AXES].iter().map(|x| x * x).sum::<f64>());
             let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
-            if !(furthest < longest) || !displace(exchange, system, law, &moves, 0.0)? {
+            let smooth = furthest < longest;
+            if !smooth || !displace(exchange, system, law, &moves, 0.0)? {
                 return Ok(false);
             }
         }
