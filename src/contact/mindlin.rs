@@ -16,8 +16,8 @@ use crate::config::{Contact, MindlinSprings};
 use crate::dimension::{Dimension, Vector};
 use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
 
-/// Largest δ/(R_1+R_2), as of the linear springs.
-pub const LARGEST_OVERLAP: f64 = super::hooke::LARGEST_OVERLAP;
+/// Largest δ/(2R) of the smaller grain: the law itself has no range, but grains half a radius deep in each other are no packing.
+pub const LARGEST_OVERLAP: f64 = 0.25;
 
 /// Constants of the law, the same for all contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -241,11 +241,14 @@ impl<'a, E: Exchange> PeriodicRun<'a, E> {
         System::new(self.exchange, setup)
     }
 
+    /// Whether this rank was asked to stop.
+    fn asked_here(&self) -> bool {
+        let out_of_time = self.options.wall_time;
+        self.signals.received() || out_of_time.is_some_and(|t| self.started.elapsed() >= t)
+    }
+
     /// Whether some rank was asked to stop; collective.
     fn asked_to_stop(&self) -> bool {
-        let out_of_time = self.options.wall_time;
-        let asked =
-            self.signals.received() || out_of_time.is_some_and(|t| self.started.elapsed() >= t);
-        self.exchange.maximum(f64::from(u8::from(asked))) > 0.0
+        self.exchange.maximum(f64::from(u8::from(self.asked_here()))) > 0.0
     }
 }

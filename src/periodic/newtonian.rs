@@ -57,7 +57,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         for done in 0..=steps {
             if done > 0 {
                 // Without a checkpoint of its own, this stage begins anew after a stop.
-                let asked = self.signals.received();
+                let asked = self.asked_here();
                 if advance(exchange, system, law, &mut NoWalls, asked, None)? {
                     self.terminal.stopped(&self.options.out, "newtonian", done);
                     return Ok(Ending::Stopped);

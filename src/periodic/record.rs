@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::newtonian::Moved;
 use super::observe::Observed;
@@ -63,8 +63,8 @@ pub const NEWTONIAN_COLUMNS: [&str; 7] = [
     "sliding_fraction",
 ];
 
-/// Checkpoints are written at least so often.
-const CHECKPOINTS: Duration = Duration::from_secs(60);
+/// Checkpoints are written at least so often (s).
+const CHECKPOINTS: f64 = 60.0;
 
 /// The files of the strain steps.
 pub(super) struct Recorder {
@@ -215,8 +215,9 @@ impl Recorder {
         Ok([self.trajectory.frames(), self.trajectory.rows()])
     }
 
-    pub fn checkpoint_due(&self) -> bool {
-        self.saved.elapsed() > CHECKPOINTS
+    /// Collective: the ranks' clocks differ, and all must do the same.
+    pub fn checkpoint_due(&self, exchange: &impl Exchange) -> bool {
+        exchange.maximum(self.saved.elapsed().as_secs_f64()) > CHECKPOINTS
     }
 
     pub fn checkpoint<C: ContactLaw, E: Exchange>(

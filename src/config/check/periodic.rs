@@ -12,6 +12,9 @@ use crate::failure::Failure;
 /// Overlap over d̄ that packings are expected to have, of which ten times bounds the time step.
 const OVERLAP: f64 = 0.03;
 
+/// Of whose dense matrix all eigenvalues are found after every strain step.
+const MOST_UNKNOWNS: u64 = 6000;
+
 const FRACTION: Bounds = Bounds {
     hold: |x| x > 0.3 && x < 1.2,
     words: "must lie in (0.3, 1.2)",
@@ -50,6 +53,17 @@ pub(in crate::config) fn scene(
     c.settle()?;
 
     let (sample, sizes) = grains.derive(&mut c, solid_fraction)?;
+    let per_grain = match dimension {
+        Dimensions::Two => 3,
+        Dimensions::Three => 6,
+    };
+    if aqs.spectrum && u64::from(sample.grains) * per_grain > MOST_UNKNOWNS {
+        return Err(c.out_of_range(&format!(
+            "aqs.spectrum finds all eigenvalues at once, of up to {} grains in this dimension; leave it out, and take gshear-reduce spectrum \
+             of checkpoints or frames",
+            MOST_UNKNOWNS / per_grain
+        )));
+    }
     let mean_overlap = OVERLAP * sample.mean_diameter;
     let limit = derived::step_limit(
         &law,
