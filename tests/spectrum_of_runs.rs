@@ -15,9 +15,9 @@ dimension = 3
 material.mass = 1e-9
 contact = { law = "mindlin", normal_stiffness = 1e11, friction = 0.5 }
 sample = { grains = 700, radius_min = 0.5e-6, radius_max = 1.0e-6, length = 12e-6, width = 8.4e-6 }
-load.stiffness_number = 1e2
-pack.tolerance = 1e-3
-shear = { inertial_number = 0.1, strain = 0.3 }
+load.stiffness_number = 1e3
+pack.tolerance = 1e-2
+shear = { inertial_number = 0.01, strain = 0.3 }
 output.frame_strain = 1e-4
 "#;
 
@@ -55,7 +55,8 @@ fn frames_and_checkpoints_have_one_stiffness() {
         let whole = path(&run, "checkpoint.h5");
         let said = spectrum(&[
             &whole,
-            "--dense",
+            "--count",
+            "12",
             "--export-matrix",
             &checkpoint,
             "--out",
@@ -65,7 +66,8 @@ fn frames_and_checkpoints_have_one_stiffness() {
         let of_run = path(&run, "run.h5");
         let said = spectrum(&[
             &of_run,
-            "--dense",
+            "--count",
+            "12",
             "--export-matrix",
             &frame,
             "--out",
@@ -87,7 +89,8 @@ fn frames_and_checkpoints_have_one_stiffness() {
             &frame,
             "--mass",
             &mass,
-            "--dense",
+            "--count",
+            "12",
             "--group",
             &group,
             "--out",
@@ -96,7 +99,7 @@ fn frames_and_checkpoints_have_one_stiffness() {
         let table = |what: &str| {
             fs::read_to_string(Path::new(&out(what)).join("spectrum.csv")).expect("a table")
         };
-        assert!(table("a").lines().count() > 100);
+        assert!(table("a").lines().count() > 12);
         assert!(
             table("a") == table("b") && table("a") == table("c"),
             "{name}: eigenvalues differ"

@@ -403,6 +403,19 @@ mod tests {
         "contact.normal_stiffness=1e8",
     ];
 
+    /// With the smoothed law, and grains of equal masses.
+    const MINDLIN: &[&str] = &[
+        "contact.law=mindlin",
+        "material.young_modulus=none",
+        "material.poisson_ratio=none",
+        "material.density=none",
+        "material.mass=1.25e-9",
+        "contact.normal_stiffness=1e11",
+        "contact.damping_ratio=none",
+        "contact.rolling_friction=none",
+        "contact.rolling_damping_ratio=none",
+    ];
+
     fn with(sets: &[&str]) -> Scene {
         let sets: Vec<String> = sets.iter().map(|s| s.to_string()).collect();
         load(&Source::embedded(), &sets).unwrap()
@@ -439,6 +452,7 @@ mod tests {
                 "contact.normal_stiffness=123456789.3",
                 "contact.tangential_stiffness=98765432.1",
             ],
+            MINDLIN,
             &["time.step=1e-6", "time.force=true"],
             &["bookkeeping.skin=0.3", "bookkeeping.rebuild_every=17"],
             &["output.frame_strain=0", "output.frame_start=0.01"],
@@ -567,6 +581,7 @@ mod tests {
             "series_strain",
             "checkpoint_strain",
             "start",
+            "mass",
         ];
         missing_are(&scene.toml, &not);
     }
