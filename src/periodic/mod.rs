@@ -249,6 +249,8 @@ impl<'a, E: Exchange> PeriodicRun<'a, E> {
 
     /// Whether some rank was asked to stop; collective.
     fn asked_to_stop(&self) -> bool {
-        self.exchange.maximum(f64::from(u8::from(self.asked_here()))) > 0.0
+        self.exchange
+            .maximum(f64::from(u8::from(self.asked_here())))
+            > 0.0
     }
 }

@@ -7,7 +7,7 @@ use faer::c64;
 use super::Pair;
 use super::equilibrium::Move;
 use crate::analysis::jacobian::{self, History, Jacobian};
-use crate::analysis::spectrum::{Eigenvalue, Problem, Solver, Spectrum, Verdict};
+use crate::analysis::spectrum::{Problem, Solver, Spectrum, Verdict};
 use crate::contact::ContactLaw;
 use crate::contact::stiffness::Stiffness;
 use crate::dimension::Dimension;
@@ -141,12 +141,12 @@ impl Whole {
         let null = jacobian.translations();
         let unfit = |why| Failure::numbers(format!("the stiffness matrix: {why}"));
         let problem = Problem::new(&jacobian.k, &jacobian.mass, null.as_ref()).map_err(unfit)?;
-        let spectrum = Spectrum::dense(&problem);
-        let row = |e: &Eigenvalue| {
-            let verdict = Verdict::ALL.iter().position(|known| *known == e.verdict);
-            [e.value.re, e.value.im, verdict.unwrap_or(0) as f64]
+        let row = |value: c64| {
+            let verdict = Verdict::of_value(value, problem.norm());
+            let place = Verdict::ALL.iter().position(|known| *known == verdict);
+            [value.re, value.im, place.unwrap_or(0) as f64]
         };
-        Ok(spectrum.eigenvalues.iter().map(row).collect())
+        Ok(Spectrum::values(&problem).into_iter().map(row).collect())
     }
 }
 

@@ -32,6 +32,20 @@ impl Verdict {
         Verdict::Doubtful,
     ];
 
+    /// By the value alone, of a matrix of this norm: an imaginary part up to √ε ‖A‖ may be the work of rounding at an exceptional point.
+    pub fn of_value(value: c64, norm: f64) -> Self {
+        let (size, imaginary) = (value.norm() / norm, value.im.abs() / norm);
+        if size <= ZERO {
+            Verdict::Zero
+        } else if imaginary <= ZERO {
+            Verdict::Real
+        } else if imaginary > f64::EPSILON.sqrt() {
+            Verdict::Pair
+        } else {
+            Verdict::Doubtful
+        }
+    }
+
     pub fn name(self) -> &'static str {
         match self {
             Verdict::Zero => "zero",
@@ -262,14 +276,9 @@ impl Spectrum {
 /// is accordingly great. An imaginary part below either is no evidence.
 fn judge(value: c64, residual: f64, condition: f64) -> Verdict {
     let rounding = 10.0 * condition * residual.max(f64::EPSILON);
-    if value.norm() <= ZERO {
-        Verdict::Zero
-    } else if value.im.abs() <= ZERO {
-        Verdict::Real
-    } else if value.im.abs() <= f64::EPSILON.sqrt().max(rounding) {
-        Verdict::Doubtful
-    } else {
-        Verdict::Pair
+    match Verdict::of_value(value, 1.0) {
+        Verdict::Pair if value.im.abs() <= rounding => Verdict::Doubtful,
+        verdict => verdict,
     }
 }
 
