@@ -5,6 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::{Outcome, gshear_mpi};
+use gshear::analysis::growth;
 use gshear::io::run_reader::PeriodicRun;
 use gshear::periodic::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE};
 
@@ -119,4 +120,38 @@ fn newtons_method_finds_the_state_of_overdamped_dynamics() {
         stress[8] - stress[0]
     };
     assert!((change(&newton) / change(&overdamped) - 1.0).abs() < 1e-5);
+}
+
+/// Newton's equations let the pair grow and oscillate as its eigenvalue says (BO eq. 8), over 8 decades.
+#[test]
+fn a_complex_pair_grows_as_its_eigenvalue_says() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/bonfanti.toml");
+    let mut arguments = vec![scene.to_string()];
+    for set in [
+        "aqs.birth_precision=1e-5",
+        "aqs.until_imaginary=1e-4",
+        "newtonian.growth_times=20.0",
+        "newtonian.rows=4000",
+        "newtonian.frames=0",
+        "newtonian.spectra=0",
+    ] {
+        arguments.push(format!("--set={set}"));
+    }
+    let outcome = gshear_mpi(1, folder.path(), &arguments);
+    assert_eq!(outcome.code, 0, "{}", outcome.text);
+    let run = PeriodicRun::open(&folder.path().join(NEWTONIAN_FILE), &NEWTONIAN_COLUMNS)
+        .expect("a file of the run");
+    let growth = growth::fit(&run.time, run.column("msd"), 1e-11).expect("growth");
+    let of = |name: &str| run.number(name).expect("a complex pair");
+    assert!(growth.decades > 8.0, "{growth:?}");
+    assert!(
+        (growth.omega_i / of("omega_i") - 1.0).abs() < 0.01,
+        "{growth:?}"
+    );
+    assert!(
+        (growth.omega_r / of("omega_r") - 1.0).abs() < 0.01,
+        "{growth:?}"
+    );
 }
