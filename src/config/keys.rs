@@ -185,11 +185,11 @@ mod tests {
         );
         assert_eq!(
             resolve("grains").unwrap_err(),
-            "unknown key; it belongs in [sample]; the top level knows title, seed, dimension, material, contact, sample, load, time, pack, shear, output, analysis, bookkeeping"
+            "unknown key; it belongs in [sample]; the top level knows title, seed, dimension, material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping"
         );
         assert_eq!(
             resolve("smaple.grains").unwrap_err(),
-            "unknown table; did you mean [sample]? The tables are material, contact, sample, load, time, pack, shear, output, analysis, bookkeeping"
+            "unknown table; did you mean [sample]? The tables are material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping"
         );
         assert!(resolve("sample.grains.x").is_err());
     }
