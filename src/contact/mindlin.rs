@@ -69,10 +69,10 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
         (L::splat(token, 2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
     }
 
-    /// F_t may be greater than F_n.
+    /// F_t may be greater than F_n; more than twice as great it is in contacts that bear next to nothing only, whatever μ is.
     fn largest_force(&self, radius: f64) -> f64 {
         let overlap = 2.0 * LARGEST_OVERLAP * radius;
-        self.normal_stiffness * overlap * overlap.sqrt() * self.friction.max(1.0)
+        self.normal_stiffness * overlap * overlap.sqrt() * self.friction.clamp(1.0, 2.0)
     }
 
     #[inline(always)]
