@@ -88,7 +88,7 @@ fn newtons_method_finds_the_state_of_overdamped_dynamics() {
         let method = format!("--set=relax.method={method}");
         let more = [
             &*method,
-            "--set=relax.tolerance=1e-13",
+            "--set=relax.tolerance=1e-12",
             "--set=relax.drag=0.022",
             "--set=contact.friction=10.0",
             "--set=aqs.strain_step=1e-6",

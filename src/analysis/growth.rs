@@ -20,7 +20,8 @@ const ABOVE_NOISE: f64 = 1e3;
 
 /// Fits the growth of M, [L] at the times [L] in order, where M is less than `linear`, up to which the equations are linear.
 ///
-/// ω_i is that of the line through ln M over the stretch. ω_r comes from the rows that lie densest: those of equal, least intervals.
+/// ω_r comes from the rows that lie densest: those of equal, least intervals. ω_i is that of the line through ln M over the stretch, beside its
+/// oscillation.
 /// `None` where M does not grow by a decade.
 pub fn fit(time: &[f64], msd: &[f64], linear: f64) -> Option<Growth> {
     let early = msd.iter().filter(|m| **m > 0.0).take(20);
@@ -37,20 +38,42 @@ pub fn fit(time: &[f64], msd: &[f64], linear: f64) -> Option<Growth> {
         .filter(|&k| msd[k] > 0.0)
         .map(|k| [time[k], msd[k].ln()])
         .collect();
-    let slope = slope(&thinned(&points))?;
+    let first = slope(&thinned(&points))?;
     let (from, to) = (time[begin], time[end - 1]);
-    let decades = slope * (to - from) / std::f64::consts::LN_10;
+    let decades = first * (to - from) / std::f64::consts::LN_10;
     if decades < 1.0 {
         return None;
     }
-    let omega_i = 0.5 * slope;
+    let omega_r = frequency(&time[rows.clone()], &msd[rows], 0.5 * first);
+    let refined = omega_r.and_then(|omega| slope_beside(&points, 2.0 * omega));
     Some(Growth {
-        omega_i,
-        omega_r: frequency(&time[rows.clone()], &msd[rows], omega_i).unwrap_or(f64::NAN),
+        omega_i: 0.5 * refined.unwrap_or(first),
+        omega_r: omega_r.unwrap_or(f64::NAN),
         from,
         to,
         decades,
     })
+}
+
+/// Of the line of least squares beside an oscillation of this frequency and its harmonics, which the logarithm makes.
+fn slope_beside(points: &[[f64; 2]], omega: f64) -> Option<f64> {
+    use nalgebra::{DMatrix, DVector};
+    const HARMONICS: usize = 6;
+    let start = points.first()?[0];
+    let length = points.last()?[0] - start;
+    let row = |k: usize, column: usize| {
+        let t = points[k][0] - start;
+        match (column, column / 2) {
+            (0, _) => 1.0,
+            (1, _) => t / length,
+            (even, n) if even % 2 == 0 => (n as f64 * omega * t).cos(),
+            (_, n) => (n as f64 * omega * t).sin(),
+        }
+    };
+    let of = DMatrix::from_fn(points.len(), 2 + 2 * HARMONICS, row);
+    let to = DVector::from_fn(points.len(), |k, _| points[k][1]);
+    let normal = (of.transpose() * &of).cholesky()?;
+    Some(normal.solve(&(of.transpose() * to))[1] / length)
 }
 
 /// Points at about equal distances, so that stretches of many rows do not weigh more than others: one in each of 400 intervals.

@@ -48,8 +48,10 @@ pub(super) fn observe<C: ContactLaw, E: Exchange>(
     samples: &mut ContactForces,
     grains: u32,
 ) -> Observed {
-    // Dampers do not count: the forces are those of a packing at rest, and what the grains feel is put back.
+    // What the grains feel and the contacts remember is put back: a pass without a step, too, projects histories anew on their planes,
+    // which changes their last bits.
     let felt = system.grains.force.clone();
+    let remembered = system.contacts.history.clone();
     let outside = forces(
         exchange,
         system,
@@ -60,6 +62,7 @@ pub(super) fn observe<C: ContactLaw, E: Exchange>(
     );
     debug_assert!(outside.is_none());
     system.grains.force = felt;
+    system.contacts.history = remembered;
     let shares = shares::<C>(system, law, samples);
     let mut all: Vec<Share> = exchange
         .gather(cast_slice(&shares))

@@ -13,7 +13,6 @@ use crate::failure::Failure;
 use crate::kernel::ContactForces;
 use crate::periodic::equilibrium::Found;
 use crate::run::Ending;
-use crate::step::initial_forces;
 use crate::system::System;
 
 impl<E: Exchange> PeriodicRun<'_, E> {
@@ -26,8 +25,8 @@ impl<E: Exchange> PeriodicRun<'_, E> {
     ) -> Result<Ending, Failure> {
         let (exchange, scene) = (self.exchange, self.scene);
         let mut system = self.system::<C::Space>(state.cell)?;
+        // With the forces of the state: computing them anew would not be what the run that was not stopped does.
         state.put_back(exchange, &mut system, law)?;
-        initial_forces(exchange, &mut system, law, &mut NoWalls, None)?;
         let mut recorder = Recorder::open(exchange, scene, &system, &self.options.out, &header)?;
         let mut progress = header
             .as_ref()
@@ -66,7 +65,6 @@ impl<E: Exchange> PeriodicRun<'_, E> {
                 progress.birth = Some(birth);
                 self.terminal.born(&birth);
                 after.put_back(exchange, &mut system, law)?;
-                initial_forces(exchange, &mut system, law, &mut NoWalls, None)?;
             }
             stopped = self.asked_to_stop() || self.options.stop_at == Some(progress.steps);
             let ends = progress.steps == scene.aqs.steps || self.enough(&progress);
