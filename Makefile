@@ -69,7 +69,7 @@ peers: build
 
 # A packing is made once; 75 is the exit code of a run that was stopped.
 out/million/packing.data: | build
-	$(MPIRUN) -n $(RANKS) $(PROGRAM) configs/gouge-default.toml --out out/million/packing --stop-at 1 || [ $$? -eq 75 ]
+	$(MPIRUN) -n $(RANKS) $(PROGRAM) configs/gouge-default.toml --set time.collision_speed=none --out out/million/packing --stop-at 1 || [ $$? -eq 75 ]
 	$(REDUCE) export out/million/packing/checkpoint.h5 --format lammps-data --out $@
 
 million: build out/million/packing.data
