@@ -66,15 +66,14 @@ pub(super) fn toml(scene: &Scene, damping: DampingChoice, load: LoadChoice, forc
     let mut t = Lines(String::new());
     t.line("# What is run: every default filled in. What follows from it:");
     t.0.push_str(&derived_comments(scene));
-    t.text("title", &scene.title);
-    t.whole("seed", scene.seed);
-    t.whole("dimension", scene.dimension.axes() as u64);
     let common = Common {
+        title: &scene.title,
+        seed: scene.seed,
         dimension: scene.dimension,
         law: scene.law,
         contact: scene.contact,
     };
-    materials(&mut t, &common, damping);
+    head(&mut t, &common, damping);
     plane_shear(&mut t, scene, load, force);
     t.0
 }
@@ -88,15 +87,14 @@ pub(super) fn periodic(scene: &PeriodicScene, damping: DampingChoice, force: boo
         "# its limit of stability = {:?}",
         scene.time_step.limit
     ));
-    t.text("title", &scene.title);
-    t.whole("seed", scene.seed);
-    t.whole("dimension", scene.dimension.axes() as u64);
     let common = Common {
+        title: &scene.title,
+        seed: scene.seed,
         dimension: scene.dimension,
         law: scene.law,
         contact: scene.contact,
     };
-    materials(&mut t, &common, damping);
+    head(&mut t, &common, damping);
     t.table("sample");
     t.whole("grains", scene.sample.grains.into());
     radii(&mut t, &scene.sample, Some(&scene.sizes));
@@ -138,13 +136,18 @@ pub(super) fn periodic(scene: &PeriodicScene, damping: DampingChoice, force: boo
 }
 
 /// What scenes with and without walls have in common.
-struct Common {
+struct Common<'a> {
+    title: &'a str,
+    seed: u64,
     dimension: Dimensions,
     law: Law,
     contact: Contact,
 }
 
-fn materials(t: &mut Lines, scene: &Common, damping: DampingChoice) {
+fn head(t: &mut Lines, scene: &Common<'_>, damping: DampingChoice) {
+    t.text("title", scene.title);
+    t.whole("seed", scene.seed);
+    t.whole("dimension", scene.dimension.axes() as u64);
     t.table("material");
     let material = match scene.law {
         Law::LeeHurley(material) => Some([material.young_modulus, material.poisson_ratio]),

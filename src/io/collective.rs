@@ -90,6 +90,14 @@ impl IdBlocks {
     }
 }
 
+/// Everybody's records in the order of `key`, on every rank. Collective.
+pub fn gathered<R: Pod, K: Ord>(exchange: &impl Exchange, own: &[R], key: fn(&R) -> K) -> Vec<R> {
+    let all = exchange.gather(bytemuck::cast_slice(own));
+    let mut all: Vec<R> = all.iter().flat_map(|bytes| records_of(bytes)).collect();
+    all.sort_unstable_by_key(key);
+    all
+}
+
 /// The records in these bytes, wherever in memory they begin.
 pub fn records_of<T: Pod>(bytes: &[u8]) -> impl Iterator<Item = T> {
     let pieces = bytes.chunks_exact(size_of::<T>());

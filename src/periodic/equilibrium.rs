@@ -30,8 +30,8 @@ pub(crate) struct Found {
     pub fell_back: bool,
 }
 
-/// dr and dθ of a grain; in two dimensions dθ is about z and comes third.
-pub(super) type Move = [f64; 6];
+/// dr and dθ of a grain; zeros for what two dimensions lack.
+pub(super) type Move = [[f64; 3]; 2];
 
 impl<E: Exchange> PeriodicRun<'_, E> {
     /// Brings the system, whose forces are those of its positions, to rest.
@@ -91,7 +91,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
             *factorisations += 1;
             let furthest = moves
                 .iter()
-                .map(|m| m[..C::Space::AXES].iter().map(|x| x * x).sum::<f64>());
+                .map(|[way, _]| way.iter().map(|x| x * x).sum::<f64>());
             let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
             let smooth = furthest < longest;
             if !smooth || !displace(exchange, system, law, &moves, 0.0)? {
@@ -189,11 +189,11 @@ pub(super) fn displace<C: ContactLaw>(
     }
     system.cell.shear(shear);
     let cell = system.cell;
-    for (g, by) in moves.iter().enumerate() {
+    for (g, [way, turn]) in moves.iter().enumerate() {
         let fields = system.grains.fields_mut(g);
         for axis in 0..axes {
-            fields[C::Space::HALF_VELOCITY + axis] = by[axis] / step;
-            let x = fields[axis] + by[axis];
+            fields[C::Space::HALF_VELOCITY + axis] = way[axis] / step;
+            let x = fields[axis] + way[axis];
             fields[axis] = match cell.periods.get(axis) {
                 Some(&period) if axis < C::Space::UP && !(0.0..period).contains(&x) => {
                     Cell::wrapped(x, period)
@@ -202,7 +202,7 @@ pub(super) fn displace<C: ContactLaw>(
             };
         }
         for k in 0..spins {
-            fields[C::Space::HALF_SPIN + k] = by[axes + k] / step;
+            fields[C::Space::HALF_SPIN + k] = turn[3 - spins + k] / step;
         }
         cell.wrap_up::<C::Space>(fields);
     }

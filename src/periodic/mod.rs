@@ -25,7 +25,7 @@ use crate::domain::Exchange;
 use crate::drive::NoWalls;
 use crate::failure::Failure;
 use crate::io::checkpoint;
-use crate::run::{Ending, Options};
+use crate::run::{Ending, Options, level_of};
 use crate::signals::Signals;
 use crate::simd::Level;
 use crate::state::{Cell, ContactState, GrainState, Snapshot};
@@ -162,14 +162,11 @@ impl<'a, E: Exchange> PeriodicRun<'a, E> {
         scene: &'a PeriodicScene,
         options: &'a Options,
     ) -> Result<Self, Failure> {
-        let level = Level::named(scene.bookkeeping.simd).ok_or_else(|| {
-            Failure::input(format!("this processor has no {}", scene.bookkeeping.simd))
-        })?;
         Ok(Self {
             exchange,
             scene,
             options,
-            level,
+            level: level_of(&scene.bookkeeping)?,
             signals: Signals::catch()?,
             terminal: Terminal::new(exchange.rank() == 0),
             started: Instant::now(),

@@ -1,6 +1,6 @@
 //! Newton's equations from the last state at rest: the growth of a complex pair (BO section IV).
 
-use bytemuck::{Pod, Zeroable, allocation::pod_collect_to_vec, cast_slice};
+use bytemuck::{Pod, Zeroable};
 
 use super::observe::observe;
 use super::record::NewtonianRecorder;
@@ -12,6 +12,7 @@ use crate::dimension::Dimension;
 use crate::domain::Exchange;
 use crate::drive::NoWalls;
 use crate::failure::Failure;
+use crate::io::collective::gathered;
 use crate::kernel::ContactForces;
 use crate::run::Ending;
 use crate::step::{advance, initial_forces};
@@ -162,17 +163,6 @@ pub(super) struct Moved {
     /// Mean of |Δr|² + R² |Δθ|² (BO eq. 10).
     pub msd: f64,
     pub kinetic_energy: f64,
-}
-
-/// Everybody's records, sorted.
-fn gathered<R: Pod, K: Ord>(exchange: &impl Exchange, own: &[R], key: fn(&R) -> K) -> Vec<R> {
-    let mut all: Vec<R> = exchange
-        .gather(cast_slice(own))
-        .iter()
-        .flat_map(|bytes| pod_collect_to_vec::<u8, R>(bytes))
-        .collect();
-    all.sort_unstable_by_key(key);
-    all
 }
 
 impl Motion {

@@ -1,11 +1,12 @@
 //! What is measured of a packing in a box: sums over all contacts in one order, so that they do not depend on the ranks.
 
-use bytemuck::{Pod, Zeroable, allocation::pod_collect_to_vec, cast_slice};
+use bytemuck::{Pod, Zeroable};
 
 use crate::contact::ContactLaw;
 use crate::dimension::Dimension;
 use crate::domain::Exchange;
 use crate::drive::NoWalls;
+use crate::io::collective::gathered;
 use crate::kernel::ContactForces;
 use crate::simd::{Lanes, Portable, PortableToken, Row};
 use crate::state::length;
@@ -64,12 +65,7 @@ pub(super) fn observe<C: ContactLaw, E: Exchange>(
     system.grains.force = felt;
     system.contacts.history = remembered;
     let shares = shares::<C>(system, law, samples);
-    let mut all: Vec<Share> = exchange
-        .gather(cast_slice(&shares))
-        .iter()
-        .flat_map(|bytes| pod_collect_to_vec::<u8, Share>(bytes))
-        .collect();
-    all.sort_unstable_by_key(|c| (c.i, c.j));
+    let all = gathered(exchange, &shares, |c| (c.i, c.j));
     let sum = |of: fn(&Share) -> f64| all.iter().map(of).sum::<f64>();
     let height = system.cell.sheared.map_or(f64::NAN, |s| s.height);
     let base: f64 = system.cell.periods[..C::Space::UP].iter().product();

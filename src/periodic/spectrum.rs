@@ -7,13 +7,13 @@ use faer::c64;
 use super::Pair;
 use super::equilibrium::Move;
 use crate::analysis::jacobian::{self, History, Jacobian};
-use crate::analysis::spectrum::{Problem, Solver, Spectrum, Verdict};
+use crate::analysis::spectrum::{Solver, Spectrum, Verdict};
 use crate::contact::ContactLaw;
 use crate::contact::stiffness::Stiffness;
 use crate::dimension::Dimension;
 use crate::domain::Exchange;
 use crate::failure::Failure;
-use crate::io::collective::agree;
+use crate::io::collective::{agree, gathered};
 use crate::state::{ContactState, GrainState};
 use crate::system::System;
 
@@ -26,19 +26,11 @@ pub(super) struct Whole {
 impl Whole {
     /// Collective; on every rank.
     pub fn gather<C: ContactLaw>(exchange: &impl Exchange, system: &System<C::Space>) -> Self {
-        let grains = exchange.gather(cast_slice(&system.grain_states()));
-        let contacts = exchange.gather(cast_slice(&system.own_contact_states::<C>()));
-        let mut grains: Vec<GrainState> = grains
-            .iter()
-            .flat_map(|bytes| pod_collect_to_vec(bytes))
-            .collect();
-        let mut contacts: Vec<ContactState> = contacts
-            .iter()
-            .flat_map(|bytes| pod_collect_to_vec(bytes))
-            .collect();
-        grains.sort_unstable_by_key(|g| g.id);
-        contacts.sort_unstable_by_key(|c| (c.i, c.j));
-        Self { grains, contacts }
+        let contacts = system.own_contact_states::<C>();
+        Self {
+            grains: gathered(exchange, &system.grain_states(), |g| g.id),
+            contacts: gathered(exchange, &contacts, |c| (c.i, c.j)),
+        }
     }
 
     /// Whether no contact of `other` has opened.
@@ -90,20 +82,15 @@ impl Whole {
         solver: &mut Solver,
     ) -> Option<Vec<Move>> {
         let jacobian = self.jacobian(system, law);
-        let null = jacobian.translations();
-        let problem = Problem::new(&jacobian.k, &jacobian.mass, null.as_ref()).ok()?;
-        let force = jacobian.grains.iter().flat_map(|&id| {
+        let problem = jacobian.problem().ok()?;
+        let force = jacobian.unknowns_of(|id| {
             let g = &self.grains[id as usize];
-            let mut of = [0.0; 6];
-            of[..D::AXES].copy_from_slice(&g.force[..D::AXES]);
-            of[D::AXES..D::AXES + D::SPINS].copy_from_slice(&g.torque[3 - D::SPINS..]);
-            of.into_iter().take(jacobian.per_grain)
+            [g.force, g.torque]
         });
-        let force: Vec<f64> = force.collect();
         let moved = solver.factor(&problem).ok()?.solve(&force).x;
-        let mut moves = vec![[0.0; 6]; self.grains.len()];
-        for (of, &id) in moved.chunks(jacobian.per_grain).zip(&jacobian.grains) {
-            moves[id as usize][..of.len()].copy_from_slice(of);
+        let mut moves = vec![[[0.0; 3]; 2]; self.grains.len()];
+        for (id, by) in jacobian.by_grain(&moved) {
+            moves[id as usize] = by;
         }
         Some(moves)
     }
@@ -138,9 +125,8 @@ impl Whole {
         law: &dyn Stiffness,
     ) -> Result<Vec<[f64; 3]>, Failure> {
         let jacobian = self.jacobian(system, law);
-        let null = jacobian.translations();
         let unfit = |why| Failure::numbers(format!("the stiffness matrix: {why}"));
-        let problem = Problem::new(&jacobian.k, &jacobian.mass, null.as_ref()).map_err(unfit)?;
+        let problem = jacobian.problem().map_err(unfit)?;
         let row = |value: c64| {
             let verdict = Verdict::of_value(value, problem.norm());
             let place = Verdict::ALL.iter().position(|known| *known == verdict);

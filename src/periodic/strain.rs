@@ -109,7 +109,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
             let part = by / parts;
             let affine = |g: usize| {
                 let up = system.grains.fields(g)[C::Space::UP];
-                [part * up, 0.0, 0.0, 0.0, 0.0, 0.0]
+                [[part * up, 0.0, 0.0], [0.0; 3]]
             };
             let moves: Vec<_> = (0..system.grains.owned).map(affine).collect();
             if !displace(self.exchange, system, law, &moves, part * height)? {

@@ -6,7 +6,7 @@ use super::replay::{self, Wanted};
 use super::scalars::FrameSeries;
 use super::stiffness::Found;
 use crate::analysis::jacobian::History;
-use crate::analysis::spectrum::{Problem, Spectrum, Verdict};
+use crate::analysis::spectrum::{Spectrum, Verdict};
 use crate::failure::Failure;
 use crate::io::checkpoint;
 use crate::io::run_reader::Run;
@@ -86,12 +86,7 @@ fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
         return Ok(None);
     }
     let unfit = |why| Failure::numbers(format!("{}: {why}", checkpoint.display()));
-    let problem = Problem::new(
-        &jacobian.k,
-        &jacobian.mass,
-        jacobian.translations().as_ref(),
-    );
-    let problem = problem.map_err(unfit)?;
+    let problem = jacobian.problem().map_err(unfit)?;
     let spectrum = Spectrum::dense(&problem);
     let pairs = (0..spectrum.eigenvalues.len())
         .filter(|&k| spectrum.eigenvalues[k].verdict == Verdict::Pair);

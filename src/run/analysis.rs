@@ -5,10 +5,11 @@
 use crate::analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS, Scratch, frame_scalars};
 use crate::dimension::Dimension;
 use crate::domain::Exchange;
-use crate::io::collective::{IdBlocks, records_of};
+use crate::io::collective::{IdBlocks, gathered, records_of};
+use crate::record::shapes;
 use crate::state::{ContactForce, ContactSample, Disks, Frame, FramePart, GrainPlace, GrainSample};
 use crate::system::System;
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Zeroable;
 
 /// Bytes of frames gathered before they are analysed, on each rank in the mean.
 const BATCH_BYTES: usize = 1 << 20;
@@ -30,16 +31,6 @@ pub struct Analysis {
     scratch: Scratch,
 }
 
-/// What never changes of a grain, on its way to all ranks.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Shape {
-    id: u32,
-    body: u32,
-    radius: f64,
-    mass: f64,
-}
-
 impl Analysis {
     /// Of the system's grains, going on from the frame that was analysed last, if there is one. Collective.
     pub fn new<E: Exchange, D: Dimension>(
@@ -47,17 +38,7 @@ impl Analysis {
         system: &System<D>,
         before: Option<FramePart>,
     ) -> Self {
-        let own = &system.grains;
-        let shape = |g: usize| Shape {
-            id: own.id[g],
-            body: own.body[g],
-            radius: own.radius[g],
-            mass: own.mass[g],
-        };
-        let shapes: Vec<Shape> = (0..own.owned).map(shape).collect();
-        let all = exchange.gather(bytemuck::cast_slice(&shapes));
-        let mut shapes: Vec<Shape> = all.iter().flat_map(|bytes| records_of(bytes)).collect();
-        shapes.sort_unstable_by_key(|g| g.id);
+        let shapes = gathered(exchange, &shapes(system), |g| g.id);
         let frame = shapes.len() * (size_of::<GrainPlace>() + 2 * size_of::<ContactForce>());
         let each = (BATCH_BYTES / frame.max(1)).clamp(1, MOST_INTERVALS);
         Self {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{self, Dimensions, Law, Origin, PackingFile, Scene, Source};
+use crate::config::{self, Bookkeeping, Dimensions, Law, Origin, PackingFile, Scene, Source};
 use crate::contact::ContactLaw;
 use crate::contact::family::{Family, MindlinIn, SpringsInSpace};
 use crate::dimension::{Dimension, Three, Two};
@@ -159,14 +159,11 @@ struct State {
 
 impl<'a, E: Exchange> Run<'a, E> {
     pub fn new(exchange: &'a E, scene: &'a Scene, options: &'a Options) -> Result<Self, Failure> {
-        let level = Level::named(scene.bookkeeping.simd).ok_or_else(|| {
-            Failure::input(format!("this processor has no {}", scene.bookkeeping.simd))
-        })?;
         Ok(Self {
             exchange,
             scene,
             options,
-            level,
+            level: level_of(&scene.bookkeeping)?,
             signals: Signals::catch()?,
             terminal: Terminal::new(exchange.rank() == 0 && options.replay.is_none()),
             started: Instant::now(),
@@ -405,6 +402,12 @@ impl<'a, E: Exchange> Run<'a, E> {
 
 fn is_zero(count: &u64) -> bool {
     *count == 0
+}
+
+/// The instruction set that is asked for. Errors: this processor does not have it.
+pub fn level_of(bookkeeping: &Bookkeeping) -> Result<Level, Failure> {
+    let name = bookkeeping.simd;
+    Level::named(name).ok_or_else(|| Failure::input(format!("this processor has no {name}")))
 }
 
 fn in_stage(failure: Failure, stage: &str) -> Failure {

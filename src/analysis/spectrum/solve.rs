@@ -7,7 +7,7 @@ use super::lu::{Lu, Singular};
 use super::problem::Problem;
 use super::symbolic::Symbolic;
 
-/// Shift of the factors over ‖A‖, below zero. K has zero modes that nobody knows of (grains that their contacts hold in some directions only);
+/// Shift of the factors over the greatest column of A, below zero. K has zero modes that nobody knows of (grains that their contacts hold in some directions only);
 /// with it the factors exist all the same, and what rounding leaves along such modes grows by its inverse at the most. Refinement
 /// takes its effect on all other modes away again, as long as it is well below them.
 const SHIFT: f64 = -1e-9;
@@ -52,7 +52,7 @@ impl Solver {
             self.analyses += 1;
         }
         let (_, symbolic) = self.made.as_ref().expect("just made");
-        let shift = SHIFT * problem.norm();
+        let shift = SHIFT * problem.greatest_column();
         let lu = Lu::new(symbolic, problem.matrix().val(), shift, Par::Seq)?;
         Ok(Factors { problem, lu })
     }

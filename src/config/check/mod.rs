@@ -17,6 +17,7 @@ use super::write;
 use crate::failure::Failure;
 use crate::simd::Level;
 use sample::SampleKeys;
+use toml::Spanned;
 
 const DAMPING: Bounds = Bounds {
     hold: |x| (0.0..1.0).contains(&x),
@@ -47,12 +48,11 @@ pub(super) fn scene(
     packing: ReadPacking<'_>,
 ) -> Result<Scene, Failure> {
     let mut c = Checker::new(input, tables);
-    let title = c.text(&Key::new("title", raw.title));
-    let seed = c.whole(&Key::new("seed", raw.seed), 0, i64::MAX);
-    let dimension = match c.whole(&Key::new("dimension", raw.dimension), 2, 3) {
-        Some(3) => Dimensions::Three,
-        _ => Dimensions::Two,
-    };
+    let Head {
+        title,
+        seed,
+        dimension,
+    } = head(&mut c, raw.title, raw.seed, raw.dimension);
     let (law, contact, damping_choice) = law::check(&mut c, dimension, raw.material, raw.contact);
     let sample = sample::check(&mut c, dimension, raw.sample);
     let load_keys = load::check(&mut c, raw.load);
@@ -121,7 +121,7 @@ pub(super) fn scene(
 
     let mut scene = Scene {
         title: title.unwrap_or_else(|| "Plane shear".into()),
-        seed: seed.map_or(1, i64::unsigned_abs),
+        seed,
         dimension,
         law,
         contact,
@@ -138,6 +138,32 @@ pub(super) fn scene(
     };
     scene.toml = write::toml(&scene, damping_choice, load_choice, force);
     Ok(scene)
+}
+
+/// What stands above all tables.
+struct Head {
+    title: Option<String>,
+    seed: u64,
+    dimension: Dimensions,
+}
+
+fn head(
+    c: &mut Checker<'_>,
+    title: Option<Spanned<raw::Text>>,
+    seed: Option<Spanned<raw::Whole>>,
+    dimension: Option<Spanned<raw::Whole>>,
+) -> Head {
+    let title = c.text(&Key::new("title", title));
+    let seed = c.whole(&Key::new("seed", seed), 0, i64::MAX);
+    let dimension = c.whole(&Key::new("dimension", dimension), 2, 3);
+    Head {
+        title,
+        seed: seed.map_or(1, i64::unsigned_abs),
+        dimension: match dimension {
+            Some(3) => Dimensions::Three,
+            _ => Dimensions::Two,
+        },
+    }
 }
 
 fn check_pack(c: &mut Checker<'_>, pack: raw::Pack, sample: &SampleKeys) -> Pack {

@@ -1,6 +1,6 @@
 //! The scene without walls: `[box]`, `[relax]`, `[aqs]` and `[newtonian]`.
 
-use super::{Bounds, Checker, Key, NOT_NEGATIVE, POSITIVE, UNIT, key, law, sample};
+use super::{Bounds, Checker, Head, Key, NOT_NEGATIVE, POSITIVE, UNIT, head, key, law, sample};
 use crate::config::derived;
 use crate::config::periodic::{Aqs, Method, Newtonian, PeriodicScene, Relax};
 use crate::config::raw::{self, Raw};
@@ -27,12 +27,11 @@ pub(in crate::config) fn scene(
     tables: Vec<(String, usize)>,
 ) -> Result<PeriodicScene, Failure> {
     let mut c = Checker::new(input, tables);
-    let title = c.text(&Key::new("title", raw.title));
-    let seed = c.whole(&Key::new("seed", raw.seed), 0, i64::MAX);
-    let dimension = match c.whole(&Key::new("dimension", raw.dimension), 2, 3) {
-        Some(3) => Dimensions::Three,
-        _ => Dimensions::Two,
-    };
+    let Head {
+        title,
+        seed,
+        dimension,
+    } = head(&mut c, raw.title, raw.seed, raw.dimension);
     let (law, contact, damping) = law::check(&mut c, dimension, raw.material, raw.contact);
     let grains = sample::check_boxed(&mut c, dimension, raw.sample);
     let solid_fraction = c.required(
@@ -81,7 +80,7 @@ pub(in crate::config) fn scene(
     let time_step: TimeStep = super::check_step(&mut c, [limit, default], &step_key, given, force)?;
     let mut scene = PeriodicScene {
         title: title.unwrap_or_else(|| "Periodic box".into()),
-        seed: seed.map_or(1, i64::unsigned_abs),
+        seed,
         dimension,
         law,
         contact,
