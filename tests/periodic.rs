@@ -28,9 +28,9 @@ fn digests(outcome: &Outcome) -> Vec<String> {
         .collect()
 }
 
-/// Contracts 1 and 3 in 2D and 3D: any number of ranks, threads, instruction sets and skins; stopped and gone on with.
+/// Contracts 1 to 3 in 2D and 3D: any number of ranks, threads, instruction sets and skins; other output; stopped and gone on with.
 #[test]
-fn bookkeeping_never_reaches_the_numbers() {
+fn neither_bookkeeping_nor_output_reaches_the_numbers() {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
@@ -47,12 +47,29 @@ fn bookkeeping_never_reaches_the_numbers() {
         for (ranks, more) in [
             (2, &[][..]),
             (3, &["--set=bookkeeping.skin=0.05"]),
-            (1, &["--set=bookkeeping.simd=portable"]),
             (2, &["--threads=2", "--set=bookkeeping.rebuild_every=7"]),
         ] {
             let found = digests(&run(&at("other"), ranks, &with(more)));
             assert_eq!(found, expected, "{dimension}, {ranks} ranks, {more:?}");
         }
+        for simd in ["portable", "avx2"] {
+            if gshear::simd::Level::named(simd).is_some() {
+                let set = format!("--set=bookkeeping.simd={simd}");
+                let found = digests(&run(&at("other"), 1, &[&base[..], &[&*set]].concat()));
+                assert_eq!(found, expected, "{dimension}, {simd}");
+            }
+        }
+        // Contract 2: what is written, and the birth that is looked for on the way, change nothing.
+        let other_output = [
+            "--set=aqs.frame_every=1",
+            "--set=newtonian.rows=7",
+            "--set=newtonian.frames=0",
+        ];
+        let found = digests(&run(&at("other"), 1, &with(&other_output)));
+        assert_eq!(found, expected, "{dimension}, other output");
+        let looking = ["--set=aqs.spectrum=true", "--set=aqs.birth_precision=1e-3"];
+        let found = digests(&run(&at("other"), 2, &with(&looking)));
+        assert_eq!(found[0], expected[0], "{dimension}, with spectra");
         let stopped = run(&at("part"), 2, &with(&["--stop-at=5"]));
         assert_eq!(stopped.code, 75, "{}", stopped.text);
         let checkpoint = format!("--resume={}", at("part").join("checkpoint.h5").display());

@@ -1,6 +1,6 @@
 //! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
 
-use super::spectrum::Whole;
+use super::spectrum::{Whole, newton_step};
 use super::{Held, PeriodicRun};
 use crate::config::Method;
 use crate::contact::ContactLaw;
@@ -12,8 +12,10 @@ use crate::state::{Cell, body};
 use crate::step::{advance, forces, initial_forces};
 use crate::system::System;
 
-/// Steps of Newton's method, of which a few are enough where the way is smooth.
-const MOST_ITERATIONS: u64 = 12;
+/// Factorisations of Newton's method, of which one or two are enough where the way is smooth.
+const MOST_FACTORISATIONS: u64 = 12;
+/// Factors serve as long as a step leaves less than this of the residual.
+const SERVING: f64 = 0.1;
 /// A step of it may move no grain further, over d̄: beyond, the way is not smooth.
 pub(super) const LONGEST: f64 = 0.02;
 /// Overdamped dynamics is looked at every so many steps.
@@ -53,8 +55,8 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         Ok(found)
     }
 
-    /// Newton's method on the forces as the histories follow the displacements: each step is one step of the dynamics. Returns
-    /// whether it has come to rest, with all contacts that there were.
+    /// Newton's method on the forces as the histories follow the displacements: each step is one step of the dynamics. K is factorised
+    /// anew only where the last factors do not serve any more. Returns whether it has come to rest, with all contacts that there were.
     fn newton<C: ContactLaw>(
         &self,
         system: &mut System<C::Space>,
@@ -64,41 +66,46 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         let (exchange, tolerance) = (self.exchange, self.scene.relax.tolerance);
         let before = Whole::gather::<C>(exchange, system);
         let longest = LONGEST * self.scene.sample.mean_diameter;
-        let mut last = f64::INFINITY;
-        for _ in 0..MOST_ITERATIONS {
-            let residual = residual(exchange, system, 0.0);
-            if residual <= tolerance {
-                let after = Whole::gather::<C>(exchange, system);
-                return Ok(after.has_contacts_of(&before));
-            }
-            // NaN is no progress.
-            let falls = residual < last;
-            if !falls {
+        let mut left = residual(exchange, system, 0.0);
+        let mut solver = self.solver.borrow_mut();
+        while left > tolerance {
+            if *factorisations == MOST_FACTORISATIONS {
                 return Ok(false);
             }
-            last = residual;
-            system.list.widen(2.5 * longest);
-            system.rebuild(exchange, law, &mut NoWalls)?;
-            let whole = Whole::gather::<C>(exchange, system);
-            let Some(moves) = whole.newton_step::<C::Space>(
-                exchange,
-                system,
-                self.stiffness.as_ref(),
-                &mut self.solver.borrow_mut(),
-            ) else {
-                return Ok(false);
-            };
             *factorisations += 1;
-            let furthest = moves
-                .iter()
-                .map(|[way, _]| way.iter().map(|x| x * x).sum::<f64>());
-            let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
-            let smooth = furthest < longest;
-            if !smooth || !displace(exchange, system, law, &moves, 0.0)? {
-                return Ok(false);
+            let whole = Whole::gather::<C>(exchange, system);
+            let tangent = whole.tangent(exchange, system, self.stiffness.as_ref());
+            let factors = tangent.as_ref().and_then(|t| t.factor(&mut solver));
+            loop {
+                system.list.widen(2.5 * longest);
+                system.rebuild(exchange, law, &mut NoWalls)?;
+                let tangent = tangent.as_ref().zip(factors.as_ref());
+                let Some(moves) = newton_step(exchange, system, tangent) else {
+                    return Ok(false);
+                };
+                let furthest = moves
+                    .iter()
+                    .map(|[way, _]| way.iter().map(|x| x * x).sum::<f64>());
+                let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
+                let smooth = furthest < longest;
+                if !smooth || !displace(exchange, system, law, &moves, 0.0)? {
+                    return Ok(false);
+                }
+                let now = residual(exchange, system, 0.0);
+                // NaN is no progress.
+                let falls = now < left;
+                if !falls {
+                    return Ok(false);
+                }
+                let serves = now < SERVING * left;
+                left = now;
+                if left <= tolerance || !serves {
+                    break;
+                }
             }
         }
-        Ok(false)
+        let after = Whole::gather::<C>(exchange, system);
+        Ok(after.has_contacts_of(&before))
     }
 
     /// BO's overdamped dynamics, until no force is greater than the tolerance. Returns its steps.

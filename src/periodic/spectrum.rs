@@ -7,7 +7,7 @@ use faer::c64;
 use super::Pair;
 use super::equilibrium::Move;
 use crate::analysis::jacobian::{self, History, Jacobian};
-use crate::analysis::spectrum::{Solver, Spectrum, Verdict};
+use crate::analysis::spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
 use crate::contact::ContactLaw;
 use crate::contact::stiffness::Stiffness;
 use crate::dimension::Dimension;
@@ -55,44 +55,19 @@ impl Whole {
         jacobian::assemble::<D>(state, law, History::Turned)
     }
 
-    /// Newton's step dq of the own grains, K dq = F without zero modes; `None` where K cannot be factorised. Rank 0 solves, so that all
-    /// move by the same bits; collective.
-    pub fn newton_step<D: Dimension>(
+    /// K, on rank 0; `None` on the others, and where it is no matrix of finite numbers.
+    pub fn tangent<D: Dimension>(
         &self,
         exchange: &impl Exchange,
         system: &System<D>,
         law: &dyn Stiffness,
-        solver: &mut Solver,
-    ) -> Option<Vec<Move>> {
-        let solved = match exchange.rank() {
-            0 => self.solve(system, law, solver).unwrap_or_default(),
-            _ => Vec::new(),
-        };
-        let bytes = exchange.broadcast(cast_slice(&solved).to_vec());
-        let moves: Vec<Move> = pod_collect_to_vec(&bytes);
-        let own = &system.grains.id[..system.grains.owned];
-        (!moves.is_empty()).then(|| own.iter().map(|&id| moves[id as usize]).collect())
-    }
-
-    /// Of all grains, by id.
-    fn solve<D: Dimension>(
-        &self,
-        system: &System<D>,
-        law: &dyn Stiffness,
-        solver: &mut Solver,
-    ) -> Option<Vec<Move>> {
+    ) -> Option<Tangent> {
+        if exchange.rank() != 0 {
+            return None;
+        }
         let jacobian = self.jacobian(system, law);
         let problem = jacobian.problem().ok()?;
-        let force = jacobian.unknowns_of(|id| {
-            let g = &self.grains[id as usize];
-            [g.force, g.torque]
-        });
-        let moved = solver.factor(&problem).ok()?.solve(&force).x;
-        let mut moves = vec![[[0.0; 3]; 2]; self.grains.len()];
-        for (id, by) in jacobian.by_grain(&moved) {
-            moves[id as usize] = by;
-        }
-        Some(moves)
+        Some(Tangent { jacobian, problem })
     }
 
     /// All eigenvalues of K v = λ M v; on every rank. Rank 0 finds them; collective.
@@ -134,6 +109,48 @@ impl Whole {
         };
         Ok(Spectrum::values(&problem).into_iter().map(row).collect())
     }
+}
+
+/// K of a packing, for Newton's method.
+pub(super) struct Tangent {
+    jacobian: Jacobian,
+    problem: Problem,
+}
+
+impl Tangent {
+    /// `None` where a pivot vanishes.
+    pub fn factor<'a>(&'a self, solver: &'a mut Solver) -> Option<Factors<'a>> {
+        solver.factor(&self.problem).ok()
+    }
+
+    /// dq of K dq = F, without zero modes, of all grains by id.
+    fn solve(&self, factors: &Factors<'_>, grains: &[GrainState]) -> Vec<Move> {
+        let force = self.jacobian.unknowns_of(|id| {
+            let g = &grains[id as usize];
+            [g.force, g.torque]
+        });
+        let moved = factors.solve(&force).x;
+        let mut moves = vec![[[0.0; 3]; 2]; grains.len()];
+        for (id, by) in self.jacobian.by_grain(&moved) {
+            moves[id as usize] = by;
+        }
+        moves
+    }
+}
+
+/// Newton's step of the own grains; `None` where there are no factors. Rank 0 has them and solves, so that all move by the same bits;
+/// collective.
+pub(super) fn newton_step<D: Dimension>(
+    exchange: &impl Exchange,
+    system: &System<D>,
+    tangent: Option<(&Tangent, &Factors<'_>)>,
+) -> Option<Vec<Move>> {
+    let grains = gathered(exchange, &system.grain_states(), |g| g.id);
+    let solved = tangent.map_or_else(Vec::new, |(of, factors)| of.solve(factors, &grains));
+    let bytes = exchange.broadcast(cast_slice(&solved).to_vec());
+    let moves: Vec<Move> = pod_collect_to_vec(&bytes);
+    let own = &system.grains.id[..system.grains.owned];
+    (!moves.is_empty()).then(|| own.iter().map(|&id| moves[id as usize]).collect())
 }
 
 /// All eigenvalues of a packing, with what they are evidence of.
