@@ -56,7 +56,8 @@ impl<E: Exchange> PeriodicRun<'_, E> {
     }
 
     /// Newton's method on the forces as the histories follow the displacements: each step is one step of the dynamics. K is factorised
-    /// anew only where the last factors do not serve any more. Returns whether it has come to rest, with all contacts that there were.
+    /// anew only where the last factors do not serve any more. Returns whether it has come to rest, and no contact has opened and closed again
+    /// on the way, which would have forgotten.
     fn newton<C: ContactLaw>(
         &self,
         system: &mut System<C::Space>,
@@ -66,6 +67,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         let (exchange, tolerance) = (self.exchange, self.scene.relax.tolerance);
         let before = Whole::gather::<C>(exchange, system);
         let longest = LONGEST * self.scene.sample.mean_diameter;
+        let mut opened = Vec::new();
         let mut left = residual(exchange, system, 0.0);
         let mut solver = self.solver.borrow_mut();
         while left > tolerance {
@@ -92,6 +94,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
                     return Ok(false);
                 }
                 let now = residual(exchange, system, 0.0);
+                opened.extend(Whole::gather::<C>(exchange, system).opened_since(&before));
                 // NaN is no progress.
                 let falls = now < left;
                 if !falls {
@@ -105,7 +108,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
             }
         }
         let after = Whole::gather::<C>(exchange, system);
-        Ok(after.has_contacts_of(&before))
+        Ok(!opened.into_iter().any(|pair| after.has(pair)))
     }
 
     /// BO's overdamped dynamics, until no force is greater than the tolerance. Returns its steps.

@@ -33,14 +33,15 @@ impl Whole {
         }
     }
 
-    /// Whether no contact of `other` has opened.
-    pub fn has_contacts_of(&self, other: &Self) -> bool {
-        let known = |c: &ContactState| {
-            self.contacts
-                .binary_search_by_key(&(c.i, c.j), |here| (here.i, here.j))
-                .is_ok()
-        };
-        other.contacts.iter().all(known)
+    /// The contacts of `other` that have opened.
+    pub fn opened_since(&self, other: &Self) -> Vec<(u32, u32)> {
+        let pairs = other.contacts.iter().map(|c| (c.i, c.j));
+        pairs.filter(|&pair| !self.has(pair)).collect()
+    }
+
+    pub fn has(&self, pair: (u32, u32)) -> bool {
+        let found = self.contacts.binary_search_by_key(&pair, |c| (c.i, c.j));
+        found.is_ok()
     }
 }
 

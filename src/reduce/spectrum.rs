@@ -11,8 +11,8 @@ use super::commands::lost;
 use super::export::Which;
 use super::stiffness::{self, Wanted};
 use crate::analysis::spectrum::{
-    Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Spectrum, Symbolic,
-    Uncounted, Verdict, bendixson, nearest, participation, scan, winding,
+    Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
+    Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
 };
 use crate::failure::Failure;
 use crate::io::spectrum_writer::{self, Columns};
@@ -62,8 +62,14 @@ pub struct Options {
     /// All eigenvalues, by the QR algorithm on the dense matrix
     #[arg(long, conflicts_with_all = ["shift", "count"])]
     dense: bool,
+    /// What Newton's equations amplify fastest: complex pairs and negative eigenvalues, without factors. --count: no more than so many [default: 100]
+    #[arg(long, conflicts_with_all = ["shift", "all_pairs", "dense"])]
+    unstable: bool,
+    /// With --unstable: all pairs with |Im λ| of this times ‖A‖ and more
+    #[arg(long, value_name = "F", requires = "unstable", default_value_t = 1e-3, value_parser = resolution)]
+    resolution: f64,
     /// No left eigenvectors: half the time, and conditions that are lower bounds only
-    #[arg(long, conflicts_with_all = ["all_pairs", "dense"])]
+    #[arg(long, conflicts_with_all = ["all_pairs", "dense", "unstable"])]
     right_only: bool,
     /// Unknowns per grain, for the participation ratio: neighbours in the matrix
     #[arg(long, value_name = "D", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
@@ -84,6 +90,15 @@ fn shift(text: &str) -> Result<c64, String> {
         value.ok_or(format!("{part}: must be a finite number"))
     };
     Ok(c64::new(number(re)?, number(im)?))
+}
+
+fn resolution(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok();
+    let fit = value.filter(|value| *value > f64::EPSILON.sqrt() && *value < 1.0);
+    fit.ok_or(format!(
+        "{text}: must be a number between {:.1e}, below which rounding may make pairs, and 1",
+        f64::EPSILON.sqrt()
+    ))
 }
 
 /// Writes `spectrum.csv`, `spectrum.h5`, `spectrum.svg`, and what was found to `output`.
@@ -266,6 +281,9 @@ fn solve(
     if options.dense || n < 3 {
         return Ok(Spectrum::dense(problem));
     }
+    if options.unstable {
+        return amplified(options, problem, par, output);
+    }
     let symbolic = Symbolic::new(problem.matrix().symbolic());
     writeln!(
         output,
@@ -333,6 +351,35 @@ fn all_pairs(
     }
     .map_err(lost)?;
     Ok(spectrum)
+}
+
+fn amplified(
+    options: &Options,
+    problem: &Problem,
+    par: Par,
+    output: &mut impl Write,
+) -> Result<Spectrum, Failure> {
+    let sought = Sought {
+        resolution: options.resolution,
+        most: options.count.unwrap_or(100) as usize,
+        par,
+    };
+    let found = unstable(problem, sought).map_err(|stalled| unsolved(Failed::Stalled(stalled)))?;
+    let within = format!("|Im λ| ≥ {:e} ‖A‖", options.resolution);
+    writeln!(
+        output,
+        "polynomials of degrees {:?}, {} products\n{}",
+        found.degrees,
+        found.products,
+        match found.complete {
+            true => format!("all with {within} are here, and what grows as fast"),
+            false => format!(
+                "those that grow fastest; with {within} there may be more: give a greater --count"
+            ),
+        }
+    )
+    .map_err(lost)?;
+    Ok(found.spectrum)
 }
 
 fn unsolved(failed: Failed) -> Failure {

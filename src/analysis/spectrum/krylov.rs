@@ -21,13 +21,15 @@ pub struct Settings {
     pub capacity: usize,
     /// Residual of an eigenvalue θ of the operator, over |θ|.
     pub tolerance: f64,
+    /// Eigenvalues of |θ| below this are not wanted: with the first of them the iteration ends.
+    pub floor: f64,
     pub restarts: usize,
     pub par: Par,
 }
 
 /// An invariant subspace.
 pub struct Subspace<T> {
-    /// [n][k], orthonormal; k is `count`, or one more so that no conjugate pair is split, or fewer where n is.
+    /// [n][k], orthonormal; k is `count`, or one more so that no conjugate pair is split, or fewer where n is or where the floor is met.
     pub basis: Mat<T>,
     /// How often the operator was applied to a vector.
     pub applied: usize,
@@ -224,7 +226,15 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         let schur = Schur::ordered(square, |value| value.norm())?;
         let mut coupling = coupling * &schur.q;
         let mut converged = 0;
+        let mut at_floor = false;
         for part in &schur.blocks {
+            at_floor = part
+                .values
+                .iter()
+                .all(|value| value.norm() < self.settings.floor);
+            if at_floor {
+                break;
+            }
             let residual = coupling.columns(part.start, part.size).norm();
             let size = part.values[0].norm();
             if residual > (self.settings.tolerance * size).max(rounding) {
@@ -235,8 +245,14 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         }
         self.locked = converged;
         let ends = || schur.blocks.iter().map(|part| part.start + part.size);
-        if converged >= self.settings.count || converged == used && used == self.n {
-            let wanted = self.settings.count.min(used);
+        if converged >= self.settings.count || at_floor || converged == used && used == self.n {
+            let wanted = self
+                .settings
+                .count
+                .min(if at_floor { converged } else { used });
+            if wanted == 0 {
+                return Some(Mat::zeros(self.n, 0));
+            }
             let end = ends().find(|&end| end >= wanted).expect("no more than all");
             return Some(self.turned(&schur.q, end));
         }

@@ -14,6 +14,7 @@ mod solve;
 #[allow(clippy::module_inception)]
 mod spectrum;
 mod symbolic;
+mod unstable;
 
 #[cfg(test)]
 mod tests;
@@ -27,3 +28,4 @@ pub use shift_invert::{Failed, Nearest, Request, nearest};
 pub use solve::{Factors, Solution, Solver};
 pub use spectrum::{Eigenvalue, RESIDUAL, Spectrum, Verdict, participation};
 pub use symbolic::Symbolic;
+pub use unstable::{Sought, Unstable, unstable};

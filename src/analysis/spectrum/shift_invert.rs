@@ -123,6 +123,7 @@ fn settings(request: Request, n: usize) -> Settings {
         block: 2,
         capacity: (2 * count + 20).min(n),
         tolerance: 1e-13,
+        floor: 0.0,
         restarts: 300,
         par: request.par,
     }

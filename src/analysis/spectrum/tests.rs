@@ -205,6 +205,22 @@ fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
     let dense = Spectrum::dense(&problem);
     assert!(dense.eigenvalues.iter().any(|e| e.verdict == Verdict::Pair));
     let exact: Vec<c64> = dense.eigenvalues.iter().map(|e| e.value).collect();
+    let grown = amplified(&problem, 0.002, 150);
+    assert!(grown.complete);
+    let within = |of: &Spectrum| {
+        let inside = |e: &&Eigenvalue| e.value.im >= 0.002 * problem.norm();
+        let mut values: Vec<c64> = of
+            .eigenvalues
+            .iter()
+            .filter(inside)
+            .map(|e| e.value)
+            .collect();
+        values.sort_by(|a, b| a.re.total_cmp(&b.re));
+        values
+    };
+    let (some, all) = (within(&grown.spectrum), within(&dense));
+    assert!(all.len() > 3 && some.len() == all.len(), "{some:?} {all:?}");
+    assert!(some.iter().zip(&all).all(|(a, b)| (a - b).norm() < 1e-10));
     for shift in [c64::new(1.0, 0.0), c64::new(0.5, 0.3)] {
         let found = near(&problem, shift, 16).spectrum;
         assert_nearest(&problem, &found, &exact, shift, 1e-12);
@@ -282,6 +298,62 @@ fn planted_pairs_are_found_and_counted() {
         ..strip
     };
     assert_eq!(count(high, &[]), 5);
+}
+
+fn amplified(problem: &Problem, resolution: f64, most: usize) -> Unstable {
+    let sought = Sought {
+        resolution,
+        most,
+        par: Par::Seq,
+    };
+    unstable(problem, sought).expect("it converges")
+}
+
+/// Growth over three decades, in one matrix of 800 stable modes: one polynomial for all would drown the slowest.
+#[test]
+fn what_grows_is_found_among_what_does_not() {
+    let mut blocks: Vec<(f64, f64)> = (0..800).map(|k| (0.005 * k as f64, 0.0)).collect();
+    let growing = [
+        (0.31, 0.9),
+        (1.0, 0.02),
+        (1.72, 0.0009),
+        (2.2, 0.3),
+        (2.2, 0.3),
+        (3.3, 0.011),
+        (-0.4, 0.0),
+        (-1e-3, 0.0),
+    ];
+    blocks.extend(growing);
+    // One that grows too slowly to be asked for.
+    blocks.push((2.0, 1e-5));
+    let (k, _) = planted(&blocks, 400, 3);
+    let problem = problem(&k);
+    let found = amplified(&problem, 1e-4, 20);
+    assert!(
+        found.complete && found.degrees.len() > 3,
+        "{:?}",
+        found.degrees
+    );
+    let mut left: Vec<c64> = growing.iter().map(|&(re, im)| c64::new(re, im)).collect();
+    for e in &found.spectrum.eigenvalues {
+        assert!(e.residual < 1e-11, "{e:?}");
+        // A normal matrix; but of a double eigenvalue the vectors are any two.
+        let double = (e.value.re - 2.2).abs() < 1e-9;
+        assert!(double || (e.condition - 1.0).abs() < 1e-6, "{e:?}");
+        let upper = c64::new(e.value.re, e.value.im.abs());
+        let at = left.iter().position(|z| (z - upper).norm() < 1e-10);
+        if e.value.im >= 0.0 {
+            left.remove(at.unwrap_or_else(|| panic!("{e:?} was not planted")));
+        }
+    }
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn nothing_grows_in_a_stable_matrix() {
+    let (k, _) = toeplitz(400, [2.0, -1.0, -1.0]);
+    let found = amplified(&problem(&k), 1e-3, 20);
+    assert!(found.complete && found.spectrum.eigenvalues.is_empty());
 }
 
 #[test]
