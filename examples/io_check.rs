@@ -91,6 +91,9 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
             frame.grains.retain(|g| mine(t, u64::from(g.id)));
             frame.contacts.retain(|c| mine(t, u64::from(c.i)));
         }
+        if let Some(travels) = &mut part.travels {
+            travels.retain(|g| mine(t, u64::from(g.id)));
+        }
         checkpoint::write(world, folder, "seed = 1\n", &part)?;
     }
     let (scene, part) = checkpoint::read(world, &folder.join(checkpoint::NAME))?;
@@ -103,6 +106,7 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
             grains: together(world, &frame.grains),
             contacts: together(world, &frame.contacts),
         }),
+        travels: part.travels.map(|travels| together(world, &travels)),
     };
     assert_eq!(whole, snapshot(6, grains));
     Ok(())

@@ -41,6 +41,7 @@ fn no_contacts_are_no_damage() {
     let folder = tempfile::tempdir().unwrap();
     let whole = Snapshot {
         analysed: None,
+        travels: None,
         contacts: Vec::new(),
         ..snapshot(3, 2)
     };
@@ -82,6 +83,7 @@ fn a_flipped_bit_in_any_dataset_is_named() {
         ("contacts", "its contacts"),
         ("analysed/grains", "its grains of the analysed frame"),
         ("analysed/contacts", "its contacts of the analysed frame"),
+        ("travels", "its travels"),
     ] {
         for dataset in file.group(group).unwrap().datasets().unwrap() {
             let start = dataset.offset().unwrap() as usize;
@@ -90,7 +92,7 @@ fn a_flipped_bit_in_any_dataset_is_named() {
         }
     }
     drop(file);
-    assert_eq!(places.len(), 3 * (2 + 8 + 3 + 3 + 4));
+    assert_eq!(places.len(), 3 * (2 + 8 + 3 + 3 + 4 + 4));
     for (place, part) in places {
         let mut damaged = whole.clone();
         damaged[place] ^= 1;

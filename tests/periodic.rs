@@ -70,11 +70,20 @@ fn neither_bookkeeping_nor_output_reaches_the_numbers() {
         let looking = ["--set=aqs.spectrum=true", "--set=aqs.birth_precision=1e-3"];
         let found = digests(&run(&at("other"), 2, &with(&looking)));
         assert_eq!(found[0], expected[0], "{dimension}, with spectra");
+        // Between strain steps, then within Newton's equations.
         let stopped = run(&at("part"), 2, &with(&["--stop-at=5"]));
         assert_eq!(stopped.code, 75, "{}", stopped.text);
-        let checkpoint = format!("--resume={}", at("part").join("checkpoint.h5").display());
-        let resumed = gshear_mpi(3, &at("part"), &[checkpoint]);
-        assert_eq!(digests(&resumed), expected, "{dimension}, resumed");
+        let resume = format!("--resume={}", at("part").join("checkpoint.h5").display());
+        let later = [resume.clone(), "--stop-at=400".into()];
+        let stopped = gshear_mpi(1, &at("part"), &later);
+        assert!(
+            stopped.text.contains("stopped in newtonian"),
+            "{}",
+            stopped.text
+        );
+        let resumed = gshear_mpi(3, &at("part"), &[resume]);
+        let found = [digests(&stopped), digests(&resumed)].concat();
+        assert_eq!(found, expected, "{dimension}, resumed");
         let read = |name: &str, file: &str, columns: &[&str]| {
             let run = PeriodicRun::open(&at(name).join(file), columns).expect("a file of the run");
             let bits = |column: &&str| -> Vec<u64> {

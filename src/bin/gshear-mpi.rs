@@ -52,7 +52,7 @@ struct Arguments {
     /// Threads inside each rank, which pay for some 50,000 grains per rank and more
     #[arg(long, value_name = "THREADS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     threads: u16,
-    /// Stops at a checkpoint after this step of the shear
+    /// Stops at a checkpoint after this step of the shear; of a box after so many strain steps, those of Newton's equations coming after them
     #[arg(long, value_name = "STEP")]
     stop_at: Option<u64>,
 }

@@ -28,7 +28,7 @@ use crate::io::checkpoint;
 use crate::run::{Ending, Options, level_of};
 use crate::signals::Signals;
 use crate::simd::Level;
-use crate::state::{Cell, ContactState, GrainState, Snapshot};
+use crate::state::{Cell, ContactState, GrainState, Snapshot, Travel};
 use crate::system::{Setup, System};
 use crate::terminal::Terminal;
 
@@ -57,6 +57,24 @@ pub struct Header {
     /// Frames and rows of the strain steps' file.
     pub frames: u64,
     pub rows: u64,
+    /// Where it was written during Newton's equations.
+    pub newtonian: Option<Moving>,
+}
+
+/// How far Newton's equations have come.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Moving {
+    pub steps: u64,
+    /// Frames and rows of their file, and lines of that of the eigenvalues.
+    pub frames: u64,
+    pub rows: u64,
+    pub lines: u64,
+}
+
+/// What a run goes on with, beside the state.
+struct Resumed {
+    header: Header,
+    travels: Option<Vec<Travel>>,
 }
 
 /// How far the strain steps have come.
@@ -196,18 +214,18 @@ impl<'a, E: Exchange> PeriodicRun<'a, E> {
 
     fn stages<F: Family>(self, family: F, from: Option<Snapshot>) -> Result<Ending, Failure> {
         let contact = &self.scene.contact;
-        let (state, header) = match from {
+        let (state, resumed) = match from {
             Some(snapshot) => self.restore(snapshot)?,
             None => (self.prepare(&family.law::<false, false>(contact))?, None),
         };
         if contact.friction > 0.0 {
-            self.shear(&family.law::<true, false>(contact), state, header)
+            self.shear(&family.law::<true, false>(contact), state, resumed)
         } else {
-            self.shear(&family.law::<false, false>(contact), state, header)
+            self.shear(&family.law::<false, false>(contact), state, resumed)
         }
     }
 
-    fn restore(&self, snapshot: Snapshot) -> Result<(Held, Option<Header>), Failure> {
+    fn restore(&self, snapshot: Snapshot) -> Result<(Held, Option<Resumed>), Failure> {
         let header = Header::read(&snapshot)
             .ok_or_else(|| Failure::input("the checkpoint is not one of a periodic box"))?;
         let contacts = checkpoint::to_both_holders(self.exchange, &snapshot);
@@ -216,7 +234,8 @@ impl<'a, E: Exchange> PeriodicRun<'a, E> {
             grains: snapshot.grains,
             contacts,
         };
-        Ok((state, Some(header)))
+        let travels = snapshot.travels;
+        Ok((state, Some(Resumed { header, travels })))
     }
 
     fn system<D: Dimension>(&self, cell: Cell) -> Result<System<D>, Failure> {

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use super::observe::observe;
 use super::record::NewtonianRecorder;
 use super::spectrum::Whole;
-use super::{Pair, PeriodicRun, Progress};
+use super::{Header, Pair, PeriodicRun};
 use crate::config::Newtonian;
 use crate::contact::ContactLaw;
 use crate::dimension::Dimension;
@@ -15,6 +15,7 @@ use crate::failure::Failure;
 use crate::io::collective::gathered;
 use crate::kernel::ContactForces;
 use crate::run::Ending;
+use crate::state::{GrainState, Travel};
 use crate::step::{advance, initial_forces};
 use crate::system::System;
 
@@ -27,8 +28,10 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         system: &mut System<C::Space>,
         law: &C,
         of: &Newtonian,
-        progress: &Progress,
+        header: &Header,
+        travels: Option<&[Travel]>,
     ) -> Result<Ending, Failure> {
+        let progress = &header.progress;
         let (exchange, scene) = (self.exchange, self.scene);
         let step = system.step;
         let steps = match &progress.pair {
@@ -48,21 +51,24 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         // All rows lie at multiples of the dense ones' interval, so that none is between two of them.
         let grid = dense.as_ref().map_or(1, |dense| dense.every);
         let rows = every(of.rows).div_ceil(grid).saturating_mul(grid);
-        let mut out =
-            NewtonianRecorder::create(exchange, scene, system, &self.options.out, progress)?;
+        let mut out = NewtonianRecorder::open(exchange, scene, system, &self.options.out, header)?;
         self.terminal.newtonian(steps, step);
-        system.rebuild(exchange, law, &mut NoWalls)?;
-        initial_forces(exchange, system, law, &mut NoWalls, None)?;
-        let mut motion = Motion::begin(exchange, system);
+        let mut motion = match travels {
+            Some(travels) => Motion::resume(exchange, system, travels),
+            None => {
+                system.rebuild(exchange, law, &mut NoWalls)?;
+                initial_forces(exchange, system, law, &mut NoWalls, None)?;
+                Motion::begin(system)
+            }
+        };
         let mut samples = ContactForces::default();
-        for done in 0..=steps {
+        let first = header.newtonian.map_or(0, |moving| moving.steps + 1);
+        for done in first..=steps {
+            let mut stop = false;
             if done > 0 {
-                // Without a checkpoint of its own, this stage begins anew after a stop.
-                let asked = self.asked_here();
-                if advance(exchange, system, law, &mut NoWalls, asked, None)? {
-                    self.terminal.stopped(&self.options.out, "newtonian", done);
-                    return Ok(Ending::Stopped);
-                }
+                let wanted = self.options.stop_at == Some(progress.steps + done);
+                let asked = wanted || self.asked_here();
+                stop = advance(exchange, system, law, &mut NoWalls, asked, None)?;
                 motion.turn(exchange, system);
             }
             let time = done as f64 * step;
@@ -90,6 +96,14 @@ impl<E: Exchange> PeriodicRun<'_, E> {
                     time,
                     &whole.eigenvalues::<C::Space>(exchange, system, self.stiffness.as_ref())?,
                 )?;
+            }
+            if stop && done < steps || row && out.checkpoint_due(exchange) {
+                let travels = motion.travels.clone();
+                out.checkpoint::<C, E>(exchange, system, header, done, travels)?;
+            }
+            if stop && done < steps {
+                self.terminal.stopped(&self.options.out, "newtonian", done);
+                return Ok(Ending::Stopped);
             }
         }
         let digest = out.finish::<C, E>(exchange, system, steps)?;
@@ -140,19 +154,10 @@ impl Dense {
 
 /// How the grains have moved since the start.
 struct Motion {
-    /// Where all grains were, by id.
-    start: Vec<[f64; 3]>,
-    /// θ of the own grains since then, and which these are.
-    angle: Vec<Angle>,
+    /// Of the own grains, in their order.
+    travels: Vec<Travel>,
     /// Rebuilds of the list, at which grains change hands.
     rebuilds: u64,
-}
-
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Angle {
-    id: u64,
-    theta: [f64; 3],
 }
 
 /// Sums over the grains.
@@ -166,40 +171,42 @@ pub(super) struct Moved {
 }
 
 impl Motion {
-    fn begin<D: Dimension>(exchange: &impl Exchange, system: &System<D>) -> Self {
-        let own: Vec<Angle> = system
-            .grain_states()
-            .iter()
-            .map(|g| Angle {
-                id: g.id.into(),
-                theta: g.position,
-            })
-            .collect();
-        let all = gathered(exchange, &own, |at| at.id);
-        let at_rest = |at: &Angle| Angle {
-            theta: [0.0; 3],
-            ..*at
+    fn begin<D: Dimension>(system: &System<D>) -> Self {
+        let at_rest = |g: &GrainState| Travel {
+            id: g.id,
+            body: g.body,
+            start: g.position,
+            angle: [0.0; 3],
         };
         Self {
-            start: all.iter().map(|at| at.theta).collect(),
-            angle: own.iter().map(at_rest).collect(),
+            travels: system.grain_states().iter().map(at_rest).collect(),
+            rebuilds: system.list.rebuilds,
+        }
+    }
+
+    /// From all grains' travels, over the ranks in any order.
+    fn resume<D: Dimension>(
+        exchange: &impl Exchange,
+        system: &System<D>,
+        travels: &[Travel],
+    ) -> Self {
+        let all = gathered(exchange, travels, |travel| travel.id);
+        let own = system.grains.id[..system.grains.owned].iter();
+        Self {
+            travels: own.map(|&id| all[id as usize]).collect(),
             rebuilds: system.list.rebuilds,
         }
     }
 
     /// The turns of the step that is done.
     fn turn<D: Dimension>(&mut self, exchange: &impl Exchange, system: &System<D>) {
-        let grains = &system.grains;
         if self.rebuilds != system.list.rebuilds {
-            self.rebuilds = system.list.rebuilds;
-            let all = gathered(exchange, &self.angle, |at| at.id);
-            let own = grains.id[..grains.owned].iter();
-            self.angle = own.map(|&id| all[id as usize]).collect();
+            *self = Self::resume(exchange, system, &self.travels);
         }
-        for (g, angle) in self.angle.iter_mut().enumerate() {
-            let fields = grains.fields(g);
+        for (g, travel) in self.travels.iter_mut().enumerate() {
+            let fields = system.grains.fields(g);
             for k in 0..D::SPINS {
-                angle.theta[k] += system.step * fields[D::HALF_SPIN + k];
+                travel.angle[k] += system.step * fields[D::HALF_SPIN + k];
             }
         }
     }
@@ -208,18 +215,17 @@ impl Motion {
         let grains = &system.grains;
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
         let own: Vec<Moved> = self
-            .angle
+            .travels
             .iter()
             .enumerate()
-            .map(|(g, angle)| {
+            .map(|(g, travel)| {
                 let (fields, radius) = (grains.fields(g), grains.radius[g]);
-                let start = &self.start[angle.id as usize];
-                let moved = square(&system.cell.separation::<D>(fields, start));
+                let moved = square(&system.cell.separation::<D>(fields, &travel.start));
                 let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
                 let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
                 Moved {
-                    id: angle.id,
-                    msd: moved + radius * radius * square(&angle.theta),
+                    id: travel.id.into(),
+                    msd: moved + radius * radius * square(&travel.angle),
                     kinetic_energy: 0.5
                         * grains.mass[g]
                         * (velocity + D::INERTIA * radius * radius * spin),

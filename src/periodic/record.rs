@@ -1,7 +1,7 @@
 //! What a run in a box leaves in its folder: `aqs.h5` and `newtonian.h5` (H5MD), `spectra.csv`, `scene.toml`, checkpoints.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use super::newtonian::Moved;
 use super::observe::Observed;
 use super::spectrum::Eigenvalues;
 use super::strain::Row;
-use super::{Header, Progress};
+use super::{Header, Moving, Progress};
 use crate::config::PeriodicScene;
 use crate::contact::ContactLaw;
 use crate::dimension::Dimension;
@@ -22,7 +22,7 @@ use crate::io::trajectory::{RunHeader, TrajectoryWriter};
 use crate::kernel::ContactForces;
 use crate::observe::{digest, frame};
 use crate::record::{self, SCENE_FILE, shapes};
-use crate::state::Snapshot;
+use crate::state::{Snapshot, Travel};
 use crate::system::System;
 
 pub const AQS_FILE: &str = "aqs.h5";
@@ -68,11 +68,49 @@ const CHECKPOINTS: f64 = 60.0;
 
 /// The files of the strain steps.
 pub(super) struct Recorder {
-    folder: PathBuf,
-    toml: String,
     frame_every: u64,
     trajectory: TrajectoryWriter,
-    saved: Instant,
+    saves: Saves,
+}
+
+/// The checkpoints of a folder.
+struct Saves {
+    folder: PathBuf,
+    toml: String,
+    last: Instant,
+}
+
+impl Saves {
+    fn new(folder: &Path, scene: &PeriodicScene) -> Self {
+        Self {
+            folder: folder.into(),
+            toml: scene.toml.clone(),
+            last: Instant::now(),
+        }
+    }
+
+    /// Collective: the ranks' clocks differ, and all must do the same.
+    fn due(&self, exchange: &impl Exchange) -> bool {
+        exchange.maximum(self.last.elapsed().as_secs_f64()) > CHECKPOINTS
+    }
+
+    fn write<C: ContactLaw, E: Exchange>(
+        &mut self,
+        exchange: &E,
+        system: &System<C::Space>,
+        header: &Header,
+        travels: Option<Vec<Travel>>,
+    ) -> Result<(), Failure> {
+        self.last = Instant::now();
+        let snapshot = Snapshot {
+            header: serde_json::to_string(header).expect("a header of finite numbers"),
+            grains: system.grain_states(),
+            contacts: system.own_contact_states::<C>(),
+            analysed: None,
+            travels,
+        };
+        record::checkpoint(exchange, &self.folder, &self.toml, &snapshot, None)
+    }
 }
 
 fn attributes<D: Dimension>(
@@ -153,11 +191,9 @@ impl Recorder {
             }
         };
         Ok(Self {
-            folder: folder.into(),
-            toml: scene.toml.clone(),
             frame_every: scene.aqs.frame_every,
             trajectory,
-            saved: Instant::now(),
+            saves: Saves::new(folder, scene),
         })
     }
 
@@ -215,9 +251,9 @@ impl Recorder {
         Ok([self.trajectory.frames(), self.trajectory.rows()])
     }
 
-    /// Collective: the ranks' clocks differ, and all must do the same.
+    /// Collective.
     pub fn checkpoint_due(&self, exchange: &impl Exchange) -> bool {
-        exchange.maximum(self.saved.elapsed().as_secs_f64()) > CHECKPOINTS
+        self.saves.due(exchange)
     }
 
     pub fn checkpoint<C: ContactLaw, E: Exchange>(
@@ -227,19 +263,13 @@ impl Recorder {
         progress: Progress,
         [frames, rows]: [u64; 2],
     ) -> Result<(), Failure> {
-        self.saved = Instant::now();
         let header = Header {
             progress,
             frames,
             rows,
+            newtonian: None,
         };
-        let snapshot = Snapshot {
-            header: serde_json::to_string(&header).expect("a header of finite numbers"),
-            grains: system.grain_states(),
-            contacts: system.own_contact_states::<C>(),
-            analysed: None,
-        };
-        record::checkpoint(exchange, &self.folder, &self.toml, &snapshot, None)
+        self.saves.write::<C, E>(exchange, system, &header, None)
     }
 
     /// Closes the file of the strain steps. Returns the digest of the state.
@@ -270,16 +300,21 @@ pub(super) struct NewtonianRecorder {
     /// On rank 0, where eigenvalues are asked for.
     spectra: Option<BufWriter<File>>,
     path: PathBuf,
+    /// Of the eigenvalues' file, that of the names not counted.
+    lines: u64,
+    saves: Saves,
 }
 
 impl NewtonianRecorder {
-    pub fn create<D: Dimension>(
+    /// New files, or those of the run that is gone on with.
+    pub fn open<D: Dimension>(
         exchange: &impl Exchange,
         scene: &PeriodicScene,
         system: &System<D>,
         folder: &Path,
-        progress: &Progress,
+        header: &Header,
     ) -> Result<Self, Failure> {
+        let progress = &header.progress;
         let mut attributes = attributes(exchange, scene, system);
         let strain = scene.aqs.strain_step * progress.steps as f64;
         attributes.push(("strain", Attribute::Number(strain)));
@@ -291,17 +326,28 @@ impl NewtonianRecorder {
             attributes.push(("omega_i", Attribute::Number(pair.omega_i)));
         }
         let path = folder.join(NEWTONIAN_FILE);
-        let trajectory = writer(exchange, &path, &NEWTONIAN_COLUMNS, system, &attributes)?;
+        let trajectory = match &header.newtonian {
+            Some(moving) => TrajectoryWriter::open_to_append(
+                exchange,
+                &path,
+                &NEWTONIAN_COLUMNS,
+                moving.frames,
+                moving.rows,
+            )?,
+            None => writer(exchange, &path, &NEWTONIAN_COLUMNS, system, &attributes)?,
+        };
+        let lines = header.newtonian.map_or(0, |moving| moving.lines);
         let path = folder.join(SPECTRA_FILE);
         let asked = scene.newtonian.is_some_and(|n| n.spectra > 0) && exchange.rank() == 0;
-        let opened = match asked {
-            true => File::create(&path)
+        let opened = match (asked, header.newtonian) {
+            (false, _) => Ok(None),
+            (true, None) => File::create(&path)
                 .map(BufWriter::new)
                 .and_then(|mut file| {
                     writeln!(file, "time,real,imaginary,verdict")?;
                     Ok(Some(file))
                 }),
-            false => Ok(None),
+            (true, Some(_)) => cut(&path, lines).map(Some),
         };
         let unwritten = |e| Failure::other(format!("{}: cannot be written: {e}", path.display()));
         let spectra = agree(exchange, opened.map_err(unwritten))?;
@@ -309,6 +355,8 @@ impl NewtonianRecorder {
             trajectory,
             spectra,
             path,
+            lines,
+            saves: Saves::new(folder, scene),
         })
     }
 
@@ -352,6 +400,7 @@ impl NewtonianRecorder {
         time: f64,
         eigenvalues: &Eigenvalues,
     ) -> Result<(), Failure> {
+        self.lines += eigenvalues.all().count() as u64;
         let wrote = match &mut self.spectra {
             None => Ok(()),
             Some(file) => eigenvalues.all().try_for_each(|(value, verdict)| {
@@ -369,6 +418,38 @@ impl NewtonianRecorder {
         agree(exchange, wrote.map_err(unwritten))
     }
 
+    /// Collective.
+    pub fn checkpoint_due(&self, exchange: &impl Exchange) -> bool {
+        self.saves.due(exchange)
+    }
+
+    pub fn checkpoint<C: ContactLaw, E: Exchange>(
+        &mut self,
+        exchange: &E,
+        system: &System<C::Space>,
+        header: &Header,
+        steps: u64,
+        travels: Vec<Travel>,
+    ) -> Result<(), Failure> {
+        self.trajectory.flush(exchange)?;
+        let wrote = self.spectra.as_mut().map_or(Ok(()), BufWriter::flush);
+        let unwritten =
+            |e| Failure::other(format!("{}: cannot be written: {e}", self.path.display()));
+        agree(exchange, wrote.map_err(unwritten))?;
+        let moving = Moving {
+            steps,
+            frames: self.trajectory.frames(),
+            rows: self.trajectory.rows(),
+            lines: self.lines,
+        };
+        let header = Header {
+            newtonian: Some(moving),
+            ..header.clone()
+        };
+        self.saves
+            .write::<C, E>(exchange, system, &header, Some(travels))
+    }
+
     /// Closes the file. Returns the digest of the state.
     pub fn finish<C: ContactLaw, E: Exchange>(
         self,
@@ -382,4 +463,20 @@ impl NewtonianRecorder {
         self.trajectory.finish(exchange, &attributes)?;
         Ok(digest)
     }
+}
+
+/// A file of lines to go on after its names and so many lines more; what is behind them is cut off.
+fn cut(path: &Path, lines: u64) -> std::io::Result<BufWriter<File>> {
+    let mut file = OpenOptions::new().read(true).write(true).open(path)?;
+    let mut reader = BufReader::new(&file);
+    let mut length = 0;
+    for _ in 0..=lines {
+        match reader.skip_until(b'\n')? {
+            0 => return Err(std::io::ErrorKind::UnexpectedEof.into()),
+            bytes => length += bytes as u64,
+        }
+    }
+    file.set_len(length)?;
+    file.seek(SeekFrom::Start(length))?;
+    Ok(BufWriter::new(file))
 }

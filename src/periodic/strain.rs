@@ -4,7 +4,7 @@ use super::equilibrium::{LONGEST, displace};
 use super::observe::{Observed, observe};
 use super::record::Recorder;
 use super::spectrum::{Eigenvalues, Whole};
-use super::{Birth, Header, Held, PeriodicRun, Progress};
+use super::{Birth, Header, Held, PeriodicRun, Progress, Resumed};
 use crate::contact::ContactLaw;
 use crate::dimension::Dimension;
 use crate::domain::Exchange;
@@ -21,12 +21,24 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         self,
         law: &C,
         state: Held,
-        header: Option<Header>,
+        resumed: Option<Resumed>,
     ) -> Result<Ending, Failure> {
         let (exchange, scene) = (self.exchange, self.scene);
         let mut system = self.system::<C::Space>(state.cell)?;
         // With the forces of the state: computing them anew would not be what the run that was not stopped does.
         state.put_back(exchange, &mut system, law)?;
+        if let (Some(newtonian), Some(resumed)) = (&scene.newtonian, &resumed)
+            && resumed.header.newtonian.is_some()
+        {
+            return self.newtonian(
+                &mut system,
+                law,
+                newtonian,
+                &resumed.header,
+                resumed.travels.as_deref(),
+            );
+        }
+        let header = resumed.map(|resumed| resumed.header);
         let mut recorder = Recorder::open(exchange, scene, &system, &self.options.out, &header)?;
         let mut progress = header
             .as_ref()
@@ -73,6 +85,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
                 recorder.checkpoint::<C, E>(exchange, &system, progress, written)?;
             }
         }
+        let [frames, rows] = recorder.flush(exchange)?;
         let digest = recorder.finish::<C, E>(exchange, &system, &progress)?;
         if stopped && progress.steps < scene.aqs.steps && !self.enough(&progress) {
             self.terminal
@@ -81,7 +94,15 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         }
         self.terminal.strained(&progress, &digest);
         match &scene.newtonian {
-            Some(newtonian) => self.newtonian(&mut system, law, newtonian, &progress),
+            Some(newtonian) => {
+                let header = Header {
+                    progress,
+                    frames,
+                    rows,
+                    newtonian: None,
+                };
+                self.newtonian(&mut system, law, newtonian, &header, None)
+            }
             None => Ok(Ending::Done),
         }
     }

@@ -386,6 +386,7 @@ impl<'a, E: Exchange> Run<'a, E> {
                 grains: system.grain_states(),
                 contacts: system.own_contact_states::<C>(),
                 analysed: of.analysed.cloned(),
+                travels: None,
             },
             keep,
         )

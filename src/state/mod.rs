@@ -12,4 +12,6 @@ pub use contacts::{Contacts, Part, Touching};
 pub use frame::{Disks, Frame};
 pub use grains::{ForceUnit, Grains, Masses, body};
 pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
-pub use snapshot::{ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot};
+pub use snapshot::{
+    ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
+};

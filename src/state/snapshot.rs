@@ -54,6 +54,18 @@ pub struct FramePart {
     pub contacts: Vec<ContactForce>,
 }
 
+/// How far a grain has come since a stage began.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Travel {
+    pub id: u32,
+    pub body: u32,
+    /// Where it was then (m), wrapped.
+    pub start: [f64; 3],
+    /// How far it has turned (rad), the sum over the steps.
+    pub angle: [f64; 3],
+}
+
 /// This rank's part of a checkpoint. `header` is JSON, the same on every rank: stage, step, walls, what was written so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
@@ -62,4 +74,6 @@ pub struct Snapshot {
     pub contacts: Vec<ContactState>,
     /// The last frame of which the run computed scalars, on every rank or on none: the next ones are between it and the next.
     pub analysed: Option<FramePart>,
+    /// Of a stage that measures how far grains move, on every rank or on none.
+    pub travels: Option<Vec<Travel>>,
 }

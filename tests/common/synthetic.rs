@@ -6,7 +6,7 @@ use gshear::io::h5::Attribute;
 use gshear::io::trajectory::{GrainShape, RunHeader};
 use gshear::state::{
     ContactForce, ContactSample, ContactState, FramePart, GrainPlace, GrainSample, GrainState,
-    SeriesRow, Snapshot,
+    SeriesRow, Snapshot, Travel,
 };
 
 fn hash(a: u64, b: u64, c: u64) -> u64 {
@@ -133,6 +133,12 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         normal_force: number(t, u64::from(i) << 32 | u64::from(j), 29),
         tangential_force: number(t, u64::from(i) << 32 | u64::from(j), 30),
     };
+    let travel = |id| Travel {
+        id: id as u32,
+        body: 0,
+        start: [31, 32, 33].map(|c| number(t, id, c)),
+        angle: [34, 35, 36].map(|c| number(t, id, c)),
+    };
     Snapshot {
         header: format!("{{\"step\":{t}}}"),
         grains: (0..grains).map(grain).collect(),
@@ -141,5 +147,6 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
             grains: (0..grains).map(place).collect(),
             contacts: pairs(t, grains).into_iter().map(force).collect(),
         }),
+        travels: Some((0..grains).map(travel).collect()),
     }
 }

@@ -23,12 +23,14 @@ const COARSEST: f64 = 0.1;
 const FINER: f64 = 8.0;
 /// Between two projections known modes, of which rounding leaves a little, grow by this at the most.
 const REGROWTH: f64 = 1e4;
-/// Vectors that go through a polynomial at once.
+/// Vectors that go through a polynomial at once. Of an eigenvalue of greater multiplicity the rest is found when those are taken out.
 const BLOCK: usize = 4;
-/// Columns of a basis: powers enough for a mode amplified twofold to show among a million that are not.
-const CAPACITY: usize = 16 * BLOCK;
+/// Columns of a basis that tells whether anything grows: powers enough for a mode amplified twofold to show among a million that are not.
+const PROBE: usize = 16 * BLOCK;
+/// Columns of one in which to find it, where many modes grow about as fast.
+const CAPACITY: usize = 32 * BLOCK;
 /// Eigenvalues sought at once, before they are taken out.
-const BATCH: usize = 20;
+const BATCH: usize = 40;
 /// Rows that a thread works in one go.
 const ROWS: usize = 1000;
 /// Upper end of the interval over ‖A‖, whose power iteration may be some per cent short.
@@ -78,35 +80,46 @@ pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> 
     while !found.complete && known.right.ncols() < sought.most {
         let growth = 2.0 * resolution * problem.norm() / end;
         let degree = (AMPLIFIED.asinh() / growth).ceil().max(2.0) as usize;
-        found.degrees.push(degree);
+        if found.degrees.last() != Some(&degree) {
+            found.degrees.push(degree);
+        }
         let every = known.projection_interval(&found.spectrum, end, degree);
         let mut filter = |of: &Rows, known: &Known, x: MatMut<'_, f64>| {
             found.products += degree * x.ncols();
             of.filter(problem, known, degree, every, sought.par, x);
         };
         let batch = BATCH.min(sought.most - known.right.ncols());
-        let settings = |count, floor| Settings {
-            count,
+        let wanted = Settings {
+            count: batch,
             block: BLOCK,
             capacity: CAPACITY,
             tolerance: 1e-13,
-            floor,
+            floor: AMPLIFIED,
             restarts: 300,
             par: sought.par,
         };
-        let wanted = settings(batch, AMPLIFIED);
-        let right = krylov::largest(n, |x| filter(&rows, &known, x), wanted)?.basis;
+        let probe = Settings {
+            capacity: PROBE,
+            restarts: 0,
+            ..wanted
+        };
+        let right = krylov::largest(n, |x| filter(&rows, &known, x), probe)
+            .or_else(|_| krylov::largest(n, |x| filter(&rows, &known, x), wanted))?
+            .basis;
         let count = right.ncols();
-        if count > 0 {
+        if count == 0 {
+            found.complete = resolution <= sought.resolution;
+            resolution = (resolution / FINER).max(sought.resolution);
+        } else {
             let turned = known.turned();
-            let wanted = settings(count, 0.0);
+            let wanted = Settings {
+                count,
+                floor: 0.0,
+                ..wanted
+            };
             let left = krylov::largest(n, |x| filter(&columns, &turned, x), wanted)?.basis;
             known.add(&right, &left);
             found.spectrum = Spectrum::of(problem, &known.right, Some(&known.left));
-        }
-        if count < batch {
-            found.complete = resolution <= sought.resolution;
-            resolution = (resolution / FINER).max(sought.resolution);
         }
     }
     Ok(found)

@@ -6,7 +6,9 @@ use super::collective::{IdBlocks, Outcome, agree, records_of};
 use super::h5::{Attribute, H5File, Word};
 use crate::domain::{Exchange, total};
 use crate::failure::Failure;
-use crate::state::{ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot};
+use crate::state::{
+    ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
+};
 use records::{Record, length, read_records, write_one, write_records};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -71,6 +73,9 @@ pub fn write(
         (grains, contacts)
     });
 
+    let travels = snapshot.travels.as_ref();
+    let travels = travels.map(|travels| of_grains(exchange, blocks, travels, |g| g.id));
+
     // The texts of rank 0: HDF5 wants the same from all.
     let header = exchange.broadcast(snapshot.header.clone().into_bytes());
     let scene = exchange.broadcast(scene_toml.to_owned().into_bytes());
@@ -101,6 +106,10 @@ pub fn write(
             ),
         ]);
     }
+    if let Some(travels) = &travels {
+        let sum = sum(checksum(exchange, &travels.records));
+        attributes.push((Travel::CHECKSUM, sum));
+    }
     let part = folder.join(PART);
     let file = agree(exchange, H5File::create(&part, exchange.communicator()))?;
     let mut outcome = Outcome::default();
@@ -117,6 +126,9 @@ pub fn write(
     if let Some((grains, contacts)) = &analysed {
         write_records(&file, &mut outcome, grains);
         write_records(&file, &mut outcome, contacts);
+    }
+    if let Some(travels) = &travels {
+        write_records(&file, &mut outcome, travels);
     }
     file.agree(exchange, outcome)?;
     agree(exchange, file.close())?;
@@ -245,6 +257,9 @@ pub fn read(exchange: &impl Exchange, path: &Path) -> Result<(String, Snapshot),
         checked.grains(grains, |g| g.id).map_err(bad)?;
         checked.contacts(contacts, |c| [c.i, c.j]).map_err(bad)?;
     }
+    if let Some(travels) = &pieces.travels {
+        checked.grains(travels, |g| g.id).map_err(bad)?;
+    }
     let contacts = blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i);
     Ok((
         pieces.scene,
@@ -256,6 +271,7 @@ pub fn read(exchange: &impl Exchange, path: &Path) -> Result<(String, Snapshot),
                 grains: grains.records,
                 contacts: contacts.records,
             }),
+            travels: pieces.travels.map(|travels| travels.records),
         },
     ))
 }
@@ -310,6 +326,7 @@ struct Pieces {
     grains: Piece<GrainState>,
     contacts: Piece<ContactState>,
     analysed: Option<(Piece<GrainPlace>, Piece<ContactForce>)>,
+    travels: Option<Piece<Travel>>,
 }
 
 /// An even share of a list, whichever ids it is of, and the checksum that is stored of the list.
@@ -372,6 +389,7 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         let records = read_records(file, list.grains, mine)?;
         Ok(Piece { records, sum })
     }
+    let has = |sum: &str| names.iter().any(|n| n == sum);
     let grains = share("grains/id")?;
     Ok(Pieces {
         header,
@@ -379,7 +397,7 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         blocks: grains.0,
         grains: piece(&file, grains, word(GrainState::CHECKSUM)?)?,
         contacts: piece(&file, share("contacts/i")?, word(ContactState::CHECKSUM)?)?,
-        analysed: match names.iter().any(|n| n == GrainPlace::CHECKSUM) {
+        analysed: match has(GrainPlace::CHECKSUM) {
             true => Some((
                 piece(
                     &file,
@@ -392,6 +410,10 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
                     word(ContactForce::CHECKSUM)?,
                 )?,
             )),
+            false => None,
+        },
+        travels: match has(Travel::CHECKSUM) {
+            true => Some(piece(&file, share("travels/id")?, word(Travel::CHECKSUM)?)?),
             false => None,
         },
     })

@@ -4,7 +4,7 @@ use super::Stretch;
 use crate::failure::Failure;
 use crate::io::collective::Outcome;
 use crate::io::h5::{H5File, Slab};
-use crate::state::{ContactForce, ContactState, GrainPlace, GrainState};
+use crate::state::{ContactForce, ContactState, GrainPlace, GrainState, Travel};
 use bytemuck::Pod;
 use hdf5::H5Type;
 use std::ops::Range;
@@ -110,6 +110,20 @@ impl Record for ContactForce {
             field!(Self, normal_force, number),
             field!(Self, tangential_force, number),
         ]
+    }
+}
+
+impl Record for Travel {
+    const GROUP: &'static str = "travels";
+    const NAME: &'static str = "travels";
+    const CHECKSUM: &'static str = "checksum_travels";
+
+    fn integers() -> Vec<Field<Self, u32>> {
+        vec![field!(Self, id, number), field!(Self, body, number)]
+    }
+
+    fn numbers() -> Vec<Field<Self, f64>> {
+        vec![field!(Self, start, 3), field!(Self, angle, 3)]
     }
 }
 
