@@ -444,7 +444,7 @@ fn typeset(svg: &str) -> String {
                 out.push_str("</tspan>");
             }
             out.push_str(&format!(
-                "<tspan dy=\"{down}\" font-size=\"73%\">{inner}</tspan>"
+                "<tspan dy=\"{down}\" font-size=\"0.73em\">{inner}</tspan>"
             ));
             shifted = !after.trim_end().is_empty();
             if shifted {
@@ -491,8 +491,8 @@ mod tests {
     #[test]
     fn indices_and_powers_are_set_and_undone() {
         let set = typeset("|Δτ_{p}|/r^{2}\n<a b_=\"c\"/>\n");
-        let expected = "|Δτ<tspan dy=\"0.3em\" font-size=\"73%\">p</tspan><tspan dy=\"-0.219em\">|/r</tspan>\
-                        <tspan dy=\"-0.55em\" font-size=\"73%\">2</tspan>\n<a b_=\"c\"/>\n";
+        let expected = "|Δτ<tspan dy=\"0.3em\" font-size=\"0.73em\">p</tspan><tspan dy=\"-0.219em\">|/r</tspan>\
+                        <tspan dy=\"-0.55em\" font-size=\"0.73em\">2</tspan>\n<a b_=\"c\"/>\n";
         assert_eq!(set, expected);
     }
 
