@@ -17,9 +17,14 @@ fn run(folder: &Path, ranks: usize, more: &[&str]) -> Outcome {
     gshear_mpi(ranks, folder, &arguments)
 }
 
-/// All digests that a run prints: of the strain steps and of the last stage.
+/// All digests of a run that comes to its end: of the strain steps and of the last stage.
 fn digests(outcome: &Outcome) -> Vec<String> {
     assert_eq!(outcome.code, 0, "{}", outcome.text);
+    said(outcome)
+}
+
+/// All digests that a run prints.
+fn said(outcome: &Outcome) -> Vec<String> {
     let words = outcome.text.split_whitespace();
     let after = words.clone().skip(1).zip(words);
     after
@@ -59,6 +64,9 @@ fn neither_bookkeeping_nor_output_reaches_the_numbers() {
                 assert_eq!(found, expected, "{dimension}, {simd}");
             }
         }
+        let overdamped = ["--set=relax.method=overdamped", "--set=aqs.steps=2"];
+        let [one, two] = [1, 2].map(|ranks| digests(&run(&at("other"), ranks, &with(&overdamped))));
+        assert_eq!(one, two, "{dimension}, overdamped");
         // Contract 2: what is written, and the birth that is looked for on the way, change nothing.
         let other_output = [
             "--set=aqs.frame_every=1",
@@ -82,7 +90,7 @@ fn neither_bookkeeping_nor_output_reaches_the_numbers() {
             stopped.text
         );
         let resumed = gshear_mpi(3, &at("part"), &[resume]);
-        let found = [digests(&stopped), digests(&resumed)].concat();
+        let found = [said(&stopped), digests(&resumed)].concat();
         assert_eq!(found, expected, "{dimension}, resumed");
         let read = |name: &str, file: &str, columns: &[&str]| {
             let run = PeriodicRun::open(&at(name).join(file), columns).expect("a file of the run");
