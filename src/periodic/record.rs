@@ -179,9 +179,7 @@ impl Recorder {
                 let wrote = match exchange.rank() {
                     0 => {
                         let path = folder.join(SCENE_FILE);
-                        std::fs::write(&path, &scene.toml).map_err(|e| {
-                            Failure::other(format!("{}: cannot be written: {e}", path.display()))
-                        })
+                        std::fs::write(&path, &scene.toml).map_err(|e| unwritten(&path, e))
                     }
                     _ => Ok(()),
                 };
@@ -349,8 +347,7 @@ impl NewtonianRecorder {
                 }),
             (true, Some(_)) => cut(&path, lines).map(Some),
         };
-        let unwritten = |e| Failure::other(format!("{}: cannot be written: {e}", path.display()));
-        let spectra = agree(exchange, opened.map_err(unwritten))?;
+        let spectra = agree(exchange, opened.map_err(|e| unwritten(&path, e)))?;
         Ok(Self {
             trajectory,
             spectra,
@@ -413,9 +410,7 @@ impl NewtonianRecorder {
                 )
             }),
         };
-        let unwritten =
-            |e| Failure::other(format!("{}: cannot be written: {e}", self.path.display()));
-        agree(exchange, wrote.map_err(unwritten))
+        agree(exchange, wrote.map_err(|e| unwritten(&self.path, e)))
     }
 
     /// Collective.
@@ -433,9 +428,7 @@ impl NewtonianRecorder {
     ) -> Result<(), Failure> {
         self.trajectory.flush(exchange)?;
         let wrote = self.spectra.as_mut().map_or(Ok(()), BufWriter::flush);
-        let unwritten =
-            |e| Failure::other(format!("{}: cannot be written: {e}", self.path.display()));
-        agree(exchange, wrote.map_err(unwritten))?;
+        agree(exchange, wrote.map_err(|e| unwritten(&self.path, e)))?;
         let moving = Moving {
             steps,
             frames: self.trajectory.frames(),
@@ -479,4 +472,8 @@ fn cut(path: &Path, lines: u64) -> std::io::Result<BufWriter<File>> {
     file.set_len(length)?;
     file.seek(SeekFrom::Start(length))?;
     Ok(BufWriter::new(file))
+}
+
+fn unwritten(path: &Path, why: std::io::Error) -> Failure {
+    Failure::other(format!("{}: cannot be written: {why}", path.display()))
 }
