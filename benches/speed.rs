@@ -104,6 +104,7 @@ fn tiled(folder: &Path, name: &'static str, packed: &Packed, copies: u32, strain
     let mut begin = vec![config.display().to_string()];
     let of_the_file = ["grains", "radius_min", "radius_max", "length"];
     begin.extend(of_the_file.map(|key| format!("--set=sample.{key}=none")));
+    begin.push("--set=pack.friction=none".into());
     begin.push(format!("--set=sample.packing={}", data.display()));
     begin.push(format!("--set=sample.replicate=[{copies}]"));
     for set in ["analysis.scalars=false", "output.frame_strain=0.0"] {
