@@ -97,7 +97,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
                     &whole.eigenvalues::<C::Space>(exchange, system, self.stiffness.as_ref())?,
                 )?;
             }
-            if stop && done < steps || row && out.checkpoint_due(exchange) {
+            if stop && done < steps || row && out.saves.due(exchange) {
                 let travels = motion.travels.clone();
                 out.checkpoint::<C, E>(exchange, system, header, done, travels)?;
             }

@@ -70,11 +70,11 @@ const CHECKPOINTS: f64 = 60.0;
 pub(super) struct Recorder {
     frame_every: u64,
     trajectory: TrajectoryWriter,
-    saves: Saves,
+    pub saves: Saves,
 }
 
 /// The checkpoints of a folder.
-struct Saves {
+pub(super) struct Saves {
     folder: PathBuf,
     toml: String,
     last: Instant,
@@ -90,7 +90,7 @@ impl Saves {
     }
 
     /// Collective: the ranks' clocks differ, and all must do the same.
-    fn due(&self, exchange: &impl Exchange) -> bool {
+    pub fn due(&self, exchange: &impl Exchange) -> bool {
         exchange.maximum(self.last.elapsed().as_secs_f64()) > CHECKPOINTS
     }
 
@@ -249,11 +249,6 @@ impl Recorder {
         Ok([self.trajectory.frames(), self.trajectory.rows()])
     }
 
-    /// Collective.
-    pub fn checkpoint_due(&self, exchange: &impl Exchange) -> bool {
-        self.saves.due(exchange)
-    }
-
     pub fn checkpoint<C: ContactLaw, E: Exchange>(
         &mut self,
         exchange: &E,
@@ -300,7 +295,7 @@ pub(super) struct NewtonianRecorder {
     path: PathBuf,
     /// Of the eigenvalues' file, that of the names not counted.
     lines: u64,
-    saves: Saves,
+    pub saves: Saves,
 }
 
 impl NewtonianRecorder {
@@ -411,11 +406,6 @@ impl NewtonianRecorder {
             }),
         };
         agree(exchange, wrote.map_err(|e| unwritten(&self.path, e)))
-    }
-
-    /// Collective.
-    pub fn checkpoint_due(&self, exchange: &impl Exchange) -> bool {
-        self.saves.due(exchange)
     }
 
     pub fn checkpoint<C: ContactLaw, E: Exchange>(

@@ -80,7 +80,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
             }
             stopped = self.asked_to_stop() || self.options.stop_at == Some(progress.steps);
             let ends = progress.steps == scene.aqs.steps || self.enough(&progress);
-            if stopped || ends || recorder.checkpoint_due(exchange) {
+            if stopped || ends || recorder.saves.due(exchange) {
                 let written = recorder.flush(exchange)?;
                 recorder.checkpoint::<C, E>(exchange, &system, progress, written)?;
             }
