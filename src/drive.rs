@@ -7,6 +7,7 @@ use crate::contact::ContactLaw;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{Pass, Scratch, contact_forces};
+use crate::neighbour::Near;
 use crate::schedule::Protocol;
 use crate::simd::Level;
 use crate::state::{Cell, Contacts, Grains, body};
@@ -217,8 +218,12 @@ impl<C: ContactLaw> Drive<C::Space> for Planes<C> {
                 }
             }
         }
-        let both = |k: u32| [2 * k, 2 * k + 1];
-        let pairs: Vec<_> = (0..self.near.len() as u32).map(both).collect();
+        let with_image = |k: u32| Near {
+            grains: [2 * k, 2 * k + 1],
+            gap: 0.0,
+        };
+        let near: Vec<_> = (0..self.near.len() as u32).map(with_image).collect();
+        let id: Vec<_> = (0..2 * self.near.len() as u32).collect();
         let radius: Vec<_> = self
             .near
             .iter()
@@ -229,7 +234,7 @@ impl<C: ContactLaw> Drive<C::Space> for Planes<C> {
         self.force.clear();
         self.force.resize(radius.len(), Zeroable::zeroed());
         self.contacts
-            .replace(level, &self.law, &pairs, &radius, radius.len());
+            .replace(level, &self.law, &near, &[], (&id, &radius), radius.len());
     }
 }
 

@@ -201,7 +201,12 @@ impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
         for first in (0..blocks).step_by(CHUNK) {
             let chunk = first..blocks.min(first + CHUNK);
             differ::<C, L>(token, pass, chunk.clone(), scratch);
-            move_pairs::<C, L, LEDGER>(token, pass, chunk.clone(), scratch);
+            let active = move_pairs::<C, L, LEDGER>(token, pass, chunk.clone(), scratch);
+            // Behind it nothing touches or touched a step ago: what such pairs remember is nothing already.
+            let chunk = first..first + active;
+            if chunk.is_empty() {
+                continue;
+            }
             let outside = evaluate::<C, L, LEDGER>(token, law, pass, chunk.clone(), scratch);
             found.outside = found.outside.or(outside);
             if LEDGER {
@@ -235,14 +240,16 @@ fn differ<C: ContactLaw, L: Lanes>(
     }
 }
 
-/// How the pairs move; in three dimensions the tangential part of their histories is turned with n.
+/// How the pairs move; in three dimensions the tangential part of their histories is turned with n. Returns the number of blocks up to
+/// the last in which a pair touches or touched a step ago.
 #[inline(always)]
 fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
     token: L::Token,
     pass: &mut Pass<'_, C::Space>,
     chunk: Range<usize>,
     scratch: &mut Scratch<C::Space>,
-) {
+) -> usize {
+    let mut active = 0;
     let c = |v| L::splat(token, v);
     let load = |row: &Row| L::load(token, row);
     let zero = c(0.0);
@@ -344,7 +351,11 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
             motion.rolling_velocity = difference[C::Space::SPIN];
             (load(&difference[C::Space::HALF_SPIN]) * step).store(&mut motion.rolling_increment);
         }
+        let before = *touching;
         *touching = overlap.greater(zero).bits();
+        if before | *touching != 0 {
+            active = k + 1;
+        }
         // A pair that touched a step ago overlaps by more than it has come nearer since.
         let nearer = -half_normal * step;
         let new = nearer.greater(overlap).bits() & *touching;
@@ -358,6 +369,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
             }
         }
     }
+    active
 }
 
 /// a x + b y.

@@ -21,6 +21,14 @@ pub struct Range {
     pub skin: f64,
 }
 
+/// Two local grains that touch or may come to, the one of lower id first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Near {
+    pub grains: [u32; 2],
+    /// |r| - R_i - R_j (m).
+    pub gap: f64,
+}
+
 /// Cells along one axis.
 #[derive(Debug, Clone, Copy)]
 struct Axis {
@@ -92,7 +100,7 @@ pub fn pairs<D: Dimension>(
     cell: Cell,
     window: Window,
     range: Range,
-) -> Vec<[u32; 2]> {
+) -> Vec<Near> {
     let Range { reach, skin } = range;
     let local = grains.local();
     let position: Vec<[f64; 3]> = (0..local)
@@ -178,9 +186,12 @@ pub fn pairs<D: Dimension>(
                 }
                 let apart = cell.separation::<D>(&position[h], &position[g]);
                 let square = apart.iter().map(|x| x * x).sum::<f64>();
-                let range = grains.radius[g] + grains.radius[h] + skin;
-                if square < range * range {
-                    pairs.push([a, b]);
+                let touch = grains.radius[g] + grains.radius[h];
+                if square < (touch + skin) * (touch + skin) {
+                    pairs.push(Near {
+                        grains: [a, b],
+                        gap: square.sqrt() - touch,
+                    });
                 }
             }
         };
@@ -191,7 +202,7 @@ pub fn pairs<D: Dimension>(
                 axes[1].near(here[1]).for_each(|y| look([x, y, 0]));
             }
         }
-        pairs[begin..].sort_unstable_by_key(|p| grains.id[p[1] as usize]);
+        pairs[begin..].sort_unstable_by_key(|p: &Near| grains.id[p.grains[1] as usize]);
     }
     pairs
 }
@@ -270,6 +281,7 @@ mod tests {
                 }
             }
             assert!(!expected.is_empty());
+            let found: Vec<_> = found.iter().map(|near| near.grains).collect();
             assert_eq!(found, expected);
         }
     }

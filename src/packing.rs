@@ -275,7 +275,8 @@ impl Packing {
             skin: 0.0,
         };
         let mut worst = (1.0, None);
-        for [i, j] in neighbour::pairs(&grains, cell, window, range) {
+        for near in neighbour::pairs(&grains, cell, window, range) {
+            let [i, j] = near.grains;
             let (a, b) = (&states[i as usize], &states[j as usize]);
             let apart = cell.separation::<D>(&a.position, &b.position);
             let overlap = a.radius + b.radius - length(apart);

@@ -293,15 +293,12 @@ impl<D: Dimension> System<D> {
             reach,
             skin: self.list.skin,
         };
-        let pairs = neighbour::pairs(&self.grains, self.cell, window, range);
-        self.contacts.replace(
-            self.level,
-            law,
-            &pairs,
-            &self.grains.radius,
-            self.grains.owned,
-        );
-        self.contacts.remember::<C>(&remembered, &self.grains.id);
+        let near = neighbour::pairs(&self.grains, self.cell, window, range);
+        let Grains {
+            id, radius, owned, ..
+        } = &self.grains;
+        self.contacts
+            .replace(self.level, law, &near, &remembered, (id, radius), *owned);
         self.team.assign(&self.contacts, self.grains.local());
         drive.renumber(self.level, &self.grains, self.list.skin);
 

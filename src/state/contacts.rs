@@ -3,12 +3,15 @@
 use std::ops::Range;
 
 use crate::contact::ContactLaw;
+use crate::neighbour::Near;
 use crate::simd::{LANES, Lanes, Level, PairList, Pairs, Row, Work};
 
 use super::ContactState;
 
 /// Pairs of local grains that touch or may come to, each once, i the lower id: first the blocks of inner pairs, of which this
-/// rank owns both grains, then those of which it owns i, then those of which it owns j; each group in order of (id of i, id of j).
+/// rank owns both grains, then those of which it owns i, then those of which it owns j. Within a group contacts come before pairs
+/// that are apart, these by their gaps, window by window of pairs in order of (id of i, id of j): so the kernel finds blocks in which
+/// nothing touches behind one another.
 ///
 /// The last block of a group is filled up with a grain and itself, which do not touch. Neither the order nor the extent of the list
 /// reaches the numbers: sums of forces are exact, and pairs that do not touch add nothing.
@@ -29,47 +32,59 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// Replaces the list by the sorted `pairs` of local indices, of which those below `owned` are this rank's.
+    /// Replaces the list by the pairs of `near`, sorted by their ids, and gives them back what they remember. `remembered` is sorted by
+    /// (i, j); pairs that are not in it start anew. Of the local grains' `id` and `radius` those before `owned` are this rank's.
     pub fn replace<C: ContactLaw>(
         &mut self,
         level: Level,
         law: &C,
-        pairs: &[[u32; 2]],
-        radius: &[f64],
+        near: &[Near],
+        remembered: &[ContactState],
+        (id, radius): (&[u32], &[f64]),
         owned: usize,
     ) {
         let own = |g: u32| (g as usize) < owned;
-        let group = |of_i: bool, of_j: bool| -> Vec<[u32; 2]> {
-            let kind = |&&[i, j]: &&[u32; 2]| own(i) == of_i && own(j) == of_j;
-            pairs.iter().filter(kind).copied().collect()
+        let group = |of_i: bool, of_j: bool| {
+            let kind = |near: &&Near| own(near.grains[0]) == of_i && own(near.grains[1]) == of_j;
+            in_order(near.iter().filter(kind), remembered, id)
         };
         let groups = [group(true, true), group(true, false), group(false, true)];
         self.pairs.clear();
         self.geometry.clear();
+        self.history.clear();
+        self.touching.clear();
         for block in groups.iter().flat_map(|group| group.chunks(LANES)) {
             let mut of_block = Pairs {
                 i: [0; LANES],
                 j: [0; LANES],
             };
             let mut geometry = [Row([FILLER; LANES]), Row([-0.5 * FILLER; LANES])];
-            for (lane, &[i, j]) in block.iter().enumerate() {
+            let mut touching = 0;
+            let first = self.history.len();
+            self.history.resize(first + C::HISTORY, Row::ZERO);
+            for (lane, listed) in block.iter().enumerate() {
+                let [i, j] = listed.grains;
                 of_block.i[lane] = i;
                 of_block.j[lane] = j;
                 geometry[0].0[lane] = radius[i as usize] + radius[j as usize];
                 geometry[1].0[lane] = radius[i as usize];
+                if let Some(history) = listed.history {
+                    touching |= 1 << lane;
+                    let history = C::history_from_state(history);
+                    for (row, from) in self.history[first..].iter_mut().zip(history) {
+                        row.0[lane] = from;
+                    }
+                }
             }
             self.pairs.push(of_block);
             self.geometry.push(geometry);
+            self.touching.push(touching);
         }
         let blocks = self.geometry.len();
         self.inner = groups[0].len().div_ceil(LANES);
         self.mine = self.inner + groups[1].len().div_ceil(LANES);
         self.parameters.clear();
         self.parameters.resize(blocks * C::PARAMETERS, Row::ZERO);
-        self.history.clear();
-        self.history.resize(blocks * C::HISTORY, Row::ZERO);
-        self.touching.clear();
-        self.touching.resize(blocks, 0);
         level.run(Parameters {
             law,
             contacts: self,
@@ -126,33 +141,6 @@ impl Contacts {
         }
     }
 
-    /// Gives the pairs of the list their history back. `remembered` is sorted by (i, j); pairs that are not in it start anew.
-    pub fn remember<C: ContactLaw>(&mut self, remembered: &[ContactState], id: &[u32]) {
-        for group in [
-            0..self.inner,
-            self.inner..self.mine,
-            self.mine..self.blocks(),
-        ] {
-            let mut rest = remembered.iter().peekable();
-            for (block, lane) in group.flat_map(|b| (0..LANES).map(move |lane| (b, lane))) {
-                if self.geometry[block][0].0[lane] == FILLER {
-                    continue;
-                }
-                let pairs = &self.pairs.blocks()[block];
-                let pair = (id[pairs.i[lane] as usize], id[pairs.j[lane] as usize]);
-                while rest.next_if(|c| (c.i, c.j) < pair).is_some() {}
-                if let Some(contact) = rest.next_if(|c| (c.i, c.j) == pair) {
-                    let history = C::history_from_state(contact.history);
-                    let rows = &mut self.history[block * C::HISTORY..(block + 1) * C::HISTORY];
-                    for (row, from) in rows.iter_mut().zip(history) {
-                        row.0[lane] = from;
-                    }
-                    self.touching[block] |= 1 << lane;
-                }
-            }
-        }
-    }
-
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
         use std::mem::size_of;
@@ -161,6 +149,41 @@ impl Contacts {
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Row>()
             + self.touching.capacity()
     }
+}
+
+/// A pair of the list, and what it remembers where it is a contact.
+struct Listed {
+    grains: [u32; 2],
+    history: Option<[f64; 3]>,
+}
+
+/// Pairs among which contacts come first: so many that few blocks hold both, so few that what they need stays in the cache.
+const WINDOW: usize = 64 * LANES;
+
+/// A group in the order of the list.
+fn in_order<'a>(
+    group: impl Iterator<Item = &'a Near>,
+    remembered: &[ContactState],
+    id: &[u32],
+) -> Vec<Listed> {
+    let mut rest = remembered.iter().peekable();
+    let mut all: Vec<(f64, Listed)> = group
+        .map(|near| {
+            let [i, j] = near.grains.map(|g| id[g as usize]);
+            while rest.next_if(|c| (c.i, c.j) < (i, j)).is_some() {}
+            let contact = rest.next_if(|c| (c.i, c.j) == (i, j));
+            let listed = Listed {
+                grains: near.grains,
+                history: contact.map(|c| c.history),
+            };
+            (contact.map_or(near.gap, |_| f64::NEG_INFINITY), listed)
+        })
+        .collect();
+    for window in all.chunks_mut(WINDOW) {
+        // Stable: contacts stay in order.
+        window.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    all.into_iter().map(|(_, listed)| listed).collect()
 }
 
 /// Some blocks, as the kernel works on them.
