@@ -41,7 +41,7 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     /// Force and torque on a grain.
     type Force: Pod + Debug + PartialEq + Send + Sync + DerefMut<Target = [f64]>;
     /// A row for each field of a record.
-    type Fields: Copy + Debug + AsRef<[Row]> + AsMut<[Row]> + Send;
+    type Fields: Copy + Debug + AsRef<[Row]> + AsMut<[Row]> + Send + Sync;
     const NO_FIELDS: Self::Fields;
 
     fn fields(record: &Self::Record) -> &[f64];

@@ -186,7 +186,7 @@ impl<C: ContactLaw> Drive<C::Space> for Planes<C> {
                 cell,
                 step,
                 samples: None,
-                energy_unit: None,
+                counting: None,
             },
             &mut self.scratch,
         );

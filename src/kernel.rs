@@ -94,8 +94,17 @@ pub struct Pass<'a, D: Dimension> {
     pub step: f64,
     /// Filled where given.
     pub samples: Option<Samples<'a>>,
-    /// Where given, a ledger of energy is kept in whole multiples of this (J/m).
-    pub energy_unit: Option<f64>,
+    /// Where given, a ledger of energy is kept.
+    pub counting: Option<Counting>,
+}
+
+/// How the ledger counts what the contacts lose.
+#[derive(Debug, Clone, Copy)]
+pub struct Counting {
+    /// In whole multiples of this (J/m).
+    pub unit: f64,
+    /// Δt (s), for which a power stands also where nothing moves.
+    pub step: f64,
 }
 
 /// What a pass finds.
@@ -105,7 +114,7 @@ pub struct Found {
     pub outside: Option<(usize, usize)>,
     /// A pair whose force is too great to be rounded to the unit.
     pub too_strong: Option<(usize, usize)>,
-    /// Energies that the contacts lost of which this rank owns i, in `Pass::energy_unit`s.
+    /// Energies that the contacts lost of which this rank owns i, in [`Counting::unit`]s.
     pub lost: [i128; loss::KINDS],
     /// An energy was too great to be counted.
     pub uncounted: bool,
@@ -131,7 +140,7 @@ pub fn contact_forces<C: ContactLaw>(
     scratch: &mut Scratch<C::Space>,
 ) -> Found {
     let first = pass.part.first;
-    let mut found = match pass.energy_unit {
+    let mut found = match pass.counting {
         Some(_) => level.run(Blocks::<C, true> { law, pass, scratch }),
         None => level.run(Blocks::<C, false> { law, pass, scratch }),
     };
@@ -420,7 +429,6 @@ fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
             motion: &scratch.motion[..chunk.len()],
             carry: &mut scratch.carry[..chunk.len()],
             response: &mut scratch.response[..chunk.len()],
-            step: pass.step,
         },
     );
     let mut outside = None;
@@ -434,7 +442,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
     outside
 }
 
-/// Energies that are counted are below this many units.
+/// Energies below this many units are counted sixteen at a time.
 const MOST_UNITS: f64 = (1u64 << 50) as f64;
 
 /// What the contacts lost.
@@ -453,17 +461,37 @@ fn account<C: ContactLaw, L: Lanes>(
     let load = |row: &Row| L::load(token, row);
     let c = |v| L::splat(token, v);
     let part = &pass.part;
-    let per_unit = c(1.0 / pass.energy_unit.unwrap_or(f64::INFINITY));
+    let (unit, step) = pass.counting.map_or((1.0, 0.0), |c| (c.unit, c.step));
     let mine = chunk.end.min(part.mine.saturating_sub(part.first));
     let blocks = chunk.start..mine.max(chunk.start);
     for kind in 0..loss::KINDS {
         let mut sums = L::no_counts(token);
+        let per_unit = match kind {
+            loss::DAMPING => c(step / unit),
+            _ => c(1.0 / unit),
+        };
         for response in &scratch.response[..blocks.len()] {
             let units = load(&response.lost[kind]) * per_unit;
-            found.uncounted |= c(MOST_UNITS).greater(units.abs()).bits() != u16::MAX;
-            sums = units.count(sums);
+            let few = c(MOST_UNITS).greater(units.abs());
+            if few.bits() != u16::MAX {
+                count_many(&units.to_row(), few.bits(), found, kind);
+            }
+            sums = units.select(few, c(0.0)).count(sums);
         }
         found.lost[kind] += L::total(sums);
+    }
+}
+
+/// Counts the energies of lanes that are not among the `few`, in units.
+#[cold]
+fn count_many(units: &Row, few: u16, found: &mut Found, kind: usize) {
+    for lane in (0..LANES).filter(|lane| few >> lane & 1 == 0) {
+        let units = units.0[lane].round_ties_even();
+        if units.abs() < 2f64.powi(100) {
+            found.lost[kind] += units as i128;
+        } else {
+            found.uncounted = true;
+        }
     }
 }
 

@@ -15,9 +15,10 @@ const ELASTIC: usize = 3;
 #[derive(Debug, Clone)]
 pub struct Ledger {
     unit: f64,
-    /// Twice the sums over the steps, of the first one half, of what was lost.
+    /// Twice the sums over the steps of what was lost, of the power of dampers at the first end of the shear half.
     twice_lost: [i128; loss::KINDS],
-    last_lost: [i128; loss::KINDS],
+    /// The power of dampers at the end of the last step, times Δt; 0 of other losses.
+    last_power: [i128; loss::KINDS],
     /// Something was too great to be counted.
     uncounted: bool,
     /// Of all ranks: the work done along x on the sample, and the force that did it last.
@@ -70,12 +71,12 @@ impl Entry {
 impl Ledger {
     /// `largest_radius` in m.
     pub fn new(unit: ForceUnit, largest_radius: f64) -> Self {
-        // Of forces F in units of 2^-50 F_max, a contact's losses F v Δt in a step are counted up to 2^-9 F_max R.
+        // Far below what a contact loses in a step even where it creeps: what is below half a unit is never counted. 2^-76 F_max R.
         let radius = f64::from_bits(largest_radius.to_bits() & 0x7ff << 52);
         Self {
-            unit: unit.force * radius * 2f64.powi(-10),
+            unit: unit.force * radius * 2f64.powi(-26),
             twice_lost: [0; loss::KINDS],
-            last_lost: [0; loss::KINDS],
+            last_power: [0; loss::KINDS],
             uncounted: false,
             work: 0.0,
             force: 0.0,
@@ -93,7 +94,7 @@ impl Ledger {
         for (sum, more) in self.twice_lost.iter_mut().zip(lost) {
             *sum += 2 * more;
         }
-        self.last_lost = lost;
+        self.last_power[loss::DAMPING] = lost[loss::DAMPING];
         self.uncounted |= uncounted;
     }
 
@@ -151,7 +152,7 @@ impl Ledger {
         of: Sample<'_>,
     ) -> Entry {
         // Elastic energies are greater than the losses of a step.
-        let elastic_unit = FixedPoint::new(self.unit * 2f64.powi(20));
+        let elastic_unit = FixedPoint::new(self.unit * 2f64.powi(36));
         let mut elastic = [Accumulator::default(); ELASTIC];
         level.run(Elastic {
             law,
@@ -163,15 +164,15 @@ impl Ledger {
         let elastic = elastic_unit.total(exchange, elastic);
         let energy = of.kinetic + elastic.iter().sum::<f64>();
         let begin = *self.begin.get_or_insert_with(|| {
-            self.twice_lost = self.last_lost;
+            self.twice_lost = self.last_power;
             self.work = 0.0;
             Begin {
                 energy,
                 height: of.height,
             }
         });
-        // Trapezoids: of the last step half.
-        let (lost, uncounted) = self.sums(exchange, self.last_lost);
+        // Of a power trapezoids: at the last end half.
+        let (lost, uncounted) = self.sums(exchange, self.last_power);
         let lost = lost.map(|n| match uncounted {
             true => f64::NAN,
             false => 0.5 * n as f64 * self.unit,

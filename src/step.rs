@@ -5,14 +5,15 @@
 
 use std::ops::Range;
 
+use bytemuck::Zeroable;
+
 use crate::clock::Phase;
 use crate::contact::ContactLaw;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::{Drive, Load};
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Found};
-use crate::ledger::Ledger;
+use crate::kernel::{ContactForces, Counting, Found};
 use crate::simd::{Lanes, Work};
 use crate::state::{Cell, Grains, body};
 use crate::system::System;
@@ -49,7 +50,7 @@ pub fn advance<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     let rebuild = system.list.moved(fastest, step, &system.grains, &cell);
     system.clock.end(Phase::Motion);
 
-    let outside = forces(exchange, system, law, drive, step, samples);
+    let outside = add_forces(exchange, system, law, drive, step, samples);
 
     let rebuild = rebuild || system.list.forced(system.steps);
     let mut message = Message::new(system, drive, outside, [rebuild, stop]);
@@ -156,6 +157,20 @@ pub fn forces<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     law: &C,
     drive: &mut D,
     step: f64,
+    samples: Option<&mut ContactForces>,
+) -> Option<Outside> {
+    let owned = system.grains.owned;
+    system.grains.force[..owned].fill(Zeroable::zeroed());
+    add_forces(exchange, system, law, drive, step, samples)
+}
+
+/// [`forces`] where those on the own grains were cleared before.
+fn add_forces<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
+    exchange: &E,
+    system: &mut System<C::Space>,
+    law: &C,
+    drive: &mut D,
+    step: f64,
     mut samples: Option<&mut ContactForces>,
 ) -> Option<Outside> {
     let System {
@@ -169,9 +184,10 @@ pub fn forces<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
         team,
         ledger,
         gravity,
+        step: full_step,
         ..
     } = system;
-    team.clear(&mut grains.force);
+    team.clear(&mut grains.force[grains.owned..]);
     if *gravity > 0.0 {
         weigh(grains, *gravity);
     }
@@ -185,7 +201,10 @@ pub fn forces<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
         unit: grains.unit,
         cell: *cell,
         step,
-        energy_unit: ledger.as_ref().map(Ledger::unit),
+        counting: ledger.as_ref().map(|ledger| Counting {
+            unit: ledger.unit(),
+            step: *full_step,
+        }),
     };
     let (inner, all) = (contacts.inner, contacts.blocks());
     let (record, force) = (&mut grains.record, &mut grains.force);
@@ -228,7 +247,8 @@ pub enum Outside {
     Number,
 }
 
-/// v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt). Returns the greatest speed (m/s), NaN where one is none.
+/// v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces. Returns the greatest speed (m/s), NaN where
+/// one is none.
 struct HalfKickAndDrift<'a, D: Dimension> {
     own: Own<'a, D>,
     step: f64,
@@ -269,6 +289,7 @@ impl<D: Dimension> Work for HalfKickAndDrift<'_, D> {
                 r[D::SPIN + k] = w + dw;
                 sum += w;
             }
+            *force = Zeroable::zeroed();
             sum += speed;
             fastest = if speed > fastest { speed } else { fastest };
         }

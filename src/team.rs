@@ -4,11 +4,12 @@
 use std::ops::Range;
 
 use bytemuck::Zeroable;
+use rayon::prelude::*;
 
 use crate::contact::ContactLaw;
 use crate::dimension::Dimension;
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Found, Pass, Scratch, contact_forces};
+use crate::kernel::{ContactForces, Counting, Found, Pass, Scratch, contact_forces};
 use crate::simd::Level;
 use crate::state::{Cell, Contacts, ForceUnit, Grains};
 
@@ -28,7 +29,8 @@ pub struct Team<D: Dimension> {
 #[derive(Debug)]
 struct Other<D: Dimension> {
     force: Vec<D::Force>,
-    pages: Vec<u32>,
+    /// Of every page, whether it is used.
+    used: Vec<bool>,
     scratch: Box<Scratch<D>>,
 }
 
@@ -40,7 +42,7 @@ pub struct Setting<'a, C> {
     pub unit: ForceUnit,
     pub cell: Cell,
     pub step: f64,
-    pub energy_unit: Option<f64>,
+    pub counting: Option<Counting>,
 }
 
 impl<D: Dimension> Team<D> {
@@ -64,7 +66,7 @@ impl<D: Dimension> Team<D> {
             others: (1..threads)
                 .map(|_| Other {
                     force: Vec::new(),
-                    pages: Vec::new(),
+                    used: Vec::new(),
                     scratch: Box::default(),
                 })
                 .collect(),
@@ -80,19 +82,16 @@ impl<D: Dimension> Team<D> {
         let threads = self.threads();
         let all = contacts.blocks();
         for (k, other) in self.others.iter_mut().enumerate() {
-            let mut touched = vec![false; local.div_ceil(PAGE)];
+            other.used.clear();
+            other.used.resize(local.div_ceil(PAGE), false);
             for group in [0..contacts.inner, contacts.inner..all] {
                 let begin = |part: usize| group.start + group.len() * part / threads;
                 for pairs in &contacts.pairs.blocks()[begin(k + 1)..begin(k + 2)] {
                     for &g in pairs.i.iter().chain(&pairs.j) {
-                        touched[g as usize / PAGE] = true;
+                        other.used[g as usize / PAGE] = true;
                     }
                 }
             }
-            other.pages.clear();
-            other
-                .pages
-                .extend((0..touched.len() as u32).filter(|&page| touched[page as usize]));
             other.force.clear();
             other.force.resize(local, D::Force::zeroed());
         }
@@ -120,7 +119,7 @@ impl<D: Dimension> Team<D> {
                     cell: setting.cell,
                     step: setting.step,
                     samples,
-                    energy_unit: setting.energy_unit,
+                    counting: setting.counting,
                 },
                 scratch,
             )
@@ -151,7 +150,7 @@ impl<D: Dimension> Team<D> {
         found.into_iter().fold(Found::default(), Found::and)
     }
 
-    /// Clears the forces on the grains, for all threads.
+    /// Clears these forces, and all that the other threads add up.
     pub fn clear(&mut self, force: &mut [D::Force]) {
         let zero = D::Force::zeroed();
         let Some(pool) = &self.pool else {
@@ -160,9 +159,9 @@ impl<D: Dimension> Team<D> {
         pool.in_place_scope(|scope| {
             for other in &mut self.others {
                 scope.spawn(move |_| {
-                    for &page in &other.pages {
-                        let range = page_range(page, other.force.len());
-                        other.force[range].fill(zero);
+                    let pages = other.force.chunks_mut(PAGE).zip(&other.used);
+                    for (page, _) in pages.filter(|(_, used)| **used) {
+                        page.fill(zero);
                     }
                 });
             }
@@ -171,17 +170,20 @@ impl<D: Dimension> Team<D> {
     }
 
     /// Adds the other threads' forces to the grains'.
-    pub fn gather(&mut self, force: &mut [D::Force]) {
-        for other in &self.others {
-            for &page in &other.pages {
-                let range = page_range(page, force.len());
-                for (sum, more) in force[range.clone()].iter_mut().zip(&other.force[range]) {
+    pub fn gather(&self, force: &mut [D::Force]) {
+        let Some(pool) = &self.pool else {
+            return;
+        };
+        let add = |(page, sums): (usize, &mut [D::Force])| {
+            for other in self.others.iter().filter(|other| other.used[page]) {
+                for (sum, more) in sums.iter_mut().zip(&other.force[page * PAGE..]) {
                     for (sum, more) in sum.iter_mut().zip(&more[..]) {
                         *sum += more;
                     }
                 }
             }
-        }
+        };
+        pool.install(|| force.par_chunks_mut(PAGE).enumerate().for_each(add));
     }
 
     /// Work on the own grains, in parts of about the same size; what comes out, one by one.
@@ -194,7 +196,7 @@ impl<D: Dimension> Team<D> {
         let own = grains.owned;
         let mut rest = Own {
             record: &mut grains.record[..own],
-            force: &grains.force[..own],
+            force: &mut grains.force[..own],
             half_kick: &grains.half_kick,
         };
         let Some(pool) = &self.pool else {
@@ -207,7 +209,7 @@ impl<D: Dimension> Team<D> {
             for (k, found) in found.iter_mut().enumerate() {
                 let size = own * (k + 1) / threads - own * k / threads;
                 let (record, record_after) = rest.record.split_at_mut(size);
-                let (force, force_after) = rest.force.split_at(size);
+                let (force, force_after) = rest.force.split_at_mut(size);
                 let (half_kick, half_kick_after) = rest.half_kick.split_at(size);
                 rest = Own {
                     record: record_after,
@@ -234,14 +236,9 @@ impl<D: Dimension> Team<D> {
     }
 }
 
-fn page_range(page: u32, length: usize) -> Range<usize> {
-    let begin = page as usize * PAGE;
-    begin..length.min(begin + PAGE)
-}
-
 /// Some own grains, for the kicks and the drift.
 pub struct Own<'a, D: Dimension> {
     pub record: &'a mut [D::Record],
-    pub force: &'a [D::Force],
+    pub force: &'a mut [D::Force],
     pub half_kick: &'a [[f64; 2]],
 }

@@ -69,7 +69,6 @@ fn evaluate<D: Dimension>(
             }],
             carry: &mut [[Row::ZERO; CARRY]],
             response: &mut response,
-            step: 1.0,
         },
     );
     let [r] = response;

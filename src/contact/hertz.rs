@@ -90,7 +90,6 @@ impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
-        let step = c(blocks.step);
         for (((p, motion), carry), response) in blocks
             .parameters
             .chunks_exact(Self::PARAMETERS)
@@ -107,7 +106,7 @@ impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
             if LEDGER {
-                let lost = root.mul_add(elastic, -normal) * v_n * step;
+                let lost = root.mul_add(elastic, -normal) * v_n;
                 lost.select(overlap.greater(zero), zero)
                     .store(&mut response.lost[loss::DAMPING]);
             }
@@ -209,7 +208,7 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
                 (work - gained - stiffness).store(&mut response.lost[loss::FRICTION]);
                 let viscous = scaled(&v_t, gamma_t * root);
                 let power = Three::dot(&viscous, &v_t).select(touching, zero);
-                add_damping(token, response, power * c(blocks.step));
+                add_damping(token, response, power);
             }
         }
     }

@@ -109,7 +109,6 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
-        let step = c(blocks.step);
         for ((p, motion), response) in blocks
             .parameters
             .chunks_exact(Self::PARAMETERS)
@@ -122,7 +121,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
             if LEDGER {
-                let lost = k_n.mul_add(overlap, -normal) * v_n * step;
+                let lost = k_n.mul_add(overlap, -normal) * v_n;
                 lost.select(overlap.greater(zero), zero)
                     .store(&mut response.lost[loss::DAMPING]);
             }
@@ -159,7 +158,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                         let sum = &mut response.lost[loss::FRICTION];
                         if k == 0 { lost } else { load(sum) + lost }.store(sum);
                         let viscous = f.viscous[k].select(touching, zero);
-                        add_damping(token, response, viscous * v_t[k] * step);
+                        add_damping(token, response, viscous * v_t[k]);
                     }
                     after.store(&mut history[k]);
                 }
@@ -291,7 +290,6 @@ mod tests {
                 motion: &[motion],
                 carry: &mut [[Row::ZERO; CARRY]],
                 response: &mut response,
-                step: 0.0,
             },
         );
         let [r] = response;

@@ -285,7 +285,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             normal.store(&mut response.normal);
             if LEDGER {
                 let viscous = k_n.mul_add(overlap, -normal);
-                let lost = viscous * v_n * c(blocks.step);
+                let lost = viscous * v_n;
                 lost.select(overlap.greater(c(0.0)), c(0.0))
                     .store(&mut response.lost[loss::DAMPING]);
             }
@@ -360,7 +360,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
                 zero.select(f.at_limit, lost)
                     .store(&mut response.lost[loss::STIFFNESS]);
                 let viscous = viscous.select(touching, zero);
-                add_damping(token, response, viscous * v_t * c(blocks.step));
+                add_damping(token, response, viscous * v_t);
             }
             after.store(&mut history[0]);
             k_t.select(touching, zero).store(&mut history[1]);
@@ -505,7 +505,6 @@ mod tests {
                 motion: &[motion],
                 carry: &mut [[Row::ZERO; CARRY]],
                 response: &mut [Response::NONE],
-                step: 0.0,
             },
         );
         history.map(|row| row.0[3])

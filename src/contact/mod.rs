@@ -57,13 +57,11 @@ pub struct Blocks<'a> {
     pub motion: &'a [Motion],
     pub carry: &'a mut [[Row; CARRY]],
     pub response: &'a mut [Response],
-    /// Δt (s).
-    pub step: f64,
 }
 
-/// Energy that contacts lose in a step, as rows of [`Response::lost`].
+/// Energy that contacts lose, as rows of [`Response::lost`].
 pub mod loss {
-    /// To all viscous parts.
+    /// To all viscous parts: the power at the end of the step (W/m), where the others are what was lost in the step (J/m).
     pub const DAMPING: usize = 0;
     /// To sliding.
     pub const FRICTION: usize = 1;
@@ -87,7 +85,7 @@ pub struct Response {
     pub sliding: u16,
     /// Overlap outside the law.
     pub beyond: u16,
-    /// Energies lost in this step (J/m), where a ledger is kept: also by contacts that have just opened, and 0 elsewhere.
+    /// What [`loss`] says, where a ledger is kept: also of contacts that have just opened, and 0 elsewhere.
     pub lost: [Row; loss::KINDS],
 }
 
@@ -211,11 +209,11 @@ pub(crate) fn store_vector<L: Lanes>(v: &Vector<L>, rows: &mut [Row], n: usize) 
     }
 }
 
-/// Adds the energy that a damper took to that of the others.
+/// Adds the power that a damper takes to that of the others.
 #[inline(always)]
-pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, energy: L) {
+pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, power: L) {
     let row = &mut response.lost[loss::DAMPING];
-    (L::load(token, row) + energy).store(row);
+    (L::load(token, row) + power).store(row);
 }
 
 /// Natural logarithm of a positive normal number, the same on every platform.

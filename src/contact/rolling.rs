@@ -83,11 +83,7 @@ pub fn roll<L: Lanes, const LEDGER: bool>(
             let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
             (L::splat(token, -0.5) * (work + gained)).store(&mut response.lost[loss::ROLLING]);
             let viscous = viscous.select(touching, zero);
-            add_damping(
-                token,
-                response,
-                viscous * speed * L::splat(token, blocks.step),
-            );
+            add_damping(token, response, viscous * speed);
         }
         after.store(&mut history[place]);
     }

@@ -22,7 +22,7 @@ const PART: &str = "checkpoint.h5.part";
 
 const FORMAT: &str = "gshear-checkpoint";
 /// Changes with what a checkpoint holds.
-pub const VERSION: u64 = 2;
+pub const VERSION: u64 = 3;
 
 /// Wrapping sum of the hashes of the records: the same in whatever order and on whatever ranks they are.
 fn checksum<R: Record>(exchange: &impl Exchange, records: &[R]) -> u64 {
