@@ -379,7 +379,6 @@ fn the_law_is_that_of_lammps() {
                         }],
                         carry: &mut [[Row::ZERO; CARRY]],
                         response: &mut response,
-                        step,
                     },
                 );
                 history[i][j] = rows.map(|row| row.0[0]);
