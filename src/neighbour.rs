@@ -1,5 +1,7 @@
 //! Which grains may come to touch: cells, then pairs.
 
+use std::marker::PhantomData;
+
 use crate::dimension::Dimension;
 use crate::state::{Cell, Grains, body};
 
@@ -10,6 +12,16 @@ pub struct Window {
     pub from: f64,
     /// Its width (m), at most the period.
     pub width: f64,
+}
+
+impl Window {
+    /// All of a period (m).
+    pub fn whole(period: f64) -> Self {
+        Self {
+            from: 0.0,
+            width: period,
+        }
+    }
 }
 
 /// How near a pair has to be to be listed.
@@ -93,6 +105,106 @@ impl Axis {
     }
 }
 
+/// Places sorted into cells.
+#[derive(Debug)]
+pub struct Bins<D: Dimension> {
+    cell: Cell,
+    axes: [Axis; 3],
+    /// First of the members of each cell, and one more at the end.
+    start: Vec<u32>,
+    member: Vec<u32>,
+    dimension: PhantomData<D>,
+}
+
+impl<D: Dimension> Bins<D> {
+    /// Cells of at least `reach` (m) for these positions (m), which lie in the window.
+    pub fn new(cell: Cell, window: Window, reach: f64, position: &[[f64; 3]]) -> Self {
+        // Slowest along x, of which there may be a window of the period; fastest along the last axis.
+        let mut axes = [Axis::open(0.0, 0.0, 1.0); 3];
+        for (axis, cells) in axes[..D::UP].iter_mut().enumerate() {
+            let period = cell.periods[axis];
+            *cells = match axis {
+                0 => Axis::periodic(period, window.from, window.width, cell.reach_along(reach)),
+                _ => Axis::periodic(period, 0.0, period, reach),
+            };
+        }
+        let (low, high) = position
+            .iter()
+            .map(|x| x[D::UP])
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+                (a.min(x), b.max(x))
+            });
+        axes[D::UP] = match &cell.sheared {
+            None => Axis::open(low, high, reach),
+            Some(sheared) => Axis::periodic(sheared.height, 0.0, sheared.height, reach),
+        };
+        let mut bins = Self {
+            cell,
+            axes,
+            start: Vec::new(),
+            member: Vec::new(),
+            dimension: PhantomData,
+        };
+
+        // In counting order.
+        let all = axes[..D::AXES].iter().map(|a| a.count).product::<usize>();
+        bins.start = vec![0u32; all + 1];
+        let cells: Vec<u32> = position
+            .iter()
+            .map(|x| bins.index(bins.at(x)) as u32)
+            .collect();
+        for &k in &cells {
+            bins.start[k as usize + 1] += 1;
+        }
+        for k in 1..bins.start.len() {
+            bins.start[k] += bins.start[k - 1];
+        }
+        bins.member = vec![0u32; position.len()];
+        let mut next = bins.start.clone();
+        for (g, &k) in cells.iter().enumerate() {
+            bins.member[next[k as usize] as usize] = g as u32;
+            next[k as usize] += 1;
+        }
+        bins
+    }
+
+    fn at(&self, x: &[f64; 3]) -> [usize; 3] {
+        let mut at = [self.axes[0].cell(self.cell.along::<D>(x)), 0, 0];
+        for axis in 1..D::AXES {
+            at[axis] = self.axes[axis].cell(x[axis]);
+        }
+        at
+    }
+
+    fn index(&self, at: [usize; 3]) -> usize {
+        let cells = at.iter().zip(&self.axes).take(D::AXES);
+        cells.fold(0, |index, (at, axis)| index * axis.count + at)
+    }
+
+    /// Calls `found` once with each that may lie within the reach of x (m), what lies there included.
+    #[inline]
+    pub fn each_near(&self, x: &[f64; 3], mut found: impl FnMut(u32)) {
+        let here = self.at(x);
+        // Cells that follow each other along the last axis have their members one after the other; round the period, all are taken.
+        let column = self.axes[D::UP].near(here[D::UP]);
+        let (bottom, top) = column.fold((usize::MAX, 0), |(a, b), k| (a.min(k), b.max(k)));
+        let mut look = |mut place: [usize; 3]| {
+            place[D::UP] = bottom;
+            let from = self.start[self.index(place)] as usize;
+            place[D::UP] = top;
+            let to = self.start[self.index(place) + 1] as usize;
+            self.member[from..to].iter().for_each(|&b| found(b));
+        };
+        for x in self.axes[0].near(here[0]) {
+            if D::UP == 1 {
+                look([x, 0, 0]);
+            } else {
+                self.axes[1].near(here[1]).for_each(|y| look([x, y, 0]));
+            }
+        }
+    }
+}
+
 /// All pairs of local grains closer than R_i + R_j + skin, sorted by (lower id, higher id), each with the lower id first.
 /// Left out: pairs of two ghosts (their ranks have them), and of two wall grains (they do not move against each other).
 pub fn pairs<D: Dimension>(
@@ -110,54 +222,7 @@ pub fn pairs<D: Dimension>(
             x
         })
         .collect();
-
-    // Slowest along x, of which this rank keeps a window of the period; fastest along the last axis.
-    let mut axes = [Axis::open(0.0, 0.0, 1.0); 3];
-    for (axis, cells) in axes[..D::UP].iter_mut().enumerate() {
-        let period = cell.periods[axis];
-        *cells = match axis {
-            0 => Axis::periodic(period, window.from, window.width, cell.reach_along(reach)),
-            _ => Axis::periodic(period, 0.0, period, reach),
-        };
-    }
-    let (low, high) = position
-        .iter()
-        .map(|x| x[D::UP])
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
-            (a.min(x), b.max(x))
-        });
-    axes[D::UP] = match &cell.sheared {
-        None => Axis::open(low, high, reach),
-        Some(sheared) => Axis::periodic(sheared.height, 0.0, sheared.height, reach),
-    };
-    let at = |x: &[f64; 3]| {
-        let mut at = [axes[0].cell(cell.along::<D>(x)), 0, 0];
-        for axis in 1..D::AXES {
-            at[axis] = axes[axis].cell(x[axis]);
-        }
-        at
-    };
-    let index = |at: [usize; 3]| {
-        let cells = at.iter().zip(&axes).take(D::AXES);
-        cells.fold(0, |index, (at, axis)| index * axis.count + at)
-    };
-    let all = axes[..D::AXES].iter().map(|a| a.count).product::<usize>();
-
-    // Grains by cell, in counting order.
-    let mut start = vec![0u32; all + 1];
-    let cells: Vec<u32> = position.iter().map(|x| index(at(x)) as u32).collect();
-    for &k in &cells {
-        start[k as usize + 1] += 1;
-    }
-    for k in 1..start.len() {
-        start[k] += start[k - 1];
-    }
-    let mut member = vec![0u32; local];
-    let mut next = start.clone();
-    for (g, &k) in cells.iter().enumerate() {
-        member[next[k as usize] as usize] = g as u32;
-        next[k as usize] += 1;
-    }
+    let bins = Bins::<D>::new(cell, window, reach, &position);
 
     let mut by_id: Vec<u32> = (0..local as u32).collect();
     by_id.sort_unstable_by_key(|&g| grains.id[g as usize]);
@@ -167,41 +232,24 @@ pub fn pairs<D: Dimension>(
         let g = a as usize;
         let id = grains.id[g];
         let begin = pairs.len();
-        let here = at(&position[g]);
-        // Cells that follow each other along the last axis have their members one after the other; round the period, all are taken.
-        let column = axes[D::UP].near(here[D::UP]);
-        let (bottom, top) = column.fold((usize::MAX, 0), |(a, b), k| (a.min(k), b.max(k)));
-        let mut look = |mut place: [usize; 3]| {
-            place[D::UP] = bottom;
-            let from = start[index(place)] as usize;
-            place[D::UP] = top;
-            let to = start[index(place) + 1] as usize;
-            for &b in &member[from..to] {
-                let h = b as usize;
-                if grains.id[h] <= id
-                    || (g >= grains.owned && h >= grains.owned)
-                    || (grains.body[g] != body::FREE && grains.body[h] != body::FREE)
-                {
-                    continue;
-                }
-                let apart = cell.separation::<D>(&position[h], &position[g]);
-                let square = apart.iter().map(|x| x * x).sum::<f64>();
-                let touch = grains.radius[g] + grains.radius[h];
-                if square < (touch + skin) * (touch + skin) {
-                    pairs.push(Near {
-                        grains: [a, b],
-                        gap: square.sqrt() - touch,
-                    });
-                }
+        bins.each_near(&position[g], |b| {
+            let h = b as usize;
+            if grains.id[h] <= id
+                || (g >= grains.owned && h >= grains.owned)
+                || (grains.body[g] != body::FREE && grains.body[h] != body::FREE)
+            {
+                return;
             }
-        };
-        for x in axes[0].near(here[0]) {
-            if D::UP == 1 {
-                look([x, 0, 0]);
-            } else {
-                axes[1].near(here[1]).for_each(|y| look([x, y, 0]));
+            let apart = cell.separation::<D>(&position[h], &position[g]);
+            let square = apart.iter().map(|x| x * x).sum::<f64>();
+            let touch = grains.radius[g] + grains.radius[h];
+            if square < (touch + skin) * (touch + skin) {
+                pairs.push(Near {
+                    grains: [a, b],
+                    gap: square.sqrt() - touch,
+                });
             }
-        }
+        });
         pairs[begin..].sort_unstable_by_key(|p: &Near| grains.id[p.grains[1] as usize]);
     }
     pairs

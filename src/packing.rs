@@ -266,10 +266,7 @@ impl Packing {
         let cell = scene.sample.cell();
         let mut grains = Grains::<D>::default();
         grains.replace(states, scene.law.masses(), scene.time_step.step);
-        let window = Window {
-            from: 0.0,
-            width: self.file.length,
-        };
+        let window = Window::whole(self.file.length);
         let range = Range {
             reach: 2.0 * self.file.radius_max,
             skin: 0.0,

@@ -5,7 +5,7 @@ mod common;
 use common::synthetic::snapshot;
 use gshear::domain::Solo;
 use gshear::failure::Failure;
-use gshear::io::checkpoint::{NAME, PREVIOUS, read, write};
+use gshear::io::checkpoint::{NAME, PREVIOUS, VERSION, read, write};
 use gshear::state::Snapshot;
 use std::path::Path;
 
@@ -154,10 +154,14 @@ fn what_is_no_whole_checkpoint_is_refused() {
     let file = hdf5::File::open_rw(&path).unwrap();
     file.attr("format_version")
         .unwrap()
-        .write_scalar(&3u64)
+        .write_scalar(&(VERSION + 1))
         .unwrap();
     file.close().unwrap();
-    assert!(refused(&path).contains("format version 3; this program reads version 2"));
+    let message = format!(
+        "format version {}; this program reads version {VERSION}",
+        VERSION + 1
+    );
+    assert!(refused(&path).contains(&message));
 }
 
 #[test]

@@ -7,6 +7,8 @@ use std::process::{Command, Output};
 
 use common::gshear_mpi;
 use gshear::io::run_reader::Run;
+use gshear::state::FrameRecords;
+use nalgebra::{DMatrix, Vector3};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 const SPHERES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml");
@@ -132,6 +134,126 @@ fn spheres_under_a_spring_are_replayed() {
     let window = format!("{from:?}..{to:?}");
     let words = said(&reduce(&["replay", text(&folder), "--strain", &window]), 0);
     assert!(words.contains("to the last bit"), "{words}");
+}
+
+/// `dmin` of spheres against least squares by SVD over neighbours from all images; `export` and `compare` against the file.
+#[test]
+fn frames_of_spheres_are_reduced_exported_and_compared() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path().join("run");
+    run(SPHERES, 2, &folder, &[]);
+    let whole = Run::open(&folder).expect("a run");
+    let frames = whole.records(0..whole.frames()).expect("the frames");
+    let n = whole.grains().count();
+    assert!(frames.len() > 20 && n > 500);
+
+    let other = temporary.path().join("other.h5");
+    std::fs::copy(folder.join("run.h5"), &other).expect("a copy");
+    let copy = hdf5::File::open_rw(&other).expect("the copy");
+    let spins = copy
+        .dataset("particles/trajectory/angular_velocity/value")
+        .expect("ω");
+    let mut values = spins.read_raw::<f64>().expect("f64");
+    values[(5 * n + 17) * 3 + 1] += 1.0;
+    spins.write_raw(&values).expect("ω is written");
+    drop(spins);
+    copy.close().expect("the copy is closed");
+    let runs = [text(&folder), text(&other)];
+    let words = said(&reduce(&["compare", runs[0], runs[0]]), 0);
+    let values = |name: &str| -> usize {
+        let line = words.lines().find(|l| l.starts_with(name)).expect("a line");
+        let mut numbers = line[name.len()..].split_whitespace();
+        numbers.next().expect("a number").parse().expect("a number")
+    };
+    assert_eq!(values("angular_velocity "), 3 * n * frames.len());
+    assert_eq!(
+        values("c. tangential_force "),
+        3 * values("c. normal_force ")
+    );
+    let words = said(&reduce(&["compare", runs[0], runs[1]]), 1);
+    let differs = |line: &&str| line.contains("frame 5 grain 17 y");
+    assert_eq!(words.lines().filter(differs).count(), 1, "{words}");
+
+    let file = temporary.path().join("state.data");
+    let export = ["export", "--format", "lammps-data", "--out", text(&file)];
+    said(
+        &reduce(&[&export[..], &[runs[0], "--frame", "3"]].concat()),
+        0,
+    );
+    let data = std::fs::read_to_string(&file).expect("a data file");
+    let rows = |section: &str, from: usize| -> Vec<Vec<f64>> {
+        let after = data.split_once(section).expect("the section").1;
+        let lines = after.lines().skip(1).filter(|l| !l.is_empty()).take(n);
+        let numbers = |l: &str| {
+            l.split_whitespace()
+                .skip(from)
+                .map(|x| x.parse().expect("a number"))
+                .collect()
+        };
+        lines.map(numbers).collect()
+    };
+    let (places, motions) = (rows("Atoms", 4), rows("Velocities", 1));
+    for (grain, (place, motion)) in frames[3].grains.iter().zip(places.iter().zip(&motions)) {
+        assert_eq!(place[..3], grain.position);
+        assert_eq!(motion[..3], grain.velocity);
+        assert_eq!(motion[3..], grain.angular_velocity);
+    }
+
+    said(&reduce(&["dmin", runs[0]]), 0);
+    let reduced = hdf5::File::open(folder.join("reduced.h5")).expect("reduced.h5");
+    let dmin: Vec<f64> = reduced
+        .dataset("dmin/value")
+        .and_then(|d| d.read_raw())
+        .expect("D²min");
+    let periods = whole.cell().periods;
+    let radius = 5.0 * whole.grains().mean_radius();
+    let t = frames.len() / 2;
+    let (earlier, later) = (&frames[t - 1], &frames[t]);
+    let mut contacts = vec![0; n];
+    for contact in &earlier.contacts {
+        contacts[contact.i as usize] += 1;
+        contacts[contact.j as usize] += 1;
+    }
+    let bears = |g: usize| contacts[g] > if whole.grains().body[g] == 0 { 3 } else { 2 };
+    let apart = |frame: &FrameRecords, i: usize, j: usize| {
+        let mut r =
+            Vector3::from(frame.grains[j].position) - Vector3::from(frame.grains[i].position);
+        for axis in 0..2 {
+            let images = [-1.0, 0.0, 1.0].map(|k| r[axis] + k * periods[axis]);
+            r[axis] = images
+                .into_iter()
+                .min_by(|a, b| a.abs().total_cmp(&b.abs()))
+                .expect("an image");
+        }
+        r
+    };
+    let mut centres = 0;
+    for i in 0..n {
+        let value = dmin[t * n + i];
+        if !bears(i) {
+            assert!(value.is_nan(), "rattler {i} has {value:e}");
+            continue;
+        }
+        let near: Vec<usize> = (0..n)
+            .filter(|&j| j != i && bears(j) && apart(earlier, i, j).norm() < radius)
+            .collect();
+        let row = |frame, k: usize| apart(frame, i, near[k]).transpose();
+        let before = DMatrix::from_fn(near.len(), 3, |k, axis| row(earlier, k)[axis]);
+        let after = DMatrix::from_fn(near.len(), 3, |k, axis| row(later, k)[axis]);
+        let map = before
+            .clone()
+            .svd(true, true)
+            .solve(&after, 0.0)
+            .expect("U and V");
+        let wanted = (before * map - after).norm_squared() / near.len() as f64;
+        assert!(
+            (value - wanted).abs() <= 1e-9 * wanted,
+            "grain {i}: {value:e} against {wanted:e}"
+        );
+        centres += 1;
+    }
+    assert!(centres > 200 && centres < n, "{centres} of {n}");
 }
 
 #[test]

@@ -60,7 +60,7 @@ impl NonAffine {
         dmin: &mut [f64],
     ) {
         let length = grains.length;
-        rattlers::mark(grains, earlier, &mut self.rattler);
+        rattlers::mark::<2>(grains, &earlier.contacts, &mut self.rattler);
         self.near.update(length, radius, &earlier.position);
         self.moving.clear();
         let places = earlier.position.iter().zip(&later.position);
@@ -334,7 +334,7 @@ mod tests {
             let mut later = frame(&grains, &moved);
             later.contacts.clear();
             let mut rattler = Vec::new();
-            rattlers::mark(&grains, &earlier, &mut rattler);
+            rattlers::mark::<2>(&grains, &earlier.contacts, &mut rattler);
             let values = dmin(&grains, &earlier, &later);
             assert!(rattler.contains(&true) && rattler.contains(&false));
             for (i, value) in values.into_iter().enumerate() {

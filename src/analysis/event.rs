@@ -3,30 +3,42 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::dimension::Dimension;
+use crate::neighbour::{Bins, Window};
 use crate::state::Cell;
 
 /// D²min of every grain between two states, [N] (m²): what the best local affine map leaves of the motion of the neighbours within `radius`
 /// (m) in the earlier one, over their number (LH eq. B1, in as many dimensions as there are). NaN where fewer neighbours than
-/// dimensions, or such on one line or plane, leave the map open.
+/// dimensions, or such on one line or plane, leave the map open. Grains that do not count are neither centres, with NaN, nor
+/// neighbours.
 ///
-/// Neighbours are sought among all grains: one event of a small system. `analysis::dmin` has the frames of long runs.
+/// Grain by grain. `analysis::dmin` has the frames of long runs of disks, pair by pair.
 pub fn non_affine<D: Dimension>(
     cell: Cell,
     earlier: &[[f64; 3]],
     later: &[[f64; 3]],
     radius: f64,
+    counts: impl Fn(usize) -> bool,
 ) -> Vec<f64> {
     let apart = |at: &[[f64; 3]], i: usize, j: usize| {
         let mut r = Vector3::from(cell.separation::<D>(&at[j], &at[i]));
         r.iter_mut().skip(D::AXES).for_each(|x| *x = 0.0);
         r
     };
+    let bins = Bins::<D>::new(cell, Window::whole(cell.periods[0]), radius, earlier);
     let of = |i: usize| {
-        let near = (0..earlier.len()).filter(|j| *j != i);
-        let pairs: Vec<[Vector3<f64>; 2]> = near
-            .filter(|&j| apart(earlier, i, j).norm() < radius)
-            .map(|j| [apart(earlier, i, j), apart(later, i, j)])
-            .collect();
+        if !counts(i) {
+            return f64::NAN;
+        }
+        let mut pairs: Vec<[Vector3<f64>; 2]> = Vec::new();
+        bins.each_near(&earlier[i], |j| {
+            let j = j as usize;
+            if j != i && counts(j) {
+                let before = apart(earlier, i, j);
+                if before.norm() < radius {
+                    pairs.push([before, apart(later, i, j)]);
+                }
+            }
+        });
         let mut y = Matrix3::zeros();
         let mut x = Matrix3::zeros();
         for [before, after] in &pairs {
@@ -107,14 +119,14 @@ mod tests {
         let inner: Vec<usize> = (0..400)
             .filter(|&i| (0..D::AXES).all(|axis| (2.5..7.5).contains(&earlier[i][axis])))
             .collect();
-        let left = non_affine::<D>(before, &earlier, &later, 2.0);
+        let left = non_affine::<D>(before, &earlier, &later, 2.0, |_| true);
         assert!(inner.len() > 20);
         for &i in &inner {
             assert!(left[i] < 1e-24, "{}", left[i]);
         }
         let (moved, by) = (inner[0], 0.01);
         later[moved][1] += by;
-        let left = non_affine::<D>(before, &earlier, &later, 2.0)[moved];
+        let left = non_affine::<D>(before, &earlier, &later, 2.0, |_| true)[moved];
         let near = (0..400).filter(|&j| j != moved);
         let near =
             near.map(|j| Vector3::from(before.separation::<D>(&earlier[j], &earlier[moved])));

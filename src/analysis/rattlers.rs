@@ -1,13 +1,14 @@
-//! Disks that bear no load.
+//! Grains that bear no load.
 
-use crate::state::{Disks, Frame};
+use crate::state::{ContactSample, Disks};
 
-/// Marks the rattlers of a frame: free grains with two or fewer contacts, wall grains with one or fewer (LH section 3.2).
+/// Marks the rattlers of a frame of D dimensions: free grains with D or fewer contacts, wall grains with D - 1 or fewer (LH section 3.2
+/// of disks).
 ///
 /// `rattler` becomes [N], by grain id. Every contact of the frame counts, whatever its force.
-pub fn mark(grains: &Disks, frame: &Frame, rattler: &mut Vec<bool>) {
+pub fn mark<const D: u32>(grains: &Disks, touching: &[ContactSample], rattler: &mut Vec<bool>) {
     let mut contacts = vec![0u32; grains.count()];
-    for contact in &frame.contacts {
+    for contact in touching {
         contacts[contact.i as usize] += 1;
         contacts[contact.j as usize] += 1;
     }
@@ -16,7 +17,7 @@ pub fn mark(grains: &Disks, frame: &Frame, rattler: &mut Vec<bool>) {
         contacts
             .iter()
             .zip(&grains.body)
-            .map(|(&contacts, &body)| contacts <= if body == 0 { 2 } else { 1 }),
+            .map(|(&contacts, &body)| contacts <= if body == 0 { D } else { D - 1 }),
     );
 }
 
@@ -31,12 +32,14 @@ mod tests {
         grains.body = vec![0, 0, 1, 2, 0];
         // Contacts of the grains 0 … 4: 3, 2, 2, 1, 0.
         let contacts = vec![contact(0, 1), contact(0, 2), contact(0, 3), contact(1, 2)];
-        let frame = Frame {
-            contacts,
-            ..Frame::default()
-        };
         let mut rattler = vec![true; 9];
-        mark(&grains, &frame, &mut rattler);
+        mark::<2>(&grains, &contacts, &mut rattler);
+        assert_eq!(rattler, [false, true, false, true, true]);
+        // A free sphere needs four, one of the wall three.
+        mark::<3>(&grains, &contacts, &mut rattler);
+        assert_eq!(rattler, [true; 5]);
+        let contacts = [&contacts[..], &[contact(0, 4), contact(2, 4)]].concat();
+        mark::<3>(&grains, &contacts, &mut rattler);
         assert_eq!(rattler, [false, true, false, true, true]);
     }
 }

@@ -236,10 +236,7 @@ impl<D: Dimension> Slabs<D> {
         let (from, to) = (self.cuts[me], self.cuts[me + 1]);
         let wide = to - from + 2.0 * reach;
         if exchange.size() == 1 || wide >= self.length {
-            Window {
-                from: 0.0,
-                width: self.length,
-            }
+            Window::whole(self.length)
         } else {
             Window {
                 from: from - reach,

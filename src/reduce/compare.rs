@@ -4,9 +4,10 @@ use std::cmp::Ordering;
 use std::fmt;
 use std::io::{self, Write};
 
+use crate::config::Dimensions;
 use crate::failure::Failure;
 use crate::io::run_reader::Run;
-use crate::state::{ContactSample, Frame, SERIES_COLUMNS};
+use crate::state::{ContactSample, FrameRecords, SERIES_COLUMNS};
 
 /// Parameters that say how, where and when a run was made, or how fast it was, and not what came out.
 const PROVENANCE: [&str; 7] = [
@@ -201,8 +202,17 @@ pub fn runs(a: &Run, b: &Run) -> Result<Comparison, Failure> {
     );
     let frames = found.count("number of frames", a.frames(), b.frames());
 
+    let dimension = a.dimension();
+    if dimension != b.dimension() {
+        found.unequal.push("disks against spheres".into());
+        return Ok(found);
+    }
     let mut cell = Field::new("box");
     cell.see(a.grains().length, b.grains().length, Place::Nowhere);
+    if dimension == Dimensions::Three {
+        let [x, y] = [a, b].map(|run| run.cell().periods[1]);
+        cell.see(x, y, Place::Nowhere);
+    }
     cell.see(a.height(), b.height(), Place::Nowhere);
     found.fields.push(cell);
     let (x, y) = (a.grains(), b.grains());
@@ -265,11 +275,11 @@ fn parameters(a: &Run, b: &Run, found: &mut Comparison) {
 
 /// The fields of frames, read in blocks.
 fn frames_of(a: &Run, b: &Run, frames: usize) -> Result<Vec<Field>, Failure> {
-    let mut fields = FrameFields::new();
+    let mut fields = FrameFields::new(a.dimension());
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);
-        let pairs = a.block(range.clone())?.into_iter().zip(b.block(range)?);
+        let pairs = a.records(range.clone())?.into_iter().zip(b.records(range)?);
         pairs
             .enumerate()
             .for_each(|(k, (x, y))| fields.see(first + k, &x, &y));
@@ -277,18 +287,20 @@ fn frames_of(a: &Run, b: &Run, frames: usize) -> Result<Vec<Field>, Failure> {
     Ok(fields.into_fields())
 }
 
-type ContactField = (&'static str, fn(&ContactSample) -> f64);
+/// Of a contact a number, or a vector across it, of which disks have the first component alone.
+type ContactField = (&'static str, bool, fn(&ContactSample) -> [f64; 3]);
 
 const CONTACT_FIELDS: [ContactField; 6] = [
-    ("normal_force", |c| c.normal_force),
-    ("tangential_force", |c| c.tangential_force[0]),
-    ("tangential_history", |c| c.tangential_history[0]),
-    ("rolling_history", |c| c.rolling_history),
-    ("overlap", |c| c.overlap),
-    ("sliding", |c| c.sliding as f64),
+    ("normal_force", false, |c| [c.normal_force; 3]),
+    ("tangential_force", true, |c| c.tangential_force),
+    ("tangential_history", true, |c| c.tangential_history),
+    ("rolling_history", false, |c| [c.rolling_history; 3]),
+    ("overlap", false, |c| [c.overlap; 3]),
+    ("sliding", false, |c| [c.sliding as f64; 3]),
 ];
 
 struct FrameFields {
+    dimension: Dimensions,
     step: Field,
     time: Field,
     position: Field,
@@ -300,8 +312,9 @@ struct FrameFields {
 }
 
 impl FrameFields {
-    fn new() -> Self {
+    fn new(dimension: Dimensions) -> Self {
         FrameFields {
+            dimension,
             step: Field::new("frame step"),
             time: Field::new("frame time"),
             position: Field::new("position"),
@@ -310,32 +323,31 @@ impl FrameFields {
             pairs: Field::new("contacts"),
             contacts: CONTACT_FIELDS
                 .iter()
-                .map(|(name, _)| Field::new(format!("c. {name}")))
+                .map(|(name, ..)| Field::new(format!("c. {name}")))
                 .collect(),
         }
     }
 
-    fn see(&mut self, t: usize, a: &Frame, b: &Frame) {
+    fn see(&mut self, t: usize, a: &FrameRecords, b: &FrameRecords) {
         self.step.see(a.step as f64, b.step as f64, Place::Frame(t));
         self.time.see(a.time, b.time, Place::Frame(t));
-        for n in 0..a.position.len() {
-            for (k, part) in [" x", " y"].into_iter().enumerate() {
-                self.position.see(
-                    a.position[n][k],
-                    b.position[n][k],
-                    Place::GrainOf(t, n, part),
-                );
-                self.velocity.see(
-                    a.velocity[n][k],
-                    b.velocity[n][k],
-                    Place::GrainOf(t, n, part),
-                );
+        const PARTS: [&str; 3] = [" x", " y", " z"];
+        let axes = self.dimension.axes();
+        for (n, (a, b)) in a.grains.iter().zip(&b.grains).enumerate() {
+            for (k, part) in PARTS.into_iter().enumerate().take(axes) {
+                let at = Place::GrainOf(t, n, part);
+                self.position.see(a.position[k], b.position[k], at);
+                self.velocity.see(a.velocity[k], b.velocity[k], at);
             }
-            self.angular_velocity.see(
-                a.angular_velocity[n],
-                b.angular_velocity[n],
-                Place::GrainOf(t, n, ""),
-            );
+            let spins = match self.dimension {
+                Dimensions::Two => 2..3,
+                Dimensions::Three => 0..3,
+            };
+            for k in spins {
+                let at = Place::GrainOf(t, n, PARTS[k]);
+                self.angular_velocity
+                    .see(a.angular_velocity[k], b.angular_velocity[k], at);
+            }
         }
         self.see_contacts(t, &a.contacts, &b.contacts);
     }
@@ -361,8 +373,13 @@ impl FrameFields {
                 at,
             );
             if order == Ordering::Equal {
-                for (field, (_, of)) in self.contacts.iter_mut().zip(CONTACT_FIELDS) {
-                    field.see(of(&a[0]), of(&b[0]), at);
+                for (field, (_, vector, of)) in self.contacts.iter_mut().zip(CONTACT_FIELDS) {
+                    let (x, y) = (of(&a[0]), of(&b[0]));
+                    let components = match self.dimension {
+                        Dimensions::Three if vector => 3,
+                        _ => 1,
+                    };
+                    (0..components).for_each(|k| field.see(x[k], y[k], at));
                 }
             }
             a = &a[usize::from(order != Ordering::Greater)..];
@@ -428,7 +445,7 @@ mod tests {
         };
         let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
-        let mut fields = FrameFields::new();
+        let mut fields = FrameFields::new(Dimensions::Two);
         fields.see_contacts(7, &a, &b);
         assert_eq!((fields.pairs.compared, fields.pairs.differing), (4, 2));
         assert_eq!(fields.pairs.first, Place::ContactOf(7, 0, 1));

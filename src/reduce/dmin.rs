@@ -1,5 +1,6 @@
 //! `dmin`: D²min between consecutive frames, into `reduced.h5`.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use ndarray::Array2;
@@ -7,10 +8,13 @@ use rayon::prelude::*;
 
 use super::pool::Pool;
 use crate::analysis::dmin::NonAffine;
+use crate::analysis::{event, rattlers};
+use crate::config::Dimensions;
+use crate::dimension::Three;
 use crate::failure::Failure;
 use crate::io::reduced_writer::ReducedWriter;
 use crate::io::run_reader::{Fields, Run};
-use crate::state::{Disks, Frame};
+use crate::state::FrameRecords;
 
 /// Writes `reduced.h5` into `folder`; `radius` of the neighbourhood over r̄. Returns the file.
 ///
@@ -33,49 +37,77 @@ pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> 
     if run.frames() > 0 {
         writer.dmin(0, Array2::from_elem((1, n), f64::NAN).view())?;
     }
-    let read = |first: usize| -> Result<Vec<Frame>, Failure> {
-        let end = run.frames().min(first + run.block_length());
-        run.block_of(first..end, Fields::Pairs)
-    };
-    let pool = Pool::default();
-    let (mut frames, mut first) = (read(0)?, 1);
+    let grains = run.grains();
+    match run.dimension() {
+        Dimensions::Two => {
+            let pool = Pool::<NonAffine>::default();
+            each_pair(
+                run,
+                &writer,
+                |range| run.block_of(range, Fields::Pairs),
+                || pool.lend(),
+                |non_affine, earlier, later, row| {
+                    let non_affine = &mut non_affine.buffer;
+                    non_affine.between(grains, radius, earlier, later, row);
+                },
+            )?;
+        }
+        Dimensions::Three => each_pair(
+            run,
+            &writer,
+            |range| run.records(range),
+            Vec::new,
+            |rattler, earlier, later, row| {
+                rattlers::mark::<3>(grains, &earlier.contacts, rattler);
+                let places = |frame: &FrameRecords| -> Vec<[f64; 3]> {
+                    frame.grains.iter().map(|grain| grain.position).collect()
+                };
+                let (from, to) = (places(earlier), places(later));
+                let bears = |n: usize| !rattler[n];
+                let dmin = event::non_affine::<Three>(run.cell(), &from, &to, radius, bears);
+                row.copy_from_slice(&dmin);
+            },
+        )?,
+    }
+    writer.finish()
+}
+
+/// Writes a row of what `value` makes of each two frames that follow one another, with a buffer of its own on each thread.
+fn each_pair<F: Send + Sync, B>(
+    run: &Run,
+    writer: &ReducedWriter,
+    read: impl Fn(Range<usize>) -> Result<Vec<F>, Failure> + Sync,
+    buffer: impl Fn() -> B + Sync + Send,
+    value: impl Fn(&mut B, &F, &F, &mut [f64]) + Sync + Send,
+) -> Result<(), Failure> {
+    let n = run.grains().count();
+    let block = |first: usize| read(first..run.frames().min(first + run.block_length()));
+    let (mut frames, mut first) = (block(0)?, 1);
     while first < run.frames() {
         let mut values = Array2::zeros((frames.len() - 1, n));
         let next = first + values.nrows();
+        let work = |values: &mut Array2<f64>| {
+            // Without grains the rows have no elements to hand out.
+            if n == 0 {
+                return;
+            }
+            let values = values.as_slice_mut().expect("in standard layout");
+            let pairs = values.par_chunks_exact_mut(n).zip(frames.par_windows(2));
+            // Frames that follow one another share what a buffer found, as long as there are enough for all threads.
+            let together = (frames.len() / (4 * rayon::current_num_threads())).clamp(1, 8);
+            pairs
+                .with_min_len(together)
+                .for_each_init(&buffer, |buffer, (row, pair)| {
+                    value(buffer, &pair[0], &pair[1], row);
+                });
+        };
         // The next block is read while the processor is busy with this one.
-        let (following, ()) = rayon::join(
-            || read(next),
-            || each_pair(run.grains(), radius, &frames, &pool, &mut values),
-        );
+        let (following, ()) = rayon::join(|| block(next), || work(&mut values));
         if values.nrows() > 0 {
             writer.dmin(first, values.view())?;
         }
         frames = frames.pop().into_iter().chain(following?).collect();
         first = next;
     }
-    writer.finish()
-}
-
-/// D²min (m²) between each two frames that follow one another, a row each.
-fn each_pair(
-    grains: &Disks,
-    radius: f64,
-    frames: &[Frame],
-    pool: &Pool<NonAffine>,
-    values: &mut Array2<f64>,
-) {
-    // Without grains the rows have no elements to hand out.
-    if grains.count() == 0 {
-        return;
-    }
-    let values = values.as_slice_mut().expect("in standard layout");
-    let rows = values.par_chunks_exact_mut(grains.count());
-    let pairs = rows.zip(frames.par_windows(2)).with_min_len(8);
-    pairs.for_each_init(
-        || pool.lend(),
-        |non_affine, (row, pair)| {
-            let non_affine = &mut non_affine.buffer;
-            non_affine.between(grains, radius, &pair[0], &pair[1], row);
-        },
-    );
+    Ok(())
 }

@@ -12,7 +12,7 @@ use crate::io::lammps_data::{self, Atom, DataFile};
 use crate::io::run_reader::Run;
 use crate::io::{checkpoint, provenance, text_writer};
 use crate::run::{Header, Stage};
-use crate::state::Cell;
+use crate::state::{Cell, GrainSample};
 
 /// Formats that a state can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -151,14 +151,15 @@ pub fn write(
 
 fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
     let t = which.of(run)?;
-    let (disks, frame) = (run.grains(), run.frame(t)?);
-    let grain = |g: usize| Grain {
-        body: disks.body[g].into(),
-        radius: disks.radius[g],
-        mass: disks.mass[g],
-        position: in_plane(frame.position[g]),
-        velocity: in_plane(frame.velocity[g]),
-        angular_velocity: [0.0, 0.0, frame.angular_velocity[g]],
+    let grains = run.grains();
+    let frame = run.records(t..t + 1)?.swap_remove(0);
+    let grain = |(g, of): (usize, &GrainSample)| Grain {
+        body: grains.body[g].into(),
+        radius: grains.radius[g],
+        mass: grains.mass[g],
+        position: of.position,
+        velocity: of.velocity,
+        angular_velocity: of.angular_velocity,
     };
     Ok(State {
         title: format!(
@@ -168,14 +169,10 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
             run.path().display(),
         ),
         name: format!("frame-{t}"),
-        cell: Cell::between_walls([disks.length, f64::INFINITY]),
-        dimension: Dimensions::Two,
-        grains: (0..disks.count()).map(grain).collect(),
+        cell: run.cell(),
+        dimension: run.dimension(),
+        grains: frame.grains.iter().enumerate().map(grain).collect(),
     })
-}
-
-fn in_plane([x, y]: [f64; 2]) -> [f64; 3] {
-    [x, y, 0.0]
 }
 
 fn of_checkpoint(path: &Path) -> Result<State, Failure> {

@@ -1,6 +1,6 @@
 //! What comes back out of a run's file: the grains as they are for the whole run, and frames.
 
-use super::{ContactSample, nearest_image};
+use super::{ContactSample, GrainSample, nearest_image};
 
 /// What never changes during a run, by grain id; N grains.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +32,20 @@ impl Disks {
     }
 }
 
-/// One frame of a run. Rows are grain ids.
+/// One frame of a run of disks or spheres, with all that it holds.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FrameRecords {
+    /// Steps since the start of the shear.
+    pub step: u64,
+    /// Time since the start of the shear (s).
+    pub time: f64,
+    /// [N] by id.
+    pub grains: Vec<GrainSample>,
+    /// Touching contacts in order of (i, j).
+    pub contacts: Vec<ContactSample>,
+}
+
+/// One frame of a run of disks. Rows are grain ids.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Frame {
     /// Steps since the start of the shear.

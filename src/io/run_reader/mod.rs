@@ -15,8 +15,9 @@ use ndarray::{Ix1, Ix2, Ix3, s};
 pub use self::periodic::{PeriodicRun, scene_of_finished};
 use self::source::{FOREIGN, Source, one_line};
 use crate::analysis::frame_scalars::FrameScalars;
+use crate::config::Dimensions;
 use crate::failure::Failure;
-use crate::state::{ContactSample, Disks, Frame, SERIES_COLUMNS};
+use crate::state::{Cell, ContactSample, Disks, Frame, FrameRecords, GrainSample, SERIES_COLUMNS};
 
 /// An attribute of `parameters`.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,10 +88,9 @@ pub struct StoredScalars {
 pub struct Run {
     path: PathBuf,
     grains: Disks,
-    /// Height of the box at the start of the shear (m).
-    height: f64,
-    /// Disks, not spheres.
-    planar: bool,
+    /// Of the box at the start of the shear (m): L_x and height, of spheres L_x, L_y and height.
+    edges: [f64; 3],
+    dimension: Dimensions,
     parameters: BTreeMap<String, Parameter>,
     series: Series,
     scalars: Option<StoredScalars>,
@@ -141,11 +141,15 @@ impl Run {
         if edges.len() != 3 || edges[0].is_nan() || edges[0] <= 0.0 {
             return Err(source.wrong(
                 "particles/trajectory/box/edges",
-                "does not hold L_x > 0, height, 0",
+                "does not hold L_x > 0, height, 0, or L_x > 0, L_y, height",
             ));
         }
         let parameters = source.parameters()?;
-        let planar = !matches!(parameters.get("dimension"), Some(Parameter::Integer(3)));
+        let dimension = match parameters.get("dimension") {
+            Some(Parameter::Integer(3)) => Dimensions::Three,
+            _ => Dimensions::Two,
+        };
+        let planar = dimension == Dimensions::Two;
         let grains = Disks {
             radius: source.of_length("particles/trajectory/radius", n)?,
             body: source.of_length("particles/trajectory/body", n)?,
@@ -214,8 +218,8 @@ impl Run {
 
         Ok(Run {
             grains,
-            height: edges[if planar { 1 } else { 2 }],
-            planar,
+            edges: [edges[0], edges[1], edges[2]],
+            dimension,
             parameters,
             series,
             scalars,
@@ -249,7 +253,19 @@ impl Run {
 
     /// Height of the box at the start of the shear (m).
     pub fn height(&self) -> f64 {
-        self.height
+        self.edges[self.dimension.axes() - 1]
+    }
+
+    pub fn dimension(&self) -> Dimensions {
+        self.dimension
+    }
+
+    /// The periodic cell.
+    pub fn cell(&self) -> Cell {
+        Cell::between_walls(match self.dimension {
+            Dimensions::Two => [self.edges[0], f64::INFINITY],
+            Dimensions::Three => [self.edges[0], self.edges[1]],
+        })
     }
 
     pub fn series(&self) -> &Series {
@@ -308,8 +324,18 @@ impl Run {
         &self.offset
     }
 
-    /// [T] γ of the frames: V t/H, since the wall moves at the constant velocity V and γ = 0 at t = 0.
+    /// [T] γ of the frames: V t/H where the wall moves at the constant velocity V; where a spring or a protocol moves it, on straight
+    /// lines between the rows of the time series.
     pub fn frame_strains(&self) -> Result<Vec<f64>, Failure> {
+        let velocities = self.series.column("drive_velocity");
+        let changes = velocities.windows(2).any(|pair| pair[0] != pair[1]);
+        if changes
+            || self
+                .number("spring_stiffness")
+                .is_some_and(|k| k.is_finite())
+        {
+            return Ok(self.interpolated_strains());
+        }
         let need = |name: &str| {
             let missing = || {
                 Failure::input(format!(
@@ -321,6 +347,73 @@ impl Run {
         };
         let rate = need("wall_speed")? / need("height_start")?;
         Ok(self.time.iter().map(|time| rate * time).collect())
+    }
+
+    fn interpolated_strains(&self) -> Vec<f64> {
+        let (steps, strains) = (&self.series.step, self.series.column("strain"));
+        let at = |step: &u64| {
+            let next = steps.partition_point(|row| row < step);
+            match (next.checked_sub(1), steps.get(next)) {
+                (_, Some(row)) if row == step => strains[next],
+                (Some(last), Some(row)) => {
+                    let part = (step - steps[last]) as f64 / (row - steps[last]) as f64;
+                    strains[last] + part * (strains[next] - strains[last])
+                }
+                _ => f64::NAN,
+            }
+        };
+        self.step.iter().map(at).collect()
+    }
+
+    /// The frames of a range within 0 … T, whatever they are of.
+    pub fn records(&self, range: Range<usize>) -> Result<Vec<FrameRecords>, Failure> {
+        let mut position = self.vectors(&self.position, &range)?.into_iter();
+        let mut velocity = self.vectors(&self.velocity, &range)?.into_iter();
+        let mut angular_velocity = match self.dimension {
+            Dimensions::Two => {
+                let spins = self.spins(&range)?.into_iter().flatten();
+                let about_z = spins.map(|w| [0.0, 0.0, w]);
+                about_z.collect()
+            }
+            Dimensions::Three => self.vectors(&self.angular_velocity, &range)?,
+        }
+        .into_iter();
+        let mut contacts = self.contacts(range.clone(), Fields::All)?.into_iter();
+        let frame = |t: usize| FrameRecords {
+            step: self.step[t],
+            time: self.time[t],
+            grains: (0..self.grains.count() as u64)
+                .map(|id| GrainSample {
+                    id,
+                    position: position.next().unwrap_or_default(),
+                    velocity: velocity.next().unwrap_or_default(),
+                    angular_velocity: angular_velocity.next().unwrap_or_default(),
+                })
+                .collect(),
+            contacts: contacts
+                .by_ref()
+                .take((self.offset[t + 1] - self.offset[t]) as usize)
+                .collect(),
+        };
+        Ok(range.map(frame).collect())
+    }
+
+    /// Of all grains of frames, one after the other, from a dataset [T][N][3].
+    fn vectors(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
+        let values = dataset
+            .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        let (values, _) = values.into_raw_vec_and_offset();
+        Ok(values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
+    }
+
+    /// [..][N] ω of disks.
+    fn spins(&self, range: &Range<usize>) -> Result<Vec<Vec<f64>>, Failure> {
+        let values = self
+            .angular_velocity
+            .read_slice::<f64, _, Ix2>(s![range.start..range.end, ..])
+            .map_err(|e| self.damaged(&self.angular_velocity, &e))?;
+        Ok(values.outer_iter().map(|frame| frame.to_vec()).collect())
     }
 
     /// Frame t < T.
@@ -335,9 +428,9 @@ impl Run {
 
     /// The frames of a range within 0 … T, as far as `fields` go.
     pub fn block_of(&self, range: Range<usize>, fields: Fields) -> Result<Vec<Frame>, Failure> {
-        if !self.planar {
+        if self.dimension == Dimensions::Three {
             return Err(Failure::input(format!(
-                "{}: frames of spheres cannot be reduced, only those of disks; its time series can",
+                "{}: this is of disks only; of the frames of spheres there are dmin, compare and export, and their time series",
                 self.path.display()
             )));
         }
@@ -345,11 +438,7 @@ impl Run {
         let (mut velocity, mut angular_velocity) = (Vec::new(), Vec::new());
         if fields == Fields::All {
             velocity = self.planar(&self.velocity, &range)?;
-            let values = self
-                .angular_velocity
-                .read_slice::<f64, _, Ix2>(s![range.start..range.end, ..])
-                .map_err(|e| self.damaged(&self.angular_velocity, &e))?;
-            angular_velocity = values.outer_iter().map(|frame| frame.to_vec()).collect();
+            angular_velocity = self.spins(&range)?;
         }
         let (mut velocity, mut angular_velocity) =
             (velocity.into_iter(), angular_velocity.into_iter());
@@ -377,11 +466,8 @@ impl Run {
         dataset: &Dataset,
         range: &Range<usize>,
     ) -> Result<Vec<Vec<[f64; 2]>>, Failure> {
-        let values = dataset
-            .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
-            .map_err(|e| self.damaged(dataset, &e))?;
-        let (values, _) = values.into_raw_vec_and_offset();
-        if values.iter().skip(2).step_by(3).any(|z| *z != 0.0) {
+        let values = self.vectors(dataset, range)?;
+        if values.iter().any(|r| r[2] != 0.0) {
             let name = dataset.name();
             return Err(Failure::input(format!(
                 "{}: {}: z is not 0: only 2D runs can be reduced",
@@ -390,7 +476,7 @@ impl Run {
             )));
         }
         let frame = |t: usize| {
-            let rows = values[3 * t * self.grains.count()..].chunks_exact(3);
+            let rows = values[t * self.grains.count()..].iter();
             rows.take(self.grains.count())
                 .map(|row| [row[0], row[1]])
                 .collect()
@@ -423,8 +509,8 @@ impl Run {
         let rows_from = |least: Fields| if fields >= least { rows.clone() } else { 0..0 };
         let (forces, others) = (rows_from(Fields::Forces), rows_from(Fields::All));
         let normal_force = self.column::<f64>(&columns.normal_force, &forces)?;
-        let tangential_force = self.column::<f64>(&columns.tangential_force, &forces)?;
-        let tangential_history = self.column::<f64>(&columns.tangential_history, &others)?;
+        let tangential_force = self.tangential(&columns.tangential_force, &forces)?;
+        let tangential_history = self.tangential(&columns.tangential_history, &others)?;
         let rolling_history = match &columns.rolling_history {
             Some(dataset) => self.column::<f64>(dataset, &others)?,
             None => Vec::new(),
@@ -437,8 +523,8 @@ impl Run {
             i: i[k],
             j: j[k],
             normal_force: of(&normal_force, k),
-            tangential_force: [of(&tangential_force, k), 0.0, 0.0],
-            tangential_history: [of(&tangential_history, k), 0.0, 0.0],
+            tangential_force: tangential_force.get(k).copied().unwrap_or_default(),
+            tangential_history: tangential_history.get(k).copied().unwrap_or_default(),
             rolling_history: of(&rolling_history, k),
             overlap: of(&overlap, k),
             sliding: sliding.get(k).map_or(0, |sliding| u64::from(*sliding)),
@@ -459,6 +545,21 @@ impl Run {
                 j[k]
             ))),
         }
+    }
+
+    /// A column of tangential vectors: of disks [M], of spheres [M][3].
+    fn tangential(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
+        if self.dimension == Dimensions::Two {
+            let along = self.column::<f64>(dataset, rows)?;
+            return Ok(along.into_iter().map(|f| [f, 0.0, 0.0]).collect());
+        }
+        if rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        let values = dataset
+            .read_slice::<f64, _, Ix2>(s![rows.start..rows.end, ..])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        Ok(values.outer_iter().map(|v| [v[0], v[1], v[2]]).collect())
     }
 
     fn column<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>, Failure> {

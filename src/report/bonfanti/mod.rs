@@ -235,8 +235,8 @@ fn dmin_of(run: &PeriodicRun) -> Option<Vec<f64>> {
     let (first, last) = (run.positions.first()?, run.positions.last()?);
     let radius = 5.0 * run.radius.iter().sum::<f64>() / run.radius.len() as f64;
     Some(match run.is_planar() {
-        true => event::non_affine::<Two>(run.cell(), first, last, radius),
-        false => event::non_affine::<Three>(run.cell(), first, last, radius),
+        true => event::non_affine::<Two>(run.cell(), first, last, radius, |_| true),
+        false => event::non_affine::<Three>(run.cell(), first, last, radius, |_| true),
     })
 }
 
