@@ -4,7 +4,6 @@
 //! full-step velocity predicted from the last acceleration, so the scheme stays second order with damping (physics.md).
 
 use std::ops::Range;
-use std::sync::atomic::{Ordering, compiler_fence};
 
 use bytemuck::Zeroable;
 
@@ -362,8 +361,6 @@ impl<D: Dimension> Work for SecondKick<'_, D> {
             for k in 0..D::SPINS {
                 r[D::SPIN + k] = r[D::HALF_SPIN + k] + angular * force[D::TORQUE + k];
             }
-            // One grain after the other: else fields of eight records are gathered and scattered, in three times the time.
-            compiler_fence(Ordering::AcqRel);
         }
     }
 }
