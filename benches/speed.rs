@@ -1,7 +1,7 @@
 //! Speed of whole runs, through the real program: medians of several repetitions, and ratios of runs taken in turn.
 //!
-//! `cargo bench` runs the small scenes in a few minutes; `cargo bench -- large` adds 100,000 and 1,000,000 disks, which are copies of the
-//! packed 5,000 beside each other, and threads.
+//! `cargo bench` runs the small scenes; `cargo bench -- large` adds 100,000 and 1,000,000 disks and 96,300 spheres, which are copies of
+//! packed samples beside each other, and threads.
 
 use std::path::Path;
 use std::process::Command;
@@ -86,9 +86,16 @@ fn pack(folder: &Path, name: &'static str, config: &str, set: &[&str], strain: f
     }
 }
 
-/// So many copies of the packed 5,000 disks beside each other.
-fn tiled(folder: &Path, name: &'static str, packed: &Packed, copies: u32, strain: f64) -> Packed {
-    let data = folder.join("large-5000.data");
+/// Copies of a packed sample beside each other, in the scene `config` as changed by `set`.
+fn tiled(
+    folder: &Path,
+    name: &'static str,
+    packed: &Packed,
+    config: &str,
+    set: &[&str],
+    strain: f64,
+) -> Packed {
+    let data = folder.join(format!("{}.data", packed.name));
     let mut export = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
     export
         .args([
@@ -100,22 +107,21 @@ fn tiled(folder: &Path, name: &'static str, packed: &Packed, copies: u32, strain
         ])
         .arg(&data);
     run(&mut export, 1, 0);
-    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/lee-hurley-large.toml");
-    let mut begin = vec![config.display().to_string()];
-    let of_the_file = ["grains", "radius_min", "radius_max", "length"];
-    begin.extend(of_the_file.map(|key| format!("--set=sample.{key}=none")));
-    begin.push("--set=pack.friction=none".into());
-    begin.push(format!("--set=sample.packing={}", data.display()));
-    begin.push(format!("--set=sample.replicate=[{copies}]"));
-    for set in ["analysis.scalars=false", "output.frame_strain=0.0"] {
-        begin.push(format!("--set={set}"));
-    }
+    let config = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("configs")
+        .join(config);
+    let mut begin = vec![
+        config.display().to_string(),
+        format!("--set=sample.packing={}", data.display()),
+    ];
+    begin.extend(set.iter().map(|s| format!("--set={s}")));
     Packed {
         name,
         begin,
         strain,
     }
 }
+
 impl Packed {
     fn run(&self, folder: &Path, ranks: usize, set: &[&str]) -> Said {
         let out = folder.join("run");
@@ -242,24 +248,76 @@ fn main() {
         (1, &quiet),
         (1, &avx2),
     );
+    let spheres = pack(
+        &folder,
+        "spheres-4815",
+        "gouge-default.toml",
+        &[
+            "time.collision_speed=none",
+            "shear.protocol=none",
+            "shear.spring_number=none",
+            "shear.velocity=2.0",
+            "shear.strain=0.05",
+            "output.series_rows=none",
+            "output.frame_rows=none",
+            "output.series_strain=1e-4",
+        ],
+        0.05,
+    );
+    spheres.pair(
+        &folder,
+        "1 rank, 2 ranks; no frames",
+        (1, &quiet),
+        (2, &quiet),
+    );
     if large {
-        let fast = ["shear.inertial_number=2e-4", "output.energy=false"];
-        let threads = ["--threads=2", fast[0], fast[1]];
-        for (name, copies, strain) in [("tiled-100000", 20, 2e-4), ("tiled-1000000", 200, 2e-5)] {
-            let many = tiled(&folder, name, &five, copies, strain);
+        let of_disks = [
+            "sample.grains=none",
+            "sample.radius_min=none",
+            "sample.radius_max=none",
+            "sample.length=none",
+            "pack.friction=none",
+            "analysis.scalars=false",
+            "output.frame_strain=0.0",
+            "output.series_strain=1e-5",
+            "shear.inertial_number=2e-4",
+        ];
+        let disks = |name, copies: &'static str, strain| {
+            let set = [&of_disks[..], &[copies]].concat();
+            tiled(&folder, name, &five, "lee-hurley-large.toml", &set, strain)
+        };
+        let of_spheres = [
+            "sample.replicate=[4, 5]",
+            "output.frame_strain=0.0",
+            "output.series_strain=1e-4",
+        ];
+        let energy = ["output.energy=false"];
+        let threads = ["--threads=2", energy[0]];
+        for many in [
+            disks("disks-100000", "sample.replicate=[20]", 2e-4),
+            disks("disks-1000000", "sample.replicate=[200]", 2e-5),
+            tiled(
+                &folder,
+                "spheres-96300",
+                &spheres,
+                "packing-million.toml",
+                &of_spheres,
+                1e-3,
+            ),
+        ] {
             many.pair(
                 &folder,
                 "1 rank, 2 ranks; no frames",
-                (1, &fast),
-                (2, &fast),
+                (1, &energy),
+                (2, &energy),
             );
             many.pair(
                 &folder,
                 "1 rank; 1 thread, 2 threads",
-                (1, &fast),
+                (1, &energy),
                 (1, &threads),
             );
-            let memory = many.run(&folder, 2, &fast).text;
+            let memory = many.run(&folder, 2, &energy).text;
             let line = memory.lines().find(|l| l.contains("bytes per grain"));
             println!("{}", line.unwrap_or(""));
         }

@@ -331,12 +331,21 @@ impl GrainWalls {
         ]
     }
 
-    fn impose<D: Dimension>(&self, along: f64, up: f64, grains: &mut Grains<D>) {
+    /// Gives the grains of the top these velocities, of the fields that begin `at`.
+    fn impose<D: Dimension>(&self, at: &[usize], [along, up]: [f64; 2], grains: &mut Grains<D>) {
         for &g in &self.top {
             let r = grains.fields_mut(g as usize);
-            r[D::VELOCITY] = along;
-            r[D::VELOCITY + D::UP] = up;
+            for at in at {
+                r[*at] = along;
+                r[at + D::UP] = up;
+            }
         }
+    }
+
+    /// As the plate moves now: also as the velocity of the half step, from which a second kick that is put off begins.
+    fn impose_own<D: Dimension>(&self, grains: &mut Grains<D>) {
+        let own = [self.slider.state.velocity, self.piston.velocity];
+        self.impose(&[D::VELOCITY, D::HALF_VELOCITY], own, grains);
     }
 }
 
@@ -355,12 +364,12 @@ impl<D: Dimension> Drive<D> for GrainWalls {
     fn drift(&mut self, step: f64, grains: &mut Grains<D>) {
         self.piston.half_kick_and_drift(step);
         self.slider.half_kick_and_drift(step);
-        self.impose(self.slider.state.velocity, self.piston.velocity, grains);
+        self.impose_own(grains);
     }
 
     fn predict(&mut self, step: f64, grains: &mut Grains<D>) {
-        let along = self.slider.predicted(step);
-        self.impose(along, self.piston.predicted(step), grains);
+        let predicted = [self.slider.predicted(step), self.piston.predicted(step)];
+        self.impose(&[D::VELOCITY], predicted, grains);
     }
 
     fn forces(&mut self, _: Level, _: Cell, _: f64, _: &mut Grains<D>) -> Option<usize> {
@@ -384,7 +393,7 @@ impl<D: Dimension> Drive<D> for GrainWalls {
             self.slider.accelerate(load.along, self.piston.mass);
             self.slider.state.velocity += 0.5 * step * self.slider.state.acceleration;
         }
-        self.impose(self.slider.state.velocity, self.piston.velocity, grains);
+        self.impose_own(grains);
     }
 
     fn slid(&self) -> f64 {

@@ -19,14 +19,25 @@ use crate::state::{Cell, Grains, body};
 use crate::system::System;
 use crate::team::{Own, Setting};
 
-/// Advances everything by Δt. `stop`: this rank was asked to stop; returned: some rank was. `samples` are filled where given.
+/// What is wanted of a step.
+#[derive(Debug, Default)]
+pub struct Wanted<'a> {
+    /// Filled where given.
+    pub samples: Option<&'a mut ContactForces>,
+    /// This rank was asked to stop.
+    pub stop: bool,
+    /// Nobody looks at velocities before the next step: it may give the second kick of this one with its first, to the same bits.
+    /// Where ranks stop or the list is due, the kick is not put off.
+    pub unseen: bool,
+}
+
+/// Advances everything by Δt. Returns whether some rank was asked to stop.
 pub fn advance<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     exchange: &E,
     system: &mut System<C::Space>,
     law: &C,
     drive: &mut D,
-    stop: bool,
-    samples: Option<&mut ContactForces>,
+    wanted: Wanted<'_>,
 ) -> Result<bool, Failure> {
     let step = system.step;
     system.steps += 1;
@@ -41,35 +52,48 @@ pub fn advance<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     system.cell.lean(step);
     let (level, cell) = (system.level, system.cell);
     let mut fastest = drive.speed();
+    let kick_is_due = std::mem::take(&mut system.kick_is_due);
     system.team.over_own(
         &mut system.grains,
-        |own| level.run(HalfKickAndDrift { own, step, cell }),
+        |own| match kick_is_due {
+            true => level.run(HalfKickAndDrift::<_, true> { own, step, cell }),
+            false => level.run(HalfKickAndDrift::<_, false> { own, step, cell }),
+        },
         |speed| fastest = greater_or_nan(fastest, speed),
     );
     drive.predict(step, &mut system.grains);
     let rebuild = system.list.moved(fastest, step, &system.grains, &cell);
     system.clock.end(Phase::Motion);
 
-    let outside = add_forces(exchange, system, law, drive, step, samples);
+    let outside = add_forces(exchange, system, law, drive, step, wanted.samples);
 
     let rebuild = rebuild || system.list.forced(system.steps);
-    let mut message = Message::new(system, drive, outside, [rebuild, stop]);
+    let mut message = Message::new(system, drive, outside, [rebuild, wanted.stop]);
+    let second_kick = |system: &mut System<C::Space>| {
+        let (team, grains) = (&system.team, &mut system.grains);
+        team.over_own(grains, |own| level.run(SecondKick(own)), |()| ());
+        system.clock.end(Phase::Motion);
+    };
     exchange.sum_during(&mut message.0, || {
         if D::DRAG {
             slow_down(&mut system.grains, drive.drag());
         }
-        let (team, grains) = (&system.team, &mut system.grains);
-        team.over_own(grains, |own| level.run(SecondKick(own)), |()| ());
-        system.clock.end(Phase::Motion);
+        if !wanted.unseen {
+            second_kick(system);
+        }
     });
     let (load, [due, stop]) = message.read(exchange, system, outside)?;
     system.list.due = due;
+    system.kick_is_due = wanted.unseen && !due && !stop;
+    if wanted.unseen && !system.kick_is_due {
+        second_kick(system);
+    }
     if let Some(ledger) = &mut system.ledger {
         ledger.push(-load.along, drive.slid());
     }
     system.clock.end(Phase::Walls);
 
-    // Last, since the second kick leaves grains of walls at the velocity of the half step.
+    // Last, since the second kick leaves grains of walls at their velocity of the half step.
     drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Motion);
 
@@ -84,6 +108,8 @@ pub fn initial_forces<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     drive: &mut D,
     samples: Option<&mut ContactForces>,
 ) -> Result<(), Failure> {
+    // What was until now belongs to the making of the first list.
+    system.clock.end(Phase::Rebuild);
     let outside = forces(exchange, system, law, drive, 0.0, samples);
     let mut message = Message::new(system, drive, outside, []);
     exchange.sum_during(&mut message.0, || ());
@@ -248,14 +274,14 @@ pub enum Outside {
 }
 
 /// v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces. Returns the greatest speed (m/s), NaN where
-/// one is none.
-struct HalfKickAndDrift<'a, D: Dimension> {
+/// one is none. `KICK_IS_DUE`: the second kick of the step before is still to be given, first.
+struct HalfKickAndDrift<'a, D: Dimension, const KICK_IS_DUE: bool> {
     own: Own<'a, D>,
     step: f64,
     cell: Cell,
 }
 
-impl<D: Dimension> Work for HalfKickAndDrift<'_, D> {
+impl<D: Dimension, const KICK_IS_DUE: bool> Work for HalfKickAndDrift<'_, D, KICK_IS_DUE> {
     type Output = f64;
 
     #[inline(always)]
@@ -271,7 +297,10 @@ impl<D: Dimension> Work for HalfKickAndDrift<'_, D> {
             let (mut dv, mut v) = ([0.0; 3], [0.0; 3]);
             for axis in 0..D::AXES {
                 dv[axis] = linear * force[axis];
-                v[axis] = r[D::VELOCITY + axis] + dv[axis];
+                v[axis] = match KICK_IS_DUE {
+                    true => (r[D::HALF_VELOCITY + axis] + dv[axis]) + dv[axis],
+                    false => r[D::VELOCITY + axis] + dv[axis],
+                };
             }
             r[D::HALF_VELOCITY..][..D::AXES].copy_from_slice(&v[..D::AXES]);
             for axis in 0..D::AXES {
@@ -287,7 +316,10 @@ impl<D: Dimension> Work for HalfKickAndDrift<'_, D> {
             let (mut dw, mut w) = ([0.0; 3], [0.0; 3]);
             for k in 0..D::SPINS {
                 dw[k] = angular * force[D::TORQUE + k];
-                w[k] = r[D::SPIN + k] + dw[k];
+                w[k] = match KICK_IS_DUE {
+                    true => (r[D::HALF_SPIN + k] + dw[k]) + dw[k],
+                    false => r[D::SPIN + k] + dw[k],
+                };
             }
             r[D::HALF_SPIN..][..D::SPINS].copy_from_slice(&w[..D::SPINS]);
             for k in 0..D::SPINS {

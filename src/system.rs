@@ -39,6 +39,8 @@ pub struct System<D: Dimension> {
     pub contacts: Contacts,
     pub slabs: Slabs<D>,
     pub list: List,
+    /// Velocities are those of the half step: the next step begins with the second kick of the last.
+    pub kick_is_due: bool,
     pub clock: Clock,
     pub team: Team<D>,
     /// Kept where it is asked for.
@@ -227,6 +229,7 @@ impl<D: Dimension> System<D> {
                 of.largest_radius,
                 of.mean_diameter,
             )?,
+            kick_is_due: false,
             clock: Clock::default(),
             team: Team::new(of.threads)?,
             ledger: None,
@@ -234,7 +237,14 @@ impl<D: Dimension> System<D> {
     }
 
     /// This rank's grains.
+    ///
+    /// # Panics
+    /// Where their second kick was put off ([`crate::step::Wanted`]).
     pub fn grain_states(&self) -> Vec<GrainState> {
+        assert!(
+            !self.kick_is_due,
+            "velocities of a step that nobody was to see"
+        );
         (0..self.grains.owned)
             .map(|g| self.grains.state(g))
             .collect()

@@ -10,7 +10,7 @@ use gshear::drive::NoWalls;
 use gshear::kernel::ContactForces;
 use gshear::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
 use gshear::state::{Cell, ContactState, GrainState, Masses};
-use gshear::step::{advance, forces, initial_forces};
+use gshear::step::{Wanted, advance, forces, initial_forces};
 use gshear::system::{Setup, System};
 
 type Law = Hertz<true>;
@@ -106,8 +106,10 @@ impl Spin {
             &mut self.system,
             &self.law,
             &mut NoWalls,
-            false,
-            sampled,
+            Wanted {
+                samples: sampled,
+                ..Wanted::default()
+            },
         )
         .expect("sound");
     }

@@ -11,7 +11,7 @@ use gshear::drive::NoWalls;
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
 use gshear::state::{Cell, ContactState, GrainState, Masses};
-use gshear::step::{advance, initial_forces};
+use gshear::step::{Wanted, advance, initial_forces};
 use gshear::system::{Setup, System};
 
 type Law = Hooke<Two, true, true>;
@@ -118,7 +118,17 @@ impl Impact {
         let mut samples = ContactForces::default();
         for k in 1.. {
             let sampled = Some(&mut samples);
-            advance(&Solo, &mut system, &law, &mut drive, false, sampled).expect("a sound step");
+            advance(
+                &Solo,
+                &mut system,
+                &law,
+                &mut drive,
+                Wanted {
+                    samples: sampled,
+                    ..Wanted::default()
+                },
+            )
+            .expect("a sound step");
             let mut state = [0.0; 10];
             for (to, g) in state.chunks_mut(5).zip(system.grain_states()) {
                 let ([x, y, _], [u, v, _]) = (g.position, g.velocity);

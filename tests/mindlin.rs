@@ -10,7 +10,7 @@ use gshear::drive::NoWalls;
 use gshear::kernel::ContactForces;
 use gshear::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
 use gshear::state::{Cell, GrainState, Masses};
-use gshear::step::{advance, initial_forces};
+use gshear::step::{Wanted, advance, initial_forces};
 use gshear::system::{Setup, System};
 
 type Vector = [f64; 3];
@@ -257,7 +257,17 @@ impl<D: Dimension> Couple<D> {
     fn advance(&mut self) {
         let sampled = Some(&mut self.samples);
         let (system, law) = (&mut self.system, &self.law);
-        advance(&Solo, system, law, &mut NoWalls, false, sampled).expect("sound");
+        advance(
+            &Solo,
+            system,
+            law,
+            &mut NoWalls,
+            Wanted {
+                samples: sampled,
+                ..Wanted::default()
+            },
+        )
+        .expect("sound");
     }
 }
 

@@ -13,7 +13,7 @@ use gshear::run::{Header, Options, Run, Stage, Start};
 use gshear::schedule::{Protocol, Schedule};
 use gshear::simd::Level;
 use gshear::state::{GrainState, Snapshot, body, nearest_image};
-use gshear::step::{advance, initial_forces};
+use gshear::step::{Wanted, advance, initial_forces};
 use gshear::system::{Setup, System};
 
 use crate::scheme::{Damped, Dampers};
@@ -171,8 +171,10 @@ impl<C: ContactLaw<Space = Two>> Moving<C> {
             &mut self.system,
             &self.law,
             &mut self.drive,
-            false,
-            samples,
+            Wanted {
+                samples,
+                ..Wanted::default()
+            },
         )
         .ok()
         .map(|_| ())

@@ -9,7 +9,7 @@ use crate::domain::Exchange;
 use crate::drive::{NoWalls, Overdamped};
 use crate::failure::Failure;
 use crate::state::{Cell, body};
-use crate::step::{advance, forces, initial_forces};
+use crate::step::{Wanted, advance, forces, initial_forces};
 use crate::system::System;
 
 /// Factorisations of Newton's method, of which one or two are enough where the way is smooth.
@@ -132,7 +132,7 @@ impl<E: Exchange> PeriodicRun<'_, E> {
                 )));
             }
             for _ in 0..LOOK {
-                advance(exchange, system, law, &mut drive, false, None)?;
+                advance(exchange, system, law, &mut drive, Wanted::default())?;
             }
             steps += LOOK;
             left = residual(exchange, system, relax.drag);

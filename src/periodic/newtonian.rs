@@ -16,7 +16,7 @@ use crate::io::collective::gathered;
 use crate::kernel::ContactForces;
 use crate::run::Ending;
 use crate::state::{GrainState, Travel};
-use crate::step::{advance, initial_forces};
+use crate::step::{Wanted, advance, initial_forces};
 use crate::system::System;
 
 /// Without a pair, its growth time is taken to be so many steps.
@@ -67,8 +67,11 @@ impl<E: Exchange> PeriodicRun<'_, E> {
             let mut stop = false;
             if done > 0 {
                 let wanted = self.options.stop_at == Some(progress.steps + done);
-                let asked = wanted || self.asked_here();
-                stop = advance(exchange, system, law, &mut NoWalls, asked, None)?;
+                let wanted = Wanted {
+                    stop: wanted || self.asked_here(),
+                    ..Wanted::default()
+                };
+                stop = advance(exchange, system, law, &mut NoWalls, wanted)?;
                 motion.turn(exchange, system);
             }
             let time = done as f64 * step;

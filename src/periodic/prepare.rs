@@ -14,7 +14,7 @@ use crate::drive::{NoWalls, Overdamped};
 use crate::failure::Failure;
 use crate::sample::radius;
 use crate::state::GrainState;
-use crate::step::{advance, initial_forces};
+use crate::step::{Wanted, advance, initial_forces};
 
 /// Room of a lattice site, over the greatest diameter.
 const ROOM: f64 = 1.1;
@@ -46,7 +46,8 @@ impl<E: Exchange> PeriodicRun<'_, E> {
                 SETTLING
             };
             for _ in 0..settling {
-                advance(exchange, &mut system, law, &mut drive, false, None).map_err(in_stage)?;
+                advance(exchange, &mut system, law, &mut drive, Wanted::default())
+                    .map_err(in_stage)?;
             }
             if length == target {
                 let steps = self.overdamped(&mut system, law).map_err(in_stage)?;

@@ -10,7 +10,7 @@ use crate::observe::{self, Frame};
 use crate::record::Written;
 use crate::sample::freeze_walls;
 use crate::schedule::inertial_time;
-use crate::step::{advance, initial_forces};
+use crate::step::{Wanted, advance, initial_forces};
 
 /// The sample is looked at every so many steps …
 const LOOK: u64 = 1000;
@@ -47,15 +47,12 @@ impl<E: Exchange> Run<'_, E> {
         // The energy of a wave goes with the square of its pressure.
         let balance = scene.pack.tolerance.sqrt().max(1e-3);
         loop {
-            let stop = advance(
-                exchange,
-                &mut system,
-                law,
-                &mut drive,
-                self.asked_to_stop(),
-                None,
-            )
-            .map_err(|e| in_stage(e, "packing"))?;
+            let wanted = Wanted {
+                stop: self.asked_to_stop(),
+                ..Wanted::default()
+            };
+            let stop = advance(exchange, &mut system, law, &mut drive, wanted)
+                .map_err(|e| in_stage(e, "packing"))?;
             step += 1;
             if step.is_multiple_of(LOOK) {
                 let kinetic = observe::kinetic_energy(exchange, &system, &energy.energy);

@@ -15,7 +15,7 @@ use crate::observe::{self, Frame};
 use crate::record::{Recorder, Written};
 use crate::schedule::Schedule;
 use crate::state::body;
-use crate::step::{advance, initial_forces};
+use crate::step::{Wanted, advance, initial_forces};
 
 impl<E: Exchange> Run<'_, E> {
     pub(super) fn shear<C: ContactLaw>(
@@ -97,8 +97,14 @@ impl<E: Exchange> Run<'_, E> {
                 begins = false;
             } else {
                 let stop = self.asked_to_stop() || options.stop_at == Some(next);
-                let sampled = (series || frames || analysed).then_some(&mut samples);
-                let stop = advance(exchange, &mut system, law, &mut walls, stop, sampled)
+                let sampled = series || frames || analysed;
+                let saved = schedule.checkpoint_due(next) || next == schedule.total;
+                let wanted = Wanted {
+                    samples: sampled.then_some(&mut samples),
+                    stop,
+                    unseen: !sampled && !saved,
+                };
+                let stop = advance(exchange, &mut system, law, &mut walls, wanted)
                     .map_err(|e| in_stage(e, "shear"))?;
                 step = next;
                 stopped = stop && step < schedule.total;

@@ -7,7 +7,7 @@ use gshear::kernel::ContactForces;
 use gshear::ledger::{Ledger, Sample};
 use gshear::simd::Level;
 use gshear::state::{ContactState, GrainState};
-use gshear::step::{advance, forces};
+use gshear::step::{Wanted, advance, forces};
 use gshear::system::System;
 
 use crate::scenes::{Full, LAW, grain, program_law, system};
@@ -102,8 +102,10 @@ fn momentum_is_conserved_to_rounding() {
             &mut system,
             &law,
             &mut drive,
-            false,
-            Some(&mut samples),
+            Wanted {
+                samples: Some(&mut samples),
+                ..Wanted::default()
+            },
         )
         .unwrap();
         let now = system.grain_states();
@@ -158,7 +160,7 @@ fn every_level_gives_the_same_trajectory() {
         let mut system = crowd_system(level);
         let mut drive = NoWalls;
         for _ in 0..400 {
-            advance(&Solo, &mut system, &law, &mut drive, false, None).unwrap();
+            advance(&Solo, &mut system, &law, &mut drive, Wanted::default()).unwrap();
         }
         (system.grain_states(), system.contact_states::<Full>())
     };
@@ -260,7 +262,17 @@ fn angular_momentum_changes_by_the_overlap_alone() {
     let (mut turned, mut gross, mut size) = (0.0, 0.0, 0.0f64);
     for _ in 0..STEPS {
         let first = turn(&samples);
-        advance(&Solo, &mut s, &law, &mut drive, false, Some(&mut samples)).unwrap();
+        advance(
+            &Solo,
+            &mut s,
+            &law,
+            &mut drive,
+            Wanted {
+                samples: Some(&mut samples),
+                ..Wanted::default()
+            },
+        )
+        .unwrap();
         turned += 0.5 * step * (first + turn(&samples));
         gross += step * first.abs();
         // Largest terms in which roundings of x (up to 8e-6), u, v and ω enter.
@@ -387,7 +399,17 @@ fn energy_is_accounted_for() {
         let (begin, _) = entry(&mut system, &samples);
         for _ in 0..parts * STEPS {
             let sampled = Some(&mut samples);
-            advance(&Solo, &mut system, &law, &mut drive, false, sampled).unwrap();
+            advance(
+                &Solo,
+                &mut system,
+                &law,
+                &mut drive,
+                Wanted {
+                    samples: sampled,
+                    ..Wanted::default()
+                },
+            )
+            .unwrap();
         }
         let (end, lost) = entry(&mut system, &samples);
         assert!(

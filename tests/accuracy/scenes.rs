@@ -9,7 +9,7 @@ use gshear::drive::{Drive, NoWalls};
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
 use gshear::state::{Cell, ContactState, GrainState, Masses, body};
-use gshear::step::{advance, initial_forces};
+use gshear::step::{Wanted, advance, initial_forces};
 use gshear::system::{Setup, System};
 
 use crate::reference::{Disk, Law, Pair, Regime, STICKING, World};
@@ -163,7 +163,7 @@ impl Scene {
         );
         let mut looks = Vec::new();
         for step in 1..=steps {
-            advance(&Solo, &mut system, &law, drive, false, None).unwrap();
+            advance(&Solo, &mut system, &law, drive, Wanted::default()).unwrap();
             if step % (steps / LOOKS) == 0 {
                 looks.push(self.state(&system));
             }

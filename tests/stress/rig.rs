@@ -9,7 +9,7 @@ use gshear::failure::Failure;
 use gshear::kernel::ContactForces;
 use gshear::simd::Level;
 use gshear::state::{Cell, ContactState, GrainState, Masses};
-use gshear::step::{Outside, advance, forces, initial_forces};
+use gshear::step::{Outside, Wanted, advance, forces, initial_forces};
 use gshear::system::{Setup, System};
 
 /// Some grains under a law and between walls, or without any, on one rank.
@@ -103,7 +103,7 @@ impl<C: ContactLaw<Space = Two>, D: Drive<Two>> Rig<C, D> {
 
     pub fn advance(&mut self) -> Result<(), Failure> {
         let (system, drive) = (&mut self.system, &mut self.drive);
-        advance(&Solo, system, &self.law, drive, false, None).map(|_| ())
+        advance(&Solo, system, &self.law, drive, Wanted::default()).map(|_| ())
     }
 
     pub fn grains(&self) -> Vec<GrainState> {
