@@ -1,6 +1,6 @@
 //! Speed of whole runs, through the real program: medians of several repetitions, and ratios of runs taken in turn.
 //!
-//! `cargo bench` runs the small scenes; `cargo bench -- large` adds 100,000 and 1,000,000 disks and 96,300 spheres, which are copies of
+//! `cargo bench` runs the small scenes, `cargo bench -- large` 100,000 and 1,000,000 disks and 96,300 spheres, which are copies of
 //! packed samples beside each other, and threads.
 
 use std::path::Path;
@@ -195,6 +195,26 @@ fn main() {
         "{:<22}{:<38}{:>9}{:>9}{:>9}{:>16}",
         "scene", "a, b", "a", "b", "b/a", "digests"
     );
+    let spheres = pack(
+        &folder,
+        "spheres-4815",
+        "gouge-default.toml",
+        &[
+            "time.collision_speed=none",
+            "shear.protocol=none",
+            "shear.spring_number=none",
+            "shear.velocity=2.0",
+            "shear.strain=0.05",
+            "output.series_rows=none",
+            "output.frame_rows=none",
+            "output.series_strain=1e-4",
+        ],
+        0.05,
+    );
+    if large {
+        run_large(&folder, &five, &spheres);
+        return;
+    }
     for scene in [&default, &five] {
         scene.pair(
             &folder,
@@ -248,78 +268,63 @@ fn main() {
         (1, &quiet),
         (1, &avx2),
     );
-    let spheres = pack(
-        &folder,
-        "spheres-4815",
-        "gouge-default.toml",
-        &[
-            "time.collision_speed=none",
-            "shear.protocol=none",
-            "shear.spring_number=none",
-            "shear.velocity=2.0",
-            "shear.strain=0.05",
-            "output.series_rows=none",
-            "output.frame_rows=none",
-            "output.series_strain=1e-4",
-        ],
-        0.05,
-    );
     spheres.pair(
         &folder,
         "1 rank, 2 ranks; no frames",
         (1, &quiet),
         (2, &quiet),
     );
-    if large {
-        let of_disks = [
-            "sample.grains=none",
-            "sample.radius_min=none",
-            "sample.radius_max=none",
-            "sample.length=none",
-            "pack.friction=none",
-            "analysis.scalars=false",
-            "output.frame_strain=0.0",
-            "output.series_strain=1e-5",
-            "shear.inertial_number=2e-4",
-        ];
-        let disks = |name, copies: &'static str, strain| {
-            let set = [&of_disks[..], &[copies]].concat();
-            tiled(&folder, name, &five, "lee-hurley-large.toml", &set, strain)
-        };
-        let of_spheres = [
-            "sample.replicate=[4, 5]",
-            "output.frame_strain=0.0",
-            "output.series_strain=1e-4",
-        ];
-        let energy = ["output.energy=false"];
-        let threads = ["--threads=2", energy[0]];
-        for many in [
-            disks("disks-100000", "sample.replicate=[20]", 2e-4),
-            disks("disks-1000000", "sample.replicate=[200]", 2e-5),
-            tiled(
-                &folder,
-                "spheres-96300",
-                &spheres,
-                "packing-million.toml",
-                &of_spheres,
-                1e-3,
-            ),
-        ] {
-            many.pair(
-                &folder,
-                "1 rank, 2 ranks; no frames",
-                (1, &energy),
-                (2, &energy),
-            );
-            many.pair(
-                &folder,
-                "1 rank; 1 thread, 2 threads",
-                (1, &energy),
-                (1, &threads),
-            );
-            let memory = many.run(&folder, 2, &energy).text;
-            let line = memory.lines().find(|l| l.contains("bytes per grain"));
-            println!("{}", line.unwrap_or(""));
-        }
+}
+
+fn run_large(folder: &Path, five: &Packed, spheres: &Packed) {
+    let of_disks = [
+        "sample.grains=none",
+        "sample.radius_min=none",
+        "sample.radius_max=none",
+        "sample.length=none",
+        "pack.friction=none",
+        "analysis.scalars=false",
+        "output.frame_strain=0.0",
+        "output.series_strain=1e-5",
+        "shear.inertial_number=2e-4",
+    ];
+    let disks = |name, copies: &'static str, strain| {
+        let set = [&of_disks[..], &[copies]].concat();
+        tiled(folder, name, five, "lee-hurley-large.toml", &set, strain)
+    };
+    let of_spheres = [
+        "sample.replicate=[4, 5]",
+        "output.frame_strain=0.0",
+        "output.series_strain=1e-4",
+    ];
+    let energy = ["output.energy=false"];
+    let threads = ["--threads=2", energy[0]];
+    for many in [
+        disks("disks-100000", "sample.replicate=[20]", 2e-4),
+        disks("disks-1000000", "sample.replicate=[200]", 2e-5),
+        tiled(
+            folder,
+            "spheres-96300",
+            spheres,
+            "packing-million.toml",
+            &of_spheres,
+            1e-3,
+        ),
+    ] {
+        many.pair(
+            folder,
+            "1 rank, 2 ranks; no frames",
+            (1, &energy),
+            (2, &energy),
+        );
+        many.pair(
+            folder,
+            "1 rank; 1 thread, 2 threads",
+            (1, &energy),
+            (1, &threads),
+        );
+        let memory = many.run(folder, 2, &energy).text;
+        let line = memory.lines().find(|l| l.contains("bytes per grain"));
+        println!("{}", line.unwrap_or(""));
     }
 }
