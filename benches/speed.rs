@@ -7,6 +7,8 @@ use std::path::Path;
 use std::process::Command;
 
 const REPETITIONS: usize = 5;
+/// Of large scenes.
+const FEW_REPETITIONS: usize = 3;
 
 /// A scene packed once, from whose first shear step every run goes on.
 struct Packed {
@@ -15,6 +17,7 @@ struct Packed {
     begin: Vec<String>,
     /// γ of a run.
     strain: f64,
+    repetitions: usize,
 }
 
 /// What a run says of itself.
@@ -83,6 +86,7 @@ fn pack(folder: &Path, name: &'static str, config: &str, set: &[&str], strain: f
         name,
         begin: vec!["--resume".into(), checkpoint.display().to_string()],
         strain,
+        repetitions: REPETITIONS,
     }
 }
 
@@ -119,6 +123,7 @@ fn tiled(
         name,
         begin,
         strain,
+        repetitions: FEW_REPETITIONS,
     }
 }
 
@@ -143,7 +148,7 @@ impl Packed {
         let mut speeds = [Vec::new(), Vec::new()];
         let mut ratios = Vec::new();
         let mut digests = Vec::new();
-        for _ in 0..REPETITIONS {
+        for _ in 0..self.repetitions {
             let (first, second) = (self.run(folder, a.0, a.1), self.run(folder, b.0, b.1));
             ratios.push(second.speed / first.speed);
             speeds[0].push(first.speed);
@@ -189,7 +194,8 @@ fn main() {
 
     let processor = gshear::io::provenance::processor();
     println!(
-        "{REPETITIONS} repetitions, medians; million grain-steps per second of all ranks; {processor}"
+        "{} repetitions, medians; million grain-steps per second of all ranks; {processor}",
+        if large { FEW_REPETITIONS } else { REPETITIONS }
     );
     println!(
         "{:<22}{:<38}{:>9}{:>9}{:>9}{:>16}",
