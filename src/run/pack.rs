@@ -47,8 +47,11 @@ impl<E: Exchange> Run<'_, E> {
         // The energy of a wave goes with the square of its pressure.
         let balance = scene.pack.tolerance.sqrt().max(1e-3);
         loop {
+            let looks =
+                |step: u64| step.is_multiple_of(LOOK) || step.is_multiple_of(PACK_CHECKPOINT);
             let wanted = Wanted {
                 stop: self.asked_to_stop(),
+                unseen: !looks(step + 1),
                 ..Wanted::default()
             };
             let stop = advance(exchange, &mut system, law, &mut drive, wanted)
