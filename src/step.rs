@@ -31,6 +31,15 @@ pub struct Wanted<'a> {
     pub unseen: bool,
 }
 
+impl<'a> Wanted<'a> {
+    pub fn sampled(samples: &'a mut ContactForces) -> Self {
+        Self {
+            samples: Some(samples),
+            ..Self::default()
+        }
+    }
+}
+
 /// Advances everything by Δt. Returns whether some rank was asked to stop.
 pub fn advance<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     exchange: &E,
@@ -93,7 +102,7 @@ pub fn advance<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     }
     system.clock.end(Phase::Walls);
 
-    // Last, since the second kick leaves grains of walls at their velocity of the half step.
+    // Last, since the second kick leaves grains of walls at the velocity of the half step.
     drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Motion);
 

@@ -100,18 +100,8 @@ impl Spin {
     }
 
     fn advance(&mut self) {
-        let sampled = Some(&mut self.samples);
-        advance(
-            &Solo,
-            &mut self.system,
-            &self.law,
-            &mut NoWalls,
-            Wanted {
-                samples: sampled,
-                ..Wanted::default()
-            },
-        )
-        .expect("sound");
+        let wanted = Wanted::sampled(&mut self.samples);
+        advance(&Solo, &mut self.system, &self.law, &mut NoWalls, wanted).expect("sound");
     }
 
     fn force(&self) -> f64 {

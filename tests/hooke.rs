@@ -117,18 +117,8 @@ impl Impact {
         initial_forces(&Solo, &mut system, &law, &mut drive, None).expect("sound forces");
         let mut samples = ContactForces::default();
         for k in 1.. {
-            let sampled = Some(&mut samples);
-            advance(
-                &Solo,
-                &mut system,
-                &law,
-                &mut drive,
-                Wanted {
-                    samples: sampled,
-                    ..Wanted::default()
-                },
-            )
-            .expect("a sound step");
+            let wanted = Wanted::sampled(&mut samples);
+            advance(&Solo, &mut system, &law, &mut drive, wanted).expect("a sound step");
             let mut state = [0.0; 10];
             for (to, g) in state.chunks_mut(5).zip(system.grain_states()) {
                 let ([x, y, _], [u, v, _]) = (g.position, g.velocity);

@@ -255,19 +255,9 @@ impl<D: Dimension> Couple<D> {
     }
 
     fn advance(&mut self) {
-        let sampled = Some(&mut self.samples);
+        let wanted = Wanted::sampled(&mut self.samples);
         let (system, law) = (&mut self.system, &self.law);
-        advance(
-            &Solo,
-            system,
-            law,
-            &mut NoWalls,
-            Wanted {
-                samples: sampled,
-                ..Wanted::default()
-            },
-        )
-        .expect("sound");
+        advance(&Solo, system, law, &mut NoWalls, wanted).expect("sound");
     }
 }
 

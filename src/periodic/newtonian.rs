@@ -66,9 +66,9 @@ impl<E: Exchange> PeriodicRun<'_, E> {
         for done in first..=steps {
             let mut stop = false;
             if done > 0 {
-                let wanted = self.options.stop_at == Some(progress.steps + done);
+                let last = self.options.stop_at == Some(progress.steps + done);
                 let wanted = Wanted {
-                    stop: wanted || self.asked_here(),
+                    stop: last || self.asked_here(),
                     ..Wanted::default()
                 };
                 stop = advance(exchange, system, law, &mut NoWalls, wanted)?;

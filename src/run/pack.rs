@@ -16,6 +16,10 @@ use crate::step::{Wanted, advance, initial_forces};
 const LOOK: u64 = 1000;
 /// … and kept in a checkpoint every so many.
 const PACK_CHECKPOINT: u64 = 500_000;
+const _: () = assert!(
+    PACK_CHECKPOINT.is_multiple_of(LOOK),
+    "velocities are whole only where the sample is looked at"
+);
 
 impl<E: Exchange> Run<'_, E> {
     /// Compresses the sample between smooth planes, which have the law `plane`, until it is at rest, and freezes the walls. `None`
@@ -47,11 +51,9 @@ impl<E: Exchange> Run<'_, E> {
         // The energy of a wave goes with the square of its pressure.
         let balance = scene.pack.tolerance.sqrt().max(1e-3);
         loop {
-            let looks =
-                |step: u64| step.is_multiple_of(LOOK) || step.is_multiple_of(PACK_CHECKPOINT);
             let wanted = Wanted {
                 stop: self.asked_to_stop(),
-                unseen: !looks(step + 1),
+                unseen: !(step + 1).is_multiple_of(LOOK),
                 ..Wanted::default()
             };
             let stop = advance(exchange, &mut system, law, &mut drive, wanted)

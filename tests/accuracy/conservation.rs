@@ -102,10 +102,7 @@ fn momentum_is_conserved_to_rounding() {
             &mut system,
             &law,
             &mut drive,
-            Wanted {
-                samples: Some(&mut samples),
-                ..Wanted::default()
-            },
+            Wanted::sampled(&mut samples),
         )
         .unwrap();
         let now = system.grain_states();
@@ -267,10 +264,7 @@ fn angular_momentum_changes_by_the_overlap_alone() {
             &mut s,
             &law,
             &mut drive,
-            Wanted {
-                samples: Some(&mut samples),
-                ..Wanted::default()
-            },
+            Wanted::sampled(&mut samples),
         )
         .unwrap();
         turned += 0.5 * step * (first + turn(&samples));
@@ -398,16 +392,12 @@ fn energy_is_accounted_for() {
         };
         let (begin, _) = entry(&mut system, &samples);
         for _ in 0..parts * STEPS {
-            let sampled = Some(&mut samples);
             advance(
                 &Solo,
                 &mut system,
                 &law,
                 &mut drive,
-                Wanted {
-                    samples: sampled,
-                    ..Wanted::default()
-                },
+                Wanted::sampled(&mut samples),
             )
             .unwrap();
         }
