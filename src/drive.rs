@@ -182,7 +182,7 @@ impl<C: ContactLaw> Drive<C::Space> for Planes<C> {
                 record: &self.record,
                 force: &mut self.force,
                 part,
-                unit: grains.unit,
+                units: grains.units,
                 cell,
                 step,
                 samples: None,

@@ -1,7 +1,7 @@
 //! The loop over the contacts, for any law, sixteen pairs at a time.
 //!
 //! What contract 1 rests on: every pair is evaluated in one orientation from the wrapped coordinates of its two grains,
-//! and forces are rounded to a common unit ([`ForceUnit`]), whose multiples add up exactly in any order.
+//! and forces are rounded to common [`Units`], whose multiples add up exactly in any order.
 
 #![expect(
     clippy::needless_range_loop,
@@ -13,7 +13,7 @@ use std::ops::Range;
 use crate::contact::{CARRY, ContactLaw, Motion, Response, loss, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{LANES, Lanes, Level, Mask, Row, Work, inverse_sqrt};
-use crate::state::{Cell, ForceUnit, Part};
+use crate::state::{Cell, Part, Units};
 
 /// What only frames and time series want of the contacts, by block as in [`crate::state::Contacts`].
 #[derive(Debug, Default)]
@@ -88,7 +88,7 @@ pub struct Pass<'a, D: Dimension> {
     /// Added to.
     pub force: &'a mut [D::Force],
     pub part: Part<'a>,
-    pub unit: ForceUnit,
+    pub units: Units,
     pub cell: Cell,
     /// Δt (s); 0 evaluates the forces without advancing the histories.
     pub step: f64,
@@ -264,6 +264,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
     let zero = c(0.0);
     let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
     let step = c(pass.step);
+    let [slip_shift, turn_shift] = [pass.units.slip, Units::TURN].map(|u| c(Units::shift(u)));
     let contacts = &mut pass.part;
     if LEDGER {
         scratch.touched.clear();
@@ -353,12 +354,15 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
                 turn_with_normal::<L>(token, history, &n, &across, half_step * longer);
             }
             for k in 0..spins {
-                (slip[k] * step).store(&mut motion.tangential_increment[k]);
+                let slip = slip[k].mul_add(step, slip_shift) - slip_shift;
+                slip.store(&mut motion.tangential_increment[k]);
             }
         }
         if C::ROLLING {
             motion.rolling_velocity = difference[C::Space::SPIN];
-            (load(&difference[C::Space::HALF_SPIN]) * step).store(&mut motion.rolling_increment);
+            let turn =
+                load(&difference[C::Space::HALF_SPIN]).mul_add(step, turn_shift) - turn_shift;
+            turn.store(&mut motion.rolling_increment);
         }
         let before = *touching;
         *touching = overlap.greater(zero).bits();
@@ -508,10 +512,9 @@ fn add<C: ContactLaw, L: Lanes>(
     let c = |v| L::splat(token, v);
     let zero = c(0.0);
     let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
-    let unit = pass.unit;
-    // Adding 3·2^51 units leaves no bit below the unit; subtracting them is exact.
-    let [force_shift, torque_shift] = [unit.force, unit.torque].map(|u| c(u * (3u64 << 51) as f64));
-    let largest = c(unit.largest());
+    let units = pass.units;
+    let [force_shift, torque_shift] = [units.force, units.torque].map(|u| c(Units::shift(u)));
+    let largest = c(units.largest_force());
     let mut outside = None;
     let sums = &mut *pass.force;
     let contacts = &pass.part;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::contact::{ContactLaw, loss};
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::simd::{LANES, Lanes, Level, Row, Work};
-use crate::state::{Contacts, ForceUnit};
+use crate::state::{Contacts, Units};
 
 /// Kinds of elastic energy: normal, tangential, rolling.
 const ELASTIC: usize = 3;
@@ -70,11 +70,11 @@ impl Entry {
 
 impl Ledger {
     /// `largest_radius` in m.
-    pub fn new(unit: ForceUnit, largest_radius: f64) -> Self {
+    pub fn new(units: Units, largest_radius: f64) -> Self {
         // Far below what a contact loses in a step even where it creeps: what is below half a unit is never counted. 2^-76 F_max R.
         let radius = f64::from_bits(largest_radius.to_bits() & 0x7ff << 52);
         Self {
-            unit: unit.force * radius * 2f64.powi(-26),
+            unit: units.force * radius * 2f64.powi(-26),
             twice_lost: [0; loss::KINDS],
             last_power: [0; loss::KINDS],
             uncounted: false,

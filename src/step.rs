@@ -15,7 +15,7 @@ use crate::drive::{Drive, Load};
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Counting, Found};
 use crate::simd::{Lanes, Work};
-use crate::state::{Cell, Grains, body};
+use crate::state::{Cell, Grains, Units, body};
 use crate::system::System;
 use crate::team::{Own, Setting};
 
@@ -233,7 +233,7 @@ fn add_forces<C: ContactLaw, D: Drive<C::Space>, E: Exchange>(
     let setting = Setting {
         level: *level,
         law,
-        unit: grains.unit,
+        units: grains.units,
         cell: *cell,
         step,
         counting: ledger.as_ref().map(|ledger| Counting {
@@ -357,7 +357,7 @@ fn greater_or_nan(a: f64, b: f64) -> f64 {
 
 /// -m g along the last axis, on grains that are free, rounded as the contact forces are.
 fn weigh<D: Dimension>(grains: &mut Grains<D>, gravity: f64) {
-    let shift = grains.unit.force * (3u64 << 51) as f64;
+    let shift = Units::shift(grains.units.force);
     for g in 0..grains.owned {
         if grains.body[g] == body::FREE {
             grains.force[g][D::UP] = (shift - grains.mass[g] * gravity) - shift;

@@ -10,7 +10,7 @@ use crate::failure::Failure;
 use crate::ledger::Ledger;
 use crate::neighbour;
 use crate::simd::Level;
-use crate::state::{Cell, ContactState, Contacts, ForceUnit, GrainState, Grains, Masses, length};
+use crate::state::{Cell, ContactState, Contacts, GrainState, Grains, Masses, Units, length};
 use crate::step::Outside;
 use crate::team::Team;
 
@@ -295,7 +295,7 @@ impl<D: Dimension> System<D> {
             .redistribute(exchange, self.cell, grains, contacts, reach)?;
         self.grains.replace(&own, self.masses, self.step);
         let largest = 0.5 * self.list.diameter;
-        self.grains.unit = ForceUnit::new(law.largest_force(largest), largest);
+        self.grains.units = Units::new(law.largest_force(largest), largest);
         self.slabs
             .attach_ghosts(exchange, self.cell, &mut self.grains, reach);
         let window = self.slabs.window(exchange, self.cell.reach_along(reach));

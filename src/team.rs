@@ -11,7 +11,7 @@ use crate::dimension::Dimension;
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Counting, Found, Pass, Scratch, contact_forces};
 use crate::simd::Level;
-use crate::state::{Cell, Contacts, ForceUnit, Grains};
+use crate::state::{Cell, Contacts, Grains, Units};
 
 /// Grains whose forces a thread clears and hands over together.
 const PAGE: usize = 256;
@@ -39,7 +39,7 @@ struct Other<D: Dimension> {
 pub struct Setting<'a, C> {
     pub level: Level,
     pub law: &'a C,
-    pub unit: ForceUnit,
+    pub units: Units,
     pub cell: Cell,
     pub step: f64,
     pub counting: Option<Counting>,
@@ -115,7 +115,7 @@ impl<D: Dimension> Team<D> {
                     record,
                     force,
                     part,
-                    unit: setting.unit,
+                    units: setting.units,
                     cell: setting.cell,
                     step: setting.step,
                     samples,

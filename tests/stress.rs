@@ -56,7 +56,7 @@ points! {
     turned_while_sliding: "Turned while sliding", held::sliding_pair;
     turned_while_sticking: "Turned while sticking", held::sticking_pair;
     held_for_a_million_steps: "Held for 10⁶ steps", held::held_for_a_million_steps;
-    #[ignore = "half a minute; make stress"]
+    #[ignore = "minutes; make stress"]
     held_for_a_hundred_million_steps: "Held for 10⁸ steps", held::held_for_a_hundred_million_steps;
     touch: "Overlap at 0", edges::touch;
     end_of_the_law: "Overlap at the law's end", edges::end;

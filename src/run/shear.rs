@@ -53,7 +53,7 @@ impl<E: Exchange> Run<'_, E> {
         let energy = scene.load.pressure * scene.sample.mean_section() * scene.mean_overlap();
         let frame = Frame::measure(exchange, &system, 2.0 * thickness, energy);
         if scene.output.energy {
-            let mut ledger = Ledger::new(system.grains.unit, scene.sample.radius_max);
+            let mut ledger = Ledger::new(system.grains.units, scene.sample.radius_max);
             if let Some(kept) = &state.ledger {
                 ledger.resume(kept, exchange.rank());
             }

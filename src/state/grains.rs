@@ -13,31 +13,44 @@ pub mod body {
     pub const TOP: u32 = 2;
 }
 
-/// What contact forces and torques are rounded to before they are added to the grains, powers of two: sums of whole multiples
-/// are exact, so that they do not depend on the order (contract 1), and the forces on two grains in contact cancel exactly.
-///
-/// The unit of force is 2^-50 to 2^-49 of the greatest force of the law, which is less than what the rounding of the grains'
-/// positions does to the force: k R 2^-53, where the greatest force is about k R/10.
+/// What the contacts count in, powers of two. Forces and torques are rounded to theirs before they are added to the grains: sums of
+/// whole multiples are exact, so that they do not depend on the order (contract 1), and the forces on two grains in contact cancel
+/// exactly. Slips and turns are rounded before they stretch a spring: what is less than half a unit in a step stretches none, so that
+/// springs of a grain at rest stay as they are; else they would drift, by velocities too small to change a rounded position.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ForceUnit {
-    /// (N; per unit depth in 2D)
+pub struct Units {
+    /// 2^-50 to 2^-49 of the greatest force of the law (N; per unit depth in 2D), which is less than what the rounding of the grains'
+    /// positions does to the force: k R 2^-53, where the greatest force is about k R/10.
     pub force: f64,
     /// (N m; per unit depth in 2D)
     pub torque: f64,
+    /// (m) 2^-53 to 2^-52 of the greatest radius.
+    pub slip: f64,
 }
 
-impl ForceUnit {
+impl Units {
+    /// (rad)
+    pub const TURN: f64 = 1.0 / (1u64 << 53) as f64;
+
     /// `largest_force` (N; N/m in 2D) and `largest_radius` (m) of a contact, positive.
     pub fn new(largest_force: f64, largest_radius: f64) -> Self {
         let force = power_of_two_above(largest_force) * 2f64.powi(-50);
+        let radius = power_of_two_above(largest_radius);
         Self {
             force,
-            torque: 2.0 * force * power_of_two_above(largest_radius),
+            torque: 2.0 * force * radius,
+            slip: Self::TURN * radius,
         }
     }
 
-    /// A multiple x of the unit is had by adding and subtracting 3·2^51 units, for |x| up to this.
-    pub fn largest(&self) -> f64 {
+    /// What is to be added to and subtracted from a number of up to 2^51 units to leave no bit of it below the unit.
+    #[inline(always)]
+    pub fn shift(unit: f64) -> f64 {
+        unit * (3u64 << 51) as f64
+    }
+
+    /// The greatest force that is rounded right.
+    pub fn largest_force(&self) -> f64 {
         self.force * 2f64.powi(51)
     }
 }
@@ -78,7 +91,7 @@ pub struct Grains<D: Dimension> {
     pub record: Vec<D::Record>,
     pub force: Vec<D::Force>,
     /// Of the contact forces.
-    pub unit: ForceUnit,
+    pub units: Units,
     /// m (kg; kg/m in 2D), own grains.
     pub mass: Vec<f64>,
     /// ½Δt/m and ½Δt/I, own grains; 0 for those of walls.
@@ -94,7 +107,7 @@ impl<D: Dimension> Default for Grains<D> {
             radius: Vec::new(),
             record: Vec::new(),
             force: Vec::new(),
-            unit: ForceUnit::new(1.0, 1.0),
+            units: Units::new(1.0, 1.0),
             mass: Vec::new(),
             half_kick: Vec::new(),
         }

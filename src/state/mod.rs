@@ -10,7 +10,7 @@ mod snapshot;
 pub use cell::{Cell, Sheared, length, nearest_image};
 pub use contacts::{Contacts, Part, Touching};
 pub use frame::{Disks, Frame, FrameRecords};
-pub use grains::{ForceUnit, Grains, Masses, body};
+pub use grains::{Grains, Masses, Units, body};
 pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
 pub use snapshot::{
     ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,

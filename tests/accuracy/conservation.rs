@@ -211,7 +211,7 @@ fn torques_are_those_of_the_full_radii() {
     // The rolling torque drops out. Three products and three sums are rounded, and two torques to the unit.
     let arms = (r_i + r_j) * tangential;
     let scale = a[2].abs() + b[2].abs() + arms.abs();
-    assert!((a[2] + b[2] + arms).abs() <= 6.0 * HALF_ULP * scale + s.grains.unit.torque);
+    assert!((a[2] + b[2] + arms).abs() <= 6.0 * HALF_ULP * scale + s.grains.units.torque);
     let mut samples = ContactForces::default();
     let s = pair::<false>(1e-12, &mut samples);
     let tangential = samples.tangential[0][0].0[0];
@@ -219,7 +219,7 @@ fn torques_are_those_of_the_full_radii() {
         let torque = s.grains.force[k][2];
         assert!(
             (torque + r * tangential).abs()
-                <= 4.0 * HALF_ULP * torque.abs() + 0.5 * s.grains.unit.torque,
+                <= 4.0 * HALF_ULP * torque.abs() + 0.5 * s.grains.units.torque,
             "{torque:e}"
         );
     }
@@ -362,7 +362,7 @@ fn energy_is_accounted_for() {
             Vec::new(),
             Some(&mut samples),
         );
-        system.ledger = Some(Ledger::new(system.grains.unit, 1e-6));
+        system.ledger = Some(Ledger::new(system.grains.units, 1e-6));
         let mut drive = NoWalls;
         let entry = |system: &mut System<Two>, samples: &ContactForces| {
             let kinetic: f64 = system

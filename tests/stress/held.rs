@@ -2,6 +2,10 @@
 
 use std::f64::consts::PI;
 
+use bytemuck::Zeroable;
+use gshear::config::{Contact, Spheres};
+use gshear::contact::ContactLaw;
+use gshear::contact::hertz::Hertz;
 use gshear::state::{ContactState, GrainState, body};
 
 use crate::reference::Law;
@@ -163,9 +167,7 @@ pub fn sticking_pair() -> Vec<Line> {
 }
 
 /// A grain that three fixed ones hold, with tangential forces and rolling torques in balance; then `steps` more steps.
-fn held(steps: u64) -> Vec<Line> {
-    /// Enough for the dampers to take all motion.
-    const SETTLING: u64 = 20_000;
+fn disk_held(steps: u64) -> Line {
     let law = Law {
         rolling_friction: 0.5,
         ..LAW
@@ -196,42 +198,125 @@ fn held(steps: u64) -> Vec<Line> {
         contacts.to_vec(),
     )
     .expect("within the law");
-    let go = |rig: &mut Rig<Full>, steps: u64| {
-        (0..steps).for_each(|_| rig.advance().expect("within the law"));
-        (rig.grains()[0], rig.contacts())
-    };
-    let (grain_before, before) = go(&mut rig, SETTLING);
-    let (grain_after, after) = go(&mut rig, steps);
-    let [p, q] = [grain_before.position, grain_after.position];
-    let moved = (p[0] - q[0]).hypot(p[1] - q[1]) / OVERLAP;
-    let change = |k: usize| {
-        let greatest = before
-            .iter()
-            .map(|c| c.history[k].abs())
-            .fold(0.0, f64::max);
-        let changes = before.iter().zip(&after);
-        let furthest = changes
-            .map(|(a, b)| (a.history[k] - b.history[k]).abs())
-            .fold(0.0, f64::max);
-        assert!(greatest > 0.01 * force * RADIUS.powi(k as i32 / 2));
-        furthest / greatest
-    };
-    let (tangential, rolling) = (change(0), change(2));
-    vec![line(
+    let (moved, [tangential, rolling]) = drift(&mut rig, steps, [0, 2]);
+    let moved = moved / OVERLAP;
+    line(
         format!(
             "a grain held by three others for {steps:.0e} steps",
             steps = steps as f64
         ),
         "no drift: position to 1e-9 δ, F_t and M^k to 1e-9",
         format!("position {moved:.1e} δ, F_t {tangential:.1e}, M^k {rolling:.1e}"),
-        after.len() == 3 && moved < 1e-9 && tangential < 1e-9 && rolling < 1e-9,
-    )]
+        moved < 1e-9 && tangential < 1e-9 && rolling < 1e-9,
+    )
+}
+
+/// How far grain 0 moves (m) in `steps` steps after its dampers have taken all motion, and how much these parts of the histories change,
+/// over the greatest of them. No contact opens.
+fn drift<C: ContactLaw, const N: usize>(
+    rig: &mut Rig<C>,
+    steps: u64,
+    parts: [usize; N],
+) -> (f64, [f64; N]) {
+    const SETTLING: u64 = 20_000;
+    let mut go = |steps: u64| {
+        (0..steps).for_each(|_| rig.advance().expect("within the law"));
+        (rig.grains()[0], rig.contacts())
+    };
+    let (grain_before, before) = go(SETTLING);
+    let (grain_after, after) = go(steps);
+    assert_eq!(before.len(), after.len());
+    let [p, q] = [grain_before.position, grain_after.position];
+    let moved = (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt();
+    let change = |k: usize| {
+        let greatest = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0, f64::max);
+        let size = greatest(&mut before.iter().map(|c| c.history[k].abs()));
+        assert!(size > 0.0);
+        let pairs = before.iter().zip(&after);
+        greatest(&mut pairs.map(|(a, b)| (a.history[k] - b.history[k]).abs())) / size
+    };
+    (moved, parts.map(change))
+}
+
+/// A sphere that four fixed ones hold, with tangential forces; then `steps` more steps.
+fn sphere_held(steps: u64) -> Line {
+    const RADIUS: f64 = 1e-3;
+    const OVERLAP: f64 = 2.0 * RADIUS * PART;
+    const CENTRE: [f64; 3] = [4.0 * RADIUS, 3.0 * RADIUS, 5.0 * RADIUS];
+    /// Of the normal motion.
+    const DAMPING_RATIO: f64 = 0.2;
+    let mut spheres = Spheres {
+        young_modulus: 1e9,
+        poisson_ratio: 0.3,
+        density: 2500.0,
+        normal_damping: 0.0,
+        tangential_damping: 0.0,
+    };
+    let mass = 4.0 / 3.0 * PI * spheres.density * RADIUS.powi(3);
+    let root = (0.5 * RADIUS * OVERLAP).sqrt();
+    let stiffness = 1.5 * spheres.normal_stiffness() * root;
+    spheres.normal_damping = 2.0 * DAMPING_RATIO * (2.0 * stiffness / mass).sqrt() / root;
+    spheres.tangential_damping = 0.5 * spheres.normal_damping;
+    let contact = Contact {
+        friction: 0.5,
+        rolling_friction: 0.0,
+        damping_ratio: 0.0,
+        rolling_damping_ratio: 0.0,
+    };
+    let free = GrainState {
+        radius: RADIUS,
+        position: CENTRE,
+        ..Zeroable::zeroed()
+    };
+    let (mut grains, mut contacts) = (vec![free], vec![]);
+    // Near the corners of a tetrahedron; u a part of δ, across n.
+    for (j, corner, part) in [
+        (1, [1.0, 1.1, 0.9], 0.2),
+        (2, [1.05, -0.95, -1.0], -0.1),
+        (3, [-0.9, 1.0, -1.1], 0.15),
+        (4, [-1.0, -1.05, 0.95], 0.05),
+    ] {
+        let length = corner.iter().map(|c: &f64| c * c).sum::<f64>().sqrt();
+        let n = corner.map(|c| c / length);
+        let distance = 2.0 * RADIUS - OVERLAP;
+        grains.push(GrainState {
+            id: j,
+            body: body::BOTTOM,
+            position: [0, 1, 2].map(|k| CENTRE[k] + distance * n[k]),
+            ..free
+        });
+        let across = [n[1] - n[2], n[2] - n[0], n[0] - n[1]];
+        contacts.push(ContactState {
+            i: 0,
+            j,
+            history: across.map(|a| part * OVERLAP * a),
+        });
+    }
+    let setting = Setting {
+        length: 8.0 * RADIUS,
+        density: spheres.density,
+        step: 0.1 * (mass / stiffness).sqrt(),
+        skin: Some(0.1),
+    };
+    let law = Hertz::<true>::new(&spheres, &contact);
+    let mut rig = Rig::free(law, setting, grains, contacts).expect("within the law");
+    let (moved, changes) = drift(&mut rig, steps, [0, 1, 2]);
+    let (moved, change) = (moved / OVERLAP, changes.into_iter().fold(0.0, f64::max));
+    line(
+        format!(
+            "a sphere held by four others for {steps:.0e} steps",
+            steps = steps as f64
+        ),
+        "no drift: position to 1e-9 δ, u to 1e-9",
+        format!("position {moved:.1e} δ, u {change:.1e}"),
+        moved < 1e-9 && change < 1e-9,
+    )
 }
 
 pub fn held_for_a_million_steps() -> Vec<Line> {
-    held(1_000_000)
+    vec![disk_held(1_000_000), sphere_held(1_000_000)]
 }
 
 pub fn held_for_a_hundred_million_steps() -> Vec<Line> {
-    held(100_000_000)
+    vec![disk_held(100_000_000), sphere_held(100_000_000)]
 }

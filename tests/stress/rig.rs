@@ -13,8 +13,8 @@ use gshear::step::{Outside, Wanted, advance, forces, initial_forces};
 use gshear::system::{Setup, System};
 
 /// Some grains under a law and between walls, or without any, on one rank.
-pub struct Rig<C, D = NoWalls> {
-    pub system: System<Two>,
+pub struct Rig<C: ContactLaw, D = NoWalls> {
+    pub system: System<C::Space>,
     pub drive: D,
     law: C,
     samples: ContactForces,
@@ -40,7 +40,7 @@ pub struct Place {
 /// What the box and the grains are made of.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting {
-    /// L_x (m).
+    /// L_x, in 3D L_y as well (m).
     pub length: f64,
     /// ρ (kg/m³).
     pub density: f64,
@@ -50,7 +50,7 @@ pub struct Setting {
     pub skin: Option<f64>,
 }
 
-impl<C: ContactLaw<Space = Two>> Rig<C> {
+impl<C: ContactLaw> Rig<C> {
     /// Without walls, forces computed; or why they cannot be.
     pub fn free(
         law: C,
@@ -62,7 +62,7 @@ impl<C: ContactLaw<Space = Two>> Rig<C> {
     }
 }
 
-impl<C: ContactLaw<Space = Two>, D: Drive<Two>> Rig<C, D> {
+impl<C: ContactLaw, D: Drive<C::Space>> Rig<C, D> {
     pub fn new(
         law: C,
         mut drive: D,
@@ -80,7 +80,7 @@ impl<C: ContactLaw<Space = Two>, D: Drive<Two>> Rig<C, D> {
         let setup = Setup {
             level: Level::detect(),
             bookkeeping: &bookkeeping,
-            cell: Cell::between_walls([setting.length, f64::INFINITY]),
+            cell: Cell::between_walls([setting.length; 2]),
             largest_radius: radii.fold(0.0, f64::max),
             mean_diameter: 2.0 * mean,
             masses: Masses::Density(setting.density),
@@ -114,7 +114,9 @@ impl<C: ContactLaw<Space = Two>, D: Drive<Two>> Rig<C, D> {
     pub fn contacts(&self) -> Vec<ContactState> {
         self.system.contact_states::<C>()
     }
+}
 
+impl<C: ContactLaw<Space = Two>, D: Drive<Two>> Rig<C, D> {
     /// Puts a grain somewhere, for [`Rig::pass`].
     pub fn place(&mut self, grain: usize, place: Place) {
         let r = self.system.grains.fields_mut(grain);
