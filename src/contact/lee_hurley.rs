@@ -211,14 +211,15 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
         let (m, per_m) = root(token, g, near_root(token, y, g));
         let a = y * per_m / per_size;
         let normal = c(self.stiffness) * a * a * c(0.5).mul_add(m, c(-0.25));
-        let half_square = |force: L, stiffness: L| c(0.5) * force * force / stiffness;
         let (mut tangential, mut rolling) = (c(0.0), c(0.0));
         if FRICTION {
-            tangential = half_square(load(&history[0]), load(&history[1]));
+            let force = load(&history[0]);
+            tangential = c(0.5) * force * force / load(&history[1]);
         }
         if ROLLING {
             let k_r = load(&parameters[Self::PARAMETERS - rolling::PARAMETERS]);
-            rolling = half_square(load(&history[Self::HISTORY - 1]), k_r);
+            let torque = load(&history[Self::HISTORY - 1]);
+            rolling = c(0.5) * torque * torque / k_r;
         }
         [normal, tangential, rolling]
     }
@@ -299,6 +300,14 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
         }
     }
 
+    /// A9 of a/R.
+    #[inline(always)]
+    fn penalty_factor<L: Lanes>(&self, token: L::Token, ratio: L) -> L {
+        L::splat(token, -10.31)
+            .mul_add(ratio, L::splat(token, self.penalty_slope))
+            .mul_add(ratio, L::splat(token, self.penalty))
+    }
+
     /// F_t.
     #[inline(always)]
     fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
@@ -309,17 +318,13 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
         let carry = &mut blocks.carry[..blocks.motion.len()];
         for (p, carry) in parameters().zip(&mut *carry) {
             let (m, root_x) = (load(&carry[M]), load(&carry[ROOT_X]));
-            let penalty = |ratio: L| {
-                c(-10.31)
-                    .mul_add(ratio, c(self.penalty_slope))
-                    .mul_add(ratio, c(self.penalty))
-            };
             let half_log = load(&p[HALF_LOG_RATIO]);
             let base = c(0.5).mul_add(m, c(0.5 + self.poisson));
-            let compliance = penalty(load(&p[RATIO_I]) * root_x).mul_add(
+            let of_i = self.penalty_factor(token, load(&p[RATIO_I]) * root_x);
+            let of_j = self.penalty_factor(token, load(&p[RATIO_J]) * root_x);
+            let compliance = of_i.mul_add(
                 base + half_log,
-                penalty(load(&p[RATIO_J]) * root_x)
-                    .mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2)),
+                of_j.mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2)),
             );
             inverse_sqrt(token, compliance).store(&mut carry[ROOT_COMPLIANCE]);
             if LEDGER {
@@ -351,9 +356,11 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let (before, after) = (load(&history[0]), elastic.select(touching, zero));
             if LEDGER {
                 let work = c(-0.5) * (before + after) * load(&motion.tangential_increment[0]);
-                let stored = |force: L, per_k: L| c(0.5) * force * force * per_k;
-                let gained = stored(after, load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness))
-                    - stored(before, inverse(token, last));
+                let (per_k, per_last) = (
+                    load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness),
+                    inverse(token, last),
+                );
+                let gained = c(0.5) * after * after * per_k - c(0.5) * before * before * per_last;
                 let lost = work - gained;
                 lost.select(f.at_limit, zero)
                     .store(&mut response.lost[loss::FRICTION]);

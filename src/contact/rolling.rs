@@ -43,8 +43,11 @@ impl Rolling {
         let c = |v| L::splat(token, v);
         let r_r = r_i * r_j / (r_i + r_j);
         let k_r = c(self.stiffness) * r_r * r_r;
-        let inertia = |r: L| c(1.5 * self.density) * r * r * r * r;
-        let (i_i, i_j) = (inertia(r_i), inertia(r_j));
+        let density = c(1.5 * self.density);
+        let (i_i, i_j) = (
+            density * r_i * r_i * r_i * r_i,
+            density * r_j * r_j * r_j * r_j,
+        );
         let i_r = i_i * i_j / (i_i + i_j);
         k_r.store(&mut out[0]);
         (c(2.0 * self.damping_ratio) * (i_r * k_r).sqrt()).store(&mut out[1]);

@@ -210,26 +210,22 @@ impl Lanes for Avx2 {
     fn exponent_eighth(self) -> (Self, Self, Eighths2) {
         // SAFETY: a value of this type exists only where a token was shown.
         unsafe {
-            let exponent = self.map(|x| exponent(rounded(x)));
-            let mantissa = self.map(|x| {
-                let power = _mm256_and_si256(rounded(x), _mm256_set1_epi64x(0xfff << 52));
-                let raised =
-                    _mm256_add_epi64(_mm256_castpd_si256(x), _mm256_set1_epi64x(1023 << 52));
-                _mm256_castsi256_pd(_mm256_sub_epi64(raised, power))
-            });
-            let index = each(|k| {
-                let bits = rounded(self.0[k]);
-                // Twice k mod 4 and the next in the two halves of a lane, for a permutation of 32-bit words.
-                let twice = _mm256_and_si256(_mm256_srli_epi64::<48>(bits), _mm256_set1_epi64x(6));
-                let next =
-                    _mm256_or_si256(_mm256_slli_epi64::<32>(twice), _mm256_set1_epi64x(1 << 32));
-                // k ≥ 4 in the sign.
-                (
-                    _mm256_or_si256(twice, next),
-                    _mm256_castsi256_pd(_mm256_slli_epi64::<12>(bits)),
-                )
-            });
-            (exponent, mantissa, Eighths2(index))
+            // Not by closures, which the compiler finds too long to inline.
+            let [a, b, c, d] = self.0;
+            let exponent = [
+                exponent(rounded(a)),
+                exponent(rounded(b)),
+                exponent(rounded(c)),
+                exponent(rounded(d)),
+            ];
+            let mantissa = [
+                mantissa_about_one(a),
+                mantissa_about_one(b),
+                mantissa_about_one(c),
+                mantissa_about_one(d),
+            ];
+            let index = [eighth(a), eighth(b), eighth(c), eighth(d)];
+            (Avx2(exponent), Avx2(mantissa), Eighths2(index))
         }
     }
 
@@ -447,6 +443,40 @@ fn joined(low: [[__m256d; 4]; 4], high: [[__m256d; 4]; 4]) -> [Avx2; 8] {
 unsafe fn rounded(x: __m256d) -> __m256i {
     // SAFETY: register operations only, with the feature that the caller promises.
     unsafe { _mm256_add_epi64(_mm256_castpd_si256(x), _mm256_set1_epi64x(1 << 48)) }
+}
+
+/// x over the power of two that is nearest in eighths, given by its bits.
+///
+/// # Safety
+/// The processor has AVX2.
+#[inline(always)]
+unsafe fn mantissa_about_one(x: __m256d) -> __m256d {
+    // SAFETY: register operations only, with the feature that the caller promises.
+    unsafe {
+        let power = _mm256_and_si256(rounded(x), _mm256_set1_epi64x(0xfff << 52));
+        let raised = _mm256_add_epi64(_mm256_castpd_si256(x), _mm256_set1_epi64x(1023 << 52));
+        _mm256_castsi256_pd(_mm256_sub_epi64(raised, power))
+    }
+}
+
+/// Which eighth of its power of two x is nearest to.
+///
+/// # Safety
+/// The processor has AVX2.
+#[inline(always)]
+unsafe fn eighth(x: __m256d) -> (__m256i, __m256d) {
+    // SAFETY: register operations only, with the feature that the caller promises.
+    unsafe {
+        let bits = rounded(x);
+        // Twice k mod 4 and the next in the two halves of a lane, for a permutation of 32-bit words.
+        let twice = _mm256_and_si256(_mm256_srli_epi64::<48>(bits), _mm256_set1_epi64x(6));
+        let next = _mm256_or_si256(_mm256_slli_epi64::<32>(twice), _mm256_set1_epi64x(1 << 32));
+        // k ≥ 4 in the sign.
+        (
+            _mm256_or_si256(twice, next),
+            _mm256_castsi256_pd(_mm256_slli_epi64::<12>(bits)),
+        )
+    }
 }
 
 /// Columns of four differences, of the `lane` and the next three, from the field `from` on.
