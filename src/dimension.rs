@@ -138,10 +138,7 @@ impl Dimension for Two {
         block: usize,
         out: &mut [Row; 8],
     ) {
-        let d = L::differences::<0, 1>(token, records, list, block);
-        for (d, row) in d.into_iter().zip(out) {
-            d.store(row);
-        }
+        L::differences::<0, 1>(token, records, list, block, out);
     }
 
     #[inline(always)]
@@ -241,15 +238,9 @@ impl Dimension for Three {
         block: usize,
         out: &mut [Row; 16],
     ) {
-        let (first, second) = out.split_at_mut(8);
-        let d = L::differences::<0, 2>(token, records, list, block);
-        for (d, row) in d.into_iter().zip(first) {
-            d.store(row);
-        }
-        let d = L::differences::<1, 2>(token, records, list, block);
-        for (d, row) in d.into_iter().zip(second) {
-            d.store(row);
-        }
+        let (lines, _) = out.as_chunks_mut();
+        L::differences::<0, 2>(token, records, list, block, &mut lines[0]);
+        L::differences::<1, 2>(token, records, list, block, &mut lines[1]);
     }
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Line, Mask, Oct, PairList, Pairs, Quad, Row,
+    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Line, Mask, Oct, PairList, Pairs, Quad, Row,
     TO_INTEGER, Work,
 };
 
@@ -307,17 +307,18 @@ impl Lanes for Avx2 {
         records: &[[Line; LINES]],
         list: &PairList,
         block: usize,
-    ) -> [Self; 8] {
+        out: &mut [Row; 8],
+    ) {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX2; the indices were checked by `within`, and every line holds eight f64 and is aligned.
-        unsafe {
-            let mut low = [[_mm256_setzero_pd(); 4]; 4];
-            let mut high = low;
-            for k in 0..4 {
-                low[k] = columns::<LINE, LINES>(records, pairs, 4 * k, 0);
-                high[k] = columns::<LINE, LINES>(records, pairs, 4 * k, 4);
+        for lane in (0..LANES).step_by(4) {
+            for from in [0, 4] {
+                // SAFETY: the token proves AVX2; the indices were checked by `within`, and every line holds eight f64 and is aligned.
+                let columns = unsafe { columns::<LINE, LINES>(records, pairs, lane, from) };
+                for (column, row) in columns.into_iter().zip(&mut out[from..]) {
+                    // SAFETY: a row holds sixteen f64 and is aligned, four are written from a fourth of them on.
+                    unsafe { _mm256_store_pd(row.0.as_mut_ptr().add(lane), column) }
+                }
             }
-            joined(low, high)
         }
     }
 

@@ -298,14 +298,18 @@ impl Lanes for Avx512 {
         records: &[[Line; LINES]],
         list: &PairList,
         block: usize,
-    ) -> [Self; 8] {
+        out: &mut [Row; 8],
+    ) {
         let pairs = list.within(block, records.len());
         // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every line holds eight f64 and is aligned.
-        unsafe {
-            joined(
+        let (a, b) = unsafe {
+            (
                 columns::<LINE, LINES>(records, pairs, 0),
                 columns::<LINE, LINES>(records, pairs, 8),
             )
+        };
+        for (k, row) in out.iter_mut().enumerate() {
+            Avx512([a[k], b[k]]).store(row);
         }
     }
 

@@ -182,8 +182,7 @@ pub trait Lanes:
     fn inverse_start(self) -> Self;
     /// A start for x^(-1/2) of normal positive numbers, from the bits: |1 - x y²| < 0.0682.
     fn inverse_sqrt_start(self) -> Self;
-    /// `records[i] - records[j]` of a block of pairs, of one line, transposed: the k-th result holds field k of the sixteen
-    /// differences.
+    /// `records[i] - records[j]` of a block of pairs, of one line, transposed: row k gets field k of the sixteen differences.
     ///
     /// # Panics
     /// Where an index of the list is outside `records`.
@@ -192,7 +191,8 @@ pub trait Lanes:
         records: &[[Line; LINES]],
         list: &PairList,
         block: usize,
-    ) -> [Self; 8];
+        out: &mut [Row; 8],
+    );
     /// One line of the records j, transposed.
     ///
     /// # Panics
@@ -352,8 +352,11 @@ mod tests {
             inverse::<L>(token, L::load(token, &positive)),
             inverse_sqrt::<L>(token, L::load(token, &positive)),
         ];
-        out.extend(L::differences::<0, 2>(token, &records, &list, 0));
-        out.extend(L::differences::<1, 2>(token, &records, &list, 0));
+        let mut rows = [Row::ZERO; 8];
+        L::differences::<0, 2>(token, &records, &list, 0, &mut rows);
+        out.extend(rows.iter().map(|row| L::load(token, row)));
+        L::differences::<1, 2>(token, &records, &list, 0, &mut rows);
+        out.extend(rows.iter().map(|row| L::load(token, row)));
         out.extend(L::line_of_j::<1, 2>(token, &records, &list, 0));
         out.extend(L::end_of_j::<1, 2>(token, &records, &list, 0));
         let mut bits = Vec::new();

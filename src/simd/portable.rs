@@ -199,19 +199,18 @@ impl Lanes for Portable {
         records: &[[Line; LINES]],
         list: &PairList,
         block: usize,
-    ) -> [Self; 8] {
+        out: &mut [Row; 8],
+    ) {
         let pairs = list.within(block, records.len());
-        let mut out = [Portable([0.0; LANES]); 8];
         for lane in 0..LANES {
             let (a, b) = (
                 &records[pairs.i[lane] as usize][LINE],
                 &records[pairs.j[lane] as usize][LINE],
             );
-            for (field, lanes) in out.iter_mut().enumerate() {
-                lanes.0[lane] = a.0[field] - b.0[field];
+            for (field, row) in out.iter_mut().enumerate() {
+                row.0[lane] = a.0[field] - b.0[field];
             }
         }
-        out
     }
 
     #[inline(always)]
