@@ -225,6 +225,22 @@ pub trait Lanes:
     fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize);
 }
 
+/// Asks for what the second of each pair of a block has in `of`, before it is needed; without such an instruction, nothing.
+#[inline(always)]
+pub fn ask_for<T>(of: &[T], list: &PairList, block: usize) {
+    #[cfg(target_arch = "x86_64")]
+    for &j in &list.within(block, of.len()).j {
+        let first = of.as_ptr().wrapping_add(j as usize).cast::<i8>();
+        for line in 0..size_of::<T>().div_ceil(64) {
+            // SAFETY: no memory is accessed as far as the program can see.
+            unsafe {
+                use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+                _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line));
+            }
+        }
+    }
+}
+
 /// What brings a number below 2^51 to integers in the last bits.
 const TO_INTEGER: f64 = (3u64 << 51) as f64;
 
