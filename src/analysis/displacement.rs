@@ -1,5 +1,7 @@
 //! The non-affine displacement field between two frames (LH figures 7 and 20).
 
+use nalgebra::{Matrix2, Vector2};
+
 use super::neighbourhood::separation;
 use crate::state::{Disks, Frame};
 
@@ -41,11 +43,82 @@ pub fn non_affine(
     }
 }
 
+/// The unit vector along which the displacements `field` (m) stretch the sample most around `centre`: that of tension, across which
+/// is compression. Of the symmetric part of their gradient, fitted to the grains within `radius` (m) that are not left out (least
+/// squares). `None` where they are too few, or stretch no direction more than others.
+pub fn tension(
+    grains: &Disks,
+    frame: &Frame,
+    field: &[[f64; 2]],
+    left_out: impl Fn(usize) -> bool,
+    centre: [f64; 2],
+    radius: f64,
+) -> Option<[f64; 2]> {
+    let near = (0..field.len())
+        .filter(|n| !left_out(*n))
+        .map(|n| (n, separation(grains.length, centre, frame.position[n])))
+        .filter(|(_, d)| d[0].hypot(d[1]) <= radius)
+        .map(|(n, d)| (Vector2::from(d), Vector2::from(field[n])))
+        .collect::<Vec<_>>();
+    let count = near.len() as f64;
+    let middle = near.iter().map(|(d, _)| d).sum::<Vector2<f64>>() / count;
+    let mean = near.iter().map(|(_, u)| u).sum::<Vector2<f64>>() / count;
+    let (mut spread, mut moved) = (Matrix2::zeros(), Matrix2::zeros());
+    for (d, u) in &near {
+        let d = d - middle;
+        spread += d * d.transpose();
+        moved += (u - mean) * d.transpose();
+    }
+    let gradient = moved * spread.try_inverse()?;
+    let shear = gradient[(0, 1)] + gradient[(1, 0)];
+    let difference = gradient[(0, 0)] - gradient[(1, 1)];
+    let angle = 0.5 * shear.atan2(difference);
+    (shear.hypot(difference) > 0.0).then(|| [angle.cos(), angle.sin()])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::analysis::testing::{frame, grains_in, mapped, scattered};
-    use nalgebra::{Matrix2, Vector2};
+
+    #[test]
+    fn tension_is_where_the_gradient_stretches_most() {
+        let grains = grains_in(40.0, &[1.0; 300]);
+        let points = scattered(1, 300, 40.0, 30.0);
+        let frame = frame(&grains, &points);
+        // Beside the seam, which the separations cross.
+        let centre = Vector2::new(1.0, 15.0);
+        for angle in [0.3_f64, -1.2, 1.5] {
+            let along = Vector2::new(angle.cos(), angle.sin());
+            // Stretched along it, turned and shifted; far away anything.
+            let map = 1e-3 * along * along.transpose() + Matrix2::new(0.0, -0.5, 0.5, 0.0);
+            let field = frame.position.iter().map(|r| {
+                let d = Vector2::from(separation(grains.length, centre.into(), *r));
+                let u = map * d + Vector2::new(0.1, 0.2);
+                if d.norm() < 8.0 {
+                    u.into()
+                } else {
+                    [1.0, -7.0]
+                }
+            });
+            let field = field.collect::<Vec<_>>();
+            let found = tension(&grains, &frame, &field, |n| n == 3, centre.into(), 8.0);
+            let found = Vector2::from(found.expect("a direction"));
+            assert!(
+                (found.dot(&along).abs() - 1.0).abs() < 1e-9,
+                "{angle}: {found}"
+            );
+        }
+        let still = vec![[0.0; 2]; 300];
+        assert_eq!(
+            tension(&grains, &frame, &still, |_| false, centre.into(), 8.0),
+            None
+        );
+        assert_eq!(
+            tension(&grains, &frame, &still, |_| false, centre.into(), 0.0),
+            None
+        );
+    }
 
     #[test]
     fn shear_and_stretch_leave_nothing_and_what_is_added_remains() {

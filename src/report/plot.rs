@@ -158,8 +158,8 @@ impl Plot<'_> {
             .expect(IN_MEMORY);
     }
 
-    /// An arrow between points of the data.
-    pub fn arrow(&mut self, from: [f64; 2], to: [f64; 2], colour: RGBColor) {
+    /// An arrow between points of the data; `width` in px.
+    pub fn arrow(&mut self, from: [f64; 2], to: [f64; 2], colour: RGBColor, width: f64) {
         let [a, b] = [self.pixel(from), self.pixel(to)];
         let d = [b[0] - a[0], b[1] - a[1]];
         let side = |turn: f64| {
@@ -170,7 +170,7 @@ impl Plot<'_> {
         };
         let path = [a, b, side(1.0), b, side(-1.0)].map(fine);
         self.backend
-            .draw_path(path, &stroke(colour, 0.5))
+            .draw_path(path, &stroke(colour, width))
             .expect(IN_MEMORY);
     }
 

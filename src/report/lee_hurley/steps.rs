@@ -5,6 +5,7 @@ use super::studied::{Size, Stage, Step, Studied};
 use super::{Drawn, Figure, no_run};
 use plotters::style::RGBColor;
 
+use crate::analysis::displacement::tension;
 use crate::analysis::forces;
 use crate::report::colour::{CHANGE, FORCE, GREY, INK, PALE, SLIP, VIRIDIS, WALL, WHITE};
 use crate::report::compose::{gathered, grid_of};
@@ -92,13 +93,10 @@ pub fn figures(numbers: [u8; 6], run: Option<&Studied>) -> Vec<Drawn> {
 /// The whole sample: a part of a very large one.
 fn view(run: &Studied, steps: &[&Step]) -> View {
     let first = steps[0];
-    let greatest = (0..first.dmin.len())
-        .filter(|n| first.dmin[*n].is_finite())
-        .max_by(|a, b| first.dmin[*a].total_cmp(&first.dmin[*b]));
     let centre = first
         .frame
         .position
-        .get(greatest.unwrap_or(0))
+        .get(greatest(first).unwrap_or(0))
         .copied()
         .unwrap_or_default();
     View::of(&run.grains, &first.frame, centre)
@@ -393,6 +391,34 @@ fn network(number: u8, run: &Studied, steps: &[Step]) -> Figure {
     }
 }
 
+/// The index of the greatest D²min.
+fn greatest(step: &Step) -> Option<usize> {
+    (0..step.dmin.len())
+        .filter(|n| step.dmin[*n].is_finite())
+        .max_by(|a, b| step.dmin[*a].total_cmp(&step.dmin[*b]))
+}
+
+/// Grey arrows of tension and compression around the greatest D²min.
+fn axes(plot: &mut Plot, run: &Studied, step: &Step) {
+    let Some(centre) = greatest(step).map(|n| step.frame.position[n]) else {
+        return;
+    };
+    let diameter = 2.0 * run.grains.mean_radius();
+    let undefined = |n: usize| step.dmin[n].is_nan();
+    let (grains, frame, field) = (&run.grains, &step.frame, &step.displacement);
+    let Some(along) = tension(grains, frame, field, undefined, centre, 5.0 * diameter) else {
+        return;
+    };
+    let at = |direction: [f64; 2], r: f64| [0, 1].map(|k| centre[k] + r * diameter * direction[k]);
+    let (near, far) = (1.5, 6.0);
+    for side in [1.0, -1.0] {
+        let across = [-side * along[1], side * along[0]];
+        let along = along.map(|a| side * a);
+        plot.arrow(at(along, near), at(along, far), GREY, 2.0);
+        plot.arrow(at(across, far), at(across, near), GREY, 2.0);
+    }
+}
+
 /// The non-affine displacements of every step as arrows.
 fn displacements(number: u8, run: &Studied, steps: &[Step]) -> Figure {
     let all: Vec<&Step> = steps.iter().collect();
@@ -416,9 +442,12 @@ fn displacements(number: u8, run: &Studied, steps: &[Step]) -> Figure {
                 let tip = [x + factor * shrink * u[0], y + factor * shrink * u[1]];
                 if view.sees_height(y, radius) {
                     for shift in view.shifts(x, radius, run.grains.length) {
-                        plot.arrow([x + shift, y], [tip[0] + shift, tip[1]], INK);
+                        plot.arrow([x + shift, y], [tip[0] + shift, tip[1]], INK, 0.5);
                     }
                 }
+            }
+            if matches!(step.stage, Stage::Drop | Stage::FurtherDrop) {
+                axes(plot, run, step);
             }
         })
     };
@@ -428,7 +457,8 @@ fn displacements(number: u8, run: &Studied, steps: &[Step]) -> Figure {
         number,
         caption: format!(
             "Non-affine displacements around the largest drop, run {}: what remains beside the mean shear and stretch along y. Arrows are \
-             scaled in each step by itself, by the factor given; the longest are cut.",
+             scaled in each step by itself, by the factor given; the longest are cut. Grey arrows in the steps of the drop: tension (outward) \
+             and compression (inward) around the greatest D²min, of the gradient that fits the displacements within five mean diameters.",
             run.label
         ),
         svg: grid_of(4, &panels),
