@@ -3,7 +3,7 @@
 use super::dmin::{self, NonAffine};
 use super::regions::{MinPoints, Regions};
 use super::spearman::{Spearman, sort_key};
-use super::stress::PrincipalStress;
+use super::stress::largest_principals;
 use crate::state::{Disks, Frame};
 
 /// Share of the greatest D²min that g_t10%D²min averages.
@@ -82,6 +82,21 @@ impl FrameScalars {
     }
 }
 
+/// A frame with what both intervals need that it bounds.
+#[derive(Debug, Clone)]
+pub struct Stressed {
+    pub frame: Frame,
+    /// [N] σ_p (Pa).
+    principal: Vec<f64>,
+}
+
+impl Stressed {
+    pub fn new(grains: &Disks, frame: Frame) -> Self {
+        let principal = largest_principals(grains, &frame);
+        Self { frame, principal }
+    }
+}
+
 /// Buffers, reused from frame to frame, and what the scalars were made of.
 #[derive(Debug, Default)]
 pub struct Scratch {
@@ -91,7 +106,6 @@ pub struct Scratch {
     pub dmin: Vec<f64>,
     /// [N] |Δσ_p| (Pa).
     pub stress_change: Vec<f64>,
-    stress: PrincipalStress,
     spearman: Spearman,
     keys: Vec<u64>,
     angles: Vec<f64>,
@@ -102,8 +116,8 @@ pub struct Scratch {
 /// A function of the two frames alone: the same bits whoever asks, after whatever else `scratch` was used for.
 pub fn frame_scalars(
     grains: &Disks,
-    earlier: &Frame,
-    later: &Frame,
+    earlier: &Stressed,
+    later: &Stressed,
     scratch: &mut Scratch,
 ) -> FrameScalars {
     let radius = dmin::RADIUS * grains.mean_radius();
@@ -112,14 +126,16 @@ pub fn frame_scalars(
         regions,
         dmin,
         stress_change,
-        stress,
         spearman,
         keys,
         angles,
     } = scratch;
+    let principal = earlier.principal.iter().zip(&later.principal);
+    stress_change.clear();
+    stress_change.extend(principal.map(|(from, to)| (to - from).abs()));
+    let (earlier, later) = (&earlier.frame, &later.frame);
     dmin.resize(grains.count(), 0.0);
     non_affine.between(grains, radius, earlier, later, dmin);
-    stress.changes(grains, earlier, later, stress_change);
     regions.find(grains, earlier, later);
     regions.angles(grains, later, angles);
 
@@ -197,7 +213,7 @@ mod tests {
     #[test]
     fn what_a_scratch_was_used_for_before_does_not_matter() {
         let grains = grains_in(40.0, &[1.0; 300]);
-        let frames: Vec<Frame> = (0..6)
+        let frames: Vec<Stressed> = (0..6)
             .map(|k| {
                 let start = scattered(1, 300, 40.0, 30.0);
                 // Small moves, by which lists of near grains go on serving, and a great one.
@@ -209,10 +225,10 @@ mod tests {
                     contact.normal_force = 1.0 + (7.3 * n as f64 + f64::from(k)).sin();
                     contact.tangential_force[0] = 0.3 * (2.1 * n as f64 - f64::from(k)).cos();
                 }
-                frame
+                Stressed::new(&grains, frame)
             })
             .collect();
-        let bits = |pair: &[Frame], scratch: &mut Scratch| {
+        let bits = |pair: &[Stressed], scratch: &mut Scratch| {
             let scalars = frame_scalars(&grains, &pair[0], &pair[1], scratch);
             scalars.columns().map(f64::to_bits)
         };
@@ -222,7 +238,7 @@ mod tests {
         }
         let fewer = grains_in(40.0, &[1.0; 200]);
         let points = scattered(9, 200, 40.0, 30.0);
-        let still = frame(&fewer, &points);
+        let still = Stressed::new(&fewer, frame(&fewer, &points));
         let again = frame_scalars(&fewer, &still, &still, &mut used);
         assert_eq!((again.dmin_greatest, again.regions), (0.0, 0.0));
         assert!(again.region_angle_mean.is_nan() && again.stress_dmin_rho.is_nan());

@@ -7,9 +7,8 @@ use crate::state::{Disks, Frame};
 /// symmetric; compression positive. [N] of σ_xx, σ_yy, σ_xy (Pa in 2D, forces being per unit depth).
 ///
 /// The lever arm is the full radius, as in the forces themselves.
-pub fn tensors(grains: &Disks, frame: &Frame, stress: &mut Vec<[f64; 3]>) {
-    stress.clear();
-    stress.resize(grains.count(), [0.0; 3]);
+pub fn tensors(grains: &Disks, frame: &Frame) -> Vec<[f64; 3]> {
+    let mut stress = vec![[0.0; 3]; grains.count()];
     for contact in &frame.contacts {
         let (n, f) = forces::vector(grains, frame, contact);
         let moment = [n[0] * f[0], n[1] * f[1], 0.5 * (n[0] * f[1] + n[1] * f[0])];
@@ -23,6 +22,7 @@ pub fn tensors(grains: &Disks, frame: &Frame, stress: &mut Vec<[f64; 3]>) {
         let scale = 1.0 / (std::f64::consts::PI * radius);
         stress.iter_mut().for_each(|s| *s *= scale);
     }
+    stress
 }
 
 /// τ = S/N from the contacts of a frame: what the free grains exert on those of the top wall, S against its motion along +x and N
@@ -49,28 +49,12 @@ pub fn largest_principal([xx, yy, xy]: [f64; 3]) -> f64 {
     0.5 * (xx + yy) + (half * half + xy * xy).sqrt()
 }
 
-/// Buffers for the change of stress, reused from frame to frame.
-#[derive(Debug, Default)]
-pub struct PrincipalStress {
-    earlier: Vec<[f64; 3]>,
-    later: Vec<[f64; 3]>,
-}
-
-impl PrincipalStress {
-    /// |Δσ_p| of every grain between two frames (LH section 3.2). `change` becomes [N] (Pa).
-    pub fn changes(
-        &mut self,
-        grains: &Disks,
-        earlier: &Frame,
-        later: &Frame,
-        change: &mut Vec<f64>,
-    ) {
-        tensors(grains, earlier, &mut self.earlier);
-        tensors(grains, later, &mut self.later);
-        let pairs = self.earlier.iter().zip(&self.later);
-        change.clear();
-        change.extend(pairs.map(|(a, b)| (largest_principal(*b) - largest_principal(*a)).abs()));
-    }
+/// σ_p of every grain, [N] (Pa).
+pub fn largest_principals(grains: &Disks, frame: &Frame) -> Vec<f64> {
+    tensors(grains, frame)
+        .into_iter()
+        .map(largest_principal)
+        .collect()
 }
 
 #[cfg(test)]
@@ -99,22 +83,16 @@ mod tests {
                 ..contact(0, k as u32)
             });
         }
-        let mut stress = Vec::new();
-        tensors(&grains, &frame, &mut stress);
+        let stress = tensors(&grains, &frame);
         let wanted = 3.0 * force / (PI * radius);
         let [xx, yy, xy] = stress[0];
         assert!((xx - wanted).abs() < 1e-13 && (yy - wanted).abs() < 1e-13 && xy.abs() < 1e-13);
         // One force alone: R F/(πR²) along it.
-        assert!((largest_principal(stress[3]) - force / (PI * radius)).abs() < 1e-13);
-
-        let softer = Frame {
-            contacts: frame.contacts[1..].to_vec(),
-            ..frame.clone()
-        };
-        let mut change = Vec::new();
-        PrincipalStress::default().changes(&grains, &frame, &softer, &mut change);
-        assert!((change[1] - force / (PI * radius)).abs() < 1e-13);
-        assert_eq!(change[2], 0.0);
+        let principal = largest_principals(&grains, &frame);
+        assert!((principal[3] - force / (PI * radius)).abs() < 1e-13);
+        frame.contacts.remove(0);
+        let without = largest_principals(&grains, &frame);
+        assert_eq!((without[1], without[3]), (0.0, principal[3]));
     }
 
     #[test]
@@ -132,8 +110,7 @@ mod tests {
                 .collect(),
             ..Frame::default()
         };
-        let mut stress = Vec::new();
-        tensors(&grains, &frame, &mut stress);
+        let stress = tensors(&grains, &frame);
         let [xx, yy, xy] = stress[0];
         assert!(xx.abs() < 1e-15 && yy.abs() < 1e-15, "{xx} {yy}");
         assert!((xy - 2.0 * 3.0 / PI).abs() < 1e-14, "{xy}");

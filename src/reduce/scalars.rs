@@ -3,11 +3,10 @@
 use rayon::prelude::*;
 
 use super::pool::{Lent, Pool};
-use crate::analysis::frame_scalars::{FrameScalars, Scratch, frame_scalars};
+use crate::analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
 use crate::analysis::stress::ratio_on_top;
 use crate::failure::Failure;
 use crate::io::run_reader::{Fields, Run, StoredScalars};
-use crate::state::Frame;
 
 /// One row for every frame, or for every interval that the run itself has looked at.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -78,14 +77,15 @@ fn column_at(run: &Run, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
 /// τ and the scalars of every frame, [T]. Memory holds two blocks of frames, whatever their number.
 fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
     let mut rows = Vec::with_capacity(run.frames());
-    let read = |first: usize| -> Result<Vec<Frame>, Failure> {
-        let end = run.frames().min(first + run.block_length());
-        run.block_of(first..end, Fields::Forces)
-    };
     let (grains, pool) = (run.grains(), Pool::default());
+    let read = |first: usize| -> Result<Vec<Stressed>, Failure> {
+        let end = run.frames().min(first + run.block_length());
+        let frames = run.block_of(first..end, Fields::Forces)?.into_par_iter();
+        Ok(frames.map(|frame| Stressed::new(grains, frame)).collect())
+    };
     let mut frames = read(0)?;
-    if let Some(frame) = frames.first() {
-        rows.push((ratio_on_top(grains, frame), FrameScalars::UNDEFINED));
+    if let Some(first) = frames.first() {
+        rows.push((ratio_on_top(grains, &first.frame), FrameScalars::UNDEFINED));
     }
     while rows.len() < run.frames() {
         let next = rows.len() - 1 + frames.len();
@@ -94,9 +94,9 @@ fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
             || read(next),
             || -> Vec<(f64, FrameScalars)> {
                 let pairs = frames.par_windows(2).with_min_len(8);
-                let row = |scratch: &mut Lent<Scratch>, pair: &[Frame]| {
+                let row = |scratch: &mut Lent<Scratch>, pair: &[Stressed]| {
                     let scalars = frame_scalars(grains, &pair[0], &pair[1], &mut scratch.buffer);
-                    (ratio_on_top(grains, &pair[1]), scalars)
+                    (ratio_on_top(grains, &pair[1].frame), scalars)
                 };
                 pairs.map_init(|| pool.lend(), row).collect()
             },

@@ -2,7 +2,9 @@
 //!
 //! Frames are kept until there are intervals for every rank; then each rank is sent the frames of its share of them, in a row.
 
-use crate::analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS, Scratch, frame_scalars};
+use crate::analysis::frame_scalars::{
+    FrameScalars, SCALAR_COLUMNS, Scratch, Stressed, frame_scalars,
+};
 use crate::dimension::Dimension;
 use crate::domain::Exchange;
 use crate::io::collective::{IdBlocks, gathered, records_of};
@@ -99,7 +101,10 @@ impl Analysis {
             message
         };
         let received = exchange.all_to_all((0..exchange.size()).map(message).collect());
-        let frames = assemble(&received, self.grains.count());
+        let frames: Vec<Stressed> = assemble(&received, self.grains.count())
+            .into_iter()
+            .map(|frame| Stressed::new(&self.grains, frame))
+            .collect();
         let rows: Vec<[f64; SCALAR_COLUMNS.len()]> = frames
             .windows(2)
             .map(|pair| {

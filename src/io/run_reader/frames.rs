@@ -11,6 +11,39 @@ use crate::config::Dimensions;
 use crate::failure::Failure;
 use crate::state::{ContactSample, Frame, FrameRecords, GrainSample};
 
+/// Contacts of some frames, as far as they were asked for.
+struct Columns {
+    /// Row of the first of them.
+    first: usize,
+    i: Vec<u32>,
+    j: Vec<u32>,
+    normal_force: Vec<f64>,
+    tangential_force: Vec<[f64; 3]>,
+    tangential_history: Vec<[f64; 3]>,
+    rolling_history: Vec<f64>,
+    overlap: Vec<f64>,
+    sliding: Vec<u8>,
+}
+
+impl Columns {
+    fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
+        let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
+        let contact = |k: usize| ContactSample {
+            i: self.i[k],
+            j: self.j[k],
+            normal_force: of(&self.normal_force, k),
+            tangential_force: self.tangential_force.get(k).copied().unwrap_or_default(),
+            tangential_history: self.tangential_history.get(k).copied().unwrap_or_default(),
+            rolling_history: of(&self.rolling_history, k),
+            overlap: of(&self.overlap, k),
+            sliding: self.sliding.get(k).map_or(0, |sliding| u64::from(*sliding)),
+        };
+        (rows.start - self.first..rows.end - self.first)
+            .map(contact)
+            .collect()
+    }
+}
+
 impl Run {
     /// The frames of a range within 0 … T, whatever they are of.
     pub fn records(&self, range: Range<usize>) -> Result<Vec<FrameRecords>, Failure> {
@@ -25,7 +58,7 @@ impl Run {
             Dimensions::Three => self.vectors(&self.angular_velocity, &range)?,
         }
         .into_iter();
-        let mut contacts = self.contacts(range.clone(), Fields::All)?.into_iter();
+        let contacts = self.contacts(&range, Fields::All)?;
         let frame = |t: usize| FrameRecords {
             step: self.step[t],
             time: self.time[t],
@@ -37,10 +70,7 @@ impl Run {
                     angular_velocity: angular_velocity.next().unwrap_or_default(),
                 })
                 .collect(),
-            contacts: contacts
-                .by_ref()
-                .take((self.offset[t + 1] - self.offset[t]) as usize)
-                .collect(),
+            contacts: contacts.of_rows(self.rows(t..t + 1)),
         };
         Ok(range.map(frame).collect())
     }
@@ -89,20 +119,14 @@ impl Run {
         }
         let (mut velocity, mut angular_velocity) =
             (velocity.into_iter(), angular_velocity.into_iter());
-        let mut contacts = self.contacts(range.clone(), fields)?.into_iter();
-        let first = self.offset[range.start];
-        debug_assert_eq!(contacts.len() as u64, self.offset[range.end] - first);
-
+        let contacts = self.contacts(&range, fields)?;
         let frame = |t: usize| Frame {
             step: self.step[t],
             time: self.time[t],
             position: position.next().unwrap_or_default(),
             velocity: velocity.next().unwrap_or_default(),
             angular_velocity: angular_velocity.next().unwrap_or_default(),
-            contacts: contacts
-                .by_ref()
-                .take((self.offset[t + 1] - self.offset[t]) as usize)
-                .collect(),
+            contacts: contacts.of_rows(self.rows(t..t + 1)),
         };
         Ok(range.map(frame).collect())
     }
@@ -113,8 +137,22 @@ impl Run {
         dataset: &Dataset,
         range: &Range<usize>,
     ) -> Result<Vec<Vec<[f64; 2]>>, Failure> {
-        let values = self.vectors(dataset, range)?;
-        if values.iter().any(|r| r[2] != 0.0) {
+        let values = dataset
+            .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        let (values, _) = values.into_raw_vec_and_offset();
+        let mut planar = true;
+        let frame = |t: usize| {
+            let of_frame = 3 * self.grains.count();
+            let rows = values[t * of_frame..(t + 1) * of_frame].chunks_exact(3);
+            let of_row = |row: &[f64]| {
+                planar &= row[2] == 0.0;
+                [row[0], row[1]]
+            };
+            rows.map(of_row).collect()
+        };
+        let frames = (0..range.len()).map(frame).collect();
+        if !planar {
             let name = dataset.name();
             return Err(Failure::input(format!(
                 "{}: {}: z is not 0: only 2D runs can be reduced",
@@ -122,13 +160,7 @@ impl Run {
                 &name[1..]
             )));
         }
-        let frame = |t: usize| {
-            let rows = values[t * self.grains.count()..].iter();
-            rows.take(self.grains.count())
-                .map(|row| [row[0], row[1]])
-                .collect()
-        };
-        Ok((0..range.len()).map(frame).collect())
+        Ok(frames)
     }
 
     /// How many frames to read at a time so that a block stays near 16 MiB: memory of that size is used again, where the
@@ -141,42 +173,33 @@ impl Run {
         ((16 << 20) / bytes.max(1)).clamp(1, 512)
     }
 
-    fn contacts(
-        &self,
-        frames: Range<usize>,
-        fields: Fields,
-    ) -> Result<Vec<ContactSample>, Failure> {
-        let rows = self.offset[frames.start] as usize..self.offset[frames.end] as usize;
+    /// Rows of the contacts of frames.
+    fn rows(&self, frames: Range<usize>) -> Range<usize> {
+        self.offset[frames.start] as usize..self.offset[frames.end] as usize
+    }
+
+    fn contacts(&self, frames: &Range<usize>, fields: Fields) -> Result<Columns, Failure> {
+        let rows = self.rows(frames.clone());
         let columns = &self.contacts;
-        let (i, j) = (
-            self.column::<u32>(&columns.i, &rows)?,
-            self.column::<u32>(&columns.j, &rows)?,
-        );
         // No rows of what is not asked for.
         let rows_from = |least: Fields| if fields >= least { rows.clone() } else { 0..0 };
         let (forces, others) = (rows_from(Fields::Forces), rows_from(Fields::All));
-        let normal_force = self.column::<f64>(&columns.normal_force, &forces)?;
-        let tangential_force = self.tangential(&columns.tangential_force, &forces)?;
-        let tangential_history = self.tangential(&columns.tangential_history, &others)?;
-        let rolling_history = match &columns.rolling_history {
-            Some(dataset) => self.column::<f64>(dataset, &others)?,
-            None => Vec::new(),
+        let contacts = Columns {
+            first: rows.start,
+            i: self.column::<u32>(&columns.i, &rows)?,
+            j: self.column::<u32>(&columns.j, &rows)?,
+            normal_force: self.column::<f64>(&columns.normal_force, &forces)?,
+            tangential_force: self.tangential(&columns.tangential_force, &forces)?,
+            tangential_history: self.tangential(&columns.tangential_history, &others)?,
+            rolling_history: match &columns.rolling_history {
+                Some(dataset) => self.column::<f64>(dataset, &others)?,
+                None => Vec::new(),
+            },
+            overlap: self.column::<f64>(&columns.overlap, &others)?,
+            sliding: self.column::<u8>(&columns.sliding, &others)?,
         };
-        let overlap = self.column::<f64>(&columns.overlap, &others)?;
-        let sliding = self.column::<u8>(&columns.sliding, &others)?;
-        self.check_pairs(&i, &j, rows.start)?;
-        let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
-        let contact = |k: usize| ContactSample {
-            i: i[k],
-            j: j[k],
-            normal_force: of(&normal_force, k),
-            tangential_force: tangential_force.get(k).copied().unwrap_or_default(),
-            tangential_history: tangential_history.get(k).copied().unwrap_or_default(),
-            rolling_history: of(&rolling_history, k),
-            overlap: of(&overlap, k),
-            sliding: sliding.get(k).map_or(0, |sliding| u64::from(*sliding)),
-        };
-        Ok((0..i.len()).map(contact).collect())
+        self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
+        Ok(contacts)
     }
 
     /// Ids of the contacts from row `first` on.

@@ -1,7 +1,7 @@
 //! A run as the study sees it.
 
 use crate::analysis::correlate::Regime;
-use crate::analysis::frame_scalars::{FrameScalars, Scratch, frame_scalars};
+use crate::analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
 use crate::analysis::regions::MinPoints;
 use crate::analysis::stages::Stages;
 use crate::analysis::{displacement, phases};
@@ -232,13 +232,14 @@ fn steps(run: &Run, regime: &Regime, stages: &Stages, step: &[u64]) -> Result<Ve
             steps.clear();
             break;
         };
+        let grains = run.grains();
         let read = |t: usize| {
             run.block_of(t..t + 1, Fields::Forces)
-                .map(|mut f| f.swap_remove(0))
+                .map(|mut frames| Stressed::new(grains, frames.swap_remove(0)))
         };
-        let (earlier, frame) = (read(earlier)?, read(later)?);
-        let grains = run.grains();
-        frame_scalars(grains, &earlier, &frame, &mut scratch);
+        let (earlier, later) = (read(earlier)?, read(later)?);
+        frame_scalars(grains, &earlier, &later, &mut scratch);
+        let (earlier, frame) = (earlier.frame, later.frame);
         let mut displacement = Vec::new();
         let rattlers = scratch.non_affine.rattlers();
         displacement::non_affine(grains, &earlier, &frame, rattlers, &mut displacement);
