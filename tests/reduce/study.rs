@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gshear::analysis::frame_scalars::{SCALAR_COLUMNS, Scratch, frame_scalars};
+use gshear::analysis::frame_scalars::{SCALAR_COLUMNS, Scratch, Stressed, frame_scalars};
 use gshear::analysis::stress::ratio_on_top;
 use tempfile::TempDir;
 
@@ -53,7 +53,8 @@ fn the_scalars_of_every_frame_are_those_of_its_pair() {
     assert_eq!(numbers(&found["stress_ratio"]), tau);
     let mut rows = vec![[f64::NAN; SCALAR_COLUMNS.len()]];
     for pair in fixture.frames.windows(2) {
-        let scalars = frame_scalars(&fixture.grains, &pair[0], &pair[1], &mut Scratch::default());
+        let of = |k: usize| Stressed::new(&fixture.grains, pair[k].clone());
+        let scalars = frame_scalars(&fixture.grains, &of(0), &of(1), &mut Scratch::default());
         rows.push(scalars.columns());
     }
     for (k, name) in SCALAR_COLUMNS.iter().enumerate() {
