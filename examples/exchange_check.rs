@@ -43,7 +43,7 @@ fn check(world: &World) {
         }
     }
     let mut ran = false;
-    world.halo(&mut [], || ran = true);
+    world.halo::<f64>(&mut [], || ran = true);
     assert!(ran);
 
     let mut values: Vec<i64> = (0..150).map(|k| k * (rank as i64 + 1)).collect();
@@ -98,19 +98,29 @@ fn check(world: &World) {
 fn ring(world: &World, length: usize) {
     let (rank, size) = (world.rank(), world.size());
     let (left, right) = ((rank + size - 1) % size, (rank + 1) % size);
-    let to_left = vec![rank as f64; length];
-    let to_right = vec![rank as f64 + 0.5; length];
+    // Twice as many records as are sent: to the left the first half backwards, to the right the other.
+    let record = |rank: usize, k: u32| rank as f64 + f64::from(k) / 1e6;
+    let all = 2 * length as u32;
+    let records: Vec<f64> = (0..all).map(|k| record(rank, k)).collect();
+    let to_left: Vec<u32> = (0..all / 2).rev().collect();
+    let to_right: Vec<u32> = (all / 2..all).collect();
+    let mut buffers = [vec![0.0; length], vec![0.0; length]];
+    let [buffer_left, buffer_right] = &mut buffers;
     let (mut from_left, mut from_right) = (vec![0.0; length], vec![0.0; length]);
     // Each rank lists first what moves right, then what moves left: receives and sends must pair up rank by rank.
     let mut links = [
         Link {
             rank: left,
-            send: &to_left,
+            records: &records,
+            chosen: &to_left,
+            buffer: buffer_left,
             receive: &mut from_left,
         },
         Link {
             rank: right,
-            send: &to_right,
+            records: &records,
+            chosen: &to_right,
+            buffer: buffer_right,
             receive: &mut from_right,
         },
     ];
@@ -120,8 +130,11 @@ fn ring(world: &World, length: usize) {
     let mut ran = false;
     world.halo(&mut links, || ran = true);
     assert!(ran);
-    assert_eq!(from_left, vec![left as f64 + 0.5; length]);
-    assert_eq!(from_right, vec![right as f64; length]);
+    let wanted = |from: usize, chosen: &[u32]| -> Vec<f64> {
+        chosen.iter().map(|&k| record(from, k)).collect()
+    };
+    assert_eq!(from_left, wanted(left, &to_right));
+    assert_eq!(from_right, wanted(right, &to_left));
 }
 
 /// Cost of the verbs of a step.
@@ -129,20 +142,27 @@ fn time(world: &World) {
     let (rank, size) = (world.rank(), world.size());
     let n = 20_000;
     for length in [64, 512, 1024, 4096] {
-        let (send, mut receive) = (vec![1.0; length], vec![0.0; length]);
+        let (records, mut buffer, mut receive) =
+            (vec![1.0; length], vec![0.0; length], vec![0.0; length]);
+        let chosen: Vec<u32> = (0..length as u32).collect();
         let start = Instant::now();
         for _ in 0..n {
             let (left, right) = ((rank + size - 1) % size, (rank + 1) % size);
             let (a, b) = receive.split_at_mut(length / 2);
+            let (buffer_a, buffer_b) = buffer.split_at_mut(length / 2);
             let mut links = [
                 Link {
                     rank: left,
-                    send: &send[..length / 2],
+                    records: &records,
+                    chosen: &chosen[..length / 2],
+                    buffer: buffer_a,
                     receive: a,
                 },
                 Link {
                     rank: right,
-                    send: &send[length / 2..],
+                    records: &records,
+                    chosen: &chosen[length / 2..],
+                    buffer: buffer_b,
                     receive: b,
                 },
             ];

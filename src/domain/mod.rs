@@ -6,16 +6,21 @@ mod slabs;
 mod solo;
 mod world;
 
+use bytemuck::Pod;
+
 pub use exact_sum::{Accumulator, FixedPoint, LIMBS};
 pub use slabs::{Slabs, most_ranks};
 pub use solo::Solo;
 pub use world::World;
 
-/// What a rank says to its neighbours in every step: the records of its border grains, and where theirs land.
-pub struct Link<'a> {
+/// What a rank says to a neighbour in every step, `chosen` of its records, which are of `f64` alone, and where the other's land.
+pub struct Link<'a, R> {
     pub rank: usize,
-    pub send: &'a [f64],
-    pub receive: &'a mut [f64],
+    pub records: &'a [R],
+    pub chosen: &'a [u32],
+    /// As many as are chosen: room for them where the message needs it.
+    pub buffer: &'a mut [R],
+    pub receive: &'a mut [R],
 }
 
 /// The verbs of a set of ranks. Every call is collective unless it says otherwise.
@@ -27,7 +32,7 @@ pub trait Exchange {
     /// `send[r]` goes to rank `r`; the answer's `[r]` came from rank `r`. `send.len() == size()`.
     fn all_to_all(&self, send: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
     /// Point to point with the given neighbours; `meanwhile` runs while the messages fly.
-    fn halo(&self, links: &mut [Link<'_>], meanwhile: impl FnOnce());
+    fn halo<R: Pod>(&self, links: &mut [Link<'_, R>], meanwhile: impl FnOnce());
     /// Element-wise sum over the ranks, wrapping, in place.
     fn sum(&self, values: &mut [i64]);
     /// The same of a few values, while `meanwhile` runs.

@@ -3,8 +3,10 @@
 
 use std::cell::Cell;
 use std::ptr::{copy_nonoverlapping, null_mut};
+use std::slice::from_raw_parts_mut;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 
+use bytemuck::Pod;
 use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
@@ -129,31 +131,42 @@ impl Node {
         }
     }
 
-    /// Whether messages of so many numbers from and to this rank go this way. Both sides find the same.
-    pub fn reaches(&self, rank: usize, send: usize, receive: usize) -> bool {
-        send.max(receive) <= MOST_NUMBERS && self.direction(self.rank, rank).is_some()
+    /// Whether messages of so many records at most from and to this rank go this way. Both sides find the same.
+    pub fn reaches<R>(&self, rank: usize, records: usize) -> bool {
+        records <= Self::most_records::<R>() && self.direction(self.rank, rank).is_some()
     }
 
-    /// Puts a message into the neighbour's box.
+    /// How many of these a letterbox holds.
+    fn most_records<R>() -> usize {
+        MOST_NUMBERS * size_of::<f64>() / size_of::<R>()
+    }
+
+    /// Puts a message, some of the records, into the neighbour's box.
     ///
     /// # Panics
-    /// Where `reaches` says no.
-    pub fn send(&self, to: usize, message: &[f64]) {
+    /// Where `reaches` says no, or what is chosen is not among the records.
+    pub fn send<R: Pod>(&self, to: usize, records: &[R], chosen: &[u32]) {
         let direction = self.direction(self.rank, to).expect("a neighbour");
-        assert!(message.len() <= MOST_NUMBERS, "a message that fits");
+        assert!(
+            chosen.len() <= Self::most_records::<R>() && align_of::<R>() <= align_of::<Letterbox>(),
+            "a message that fits"
+        );
         let number = self.sent[direction].get() + 1;
         self.sent[direction].set(number);
         // SAFETY: the desk lives as long as the window. What is written is read by the neighbour only between `sent` reaching this
-        // number and its own `taken`, and this box was used last for the message before the last, which was taken.
+        // number and its own `taken`, and this box was used last for the message before the last, which was taken. Until then the
+        // message, which was set to zero once and is aligned as the box, is this rank's alone.
         unsafe {
             let desk = self.desks[self.rank];
             let letterbox = &raw mut (*desk).boxes[direction][number as usize % 2];
             wait_for(&(*letterbox).taken, number.saturating_sub(2));
-            copy_nonoverlapping(
-                message.as_ptr(),
-                (&raw mut (*letterbox).message).cast(),
-                message.len(),
-            );
+            let message = (&raw mut (*letterbox).message).cast::<R>();
+            for (to, &chosen) in from_raw_parts_mut(message, chosen.len())
+                .iter_mut()
+                .zip(chosen)
+            {
+                *to = records[chosen as usize];
+            }
             (*letterbox).sent.store(number, Ordering::Release);
         }
     }
@@ -162,9 +175,12 @@ impl Node {
     ///
     /// # Panics
     /// Where `reaches` says no.
-    pub fn receive(&self, from: usize, message: &mut [f64]) {
+    pub fn receive<R: Pod>(&self, from: usize, message: &mut [R]) {
         let direction = self.direction(from, self.rank).expect("a neighbour");
-        assert!(message.len() <= MOST_NUMBERS, "a message that fits");
+        assert!(
+            message.len() <= Self::most_records::<R>(),
+            "a message that fits"
+        );
         let number = self.had[direction].get() + 1;
         self.had[direction].set(number);
         // SAFETY: the desk lives as long as the window. The neighbour has written the message before `sent`, and writes no other

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use bytemuck::{Zeroable, allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
+use bytemuck::{Zeroable, allocation::pod_collect_to_vec, cast_slice};
 
 use super::{Exchange, Link};
 use crate::dimension::Dimension;
@@ -10,8 +10,12 @@ use crate::failure::Failure;
 use crate::neighbour::Window;
 use crate::state::{Cell, ContactState, GrainState, Grains};
 
-/// Columns of the histogram by which the cuts are balanced.
-const BINS: usize = 8192;
+/// Columns of the histogram by which the cuts are balanced: for each of so many ranks, beyond which cuts get coarser.
+const BINS_OF_A_RANK: usize = 256;
+const MOST_RANKS_WITH_BINS: usize = 256;
+
+/// What a contact costs in a step, over what a grain does: some 20 ns to 3 ns.
+const COST_OF_A_CONTACT: i64 = 6;
 
 /// The slabs of all ranks, and this rank's part in the exchange.
 #[derive(Debug)]
@@ -62,8 +66,8 @@ impl<D: Dimension> Slabs<D> {
         self.cuts[1..slabs].partition_point(|&cut| cut <= x)
     }
 
-    /// `reach` (m): of the pairs in space. Moves the cuts to where the number of grains is balanced, then every grain, with the contacts it has, to the rank
-    /// that owns it. Returns this rank's grains by id, and all contacts of theirs (with others', too) by (i, j).
+    /// `reach` (m): of the pairs in space. Moves the cuts to where the work with grains and contacts is balanced, then every grain, with the
+    /// contacts it has, to the rank that owns it. Returns this rank's grains by id, and all contacts of theirs (with others', too) by (i, j).
     pub fn redistribute(
         &mut self,
         exchange: &impl Exchange,
@@ -75,7 +79,8 @@ impl<D: Dimension> Slabs<D> {
         let (size, me) = (exchange.size(), exchange.rank());
         let mut mine = grains;
         if size > 1 {
-            self.balance(exchange, cell, &mine, cell.reach_along(reach))?;
+            mine.sort_unstable_by_key(|g| g.id);
+            self.balance(exchange, cell, &mine, &contacts, cell.reach_along(reach))?;
             let mut leaving: Vec<(u32, usize)> = Vec::new();
             let mut grains_to = vec![Vec::new(); size];
             let mut contacts_to = vec![Vec::new(); size];
@@ -113,11 +118,13 @@ impl<D: Dimension> Slabs<D> {
         Ok((mine, contacts))
     }
 
+    /// `grains` in the order of their ids.
     fn balance(
         &mut self,
         exchange: &impl Exchange,
         cell: Cell,
         grains: &[GrainState],
+        contacts: &[ContactState],
         reach: f64,
     ) -> Result<(), Failure> {
         let size = exchange.size();
@@ -130,10 +137,18 @@ impl<D: Dimension> Slabs<D> {
                 most.max(1),
             )));
         }
-        let mut histogram = vec![0i64; BINS];
-        for g in grains {
-            let bin = (cell.along::<D>(&g.position) / self.length * BINS as f64) as usize;
-            histogram[bin.min(BINS - 1)] += 1;
+        // A contact is the work of where its first grain is: there one rank knows it as its own.
+        let mut cost = vec![1i64; grains.len()];
+        for contact in contacts {
+            if let Ok(first) = grains.binary_search_by_key(&contact.i, |g| g.id) {
+                cost[first] += COST_OF_A_CONTACT;
+            }
+        }
+        let bins = BINS_OF_A_RANK * size.min(MOST_RANKS_WITH_BINS);
+        let mut histogram = vec![0i64; bins];
+        for (g, cost) in grains.iter().zip(cost) {
+            let bin = (cell.along::<D>(&g.position) / self.length * bins as f64) as usize;
+            histogram[bin.min(bins - 1)] += cost;
         }
         exchange.sum(&mut histogram);
         let total: i64 = histogram.iter().sum();
@@ -145,7 +160,7 @@ impl<D: Dimension> Slabs<D> {
                 bin += 1;
             }
             let part = (wanted - below) as f64 / histogram[bin].max(1) as f64;
-            self.cuts[r] = self.length * (bin as f64 + part) / BINS as f64;
+            self.cuts[r] = self.length * (bin as f64 + part) / bins as f64;
         }
         // A little more than the range, so that rounding cannot make a slab too narrow.
         let narrowest = reach + (self.length / size as f64 - reach) * 1e-3;
@@ -216,15 +231,14 @@ impl<D: Dimension> Slabs<D> {
         }
         let mut messages = Vec::with_capacity(2);
         for link in &mut self.links {
-            for (to, &g) in link.buffer.iter_mut().zip(&link.send) {
-                *to = own[g as usize];
-            }
             let (receive, rest) = ghosts.split_at_mut(link.ghosts.len());
             ghosts = rest;
             messages.push(Link {
                 rank: link.rank,
-                send: cast_slice(&link.buffer),
-                receive: cast_slice_mut(receive),
+                records: own,
+                chosen: &link.send,
+                buffer: &mut link.buffer,
+                receive,
             });
         }
         exchange.halo(&mut messages, || meanwhile(own));

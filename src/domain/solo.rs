@@ -1,6 +1,7 @@
 //! One rank, without messages.
 
 use super::{Exchange, Link};
+use bytemuck::Pod;
 
 pub struct Solo;
 
@@ -21,7 +22,7 @@ impl Exchange for Solo {
         send
     }
 
-    fn halo(&self, links: &mut [Link<'_>], meanwhile: impl FnOnce()) {
+    fn halo<R: Pod>(&self, links: &mut [Link<'_, R>], meanwhile: impl FnOnce()) {
         debug_assert!(links.is_empty(), "a single rank has no neighbours");
         meanwhile();
     }

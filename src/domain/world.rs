@@ -2,6 +2,7 @@
 
 use super::node::Node;
 use super::{Exchange, Link};
+use bytemuck::{Pod, cast_slice, cast_slice_mut};
 use mpi::Threading;
 use mpi::collective::SystemOperation;
 use mpi::datatype::{Partition, PartitionMut};
@@ -139,20 +140,20 @@ impl Exchange for World {
     }
 
     /// Several links with one rank pair up in their order: the n-th with rank r here with the n-th with this rank there.
-    fn halo(&self, links: &mut [Link<'_>], meanwhile: impl FnOnce()) {
+    fn halo<R: Pod>(&self, links: &mut [Link<'_, R>], meanwhile: impl FnOnce()) {
         // A box holds one message, so several links with one rank go through the library.
         let single = links
             .iter()
             .enumerate()
             .all(|(k, a)| links[k + 1..].iter().all(|b| a.rank != b.rank));
-        let near = |link: &Link<'_>| {
+        let near = |link: &Link<'_, R>| {
             let node = self.node.as_ref().filter(|_| single)?;
-            node.reaches(link.rank, link.send.len(), link.receive.len())
+            node.reaches::<R>(link.rank, link.chosen.len().max(link.receive.len()))
                 .then_some(node)
         };
         for link in &*links {
             if let Some(node) = near(link) {
-                node.send(link.rank, link.send);
+                node.send(link.rank, link.records, link.chosen);
             }
         }
         let mut meanwhile = Some(meanwhile);
@@ -166,13 +167,15 @@ impl Exchange for World {
                     if near(link).is_some() {
                         continue;
                     }
+                    for (to, &chosen) in link.buffer.iter_mut().zip(link.chosen) {
+                        *to = link.records[chosen as usize];
+                    }
                     let neighbour = self.communicator.process_at_rank(link.rank as i32);
-                    let expected = link.receive.len();
-                    receives.push((
-                        expected,
-                        neighbour.immediate_receive_into(scope, &mut *link.receive),
-                    ));
-                    sends.push(neighbour.immediate_send(scope, link.send));
+                    let receive = cast_slice_mut::<R, f64>(link.receive);
+                    let expected = receive.len();
+                    receives.push((expected, neighbour.immediate_receive_into(scope, receive)));
+                    let message = cast_slice::<R, f64>(link.buffer);
+                    sends.push(neighbour.immediate_send(scope, message));
                 }
                 work();
                 for (expected, receive) in receives {
@@ -203,7 +206,7 @@ impl Exchange for World {
             let sum = self.communicator.immediate_all_reduce_into(
                 scope,
                 &copy[..],
-                bytemuck::cast_slice_mut::<i64, u64>(values),
+                cast_slice_mut::<i64, u64>(values),
                 SystemOperation::sum(),
             );
             meanwhile();
@@ -215,14 +218,13 @@ impl Exchange for World {
         if self.size == 1 {
             return;
         }
-        // A step's sums are few: no allocation for them. As u64, whose overflow wraps by definition.
-        let mut copy = [0u64; 64];
-        for part in bytemuck::cast_slice_mut::<i64, u64>(values).chunks_mut(64) {
-            let copy = &mut copy[..part.len()];
-            copy.copy_from_slice(part);
-            self.communicator
-                .all_reduce_into(&*copy, part, SystemOperation::sum());
-        }
+        // As u64, whose overflow wraps by definition. One message, however many: a message takes longer than a few thousand numbers of it.
+        let copy: Vec<u64> = values.iter().map(|&v| v as u64).collect();
+        self.communicator.all_reduce_into(
+            &copy[..],
+            cast_slice_mut::<i64, u64>(values),
+            SystemOperation::sum(),
+        );
     }
 
     fn sum_below(&self, value: u64) -> u64 {
