@@ -186,6 +186,7 @@ fn realisations_give_the_law_that_they_are_made_of() {
     );
 
     let expected = [
+        "after-steps.csv",
         "fit.svg",
         "fits.csv",
         "healing.svg",
@@ -248,6 +249,17 @@ fn realisations_give_the_law_that_they_are_made_of() {
         .map(|row| row[5].parse::<f64>().expect("a number").powi(2));
     let band = (bands.sum::<f64>() / rows.len() as f64).sqrt();
     assert!((band / 8e-3 - 1.0).abs() < 0.05, "{band}");
+    // At the end of the step up everything has evolved: (a - b) ln(V_2/V_1), from four runs.
+    let after = table(&out, "after-steps.csv");
+    let number = |row: &[String], k: usize| row[k].parse::<f64>().expect("a number");
+    let up: Vec<_> = after.iter().filter(|row| row[1] == "0.2").collect();
+    assert!(after.iter().all(|row| row[4] == "4") && up.len() > 5);
+    let [change, error] = [5, 6].map(|k| number(up.last().expect("pieces"), k));
+    let net = (LAW.a - LAW.b) * 10f64.ln();
+    assert!(
+        error < 1e-3 && (change - net).abs() < 4.0 * error + 1e-4,
+        "{change} ± {error} for {net}"
+    );
     assert_eq!(
         [
             table(&out, "segments.csv").len(),

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
 use nalgebra::storage::Owned;
 use nalgebra::{Dyn, Matrix4, OMatrix, OVector, U4, Vector4};
 
@@ -252,13 +252,13 @@ impl Problem<'_> {
             .with_tol(1e-8)
             .with_patience(30)
             .minimize(self);
-        if report.termination.was_successful() {
-            Ok(problem)
-        } else {
-            Err(format!(
-                "the fit did not converge: {:?}",
-                report.termination
-            ))
+        match report.termination {
+            reason if reason.was_successful() => Ok(problem),
+            TerminationReason::LostPatience => Err(format!(
+                "the fit did not converge within {} evaluations",
+                report.number_of_evaluations
+            )),
+            reason => Err(format!("the fit did not converge: {reason:?}")),
         }
     }
 

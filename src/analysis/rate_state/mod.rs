@@ -10,6 +10,7 @@ mod noise;
 mod protocol;
 mod record;
 mod slider;
+mod stack;
 mod window;
 
 #[cfg(test)]
@@ -26,4 +27,5 @@ pub use noise::{Correlation, block_error, correlation};
 pub use protocol::{Segment, of_drive};
 pub use record::{Record, merge};
 pub use slider::Slider;
+pub use stack::{Piece, Stack, stacks};
 pub use window::{Window, modelled};

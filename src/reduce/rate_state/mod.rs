@@ -10,7 +10,8 @@ use clap::ValueEnum;
 
 use super::commands::lost;
 use crate::analysis::rate_state::{
-    Estimate, Evolution, Experiment, Fit, Fitted, Record, fit_all, jackknife, merge, modelled,
+    Estimate, Evolution, Experiment, Fit, Fitted, Record, Stack, fit_all, jackknife, merge,
+    modelled, stacks,
 };
 use crate::failure::Failure;
 use crate::io::run_reader::Run;
@@ -40,6 +41,8 @@ struct Reduction {
     /// [experiments] the runs of each.
     runs: Vec<Vec<String>>,
     experiments: Vec<Experiment>,
+    /// Of all runs together.
+    stacks: Vec<Stack>,
     fitted: Vec<Fitted>,
     /// [experiments] by law.
     models: Vec<Vec<(Evolution, Experiment)>>,
@@ -89,6 +92,7 @@ fn reduce(runs: &[Run], laws: Laws) -> Result<Reduction, Failure> {
     if let Some(spread) = jackknife(&records, &groups, &fitted[0]) {
         fitted.insert(1, spread);
     }
+    let stacks = stacks(&records);
     let records = joined;
     let d_c = fitted[0].best().map(|fit| fit.law.d_c);
     let models = |record: &Record| -> Vec<(Evolution, Experiment)> {
@@ -109,6 +113,7 @@ fn reduce(runs: &[Run], laws: Laws) -> Result<Reduction, Failure> {
             .iter()
             .map(|group| group.iter().map(|k| name(*k)).collect())
             .collect(),
+        stacks,
         fitted,
     })
 }
@@ -153,6 +158,21 @@ fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()
                 output,
                 "  healing {:.5} per factor e of hold time ({interval}), {before} m/s, hold, {after} m/s",
                 healing.slope
+            )?;
+        }
+    }
+    for stack in reduction.stacks.iter().filter(|s| s.pieces.len() > 1) {
+        let [before, after] = stack.velocities;
+        let shown = stack.pieces[1..].iter().filter(|p| p.steps > 1).map(|p| {
+            let (to, change, error) = (1e3 * p.slip[1], p.change, p.error);
+            format!("{change:+.4} ± {error:.4} to {to:.2} mm")
+        });
+        let shown: Vec<String> = shown.step_by(2).collect();
+        if !shown.is_empty() {
+            writeln!(
+                output,
+                "  {before} → {after} m/s, mean change of μ: {}",
+                shown.join(", ")
             )?;
         }
     }

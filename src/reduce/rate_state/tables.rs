@@ -14,6 +14,7 @@ pub fn files(reduction: &Reduction) -> Vec<(String, String)> {
         file("rate-state.csv", series(reduction)),
         file("segments.csv", segments(reduction)),
         file("steps.csv", steps(reduction)),
+        file("after-steps.csv", after_steps(reduction)),
         file("holds.csv", holds(reduction)),
         file("fits.csv", fits(reduction)),
         file("rate-state.json", format!("{:#}\n", json(reduction))),
@@ -98,6 +99,21 @@ fn steps(reduction: &Reduction) -> String {
             cells.extend(numbers.into_iter().flatten().map(cell));
             let direct = |e: &Experiment| Some(e.steps.get(n)?.direct[0]);
             cells.extend(BOTH.map(|law| of_law(&reduction.models[k], law, direct)));
+            line(&mut csv, &cells);
+        }
+    }
+    csv
+}
+
+fn after_steps(reduction: &Reduction) -> String {
+    let mut csv =
+        String::from("velocity_before,velocity_after,slip_from,slip_to,steps,change,error\n");
+    for stack in &reduction.stacks {
+        for piece in &stack.pieces {
+            let mut cells: Vec<String> = stack.velocities.map(cell).to_vec();
+            cells.extend(piece.slip.map(cell));
+            cells.push(piece.steps.to_string());
+            cells.extend([piece.change, piece.error].map(cell));
             line(&mut csv, &cells);
         }
     }

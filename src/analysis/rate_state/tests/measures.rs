@@ -194,3 +194,57 @@ fn peaks_are_not_those_of_the_noise() {
         "{mean:?}"
     );
 }
+
+#[test]
+fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
+    // Without a spring: μ falls in a straight line over 1 m of slip after each step, from a jump up or down, and each run has its own level.
+    let record = |level: f64, jump: f64| {
+        let drive = [0.1, 1.0, 0.1, 1.0].map(|v| segment(v, 1.0 / v));
+        let (mut slip, mut time, mut friction) = (vec![], vec![], vec![]);
+        let mut now = 0.0;
+        for (k, s) in drive.iter().enumerate() {
+            for row in 0..1000 {
+                let part = (f64::from(row) + 0.5) / 1000.0;
+                time.push(now + part * s.duration);
+                slip.push(k as f64 + part);
+                let sign = [0.0, 1.0, -1.0, 1.0][k];
+                friction.push(level + sign * jump * (1.0 - 2.0 * part).max(0.0));
+            }
+            now += s.duration;
+        }
+        // Segments are counted from the first row on.
+        time.insert(0, 0.0);
+        slip.insert(0, 0.0);
+        friction.insert(0, level);
+        Record {
+            stiffness: STIFFNESS,
+            drive: drive.to_vec(),
+            deviation: vec![f64::NAN; time.len()],
+            time,
+            slip,
+            friction,
+            realisations: 1,
+        }
+    };
+    let found = stacks(&[record(0.3, 0.02), record(0.5, 0.04)]);
+    let [up, down] = &found[..] else {
+        panic!("two pairs of velocities: {found:?}");
+    };
+    assert_eq!((up.velocities, down.velocities), ([0.1, 1.0], [1.0, 0.1]));
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-4, "{a} for {b}");
+    for (stack, sign, steps) in [(up, 1.0, 4), (down, -1.0, 2)] {
+        for piece in &stack.pieces {
+            let [from, to] = piece.slip;
+            let part = 1.0 - (from + to);
+            let part = if from > 0.4 { 0.0 } else { part };
+            assert_eq!(piece.steps, steps);
+            near(piece.change, sign * 0.03 * part);
+            // Half the steps at 0.02 and half at 0.04: deviation 0.01 √(n/(n-1)), over √n.
+            near(
+                piece.error,
+                0.01 * part / f64::from(steps as u32 - 1).sqrt(),
+            );
+        }
+        near(stack.pieces.last().expect("pieces").slip[1], 1.0);
+    }
+}

@@ -1,0 +1,100 @@
+//! What follows velocity steps, averaged over all steps between the same velocities: noise that no single run tells from an effect
+//! falls with the number of steps.
+
+use super::measures::steady_segments;
+use super::record::Record;
+
+/// Ends of the pieces of slip, over the least slip after any of the steps.
+const ENDS: [f64; 10] = [0.0, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
+
+/// What follows all steps from one velocity to another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stack {
+    /// V_drive before and after (m/s).
+    pub velocities: [f64; 2],
+    pub pieces: Vec<Piece>,
+}
+
+/// Of the steps that have rows there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece {
+    /// Slip since the step (m).
+    pub slip: [f64; 2],
+    pub steps: usize,
+    /// Mean over the steps of μ here less μ_ss before the step.
+    pub change: f64,
+    /// Its standard error, from the scatter among the steps; NaN of a single one.
+    pub error: f64,
+}
+
+/// Of every run by itself, in the order in which pairs of velocities first occur.
+pub fn stacks(records: &[Record]) -> Vec<Stack> {
+    let mut groups: Vec<([f64; 2], Vec<Followed>)> = Vec::new();
+    for followed in records.iter().flat_map(followed) {
+        let same = |(velocities, _): &&mut ([f64; 2], _)| *velocities == followed.velocities;
+        match groups.iter_mut().find(same) {
+            Some((_, members)) => members.push(followed),
+            None => groups.push((followed.velocities, vec![followed])),
+        }
+    }
+    let stacked = |(velocities, members): ([f64; 2], Vec<Followed>)| {
+        let ends = members.iter().filter_map(|step| step.slip.last());
+        let least = ends.copied().fold(f64::INFINITY, f64::min);
+        let pieces = ENDS
+            .windows(2)
+            .filter_map(|part| piece(&members, [part[0] * least, part[1] * least]));
+        Stack {
+            velocities,
+            pieces: pieces.collect(),
+        }
+    };
+    groups.into_iter().map(stacked).collect()
+}
+
+/// A step and its rows after it.
+struct Followed {
+    velocities: [f64; 2],
+    /// Since the step (m).
+    slip: Vec<f64>,
+    /// μ less μ_ss before.
+    change: Vec<f64>,
+}
+
+fn followed(record: &Record) -> Vec<Followed> {
+    let steady = steady_segments(record);
+    let of = |segment: usize| {
+        let before = steady[segment - 1]?;
+        let rows = record.rows(segment);
+        let begin = record.slip[record.rows(segment - 1).end - 1];
+        if record.drive[segment].is_hold() || rows.is_empty() {
+            return None;
+        }
+        let slip = record.slip[rows.clone()].iter().map(|s| s - begin);
+        let friction = record.friction[rows].iter();
+        Some(Followed {
+            velocities: [before.velocity, record.drive[segment].velocity],
+            slip: slip.collect(),
+            change: friction.map(|mu| mu - before.friction).collect(),
+        })
+    };
+    (1..record.drive.len()).filter_map(of).collect()
+}
+
+fn piece(steps: &[Followed], slip: [f64; 2]) -> Option<Piece> {
+    let within = |s: f64| slip[0] <= s && s < slip[1];
+    let mean_of = |step: &Followed| {
+        let rows = step.slip.iter().zip(&step.change);
+        let here: Vec<f64> = rows.filter(|(s, _)| within(**s)).map(|(_, c)| *c).collect();
+        (!here.is_empty()).then(|| here.iter().sum::<f64>() / here.len() as f64)
+    };
+    let means: Vec<f64> = steps.iter().filter_map(mean_of).collect();
+    let count = means.len() as f64;
+    let change = means.iter().sum::<f64>() / count;
+    let square: f64 = means.iter().map(|m| (m - change) * (m - change)).sum();
+    (!means.is_empty()).then_some(Piece {
+        slip,
+        steps: means.len(),
+        change,
+        error: (square / (count - 1.0) / count).sqrt(),
+    })
+}
