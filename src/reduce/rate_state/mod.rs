@@ -164,8 +164,8 @@ fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()
     for stack in reduction.stacks.iter().filter(|s| s.pieces.len() > 1) {
         let [before, after] = stack.velocities;
         let shown = stack.pieces[1..].iter().filter(|p| p.steps > 1).map(|p| {
-            let (to, change, error) = (1e3 * p.slip[1], p.change, p.error);
-            format!("{change:+.4} ± {error:.4} to {to:.2} mm")
+            let ([from, to], change, error) = (p.slip, p.change, p.error);
+            format!("{change:+.4} ± {error:.4} ({from:.1e} to {to:.1e} m)")
         });
         let shown: Vec<String> = shown.step_by(2).collect();
         if !shown.is_empty() {
