@@ -137,7 +137,14 @@ impl Node {
     }
 
     /// How many of these a letterbox holds.
+    ///
+    /// # Panics
+    /// Where they are aligned more strictly than it is.
     fn most_records<R>() -> usize {
+        assert!(
+            align_of::<R>() <= align_of::<Letterbox>(),
+            "records that lie well in a letterbox"
+        );
         MOST_NUMBERS * size_of::<f64>() / size_of::<R>()
     }
 
@@ -148,7 +155,7 @@ impl Node {
     pub fn send<R: Pod>(&self, to: usize, records: &[R], chosen: &[u32]) {
         let direction = self.direction(self.rank, to).expect("a neighbour");
         assert!(
-            chosen.len() <= Self::most_records::<R>() && align_of::<R>() <= align_of::<Letterbox>(),
+            chosen.len() <= Self::most_records::<R>(),
             "a message that fits"
         );
         let number = self.sent[direction].get() + 1;
