@@ -26,7 +26,7 @@ fn main() {
     );
 
     // Again when the sources change, or what is checked out.
-    let mut causes: Vec<String> = ["build.rs", "Cargo.toml", "Cargo.lock", "src"]
+    let mut causes: Vec<String> = ["build.rs", "Cargo.toml", "Cargo.lock", "src", "crates"]
         .map(String::from)
         .into();
     let branch = git(&["rev-parse", "--symbolic-full-name", "HEAD"]);

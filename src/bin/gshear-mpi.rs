@@ -6,12 +6,14 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use gshear::config::Source;
-use gshear::domain::{Exchange, World};
-use gshear::failure::{Failure, STOPPED_EARLY};
-use gshear::io::collective::agree;
-use gshear::launch::{self, Sweep, Task};
-use gshear::run::{Ending, Options};
+use gshear_scene::Source;
+use gshear_dem::domain::Exchange;
+use gshear_mpi_exchange::World;
+use gshear_dem::failure::{Failure, STOPPED_EARLY};
+use gshear_store::collective::agree;
+use gshear_store::provenance;
+use gshear_driver::launch::{self, Sweep, Task};
+use gshear_driver::run::{Ending, Options};
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]
@@ -114,6 +116,7 @@ fn wall_time(text: &str) -> Result<Duration, String> {
 }
 
 fn main() -> ExitCode {
+    provenance::set_git_commit(env!("GSHEAR_GIT_COMMIT"));
     let world = World::start();
     let speaks = world.rank() == 0;
     let arguments = match Arguments::try_parse() {

@@ -1,0 +1,143 @@
+//! The non-affine displacement field between two frames (LH figures 7 and 20).
+
+use nalgebra::{Matrix2, Vector2};
+
+use super::neighbourhood::separation;
+use gshear_dem::state::{Disks, Frame};
+
+/// How far every grain moved beside the mean deformation of the sample, [N] (m); into `field`.
+///
+/// The mean deformation is the map u = a + b y that fits the displacements best (least squares over all grains but those in
+/// `left_out`): simple shear and stretch along y, all that a sample periodic along x can have. LH do not say which map they take off.
+pub fn non_affine(
+    grains: &Disks,
+    earlier: &Frame,
+    later: &Frame,
+    left_out: &[bool],
+    field: &mut Vec<[f64; 2]>,
+) {
+    let places = earlier.position.iter().zip(&later.position);
+    field.clear();
+    field.extend(places.map(|(from, to)| separation(grains.length, *from, *to)));
+    let included = || (0..field.len()).filter(|n| !left_out[*n]);
+    let count = included().count() as f64;
+    let height = |n: usize| earlier.position[n][1];
+    let middle = included().map(height).sum::<f64>() / count;
+    let spread = included()
+        .map(|n| (height(n) - middle).powi(2))
+        .sum::<f64>();
+    let fit = [0, 1].map(|k| {
+        let mean = included().map(|n| field[n][k]).sum::<f64>() / count;
+        let slope = included()
+            .map(|n| field[n][k] * (height(n) - middle))
+            .sum::<f64>()
+            / spread;
+        // One height alone has no slope.
+        (mean, if slope.is_finite() { slope } else { 0.0 })
+    });
+    for (n, u) in field.iter_mut().enumerate() {
+        let y = earlier.position[n][1] - middle;
+        for (u, (mean, slope)) in u.iter_mut().zip(fit) {
+            *u -= mean + slope * y;
+        }
+    }
+}
+
+/// The unit vector along which the displacements `field` (m) stretch the sample most around `centre`: that of tension, across which
+/// is compression. Of the symmetric part of their gradient, fitted to the grains within `radius` (m) that are not left out (least
+/// squares). `None` where they are too few, or stretch no direction more than others.
+pub fn tension(
+    grains: &Disks,
+    frame: &Frame,
+    field: &[[f64; 2]],
+    left_out: impl Fn(usize) -> bool,
+    centre: [f64; 2],
+    radius: f64,
+) -> Option<[f64; 2]> {
+    let near = (0..field.len())
+        .filter(|n| !left_out(*n))
+        .map(|n| (n, separation(grains.length, centre, frame.position[n])))
+        .filter(|(_, d)| d[0].hypot(d[1]) <= radius)
+        .map(|(n, d)| (Vector2::from(d), Vector2::from(field[n])))
+        .collect::<Vec<_>>();
+    let count = near.len() as f64;
+    let middle = near.iter().map(|(d, _)| d).sum::<Vector2<f64>>() / count;
+    let mean = near.iter().map(|(_, u)| u).sum::<Vector2<f64>>() / count;
+    let (mut spread, mut moved) = (Matrix2::zeros(), Matrix2::zeros());
+    for (d, u) in &near {
+        let d = d - middle;
+        spread += d * d.transpose();
+        moved += (u - mean) * d.transpose();
+    }
+    let gradient = moved * spread.try_inverse()?;
+    let shear = gradient[(0, 1)] + gradient[(1, 0)];
+    let difference = gradient[(0, 0)] - gradient[(1, 1)];
+    let angle = 0.5 * shear.atan2(difference);
+    (shear.hypot(difference) > 0.0).then(|| [angle.cos(), angle.sin()])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{frame, grains_in, mapped, scattered};
+
+    #[test]
+    fn tension_is_where_the_gradient_stretches_most() {
+        let grains = grains_in(40.0, &[1.0; 300]);
+        let points = scattered(1, 300, 40.0, 30.0);
+        let frame = frame(&grains, &points);
+        // Beside the seam, which the separations cross.
+        let centre = Vector2::new(1.0, 15.0);
+        for angle in [0.3_f64, -1.2, 1.5] {
+            let along = Vector2::new(angle.cos(), angle.sin());
+            // Stretched along it, turned and shifted; far away anything.
+            let map = 1e-3 * along * along.transpose() + Matrix2::new(0.0, -0.5, 0.5, 0.0);
+            let field = frame.position.iter().map(|r| {
+                let d = Vector2::from(separation(grains.length, centre.into(), *r));
+                let u = map * d + Vector2::new(0.1, 0.2);
+                if d.norm() < 8.0 {
+                    u.into()
+                } else {
+                    [1.0, -7.0]
+                }
+            });
+            let field = field.collect::<Vec<_>>();
+            let found = tension(&grains, &frame, &field, |n| n == 3, centre.into(), 8.0);
+            let found = Vector2::from(found.expect("a direction"));
+            assert!(
+                (found.dot(&along).abs() - 1.0).abs() < 1e-9,
+                "{angle}: {found}"
+            );
+        }
+        let still = vec![[0.0; 2]; 300];
+        assert_eq!(
+            tension(&grains, &frame, &still, |_| false, centre.into(), 8.0),
+            None
+        );
+        assert_eq!(
+            tension(&grains, &frame, &still, |_| false, centre.into(), 0.0),
+            None
+        );
+    }
+
+    #[test]
+    fn shear_and_stretch_leave_nothing_and_what_is_added_remains() {
+        let grains = grains_in(40.0, &[1.0; 300]);
+        let points = scattered(1, 300, 40.0, 30.0);
+        let map = Matrix2::new(1.0, 0.02, 0.0, 0.99);
+        let shift = Vector2::new(0.3, -0.1);
+        let mut moved: Vec<_> = mapped(&points, map).iter().map(|r| r + shift).collect();
+        // One grain, left out of the fit, moves on its own, and so across the seam.
+        moved[7] += Vector2::new(5.0, 2.0);
+        let mut left_out = vec![false; 300];
+        left_out[7] = true;
+        let mut field = Vec::new();
+        let (earlier, later) = (frame(&grains, &points), frame(&grains, &moved));
+        non_affine(&grains, &earlier, &later, &left_out, &mut field);
+        for (n, u) in field.iter().enumerate() {
+            let wanted = if n == 7 { [5.0, 2.0] } else { [0.0, 0.0] };
+            let off = (u[0] - wanted[0]).hypot(u[1] - wanted[1]);
+            assert!(off < 1e-12, "grain {n}: {u:?}");
+        }
+    }
+}

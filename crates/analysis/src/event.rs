@@ -1,0 +1,153 @@
+//! What moved in one event, in two or three dimensions, and whether an eigenvector foretold it.
+
+use nalgebra::{Matrix3, Vector3};
+
+use gshear_dem::dimension::Dimension;
+use gshear_dem::neighbour::{Bins, Window};
+use gshear_dem::state::Cell;
+
+/// D²min of every grain between two states, [N] (m²): what the best local affine map leaves of the motion of the neighbours within `radius`
+/// (m) in the earlier one, over their number (LH eq. B1, in as many dimensions as there are). NaN where fewer neighbours than
+/// dimensions, or such on one line or plane, leave the map open. Grains that do not count are neither centres, with NaN, nor
+/// neighbours.
+///
+/// Grain by grain. `analysis::dmin` has the frames of long runs of disks, pair by pair.
+pub fn non_affine<D: Dimension>(
+    cell: Cell,
+    earlier: &[[f64; 3]],
+    later: &[[f64; 3]],
+    radius: f64,
+    counts: impl Fn(usize) -> bool,
+) -> Vec<f64> {
+    let apart = |at: &[[f64; 3]], i: usize, j: usize| {
+        let mut r = Vector3::from(cell.separation::<D>(&at[j], &at[i]));
+        r.iter_mut().skip(D::AXES).for_each(|x| *x = 0.0);
+        r
+    };
+    let bins = Bins::<D>::new(cell, Window::whole(cell.periods[0]), radius, earlier);
+    let of = |i: usize| {
+        if !counts(i) {
+            return f64::NAN;
+        }
+        let mut pairs: Vec<[Vector3<f64>; 2]> = Vec::new();
+        bins.each_near(&earlier[i], |j| {
+            let j = j as usize;
+            if j != i && counts(j) {
+                let before = apart(earlier, i, j);
+                if before.norm() < radius {
+                    pairs.push([before, apart(later, i, j)]);
+                }
+            }
+        });
+        let mut y = Matrix3::zeros();
+        let mut x = Matrix3::zeros();
+        for [before, after] in &pairs {
+            x += after * before.transpose();
+            y += before * before.transpose();
+        }
+        // The missing axis is left as it is.
+        (D::AXES..3).for_each(|axis| y[(axis, axis)] = 1.0);
+        let scale = radius * radius * pairs.len() as f64;
+        let regular = y.determinant() > 1e-12 * scale.powi(D::AXES as i32);
+        match y
+            .try_inverse()
+            .filter(|_| regular && pairs.len() >= D::AXES)
+        {
+            Some(inverse) => {
+                let map = x * inverse;
+                let left =
+                    |[before, after]: &[Vector3<f64>; 2]| (after - map * before).norm_squared();
+                pairs.iter().map(left).sum::<f64>() / pairs.len() as f64
+            }
+            None => f64::NAN,
+        }
+    };
+    (0..earlier.len()).map(of).collect()
+}
+
+/// Overlap of two fields over the grains, [N], none negative: Σab/√(Σa² Σb²), over the grains at which both are numbers. 1 where one is a
+/// multiple of the other; of fields that have nothing to do with each other ⟨a⟩⟨b⟩/√(⟨a²⟩⟨b²⟩).
+pub fn overlap(a: &[f64], b: &[f64]) -> f64 {
+    let pairs = || {
+        a.iter()
+            .zip(b)
+            .filter(|(a, b)| a.is_finite() && b.is_finite())
+    };
+    let sum = |of: fn(f64, f64) -> f64| pairs().map(|(a, b)| of(*a, *b)).sum::<f64>();
+    sum(|a, b| a * b) / (sum(|a, _| a * a) * sum(|_, b| b * b)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gshear_dem::dimension::{Three, Two};
+    use gshear_dem::state::Sheared;
+
+    fn scattered(count: usize, height: f64, planar: bool) -> Vec<[f64; 3]> {
+        let mut seed = 5u64;
+        let mut random = || {
+            seed = seed
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (seed >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let point = |_| {
+            let p = [10.0 * random(), 10.0 * random(), height * random()];
+            if planar { [p[0], p[1], 0.0] } else { p }
+        };
+        (0..count).map(point).collect()
+    }
+
+    /// An affine motion leaves nothing, also across the seams of a sheared cell; one grain that moves by d more leaves, at that grain,
+    /// what least squares must leave of -d at all neighbours: |d|² (1 - Σ r·(Σ rr)⁻¹·Σ r/N).
+    fn affine<D: Dimension>(planar: bool) {
+        let sheared = Sheared {
+            height: 10.0,
+            offset: 0.0,
+            velocity: 0.0,
+        };
+        let before = Cell {
+            periods: [10.0, if planar { f64::INFINITY } else { 10.0 }],
+            sheared: Some(sheared),
+        };
+        let earlier = scattered(400, 10.0, planar);
+        let mut after = before;
+        after.shear(0.02 * 10.0);
+        let mut later = earlier.clone();
+        later.iter_mut().for_each(|p| p[0] += 0.02 * p[D::UP]);
+        // Both states in one cell: images of the later one are where the shear has brought them, which is seen within the cell only.
+        let inner: Vec<usize> = (0..400)
+            .filter(|&i| (0..D::AXES).all(|axis| (2.5..7.5).contains(&earlier[i][axis])))
+            .collect();
+        let left = non_affine::<D>(before, &earlier, &later, 2.0, |_| true);
+        assert!(inner.len() > 20);
+        for &i in &inner {
+            assert!(left[i] < 1e-24, "{}", left[i]);
+        }
+        let (moved, by) = (inner[0], 0.01);
+        later[moved][1] += by;
+        let left = non_affine::<D>(before, &earlier, &later, 2.0, |_| true)[moved];
+        let near = (0..400).filter(|&j| j != moved);
+        let near =
+            near.map(|j| Vector3::from(before.separation::<D>(&earlier[j], &earlier[moved])));
+        let near: Vec<Vector3<f64>> = near.filter(|r| r.norm() < 2.0).collect();
+        let mut y: Matrix3<f64> = near.iter().map(|r| r * r.transpose()).sum();
+        (D::AXES..3).for_each(|axis| y[(axis, axis)] = 1.0);
+        let sum: Vector3<f64> = near.iter().sum();
+        let part = (sum.transpose() * y.try_inverse().unwrap() * sum)[0] / near.len() as f64;
+        let expected = by * by * (1.0 - part);
+        assert!((left / expected - 1.0).abs() < 1e-9, "{left} {expected}");
+    }
+
+    #[test]
+    fn what_is_affine_leaves_nothing_and_what_is_not_the_closed_form() {
+        affine::<Two>(true);
+        affine::<Three>(false);
+    }
+
+    #[test]
+    fn overlaps_of_equal_and_of_separate_fields() {
+        assert_eq!(overlap(&[1.0, 2.0, f64::NAN], &[2.0, 4.0, 9.0]), 1.0);
+        assert_eq!(overlap(&[1.0, 0.0], &[0.0, 3.0]), 0.0);
+    }
+}

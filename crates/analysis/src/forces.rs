@@ -1,0 +1,114 @@
+//! Contact forces: their size, their direction, and how they changed between two frames (LH section 3.2).
+
+use super::neighbourhood::separation;
+use gshear_dem::state::{ContactSample, Disks, Frame};
+
+/// |f| (N/m in 2D), normal and tangential.
+pub fn size(contact: &ContactSample) -> f64 {
+    let (normal, [x, y, z]) = (contact.normal_force, contact.tangential_force);
+    (normal * normal + (x * x + y * y + z * z)).sqrt()
+}
+
+/// n, from j to i, and f on i (N/m), in the coordinates of the cell.
+pub fn vector(grains: &Disks, frame: &Frame, contact: &ContactSample) -> ([f64; 2], [f64; 2]) {
+    let [i, j] = [contact.i, contact.j].map(|n| frame.position[n as usize]);
+    let d = separation(grains.length, j, i);
+    let distance = (d[0] * d[0] + d[1] * d[1]).sqrt();
+    let n = [d[0] / distance, d[1] / distance];
+    let (normal, tangential) = (contact.normal_force, contact.tangential_force[0]);
+    // t̂ = ẑ × n.
+    let f = [
+        normal * n[0] - tangential * n[1],
+        normal * n[1] + tangential * n[0],
+    ];
+    (n, f)
+}
+
+/// |θ| (rad), 0 … π/2: between the x axis and the line of the contact force.
+///
+/// The line and not the arrow: i and j feel opposite forces, and which of them is named first means nothing.
+pub fn angle(grains: &Disks, frame: &Frame, contact: &ContactSample) -> f64 {
+    let (_, f) = vector(grains, frame, contact);
+    f[1].abs().atan2(f[0].abs())
+}
+
+/// The differential force network: change of |f| of every contact of the later frame, 0 where the contact was made between
+/// the two (those that were lost do not appear). `changes` becomes as long as `later.contacts`.
+pub fn changes(earlier: &Frame, later: &Frame, changes: &mut Vec<f64>) {
+    let mut before = earlier.contacts.iter().peekable();
+    changes.clear();
+    changes.extend(later.contacts.iter().map(|contact| {
+        let key = (contact.i, contact.j);
+        while before.next_if(|c| (c.i, c.j) < key).is_some() {}
+        match before.peek() {
+            Some(same) if (same.i, same.j) == key => size(contact) - size(same),
+            _ => 0.0,
+        }
+    }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{contact, grains_in};
+    use std::f64::consts::PI;
+
+    fn with_force(i: u32, j: u32, normal_force: f64, tangential_force: f64) -> ContactSample {
+        ContactSample {
+            normal_force,
+            tangential_force: [tangential_force, 0.0, 0.0],
+            ..contact(i, j)
+        }
+    }
+
+    fn frame(contacts: &[ContactSample]) -> Frame {
+        Frame {
+            contacts: contacts.to_vec(),
+            ..Frame::default()
+        }
+    }
+
+    #[test]
+    fn changes_are_those_of_the_size_of_contacts_in_both_frames() {
+        let earlier = frame(&[
+            with_force(0, 1, 3.0, -4.0),
+            with_force(0, 2, 1.0, 0.0),
+            with_force(1, 2, 1.0, 0.0),
+        ]);
+        let later = frame(&[
+            with_force(0, 1, 12.0, 5.0),
+            with_force(1, 2, 0.5, 0.0),
+            with_force(1, 3, 9.0, 0.0),
+        ]);
+        let mut found = vec![7.0];
+        changes(&earlier, &later, &mut found);
+        assert_eq!(found, [8.0, -0.5, 0.0]);
+        changes(&frame(&[]), &later, &mut found);
+        assert_eq!(found, [0.0; 3]);
+        changes(&later, &frame(&[]), &mut found);
+        assert!(found.is_empty());
+    }
+
+    #[test]
+    fn the_force_is_turned_from_the_normal_by_its_tangential_part() {
+        // Across the seam: the normal from grain 1 to grain 0 points along +x.
+        let grains = grains_in(10.0, &[1.0, 1.0]);
+        for (normal, tangential, wanted) in [
+            (1.0, 0.0, 0.0),
+            (1.0, 1.0, PI / 4.0),
+            (1.0, -1.0, PI / 4.0),
+            (0.0, 2.0, PI / 2.0),
+            (3.0_f64.sqrt(), 1.0, PI / 6.0),
+        ] {
+            let frame = Frame {
+                position: vec![[0.4, 3.0], [8.5, 3.0]],
+                contacts: vec![with_force(0, 1, normal, tangential)],
+                ..Frame::default()
+            };
+            let (n, f) = vector(&grains, &frame, &frame.contacts[0]);
+            assert_eq!((n, f), ([1.0, 0.0], [normal, tangential]));
+            let found = angle(&grains, &frame, &frame.contacts[0]);
+            assert!((found - wanted).abs() < 1e-15, "{found} for {wanted}");
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! What is kept of a frame for the statistics of LH section 3.3: a few numbers, from it and the frame before it.
+
+use super::dmin::{self, NonAffine};
+use super::regions::{MinPoints, Regions};
+use super::spearman::{Spearman, sort_key};
+use super::stress::largest_principals;
+use gshear_dem::state::{Disks, Frame};
+
+/// Share of the greatest D²min that g_t10%D²min averages.
+const TOP: f64 = 0.1;
+
+/// Names of the scalars, under `observables/gshear/` and as columns of tables.
+pub const SCALAR_COLUMNS: [&str; 8] = [
+    "dmin_greatest",
+    "dmin_top_tenth",
+    "regions",
+    "regions_of_two",
+    "stress_dmin_rho",
+    "stress_dmin_p",
+    "region_angle_mean",
+    "region_angle_median",
+];
+
+/// The scalars of the interval between a frame and the one before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameScalars {
+    /// gD²min (m²): the greatest D²min; NaN where it is nowhere defined.
+    pub dmin_greatest: f64,
+    /// g_t10%D²min (m²): mean of the greatest 10 % of the defined D²min (their number rounded, at least one).
+    pub dmin_top_tenth: f64,
+    /// Number of GR regions, minPts = 1 counting the point itself.
+    pub regions: f64,
+    /// The same with minPts = 2: grains alone are noise.
+    pub regions_of_two: f64,
+    /// Spearman's ρ of |Δσ_p| with D²min over the grains that have one, and its p.
+    pub stress_dmin_rho: f64,
+    pub stress_dmin_p: f64,
+    /// |θ| (rad) of the contacts in GR regions; NaN where there are none.
+    pub region_angle_mean: f64,
+    pub region_angle_median: f64,
+}
+
+impl FrameScalars {
+    /// Of a frame without one before it.
+    pub const UNDEFINED: FrameScalars =
+        FrameScalars::from_columns([f64::NAN; SCALAR_COLUMNS.len()]);
+
+    /// The scalars in the order of [`SCALAR_COLUMNS`].
+    pub const fn columns(&self) -> [f64; SCALAR_COLUMNS.len()] {
+        [
+            self.dmin_greatest,
+            self.dmin_top_tenth,
+            self.regions,
+            self.regions_of_two,
+            self.stress_dmin_rho,
+            self.stress_dmin_p,
+            self.region_angle_mean,
+            self.region_angle_median,
+        ]
+    }
+
+    /// The scalars from the order of [`SCALAR_COLUMNS`].
+    pub const fn from_columns(columns: [f64; SCALAR_COLUMNS.len()]) -> Self {
+        FrameScalars {
+            dmin_greatest: columns[0],
+            dmin_top_tenth: columns[1],
+            regions: columns[2],
+            regions_of_two: columns[3],
+            stress_dmin_rho: columns[4],
+            stress_dmin_p: columns[5],
+            region_angle_mean: columns[6],
+            region_angle_median: columns[7],
+        }
+    }
+
+    /// Number of GR regions in one of its two readings.
+    pub fn regions(&self, reading: MinPoints) -> f64 {
+        match reading {
+            MinPoints::Itself => self.regions,
+            MinPoints::OneNeighbour => self.regions_of_two,
+        }
+    }
+}
+
+/// A frame with what both intervals need that it bounds.
+#[derive(Debug, Clone)]
+pub struct Stressed {
+    pub frame: Frame,
+    /// [N] σ_p (Pa).
+    principal: Vec<f64>,
+}
+
+impl Stressed {
+    pub fn new(grains: &Disks, frame: Frame) -> Self {
+        let principal = largest_principals(grains, &frame);
+        Self { frame, principal }
+    }
+}
+
+/// Buffers, reused from frame to frame, and what the scalars were made of.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    pub non_affine: NonAffine,
+    pub regions: Regions,
+    /// [N] (m²), NaN where undefined.
+    pub dmin: Vec<f64>,
+    /// [N] |Δσ_p| (Pa).
+    pub stress_change: Vec<f64>,
+    spearman: Spearman,
+    keys: Vec<u64>,
+    angles: Vec<f64>,
+}
+
+/// The scalars between two frames. Of the frames it reads positions and, of the contacts, ids and forces.
+///
+/// A function of the two frames alone: the same bits whoever asks, after whatever else `scratch` was used for.
+pub fn frame_scalars(
+    grains: &Disks,
+    earlier: &Stressed,
+    later: &Stressed,
+    scratch: &mut Scratch,
+) -> FrameScalars {
+    let radius = dmin::RADIUS * grains.mean_radius();
+    let Scratch {
+        non_affine,
+        regions,
+        dmin,
+        stress_change,
+        spearman,
+        keys,
+        angles,
+    } = scratch;
+    let principal = earlier.principal.iter().zip(&later.principal);
+    stress_change.clear();
+    stress_change.extend(principal.map(|(from, to)| (to - from).abs()));
+    let (earlier, later) = (&earlier.frame, &later.frame);
+    dmin.resize(grains.count(), 0.0);
+    non_affine.between(grains, radius, earlier, later, dmin);
+    regions.find(grains, earlier, later);
+    regions.angles(grains, later, angles);
+
+    let pairs = stress_change.iter().zip(dmin.iter());
+    let correlation = spearman.of(pairs.map(|(stress, dmin)| [*stress, *dmin]));
+    let (dmin_greatest, dmin_top_tenth) = greatest(dmin, keys);
+    let (region_angle_mean, region_angle_median) = mean_and_median(angles);
+    FrameScalars {
+        dmin_greatest,
+        dmin_top_tenth,
+        regions: regions.count(MinPoints::Itself) as f64,
+        regions_of_two: regions.count(MinPoints::OneNeighbour) as f64,
+        stress_dmin_rho: correlation.rho,
+        stress_dmin_p: correlation.p,
+        region_angle_mean,
+        region_angle_median,
+    }
+}
+
+/// The greatest value and the mean of the greatest tenth, of those that are not NaN. Summed from the greatest downwards.
+fn greatest(values: &[f64], keys: &mut Vec<u64>) -> (f64, f64) {
+    keys.clear();
+    let defined = values.iter().filter(|value| !value.is_nan());
+    keys.extend(defined.map(|value| !sort_key(*value)));
+    if keys.is_empty() {
+        return (f64::NAN, f64::NAN);
+    }
+    let count = ((TOP * keys.len() as f64).round() as usize).max(1);
+    if count < keys.len() {
+        keys.select_nth_unstable(count);
+    }
+    let top = &mut keys[..count];
+    top.sort_unstable();
+    let value = |key: &u64| f64::from_bits(!key & !(1 << 63));
+    let sum: f64 = top.iter().map(value).sum();
+    (value(&top[0]), sum / count as f64)
+}
+
+/// Mean and median (of an even number the mean of the middle two); NaN of nothing. Sorts.
+fn mean_and_median(values: &mut [f64]) -> (f64, f64) {
+    values.sort_unstable_by(f64::total_cmp);
+    let count = values.len();
+    if count == 0 {
+        return (f64::NAN, f64::NAN);
+    }
+    let mean = values.iter().sum::<f64>() / count as f64;
+    (mean, 0.5 * (values[(count - 1) / 2] + values[count / 2]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{frame, grains_in, scattered};
+
+    #[test]
+    fn the_greatest_tenth_is_of_the_defined_values() {
+        let mut values: Vec<f64> = (1..=26).map(f64::from).collect();
+        values.extend([f64::NAN; 14]);
+        values.reverse();
+        // 2.6 of 26 are rounded to 3.
+        assert_eq!(greatest(&values, &mut Vec::new()), (26.0, 25.0));
+        assert_eq!(greatest(&[0.0, f64::NAN], &mut Vec::new()), (0.0, 0.0));
+        let (one, top) = greatest(&[f64::NAN; 3], &mut Vec::new());
+        assert!(one.is_nan() && top.is_nan());
+    }
+
+    #[test]
+    fn means_and_medians_of_odd_even_and_no_values() {
+        assert_eq!(mean_and_median(&mut [3.0, 1.0, 8.0]), (4.0, 3.0));
+        assert_eq!(mean_and_median(&mut [3.0, 1.0, 8.0, 4.0]), (4.0, 3.5));
+        let (mean, median) = mean_and_median(&mut []);
+        assert!(mean.is_nan() && median.is_nan());
+    }
+
+    #[test]
+    fn what_a_scratch_was_used_for_before_does_not_matter() {
+        let grains = grains_in(40.0, &[1.0; 300]);
+        let frames: Vec<Stressed> = (0..6)
+            .map(|k| {
+                let start = scattered(1, 300, 40.0, 30.0);
+                // Small moves, by which lists of near grains go on serving, and a great one.
+                let size = if k == 4 { 3.0 } else { 0.05 * f64::from(k) };
+                let moves = scattered(2 + k as u64, 300, size, size);
+                let places: Vec<_> = start.iter().zip(moves).map(|(r, d)| r + d).collect();
+                let mut frame = frame(&grains, &places);
+                for (n, contact) in frame.contacts.iter_mut().enumerate() {
+                    contact.normal_force = 1.0 + (7.3 * n as f64 + f64::from(k)).sin();
+                    contact.tangential_force[0] = 0.3 * (2.1 * n as f64 - f64::from(k)).cos();
+                }
+                Stressed::new(&grains, frame)
+            })
+            .collect();
+        let bits = |pair: &[Stressed], scratch: &mut Scratch| {
+            let scalars = frame_scalars(&grains, &pair[0], &pair[1], scratch);
+            scalars.columns().map(f64::to_bits)
+        };
+        let mut used = Scratch::default();
+        for pair in frames.windows(2) {
+            assert_eq!(bits(pair, &mut used), bits(pair, &mut Scratch::default()));
+        }
+        let fewer = grains_in(40.0, &[1.0; 200]);
+        let points = scattered(9, 200, 40.0, 30.0);
+        let still = Stressed::new(&fewer, frame(&fewer, &points));
+        let again = frame_scalars(&fewer, &still, &still, &mut used);
+        assert_eq!((again.dmin_greatest, again.regions), (0.0, 0.0));
+        assert!(again.region_angle_mean.is_nan() && again.stress_dmin_rho.is_nan());
+    }
+}

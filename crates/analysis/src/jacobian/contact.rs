@@ -1,0 +1,158 @@
+//! What one contact adds to K.
+//!
+//! With dr = dr_i - dr_j and ds = R_i dθ_i + R_j dθ_j (physics of `kernel` and `contact`):
+//!
+//!     dδ = -n·dr,  dn = (1 - nn) dr/|r|,  slip = (1 - nn) dr + n × ds
+//!     dF = F_n' dδ n + F_n dn + dF_t,  dF_t = ∂F_t/∂δ dδ + ∂F_t/∂slip slip - n (F_t·dn)
+//!     dT_i = -R_i (dn × F_t + n × dF_t) + dM,  dT_j = -R_j (dn × F_t + n × dF_t) - dM
+//!
+//! The last term of dF_t is the history turning with n. In two dimensions vectors have a third component of zero and rotations only that.
+
+use super::History;
+use gshear_dem::contact::stiffness::{Derivatives, Stiffness};
+use gshear_dem::dimension::Dimension;
+
+type Vector = [f64; 3];
+type Matrix = [Vector; 3];
+
+/// A touching contact.
+pub struct Contact {
+    radii: [f64; 2],
+    /// From j to i.
+    n: Vector,
+    distance: f64,
+    derivatives: Derivatives,
+}
+
+impl Contact {
+    pub fn new<D: Dimension>(
+        law: &dyn Stiffness,
+        radii: [f64; 2],
+        n: Vector,
+        distance: f64,
+        overlap: f64,
+        mut history: Vector,
+    ) -> Self {
+        if D::SPINS == 3 {
+            // As the force routine does: rounding has left a little along n.
+            let along = dot(history, n);
+            (0..3).for_each(|k| history[k] -= along * n[k]);
+        }
+        let mut derivatives = law.derivatives(radii, overlap, history);
+        if D::SPINS == 1 {
+            let across = [-n[1], n[0], 0.0];
+            let vector = |of: Vector| across.map(|t| of[0] * t);
+            derivatives = Derivatives {
+                tangential: vector(derivatives.tangential),
+                tangential_slope: vector(derivatives.tangential_slope),
+                direction: across,
+                across: 0.0,
+                ..derivatives
+            };
+        }
+        Self {
+            radii,
+            n,
+            distance,
+            derivatives,
+        }
+    }
+
+    pub fn slides(&self) -> bool {
+        self.derivatives.sliding
+    }
+
+    pub fn stiffness<D: Dimension>(&self, history: History) -> Stiffnesses {
+        let (n, d) = (self.n, &self.derivatives);
+        let unit = |a: usize, b: usize| f64::from(u8::from(a == b));
+        let plane = matrix(|a, b| unit(a, b) - n[a] * n[b]);
+        let slip = matrix(|a, b| {
+            let along = d.direction[a] * d.direction[b];
+            -(d.across * (unit(a, b) - along) + d.along * along)
+        });
+        let turned = match history {
+            History::Turned => 1.0 / self.distance,
+            History::Unturned => 0.0,
+        };
+        let by_slip = product(&slip, &plane);
+        let friction_by_r = matrix(|a, b| {
+            by_slip[a][b] - d.tangential_slope[a] * n[b] - turned * n[a] * d.tangential[b]
+        });
+        let friction_by_s = product(&slip, &cross(n));
+        let force_by_r = matrix(|a, b| {
+            friction_by_r[a][b] - d.normal_slope * n[a] * n[b]
+                + d.normal / self.distance * plane[a][b]
+        });
+        // n × dF_t + dn × F_t.
+        let turn = product(&cross(d.tangential), &plane);
+        let moved = product(&cross(n), &friction_by_r);
+        Stiffnesses {
+            unknowns: if D::SPINS == 1 {
+                &[0, 1, 5]
+            } else {
+                &[0, 1, 2, 3, 4, 5]
+            },
+            radii: self.radii,
+            force_by_r,
+            force_by_s: friction_by_s,
+            moment_by_r: matrix(|a, b| moved[a][b] - turn[a][b] / self.distance),
+            moment_by_s: product(&cross(n), &friction_by_s),
+            rolling: d.rolling,
+            rolling_by_r: n.map(|n| -d.rolling_slope * n),
+        }
+    }
+}
+
+/// The four blocks that a contact adds to K.
+pub struct Stiffnesses {
+    /// Of x, y, z, θ_x, θ_y, θ_z those that the grains have.
+    unknowns: &'static [usize],
+    radii: [f64; 2],
+    /// ∂F/∂r and ∂F/∂s.
+    force_by_r: Matrix,
+    force_by_s: Matrix,
+    /// Of n × F_t.
+    moment_by_r: Matrix,
+    moment_by_s: Matrix,
+    /// k_r, and ∂M/∂r.
+    rolling: f64,
+    rolling_by_r: Vector,
+}
+
+impl Stiffnesses {
+    /// -∂F̃/∂q of a force on grain `a` and an unknown of grain `b`, 0 being i and 1 j.
+    pub fn entry(&self, [a, b]: [usize; 2], [row, column]: [usize; 2]) -> f64 {
+        let (row, column) = (self.unknowns[row], self.unknowns[column]);
+        let sign = |g: usize| if g == 0 { 1.0 } else { -1.0 };
+        let (f, q) = (row % 3, column % 3);
+        match (row < 3, column < 3) {
+            (true, true) => -sign(a) * sign(b) * self.force_by_r[f][q],
+            (true, false) => -sign(a) * self.radii[b] * self.force_by_s[f][q],
+            (false, true) => {
+                let rolls = if f == 2 { self.rolling_by_r[q] } else { 0.0 };
+                sign(b) * (self.radii[a] * self.moment_by_r[f][q] - sign(a) * rolls)
+            }
+            (false, false) => {
+                let rolls = if f == 2 && q == 2 { self.rolling } else { 0.0 };
+                self.radii[a] * self.radii[b] * self.moment_by_s[f][q] + sign(a) * sign(b) * rolls
+            }
+        }
+    }
+}
+
+fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn matrix(of: impl Fn(usize, usize) -> f64) -> Matrix {
+    std::array::from_fn(|a| std::array::from_fn(|b| of(a, b)))
+}
+
+/// v ×.
+fn cross([x, y, z]: Vector) -> Matrix {
+    [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+}
+
+fn product(left: &Matrix, right: &Matrix) -> Matrix {
+    matrix(|a, b| (0..3).map(|k| left[a][k] * right[k][b]).sum())
+}

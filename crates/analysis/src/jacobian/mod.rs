@@ -1,0 +1,178 @@
+//! K = -∂F̃/∂q of a state, exactly: F̃ the elastic forces and torques on the grains, q their positions and rotations (docs/spectrum.md).
+//!
+//! The derivative is that of the very force routine: histories turn with the contacts. λ > 0 of K v = λ M v, M = diag(m, I), is stable.
+
+mod contact;
+mod paper;
+mod pattern;
+
+use faer::Mat;
+use faer::sparse::SparseColMat;
+
+use super::spectrum::{Problem, Unfit};
+use gshear_dem::contact::stiffness::Stiffness;
+use gshear_dem::dimension::Dimension;
+use gshear_dem::state::{Cell, ContactState, GrainState, Masses, body, length};
+use contact::Contact;
+use pattern::Pattern;
+
+pub use paper::paper_form;
+
+/// What K is the derivative in.
+#[derive(Debug, Clone, Copy)]
+pub struct State<'a> {
+    /// All grains, in the order of their ids 0 … N-1.
+    pub grains: &'a [GrainState],
+    /// Contacts that touch, each once; those that do not, by their positions, count for nothing.
+    pub contacts: &'a [ContactState],
+    pub cell: Cell,
+    pub masses: Masses,
+}
+
+/// Whether histories turn with n.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum History {
+    /// As in the force routine.
+    Turned,
+    /// As in BO's A10, whose t stays as n turns.
+    Unturned,
+}
+
+/// K and M over the unknowns of the free grains: grain after grain its position and then its rotation, x, y, θ in two dimensions,
+/// x, y, z, θ_x, θ_y, θ_z in three.
+pub struct Jacobian {
+    /// K (N/m, N, N m; per unit depth in 2D). Grains without contacts have blocks of zeros.
+    pub k: SparseColMat<usize, f64>,
+    /// Diagonal of M: m (kg) and I (kg m²), per unit depth in 2D.
+    pub mass: Vec<f64>,
+    /// Ids of the free grains, in the order of their unknowns.
+    pub grains: Vec<u32>,
+    /// Unknowns of a grain, and those of its position among them.
+    pub per_grain: usize,
+    pub axes: usize,
+    /// Contacts that touch, and those of them at the limit of friction.
+    pub contacts: usize,
+    pub sliding: usize,
+    /// Grains of walls are held, so that translations are no zero modes.
+    held: bool,
+}
+
+impl Jacobian {
+    pub fn unknowns(&self) -> usize {
+        self.mass.len()
+    }
+
+    /// K v = λ M v, translations set apart. It also is what `spectrum::Solver` takes.
+    ///
+    /// Errors: a K that is not finite.
+    pub fn problem(&self) -> Result<Problem, Unfit> {
+        Problem::new(&self.k, &self.mass, self.translations().as_ref())
+    }
+
+    /// [unknowns] from a vector and an axial vector of every free grain, by id: force and torque, or displacement and rotation.
+    pub fn unknowns_of(&self, of: impl Fn(u32) -> [[f64; 3]; 2]) -> Vec<f64> {
+        let spins = self.per_grain - self.axes;
+        let one = |&g: &u32| {
+            let [linear, angular] = of(g);
+            let (axes, turns) = (0..self.axes, 3 - spins..3);
+            axes.map(move |k| linear[k])
+                .chain(turns.map(move |k| angular[k]))
+        };
+        self.grains.iter().flat_map(one).collect()
+    }
+
+    /// The reverse of [`Jacobian::unknowns_of`]: every free grain with its two vectors, zeros for what two dimensions lack.
+    pub fn by_grain<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = (u32, [[f64; 3]; 2])> + 'a {
+        let spins = self.per_grain - self.axes;
+        let of = self.grains.iter().zip(x.chunks_exact(self.per_grain));
+        of.map(move |(&g, x)| {
+            let mut both = [[0.0; 3]; 2];
+            both[0][..self.axes].copy_from_slice(&x[..self.axes]);
+            both[1][3 - spins..].copy_from_slice(&x[self.axes..]);
+            (g, both)
+        })
+    }
+
+    /// [unknowns][axes], translations of all grains: null vectors of K and of its transpose. No columns where walls hold the grains.
+    pub fn translations(&self) -> Mat<f64> {
+        let columns = if self.held { 0 } else { self.axes };
+        Mat::from_fn(self.unknowns(), columns, |row, axis| {
+            f64::from(u8::from(row % self.per_grain == axis))
+        })
+    }
+}
+
+/// K and M of a state. Deterministic: contacts are added in the order given.
+///
+/// # Panics
+/// Where the grains are not in the order of their ids.
+pub fn assemble<D: Dimension>(state: State<'_>, law: &dyn Stiffness, history: History) -> Jacobian {
+    let State {
+        grains, contacts, ..
+    } = state;
+    let in_order = grains.iter().enumerate().all(|(k, g)| g.id as usize == k);
+    assert!(in_order, "the grains are not 0 … N-1");
+    let mut place = vec![None; grains.len()];
+    let mut free = Vec::new();
+    for g in grains.iter().filter(|g| g.body == body::FREE) {
+        place[g.id as usize] = Some(free.len());
+        free.push(g.id);
+    }
+    let touching: Vec<(Contact, [Option<usize>; 2])> = contacts
+        .iter()
+        .filter_map(|c| {
+            let pair = [&grains[c.i as usize], &grains[c.j as usize]];
+            let contact = touch::<D>(pair, c.history, state.cell, law)?;
+            Some((contact, [c.i, c.j].map(|g| place[g as usize])))
+        })
+        .collect();
+    let pairs = touching
+        .iter()
+        .filter_map(|(_, [i, j])| Some([(*i)?, (*j)?]));
+    let pattern = Pattern::new(free.len(), D::AXES + D::SPINS, pairs);
+    let mut values = vec![0.0; pattern.entries()];
+    for (contact, places) in &touching {
+        let block = contact.stiffness::<D>(history);
+        for (a, row) in places.iter().enumerate() {
+            for (b, column) in places.iter().enumerate() {
+                if let (Some(row), Some(column)) = (*row, *column) {
+                    pattern.add(&mut values, [row, column], |r, c| {
+                        block.entry([a, b], [r, c])
+                    });
+                }
+            }
+        }
+    }
+    let mass = free.iter().flat_map(|&g| {
+        let radius = grains[g as usize].radius;
+        let m = state.masses.of(D::volume(radius));
+        let inertia = D::INERTIA * m * radius * radius;
+        let of = move |k: usize| if k < D::AXES { m } else { inertia };
+        (0..D::AXES + D::SPINS).map(of)
+    });
+    Jacobian {
+        mass: mass.collect(),
+        k: pattern.matrix(values),
+        held: free.len() < grains.len(),
+        grains: free,
+        per_grain: D::AXES + D::SPINS,
+        axes: D::AXES,
+        contacts: touching.len(),
+        sliding: touching.iter().filter(|(c, _)| c.slides()).count(),
+    }
+}
+
+/// A contact of two grains, where they touch.
+fn touch<D: Dimension>(
+    [a, b]: [&GrainState; 2],
+    history: [f64; 3],
+    cell: Cell,
+    law: &dyn Stiffness,
+) -> Option<Contact> {
+    let r = cell.separation::<D>(&a.position, &b.position);
+    let distance = length(r);
+    let overlap = a.radius + b.radius - distance;
+    let radii = [a.radius, b.radius];
+    let n = r.map(|x| x / distance);
+    (overlap > 0.0).then(|| Contact::new::<D>(law, radii, n, distance, overlap, history))
+}

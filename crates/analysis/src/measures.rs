@@ -1,0 +1,169 @@
+//! What happened in a phase (LH equations 1 to 4): a function of τ and of the frames' scalars only.
+
+use super::frame_scalars::FrameScalars;
+use super::phases::{self, Phase};
+use super::regions::MinPoints;
+
+/// A phase with the measures that LH correlate with its Δτ_p. NaN where a scalar of the phase is undefined.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    pub phase: Phase,
+    /// mgD²min (m², equation 1): the greatest gD²min.
+    pub dmin_max: f64,
+    /// mg_t10%D²min (m², equation 2): the greatest g_t10%D²min.
+    pub top_max: f64,
+    /// sgD²min (m², equation 3): the sum of gD²min from t_s to the end.
+    pub dmin_sum: f64,
+    /// sg_t10%D²min (m², equation 4): the sum of g_t10%D²min from t_s to the end.
+    pub top_sum: f64,
+    /// N_c: the least number of GR regions.
+    pub regions_least: f64,
+    /// Mean and median |θ| (rad) in the GR regions at the last row with N_c regions.
+    pub angle_mean: f64,
+    pub angle_median: f64,
+}
+
+/// The phases of τ(γ), both [L], and their measures.
+///
+/// `scalars`: [L], row k between the rows k-1 and k; those of a phase are the rows `start` + 1 … `end`, one for each of its
+/// intervals. t_s is the first of them with N_c regions.
+pub fn of(
+    strain: &[f64],
+    tau: &[f64],
+    scalars: &[FrameScalars],
+    reading: MinPoints,
+) -> Vec<Measured> {
+    let phases = phases::find(strain, tau);
+    let measured = phases
+        .into_iter()
+        .map(|phase| measure(phase, &scalars[phase.start + 1..=phase.end], reading));
+    measured.collect()
+}
+
+fn measure(phase: Phase, scalars: &[FrameScalars], reading: MinPoints) -> Measured {
+    let regions = || scalars.iter().map(|s| s.regions(reading));
+    let regions_least = regions().fold(f64::INFINITY, least);
+    let first = regions().position(|count| count == regions_least);
+    let last = regions().rposition(|count| count == regions_least);
+    let of_last = |of: fn(&FrameScalars) -> f64| last.map_or(f64::NAN, |k| of(&scalars[k]));
+    let one = |s: &FrameScalars| s.dmin_greatest;
+    let top = |s: &FrameScalars| s.dmin_top_tenth;
+    let max = |of: fn(&FrameScalars) -> f64| {
+        let values = scalars.iter().map(of);
+        values.fold(f64::NEG_INFINITY, |a, b| -least(-a, -b))
+    };
+    let sum = |of: fn(&FrameScalars) -> f64| {
+        first.map_or(f64::NAN, |first| scalars[first..].iter().map(of).sum())
+    };
+    Measured {
+        phase,
+        dmin_max: max(one),
+        top_max: max(top),
+        dmin_sum: sum(one),
+        top_sum: sum(top),
+        regions_least,
+        angle_mean: of_last(|s| s.region_angle_mean),
+        angle_median: of_last(|s| s.region_angle_median),
+    }
+}
+
+/// The lesser of two numbers, NaN where either is: `f64::min` would pass over it.
+fn least(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a < b { a } else { b }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phases::Kind;
+
+    /// Scalars with gD²min, g_t10%D²min, regions and mean angle; the median is twice the mean.
+    fn scalars(rows: &[[f64; 4]]) -> Vec<FrameScalars> {
+        let row = |[one, top, regions, angle]: &[f64; 4]| FrameScalars {
+            dmin_greatest: *one,
+            dmin_top_tenth: *top,
+            regions: *regions,
+            regions_of_two: 1.0,
+            region_angle_mean: *angle,
+            region_angle_median: 2.0 * angle,
+            ..FrameScalars::UNDEFINED
+        };
+        rows.iter().map(row).collect()
+    }
+
+    const NAN: f64 = f64::NAN;
+
+    #[test]
+    fn sums_begin_where_the_regions_are_fewest_and_angles_are_of_the_last_such_row() {
+        // A slip of four intervals with a plateau in it, then a stick of a single one.
+        let strain = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
+        let tau = [9.0, 7.0, 7.0, 6.0, 2.0, 3.0];
+        let rows = [
+            [NAN; 4],
+            [1.0, 0.5, 4.0, 0.1],
+            [8.0, 2.0, 2.0, 0.2],
+            [4.0, 3.0, 3.0, 0.3],
+            [2.0, 1.0, 2.0, 0.4],
+            [7.0, 6.0, 5.0, 0.5],
+        ];
+        let found = of(&strain, &tau, &scalars(&rows), MinPoints::Itself);
+        assert_eq!(found.len(), 2);
+        let [slip, stick] = [found[0], found[1]];
+        assert_eq!(
+            (slip.phase.kind, slip.phase.is_long(), slip.phase.change),
+            (Kind::Slip, true, -7.0)
+        );
+        assert_eq!((slip.dmin_max, slip.top_max), (8.0, 3.0));
+        assert_eq!(
+            (slip.dmin_sum, slip.top_sum),
+            (8.0 + 4.0 + 2.0, 2.0 + 3.0 + 1.0)
+        );
+        assert_eq!(
+            (slip.regions_least, slip.angle_mean, slip.angle_median),
+            (2.0, 0.4, 0.8)
+        );
+        assert_eq!(
+            (stick.phase.duration(), stick.dmin_max, stick.dmin_sum),
+            (1, 7.0, 7.0)
+        );
+        assert_eq!((stick.regions_least, stick.angle_mean), (5.0, 0.5));
+
+        // The other reading: one region in every row, so that the sum is of the whole phase.
+        let found = of(&strain, &tau, &scalars(&rows), MinPoints::OneNeighbour);
+        assert_eq!((found[0].dmin_sum, found[0].angle_mean), (15.0, 0.4));
+    }
+
+    #[test]
+    fn an_undefined_scalar_leaves_the_measures_of_its_phase_undefined() {
+        let strain = [0.0, 1.0, 2.0, 3.0];
+        let tau = [0.0, 1.0, 2.0, 0.0];
+        let rows = [
+            [NAN; 4],
+            [NAN, 1.0, 3.0, 0.1],
+            [2.0, 1.0, 3.0, 0.1],
+            [2.0, 1.0, NAN, 0.1],
+        ];
+        let found = of(&strain, &tau, &scalars(&rows), MinPoints::Itself);
+        let [stick, slip] = [found[0], found[1]];
+        assert!(stick.dmin_max.is_nan() && stick.dmin_sum.is_nan());
+        assert_eq!((stick.top_max, stick.top_sum), (1.0, 2.0));
+        assert!(slip.regions_least.is_nan() && slip.dmin_sum.is_nan() && slip.angle_mean.is_nan());
+        assert_eq!(slip.dmin_max, 2.0);
+    }
+
+    #[test]
+    fn a_tau_that_is_not_a_number_splits_phases_and_their_measures() {
+        let strain = [0.0, 1.0, 2.0, 3.0, 4.0];
+        let tau = [0.0, 1.0, NAN, 3.0, 4.0];
+        let rows = [
+            [1.0, 1.0, 1.0, 0.0],
+            [2.0; 4],
+            [50.0; 4],
+            [60.0; 4],
+            [3.0; 4],
+        ];
+        let found = of(&strain, &tau, &scalars(&rows), MinPoints::Itself);
+        let maxima: Vec<f64> = found.iter().map(|phase| phase.dmin_max).collect();
+        assert_eq!(maxima, [2.0, 3.0]);
+    }
+}

@@ -1,0 +1,306 @@
+//! What Newton's equations amplify fastest: complex pairs and negative eigenvalues, without factors.
+//!
+//! Im arccos of (2λ/b - 1) is zero on the real interval [0, b] and positive off it. A Chebyshev polynomial of degree k is cos(k arccos x):
+//! of A it leaves all stable modes within 1 and multiplies the others by e^{k Im arccos}. This is the leapfrog scheme at its longest step,
+//! k steps of it, and Krylov–Schur on it finds the modes in the order in which they would grow.
+
+use faer::linalg::solvers::DenseSolveCore;
+use faer::reborrow::ReborrowMut;
+use faer::sparse::SparseColMat;
+use faer::{Mat, MatMut, Par};
+use rayon::prelude::*;
+
+use super::krylov::{self, Settings, Stalled};
+use super::problem::Problem;
+use super::spectrum::Spectrum;
+use gshear_dem::simd::{self, Level, Work};
+
+/// Factor by which a polynomial multiplies what it is to find, at the least.
+const AMPLIFIED: f64 = 2.0;
+/// The first polynomial finds |Im λ| from this times ‖A‖ on, each further one so many times finer, with what is known taken out: in one
+/// that amplifies some modes beyond 1/ε, others drown.
+const COARSEST: f64 = 0.1;
+const FINER: f64 = 8.0;
+/// Between two projections known modes, of which rounding leaves a little, grow by this at the most.
+const REGROWTH: f64 = 1e4;
+/// Vectors that go through a polynomial at once. Of an eigenvalue of greater multiplicity the rest is found when those are taken out.
+const BLOCK: usize = 4;
+/// Columns of a basis that tells whether anything grows: powers enough for a mode amplified twofold to show among a million that are not.
+const PROBE: usize = 16 * BLOCK;
+/// Columns of one in which to find it, where many modes grow about as fast.
+const CAPACITY: usize = 32 * BLOCK;
+/// Eigenvalues sought at once, before they are taken out.
+const BATCH: usize = 40;
+/// Rows that a thread works in one go.
+const ROWS: usize = 1000;
+/// Upper end of the interval over ‖A‖, whose power iteration may be some per cent short.
+const MARGIN: f64 = 1.05;
+
+/// What is asked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Sought {
+    /// Pairs with |Im λ| ≥ `resolution` ‖A‖ are wanted, and what grows as fast as one of those.
+    pub resolution: f64,
+    /// No more eigenvalues than about this many, those that grow fastest.
+    pub most: usize,
+    pub par: Par,
+}
+
+/// Complex pairs and negative eigenvalues.
+pub struct Unstable {
+    pub spectrum: Spectrum,
+    /// Of the polynomials.
+    pub degrees: Vec<usize>,
+    /// Products of A or its transpose with a vector.
+    pub products: usize,
+    /// Whether all that was wanted is there: false where `most` have been found before.
+    pub complete: bool,
+}
+
+/// All complex pairs with |Im λ| ≥ resolution ‖A‖, all λ as negative that they grow as fast, and what else was found on the way.
+pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> {
+    let n = problem.size();
+    let end = MARGIN * problem.norm();
+    let transposed = problem.matrix().transpose().to_col_major();
+    let transposed = transposed.expect("memory for the transpose");
+    // Compressed columns of the transpose are compressed rows.
+    let rows = Rows::new(&transposed, end);
+    let columns = Rows::new(problem.matrix(), end);
+    let mut known = Known {
+        right: Mat::zeros(n, 0),
+        left: Mat::zeros(n, 0),
+    };
+    let mut found = Unstable {
+        spectrum: Spectrum::of(problem, &known.right, None),
+        degrees: Vec::new(),
+        products: 0,
+        complete: n == 0,
+    };
+    let mut resolution = COARSEST.max(sought.resolution);
+    while !found.complete && known.right.ncols() < sought.most {
+        let growth = 2.0 * resolution * problem.norm() / end;
+        let degree = (AMPLIFIED.asinh() / growth).ceil().max(2.0) as usize;
+        if found.degrees.last() != Some(&degree) {
+            found.degrees.push(degree);
+        }
+        let every = known.projection_interval(&found.spectrum, end, degree);
+        let mut filter = |of: &Rows, known: &Known, x: MatMut<'_, f64>| {
+            found.products += degree * x.ncols();
+            of.filter(problem, known, degree, every, sought.par, x);
+        };
+        let batch = BATCH.min(sought.most - known.right.ncols());
+        let wanted = Settings {
+            count: batch,
+            block: BLOCK,
+            capacity: CAPACITY,
+            tolerance: 1e-13,
+            floor: AMPLIFIED,
+            restarts: 300,
+            par: sought.par,
+        };
+        let probe = Settings {
+            capacity: PROBE,
+            restarts: 0,
+            ..wanted
+        };
+        let right = krylov::largest(n, |x| filter(&rows, &known, x), probe)
+            .or_else(|_| krylov::largest(n, |x| filter(&rows, &known, x), wanted))?
+            .basis;
+        let count = right.ncols();
+        if count == 0 {
+            found.complete = resolution <= sought.resolution;
+            resolution = (resolution / FINER).max(sought.resolution);
+        } else {
+            let turned = known.turned();
+            let wanted = Settings {
+                count,
+                floor: 0.0,
+                ..wanted
+            };
+            let left = krylov::largest(n, |x| filter(&columns, &turned, x), wanted)?.basis;
+            known.add(&right, &left);
+            found.spectrum = Spectrum::of(problem, &known.right, Some(&known.left));
+        }
+    }
+    Ok(found)
+}
+
+/// The invariant subspaces found so far, [n][m] each, orthonormal.
+struct Known {
+    right: Mat<f64>,
+    left: Mat<f64>,
+}
+
+impl Known {
+    fn add(&mut self, right: &Mat<f64>, left: &Mat<f64>) {
+        self.right = orthonormal(&self.right, right);
+        self.left = orthonormal(&self.left, left);
+    }
+
+    /// Of the transpose.
+    fn turned(&self) -> Known {
+        Known {
+            right: self.left.clone(),
+            left: self.right.clone(),
+        }
+    }
+
+    /// Steps of the recurrence after which what rounding has left of the known modes must be taken out again.
+    fn projection_interval(&self, spectrum: &Spectrum, end: f64, degree: usize) -> usize {
+        let growth = |value: faer::c64| {
+            let x = 2.0 * value / end - 1.0;
+            // |x + √(x² - 1)|, the greater one of two inverse numbers.
+            let grown = (x + (x * x - 1.0).sqrt()).norm();
+            grown.max(1.0 / grown).ln()
+        };
+        let values = spectrum.eigenvalues.iter().map(|e| growth(e.value));
+        let fastest = values.fold(0.0, f64::max);
+        ((REGROWTH.ln() / fastest) as usize).clamp(1, degree)
+    }
+
+    /// (LᵀR)⁻¹, for the projection 1 - R (LᵀR)⁻¹ Lᵀ.
+    fn inverse_overlap(&self) -> Mat<f64> {
+        match self.right.ncols() {
+            0 => Mat::zeros(0, 0),
+            _ => (self.left.transpose() * &self.right)
+                .partial_piv_lu()
+                .inverse(),
+        }
+    }
+}
+
+/// An orthonormal basis of both.
+fn orthonormal(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
+    let first = a.ncols();
+    let both = Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| match j < first {
+        true => a[(i, j)],
+        false => b[(i, j - first)],
+    });
+    both.qr().compute_thin_Q()
+}
+
+/// 4A/b - 2 by compressed rows: twice what the polynomials are of.
+struct Rows {
+    start: Vec<usize>,
+    column: Vec<u32>,
+    value: Vec<f64>,
+}
+
+type Lanes = [f64; BLOCK];
+
+impl Rows {
+    /// `of`: the transpose.
+    fn new(of: &SparseColMat<usize, f64>, end: f64) -> Self {
+        let mut rows = Rows {
+            start: vec![0],
+            column: Vec::with_capacity(of.compute_nnz() + of.ncols()),
+            value: Vec::with_capacity(of.compute_nnz() + of.ncols()),
+        };
+        for i in 0..of.ncols() {
+            let entries = of.row_idx_of_col_raw(i).iter().zip(of.val_of_col(i));
+            for (&j, value) in entries {
+                rows.column.push(j as u32);
+                rows.value.push(4.0 / end * value);
+            }
+            rows.column.push(i as u32);
+            rows.value.push(-2.0);
+            rows.start.push(rows.column.len());
+        }
+        rows
+    }
+
+    /// x ← T_degree x, with the known modes and the null vectors taken out.
+    fn filter(
+        &self,
+        problem: &Problem,
+        known: &Known,
+        degree: usize,
+        every: usize,
+        par: Par,
+        mut x: MatMut<'_, f64>,
+    ) {
+        let (n, columns) = (x.nrows(), x.ncols());
+        let overlap = known.inverse_overlap();
+        let project = |x: &mut MatMut<'_, f64>| {
+            problem.project(x.rb_mut());
+            if overlap.ncols() > 0 {
+                let along = &overlap * (known.left.transpose() * x.as_ref());
+                *x -= &known.right * along;
+            }
+        };
+        project(&mut x);
+        let row = |x: &MatMut<'_, f64>, i: usize| {
+            std::array::from_fn(|c| if c < columns { x[(i, c)] } else { 0.0 })
+        };
+        let mut before: Vec<Lanes> = (0..n).map(|i| row(&x, i)).collect();
+        let mut now = vec![[0.0; BLOCK]; n];
+        self.step(&before, &mut now, par);
+        now.iter_mut().flatten().for_each(|t| *t *= 0.5);
+        for done in 1..degree {
+            self.step(&now, &mut before, par);
+            std::mem::swap(&mut now, &mut before);
+            if done % every == 0 && overlap.ncols() > 0 {
+                for t in [&mut now, &mut before] {
+                    (0..n).for_each(|i| (0..columns).for_each(|c| x[(i, c)] = t[i][c]));
+                    project(&mut x);
+                    (0..n).for_each(|i| t[i] = row(&x, i));
+                }
+            }
+        }
+        (0..n).for_each(|i| (0..columns).for_each(|c| x[(i, c)] = now[i][c]));
+        project(&mut x);
+    }
+
+    /// before ← (4A/b - 2) now - before.
+    fn step(&self, now: &[Lanes], before: &mut [Lanes], par: Par) {
+        let level = Level::detect();
+        let work = |(chunk, before): (usize, &mut [Lanes])| {
+            let first = chunk * ROWS;
+            level.run(Step {
+                rows: self,
+                first,
+                now,
+                before,
+            })
+        };
+        match par {
+            Par::Seq => work((0, before)),
+            _ => before.par_chunks_mut(ROWS).enumerate().for_each(work),
+        }
+    }
+}
+
+/// The recurrence over some rows.
+struct Step<'a> {
+    rows: &'a Rows,
+    first: usize,
+    now: &'a [Lanes],
+    before: &'a mut [Lanes],
+}
+
+impl Work for Step<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: simd::Lanes>(self, _: L::Token) {
+        let Rows {
+            start,
+            column,
+            value,
+        } = self.rows;
+        for (to, ends) in self.before.iter_mut().zip(start[self.first..].windows(2)) {
+            let range = ends[0]..ends[1];
+            let mut sum = [0.0; BLOCK];
+            for c in 0..BLOCK {
+                sum[c] = -to[c];
+            }
+            for (&j, &a) in column[range.clone()].iter().zip(&value[range]) {
+                let t = &self.now[j as usize];
+                for c in 0..BLOCK {
+                    sum[c] += a * t[c];
+                }
+            }
+            *to = sum;
+        }
+    }
+}

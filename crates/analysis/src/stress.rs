@@ -1,0 +1,157 @@
+//! The stress that its contacts put on a grain.
+
+use super::forces;
+use gshear_dem::state::{Disks, Frame};
+
+/// The contact stress of every grain: σ = (1/A) Σ_c R n ⊗ f, over its area A = πR², n towards the grain and f on it, made
+/// symmetric; compression positive. [N] of σ_xx, σ_yy, σ_xy (Pa in 2D, forces being per unit depth).
+///
+/// The lever arm is the full radius, as in the forces themselves.
+pub fn tensors(grains: &Disks, frame: &Frame) -> Vec<[f64; 3]> {
+    let mut stress = vec![[0.0; 3]; grains.count()];
+    for contact in &frame.contacts {
+        let (n, f) = forces::vector(grains, frame, contact);
+        let moment = [n[0] * f[0], n[1] * f[1], 0.5 * (n[0] * f[1] + n[1] * f[0])];
+        // Both n and f change their sign for j.
+        for grain in [contact.i, contact.j] {
+            let stress = &mut stress[grain as usize];
+            (0..3).for_each(|k| stress[k] += moment[k]);
+        }
+    }
+    for (stress, radius) in stress.iter_mut().zip(&grains.radius) {
+        let scale = 1.0 / (std::f64::consts::PI * radius);
+        stress.iter_mut().for_each(|s| *s *= scale);
+    }
+    stress
+}
+
+/// τ = S/N from the contacts of a frame: what the free grains exert on those of the top wall, S against its motion along +x and N
+/// away from the sample (LH section 2). NaN while nothing touches it.
+pub fn ratio_on_top(grains: &Disks, frame: &Frame) -> f64 {
+    const TOP: u8 = 2;
+    let mut on_wall = [0.0; 2];
+    for contact in &frame.contacts {
+        let [i, j] = [contact.i, contact.j].map(|n| grains.body[n as usize] == TOP);
+        let sign = match (i, j) {
+            (true, false) => 1.0,
+            (false, true) => -1.0,
+            _ => continue,
+        };
+        let (_, f) = forces::vector(grains, frame, contact);
+        on_wall = [on_wall[0] + sign * f[0], on_wall[1] + sign * f[1]];
+    }
+    -on_wall[0] / on_wall[1]
+}
+
+/// σ_p: the largest principal stress of a tensor σ_xx, σ_yy, σ_xy.
+pub fn largest_principal([xx, yy, xy]: [f64; 3]) -> f64 {
+    let half = 0.5 * (xx - yy);
+    0.5 * (xx + yy) + (half * half + xy * xy).sqrt()
+}
+
+/// σ_p of every grain, [N] (Pa).
+pub fn largest_principals(grains: &Disks, frame: &Frame) -> Vec<f64> {
+    tensors(grains, frame)
+        .into_iter()
+        .map(largest_principal)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{contact, grains_in};
+    use gshear_dem::state::ContactSample;
+    use nalgebra::Matrix2;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn a_disk_under_equal_pressure_from_all_sides_has_the_pressure_of_the_formula() {
+        // Six equal forces F around a disk of radius R: σ = 3 F/(πR) in every direction.
+        let (radius, force) = (2.0, 5.0);
+        let grains = grains_in(100.0, &[radius; 7]);
+        let mut frame = Frame {
+            position: vec![[50.0, 50.0]],
+            ..Frame::default()
+        };
+        for k in 1..7 {
+            let angle = 0.3 + PI / 3.0 * f64::from(k);
+            let place = [50.0 + 4.0 * angle.cos(), 50.0 + 4.0 * angle.sin()];
+            frame.position.push(place);
+            frame.contacts.push(ContactSample {
+                normal_force: force,
+                ..contact(0, k as u32)
+            });
+        }
+        let stress = tensors(&grains, &frame);
+        let wanted = 3.0 * force / (PI * radius);
+        let [xx, yy, xy] = stress[0];
+        assert!((xx - wanted).abs() < 1e-13 && (yy - wanted).abs() < 1e-13 && xy.abs() < 1e-13);
+        // One force alone: R F/(πR²) along it.
+        let principal = largest_principals(&grains, &frame);
+        assert!((principal[3] - force / (PI * radius)).abs() < 1e-13);
+        frame.contacts.remove(0);
+        let without = largest_principals(&grains, &frame);
+        assert_eq!((without[1], without[3]), (0.0, principal[3]));
+    }
+
+    #[test]
+    fn tangential_forces_of_a_balanced_disk_give_shear() {
+        // Four contacts on the axes with F_t = ±T such that the torques cancel: T along ±y on the sides, along ±x above and below.
+        let grains = grains_in(100.0, &[1.0; 5]);
+        let around = [[52.0, 50.0], [50.0, 52.0], [48.0, 50.0], [50.0, 48.0]];
+        let frame = Frame {
+            position: std::iter::once([50.0, 50.0]).chain(around).collect(),
+            contacts: (1..5)
+                .map(|k| ContactSample {
+                    tangential_force: [if k % 2 == 1 { 3.0 } else { -3.0 }, 0.0, 0.0],
+                    ..contact(0, k)
+                })
+                .collect(),
+            ..Frame::default()
+        };
+        let stress = tensors(&grains, &frame);
+        let [xx, yy, xy] = stress[0];
+        assert!(xx.abs() < 1e-15 && yy.abs() < 1e-15, "{xx} {yy}");
+        assert!((xy - 2.0 * 3.0 / PI).abs() < 1e-14, "{xy}");
+    }
+
+    #[test]
+    fn the_ratio_on_the_top_wall_is_that_of_the_forces_on_it() {
+        // The top grain 2 rests on 0 and 1, to whose right and left it is; 3 belongs to the top as well.
+        let mut grains = grains_in(100.0, &[1.0; 4]);
+        grains.body = vec![0, 0, 2, 2];
+        let height = 3.0_f64.sqrt();
+        let pushed = |i, j, normal_force, tangential_force| ContactSample {
+            normal_force,
+            tangential_force: [tangential_force, 0.0, 0.0],
+            ..contact(i, j)
+        };
+        let frame = Frame {
+            position: vec![[49.0, 0.0], [51.0, 0.0], [50.0, height], [52.0, height]],
+            contacts: vec![
+                pushed(0, 2, 2.0, 0.0),
+                pushed(1, 2, 4.0, 0.0),
+                pushed(2, 3, 99.0, 9.0),
+            ],
+            ..Frame::default()
+        };
+        // On 2: 2 (½, √3/2) + 4 (-½, √3/2) = (-1, 3√3).
+        let found = ratio_on_top(&grains, &frame);
+        assert!((found - 1.0 / (3.0 * height)).abs() < 1e-15, "{found}");
+        assert!(ratio_on_top(&grains, &Frame::default()).is_nan());
+    }
+
+    #[test]
+    fn the_largest_principal_stress_is_the_greater_eigenvalue() {
+        for s in [
+            [1.0, 2.0, 0.5],
+            [-3.0, 4.0, 7.0],
+            [2.0, 2.0, 0.0],
+            [0.0, 0.0, -1.0],
+        ] {
+            let eigen = Matrix2::new(s[0], s[2], s[2], s[1]).symmetric_eigenvalues();
+            assert!((largest_principal(s) - eigen.max()).abs() < 1e-14, "{s:?}");
+        }
+    }
+}

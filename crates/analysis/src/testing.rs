@@ -1,0 +1,60 @@
+//! Made-up packings for the tests of the analysis.
+
+use nalgebra::{Matrix2, Vector2};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use gshear_dem::state::{ContactSample, Disks, Frame};
+
+/// Free grains of the given radii in a cell of length L_x.
+pub fn grains_in(length: f64, radius: &[f64]) -> Disks {
+    let n = radius.len();
+    Disks {
+        radius: radius.to_vec(),
+        body: vec![0; n],
+        mass: vec![1.0; n],
+        length,
+    }
+}
+
+pub fn contact(i: u32, j: u32) -> ContactSample {
+    ContactSample {
+        i: i.min(j),
+        j: i.max(j),
+        ..bytemuck::Zeroable::zeroed()
+    }
+}
+
+/// Contacts by which none of n ≥ 5 grains is a rattler.
+pub fn enough_contacts(n: usize) -> Vec<ContactSample> {
+    let n = n as u32;
+    (0..n)
+        .flat_map(|i| [contact(i, (i + 1) % n), contact(i, (i + 2) % n)])
+        .collect()
+}
+
+/// Points drawn uniformly from `width` × `height` about the seam x = 0, not wrapped.
+pub fn scattered(seed: u64, n: usize, width: f64, height: f64) -> Vec<Vector2<f64>> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut uniform = |extent: f64| extent * (random.random::<f64>() - 0.5);
+    (0..n)
+        .map(|_| Vector2::new(uniform(width), uniform(height)))
+        .collect()
+}
+
+/// F r for every point.
+pub fn mapped(points: &[Vector2<f64>], map: Matrix2<f64>) -> Vec<Vector2<f64>> {
+    points.iter().map(|r| map * r).collect()
+}
+
+/// A frame of these points, wrapped into [0, L_x), in which no grain is a rattler.
+pub fn frame(grains: &Disks, points: &[Vector2<f64>]) -> Frame {
+    Frame {
+        position: points
+            .iter()
+            .map(|r| [r.x.rem_euclid(grains.length), r.y])
+            .collect(),
+        contacts: enough_contacts(points.len()),
+        ..Frame::default()
+    }
+}

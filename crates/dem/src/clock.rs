@@ -1,0 +1,89 @@
+//! Where the time of a run goes.
+
+use std::time::Instant;
+
+use crate::domain::Exchange;
+
+/// Phases of a step, in the order of `step::advance`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    Motion,
+    Exchange,
+    Contacts,
+    Walls,
+    Rebuild,
+    Output,
+}
+
+pub const PHASES: [(Phase, &str); 6] = [
+    (Phase::Motion, "motion"),
+    (Phase::Exchange, "halo exchange"),
+    (Phase::Contacts, "contacts"),
+    (Phase::Walls, "walls, global sums"),
+    (Phase::Rebuild, "migrate, rebuild"),
+    (Phase::Output, "output"),
+];
+
+/// Seconds spent in each phase on this rank.
+#[derive(Debug)]
+pub struct Clock {
+    seconds: [f64; PHASES.len()],
+    since: Instant,
+    steps: u64,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self {
+            seconds: [0.0; PHASES.len()],
+            since: Instant::now(),
+            steps: 0,
+        }
+    }
+}
+
+impl Clock {
+    /// A step begins. What follows belongs to no phase until the next `end`.
+    pub fn start(&mut self) {
+        self.steps += 1;
+        self.since = Instant::now();
+    }
+
+    /// What was since the last call belongs to `phase`.
+    pub fn end(&mut self, phase: Phase) {
+        let now = Instant::now();
+        self.seconds[phase as usize] += (now - self.since).as_secs_f64();
+        self.since = now;
+    }
+
+    /// Seconds of a phase in a step on this rank, in the mean.
+    pub fn per_step(&self, phase: Phase) -> f64 {
+        self.seconds[phase as usize] / self.steps.max(1) as f64
+    }
+
+    /// A table of the phases: least, mean and greatest seconds over the ranks, and the share of the mean.
+    pub fn table(&self, exchange: &dyn Exchange) -> String {
+        let all: Vec<Vec<f64>> = exchange
+            .gather(bytemuck::cast_slice(&self.seconds))
+            .iter()
+            .map(|bytes| bytemuck::allocation::pod_collect_to_vec(bytes))
+            .collect();
+        let ranks = all.len() as f64;
+        let sum: f64 = all.iter().flatten().sum();
+        let mut text = format!(
+            "{:<20}{:>10}{:>10}{:>10}{:>9}\n",
+            "phase (s)", "min", "mean", "max", "share"
+        );
+        for (k, (_, name)) in PHASES.iter().enumerate() {
+            let of = |f: fn(f64, f64) -> f64, from| all.iter().fold(from, |a, r| f(a, r[k]));
+            let mean = all.iter().map(|r| r[k]).sum::<f64>() / ranks;
+            text += &format!(
+                "{name:<20}{:>10.3}{mean:>10.3}{:>10.3}{:>8.1}%\n",
+                of(f64::min, f64::INFINITY),
+                of(f64::max, 0.0),
+                100.0 * mean * ranks / sum.max(f64::MIN_POSITIVE),
+            );
+        }
+        text
+    }
+}

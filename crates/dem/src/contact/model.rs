@@ -1,0 +1,146 @@
+//! A contact law as everything but the kernel's loop sees it: chosen at run time, called through
+//! one virtual call for many contacts.
+
+use std::fmt::Debug;
+
+use super::ContactLaw;
+use super::stiffness::Stiffness;
+use crate::simd::{Lanes, Level, Row, Work};
+
+/// What a contact law says about pairs beside their forces. Implemented for every [`ContactLaw`].
+///
+/// Arrays hold sixteen pairs a row; `blocks` of sixteen pairs take [`PairModel::parameter_rows`] and
+/// [`PairModel::history_rows`] rows each.
+pub trait PairModel: Stiffness + Debug + Send + Sync {
+    /// Whether forces other than F_n can arise.
+    fn has_friction(&self) -> bool;
+
+    /// Rows of a block for what depends on the two grains alone.
+    fn parameter_rows(&self) -> usize;
+
+    /// Rows of a block for what a contact remembers from step to step.
+    fn history_rows(&self) -> usize;
+
+    /// Computes the parameters of all blocks from their R_i + R_j and R_i (m). Lanes that fill up a
+    /// block have negative sums.
+    fn set_parameters(&self, level: Level, geometry: &[[Row; 2]], out: &mut [Row]);
+
+    /// The largest F_n (N; N/m in 2D) of two grains of this radius (m) within the law.
+    fn largest_normal_force(&self, radius: f64) -> f64;
+
+    /// The history rows of a contact as [`crate::state::ContactState`] holds them, whichever parts
+    /// this law has.
+    fn to_state(&self, history: [f64; 3]) -> [f64; 3];
+
+    /// The reverse of [`PairModel::to_state`].
+    fn from_state(&self, state: [f64; 3]) -> [f64; 3];
+
+    /// Elastic energies (J; J/m in 2D) of the contacts of all blocks: normal, tangential, rolling.
+    /// Arbitrary for lanes that do not touch. `overlap`: δ (m).
+    fn energies(
+        &self,
+        level: Level,
+        parameters: &[Row],
+        history: &[Row],
+        overlap: &[Row],
+        out: &mut [[Row; 3]],
+    );
+}
+
+impl<C: ContactLaw + Stiffness> PairModel for C {
+    fn has_friction(&self) -> bool {
+        C::FRICTION
+    }
+
+    fn parameter_rows(&self) -> usize {
+        C::PARAMETERS
+    }
+
+    fn history_rows(&self) -> usize {
+        C::HISTORY
+    }
+
+    fn set_parameters(&self, level: Level, geometry: &[[Row; 2]], out: &mut [Row]) {
+        level.run(Parameters {
+            law: self,
+            geometry,
+            out,
+        });
+    }
+
+    fn largest_normal_force(&self, radius: f64) -> f64 {
+        self.largest_force(radius)
+    }
+
+    fn to_state(&self, history: [f64; 3]) -> [f64; 3] {
+        C::history_to_state(history)
+    }
+
+    fn from_state(&self, state: [f64; 3]) -> [f64; 3] {
+        C::history_from_state(state)
+    }
+
+    fn energies(
+        &self,
+        level: Level,
+        parameters: &[Row],
+        history: &[Row],
+        overlap: &[Row],
+        out: &mut [[Row; 3]],
+    ) {
+        level.run(Energies {
+            law: self,
+            parameters,
+            history,
+            overlap,
+            out,
+        });
+    }
+}
+
+struct Parameters<'a, C> {
+    law: &'a C,
+    geometry: &'a [[Row; 2]],
+    out: &'a mut [Row],
+}
+
+impl<C: ContactLaw> Work for Parameters<'_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, token: L::Token) {
+        let blocks = self.out.chunks_exact_mut(C::PARAMETERS);
+        for ([sum, r_i], out) in self.geometry.iter().zip(blocks) {
+            // Lanes that fill up a block get the parameters of two radii, too.
+            let (sum, r_i) = (L::load(token, sum).abs(), L::load(token, r_i));
+            self.law.parameters(token, r_i, sum - r_i, out);
+        }
+    }
+}
+
+struct Energies<'a, C> {
+    law: &'a C,
+    parameters: &'a [Row],
+    history: &'a [Row],
+    overlap: &'a [Row],
+    out: &'a mut [[Row; 3]],
+}
+
+impl<C: ContactLaw> Work for Energies<'_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, token: L::Token) {
+        for (block, out) in self.out.iter_mut().enumerate() {
+            let parameters = &self.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
+            let history = &self.history[block * C::HISTORY..][..C::HISTORY];
+            let overlap = L::load(token, &self.overlap[block]);
+            let energies = self
+                .law
+                .elastic_energies(token, parameters, overlap, history);
+            for (row, energy) in out.iter_mut().zip(energies) {
+                energy.store(row);
+            }
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! Two dimensions and three: what a grain and a contact are made of in each.
+//!
+//! The walls' normals are along the last axis; along the others the cell is periodic. Vectors of lanes have three components, of
+//! which only the first [`Dimension::AXES`] or [`Dimension::SPINS`] are meant.
+
+use std::fmt::Debug;
+use std::ops::DerefMut;
+
+use bytemuck::Pod;
+
+use crate::simd::{Lanes, Line, Oct, PairList, Quad, Row};
+
+/// Three lanes, of one vector.
+pub type Vector<L> = [L; 3];
+
+/// Static dispatch on the number of dimensions.
+pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
+    const AXES: usize;
+    /// The axis of the walls' normals.
+    const UP: usize = Self::AXES - 1;
+    /// Components of an angular velocity: about z alone, or all. As many as a tangential vector has: that along t̂ = ẑ × n, or all
+    /// three of a vector in the tangent plane.
+    const SPINS: usize;
+    /// I/(m R²).
+    const INERTIA: f64;
+
+    // Places in a grain's record.
+    /// Wrapped position (m).
+    const POSITION: usize = 0;
+    /// Velocity of the full step (m/s); while the forces are computed, as predicted.
+    const VELOCITY: usize = Self::AXES;
+    /// Velocity of the half step (m/s).
+    const HALF_VELOCITY: usize = 2 * Self::AXES;
+    /// Angular velocity (rad/s) of the half step and of the full step.
+    const HALF_SPIN: usize = 3 * Self::AXES;
+    const SPIN: usize = 3 * Self::AXES + Self::SPINS;
+    // Places in what is added to a grain: forces from 0 on, then torques.
+    const TORQUE: usize = Self::AXES;
+
+    type Record: Pod + Debug + PartialEq + Send + Sync;
+    /// Force and torque on a grain.
+    type Force: Pod + Debug + PartialEq + Send + Sync + DerefMut<Target = [f64]>;
+    /// A row for each field of a record.
+    type Fields: Copy + Debug + AsRef<[Row]> + AsMut<[Row]> + Send + Sync;
+    const NO_FIELDS: Self::Fields;
+
+    fn fields(record: &Self::Record) -> &[f64];
+    fn fields_mut(record: &mut Self::Record) -> &mut [f64];
+
+    /// πR² or (4/3)πR³ (m² or m³).
+    fn volume(radius: f64) -> f64;
+    /// The same of lanes, over π or (4/3)π.
+    fn power<L: Lanes>(radius: L) -> L;
+
+    /// Differences of the records of a block of pairs.
+    fn differ<L: Lanes>(
+        token: L::Token,
+        records: &[Self::Record],
+        list: &PairList,
+        block: usize,
+        out: &mut Self::Fields,
+    );
+    /// Angular velocities of the grains j: of the half step, then of the full step.
+    fn spins_of_j<L: Lanes>(
+        token: L::Token,
+        records: &[Self::Record],
+        list: &PairList,
+        block: usize,
+        out: &mut [Row; 6],
+    );
+    /// Adds forces and torques to the grains of a block of pairs: (`force`, `torque_i`) to i, (-`force`, `torque_j`) to j.
+    fn add<L: Lanes>(
+        force: Vector<L>,
+        torque_i: Vector<L>,
+        torque_j: Vector<L>,
+        sums: &mut [Self::Force],
+        list: &PairList,
+        block: usize,
+    );
+
+    fn dot<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> L;
+    /// What is tangential of v, of which v_n = v·n.
+    fn across<L: Lanes>(n: &Vector<L>, v: &Vector<L>, v_n: L) -> Vector<L>;
+    /// n × s, tangential: the surface velocity of spins s = R_i ω_i + R_j ω_j.
+    fn turning<L: Lanes>(n: &Vector<L>, s: &Vector<L>) -> Vector<L>;
+    /// n × F of a tangential force F: the torque per lever arm.
+    fn moment<L: Lanes>(n: &Vector<L>, f: &Vector<L>) -> Vector<L>;
+    /// F_n n + F_t.
+    fn force<L: Lanes>(n: &Vector<L>, normal: L, tangential: &Vector<L>) -> Vector<L>;
+}
+
+#[inline(always)]
+fn cross<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> Vector<L> {
+    [
+        a[1].mul_add(b[2], -(a[2] * b[1])),
+        a[2].mul_add(b[0], -(a[0] * b[2])),
+        a[0].mul_add(b[1], -(a[1] * b[0])),
+    ]
+}
+
+/// Disks in the plane of x and y, per unit depth.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct Two;
+
+impl Dimension for Two {
+    const AXES: usize = 2;
+    const SPINS: usize = 1;
+    const INERTIA: f64 = 0.5;
+    type Record = [Line; 1];
+    type Force = Quad;
+    type Fields = [Row; 8];
+    const NO_FIELDS: [Row; 8] = [Row::ZERO; 8];
+
+    #[inline(always)]
+    fn fields(record: &[Line; 1]) -> &[f64] {
+        &record[0].0
+    }
+
+    #[inline(always)]
+    fn fields_mut(record: &mut [Line; 1]) -> &mut [f64] {
+        &mut record[0].0
+    }
+
+    fn volume(radius: f64) -> f64 {
+        std::f64::consts::PI * radius * radius
+    }
+
+    #[inline(always)]
+    fn power<L: Lanes>(radius: L) -> L {
+        radius * radius
+    }
+
+    #[inline(always)]
+    fn differ<L: Lanes>(
+        token: L::Token,
+        records: &[[Line; 1]],
+        list: &PairList,
+        block: usize,
+        out: &mut [Row; 8],
+    ) {
+        L::differences::<0, 1>(token, records, list, block, out);
+    }
+
+    #[inline(always)]
+    fn spins_of_j<L: Lanes>(
+        token: L::Token,
+        records: &[[Line; 1]],
+        list: &PairList,
+        block: usize,
+        out: &mut [Row; 6],
+    ) {
+        let [half, full] = L::end_of_j::<0, 1>(token, records, list, block);
+        half.store(&mut out[0]);
+        full.store(&mut out[1]);
+    }
+
+    #[inline(always)]
+    fn add<L: Lanes>(
+        force: Vector<L>,
+        torque_i: Vector<L>,
+        torque_j: Vector<L>,
+        sums: &mut [Quad],
+        list: &PairList,
+        block: usize,
+    ) {
+        let terms = [force[0], force[1], torque_i[0], torque_j[0]];
+        L::add_quads(terms, sums, list, block);
+    }
+
+    #[inline(always)]
+    fn dot<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> L {
+        a[0].mul_add(b[0], a[1] * b[1])
+    }
+
+    #[inline(always)]
+    fn across<L: Lanes>(n: &Vector<L>, v: &Vector<L>, _: L) -> Vector<L> {
+        [v[1].mul_add(n[0], -(v[0] * n[1])); 3]
+    }
+
+    #[inline(always)]
+    fn turning<L: Lanes>(_: &Vector<L>, s: &Vector<L>) -> Vector<L> {
+        [-s[0]; 3]
+    }
+
+    #[inline(always)]
+    fn moment<L: Lanes>(_: &Vector<L>, f: &Vector<L>) -> Vector<L> {
+        *f
+    }
+
+    #[inline(always)]
+    fn force<L: Lanes>(n: &Vector<L>, normal: L, tangential: &Vector<L>) -> Vector<L> {
+        let t = tangential[0];
+        [
+            normal.mul_add(n[0], -(t * n[1])),
+            normal.mul_add(n[1], t * n[0]),
+            t,
+        ]
+    }
+}
+
+/// Spheres.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct Three;
+
+impl Dimension for Three {
+    const AXES: usize = 3;
+    const SPINS: usize = 3;
+    const INERTIA: f64 = 0.4;
+    type Record = [Line; 2];
+    type Force = Oct;
+    type Fields = [Row; 16];
+    const NO_FIELDS: [Row; 16] = [Row::ZERO; 16];
+
+    #[inline(always)]
+    fn fields(record: &[Line; 2]) -> &[f64] {
+        bytemuck::cast_slice(record)
+    }
+
+    #[inline(always)]
+    fn fields_mut(record: &mut [Line; 2]) -> &mut [f64] {
+        bytemuck::cast_slice_mut(record)
+    }
+
+    fn volume(radius: f64) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * radius * radius * radius
+    }
+
+    #[inline(always)]
+    fn power<L: Lanes>(radius: L) -> L {
+        radius * radius * radius
+    }
+
+    #[inline(always)]
+    fn differ<L: Lanes>(
+        token: L::Token,
+        records: &[[Line; 2]],
+        list: &PairList,
+        block: usize,
+        out: &mut [Row; 16],
+    ) {
+        let (lines, _) = out.as_chunks_mut();
+        L::differences::<0, 2>(token, records, list, block, &mut lines[0]);
+        L::differences::<1, 2>(token, records, list, block, &mut lines[1]);
+    }
+
+    #[inline(always)]
+    fn spins_of_j<L: Lanes>(
+        token: L::Token,
+        records: &[[Line; 2]],
+        list: &PairList,
+        block: usize,
+        out: &mut [Row; 6],
+    ) {
+        let line = L::line_of_j::<1, 2>(token, records, list, block);
+        for (field, row) in line[Self::HALF_SPIN - 8..].iter().zip(out) {
+            field.store(row);
+        }
+    }
+
+    #[inline(always)]
+    fn add<L: Lanes>(
+        force: Vector<L>,
+        torque_i: Vector<L>,
+        torque_j: Vector<L>,
+        sums: &mut [Oct],
+        list: &PairList,
+        block: usize,
+    ) {
+        L::add_octs([force, torque_i, torque_j], sums, list, block);
+    }
+
+    #[inline(always)]
+    fn dot<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> L {
+        a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+    }
+
+    #[inline(always)]
+    fn across<L: Lanes>(n: &Vector<L>, v: &Vector<L>, v_n: L) -> Vector<L> {
+        [
+            (-v_n).mul_add(n[0], v[0]),
+            (-v_n).mul_add(n[1], v[1]),
+            (-v_n).mul_add(n[2], v[2]),
+        ]
+    }
+
+    #[inline(always)]
+    fn turning<L: Lanes>(n: &Vector<L>, s: &Vector<L>) -> Vector<L> {
+        cross(n, s)
+    }
+
+    #[inline(always)]
+    fn moment<L: Lanes>(n: &Vector<L>, f: &Vector<L>) -> Vector<L> {
+        cross(n, f)
+    }
+
+    #[inline(always)]
+    fn force<L: Lanes>(n: &Vector<L>, normal: L, tangential: &Vector<L>) -> Vector<L> {
+        [
+            normal.mul_add(n[0], tangential[0]),
+            normal.mul_add(n[1], tangential[1]),
+            normal.mul_add(n[2], tangential[2]),
+        ]
+    }
+}
+
+/// How many there are: disks or spheres.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimensions {
+    Two,
+    Three,
+}
+
+impl Dimensions {
+    pub fn axes(self) -> usize {
+        match self {
+            Dimensions::Two => Two::AXES,
+            Dimensions::Three => Three::AXES,
+        }
+    }
+
+    /// πR² or (4/3)πR³ (m² or m³).
+    pub fn volume(self, radius: f64) -> f64 {
+        match self {
+            Dimensions::Two => Two::volume(radius),
+            Dimensions::Three => Three::volume(radius),
+        }
+    }
+}
+

@@ -1,0 +1,146 @@
+//! Sums over grains and ranks that do not depend on the order: fixed point, added as integers.
+
+use super::Exchange;
+
+/// Integers that a fixed-point number takes in a reduction.
+pub const LIMBS: usize = 4;
+
+/// Fixed point with 2^-80 of a reference magnitude as its unit: each term is rounded to it (a function of the term alone),
+/// and sums of up to 2^46 times the reference are exact.
+#[derive(Debug, Clone, Copy)]
+pub struct FixedPoint {
+    unit: f64,
+    per_unit: f64,
+}
+
+/// A sum under way.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Accumulator {
+    sum: i128,
+    /// Terms that are no finite number or far beyond the reference.
+    outside: i64,
+}
+
+impl FixedPoint {
+    /// `reference`: a typical magnitude of the terms, positive.
+    pub fn new(reference: f64) -> Self {
+        let exponent = (reference.to_bits() >> 52) as i32 - 1023;
+        let power = |e: i32| f64::from_bits(((e.clamp(-1022, 1023) + 1023) as u64) << 52);
+        Self {
+            unit: power(exponent - 80),
+            per_unit: power(80 - exponent),
+        }
+    }
+
+    pub fn add(&self, to: &mut Accumulator, term: f64) {
+        let scaled = (term * self.per_unit).round_ties_even();
+        if scaled.abs() < 2f64.powi(120) {
+            to.sum += scaled as i128;
+        } else {
+            to.outside += 1;
+        }
+    }
+
+    /// The sum, correctly rounded; NaN where a term was out of range.
+    pub fn value(&self, of: Accumulator) -> f64 {
+        if of.outside == 0 {
+            of.sum as f64 * self.unit
+        } else {
+            f64::NAN
+        }
+    }
+
+    /// Sums over the ranks, in one reduction.
+    pub fn total<const K: usize>(
+        &self,
+        exchange: &dyn Exchange,
+        parts: [Accumulator; K],
+    ) -> [f64; K] {
+        let mut message = vec![0i64; K * (LIMBS + 1)];
+        for (part, limbs) in parts.iter().zip(message.chunks_mut(LIMBS + 1)) {
+            part.write(limbs);
+        }
+        exchange.sum(&mut message);
+        let mut sums = message.chunks(LIMBS + 1).map(Accumulator::read);
+        std::array::from_fn(|_| self.value(sums.next().unwrap_or_default()))
+    }
+}
+
+impl From<i128> for Accumulator {
+    fn from(sum: i128) -> Self {
+        Self { sum, outside: 0 }
+    }
+}
+
+impl From<Accumulator> for i128 {
+    fn from(of: Accumulator) -> i128 {
+        of.sum
+    }
+}
+
+impl Accumulator {
+    /// As `LIMBS + 1` integers that may be added over ranks.
+    pub fn write(&self, to: &mut [i64]) {
+        for (k, limb) in to[..LIMBS].iter_mut().enumerate() {
+            *limb = if k + 1 < LIMBS {
+                (self.sum >> (32 * k)) as u32 as i64
+            } else {
+                (self.sum >> (32 * k)) as i64
+            };
+        }
+        to[LIMBS] = self.outside;
+    }
+
+    /// Of added integers.
+    pub fn read(from: &[i64]) -> Self {
+        let sum = from[..LIMBS]
+            .iter()
+            .enumerate()
+            .map(|(k, &limb)| (limb as i128) << (32 * k))
+            .sum();
+        Self {
+            sum,
+            outside: from[LIMBS],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_order_and_any_partition_gives_the_same_bits() {
+        let terms: Vec<f64> = (0..1000)
+            .map(|k| ((k * 7919 % 1000) as f64 - 499.5) * 1.37e-3 * 1.01f64.powi(k % 700))
+            .collect();
+        let fixed = FixedPoint::new(0.02);
+        let sum = |order: &mut dyn Iterator<Item = &f64>| {
+            let mut part = Accumulator::default();
+            order.for_each(|&t| fixed.add(&mut part, t));
+            part
+        };
+        let whole = sum(&mut terms.iter());
+        assert_eq!(whole, sum(&mut terms.iter().rev()));
+        let mut limbs = [0; LIMBS + 1];
+        for chunk in terms.chunks(137) {
+            let mut part = [0; LIMBS + 1];
+            sum(&mut chunk.iter()).write(&mut part);
+            limbs.iter_mut().zip(part).for_each(|(a, b)| *a += b);
+        }
+        assert_eq!(whole, Accumulator::read(&limbs));
+    }
+
+    /// Terms with few digits have a sum without rounding.
+    #[test]
+    fn cancels_exactly() {
+        let fixed = FixedPoint::new(1.0);
+        let mut sum = Accumulator::default();
+        for term in [1e9, 2f64.powi(-70), -1e9, 0.5] {
+            fixed.add(&mut sum, term);
+        }
+        assert_eq!(fixed.value(sum), 0.5 + 2f64.powi(-70));
+        fixed.add(&mut sum, f64::NAN);
+        assert!(fixed.value(sum).is_nan());
+    }
+}

@@ -1,0 +1,275 @@
+//! Slabs along x: who owns which grain, who sees whose, and the moves between them.
+
+use std::ops::Range;
+
+use bytemuck::{Zeroable, allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
+
+use super::{Exchange, Link};
+use crate::dimension::Dimension;
+use crate::failure::Failure;
+use crate::neighbour::Window;
+use crate::state::{Cell, ContactState, GrainState, Grains};
+
+/// Columns of the histogram by which the cuts are balanced: for each of so many ranks, beyond which cuts get coarser.
+const BINS_OF_A_RANK: usize = 256;
+const MOST_RANKS_WITH_BINS: usize = 256;
+
+/// What a contact costs in a step, over what a grain does: some 20 ns to 3 ns.
+const COST_OF_A_CONTACT: i64 = 6;
+
+/// The slabs of all ranks, and this rank's part in the exchange.
+#[derive(Debug)]
+pub struct Slabs<D: Dimension> {
+    /// L_x (m).
+    length: f64,
+    /// Slab r is [cuts[r], cuts[r + 1]).
+    pub cuts: Vec<f64>,
+    links: Vec<Neighbour<D>>,
+}
+
+/// What goes to and comes from one neighbouring rank in every step.
+#[derive(Debug)]
+struct Neighbour<D: Dimension> {
+    rank: usize,
+    /// Own grains that it sees.
+    send: Vec<u32>,
+    buffer: Vec<D::Record>,
+    /// Where its grains are among the local ones.
+    ghosts: Range<usize>,
+}
+
+/// How many slabs wider than `reach` (m) a cell of `length` (m) holds; one rank needs room for nearest images.
+pub fn most_ranks(length: f64, reach: f64) -> usize {
+    let slabs = (length / reach) as usize;
+    if slabs as f64 * reach < length {
+        slabs
+    } else {
+        slabs - 1
+    }
+}
+
+impl<D: Dimension> Slabs<D> {
+    pub fn new(exchange: &dyn Exchange, length: f64) -> Self {
+        let size = exchange.size();
+        Self {
+            length,
+            cuts: (0..=size)
+                .map(|r| length * r as f64 / size as f64)
+                .collect(),
+            links: Vec::new(),
+        }
+    }
+
+    /// The rank whose slab holds x ∈ [0, L_x).
+    fn owner(&self, x: f64) -> usize {
+        let slabs = self.cuts.len() - 1;
+        self.cuts[1..slabs].partition_point(|&cut| cut <= x)
+    }
+
+    /// `reach` (m): of the pairs in space. Moves the cuts to where the work with grains and contacts is balanced, then every grain, with the
+    /// contacts it has, to the rank that owns it. Returns this rank's grains by id, and all contacts of theirs (with others', too) by (i, j).
+    pub fn redistribute(
+        &mut self,
+        exchange: &dyn Exchange,
+        cell: Cell,
+        grains: Vec<GrainState>,
+        mut contacts: Vec<ContactState>,
+        reach: f64,
+    ) -> Result<(Vec<GrainState>, Vec<ContactState>), Failure> {
+        let (size, me) = (exchange.size(), exchange.rank());
+        let mut mine = grains;
+        if size > 1 {
+            mine.sort_unstable_by_key(|g| g.id);
+            self.balance(exchange, cell, &mine, &contacts, cell.reach_along(reach))?;
+            let mut leaving: Vec<(u32, usize)> = Vec::new();
+            let mut grains_to = vec![Vec::new(); size];
+            let mut contacts_to = vec![Vec::new(); size];
+            mine.retain(|g| {
+                let owner = self.owner(cell.along::<D>(&g.position));
+                if owner != me {
+                    leaving.push((g.id, owner));
+                    grains_to[owner].push(*g);
+                }
+                owner == me
+            });
+            leaving.sort_unstable();
+            let destination = |id| {
+                leaving
+                    .binary_search_by_key(&id, |l| l.0)
+                    .ok()
+                    .map(|k| leaving[k].1)
+            };
+            for contact in &contacts {
+                let (a, b) = (destination(contact.i), destination(contact.j));
+                for to in [a, b.filter(|_| b != a)].into_iter().flatten() {
+                    contacts_to[to].push(*contact);
+                }
+            }
+            for bytes in exchange.all_to_all(as_bytes(&grains_to)) {
+                mine.extend(pod_collect_to_vec::<u8, GrainState>(&bytes));
+            }
+            for bytes in exchange.all_to_all(as_bytes(&contacts_to)) {
+                contacts.extend(pod_collect_to_vec::<u8, ContactState>(&bytes));
+            }
+        }
+        mine.sort_unstable_by_key(|g| g.id);
+        contacts.sort_unstable_by_key(|c| (c.i, c.j));
+        contacts.dedup_by_key(|c| (c.i, c.j));
+        Ok((mine, contacts))
+    }
+
+    /// `grains` in the order of their ids.
+    fn balance(
+        &mut self,
+        exchange: &dyn Exchange,
+        cell: Cell,
+        grains: &[GrainState],
+        contacts: &[ContactState],
+        reach: f64,
+    ) -> Result<(), Failure> {
+        let size = exchange.size();
+        let most = most_ranks(self.length, reach);
+        if size > most {
+            return Err(Failure::input(format!(
+                "{size} ranks are too many: a slab must be wider than the interaction range of {reach:.4e} m, and the cell is \
+                 {:.4e} m long; run it on 1 to {} ranks",
+                self.length,
+                most.max(1),
+            )));
+        }
+        // A contact is the work of where its first grain is: there one rank knows it as its own.
+        let mut cost = vec![1i64; grains.len()];
+        for contact in contacts {
+            if let Ok(first) = grains.binary_search_by_key(&contact.i, |g| g.id) {
+                cost[first] += COST_OF_A_CONTACT;
+            }
+        }
+        let bins = BINS_OF_A_RANK * size.min(MOST_RANKS_WITH_BINS);
+        let mut histogram = vec![0i64; bins];
+        for (g, cost) in grains.iter().zip(cost) {
+            let bin = (cell.along::<D>(&g.position) / self.length * bins as f64) as usize;
+            histogram[bin.min(bins - 1)] += cost;
+        }
+        exchange.sum(&mut histogram);
+        let total: i64 = histogram.iter().sum();
+        let (mut below, mut bin) = (0, 0);
+        for r in 1..size {
+            let wanted = total * r as i64 / size as i64;
+            while below + histogram[bin] < wanted {
+                below += histogram[bin];
+                bin += 1;
+            }
+            let part = (wanted - below) as f64 / histogram[bin].max(1) as f64;
+            self.cuts[r] = self.length * (bin as f64 + part) / bins as f64;
+        }
+        // A little more than the range, so that rounding cannot make a slab too narrow.
+        let narrowest = reach + (self.length / size as f64 - reach) * 1e-3;
+        for r in 1..size {
+            self.cuts[r] = self.cuts[r].max(self.cuts[r - 1] + narrowest);
+        }
+        for r in (1..size).rev() {
+            self.cuts[r] = self.cuts[r].min(self.cuts[r + 1] - narrowest);
+        }
+        Ok(())
+    }
+
+    /// Finds the own grains within `reach` (m) of a neighbour's slab, and adds the neighbours' as ghosts.
+    pub fn attach_ghosts(
+        &mut self,
+        exchange: &dyn Exchange,
+        cell: Cell,
+        grains: &mut Grains<D>,
+        reach: f64,
+    ) {
+        let reach = cell.reach_along(reach);
+        let (size, me) = (exchange.size(), exchange.rank());
+        self.links.clear();
+        if size == 1 {
+            return;
+        }
+        let (left, right) = ((me + size - 1) % size, (me + 1) % size);
+        let (from, to) = (self.cuts[me], self.cuts[me + 1]);
+        let near = |g: &u32, side: usize| {
+            let x = cell.along::<D>(grains.fields(*g as usize));
+            (side == left && x - from < reach) || (side == right && to - x < reach)
+        };
+        let mut states = vec![Vec::new(); size];
+        let mut ranks = vec![left, right];
+        ranks.dedup();
+        for rank in ranks {
+            let send: Vec<u32> = (0..grains.owned as u32).filter(|g| near(g, rank)).collect();
+            states[rank] = send.iter().map(|&g| grains.state(g as usize)).collect();
+            self.links.push(Neighbour {
+                rank,
+                buffer: vec![D::Record::zeroed(); send.len()],
+                send,
+                ghosts: 0..0,
+            });
+        }
+        let received = exchange.all_to_all(as_bytes(&states));
+        for link in &mut self.links {
+            let begin = grains.local();
+            for ghost in pod_collect_to_vec::<u8, GrainState>(&received[link.rank]) {
+                grains.push(&ghost);
+            }
+            link.ghosts = begin..grains.local();
+        }
+    }
+
+    /// Sends the border grains' records and receives the ghosts', while `meanwhile` runs with the own ones. Of `record`, as many
+    /// as `owned` are own.
+    pub fn exchange(
+        &mut self,
+        exchange: &dyn Exchange,
+        record: &mut [D::Record],
+        owned: usize,
+        mut meanwhile: impl FnMut(&[D::Record]),
+    ) {
+        let (own, mut ghosts) = record.split_at_mut(owned);
+        if self.links.is_empty() {
+            return meanwhile(own);
+        }
+        let mut messages = Vec::with_capacity(2);
+        for link in &mut self.links {
+            let (receive, rest) = ghosts.split_at_mut(link.ghosts.len());
+            ghosts = rest;
+            messages.push(Link {
+                rank: link.rank,
+                width: size_of::<D::Record>() / size_of::<f64>(),
+                records: cast_slice(own),
+                chosen: &link.send,
+                buffer: cast_slice_mut(&mut link.buffer),
+                receive: cast_slice_mut(receive),
+            });
+        }
+        exchange.halo(&mut messages, &mut || meanwhile(own));
+    }
+
+    /// Where this rank's grains and ghosts are.
+    pub fn window(&self, exchange: &dyn Exchange, reach: f64) -> Window {
+        let me = exchange.rank();
+        let (from, to) = (self.cuts[me], self.cuts[me + 1]);
+        let wide = to - from + 2.0 * reach;
+        if exchange.size() == 1 || wide >= self.length {
+            Window::whole(self.length)
+        } else {
+            Window {
+                from: from - reach,
+                width: wide,
+            }
+        }
+    }
+
+    /// Bytes that this rank sends per step, and messages.
+    pub fn traffic(&self) -> (usize, usize) {
+        let rows: usize = self.links.iter().map(|l| l.send.len()).sum();
+        (rows * size_of::<D::Record>(), self.links.len())
+    }
+}
+
+fn as_bytes<T: bytemuck::NoUninit>(messages: &[Vec<T>]) -> Vec<Vec<u8>> {
+    messages
+        .iter()
+        .map(|m| cast_slice::<T, u8>(m).to_vec())
+        .collect()
+}

@@ -1,0 +1,408 @@
+//! The walls and what moves them: smooth planes while packing, frozen grains while shearing.
+
+use bytemuck::Zeroable;
+use serde::{Deserialize, Serialize};
+
+use crate::dimension::Dimension;
+use crate::domain::{Accumulator, FixedPoint};
+use crate::kernel::{PairForce, Pass, Scratch};
+use crate::protocol::Protocol;
+use crate::simd::Level;
+use crate::state::{CandidatePair, Cell, Contacts, Grains, body};
+
+/// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the grains' own Verlet scheme. SI units; per unit depth in 2D.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Piston {
+    /// Upper boundary of the sample (m).
+    pub height: f64,
+    /// Full-step velocity upwards; between the kicks that of the half step (m/s).
+    pub velocity: f64,
+    pub acceleration: f64,
+    pub mass: f64,
+    /// N, pressing down.
+    pub load: f64,
+}
+
+impl Piston {
+    fn half_kick_and_drift(&mut self, step: f64) {
+        self.velocity += 0.5 * step * self.acceleration;
+        self.height += step * self.velocity;
+    }
+
+    /// The velocity of the full step, as far as the last acceleration tells.
+    fn predicted(&self, step: f64) -> f64 {
+        self.velocity + 0.5 * step * self.acceleration
+    }
+
+    fn full_kick(&mut self, step: f64, force: f64, drag: f64) {
+        self.acceleration = (force - self.load) / self.mass - drag * self.predicted(step);
+        self.velocity += 0.5 * step * self.acceleration;
+    }
+}
+
+/// The force of the grains on the body on top: upwards, and along x where that is asked for (N; N/m in 2D).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Load {
+    pub up: f64,
+    pub along: f64,
+}
+
+/// What bounds the grains and drives them, as the step sees it. The defaults are those of a scene
+/// without walls.
+pub trait Drive<D: Dimension> {
+    /// c of translations and of rotations (1/s): grains are slowed by -c m v and -c I ω.
+    fn drag(&self) -> Option<[f64; 2]> {
+        None
+    }
+    /// The greatest speed of a wall (m/s).
+    fn speed(&self) -> f64 {
+        0.0
+    }
+    /// Before the first step, under the forces of the grains.
+    fn start(&mut self, _: Load) {}
+    /// First half kick and drift of the walls.
+    fn drift(&mut self, _step: f64, _: &mut Grains<D>) {}
+    /// After the grains' drift: the wall grains' predicted velocities.
+    fn predict(&mut self, _step: f64, _: &mut Grains<D>) {}
+    /// Adds forces of the walls on the grains that are not contacts between grains. Returns a grain
+    /// whose overlap is outside the law.
+    fn forces(&mut self, _: Level, _: Cell, _step: f64, _: &mut Grains<D>) -> Option<usize> {
+        None
+    }
+    /// Adds this rank's part of the force on the top: upwards, and along x.
+    fn load(&self, _: &Grains<D>, _: &FixedPoint, _to: &mut [Accumulator; 2]) {}
+    /// Second half kick, by the force on the top.
+    fn kick(&mut self, _step: f64, _: Load, _: &mut Grains<D>) {}
+    /// Displacement of the top along x in the last step (m).
+    fn slid(&self) -> f64 {
+        0.0
+    }
+    /// The rank's grains were renumbered; until the next call they move by at most half a skin (m).
+    fn renumber(&mut self, _: Level, _: &Grains<D>, _skin: f64) {}
+}
+
+/// Smooth rigid planes at 0 and at the piston's height along the last axis, the upper one pressed by N.
+///
+/// A smooth rigid plane is the plane of symmetry of a contact of two equal grains: each grain near it meets its mirror
+/// image, by the law of the grains without friction.
+#[derive(Debug)]
+pub struct Planes<D: Dimension> {
+    pub piston: Piston,
+    pub drag: f64,
+    law: Box<dyn PairForce<D>>,
+    /// Grains near a plane, and whether it is the upper one.
+    near: Vec<(u32, bool)>,
+    record: Vec<D::Record>,
+    force: Vec<D::Force>,
+    contacts: Contacts,
+    scratch: Box<Scratch<D>>,
+}
+
+impl<D: Dimension> Planes<D> {
+    pub fn new(law: Box<dyn PairForce<D>>, piston: Piston, drag: f64) -> Self {
+        Self {
+            piston,
+            drag,
+            law,
+            near: Vec::new(),
+            record: Vec::new(),
+            force: Vec::new(),
+            contacts: Contacts::default(),
+            scratch: Box::default(),
+        }
+    }
+
+    /// Adds this rank's part of the force on a plane, away from the sample.
+    pub fn load_on(&self, upper: bool, fixed: &FixedPoint, to: &mut Accumulator) {
+        for (k, &(_, side)) in self.near.iter().enumerate() {
+            if side == upper {
+                fixed.add(to, self.force[2 * k][D::UP].abs());
+            }
+        }
+    }
+}
+
+impl<D: Dimension> Drive<D> for Planes<D> {
+    /// Spins as well: a grain that touches nothing would turn for ever, and the sample never be at rest.
+    fn drag(&self) -> Option<[f64; 2]> {
+        Some([self.drag; 2])
+    }
+
+    fn speed(&self) -> f64 {
+        self.piston.velocity.abs()
+    }
+
+    fn start(&mut self, load: Load) {
+        self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
+    }
+
+    fn drift(&mut self, step: f64, _: &mut Grains<D>) {
+        self.piston.half_kick_and_drift(step);
+    }
+
+    fn predict(&mut self, _: f64, _: &mut Grains<D>) {}
+
+    fn forces(
+        &mut self,
+        level: Level,
+        cell: Cell,
+        step: f64,
+        grains: &mut Grains<D>,
+    ) -> Option<usize> {
+        let up = D::UP;
+        let velocity = self.piston.predicted(step);
+        for (k, &(g, upper)) in self.near.iter().enumerate() {
+            let (plane, speed) = if upper {
+                (self.piston.height, velocity)
+            } else {
+                (0.0, 0.0)
+            };
+            let own = grains.record[g as usize];
+            let mut image = own;
+            let mirrored = D::fields_mut(&mut image);
+            mirrored[up] = 2.0 * plane - mirrored[up];
+            let v = &mut mirrored[D::VELOCITY + up];
+            *v = 2.0 * speed - *v;
+            self.record[2 * k] = own;
+            self.record[2 * k + 1] = image;
+        }
+        self.force.fill(Zeroable::zeroed());
+        let all = 0..self.contacts.blocks();
+        let part = self.contacts.part(all);
+        let found = self.law.pass(
+            level,
+            Pass {
+                record: &self.record,
+                force: &mut self.force,
+                part,
+                units: grains.units,
+                cell,
+                step,
+                samples: None,
+                counting: None,
+            },
+            &mut self.scratch,
+        );
+        for (k, &(g, _)) in self.near.iter().enumerate() {
+            grains.force[g as usize][up] += self.force[2 * k][up];
+        }
+        found.outside.or(found.too_strong).map(|(block, lane)| {
+            let k = self.contacts.pairs.blocks()[block].i[lane] as usize / 2;
+            self.near[k].0 as usize
+        })
+    }
+
+    fn load(&self, _: &Grains<D>, fixed: &FixedPoint, [up, _]: &mut [Accumulator; 2]) {
+        self.load_on(true, fixed, up);
+    }
+
+    fn kick(&mut self, step: f64, load: Load, _: &mut Grains<D>) {
+        self.piston.full_kick(step, load.up, self.drag);
+    }
+
+    fn renumber(&mut self, level: Level, grains: &Grains<D>, skin: f64) {
+        self.near.clear();
+        for g in 0..grains.owned {
+            let y = grains.fields(g)[D::UP];
+            let reach = grains.radius[g] + skin;
+            for (upper, gap) in [(false, y), (true, self.piston.height - y)] {
+                if gap < reach {
+                    self.near.push((g as u32, upper));
+                }
+            }
+        }
+        let with_image = |k: u32| CandidatePair {
+            grains: [2 * k, 2 * k + 1],
+            gap: 0.0,
+        };
+        let near: Vec<_> = (0..self.near.len() as u32).map(with_image).collect();
+        let id: Vec<_> = (0..2 * self.near.len() as u32).collect();
+        let radius: Vec<_> = self
+            .near
+            .iter()
+            .flat_map(|&(g, _)| [grains.radius[g as usize]; 2])
+            .collect();
+        self.record.clear();
+        self.record.resize(radius.len(), Zeroable::zeroed());
+        self.force.clear();
+        self.force.resize(radius.len(), Zeroable::zeroed());
+        self.contacts
+            .replace(level, self.law.as_ref(), &near, &[], (&id, &radius), radius.len());
+    }
+}
+
+/// How the top is moved along x.
+#[derive(Debug, Clone)]
+pub struct Slider {
+    /// How far the drive has been moved, and how fast it is, step by step.
+    pub protocol: Protocol,
+    /// `None`: the top moves with the drive. Else the stiffness of the spring between them (N/m; Pa in 2D).
+    pub spring: Option<f64>,
+    pub state: SliderState,
+}
+
+/// The top along x since the start of the shear. SI units.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct SliderState {
+    /// Steps that are done.
+    pub step: u64,
+    /// x (m).
+    pub displacement: f64,
+    /// Full-step velocity; between the kicks that of the half step (m/s).
+    pub velocity: f64,
+    pub acceleration: f64,
+    /// How far it moved in the last step (m).
+    pub slid: f64,
+}
+
+impl Slider {
+    /// The drive moves by `protocol`; the top is at rest, or has the drive's velocity where no spring is between them.
+    pub fn new(protocol: Protocol, spring: Option<f64>) -> Self {
+        let velocity = match spring {
+            None => protocol.velocity(0),
+            Some(_) => 0.0,
+        };
+        Self {
+            protocol,
+            spring,
+            state: SliderState {
+                velocity,
+                ..SliderState::default()
+            },
+        }
+    }
+
+    fn half_kick_and_drift(&mut self, step: f64) {
+        let state = &mut self.state;
+        let before = state.displacement;
+        if self.spring.is_some() {
+            state.velocity += 0.5 * step * state.acceleration;
+            state.displacement += step * state.velocity;
+        } else {
+            state.velocity = self.protocol.velocity(state.step);
+            state.displacement = self.protocol.position(state.step + 1);
+        }
+        state.slid = state.displacement - before;
+        state.step += 1;
+    }
+
+    fn predicted(&self, step: f64) -> f64 {
+        self.state.velocity + 0.5 * step * self.state.acceleration
+    }
+
+    /// By the grains' force along x, and that of the spring.
+    fn accelerate(&mut self, force: f64, mass: f64) {
+        if let Some(stiffness) = self.spring {
+            let stretch = self.protocol.position(self.state.step) - self.state.displacement;
+            self.state.acceleration = (stiffness * stretch + force) / mass;
+        }
+    }
+}
+
+/// Walls frozen out of the sample: the bottom fixed, the top rigid with constant load N, moved along x by a slider.
+#[derive(Debug)]
+pub struct GrainWalls {
+    pub piston: Piston,
+    pub slider: Slider,
+    /// Whether the force along x is asked for in every step.
+    pub along: bool,
+    /// Own grains of the top wall.
+    pub top: Vec<u32>,
+}
+
+impl GrainWalls {
+    /// What of them belongs to the state.
+    pub fn state(&self) -> [f64; 6] {
+        let (piston, slider) = (&self.piston, &self.slider.state);
+        [
+            piston.height,
+            piston.velocity,
+            piston.acceleration,
+            slider.displacement,
+            slider.velocity,
+            slider.acceleration,
+        ]
+    }
+
+    /// Gives the grains of the top these velocities, of the fields that begin `at`.
+    fn impose<D: Dimension>(&self, at: &[usize], [along, up]: [f64; 2], grains: &mut Grains<D>) {
+        for &g in &self.top {
+            let r = grains.fields_mut(g as usize);
+            for at in at {
+                r[*at] = along;
+                r[at + D::UP] = up;
+            }
+        }
+    }
+
+    /// As the plate moves now: also as the velocity of the half step, from which a second kick that is put off begins.
+    fn impose_own<D: Dimension>(&self, grains: &mut Grains<D>) {
+        let own = [self.slider.state.velocity, self.piston.velocity];
+        self.impose(&[D::VELOCITY, D::HALF_VELOCITY], own, grains);
+    }
+}
+
+impl<D: Dimension> Drive<D> for GrainWalls {
+    fn start(&mut self, load: Load) {
+        self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
+        self.slider.accelerate(load.along, self.piston.mass);
+    }
+
+    fn drift(&mut self, step: f64, grains: &mut Grains<D>) {
+        self.piston.half_kick_and_drift(step);
+        self.slider.half_kick_and_drift(step);
+        self.impose_own(grains);
+    }
+
+    fn predict(&mut self, step: f64, grains: &mut Grains<D>) {
+        let predicted = [self.slider.predicted(step), self.piston.predicted(step)];
+        self.impose(&[D::VELOCITY], predicted, grains);
+    }
+
+    fn load(&self, grains: &Grains<D>, fixed: &FixedPoint, [up, along]: &mut [Accumulator; 2]) {
+        for &g in &self.top {
+            fixed.add(up, grains.force[g as usize][D::UP]);
+        }
+        if self.along {
+            for &g in &self.top {
+                fixed.add(along, grains.force[g as usize][0]);
+            }
+        }
+    }
+
+    fn kick(&mut self, step: f64, load: Load, grains: &mut Grains<D>) {
+        self.piston.full_kick(step, load.up, 0.0);
+        if self.slider.spring.is_some() {
+            self.slider.accelerate(load.along, self.piston.mass);
+            self.slider.state.velocity += 0.5 * step * self.slider.state.acceleration;
+        }
+        self.impose_own(grains);
+    }
+
+    fn slid(&self) -> f64 {
+        self.slider.state.slid
+    }
+
+    fn renumber(&mut self, _: Level, grains: &Grains<D>, _: f64) {
+        self.top = grains.of_body(body::TOP);
+    }
+}
+
+/// No walls, and a drag on translations but not on spins: overdamped dynamics (BO section III).
+#[derive(Debug)]
+pub struct Overdamped {
+    /// η_0 (1/s).
+    pub drag: f64,
+}
+
+/// No walls and no drag.
+#[derive(Debug, Default)]
+pub struct NoWalls;
+
+impl<D: Dimension> Drive<D> for Overdamped {
+    fn drag(&self) -> Option<[f64; 2]> {
+        Some([self.drag, 0.0])
+    }
+}
+
+impl<D: Dimension> Drive<D> for NoWalls {}

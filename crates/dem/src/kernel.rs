@@ -1,0 +1,628 @@
+//! The loop over the contacts, for any law, sixteen pairs at a time.
+//!
+//! What contract 1 rests on: every pair is evaluated in one orientation from the wrapped coordinates of its two grains,
+//! and forces are rounded to common [`Units`], whose multiples add up exactly in any order.
+
+#![expect(
+    clippy::needless_range_loop,
+    reason = "iterators would have to be inlined with all their closures, or they lose the instruction set"
+)]
+
+use std::ops::Range;
+
+use crate::contact::model::PairModel;
+use crate::contact::stiffness::Stiffness;
+use crate::contact::{CARRY, ContactLaw, Motion, Response, loss, store_vector, vector};
+use crate::dimension::{Dimension, Three};
+use crate::simd::{LANES, Lanes, Level, Mask, Row, Work, ask_for, inverse_sqrt};
+use crate::state::{Cell, Part, Units};
+
+/// What only frames and time series want of the contacts, by block as in [`crate::state::Contacts`].
+#[derive(Debug, Default)]
+pub struct ContactForces {
+    pub normal: Vec<Row>,
+    /// Of three components as many as the dimension has.
+    pub tangential: Vec<[Row; 3]>,
+    pub overlap: Vec<Row>,
+    /// Lanes at the Coulomb limit.
+    pub sliding: Vec<u16>,
+}
+
+impl ContactForces {
+    /// Room for so many blocks.
+    pub fn prepare(&mut self, blocks: usize) {
+        for rows in [&mut self.normal, &mut self.overlap] {
+            rows.clear();
+            rows.resize(blocks, Row::ZERO);
+        }
+        self.tangential.clear();
+        self.tangential.resize(blocks, [Row::ZERO; 3]);
+        self.sliding.clear();
+        self.sliding.resize(blocks, 0);
+    }
+
+    /// Of some blocks.
+    pub fn part(&mut self, blocks: Range<usize>) -> Samples<'_> {
+        Samples {
+            normal: &mut self.normal[blocks.clone()],
+            tangential: &mut self.tangential[blocks.clone()],
+            overlap: &mut self.overlap[blocks.clone()],
+            sliding: &mut self.sliding[blocks],
+        }
+    }
+}
+
+/// [`ContactForces`] of some blocks.
+pub struct Samples<'a> {
+    normal: &'a mut [Row],
+    tangential: &'a mut [[Row; 3]],
+    overlap: &'a mut [Row],
+    sliding: &'a mut [u16],
+}
+
+impl<'a> Samples<'a> {
+    /// The first blocks, and the rest.
+    pub fn split(self, blocks: usize) -> (Samples<'a>, Samples<'a>) {
+        let (normal, normal_after) = self.normal.split_at_mut(blocks);
+        let (tangential, tangential_after) = self.tangential.split_at_mut(blocks);
+        let (overlap, overlap_after) = self.overlap.split_at_mut(blocks);
+        let (sliding, sliding_after) = self.sliding.split_at_mut(blocks);
+        (
+            Samples {
+                normal,
+                tangential,
+                overlap,
+                sliding,
+            },
+            Samples {
+                normal: normal_after,
+                tangential: tangential_after,
+                overlap: overlap_after,
+                sliding: sliding_after,
+            },
+        )
+    }
+}
+
+/// Forces of one pass over some contacts.
+pub struct Pass<'a, D: Dimension> {
+    pub record: &'a [D::Record],
+    /// Added to.
+    pub force: &'a mut [D::Force],
+    pub part: Part<'a>,
+    pub units: Units,
+    pub cell: Cell,
+    /// Δt (s); 0 evaluates the forces without advancing the histories.
+    pub step: f64,
+    /// Filled where given.
+    pub samples: Option<Samples<'a>>,
+    /// Where given, a ledger of energy is kept.
+    pub counting: Option<Counting>,
+}
+
+/// How the ledger counts what the contacts lose.
+#[derive(Debug, Clone, Copy)]
+pub struct Counting {
+    /// In whole multiples of this (J/m).
+    pub unit: f64,
+    /// Δt (s), for which a power stands also where nothing moves.
+    pub step: f64,
+}
+
+/// What a pass finds.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Found {
+    /// A pair (block, lane) whose overlap is outside the law.
+    pub outside: Option<(usize, usize)>,
+    /// A pair whose force is too great to be rounded to the unit.
+    pub too_strong: Option<(usize, usize)>,
+    /// Energies that the contacts lost of which this rank owns i, in [`Counting::unit`]s.
+    pub lost: [i128; loss::KINDS],
+    /// An energy was too great to be counted.
+    pub uncounted: bool,
+}
+
+impl Found {
+    pub fn and(mut self, other: Self) -> Self {
+        self.outside = self.outside.or(other.outside);
+        self.too_strong = self.too_strong.or(other.too_strong);
+        self.uncounted |= other.uncounted;
+        for (sum, more) in self.lost.iter_mut().zip(other.lost) {
+            *sum += more;
+        }
+        self
+    }
+}
+
+/// A contact law of grains in `D` dimensions, with the loop over the contacts compiled for it: one
+/// virtual call per pass. Implemented for every [`ContactLaw`]; [`crate::laws`] makes them.
+pub trait PairForce<D: Dimension>: PairModel {
+    /// Adds the contact forces to the grains and advances what the contacts remember.
+    fn pass(&self, level: Level, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> Found;
+}
+
+impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
+    fn pass(
+        &self,
+        level: Level,
+        pass: Pass<'_, C::Space>,
+        scratch: &mut Scratch<C::Space>,
+    ) -> Found {
+        let (law, first) = (self, pass.part.first);
+        let mut found = match pass.counting {
+            Some(_) => level.run(Blocks::<C, true> { law, pass, scratch }),
+            None => level.run(Blocks::<C, false> { law, pass, scratch }),
+        };
+        for (block, _) in [&mut found.outside, &mut found.too_strong]
+            .into_iter()
+            .flatten()
+        {
+            *block += first;
+        }
+        found
+    }
+}
+
+/// One pass; blocks are counted from the first of the part.
+struct Blocks<'a, C: ContactLaw, const LEDGER: bool> {
+    law: &'a C,
+    pass: Pass<'a, C::Space>,
+    scratch: &'a mut Scratch<C::Space>,
+}
+
+/// Blocks that go through the phases of a pass together: enough for the processor to overlap them, few enough for its
+/// first-level cache.
+const CHUNK: usize = 8;
+
+/// Bytes of records beyond which what is needed next is asked for: with their contacts, six times as much, they fill a last-level
+/// cache. Asking costs some 4 % where they do not, and spares 5 to 15 % where they do (docs/speed.md).
+const CACHED: usize = 8 << 20;
+
+/// What one phase of a pass leaves to the next, per block: kept from pass to pass for its room alone.
+#[derive(Debug)]
+pub struct Scratch<D: Dimension> {
+    /// Differences of the records, and the angular velocities of the second grain.
+    difference: [D::Fields; CHUNK],
+    spins_of_j: [[Row; 6]; CHUNK],
+    motion: [Motion; CHUNK],
+    /// n.
+    direction: [[Row; 3]; CHUNK],
+    carry: [[Row; CARRY]; CHUNK],
+    response: [Response; CHUNK],
+    /// Block, lane and factor of the damping of pairs that have just come to touch, where a ledger is kept.
+    touched: Vec<(usize, usize, f64)>,
+}
+
+impl<D: Dimension> Default for Scratch<D> {
+    fn default() -> Self {
+        Self {
+            difference: [D::NO_FIELDS; CHUNK],
+            spins_of_j: [[Row::ZERO; 6]; CHUNK],
+            motion: [Motion::ZERO; CHUNK],
+            direction: [[Row::ZERO; 3]; CHUNK],
+            carry: [[Row::ZERO; CARRY]; CHUNK],
+            response: [Response::NONE; CHUNK],
+            touched: Vec::new(),
+        }
+    }
+}
+
+impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
+    type Output = Found;
+
+    /// Phases of short chains of operations each, so that the processor has several blocks under way.
+    #[inline(always)]
+    fn run<L: Lanes>(self, token: L::Token) -> Self::Output {
+        let Self {
+            law,
+            mut pass,
+            scratch,
+        } = self;
+        let pass = &mut pass;
+        let mut found = Found::default();
+        let blocks = pass.part.blocks();
+        let ahead = size_of_val(pass.record) > CACHED;
+        for first in (0..blocks).step_by(CHUNK) {
+            let chunk = first..blocks.min(first + CHUNK);
+            if ahead {
+                for block in chunk.end..blocks.min(chunk.end + CHUNK) {
+                    let block = pass.part.first + block;
+                    ask_for(pass.record, pass.part.pairs, block);
+                    ask_for(pass.force, pass.part.pairs, block);
+                }
+            }
+            differ::<C, L>(token, pass, chunk.clone(), scratch);
+            let active = move_pairs::<C, L, LEDGER>(token, pass, chunk.clone(), scratch);
+            // Behind it nothing touches or touched a step ago: what such pairs remember is nothing already.
+            let chunk = first..first + active;
+            if chunk.is_empty() {
+                continue;
+            }
+            let outside = evaluate::<C, L, LEDGER>(token, law, pass, chunk.clone(), scratch);
+            found.outside = found.outside.or(outside);
+            if LEDGER {
+                account::<C, L>(token, pass, chunk.clone(), scratch, &mut found);
+            }
+            let too_strong = add::<C, L>(token, pass, chunk, scratch);
+            found.too_strong = found.too_strong.or(too_strong);
+        }
+        found
+    }
+}
+
+/// How the grains of the pairs differ.
+#[inline(always)]
+fn differ<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &mut Scratch<C::Space>,
+) {
+    let (record, part) = (pass.record, &pass.part);
+    for ((block, difference), spins_of_j) in chunk
+        .zip(&mut scratch.difference)
+        .zip(&mut scratch.spins_of_j)
+    {
+        let block = part.first + block;
+        C::Space::differ::<L>(token, record, part.pairs, block, difference);
+        if C::FRICTION {
+            C::Space::spins_of_j::<L>(token, record, part.pairs, block, spins_of_j);
+        }
+    }
+}
+
+/// How the pairs move; in three dimensions the tangential part of their histories is turned with n. Returns the number of blocks up to
+/// the last in which a pair touches or touched a step ago.
+#[inline(always)]
+fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+    token: L::Token,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &mut Scratch<C::Space>,
+) -> usize {
+    let mut active = 0;
+    let c = |v| L::splat(token, v);
+    let load = |row: &Row| L::load(token, row);
+    let zero = c(0.0);
+    let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
+    let step = c(pass.step);
+    let [slip_shift, turn_shift] = [pass.units.slip, Units::TURN].map(|u| c(Units::shift(u)));
+    let contacts = &mut pass.part;
+    if LEDGER {
+        scratch.touched.clear();
+    }
+    let blocks = contacts.geometry[chunk.clone()]
+        .iter()
+        .zip(&mut contacts.touching[chunk.clone()])
+        .zip(scratch.difference.iter().zip(&scratch.spins_of_j))
+        .zip(scratch.motion.iter_mut().zip(&mut scratch.direction))
+        .enumerate();
+    for (k, ((([sum, r_i], touching), (difference, spins_of_j)), (motion, direction))) in blocks {
+        let difference = difference.as_ref();
+        let mut r = vector::<L>(token, &difference[C::Space::POSITION..], axes);
+        // How much faster along x the second grain's image is than itself: what is to be taken from differences of velocities.
+        let mut image_velocity = None;
+        if let Some(sheared) = &pass.cell.sheared {
+            let up = C::Space::UP;
+            let images = -(r[up] * c(1.0 / sheared.height)).round();
+            r[up] = images.mul_add(c(sheared.height), r[up]);
+            r[0] = images.mul_add(c(sheared.offset), r[0]);
+            image_velocity = Some(images * c(sheared.velocity));
+        }
+        for axis in 0..C::Space::UP {
+            let period = pass.cell.periods[axis];
+            let images = -(r[axis] * c(1.0 / period)).round();
+            r[axis] = images.mul_add(c(period), r[axis]);
+        }
+        let square = C::Space::dot(&r, &r);
+        let per_distance = inverse_sqrt(token, square);
+        // Within 0.501 ulp, as the overlap is the small difference of two lengths.
+        let near = square * per_distance;
+        let distance = (c(0.5) * per_distance).mul_add((-near).mul_add(near, square), near);
+        let mut n = r;
+        for axis in 0..axes {
+            n[axis] = r[axis] * per_distance;
+        }
+        store_vector(&n, direction, axes);
+        let sum = load(sum);
+        let overlap = sum - distance;
+        overlap.store(&mut motion.overlap);
+        let mut v = vector::<L>(token, &difference[C::Space::VELOCITY..], axes);
+        let mut half_v = vector::<L>(token, &difference[C::Space::HALF_VELOCITY..], axes);
+        if let Some(more) = image_velocity {
+            v[0] = v[0] + more;
+            half_v[0] = half_v[0] + more;
+        }
+        let v_n = C::Space::dot(&v, &n);
+        v_n.store(&mut motion.normal_velocity);
+        let half_normal = C::Space::dot(&half_v, &n);
+        if LEDGER {
+            (half_normal * step).store(&mut motion.normal_increment);
+        }
+        if C::FRICTION {
+            // R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j
+            let r_i = load(r_i);
+            let (half_of_j, of_j) = spins_of_j.split_at(spins);
+            let of_difference = vector::<L>(token, &difference[C::Space::SPIN..], spins);
+            let of_j = vector::<L>(token, of_j, spins);
+            let s = weighted(r_i, &of_difference, sum, &of_j);
+            let turning = C::Space::turning(&n, &s);
+            let across = C::Space::across(&n, &v, v_n);
+            for k in 0..spins {
+                (across[k] + turning[k]).store(&mut motion.tangential_velocity[k]);
+            }
+            // The half-step velocity belongs to the tangent plane of the half step, when r was r - ½Δt v. Left out, F_t^e would be of
+            // first order where n turns. Of v - v_n n, as v × v = 0, only the length of r differs, by |r|/|r - ½Δt v|.
+            let half_step = c(0.5) * step * per_distance;
+            let longer = half_step.mul_add(half_normal, c(1.0));
+            let of_difference = vector::<L>(token, &difference[C::Space::HALF_SPIN..], spins);
+            let of_j = vector::<L>(token, half_of_j, spins);
+            let half_s = weighted(r_i, &of_difference, sum, &of_j);
+            let turning = C::Space::turning(&n, &half_s);
+            let across = C::Space::across(&n, &half_v, half_normal);
+            let mut slip = [zero; 3];
+            for k in 0..spins {
+                slip[k] = across[k].mul_add(longer, turning[k]);
+            }
+            if spins == 3 {
+                // The spins, too, are turned from that plane into this one: what twists the contact turns into its plane.
+                let twist = half_step * C::Space::dot(&n, &half_s);
+                let aside = C::Space::turning(&n, &half_v);
+                for k in 0..spins {
+                    slip[k] = twist.mul_add(aside[k], slip[k]);
+                }
+                let rows = (chunk.start + k) * C::HISTORY;
+                let history = &mut contacts.history[rows..rows + 3];
+                turn_with_normal::<L>(token, history, &n, &across, half_step * longer);
+            }
+            for k in 0..spins {
+                let slip = slip[k].mul_add(step, slip_shift) - slip_shift;
+                slip.store(&mut motion.tangential_increment[k]);
+            }
+        }
+        if C::ROLLING {
+            motion.rolling_velocity = difference[C::Space::SPIN];
+            let turn =
+                load(&difference[C::Space::HALF_SPIN]).mul_add(step, turn_shift) - turn_shift;
+            turn.store(&mut motion.rolling_increment);
+        }
+        let before = *touching;
+        *touching = overlap.greater(zero).bits();
+        if before | *touching != 0 {
+            active = k + 1;
+        }
+        // A pair that touched a step ago overlaps by more than it has come nearer since.
+        let nearer = -half_normal * step;
+        let new = nearer.greater(overlap).bits() & *touching;
+        if new != 0 {
+            let nearer = nearer.to_row();
+            for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
+                let factor = first_touch(motion, lane, nearer.0[lane]);
+                if LEDGER {
+                    scratch.touched.push((k, lane, factor));
+                }
+            }
+        }
+    }
+    active
+}
+
+/// a x + b y.
+#[inline(always)]
+fn weighted<L: Lanes>(a: L, x: &[L; 3], b: L, y: &[L; 3]) -> [L; 3] {
+    [
+        a.mul_add(x[0], b * y[0]),
+        a.mul_add(x[1], b * y[1]),
+        a.mul_add(x[2], b * y[2]),
+    ]
+}
+
+/// Turns a vector of the last tangent plane into this one as n has turned, which leaves its length as it is: with τ of half the angle
+/// and p = u·n, u - p (n - τ), where τ = ½Δt v_t/|r| at the half step, to third order of the angle.
+#[inline(always)]
+fn turn_with_normal<L: Lanes>(
+    token: L::Token,
+    history: &mut [Row],
+    n: &[L; 3],
+    across: &[L; 3],
+    half_step: L,
+) {
+    let mut u = vector::<L>(token, history, 3);
+    let p = Three::dot(&u, n);
+    for k in 0..3 {
+        let aside = half_step.mul_add(across[k], -n[k]);
+        u[k] = p.mul_add(aside, u[k]);
+    }
+    store_vector(&u, history, 3);
+}
+
+/// The law. Returns a pair whose overlap is outside it, if there is one.
+#[inline(always)]
+fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+    token: L::Token,
+    law: &C,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &mut Scratch<C::Space>,
+) -> Option<(usize, usize)> {
+    let contacts = &mut pass.part;
+    let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
+    law.evaluate::<L, LEDGER>(
+        token,
+        &mut crate::contact::Blocks {
+            parameters: &contacts.parameters[rows(C::PARAMETERS)],
+            history: &mut contacts.history[rows(C::HISTORY)],
+            motion: &scratch.motion[..chunk.len()],
+            carry: &mut scratch.carry[..chunk.len()],
+            response: &mut scratch.response[..chunk.len()],
+        },
+    );
+    let mut outside = None;
+    let touching = &contacts.touching[chunk.clone()];
+    for ((block, touching), response) in chunk.zip(touching).zip(&scratch.response) {
+        let beyond = response.beyond & touching;
+        if beyond != 0 && outside.is_none() {
+            outside = Some((block, beyond.trailing_zeros() as usize));
+        }
+    }
+    outside
+}
+
+/// Energies below this many units are counted sixteen at a time.
+const MOST_UNITS: f64 = (1u64 << 50) as f64;
+
+/// What the contacts lost.
+#[inline(always)]
+fn account<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &mut Scratch<C::Space>,
+    found: &mut Found,
+) {
+    for &(k, lane, factor) in &scratch.touched {
+        // Both the damping force and the velocity were scaled, and only the force is to be.
+        scratch.response[k].lost[loss::DAMPING].0[lane] /= factor;
+    }
+    let load = |row: &Row| L::load(token, row);
+    let c = |v| L::splat(token, v);
+    let part = &pass.part;
+    let (unit, step) = pass.counting.map_or((1.0, 0.0), |c| (c.unit, c.step));
+    let mine = chunk.end.min(part.mine.saturating_sub(part.first));
+    let blocks = chunk.start..mine.max(chunk.start);
+    for kind in 0..loss::KINDS {
+        let mut sums = L::no_counts(token);
+        let per_unit = match kind {
+            loss::DAMPING => c(step / unit),
+            _ => c(1.0 / unit),
+        };
+        for response in &scratch.response[..blocks.len()] {
+            let units = load(&response.lost[kind]) * per_unit;
+            let few = c(MOST_UNITS).greater(units.abs());
+            if few.bits() != u16::MAX {
+                count_many(&units.to_row(), few.bits(), found, kind);
+            }
+            sums = units.select(few, c(0.0)).count(sums);
+        }
+        found.lost[kind] += L::total(sums);
+    }
+}
+
+/// Counts the energies of lanes that are not among the `few`, in units.
+#[cold]
+fn count_many(units: &Row, few: u16, found: &mut Found, kind: usize) {
+    for lane in (0..LANES).filter(|lane| few >> lane & 1 == 0) {
+        let units = units.0[lane].round_ties_even();
+        if units.abs() < 2f64.powi(100) {
+            found.lost[kind] += units as i128;
+        } else {
+            found.uncounted = true;
+        }
+    }
+}
+
+/// What it all comes to for the grains: pairs that do not touch add zeros. Returns a pair whose force is too great to be
+/// rounded to the unit, if there is one.
+#[inline(always)]
+fn add<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &Scratch<C::Space>,
+) -> Option<(usize, usize)> {
+    let load = |row: &Row| L::load(token, row);
+    let c = |v| L::splat(token, v);
+    let zero = c(0.0);
+    let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
+    let units = pass.units;
+    let [force_shift, torque_shift] = [units.force, units.torque].map(|u| c(Units::shift(u)));
+    let largest = c(units.largest_force());
+    let mut outside = None;
+    let sums = &mut *pass.force;
+    let contacts = &pass.part;
+    for (k, block) in chunk.enumerate() {
+        let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
+        let touching = load(&motion.overlap).greater(zero);
+        let mut n = vector::<L>(token, &scratch.direction[k], 1);
+        for axis in 0..axes {
+            n[axis] = load(&scratch.direction[k][axis]).select(touching, zero);
+        }
+        let normal = load(&response.normal).select(touching, zero);
+        if let Some(samples) = &mut pass.samples {
+            samples.normal[block] = response.normal;
+            samples.overlap[block] = motion.overlap;
+            samples.tangential[block] = response.tangential;
+            samples.sliding[block] = response.sliding & contacts.touching[block];
+        }
+        let mut force = n;
+        let (mut on_i, mut on_j) = ([zero; 3], [zero; 3]);
+        if C::FRICTION {
+            let mut tangential = [zero; 3];
+            for k in 0..spins {
+                tangential[k] = load(&response.tangential[k]).select(touching, zero);
+            }
+            let [sum, r_i] = &contacts.geometry[block];
+            let (sum, r_i) = (load(sum), load(r_i));
+            force = C::Space::force(&n, normal, &tangential);
+            let moment = C::Space::moment(&n, &tangential);
+            for k in 0..spins {
+                on_i[k] = -r_i * moment[k];
+                on_j[k] = (r_i - sum) * moment[k];
+            }
+        } else {
+            for axis in 0..axes {
+                force[axis] = normal * n[axis];
+            }
+        }
+        if C::ROLLING {
+            let rolling = load(&response.rolling).select(touching, zero);
+            on_i[0] = on_i[0] + rolling;
+            on_j[0] = on_j[0] - rolling;
+        }
+        let mut greatest = force[0].abs();
+        for axis in 1..axes {
+            greatest = greatest.max(force[axis].abs());
+        }
+        let greater = greatest.greater(largest).bits();
+        if greater != 0 && outside.is_none() {
+            outside = Some((block, greater.trailing_zeros() as usize));
+        }
+        for axis in 0..axes {
+            force[axis] = (force[axis] + force_shift) - force_shift;
+        }
+        for k in 0..spins {
+            on_i[k] = (on_i[k] + torque_shift) - torque_shift;
+            on_j[k] = (on_j[k] + torque_shift) - torque_shift;
+        }
+        C::Space::add(
+            force,
+            on_i,
+            on_j,
+            sums,
+            contacts.pairs,
+            contacts.first + block,
+        );
+    }
+    outside
+}
+
+/// The step in which a pair comes to touch: it touches for a part θ = δ/(-v_n Δt) of the step only, so that is the part of the
+/// increments that counts; and as the kicks of this force stand for the time from t-½Δt to t+½Δt, of which the pair touches
+/// ½+θ, the damping that sets in with a jump is scaled by it. Left out, an impact would be of first order in Δt.
+///
+/// Changes one lane of the motion; returns the factor of the damping. `nearer` is -v_n Δt (m).
+#[cold]
+fn first_touch(motion: &mut Motion, lane: usize, nearer: f64) -> f64 {
+    let part = motion.overlap.0[lane] / nearer;
+    for row in &mut motion.tangential_increment {
+        row.0[lane] *= part;
+    }
+    motion.rolling_increment.0[lane] *= part;
+    let factor = 0.5 + part;
+    motion.normal_velocity.0[lane] *= factor;
+    for row in &mut motion.tangential_velocity {
+        row.0[lane] *= factor;
+    }
+    motion.rolling_velocity.0[lane] *= factor;
+    factor
+}

@@ -1,0 +1,455 @@
+//! Spheres: Hertz and Mindlin with viscous damping and Coulomb friction (FR eqs 1–2), LAMMPS' `gran/hertz/history` with the paper's k_t.
+//!
+//! With the overlap δ and R* = R_i R_j/(R_i+R_j), m* = m_i m_j/(m_i+m_j),
+//!
+//!     F_n = max(0, √(δR*) (k_n δ - m*γ_n v_n)),   k_n = (2/3) E/(1-ν²)
+//!     F_t = -√(δR*) (k_t u + m*γ_t v_t),          k_t = 2E/((1+ν)(2-ν))
+//!
+//! The history u (m) is the tangential displacement since the touch. Where |F_t| would be beyond μF_n, it is cut to the limit, and u
+//! is set back so that spring and damper together give just that force.
+
+use std::sync::Arc;
+
+use super::keys::{
+    DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, Key, NORMAL_DAMPING, POISSON_RATIO, RESTITUTION,
+    TANGENTIAL_DAMPING, Values, YOUNG_MODULUS,
+};
+use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::stiffness::{Derivatives, Stiffness};
+use crate::contact::{
+    Blocks, ContactLaw, add_damping, loss, norm, portable_exp, portable_ln, scaled, vector,
+};
+use crate::dimension::{Dimension, Dimensions, Three};
+use crate::kernel::PairForce;
+use crate::state::Masses;
+use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
+
+/// The law as scenes name it.
+pub const KIND: LawKind = LawKind {
+    name: "hertz",
+    summary: "spheres of one elastic material: Hertz and Mindlin with viscous damping and Coulomb \
+              friction (FR eqs 1 and 2; LAMMPS `gran/hertz/history`)",
+    dimensions: &[Dimensions::Three],
+    rolling: false,
+    keys: &[
+        &YOUNG_MODULUS,
+        &POISSON_RATIO,
+        &DENSITY,
+        &RESTITUTION,
+        &IMPACT_SPEED,
+        &IMPACT_DIAMETER,
+        &NORMAL_DAMPING,
+        &TANGENTIAL_DAMPING,
+    ],
+    read: |values| Arc::new(Spheres::read(values)),
+};
+
+/// The elastic material of the spheres and their damping.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spheres {
+    /// E (Pa).
+    pub young_modulus: f64,
+    /// ν.
+    pub poisson_ratio: f64,
+    /// ρ (kg/m³).
+    pub density: f64,
+    /// γ_n and γ_t (1/(m s)).
+    pub normal_damping: f64,
+    pub tangential_damping: f64,
+}
+
+impl Spheres {
+    /// k_n = (2/3) E/(1-ν²) (Pa).
+    pub fn normal_stiffness(&self) -> f64 {
+        2.0 / 3.0 * self.young_modulus / (1.0 - self.poisson_ratio * self.poisson_ratio)
+    }
+
+    /// k_t = 2E/((1+ν)(2-ν)) (Pa).
+    pub fn tangential_stiffness(&self) -> f64 {
+        2.0 * self.young_modulus / ((1.0 + self.poisson_ratio) * (2.0 - self.poisson_ratio))
+    }
+
+    fn read(values: &mut dyn Values) -> Self {
+        let mut spheres = Self {
+            young_modulus: values.required(&YOUNG_MODULUS),
+            poisson_ratio: values.required(&POISSON_RATIO),
+            density: values.required(&DENSITY),
+            normal_damping: 0.0,
+            tangential_damping: 0.0,
+        };
+        let chosen = values.exactly_one(
+            &[&NORMAL_DAMPING, &RESTITUTION],
+            "the damping: normal_damping (gamma_n, 1/(m s)), such as normal_damping = 6e7, or restitution with impact_speed (m/s) and impact_diameter (m)",
+        );
+        let gamma_n = values.number(&NORMAL_DAMPING).unwrap_or(0.0);
+        spheres.normal_damping = if chosen == 1 {
+            let e = values.number(&RESTITUTION).unwrap_or(1.0);
+            let speed = values.required(&IMPACT_SPEED);
+            let diameter = values.required(&IMPACT_DIAMETER);
+            impact_damping(&spheres, e, speed, diameter)
+        } else {
+            let why =
+                "says at what the restitution is measured, and normal_damping is given instead of it";
+            values.useless(&IMPACT_SPEED, why);
+            values.useless(&IMPACT_DIAMETER, why);
+            gamma_n
+        };
+        let gamma_t = values.number(&TANGENTIAL_DAMPING);
+        if gamma_t.is_some_and(|gamma_t| gamma_t > 0.0) && spheres.normal_damping == 0.0 {
+            values.refuse(
+                &TANGENTIAL_DAMPING,
+                "must be 0 where normal_damping is 0: contacts that slow each other down across do so along n as well",
+            );
+        }
+        spheres.tangential_damping = gamma_t.unwrap_or(0.5 * spheres.normal_damping);
+        spheres
+    }
+}
+
+impl Constants for Spheres {
+    fn masses(&self) -> Masses {
+        Masses::Density(self.density)
+    }
+
+    fn normal_stiffness(&self, r1: f64, r2: f64, overlap: f64) -> f64 {
+        Spheres::normal_stiffness(self) * (overlap * r1 * r2 / (r1 + r2)).sqrt()
+    }
+
+    fn largest_overlap(&self, r1: f64, r2: f64) -> f64 {
+        2.0 * LARGEST_OVERLAP * r1.min(r2)
+    }
+
+    fn rigidity(&self, secant: f64, mass: f64, tangential: bool) -> Rigidity {
+        let k_n = Spheres::normal_stiffness(self);
+        // √(δR*) m* γ.
+        let damping = |gamma: f64| secant / k_n * 0.5 * mass * gamma;
+        Rigidity {
+            normal: 1.5 * secant,
+            tangential: match tangential {
+                true => self.tangential_stiffness() / k_n * secant,
+                false => 0.0,
+            },
+            rolling: 0.0,
+            damping: [self.normal_damping, self.tangential_damping].map(damping),
+        }
+    }
+
+    /// Damped with [`PACKING_RESTITUTION`] at the speed √(P/ρ) of the loose sample's collapse: a gas
+    /// of spheres that lose little when they collide takes long to settle.
+    fn while_packing(&self, mean_diameter: f64, pressure: f64) -> Option<Arc<dyn Constants>> {
+        let speed = (pressure / self.density).sqrt();
+        let damping = impact_damping(self, PACKING_RESTITUTION, speed, mean_diameter);
+        Some(Arc::new(Self {
+            normal_damping: damping.max(self.normal_damping),
+            tangential_damping: (0.5 * damping).max(self.tangential_damping),
+            ..*self
+        }))
+    }
+
+    /// 2.9432 (5m*/(4k_n √R*))^(2/5) v^(-1/5).
+    fn collision_time(&self, radius: f64, speed: f64) -> Option<f64> {
+        let mass = 0.5 * self.density * Three::volume(radius);
+        let reduced = 0.5 * radius;
+        let k_n = Spheres::normal_stiffness(self);
+        let deepest = two_fifths(1.25 * mass * speed * speed / (k_n * reduced.sqrt()));
+        // ∫ dx/√(1 - x^(5/2)) from 0 to 1, twice.
+        Some(2.943_275_194_3 * deepest / speed)
+    }
+
+    fn default_of(&self, key: &Key) -> Option<f64> {
+        (key.path == TANGENTIAL_DAMPING.path).then_some(self.tangential_damping)
+    }
+
+    fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
+        vec![
+            ("normal stiffness k_n", Spheres::normal_stiffness(self), "Pa"),
+            ("tangential stiffness k_t", self.tangential_stiffness(), "Pa"),
+            ("normal damping gamma_n", self.normal_damping, "1/(m s)"),
+        ]
+    }
+
+    fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
+        Some(match contact.friction > 0.0 {
+            true => Box::new(Hertz::<true>::new(self, contact)),
+            false => Box::new(Hertz::<false>::new(self, contact)),
+        })
+    }
+}
+
+/// γ_n (1/(m s)) with which two equal spheres of this diameter (m) that meet at this speed (m/s) part with a restitution e.
+///
+/// With δ = vT x, t = T s, T^(5/2) = m*/(k_n √(R* v)) the impact is x'' = -max(0, √x (x + β x')), β = γ_n √(R* v T) T.
+pub fn impact_damping(spheres: &Spheres, restitution: f64, speed: f64, diameter: f64) -> f64 {
+    let radius = 0.25 * diameter;
+    let mass = 0.5 * spheres.density * Three::volume(0.5 * diameter);
+    let time = two_fifths(mass / (spheres.normal_stiffness() * (radius * speed).sqrt()));
+    let (mut low, mut high) = (0.0, 20.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if restitution_of(middle) > restitution {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low / ((radius * speed * time).sqrt() * time)
+}
+
+/// Restitution while spheres are packed, if theirs is not less.
+const PACKING_RESTITUTION: f64 = 0.3;
+
+/// x^(2/5) of a positive number.
+fn two_fifths(x: f64) -> f64 {
+    let exponent = 0.4 * portable_ln(x);
+    if exponent > 0.0 {
+        1.0 / portable_exp(-exponent)
+    } else {
+        portable_exp(exponent)
+    }
+}
+
+/// Speed at which the dimensionless impact of [`impact_damping`] ends, by Runge and Kutta in steps of x where x is small.
+fn restitution_of(beta: f64) -> f64 {
+    let force = |x: f64, v: f64| {
+        let x = x.max(0.0);
+        -(x.sqrt() * (x + beta * v)).max(0.0)
+    };
+    let (mut x, mut v) = (0.0, 1.0);
+    // Contact lasts about 3.2 without damping, and longer with it.
+    let h = 1e-3;
+    for _ in 0..200_000 {
+        let (k1, a1) = (v, force(x, v));
+        let (k2, a2) = (v + 0.5 * h * a1, force(x + 0.5 * h * k1, v + 0.5 * h * a1));
+        let (k3, a3) = (v + 0.5 * h * a2, force(x + 0.5 * h * k2, v + 0.5 * h * a2));
+        let (k4, a4) = (v + h * a3, force(x + h * k3, v + h * a3));
+        x += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+        v += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+        if x <= 0.0 || (v < 0.0 && force(x, v) == 0.0) {
+            break;
+        }
+    }
+    -v
+}
+
+/// Largest δ/(R_1+R_2) of two equal spheres: far beyond where Hertz' theory holds, but no further than other laws go. For unequal ones
+/// it is this part of the smaller one's diameter.
+pub const LARGEST_OVERLAP: f64 = super::hooke::LARGEST_OVERLAP;
+
+/// Constants of the law, the same for all contacts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hertz<const FRICTION: bool> {
+    /// k_n, k_t (Pa).
+    normal_stiffness: f64,
+    tangential_stiffness: f64,
+    /// γ_n (1/(m s)).
+    damping: f64,
+    /// γ_t/γ_n.
+    tangential_damping: f64,
+    /// (4/3)πρ (kg/m³).
+    density: f64,
+    /// μ.
+    friction: f64,
+}
+
+impl<const FRICTION: bool> Hertz<FRICTION> {
+    pub fn new(spheres: &Spheres, contact: &Contact) -> Self {
+        Self {
+            normal_stiffness: spheres.normal_stiffness(),
+            tangential_stiffness: spheres.tangential_stiffness(),
+            damping: spheres.normal_damping,
+            tangential_damping: spheres.tangential_damping
+                / spheres.normal_damping.max(f64::MIN_POSITIVE),
+            density: Three::volume(1.0) * spheres.density,
+            friction: contact.friction,
+        }
+    }
+}
+
+// Places in the parameters of a pair.
+/// R* (m).
+const RADIUS: usize = 0;
+/// m*γ_n (kg/(m s)).
+const DAMPING: usize = 1;
+/// Largest overlap (m).
+const LARGEST: usize = 2;
+
+// Place in what is carried: √(δR*).
+const ROOT: usize = 0;
+
+/// Square of a length (m²) that is as good as none.
+const NO_AREA: f64 = 1e-290;
+
+impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
+    type Space = Three;
+    const PARAMETERS: usize = 3;
+    const HISTORY: usize = if FRICTION { 3 } else { 0 };
+    const FRICTION: bool = FRICTION;
+    const ROLLING: bool = false;
+
+    #[inline(always)]
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+        let c = |v| L::splat(token, v);
+        let density = c(self.density);
+        let (m_i, m_j) = (density * Three::power(r_i), density * Three::power(r_j));
+        let smaller = r_i.select(r_j.greater(r_i), r_j);
+        (r_i * r_j / (r_i + r_j)).store(&mut out[RADIUS]);
+        (c(self.damping) * (m_i * m_j / (m_i + m_j))).store(&mut out[DAMPING]);
+        (c(2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
+    }
+
+    fn largest_force(&self, radius: f64) -> f64 {
+        let overlap = 2.0 * LARGEST_OVERLAP * radius;
+        self.normal_stiffness * overlap * (0.5 * radius * overlap).sqrt()
+    }
+
+    #[inline(always)]
+    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let zero = c(0.0);
+        for (((p, motion), carry), response) in blocks
+            .parameters
+            .chunks_exact(Self::PARAMETERS)
+            .zip(blocks.motion)
+            .zip(&mut *blocks.carry)
+            .zip(&mut *blocks.response)
+        {
+            let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
+            let square = (overlap * load(&p[RADIUS])).max(c(NO_AREA));
+            let root = square * inverse_sqrt(token, square);
+            root.store(&mut carry[ROOT]);
+            let elastic = c(self.normal_stiffness) * overlap;
+            let normal = (root * (elastic - load(&p[DAMPING]) * v_n)).max(zero);
+            normal.store(&mut response.normal);
+            response.beyond = overlap.greater(load(&p[LARGEST])).bits();
+            if LEDGER {
+                let lost = root.mul_add(elastic, -normal) * v_n;
+                lost.select(overlap.greater(zero), zero)
+                    .store(&mut response.lost[loss::DAMPING]);
+            }
+        }
+        if FRICTION {
+            self.rub::<L, LEDGER>(token, blocks);
+        }
+    }
+
+    /// F = √R* k_n δ^(3/2) over δ gives (2/5) √R* k_n δ^(5/2); tangential ½ k_t √(δR*) u².
+    #[inline(always)]
+    fn elastic_energies<L: Lanes>(
+        &self,
+        token: L::Token,
+        parameters: &[Row],
+        overlap: L,
+        history: &[Row],
+    ) -> [L; 3] {
+        let c = |v| L::splat(token, v);
+        let root = (overlap.max(c(0.0)) * L::load(token, &parameters[RADIUS])).sqrt();
+        let normal = c(0.4 * self.normal_stiffness) * root * overlap * overlap;
+        let mut tangential = c(0.0);
+        if FRICTION {
+            let u = vector(token, history, 3);
+            tangential = c(0.5 * self.tangential_stiffness) * root * Three::dot(&u, &u);
+        }
+        [normal, tangential, c(0.0)]
+    }
+
+    fn history_to_state(history: [f64; 3]) -> [f64; 3] {
+        history
+    }
+
+    fn history_from_state(state: [f64; 3]) -> [f64; 3] {
+        state
+    }
+}
+
+impl<const FRICTION: bool> Hertz<FRICTION> {
+    /// F_t.
+    #[inline(always)]
+    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let zero = c(0.0);
+        let k_t = c(self.tangential_stiffness);
+        for ((((p, history), motion), carry), response) in blocks
+            .parameters
+            .chunks_exact(Self::PARAMETERS)
+            .zip(blocks.history.chunks_exact_mut(3))
+            .zip(blocks.motion)
+            .zip(&*blocks.carry)
+            .zip(&mut *blocks.response)
+        {
+            let touching = load(&motion.overlap).greater(zero);
+            let root = load(&carry[ROOT]);
+            let before = vector(token, history, 3);
+            let slip = vector(token, &motion.tangential_increment, 3);
+            let v_t = vector(token, &motion.tangential_velocity, 3);
+            let u = [
+                before[0] + slip[0],
+                before[1] + slip[1],
+                before[2] + slip[2],
+            ];
+            let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
+            // Over √(δR*).
+            let mut force = [zero; 3];
+            for k in 0..3 {
+                force[k] = k_t.mul_add(u[k], gamma_t * v_t[k]);
+            }
+            let (length, per_length) = norm(token, &force);
+            let limit = c(self.friction) * load(&response.normal);
+            let sliding = (root * length).greater(limit);
+            response.sliding = sliding.bits();
+            // √(δR*) where the contact sticks.
+            let factor = (limit * per_length).select(sliding, root);
+            let part = factor * inverse(token, root);
+            for k in 0..3 {
+                (-(factor * force[k])).store(&mut response.tangential[k]);
+                let spring = (part.mul_add(force[k], -(gamma_t * v_t[k])))
+                    * c(1.0 / self.tangential_stiffness);
+                let after = spring.select(sliding, u[k]).select(touching, zero);
+                after.store(&mut history[k]);
+            }
+            if LEDGER {
+                let after = vector(token, history, 3);
+                let earlier = load(&motion.overlap) + load(&motion.normal_increment);
+                let root_before = (earlier.max(zero) * load(&p[RADIUS])).sqrt();
+                let root = root.select(touching, zero);
+                let half_k = c(0.5 * self.tangential_stiffness);
+                let work = half_k
+                    * (root_before * Three::dot(&before, &slip) + root * Three::dot(&after, &slip));
+                let gained = half_k
+                    * (root * Three::dot(&after, &after)
+                        - root_before * Three::dot(&before, &before));
+                let stiffness = half_k * (root_before - root) * Three::dot(&before, &after);
+                let stiffness = stiffness.select(touching, zero);
+                stiffness.store(&mut response.lost[loss::STIFFNESS]);
+                (work - gained - stiffness).store(&mut response.lost[loss::FRICTION]);
+                let viscous = scaled(&v_t, gamma_t * root);
+                let power = Three::dot(&viscous, &v_t).select(touching, zero);
+                add_damping(token, response, power);
+            }
+        }
+    }
+}
+
+/// F_t = -√(δR*) k_t u grows with the root of δ under a u that stays; at the limit it is -μF_n u/|u|.
+impl<const FRICTION: bool> Stiffness for Hertz<FRICTION> {
+    fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+        let [r_i, r_j] = radii;
+        let root = (overlap * r_i * r_j / (r_i + r_j)).sqrt();
+        let d = Derivatives {
+            normal: self.normal_stiffness * root * overlap,
+            normal_slope: 1.5 * self.normal_stiffness * root,
+            ..Derivatives::default()
+        };
+        if !FRICTION {
+            return d;
+        }
+        let k_t = self.tangential_stiffness * root;
+        let trial = history.map(|u| -k_t * u);
+        let mut d = d.limited(trial, k_t, self.friction);
+        if !d.sliding {
+            d.tangential_slope = d.tangential.map(|f| 0.5 * f / overlap);
+        }
+        d
+    }
+}

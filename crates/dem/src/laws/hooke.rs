@@ -1,0 +1,499 @@
+//! Linear springs in 2D and 3D: Hooke with linear damping, Coulomb friction and rolling resistance, as LAMMPS' `gran/hooke/history` and
+//! LIGGGHTS' `hooke` have them, here with the clamp, the damping ratio and the conventions of `lee_hurley`.
+//!
+//! Normal:
+//!
+//!     F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//!
+//! Tangential: the history is the elastic force on i, in the tangent plane,
+//!
+//!     F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
+//!
+//! cut to the limit μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
+//!
+//! Rolling, in 2D, as LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita & Oda):
+//!
+//!     M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
+//!
+//! limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added (`rolling`), which `epsd2` lacks and η_r = 0 takes away.
+
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use super::damping::{of_ratio, read_ratio};
+use super::keys::{
+    DAMPING_RATIO, DENSITY, Key, NORMAL_STIFFNESS, RESTITUTION, TANGENTIAL_STIFFNESS, Values,
+};
+use super::rolling::{self, Places, Rolling, roll};
+use super::{Constants, Contact, LawKind, Rigidity, with_limits};
+use crate::contact::stiffness::{Derivatives, Stiffness};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, scaled, vector};
+use crate::dimension::{Dimension, Dimensions, Three, Two};
+use crate::kernel::PairForce;
+use crate::state::Masses;
+use crate::simd::{Lanes, Mask, Row};
+
+/// The law as scenes name it.
+pub const KIND: LawKind = LawKind {
+    name: "hooke",
+    summary: "linear springs k_n and k_t with linear damping, Coulomb friction and, in 2D, rolling \
+              resistance with k_r = k_t R_r² (LIGGGHTS `epsd2`)",
+    dimensions: &[Dimensions::Two, Dimensions::Three],
+    rolling: true,
+    keys: &[
+        &DENSITY,
+        &NORMAL_STIFFNESS,
+        &TANGENTIAL_STIFFNESS,
+        &DAMPING_RATIO,
+        &RESTITUTION,
+    ],
+    read: |values| Arc::new(Springs::read(values)),
+};
+
+/// Linear springs between grains, and their damping.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Springs {
+    /// k_n and k_t (N/m; per unit depth, Pa, in 2D).
+    pub normal_stiffness: f64,
+    pub tangential_stiffness: f64,
+    /// ρ (kg/m³).
+    pub density: f64,
+    /// α, normal and tangential.
+    pub damping_ratio: f64,
+}
+
+impl Springs {
+    fn read(values: &mut dyn Values) -> Self {
+        let [normal_stiffness, tangential_stiffness] =
+            read_stiffnesses(values, &NORMAL_STIFFNESS, &TANGENTIAL_STIFFNESS);
+        Self {
+            normal_stiffness,
+            tangential_stiffness,
+            density: values.required(&DENSITY),
+            damping_ratio: read_ratio(values),
+        }
+    }
+}
+
+/// k_n and k_t ≤ k_n, by default 2/7 of it.
+pub(super) fn read_stiffnesses(values: &mut dyn Values, normal: &Key, tangential: &Key) -> [f64; 2] {
+    let k_n = values.required(normal);
+    let k_t = values.number(tangential);
+    if let Some(k_t) = k_t.filter(|&k_t| k_t > k_n) {
+        values.refuse(
+            tangential,
+            &format!(
+                "must lie in (0, normal_stiffness = {}], found {}",
+                show(k_n),
+                show(k_t)
+            ),
+        );
+    }
+    [k_n, k_t.unwrap_or(2.0 / 7.0 * k_n)]
+}
+
+/// The shortest decimal that reads back to the same bits, without many zeros.
+fn show(x: f64) -> String {
+    if x.is_finite() && x.abs() >= 1e7 {
+        format!("{x:e}")
+    } else {
+        format!("{x:?}")
+    }
+}
+
+impl Constants for Springs {
+    fn masses(&self) -> Masses {
+        Masses::Density(self.density)
+    }
+
+    fn normal_stiffness(&self, _: f64, _: f64, _: f64) -> f64 {
+        self.normal_stiffness
+    }
+
+    fn largest_overlap(&self, r1: f64, r2: f64) -> f64 {
+        2.0 * LARGEST_OVERLAP * r1.min(r2)
+    }
+
+    fn rigidity(&self, secant: f64, mass: f64, tangential: bool) -> Rigidity {
+        let k_t = self.tangential_stiffness;
+        let tangential = if tangential { k_t } else { 0.0 };
+        Rigidity {
+            normal: secant,
+            tangential,
+            rolling: k_t / 4.0,
+            damping: of_ratio(self.damping_ratio, mass, [secant, tangential]),
+        }
+    }
+
+    fn default_of(&self, key: &Key) -> Option<f64> {
+        (key.path == TANGENTIAL_STIFFNESS.path).then_some(self.tangential_stiffness)
+    }
+
+    fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
+        vec![("damping ratio alpha", self.damping_ratio, "")]
+    }
+
+    fn disks(&self, contact: &Contact) -> Option<Box<dyn PairForce<Two>>> {
+        fn make<const FRICTION: bool, const ROLLING: bool>(
+            (springs, contact): (&Springs, &Contact),
+        ) -> Box<dyn PairForce<Two>> {
+            Box::new(Hooke::<Two, FRICTION, ROLLING>::new(springs, contact))
+        }
+        Some(with_limits!(contact, make, (self, contact)))
+    }
+
+    /// Without rolling resistance.
+    fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
+        Some(match contact.friction > 0.0 {
+            true => Box::new(Hooke::<Three, true, false>::new(self, contact)),
+            false => Box::new(Hooke::<Three, false, false>::new(self, contact)),
+        })
+    }
+}
+
+/// Largest δ/(R_1+R_2) of two equal disks. A spring has no end, but disks this far in each other are disks no longer; for unequal
+/// ones it is this part of the smaller one's diameter. About that of LH's law, so that κ has the same bounds.
+pub const LARGEST_OVERLAP: f64 = 0.094;
+
+/// Constants of the law, the same for all contacts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hooke<D, const FRICTION: bool, const ROLLING: bool> {
+    /// k_n, k_t (N/m; per unit depth, Pa, in 2D).
+    normal_stiffness: f64,
+    tangential_stiffness: f64,
+    /// γ_t/γ_n = √(k_t/k_n).
+    tangential_damping: f64,
+    /// Mass per squared radius, ρπ, in 2D, and per cubed radius, (4/3)ρπ, in 3D (kg/m³).
+    density: f64,
+    /// α.
+    damping_ratio: f64,
+    /// μ_s.
+    friction: f64,
+    rolling: Rolling,
+    space: PhantomData<D>,
+}
+
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION, ROLLING> {
+    pub fn new(springs: &Springs, contact: &Contact) -> Self {
+        Self {
+            normal_stiffness: springs.normal_stiffness,
+            tangential_stiffness: springs.tangential_stiffness,
+            tangential_damping: (springs.tangential_stiffness / springs.normal_stiffness).sqrt(),
+            density: D::volume(1.0) * springs.density,
+            damping_ratio: springs.damping_ratio,
+            friction: contact.friction,
+            rolling: Rolling {
+                stiffness: springs.tangential_stiffness,
+                density: std::f64::consts::PI * springs.density,
+                friction: contact.rolling_friction,
+                damping_ratio: contact.rolling_damping_ratio,
+            },
+            space: PhantomData,
+        }
+    }
+}
+
+// Places in the parameters of a pair.
+/// γ_n (kg/(m s)).
+const DAMPING: usize = 0;
+/// Largest overlap (m).
+const LARGEST: usize = 1;
+/// Rows of the law without rolling.
+const PLAIN: usize = 2;
+
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
+    for Hooke<D, FRICTION, ROLLING>
+{
+    type Space = D;
+    const PARAMETERS: usize = PLAIN + if ROLLING { rolling::PARAMETERS } else { 0 };
+    const HISTORY: usize = if FRICTION { D::SPINS } else { 0 } + ROLLING as usize;
+    const FRICTION: bool = FRICTION;
+    const ROLLING: bool = ROLLING;
+
+    #[inline(always)]
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+        let c = |v| L::splat(token, v);
+        let density = c(self.density);
+        let (m_i, m_j) = (density * D::power(r_i), density * D::power(r_j));
+        let reduced_mass = m_i * m_j / (m_i + m_j);
+        let smaller = r_i.select(r_j.greater(r_i), r_j);
+        (c(2.0 * self.damping_ratio) * (c(self.normal_stiffness) * reduced_mass).sqrt())
+            .store(&mut out[DAMPING]);
+        (c(2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
+        if ROLLING {
+            self.rolling.parameters(token, r_i, r_j, &mut out[PLAIN..]);
+        }
+    }
+
+    fn largest_force(&self, radius: f64) -> f64 {
+        2.0 * LARGEST_OVERLAP * radius * self.normal_stiffness
+    }
+
+    #[inline(always)]
+    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let zero = c(0.0);
+        for ((p, motion), response) in blocks
+            .parameters
+            .chunks_exact(Self::PARAMETERS)
+            .zip(blocks.motion)
+            .zip(&mut *blocks.response)
+        {
+            let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
+            let k_n = c(self.normal_stiffness);
+            let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
+            normal.store(&mut response.normal);
+            response.beyond = overlap.greater(load(&p[LARGEST])).bits();
+            if LEDGER {
+                let lost = k_n.mul_add(overlap, -normal) * v_n;
+                lost.select(overlap.greater(zero), zero)
+                    .store(&mut response.lost[loss::DAMPING]);
+            }
+        }
+        if FRICTION {
+            for (((p, history), motion), response) in blocks
+                .parameters
+                .chunks_exact(Self::PARAMETERS)
+                .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
+                .zip(blocks.motion)
+                .zip(&mut *blocks.response)
+            {
+                let touching = load(&motion.overlap).greater(zero);
+                let n = D::SPINS;
+                let k_t = c(self.tangential_stiffness);
+                let before = vector(token, history, n);
+                let slip = vector(token, &motion.tangential_increment, n);
+                let v_t = vector(token, &motion.tangential_velocity, n);
+                let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
+                let mut trial = before;
+                for k in 0..n {
+                    trial[k] = (-k_t).mul_add(slip[k], before[k]);
+                }
+                let limit = c(self.friction) * load(&response.normal);
+                let f = Limited::new(token, n, trial, limit, scaled(&v_t, gamma_t));
+                response.sliding = f.at_limit.bits();
+                for k in 0..n {
+                    (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);
+                    let (before, after) = (before[k], f.elastic[k].select(touching, zero));
+                    if LEDGER {
+                        let per_k = c(1.0 / self.tangential_stiffness);
+                        let gained = (after - before) * (after + before) * per_k;
+                        let lost = c(-0.5) * (before + after).mul_add(slip[k], gained);
+                        let sum = &mut response.lost[loss::FRICTION];
+                        if k == 0 { lost } else { load(sum) + lost }.store(sum);
+                        let viscous = f.viscous[k].select(touching, zero);
+                        add_damping(token, response, viscous * v_t[k]);
+                    }
+                    after.store(&mut history[k]);
+                }
+            }
+        }
+        if ROLLING {
+            let places = Places {
+                parameters: (Self::PARAMETERS, PLAIN),
+                history: (Self::HISTORY, Self::HISTORY - 1),
+            };
+            roll::<L, LEDGER>(token, blocks, places);
+        }
+    }
+
+    #[inline(always)]
+    fn elastic_energies<L: Lanes>(
+        &self,
+        token: L::Token,
+        parameters: &[Row],
+        overlap: L,
+        history: &[Row],
+    ) -> [L; 3] {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let normal = c(0.5 * self.normal_stiffness) * overlap * overlap;
+        let (mut tangential, mut rolling) = (c(0.0), c(0.0));
+        if FRICTION {
+            for row in &history[..D::SPINS] {
+                let force = load(row);
+                tangential =
+                    (c(0.5 / self.tangential_stiffness) * force).mul_add(force, tangential);
+            }
+        }
+        if ROLLING {
+            let torque = load(&history[Self::HISTORY - 1]);
+            rolling = c(0.5) * torque * torque / load(&parameters[PLAIN]);
+        }
+        [normal, tangential, rolling]
+    }
+
+    // In two dimensions k_t, which is the same in every step, has a place in the state: it stays 0.
+    fn history_to_state(history: [f64; 3]) -> [f64; 3] {
+        match (D::SPINS, FRICTION, ROLLING) {
+            (3, ..) => history,
+            (_, true, _) => [history[0], 0.0, history[1]],
+            (_, false, _) => [0.0, 0.0, history[0]],
+        }
+    }
+
+    fn history_from_state(state: [f64; 3]) -> [f64; 3] {
+        let [tangential, _, rolling] = state;
+        match (D::SPINS, FRICTION, ROLLING) {
+            (3, ..) => state,
+            (_, true, _) => [tangential, rolling, 0.0],
+            (_, false, _) => [rolling, 0.0, 0.0],
+        }
+    }
+}
+
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
+    for Hooke<D, FRICTION, ROLLING>
+{
+    fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+        let mut d = Derivatives {
+            normal: self.normal_stiffness * overlap,
+            normal_slope: self.normal_stiffness,
+            ..Derivatives::default()
+        };
+        let [first, _, torque] = history;
+        let force = match D::SPINS {
+            3 => history,
+            _ => [first, 0.0, 0.0],
+        };
+        if FRICTION {
+            d = d.limited(force, self.tangential_stiffness, self.friction);
+        }
+        if ROLLING {
+            let (k_r, arm) = self.rolling.spring(radii);
+            d = d.rolling(torque, k_r, arm);
+        }
+        d
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{CARRY, Motion, Response};
+    use crate::simd::{LANES, Portable, PortableToken};
+
+    const SPRINGS: Springs = Springs {
+        normal_stiffness: 2e6,
+        tangential_stiffness: 0.5e6,
+        density: 2500.0,
+        damping_ratio: 0.2,
+    };
+    const CONTACT: Contact = Contact {
+        friction: 0.4,
+        rolling_friction: 0.1,
+        rolling_damping_ratio: 0.3,
+    };
+    const RADII: [f64; 2] = [0.5e-3, 1e-3];
+
+    /// What two disks of `RADII` do: F_n, F_t, M, sliding, beyond, and the new history. `motion` in the order of `Motion`.
+    fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
+        type Law = Hooke<Two, true, true>;
+        let law = Law::new(&SPRINGS, &CONTACT);
+        let mut parameters = [Row::ZERO; Law::PARAMETERS];
+        let c = |v| Portable::splat(PortableToken, v);
+        law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
+        let mut history = history.map(|v| Row([v; LANES]));
+        let [overlap, v_n, v_t, slip, spin, roll] = motion.map(|v| Row([v; LANES]));
+        let motion = Motion {
+            overlap,
+            normal_velocity: v_n,
+            tangential_velocity: [v_t; 3],
+            tangential_increment: [slip; 3],
+            rolling_velocity: spin,
+            rolling_increment: roll,
+            ..Motion::ZERO
+        };
+        let mut response = [Response::NONE];
+        law.evaluate::<Portable, false>(
+            PortableToken,
+            &mut Blocks {
+                parameters: &parameters,
+                history: &mut history,
+                motion: &[motion],
+                carry: &mut [[Row::ZERO; CARRY]],
+                response: &mut response,
+            },
+        );
+        let [r] = response;
+        (
+            [r.normal, r.tangential[0], r.rolling].map(|row| row.0[3]),
+            [r.sliding != 0, r.beyond != 0],
+            history.map(|row| row.0[3]),
+        )
+    }
+
+    fn close(a: f64, b: f64) {
+        assert!((a - b).abs() <= 1e-14 * b.abs(), "{a} is not {b}");
+    }
+
+    /// m* of `RADII` by hand: πρ R²r²/(R²+r²).
+    fn reduced_mass() -> f64 {
+        std::f64::consts::PI * 2500.0 * (0.25e-6 * 1e-6) / 1.25e-6
+    }
+
+    #[test]
+    fn springs_and_dampers_below_the_limits() {
+        let ([normal, tangential, rolling], flags, history) =
+            response([1e-6, -0.01, 0.002, 1e-8, 3.0, 2e-6], [0.05, 1e-6]);
+        let m = reduced_mass();
+        close(normal, 2.0 + 2.0 * 0.2 * (2e6 * m).sqrt() * 0.01);
+        let elastic = 0.05 - 0.5e6 * 1e-8;
+        close(history[0], elastic);
+        close(tangential, elastic - 2.0 * 0.2 * (0.5e6 * m).sqrt() * 0.002);
+        let r_r: f64 = 0.5e-3 / 1.5;
+        let k_r = 0.5e6 * r_r * r_r;
+        close(history[1], 1e-6 - k_r * 2e-6);
+        let inertia = |r: f64| 1.5 * std::f64::consts::PI * 2500.0 * r.powi(4);
+        let i_r = inertia(0.5e-3) * inertia(1e-3) / (inertia(0.5e-3) + inertia(1e-3));
+        close(rolling, history[1] - 2.0 * 0.3 * (i_r * k_r).sqrt() * 3.0);
+        assert_eq!(flags, [false, false]);
+    }
+
+    #[test]
+    fn limits_are_kept_and_remembered_without_dampers() {
+        let ([normal, tangential, rolling], flags, history) =
+            response([1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
+        close(normal, 2.0);
+        close(tangential, -0.4 * 2.0);
+        close(history[0], tangential);
+        close(rolling, -0.1 * (0.5e-3 / 1.5) * 2.0);
+        close(history[1], rolling);
+        assert_eq!(flags, [true, false]);
+    }
+
+    /// No attraction: where the damper would pull, there is no force at all.
+    #[test]
+    fn separating_disks_do_not_attract() {
+        let ([normal, tangential, _], ..) = response([1e-9, 1.0, 0.1, 1e-9, 0.0, 0.0], [0.3, 0.0]);
+        assert_eq!([normal, tangential], [0.0, 0.0]);
+    }
+
+    #[test]
+    fn the_largest_overlap() {
+        let beyond = |overlap| response([overlap, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 2]).1[1];
+        assert!(!beyond(0.93e-4 * 1.0) && beyond(0.95e-4));
+    }
+
+    #[test]
+    fn every_part_of_the_history_has_its_place() {
+        let state = [0.7, 0.0, 0.3];
+        assert_eq!(
+            Hooke::<Two, true, true>::history_to_state(
+                Hooke::<Two, true, true>::history_from_state(state)
+            ),
+            state
+        );
+        assert_eq!(
+            Hooke::<Two, true, false>::history_to_state([0.7, 0.0, 0.0]),
+            [0.7, 0.0, 0.0]
+        );
+        assert_eq!(
+            Hooke::<Two, false, true>::history_to_state(
+                Hooke::<Two, false, true>::history_from_state(state)
+            ),
+            [0.0, 0.0, 0.3]
+        );
+    }
+}

@@ -1,0 +1,359 @@
+//! The smoothed Mindlin law of BO, between disks or spheres, without damping:
+//!
+//!     F_n = k_n δ^(3/2)                                                          (eq. 1)
+//!     F_t = -k_t √δ (1 + s - s²) t,   s = |t|/t*,   t* = μ (k_n/k_t) δ           (eqs 5, A4, A5)
+//!
+//! The history t (m) is the tangential displacement since the touch. F_t reaches Coulomb's limit μF_n at |t| = t* with no slope left;
+//! where |t| would be beyond, it is set back to t*, and the contact slides. (In the paper's eqs 5 and A4 t stands for |t|.)
+//!
+//! F_t has no potential: what δ does to it under a t that stays is a loss, or a gain, of energy.
+
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use super::hooke::read_stiffnesses;
+use super::keys::{
+    DENSITY, Key, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2, Values,
+};
+use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::stiffness::{self, Derivatives, Stiffness};
+use crate::contact::{Blocks, ContactLaw, loss, norm, vector};
+use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
+use crate::kernel::PairForce;
+use crate::state::Masses;
+use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
+
+/// The law as scenes name it.
+pub const KIND: LawKind = LawKind {
+    name: "mindlin",
+    summary: "the smoothed Mindlin law, F_n = k_n δ^(3/2), the same for all pairs, without damping \
+              and rolling resistance (BO eqs 1 and 5)",
+    dimensions: &[Dimensions::Two, Dimensions::Three],
+    rolling: false,
+    keys: &[
+        &DENSITY,
+        &MASS,
+        &NORMAL_STIFFNESS_3_2,
+        &TANGENTIAL_STIFFNESS_3_2,
+    ],
+    read: |values| Arc::new(MindlinSprings::read(values)),
+};
+
+/// Springs of F = k δ^(3/2) between grains, whatever their radii.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MindlinSprings {
+    /// k_n and k_t (N/m^(3/2); per unit depth in 2D).
+    pub normal_stiffness: f64,
+    pub tangential_stiffness: f64,
+    /// ρ of the grains, or the mass of each.
+    pub masses: Masses,
+}
+
+impl MindlinSprings {
+    fn read(values: &mut dyn Values) -> Self {
+        let [normal_stiffness, tangential_stiffness] =
+            read_stiffnesses(values, &NORMAL_STIFFNESS_3_2, &TANGENTIAL_STIFFNESS_3_2);
+        let chosen = values.exactly_one(
+            &[&DENSITY, &MASS],
+            "the masses: density (rho, kg/m^3), such as density = 2500.0, or mass (kg; kg/m in 2D), the same for all grains",
+        );
+        let masses = match (values.number(&DENSITY), values.number(&MASS)) {
+            (_, Some(mass)) if chosen == 1 => Masses::Equal(mass),
+            (density, _) => Masses::Density(density.unwrap_or(f64::NAN)),
+        };
+        Self {
+            normal_stiffness,
+            tangential_stiffness,
+            masses,
+        }
+    }
+
+    fn force<D: Dimension>(&self, contact: &Contact) -> Box<dyn PairForce<D>> {
+        match contact.friction > 0.0 {
+            true => Box::new(Mindlin::<D, true>::new(self, contact)),
+            false => Box::new(Mindlin::<D, false>::new(self, contact)),
+        }
+    }
+}
+
+impl Constants for MindlinSprings {
+    fn masses(&self) -> Masses {
+        self.masses
+    }
+
+    fn normal_stiffness(&self, _: f64, _: f64, overlap: f64) -> f64 {
+        self.normal_stiffness * overlap.sqrt()
+    }
+
+    fn largest_overlap(&self, r1: f64, r2: f64) -> f64 {
+        2.0 * LARGEST_OVERLAP * r1.min(r2)
+    }
+
+    fn rigidity(&self, secant: f64, _: f64, tangential: bool) -> Rigidity {
+        // (1 + 2s - 3s²) k_t √δ at most, at s = 1/3.
+        let k_t = 4.0 / 3.0 * self.tangential_stiffness / self.normal_stiffness * secant;
+        Rigidity {
+            normal: 1.5 * secant,
+            tangential: if tangential { k_t } else { 0.0 },
+            rolling: 0.0,
+            damping: [0.0; 2],
+        }
+    }
+
+    fn default_of(&self, key: &Key) -> Option<f64> {
+        (key.path == TANGENTIAL_STIFFNESS_3_2.path).then_some(self.tangential_stiffness)
+    }
+
+    fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
+        Vec::new()
+    }
+
+    fn disks(&self, contact: &Contact) -> Option<Box<dyn PairForce<Two>>> {
+        Some(self.force(contact))
+    }
+
+    fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
+        Some(self.force(contact))
+    }
+}
+
+/// Largest δ/(2R) of the smaller grain: the law itself has no range, but grains half a radius deep in each other are no packing.
+pub const LARGEST_OVERLAP: f64 = 0.25;
+
+/// Constants of the law, the same for all contacts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mindlin<D, const FRICTION: bool> {
+    /// k_n, k_t (N/m^(3/2); per unit depth in 2D).
+    normal_stiffness: f64,
+    tangential_stiffness: f64,
+    /// μ.
+    friction: f64,
+    space: PhantomData<D>,
+}
+
+impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
+    pub fn new(springs: &MindlinSprings, contact: &Contact) -> Self {
+        Self {
+            normal_stiffness: springs.normal_stiffness,
+            tangential_stiffness: springs.tangential_stiffness,
+            friction: contact.friction,
+            space: PhantomData,
+        }
+    }
+
+    /// t*/δ.
+    fn reach(&self) -> f64 {
+        self.friction * self.normal_stiffness / self.tangential_stiffness
+    }
+}
+
+// Place in the parameters of a pair.
+/// Largest overlap (m).
+const LARGEST: usize = 0;
+
+// Place in what is carried: √δ.
+const ROOT: usize = 0;
+
+/// An overlap (m) that is as good as none.
+const NO_OVERLAP: f64 = 1e-200;
+
+impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
+    type Space = D;
+    const PARAMETERS: usize = 1;
+    const HISTORY: usize = if FRICTION { D::SPINS } else { 0 };
+    const FRICTION: bool = FRICTION;
+    const ROLLING: bool = false;
+
+    #[inline(always)]
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+        let smaller = r_i.select(r_j.greater(r_i), r_j);
+        (L::splat(token, 2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
+    }
+
+    /// F_t may be greater than F_n; more than twice as great it is in contacts that bear next to nothing only, whatever μ is.
+    fn largest_force(&self, radius: f64) -> f64 {
+        let overlap = 2.0 * LARGEST_OVERLAP * radius;
+        self.normal_stiffness * overlap * overlap.sqrt() * self.friction.clamp(1.0, 2.0)
+    }
+
+    #[inline(always)]
+    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        for (((p, motion), carry), response) in blocks
+            .parameters
+            .chunks_exact(Self::PARAMETERS)
+            .zip(blocks.motion)
+            .zip(&mut *blocks.carry)
+            .zip(&mut *blocks.response)
+        {
+            let overlap = load(&motion.overlap);
+            let depth = overlap.max(c(NO_OVERLAP));
+            let root = depth * inverse_sqrt(token, depth);
+            root.store(&mut carry[ROOT]);
+            (c(self.normal_stiffness) * depth * root).store(&mut response.normal);
+            response.beyond = overlap.greater(load(&p[LARGEST])).bits();
+            if LEDGER {
+                response.lost = [Row::ZERO; loss::KINDS];
+            }
+        }
+        if FRICTION {
+            self.rub::<L, LEDGER>(token, blocks);
+        }
+    }
+
+    /// ∫ F_n dδ = (2/5) k_n δ^(5/2); ∫ F_t dt at this δ.
+    #[inline(always)]
+    fn elastic_energies<L: Lanes>(
+        &self,
+        token: L::Token,
+        _: &[Row],
+        overlap: L,
+        history: &[Row],
+    ) -> [L; 3] {
+        let c = |v| L::splat(token, v);
+        let depth = overlap.max(c(NO_OVERLAP));
+        let root = depth * inverse_sqrt(token, depth);
+        let normal = c(0.4 * self.normal_stiffness) * root * depth * depth;
+        let mut tangential = c(0.0);
+        if FRICTION {
+            let t = vector(token, history, D::SPINS);
+            let s = self.mobilised(token, depth, &t);
+            tangential = self.energy(token, root, s, &t);
+        }
+        [normal, tangential, c(0.0)]
+    }
+
+    fn history_to_state(history: [f64; 3]) -> [f64; 3] {
+        history
+    }
+
+    fn history_from_state(state: [f64; 3]) -> [f64; 3] {
+        state
+    }
+}
+
+impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
+    /// s = |t|/t*, of what is not zero.
+    #[inline(always)]
+    fn mobilised<L: Lanes>(&self, token: L::Token, depth: L, t: &Vector<L>) -> L {
+        let length = if D::SPINS == 1 {
+            t[0].abs()
+        } else {
+            norm(token, t).0
+        };
+        length * inverse(token, L::splat(token, self.reach()) * depth)
+    }
+
+    /// -F_t over t.
+    #[inline(always)]
+    fn secant<L: Lanes>(&self, token: L::Token, root: L, s: L) -> L {
+        let one = L::splat(token, 1.0);
+        L::splat(token, self.tangential_stiffness) * root * s.mul_add(one - s, one)
+    }
+
+    /// ∫ F_t dt = k_t √δ t² (1/2 + s/3 - s²/4), s ≤ 1.
+    #[inline(always)]
+    fn energy<L: Lanes>(&self, token: L::Token, root: L, s: L, t: &Vector<L>) -> L {
+        let c = |v| L::splat(token, v);
+        let square = if D::SPINS == 1 {
+            t[0] * t[0]
+        } else {
+            D::dot(t, t)
+        };
+        let s = c(1.0).select(s.greater(c(1.0)), s);
+        let part = c(-0.25).mul_add(s, c(1.0 / 3.0)).mul_add(s, c(0.5));
+        c(self.tangential_stiffness) * root * square * part
+    }
+
+    /// F_t.
+    #[inline(always)]
+    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let c = |v| L::splat(token, v);
+        let load = |row: &Row| L::load(token, row);
+        let (zero, one) = (c(0.0), c(1.0));
+        let spins = D::SPINS;
+        for (((history, motion), carry), response) in blocks
+            .history
+            .chunks_exact_mut(Self::HISTORY)
+            .zip(blocks.motion)
+            .zip(&*blocks.carry)
+            .zip(&mut *blocks.response)
+        {
+            let overlap = load(&motion.overlap);
+            let touching = overlap.greater(zero);
+            let (depth, root) = (overlap.max(c(NO_OVERLAP)), load(&carry[ROOT]));
+            let before = vector(token, history, spins);
+            let slip = vector(token, &motion.tangential_increment, spins);
+            let mut t = before;
+            for k in 0..spins {
+                t[k] = before[k] + slip[k];
+            }
+            let s = self.mobilised(token, depth, &t);
+            let sliding = s.greater(one);
+            response.sliding = sliding.bits();
+            let part = inverse(token, s).select(sliding, one);
+            let s = one.select(sliding, s);
+            let stiffness = self.secant(token, root, s);
+            for k in 0..spins {
+                t[k] = t[k] * part;
+                (-(stiffness * t[k])).store(&mut response.tangential[k]);
+                t[k] = t[k].select(touching, zero);
+                t[k].store(&mut history[k]);
+            }
+            if LEDGER {
+                let earlier = (overlap + load(&motion.normal_increment)).max(c(NO_OVERLAP));
+                let root_before = earlier * inverse_sqrt(token, earlier);
+                let s_before = self.mobilised(token, earlier, &before);
+                let s_before = one.select(s_before.greater(one), s_before);
+                let stiffness_before = self.secant(token, root_before, s_before);
+                let mut work = zero;
+                for k in 0..spins {
+                    let force = stiffness_before * before[k] + stiffness * t[k];
+                    work = (c(0.5) * force).mul_add(slip[k], work);
+                }
+                let gained = self.energy(token, root, s, &t)
+                    - self.energy(token, root_before, s_before, &before);
+                let lost = work - gained;
+                // What opens has slid to nothing before.
+                let sticks = zero.select(sliding, lost).select(touching, zero);
+                sticks.store(&mut response.lost[loss::STIFFNESS]);
+                (lost - sticks).store(&mut response.lost[loss::FRICTION]);
+            }
+        }
+    }
+}
+
+/// With s ≤ 1: ∂F_t/∂t = -k_t √δ (1 + 2s - 3s²) along t (A6) and -k_t √δ (1 + s - s²) across it; ∂F_t/∂δ = -k_t (1 + s - s² + 2(2s² - s)) t/(2√δ)
+/// (B1). Beyond, F_t = -μ k_n δ^(3/2) t/|t|, with the same derivatives at s = 1.
+impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
+    fn derivatives(&self, _: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+        let root = overlap.sqrt();
+        let mut d = Derivatives {
+            normal: self.normal_stiffness * overlap * root,
+            normal_slope: 1.5 * self.normal_stiffness * root,
+            ..Derivatives::default()
+        };
+        if !FRICTION {
+            return d;
+        }
+        let length = stiffness::norm(history);
+        d.direction = stiffness::unit(history, length);
+        let s = length / (self.reach() * overlap);
+        let k_t = self.tangential_stiffness * root;
+        if s < 1.0 {
+            let secant = 1.0 + s - s * s;
+            d.along = k_t * (1.0 + 2.0 * s - 3.0 * s * s);
+            d.across = k_t * secant;
+            d.tangential = history.map(|t| -d.across * t);
+            let slope = -k_t / (2.0 * overlap) * (secant + 2.0 * s * (2.0 * s - 1.0));
+            d.tangential_slope = history.map(|t| slope * t);
+        } else {
+            d.sliding = true;
+            d.across = self.friction * d.normal / length;
+            d.tangential = d.direction.map(|t| -self.friction * d.normal * t);
+            d.tangential_slope = d.direction.map(|t| -self.friction * d.normal_slope * t);
+        }
+        d
+    }
+}

@@ -1,0 +1,93 @@
+//! Rolling resistance of type C (Ai et al. 2011; LH A13–A22): a spring of torque between the two rotations, and a damper,
+//!
+//!     M^k ← M^k - k_r Δθ_r,  limited to μ_r R_r F_n;  below the limit -C_r (ω_i-ω_j) is added,  C_r = 2η_r√(I_r k_r)
+//!
+//! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the disks' inertia I + mR² about the contact (A22).
+
+use crate::contact::{Blocks, Limited, add_damping, loss};
+use crate::simd::{Lanes, Row, inverse};
+
+/// Rows of [`Rolling::parameters`].
+pub const PARAMETERS: usize = 3;
+
+/// Constants of a rolling resistance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rolling {
+    /// k_r/R_r² (Pa).
+    pub stiffness: f64,
+    /// Mass per squared radius, ρπ (kg/m³).
+    pub density: f64,
+    /// μ_r.
+    pub friction: f64,
+    /// η_r.
+    pub damping_ratio: f64,
+}
+
+/// Where a law has what rolling needs: rows per block of parameters and of history, and the first of its own among them.
+#[derive(Debug, Clone, Copy)]
+pub struct Places {
+    pub parameters: (usize, usize),
+    pub history: (usize, usize),
+}
+
+impl Rolling {
+    /// k_r (N m; N in 2D) and μ_r R_r (m) of two radii (m).
+    pub(super) fn spring(&self, [r_i, r_j]: [f64; 2]) -> (f64, f64) {
+        let r_r = r_i * r_j / (r_i + r_j);
+        (self.stiffness * r_r * r_r, self.friction * r_r)
+    }
+
+    /// k_r, C_r and μ_r R_r.
+    #[inline(always)]
+    pub fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+        let c = |v| L::splat(token, v);
+        let r_r = r_i * r_j / (r_i + r_j);
+        let k_r = c(self.stiffness) * r_r * r_r;
+        let density = c(1.5 * self.density);
+        let (i_i, i_j) = (
+            density * r_i * r_i * r_i * r_i,
+            density * r_j * r_j * r_j * r_j,
+        );
+        let i_r = i_i * i_j / (i_i + i_j);
+        k_r.store(&mut out[0]);
+        (c(2.0 * self.damping_ratio) * (i_r * k_r).sqrt()).store(&mut out[1]);
+        (c(self.friction) * r_r).store(&mut out[2]);
+    }
+}
+
+/// M, after F_n and F_t.
+#[inline(always)]
+pub fn roll<L: Lanes, const LEDGER: bool>(
+    token: L::Token,
+    blocks: &mut Blocks<'_>,
+    places: Places,
+) {
+    let load = |row: &Row| L::load(token, row);
+    let zero = L::splat(token, 0.0);
+    let ((rows, at), (histories, place)) = (places.parameters, places.history);
+    for (((p, history), motion), response) in blocks
+        .parameters
+        .chunks_exact(rows)
+        .zip(blocks.history.chunks_exact_mut(histories))
+        .zip(blocks.motion)
+        .zip(&mut *blocks.response)
+    {
+        let touching = load(&motion.overlap).greater(zero);
+        let trial = (-load(&p[at])).mul_add(load(&motion.rolling_increment), load(&history[place]));
+        let limit = load(&p[at + 2]) * load(&response.normal);
+        let speed = load(&motion.rolling_velocity);
+        let damping = load(&p[at + 1]) * speed;
+        let m = Limited::new(token, 1, [trial; 3], limit, [damping; 3]);
+        let (elastic, viscous) = (m.elastic[0], m.viscous[0]);
+        (elastic - viscous).store(&mut response.rolling);
+        let (before, after) = (load(&history[place]), elastic.select(touching, zero));
+        if LEDGER {
+            let work = (before + after) * load(&motion.rolling_increment);
+            let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
+            (L::splat(token, -0.5) * (work + gained)).store(&mut response.lost[loss::ROLLING]);
+            let viscous = viscous.select(touching, zero);
+            add_damping(token, response, viscous * speed);
+        }
+        after.store(&mut history[place]);
+    }
+}

@@ -1,0 +1,336 @@
+//! Which grains may come to touch: cells, then pairs.
+
+use std::marker::PhantomData;
+
+use crate::dimension::Dimension;
+use crate::state::{CandidatePair, Cell, Grains, body};
+
+/// The stretch of the periodic cell, by `Cell::along`, in which a rank has grains, its own and ghosts.
+#[derive(Debug, Clone, Copy)]
+pub struct Window {
+    /// Start of the stretch (m); may be negative.
+    pub from: f64,
+    /// Its width (m), at most the period.
+    pub width: f64,
+}
+
+impl Window {
+    /// All of a period (m).
+    pub fn whole(period: f64) -> Self {
+        Self {
+            from: 0.0,
+            width: period,
+        }
+    }
+}
+
+/// How near a pair has to be to be listed.
+#[derive(Debug, Clone, Copy)]
+pub struct Range {
+    /// At least the greatest R_i + R_j + `skin` (m).
+    pub reach: f64,
+    /// Pairs closer than R_i + R_j + `skin` (m) are listed.
+    pub skin: f64,
+}
+
+/// Cells along one axis.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    low: f64,
+    width: f64,
+    /// Cells that there are, and in a period, where there is one.
+    count: usize,
+    period: Option<usize>,
+    /// The first of the cells that there are, in the period.
+    first: i64,
+}
+
+impl Axis {
+    /// Of those in `from`, `width` (m) wide, in a period, as wide as `reach` (m) or wider.
+    fn periodic(period: f64, from: f64, width: f64, reach: f64) -> Self {
+        let all = ((period / reach) as usize).max(1);
+        let cell = period / all as f64;
+        Self {
+            low: 0.0,
+            width: cell,
+            count: ((width / cell) as usize + 4).min(all),
+            period: Some(all),
+            first: (from / cell).floor() as i64 - 1,
+        }
+    }
+
+    fn open(low: f64, high: f64, reach: f64) -> Self {
+        let count = (((high - low) / reach) as usize).max(1);
+        Self {
+            low,
+            width: (high - low) / count as f64,
+            count,
+            period: None,
+            first: 0,
+        }
+    }
+
+    fn cell(&self, x: f64) -> usize {
+        let at = ((x - self.low) / self.width) as i64;
+        let at = match self.period {
+            Some(all) => (at.min(all as i64 - 1) - self.first).rem_euclid(all as i64),
+            None => at,
+        };
+        (at as usize).min(self.count - 1)
+    }
+
+    /// The cell and those beside it, each once.
+    fn near(&self, cell: usize) -> impl Iterator<Item = usize> + Clone {
+        let ring = self.period == Some(self.count);
+        let count = self.count;
+        let before = match cell {
+            0 if ring && count > 2 => Some(count - 1),
+            0 => None,
+            k => Some(k - 1),
+        };
+        let after = match cell + 1 {
+            k if k < count => Some(k),
+            _ if ring && count > 2 => Some(0),
+            _ => None,
+        };
+        [before, Some(cell), after].into_iter().flatten()
+    }
+}
+
+/// Places sorted into cells.
+#[derive(Debug)]
+pub struct Bins<D: Dimension> {
+    cell: Cell,
+    axes: [Axis; 3],
+    /// First of the members of each cell, and one more at the end.
+    start: Vec<u32>,
+    member: Vec<u32>,
+    dimension: PhantomData<D>,
+}
+
+impl<D: Dimension> Bins<D> {
+    /// Cells of at least `reach` (m) for these positions (m), which lie in the window.
+    pub fn new(cell: Cell, window: Window, reach: f64, position: &[[f64; 3]]) -> Self {
+        // Slowest along x, of which there may be a window of the period; fastest along the last axis.
+        let mut axes = [Axis::open(0.0, 0.0, 1.0); 3];
+        for (axis, cells) in axes[..D::UP].iter_mut().enumerate() {
+            let period = cell.periods[axis];
+            *cells = match axis {
+                0 => Axis::periodic(period, window.from, window.width, cell.reach_along(reach)),
+                _ => Axis::periodic(period, 0.0, period, reach),
+            };
+        }
+        let (low, high) = position
+            .iter()
+            .map(|x| x[D::UP])
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+                (a.min(x), b.max(x))
+            });
+        axes[D::UP] = match &cell.sheared {
+            None => Axis::open(low, high, reach),
+            Some(sheared) => Axis::periodic(sheared.height, 0.0, sheared.height, reach),
+        };
+        let mut bins = Self {
+            cell,
+            axes,
+            start: Vec::new(),
+            member: Vec::new(),
+            dimension: PhantomData,
+        };
+
+        // In counting order.
+        let all = axes[..D::AXES].iter().map(|a| a.count).product::<usize>();
+        bins.start = vec![0u32; all + 1];
+        let cells: Vec<u32> = position
+            .iter()
+            .map(|x| bins.index(bins.at(x)) as u32)
+            .collect();
+        for &k in &cells {
+            bins.start[k as usize + 1] += 1;
+        }
+        for k in 1..bins.start.len() {
+            bins.start[k] += bins.start[k - 1];
+        }
+        bins.member = vec![0u32; position.len()];
+        let mut next = bins.start.clone();
+        for (g, &k) in cells.iter().enumerate() {
+            bins.member[next[k as usize] as usize] = g as u32;
+            next[k as usize] += 1;
+        }
+        bins
+    }
+
+    fn at(&self, x: &[f64; 3]) -> [usize; 3] {
+        let mut at = [self.axes[0].cell(self.cell.along::<D>(x)), 0, 0];
+        for axis in 1..D::AXES {
+            at[axis] = self.axes[axis].cell(x[axis]);
+        }
+        at
+    }
+
+    fn index(&self, at: [usize; 3]) -> usize {
+        let cells = at.iter().zip(&self.axes).take(D::AXES);
+        cells.fold(0, |index, (at, axis)| index * axis.count + at)
+    }
+
+    /// Calls `found` once with each that may lie within the reach of x (m), what lies there included.
+    #[inline]
+    pub fn each_near(&self, x: &[f64; 3], mut found: impl FnMut(u32)) {
+        let here = self.at(x);
+        // Cells that follow each other along the last axis have their members one after the other; round the period, all are taken.
+        let column = self.axes[D::UP].near(here[D::UP]);
+        let (bottom, top) = column.fold((usize::MAX, 0), |(a, b), k| (a.min(k), b.max(k)));
+        let mut look = |mut place: [usize; 3]| {
+            place[D::UP] = bottom;
+            let from = self.start[self.index(place)] as usize;
+            place[D::UP] = top;
+            let to = self.start[self.index(place) + 1] as usize;
+            self.member[from..to].iter().for_each(|&b| found(b));
+        };
+        for x in self.axes[0].near(here[0]) {
+            if D::UP == 1 {
+                look([x, 0, 0]);
+            } else {
+                self.axes[1].near(here[1]).for_each(|y| look([x, y, 0]));
+            }
+        }
+    }
+}
+
+/// All pairs of local grains closer than R_i + R_j + skin, sorted by (lower id, higher id), each with the lower id first.
+/// Left out: pairs of two ghosts (their ranks have them), and of two wall grains (they do not move against each other).
+pub fn pairs<D: Dimension>(
+    grains: &Grains<D>,
+    cell: Cell,
+    window: Window,
+    range: Range,
+) -> Vec<CandidatePair> {
+    let Range { reach, skin } = range;
+    let local = grains.local();
+    let position: Vec<[f64; 3]> = (0..local)
+        .map(|g| {
+            let mut x = [0.0; 3];
+            x[..D::AXES].copy_from_slice(&grains.fields(g)[..D::AXES]);
+            x
+        })
+        .collect();
+    let bins = Bins::<D>::new(cell, window, reach, &position);
+
+    let mut by_id: Vec<u32> = (0..local as u32).collect();
+    by_id.sort_unstable_by_key(|&g| grains.id[g as usize]);
+
+    let mut pairs = Vec::with_capacity(3 * local);
+    for &a in &by_id {
+        let g = a as usize;
+        let id = grains.id[g];
+        let begin = pairs.len();
+        bins.each_near(&position[g], |b| {
+            let h = b as usize;
+            if grains.id[h] <= id
+                || (g >= grains.owned && h >= grains.owned)
+                || (grains.body[g] != body::FREE && grains.body[h] != body::FREE)
+            {
+                return;
+            }
+            let apart = cell.separation::<D>(&position[h], &position[g]);
+            let square = apart.iter().map(|x| x * x).sum::<f64>();
+            let touch = grains.radius[g] + grains.radius[h];
+            if square < (touch + skin) * (touch + skin) {
+                pairs.push(CandidatePair {
+                    grains: [a, b],
+                    gap: square.sqrt() - touch,
+                });
+            }
+        });
+        pairs[begin..].sort_unstable_by_key(|p: &CandidatePair| grains.id[p.grains[1] as usize]);
+    }
+    pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dimension::{Three, Two};
+    use crate::state::{GrainState, Masses, Sheared};
+    use bytemuck::Zeroable;
+
+    /// Against all pairs, in narrow and wide cells, with ghosts; `offset` over L_x of a sheared cell.
+    fn compare<D: Dimension>(offset: Option<f64>) {
+        for (length, width, count, owned) in [
+            (2.5, 3.0, 12, 12),
+            (5.0, 2.5, 60, 60),
+            (20.0, 9.0, 300, 300),
+            (20.0, 4.0, 300, 180),
+        ] {
+            let mut seed = 7u64;
+            let mut random = || {
+                seed = seed
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
+                (seed >> 11) as f64 / (1u64 << 53) as f64
+            };
+            let high = if D::AXES == 2 { 15.0 } else { 4.0 };
+            let mut cell = Cell::between_walls([length, width]);
+            cell.sheared = offset.map(|part| Sheared {
+                height: high,
+                offset: part * length,
+                velocity: 0.0,
+            });
+            let states: Vec<GrainState> = (0..count)
+                .map(|id| {
+                    let mut position = [length, width, high].map(|l| l * random());
+                    if D::AXES == 2 {
+                        position = [position[0], position[2], 0.0];
+                    }
+                    GrainState {
+                        id,
+                        body: u32::from(random() < 0.1),
+                        position,
+                        radius: 0.25 + 0.25 * random(),
+                        ..GrainState::zeroed()
+                    }
+                })
+                .collect();
+            let mut grains = Grains::<D>::default();
+            grains.replace(&states[..owned], Masses::Equal(1.0), 1.0);
+            for ghost in &states[owned..] {
+                grains.push(ghost);
+            }
+            let window = Window {
+                from: 0.0,
+                width: length,
+            };
+            let range = Range {
+                reach: 1.1,
+                skin: 0.1,
+            };
+            let found = pairs(&grains, cell, window, range);
+            let mut expected = Vec::new();
+            for a in 0..states.len() {
+                for b in a + 1..states.len() {
+                    let (p, q) = (&states[a], &states[b]);
+                    // `separation` is held to a search over images by the tests of the cell.
+                    let apart = cell.separation::<D>(&p.position, &q.position);
+                    let square: f64 = apart.iter().map(|x| x * x).sum();
+                    let both_ghosts = a >= owned && b >= owned;
+                    let both_wall = p.body != 0 && q.body != 0;
+                    let near = f64::sqrt(square) < p.radius + q.radius + 0.1;
+                    if near && !both_ghosts && !both_wall {
+                        expected.push([a as u32, b as u32]);
+                    }
+                }
+            }
+            assert!(!expected.is_empty());
+            let found: Vec<_> = found.iter().map(|near| near.grains).collect();
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn finds_what_a_search_over_all_pairs_finds() {
+        for offset in [None, Some(0.0), Some(0.23), Some(-0.5)] {
+            compare::<Two>(offset);
+            compare::<Three>(offset);
+        }
+    }
+}

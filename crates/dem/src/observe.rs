@@ -1,0 +1,250 @@
+//! What is measured of a run: time series rows, frames, the digest. None of it reaches the trajectory.
+
+use xxhash_rust::xxh3::xxh3_128;
+
+use crate::contact::loss;
+use crate::contact::model::PairModel;
+use crate::dimension::Dimension;
+use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
+use crate::drive::GrainWalls;
+use crate::kernel::ContactForces;
+use crate::budget::{self, Entry};
+use crate::state::{Cell, ContactSample, GrainSample, SeriesRow, body};
+use crate::system::System;
+
+/// What the time series needs to know of the whole sample.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    /// Thickness of both walls together (m): the piston's height less this is that of the sheared layer.
+    pub walls: f64,
+    /// Volume of the free grains (m³; area, m², in 2D).
+    pub free_volume: f64,
+    pub free_grains: u64,
+    /// For energies (J/m).
+    pub energy: FixedPoint,
+}
+
+impl Frame {
+    /// Of the grains as they are; collective.
+    pub fn measure<D: Dimension>(
+        exchange: &dyn Exchange,
+        system: &mut System<D>,
+        walls: f64,
+        energy: f64,
+    ) -> Self {
+        let volume = FixedPoint::new(base::<D>(system.cell) * system.cell.periods[0]);
+        let mut sum = Accumulator::default();
+        let mut count = 0;
+        for g in 0..system.grains.owned {
+            if system.grains.body[g] == body::FREE {
+                let r = system.grains.radius[g];
+                volume.add(&mut sum, D::volume(r));
+                count += 1;
+            }
+        }
+        let [free_volume] = volume.total(exchange, [sum]);
+        Self {
+            walls,
+            free_volume,
+            free_grains: crate::domain::total(exchange, count),
+            energy: FixedPoint::new(energy),
+        }
+    }
+}
+
+/// Area of a wall (m²; length, m, in 2D).
+pub fn base<D: Dimension>(cell: Cell) -> f64 {
+    cell.periods[..D::UP].iter().product()
+}
+
+/// Kinetic energy of the free grains; collective.
+pub fn kinetic_energy<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    energy: &FixedPoint,
+) -> f64 {
+    energy.total(exchange, [own_kinetic_energy(system, energy)])[0]
+}
+
+fn own_kinetic_energy<D: Dimension>(system: &mut System<D>, energy: &FixedPoint) -> Accumulator {
+    let grains = system.grains();
+    let mut sum = Accumulator::default();
+    for g in 0..grains.owned {
+        if grains.body[g] == body::FREE {
+            let (r, m, radius) = (grains.fields(g), grains.mass[g], grains.radius[g]);
+            let square = |at: usize, n: usize| r[at..at + n].iter().map(|v| v * v).sum::<f64>();
+            let spin = D::INERTIA * radius * radius * square(D::SPIN, D::SPINS);
+            let energy_of = 0.5 * m * (square(D::VELOCITY, D::AXES) + spin);
+            energy.add(&mut sum, energy_of);
+        }
+    }
+    sum
+}
+
+/// A row of the time series, from the forces of the last step; collective.
+pub fn series<D: Dimension>(
+    exchange: &dyn Exchange,
+    law: &dyn PairModel,
+    system: &mut System<D>,
+    samples: &ContactForces,
+    walls: &GrainWalls,
+    frame: &Frame,
+    height: f64,
+) -> SeriesRow {
+    let (piston, slider) = (&walls.piston, &walls.slider.state);
+    let kinetic = own_kinetic_energy(system, &frame.energy);
+    let grains = &system.grains;
+    let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
+    for g in 0..grains.owned {
+        if grains.body[g] == body::TOP {
+            system.fixed.add(&mut shear, -grains.force[g][0]);
+            system.fixed.add(&mut normal, grains.force[g][D::UP]);
+        }
+    }
+    // Contacts, sliding contacts, and the ends of contacts that are at free grains.
+    let mut counts = [0i64; 3];
+    for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
+        let free = |g: usize| (grains.body[g] == body::FREE) as i64;
+        counts[0] += 1;
+        counts[1] += (samples.sliding[at.block] >> at.lane & 1) as i64;
+        counts[2] += free(at.i) + free(at.j);
+    }
+
+    let mut message = [0i64; 3 * (LIMBS + 1) + 3];
+    let (sums, tail) = message.split_at_mut(3 * (LIMBS + 1));
+    for (part, limbs) in [shear, normal, kinetic]
+        .iter()
+        .zip(sums.chunks_mut(LIMBS + 1))
+    {
+        part.write(limbs);
+    }
+    tail.copy_from_slice(&counts);
+    exchange.sum(&mut message);
+    let part = |k: usize| Accumulator::read(&message[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)]);
+    let [contacts, sliding, ends] = message[3 * (LIMBS + 1)..] else {
+        unreachable!("three counts were sent")
+    };
+    let (shear_force, normal_force) = (system.fixed.value(part(0)), system.fixed.value(part(1)));
+    let wall_height = piston.height - frame.walls;
+    let kinetic_energy = frame.energy.value(part(2));
+    let moving = kinetic_energy + 0.5 * piston.mass * piston.velocity * piston.velocity;
+    let energy = system.ledger.as_mut().map_or(Entry::NONE, |ledger| {
+        ledger.entry(
+            exchange,
+            system.level,
+            law,
+            budget::Sample {
+                contacts: &system.contacts,
+                overlap: &samples.overlap,
+                load: piston.load,
+                height: piston.height,
+                kinetic: moving,
+            },
+        )
+    });
+    SeriesRow {
+        strain: slider.displacement / height,
+        stress_ratio: shear_force / normal_force,
+        normal_force,
+        shear_force,
+        wall_height,
+        solid_fraction: frame.free_volume / (base::<D>(system.cell) * wall_height),
+        coordination: ends as f64 / frame.free_grains as f64,
+        kinetic_energy,
+        sliding_fraction: if contacts > 0 {
+            sliding as f64 / contacts as f64
+        } else {
+            0.0
+        },
+        wall_velocity: piston.velocity,
+        slip: slider.displacement,
+        slip_rate: slider.velocity,
+        drive_displacement: walls.slider.protocol.position(slider.step),
+        drive_velocity: walls
+            .slider
+            .protocol
+            .velocity(slider.step.saturating_sub(1)),
+        elastic_normal: energy.elastic[0],
+        elastic_tangential: energy.elastic[1],
+        elastic_rolling: energy.elastic[2],
+        work_drive: energy.work_drive,
+        work_load: energy.work_load,
+        lost_damping: energy.lost[loss::DAMPING],
+        lost_friction: energy.lost[loss::FRICTION],
+        lost_rolling: energy.lost[loss::ROLLING],
+        lost_stiffness: energy.lost[loss::STIFFNESS],
+        energy_residual: energy.residual,
+    }
+}
+
+/// This rank's part of a frame: its grains, and the contacts whose first grain it owns.
+pub fn frame<D: Dimension>(
+    system: &mut System<D>,
+    law: &dyn PairModel,
+    samples: &ContactForces,
+) -> (Vec<GrainSample>, Vec<ContactSample>) {
+    system.finish_step();
+    let grains = (0..system.grains.owned)
+        .map(|g| {
+            let state = system.grains.state(g);
+            GrainSample {
+                id: state.id as u64,
+                position: state.position,
+                velocity: state.velocity,
+                angular_velocity: state.angular_velocity,
+            }
+        })
+        .collect();
+    let contacts = system
+        .contacts
+        .touching()
+        .filter(|at| at.i < system.grains.owned)
+        .map(|at| {
+            let state = system.contacts.state(law, at, &system.grains.id);
+            let force = samples.tangential[at.block].map(|row| row.0[at.lane]);
+            let planar = D::SPINS == 1;
+            let tangential = |v: [f64; 3]| if planar { [v[0], 0.0, 0.0] } else { v };
+            ContactSample {
+                i: state.i,
+                j: state.j,
+                normal_force: samples.normal[at.block].0[at.lane],
+                tangential_force: tangential(force),
+                tangential_history: tangential(state.history),
+                rolling_history: if planar { state.history[2] } else { 0.0 },
+                overlap: samples.overlap[at.block].0[at.lane],
+                sliding: (samples.sliding[at.block] >> at.lane & 1) as u64,
+            }
+        })
+        .collect();
+    (grains, contacts)
+}
+
+/// Digest of the state: every grain, every touching contact with its history, the walls or whatever else (`more`), the step. It is the sum of 128-bit
+/// hashes of them, so it does not depend on who holds what; collective.
+pub fn digest<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    law: &dyn PairModel,
+    more: &[u8],
+    step: u64,
+) -> String {
+    // Two sums of 64 bits, each wrapping.
+    let mut halves = [0i64; 2];
+    let mut add = |bytes: &[u8]| {
+        let hash = xxh3_128(bytes);
+        halves[0] = halves[0].wrapping_add(hash as u64 as i64);
+        halves[1] = halves[1].wrapping_add((hash >> 64) as u64 as i64);
+    };
+    for g in system.grain_states() {
+        add(bytemuck::bytes_of(&g));
+    }
+    for c in system.own_contact_states(law) {
+        add(bytemuck::bytes_of(&c));
+    }
+    if exchange.rank() == 0 {
+        add(more);
+        add(&step.to_le_bytes());
+    }
+    exchange.sum(&mut halves);
+    format!("{:016x}{:016x}", halves[1] as u64, halves[0] as u64)
+}

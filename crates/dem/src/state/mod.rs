@@ -1,0 +1,17 @@
+//! Grains, contacts, walls and the cell: what a run consists of between two steps.
+
+mod cell;
+mod contacts;
+mod frame;
+mod grains;
+mod sample;
+mod snapshot;
+
+pub use cell::{Cell, Sheared, length, nearest_image};
+pub use contacts::{CandidatePair, Contacts, Part, Touching};
+pub use frame::{Disks, Frame, FrameRecords};
+pub use grains::{Grains, Masses, Units, body};
+pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
+pub use snapshot::{
+    ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
+};

@@ -1,0 +1,365 @@
+//! The time step: read this first.
+//!
+//! Velocity Verlet with positions at t+Δt and velocities at t+½Δt when the forces are computed. Damping forces take the
+//! full-step velocity predicted from the last acceleration, so the scheme stays second order with damping (physics.md).
+
+use std::ops::Range;
+
+use bytemuck::Zeroable;
+
+use crate::clock::Phase;
+use crate::dimension::Dimension;
+use crate::domain::{Accumulator, Exchange, LIMBS};
+use crate::drive::{Drive, Load};
+use crate::failure::Failure;
+use crate::kernel::{ContactForces, Counting, Found, PairForce};
+use crate::simd::{Lanes, Work};
+use crate::state::{Cell, Grains, Units, body};
+use crate::system::{Outside, System};
+use crate::threads::{Own, Setting};
+
+/// What the caller of a step asks for.
+#[derive(Debug, Default)]
+pub struct StepRequest<'a> {
+    /// Receives the contact forces of the step.
+    pub samples: Option<&'a mut ContactForces>,
+    /// This rank was asked to stop.
+    pub stop: bool,
+}
+
+impl<'a> StepRequest<'a> {
+    /// A step whose contact forces are wanted.
+    pub fn sampled(samples: &'a mut ContactForces) -> Self {
+        Self {
+            samples: Some(samples),
+            stop: false,
+        }
+    }
+}
+
+/// Advances everything by Δt. Returns whether some rank was asked to stop; collective.
+///
+/// The second kick is deferred to the first kick of the next step, in one pass over the grains;
+/// [`System::grains`] gives it before.
+///
+/// # Errors
+/// An overlap outside the law, or a number that is not finite.
+pub fn advance<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+    drive: &mut dyn Drive<D>,
+    request: StepRequest<'_>,
+) -> Result<bool, Failure> {
+    let step = system.step;
+    system.steps += 1;
+    system.clock.start();
+
+    // Not at the end of the last step: what was sampled there belongs to the list it was sampled with.
+    if system.list.due {
+        system.rebuild(exchange, law, drive)?;
+        system.clock.end(Phase::Rebuild);
+    }
+    drive.drift(step, &mut system.grains);
+    system.cell.lean(step);
+    let (level, cell) = (system.level, system.cell);
+    let mut fastest = drive.speed();
+    let kick_is_due = std::mem::take(&mut system.kick_is_due);
+    system.team.over_own(
+        &mut system.grains,
+        |own| match kick_is_due {
+            true => level.run(HalfKickAndDrift::<_, true> { own, step, cell }),
+            false => level.run(HalfKickAndDrift::<_, false> { own, step, cell }),
+        },
+        |speed| fastest = greater_or_nan(fastest, speed),
+    );
+    drive.predict(step, &mut system.grains);
+    let rebuild = system.list.moved(fastest, step, &system.grains, &cell);
+    system.clock.end(Phase::Motion);
+
+    let outside = add_forces(exchange, system, law, drive, step, request.samples);
+
+    let rebuild = rebuild || system.list.forced(system.steps);
+    let mut message = Message::new(system, drive, outside, [rebuild, request.stop]);
+    let drag = drive.drag();
+    exchange.sum_during(&mut message.0, &mut || {
+        if let Some(drag) = drag {
+            slow_down(&mut system.grains, drag);
+        }
+    });
+    let (load, [due, stop]) = message.read(exchange, system, outside)?;
+    system.list.due = due;
+    system.kick_is_due = true;
+    if let Some(ledger) = &mut system.ledger {
+        ledger.push(-load.along, drive.slid());
+    }
+    system.clock.end(Phase::Walls);
+
+    // Last, since the second kick leaves grains of walls at the velocity of the half step.
+    drive.kick(step, load, &mut system.grains);
+    system.clock.end(Phase::Motion);
+
+    Ok(stop)
+}
+
+/// Forces and the wall's acceleration at the start of a stage: nothing moves, no history advances.
+pub fn initial_forces<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+    drive: &mut dyn Drive<D>,
+    samples: Option<&mut ContactForces>,
+) -> Result<(), Failure> {
+    // What was until now belongs to the making of the first list.
+    system.clock.end(Phase::Rebuild);
+    let outside = forces(exchange, system, law, drive, 0.0, samples);
+    let mut message = Message::new(system, drive, outside, []);
+    exchange.sum_during(&mut message.0, &mut || ());
+    let (load, []) = message.read(exchange, system, outside)?;
+    if let Some(ledger) = &mut system.ledger {
+        ledger.push(-load.along, 0.0);
+    }
+    drive.start(load);
+    Ok(())
+}
+
+/// All that the ranks must agree on in a step, to be added up: the forces on the top, whether something failed, and K questions that
+/// are answered with yes where some rank says so.
+struct Message<const K: usize>([i64; MESSAGE]);
+
+const MESSAGE: usize = 2 * (LIMBS + 1) + 3;
+/// Size of it.
+pub const MESSAGE_BYTES: usize = size_of::<Message<2>>();
+
+impl<const K: usize> Message<K> {
+    const FAILED: usize = 2 * (LIMBS + 1);
+    const ANSWERS: usize = Self::FAILED + 1;
+
+    fn new<D: Dimension>(
+        system: &System<D>,
+        drive: &dyn Drive<D>,
+        outside: Option<Outside>,
+        questions: [bool; K],
+    ) -> Self {
+        let mut load = [Accumulator::default(); 2];
+        drive.load(&system.grains, &system.fixed, &mut load);
+        let mut message = [0i64; MESSAGE];
+        for (load, limbs) in load.iter().zip(message.chunks_mut(LIMBS + 1)) {
+            load.write(limbs);
+        }
+        message[Self::FAILED] = outside.is_some() as i64;
+        for (to, yes) in message[Self::ANSWERS..].iter_mut().zip(questions) {
+            *to = yes as i64;
+        }
+        Self(message)
+    }
+
+    /// The forces and the answers.
+    fn read<D: Dimension>(
+        &self,
+        exchange: &dyn Exchange,
+        system: &System<D>,
+        outside: Option<Outside>,
+    ) -> Result<(Load, [bool; K]), Failure> {
+        let force = |k: usize| {
+            let limbs = &self.0[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)];
+            system.fixed.value(Accumulator::read(limbs))
+        };
+        let load = Load {
+            up: force(0),
+            along: force(1),
+        };
+        if self.0[Self::FAILED] > 0 || load.up.is_nan() || load.along.is_nan() {
+            return Err(system.explain(exchange, outside));
+        }
+        let answer = |k| self.0[Self::ANSWERS + k] > 0;
+        Ok((load, std::array::from_fn(answer)))
+    }
+}
+
+/// All forces at the present positions, those of inner contacts while the ghosts' records are on their way; histories advance by
+/// `step` (s). Returns what was outside the law.
+pub fn forces<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+    drive: &mut dyn Drive<D>,
+    step: f64,
+    samples: Option<&mut ContactForces>,
+) -> Option<Outside> {
+    system.finish_step();
+    let owned = system.grains.owned;
+    system.grains.force[..owned].fill(Zeroable::zeroed());
+    add_forces(exchange, system, law, drive, step, samples)
+}
+
+/// [`forces`] where those on the own grains were cleared before.
+fn add_forces<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+    drive: &mut dyn Drive<D>,
+    step: f64,
+    mut samples: Option<&mut ContactForces>,
+) -> Option<Outside> {
+    let System {
+        level,
+        cell,
+        grains,
+        contacts,
+        slabs,
+        clock,
+        list,
+        team,
+        ledger,
+        gravity,
+        step: full_step,
+        ..
+    } = system;
+    team.clear(&mut grains.force[grains.owned..]);
+    if *gravity > 0.0 {
+        weigh(grains, *gravity);
+    }
+    let at_plane = drive.forces(*level, *cell, step, grains);
+    if let Some(samples) = &mut samples {
+        samples.prepare(contacts.blocks());
+    }
+    let setting = Setting {
+        level: *level,
+        law,
+        units: grains.units,
+        cell: *cell,
+        step,
+        counting: ledger.as_ref().map(|ledger| Counting {
+            unit: ledger.unit(),
+            step: *full_step,
+        }),
+    };
+    let (inner, all) = (contacts.inner, contacts.blocks());
+    let (record, force) = (&mut grains.record, &mut grains.force);
+    let mut work = |record: &[D::Record], group: Range<usize>| {
+        let samples = samples.as_deref_mut();
+        team.contact_forces(setting, record, force, contacts, group, samples)
+    };
+    let mut found = Found::default();
+    slabs.exchange(exchange, record, grains.owned, |own| {
+        clock.end(Phase::Exchange);
+        found = work(own, 0..inner);
+        clock.end(Phase::Contacts);
+    });
+    clock.end(Phase::Exchange);
+    found = found.and(work(record, inner..all));
+    team.gather(&mut grains.force);
+    clock.end(Phase::Contacts);
+
+    if let Some(ledger) = ledger {
+        ledger.step(found.lost, found.uncounted);
+    }
+    let pair = |at: Option<(usize, usize)>, why: fn(usize, usize) -> Outside| {
+        at.map(|(block, lane)| why(block, lane))
+    };
+    let at_pair = pair(found.outside, Outside::Pair).or(pair(found.too_strong, Outside::Force));
+    let unsound = list.unsound.then_some(Outside::Number);
+    at_plane.map(Outside::Plane).or(at_pair).or(unsound)
+}
+
+/// v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces. Returns the greatest speed (m/s), NaN where
+/// one is none. `KICK_IS_DUE`: the second kick of the step before is still to be given, first.
+struct HalfKickAndDrift<'a, D: Dimension, const KICK_IS_DUE: bool> {
+    own: Own<'a, D>,
+    step: f64,
+    cell: Cell,
+}
+
+impl<D: Dimension, const KICK_IS_DUE: bool> Work for HalfKickAndDrift<'_, D, KICK_IS_DUE> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) -> f64 {
+        let Self { own, step, cell } = self;
+        // Its square in bits, of which NaN has the greatest: integers are compared at once, where sums of floats would wait for each other.
+        let mut fastest = 0;
+        let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
+        for ((record, force), kick) in grains {
+            let r = D::fields_mut(record);
+            let [linear, angular] = *kick;
+            // One short loop a quantity: numbers that lie beside each other are worked together.
+            let (mut dv, mut v) = ([0.0; 3], [0.0; 3]);
+            for axis in 0..D::AXES {
+                dv[axis] = linear * force[axis];
+                v[axis] = match KICK_IS_DUE {
+                    true => (r[D::HALF_VELOCITY + axis] + dv[axis]) + dv[axis],
+                    false => r[D::VELOCITY + axis] + dv[axis],
+                };
+            }
+            r[D::HALF_VELOCITY..][..D::AXES].copy_from_slice(&v[..D::AXES]);
+            for axis in 0..D::AXES {
+                r[D::VELOCITY + axis] = v[axis] + dv[axis];
+            }
+            for axis in 0..D::AXES {
+                r[axis] += step * v[axis];
+            }
+            let mut speed = 0.0;
+            for v in &v[..D::AXES] {
+                speed += v * v;
+            }
+            let (mut dw, mut w) = ([0.0; 3], [0.0; 3]);
+            for k in 0..D::SPINS {
+                dw[k] = angular * force[D::TORQUE + k];
+                w[k] = match KICK_IS_DUE {
+                    true => (r[D::HALF_SPIN + k] + dw[k]) + dw[k],
+                    false => r[D::SPIN + k] + dw[k],
+                };
+            }
+            r[D::HALF_SPIN..][..D::SPINS].copy_from_slice(&w[..D::SPINS]);
+            for k in 0..D::SPINS {
+                r[D::SPIN + k] = w[k] + dw[k];
+            }
+            // NaN where w is no finite number, else nothing.
+            for w in &w[..D::SPINS] {
+                speed += 0.0 * w;
+            }
+            for (x, period) in r[..D::UP].iter_mut().zip(cell.periods) {
+                if *x < 0.0 || *x >= period {
+                    *x = Cell::wrapped(*x, period);
+                }
+            }
+            cell.wrap_up::<D>(r);
+            *force = Zeroable::zeroed();
+            fastest = speed.to_bits().max(fastest);
+        }
+        f64::from_bits(fastest).sqrt()
+    }
+}
+
+fn greater_or_nan(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
+}
+
+/// -m g along the last axis, on grains that are free, rounded as the contact forces are.
+fn weigh<D: Dimension>(grains: &mut Grains<D>, gravity: f64) {
+    let shift = Units::shift(grains.units.force);
+    for g in 0..grains.owned {
+        if grains.body[g] == body::FREE {
+            grains.force[g][D::UP] = (shift - grains.mass[g] * gravity) - shift;
+        }
+    }
+}
+
+/// By drag (1/s) of translations and of rotations.
+fn slow_down<D: Dimension>(grains: &mut Grains<D>, [linear, angular]: [f64; 2]) {
+    for g in 0..grains.owned {
+        let (r, mass, radius) = (
+            D::fields(&grains.record[g]),
+            grains.mass[g],
+            grains.radius[g],
+        );
+        let force = &mut grains.force[g];
+        for axis in 0..D::AXES {
+            force[axis] -= linear * mass * r[D::VELOCITY + axis];
+        }
+        for k in 0..D::SPINS {
+            force[D::TORQUE + k] -= angular * D::INERTIA * mass * radius * radius * r[D::SPIN + k];
+        }
+    }
+}

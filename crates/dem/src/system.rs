@@ -1,0 +1,485 @@
+//! All that a rank holds between two steps, and the upkeep of its lists.
+
+use crate::clock::Clock;
+use crate::dimension::Dimension;
+use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
+use crate::drive::Drive;
+use crate::failure::Failure;
+use crate::budget::Ledger;
+use crate::kernel::PairForce;
+use crate::contact::model::PairModel;
+use crate::neighbour;
+use crate::simd::{Lanes, Level, Work};
+use crate::state::{Cell, ContactState, Contacts, GrainState, Grains, Masses, Units, length};
+use crate::threads::{Own, Team};
+
+/// Skins over d̄ between which an adaptive one stays.
+const THINNEST_SKIN: f64 = 0.002;
+const THICKEST_SKIN: f64 = 0.4;
+const FIRST_SKIN: f64 = 0.02;
+/// Steps for which a list of the best skin lasts: a rebuild costs about as much as ten steps.
+const BEST_LIFE: f64 = 400.0;
+
+/// Grains, contacts, slabs: the state and its bookkeeping.
+#[derive(Debug)]
+pub struct System<D: Dimension> {
+    pub level: Level,
+    pub cell: Cell,
+    pub masses: Masses,
+    /// Δt (s).
+    pub step: f64,
+    /// g (m/s²), against the last axis; 0 is none.
+    pub gravity: f64,
+    /// Steps that are done, of the stage where there are stages.
+    pub steps: u64,
+    /// For forces on walls.
+    pub fixed: FixedPoint,
+    pub(crate) grains: Grains<D>,
+    pub contacts: Contacts,
+    pub slabs: Slabs<D>,
+    pub list: List,
+    /// The second kick of the last step is deferred: velocities are those of the half step. The next
+    /// step gives it with its own first kick; whoever looks at the grains before gets it first.
+    pub(crate) kick_is_due: bool,
+    pub clock: Clock,
+    pub team: Team<D>,
+    /// Kept where it is asked for.
+    pub ledger: Option<Ledger>,
+}
+
+/// How long the list of pairs stays complete.
+#[derive(Debug)]
+pub struct List {
+    /// Greatest diameter (m).
+    diameter: f64,
+    /// Present skin (m): pairs are listed up to R_i + R_j + skin.
+    skin: f64,
+    /// Least and greatest skin (m); equal where the skin is given.
+    range: [f64; 2],
+    /// Rebuild at least every so many steps; 0 only when needed.
+    every: u64,
+    /// Step of the last rebuild.
+    built: u64,
+    pub rebuilds: u64,
+    /// To be rebuilt before the next step.
+    pub due: bool,
+    /// No grain has moved further since the last rebuild (m).
+    bound: f64,
+    /// How far the images above have moved since then (m).
+    leaned: f64,
+    /// Where the own grains were then.
+    origin: Vec<[f64; 3]>,
+    /// A coordinate is no number, or a grain moved further than half a skin before the list could be rebuilt.
+    pub unsound: bool,
+}
+
+impl List {
+    /// `exchange.size()` slabs must be wider than the interaction range, and so must the cell be across them.
+    fn new(
+        exchange: &dyn Exchange,
+        bookkeeping: &ListSettings,
+        cell: Cell,
+        largest_radius: f64,
+        mean_diameter: f64,
+    ) -> Result<Self, Failure> {
+        let diameter = 2.0 * largest_radius;
+        let size = exchange.size();
+        let [thin, thick] = match bookkeeping.skin {
+            Some(skin) => [skin; 2],
+            None => [THINNEST_SKIN, THICKEST_SKIN],
+        };
+        let [length, width] = cell.periods;
+        let higher = cell.sheared.map_or(f64::INFINITY, |s| 0.5 * s.height);
+        // How much longer the reach is along x where the images lean.
+        let longer = cell.longest_reach_along(1.0);
+        let widest = 0.98 * (length / (longer * size as f64)).min(width).min(higher) - diameter;
+        let range = [thin * mean_diameter, (thick * mean_diameter).min(widest)];
+        let most = most_ranks(0.98 * length, longer * (diameter + range[0]));
+        if range[1] < range[0] {
+            return Err(Failure::input(format!(
+                "{size} ranks are too many for this cell: a slab must be wider than the interaction range (the greatest \
+                 diameter and the skin, {:.4e} m), and the cell is sample.length = {length:.4e} m long; run it on 1 to {} ranks",
+                diameter + range[0],
+                most.max(1),
+            )));
+        }
+        Ok(Self {
+            diameter,
+            skin: (FIRST_SKIN * mean_diameter).clamp(range[0], range[1]),
+            range,
+            every: bookkeeping.rebuild_every,
+            built: 0,
+            rebuilds: 0,
+            due: false,
+            bound: 0.0,
+            leaned: 0.0,
+            origin: Vec::new(),
+            unsound: false,
+        })
+    }
+
+    /// Grains moved by up to `fastest` (m/s) for `step` (s). Returns whether the list must be rebuilt after this step.
+    pub fn moved<D: Dimension>(
+        &mut self,
+        fastest: f64,
+        step: f64,
+        grains: &Grains<D>,
+        cell: &Cell,
+    ) -> bool {
+        let leaning = step * cell.sheared.map_or(0.0, |s| s.velocity.abs());
+        self.leaned += leaning;
+        // Half of it for a pair across the top, and all of it for a grain that went through it, whose way is measured wrongly by it.
+        let more = 1.5 * self.leaned;
+        let half = 0.5 * self.skin;
+        self.bound += step * fastest + 1.5 * leaning;
+        // The next step may be faster, if not twice as fast.
+        let margin = 2.0 * step * fastest + 1.5 * leaning;
+        if self.bound + margin > half {
+            let exact = self.displacement(grains, cell) + more;
+            self.bound = exact;
+            self.unsound = exact.is_nan() || exact > half;
+        }
+        self.unsound |= fastest.is_nan();
+        // Rebuild a little early rather than look at every grain in every step.
+        self.bound + margin > 0.9 * half
+    }
+
+    /// How far the own grain that moved most has moved (m).
+    fn displacement<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> f64 {
+        self.squares(grains, cell)
+            .fold(0.0, |a: f64, b| if b > a { b } else { a })
+            .sqrt()
+    }
+
+    /// The own grain that moved most; there is one.
+    fn furthest<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> usize {
+        let squares = self.squares(grains, cell).enumerate();
+        squares
+            .fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a })
+            .0
+    }
+
+    /// Squared displacements of the own grains (m²).
+    fn squares<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> impl Iterator<Item = f64> {
+        self.origin.iter().zip(&grains.record).map(move |(o, r)| {
+            let moved = cell.separation::<D>(D::fields(r), o);
+            moved.iter().map(|x| x * x).sum()
+        })
+    }
+
+    /// Of the next list, at least this skin (m).
+    pub fn widen(&mut self, skin: f64) {
+        self.skin = self.skin.max(skin);
+    }
+
+    pub fn forced(&self, steps: u64) -> bool {
+        self.every > 0 && steps - self.built >= self.every
+    }
+
+    fn reach(&self) -> f64 {
+        self.diameter + self.skin
+    }
+
+    /// A thicker skin where the list is rebuilt often, a thinner one where it lasts: pairs that do not touch cost time too.
+    fn adapt(&mut self, steps: u64) {
+        let lasted = steps - self.built;
+        if self.rebuilds > 0 && self.every == 0 {
+            self.skin *= (BEST_LIFE / lasted as f64).clamp(0.5, 2.0);
+            self.skin = self.skin.clamp(self.range[0], self.range[1]);
+        }
+    }
+}
+
+/// How the list of pairs is kept up. It changes the speed of a run and not its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ListSettings {
+    /// Skin of the neighbour list over d̄; `None` adapts it to how often the list is rebuilt.
+    pub skin: Option<f64>,
+    /// Rebuild at least every so many steps; 0 only when needed.
+    pub rebuild_every: u64,
+}
+
+/// What a system is made of, without its grains. SI units.
+#[derive(Debug, Clone, Copy)]
+pub struct Setup {
+    pub level: Level,
+    pub list: ListSettings,
+    pub cell: Cell,
+    pub largest_radius: f64,
+    pub mean_diameter: f64,
+    pub masses: Masses,
+    pub step: f64,
+    pub gravity: f64,
+    /// Of forces on walls.
+    pub typical_force: f64,
+    /// Inside this rank.
+    pub threads: usize,
+}
+
+impl<D: Dimension> System<D> {
+    /// # Errors
+    /// The slabs would be too narrow, or there is no room for so many threads.
+    pub fn new(exchange: &dyn Exchange, of: Setup) -> Result<Self, Failure> {
+        Ok(Self {
+            level: of.level,
+            cell: of.cell,
+            masses: of.masses,
+            step: of.step,
+            gravity: of.gravity,
+            steps: 0,
+            fixed: FixedPoint::new(of.typical_force),
+            grains: Grains::default(),
+            contacts: Contacts::default(),
+            slabs: Slabs::new(exchange, of.cell.periods[0]),
+            list: List::new(
+                exchange,
+                &of.list,
+                of.cell,
+                of.largest_radius,
+                of.mean_diameter,
+            )?,
+            kick_is_due: false,
+            clock: Clock::default(),
+            team: Team::new(of.threads)?,
+            ledger: None,
+        })
+    }
+
+    /// The grains of this rank at the full step.
+    pub fn grains(&mut self) -> &Grains<D> {
+        self.finish_step();
+        &self.grains
+    }
+
+    /// [`System::grains`] and the contacts.
+    pub fn grains_and_contacts(&mut self) -> (&Grains<D>, &Contacts) {
+        self.finish_step();
+        (&self.grains, &self.contacts)
+    }
+
+    /// [`System::grains`], to change them.
+    pub fn grains_mut(&mut self) -> &mut Grains<D> {
+        self.finish_step();
+        &mut self.grains
+    }
+
+    /// The number of grains that this rank owns.
+    pub fn owned(&self) -> usize {
+        self.grains.owned
+    }
+
+    /// The number of owned grains and ghosts.
+    pub fn local(&self) -> usize {
+        self.grains.local()
+    }
+
+    /// Gives the deferred second kick, if one is due: by the same operations as the next step would,
+    /// so to the same bits.
+    pub(crate) fn finish_step(&mut self) {
+        if std::mem::take(&mut self.kick_is_due) {
+            let level = self.level;
+            self.team
+                .over_own(&mut self.grains, |own| level.run(SecondKick(own)), |()| ());
+        }
+    }
+
+    /// This rank's grains.
+    pub fn grain_states(&mut self) -> Vec<GrainState> {
+        self.finish_step();
+        (0..self.grains.owned)
+            .map(|g| self.grains.state(g))
+            .collect()
+    }
+
+    /// The touching contacts that this rank has, also those it shares.
+    pub fn contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
+        self.contacts
+            .touching()
+            .map(|at| self.contacts.state(law, at, &self.grains.id))
+            .collect()
+    }
+
+    /// The touching contacts whose first grain this rank owns: each contact on one rank.
+    pub fn own_contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
+        self.contacts
+            .touching()
+            .filter(|at| at.i < self.grains.owned)
+            .map(|at| self.contacts.state(law, at, &self.grains.id))
+            .collect()
+    }
+
+    /// Migrates, re-sorts, and lists the pairs anew.
+    pub fn rebuild(
+        &mut self,
+        exchange: &dyn Exchange,
+        law: &dyn PairForce<D>,
+        drive: &mut dyn Drive<D>,
+    ) -> Result<(), Failure> {
+        let (grains, contacts) = (self.grain_states(), self.contact_states(law));
+        self.list.adapt(self.steps);
+        self.replace(exchange, law, drive, grains, contacts)
+    }
+
+    /// Takes these grains and contacts, wherever they belong, as the whole state. Every contact must be with the ranks that
+    /// have its grains.
+    pub fn replace(
+        &mut self,
+        exchange: &dyn Exchange,
+        law: &dyn PairForce<D>,
+        drive: &mut dyn Drive<D>,
+        grains: Vec<GrainState>,
+        contacts: Vec<ContactState>,
+    ) -> Result<(), Failure> {
+        let reach = self.list.reach();
+        let (own, remembered) = self
+            .slabs
+            .redistribute(exchange, self.cell, grains, contacts, reach)?;
+        self.kick_is_due = false;
+        self.grains.replace(&own, self.masses, self.step);
+        let largest = 0.5 * self.list.diameter;
+        self.grains.units = Units::new(law.largest_normal_force(largest), largest);
+        self.slabs
+            .attach_ghosts(exchange, self.cell, &mut self.grains, reach);
+        let window = self.slabs.window(exchange, self.cell.reach_along(reach));
+        let range = neighbour::Range {
+            reach,
+            skin: self.list.skin,
+        };
+        let near = neighbour::pairs(&self.grains, self.cell, window, range);
+        let Grains {
+            id, radius, owned, ..
+        } = &self.grains;
+        self.contacts
+            .replace(self.level, law, &near, &remembered, (id, radius), *owned);
+        self.team.assign(&self.contacts, self.grains.local());
+        drive.renumber(self.level, &self.grains, self.list.skin);
+
+        self.list.due = false;
+        self.list.bound = 0.0;
+        self.list.leaned = 0.0;
+        self.list.built = self.steps;
+        self.list.rebuilds += 1;
+        self.list.origin.clear();
+        self.list
+            .origin
+            .extend((0..self.grains.owned).map(|g| self.grains.state(g).position));
+        Ok(())
+    }
+
+    /// One message, the same on every rank, of what was outside the law on some.
+    pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
+        let place = |g: usize| {
+            let x = self.grains.fields(g)[..D::AXES].iter();
+            let x: Vec<String> = x.map(|x| format!("{x:.6e}")).collect();
+            format!("({}) m", x.join(", "))
+        };
+        let message = match outside {
+            None => String::new(),
+            Some(why @ (Outside::Pair(block, lane) | Outside::Force(block, lane))) => {
+                let pairs = &self.contacts.pairs.blocks()[block];
+                let (i, j) = (pairs.i[lane] as usize, pairs.j[lane] as usize);
+                let (a, b) = (self.grains.fields(i), self.grains.fields(j));
+                let distance = length(self.cell.separation::<D>(a, b));
+                let sum = self.contacts.geometry[block][0].0[lane];
+                let grains = format!(
+                    "grains {} at {} and {} at {}",
+                    self.grains.id[i],
+                    place(i),
+                    self.grains.id[j],
+                    place(j),
+                );
+                if let Outside::Pair(..) = why {
+                    format!(
+                        "{grains} overlap by {:.3e} m, {:.1} % of the sum of their radii: outside the contact law",
+                        sum - distance,
+                        100.0 * (1.0 - distance / sum),
+                    )
+                } else {
+                    let velocity = D::VELOCITY..D::VELOCITY + D::AXES;
+                    let difference = |axis| a[axis] - b[axis];
+                    let squares = velocity.map(difference).map(|v: f64| v * v);
+                    let speed = squares.sum::<f64>().sqrt();
+                    format!(
+                        "{grains} collide too fast, at {speed:.3e} m/s: the damping force is greater than any elastic force of the contact law",
+                    )
+                }
+            }
+            Some(Outside::Plane(g)) => format!(
+                "grain {} of radius {:.4e} m at {} overlaps a wall too much: outside the contact law",
+                self.grains.id[g],
+                self.grains.radius[g],
+                place(g),
+            ),
+            Some(Outside::Number) => {
+                let bad = (0..self.grains.owned)
+                    .find(|&g| !self.grains.fields(g).iter().all(|x| x.is_finite()));
+                match bad {
+                    Some(g) => format!(
+                        "the position or velocity of grain {} at {} is no number",
+                        self.grains.id[g],
+                        place(g)
+                    ),
+                    None => {
+                        let g = self.list.furthest(&self.grains, &self.cell);
+                        format!(
+                            "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
+                            self.grains.id[g],
+                            place(g),
+                            0.5 * self.list.skin
+                        )
+                    }
+                }
+            }
+        };
+        let said = exchange.gather(message.as_bytes());
+        let first = said.iter().find(|m| !m.is_empty());
+        Failure::numbers(first.map_or_else(
+            || "a global sum is out of range".into(),
+            |m| format!("step {}: {}", self.steps, String::from_utf8_lossy(m)),
+        ))
+    }
+
+    /// Heap in use on this rank (bytes).
+    pub fn memory(&self) -> usize {
+        self.grains.memory()
+            + self.contacts.memory()
+            + self.team.memory()
+            + self.list.origin.capacity() * size_of::<[f64; 3]>()
+    }
+}
+
+/// Where the numbers failed, as this rank knows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outside {
+    /// This grain overlaps a plane too much.
+    Plane(usize),
+    /// The contact in this block and lane overlaps too much.
+    Pair(usize, usize),
+    /// The force of the contact in this block and lane is greater than any that the law should have.
+    Force(usize, usize),
+    /// A position or velocity is no number, or a grain moved further than the list allows.
+    Number,
+}
+
+/// v(t+Δt), in place of the predicted one.
+struct SecondKick<'a, D: Dimension>(Own<'a, D>);
+
+impl<D: Dimension> Work for SecondKick<'_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) {
+        let own = self.0;
+        let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
+        for ((record, force), kick) in grains {
+            let r = D::fields_mut(record);
+            let [linear, angular] = *kick;
+            for axis in 0..D::AXES {
+                r[D::VELOCITY + axis] = r[D::HALF_VELOCITY + axis] + linear * force[axis];
+            }
+            for k in 0..D::SPINS {
+                r[D::SPIN + k] = r[D::HALF_SPIN + k] + angular * force[D::TORQUE + k];
+            }
+        }
+    }
+}

@@ -1,0 +1,378 @@
+//! What a person sees of a run. Rank 0 speaks.
+
+use std::io::IsTerminal;
+use std::path::Path;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use gshear_dem::clock::Phase;
+use gshear_scene::{
+    Dimensions, Drive as SceneDrive, Law, Motion, Origin, PeriodicScene, Scene, Walls,
+};
+use gshear_dem::dimension::Dimension;
+use gshear_mpi_exchange::Parallel;
+use gshear_dem::drive::Piston;
+use gshear_store::provenance;
+use crate::periodic::{Birth, Progress, strain};
+use gshear_scene::schedule::Schedule;
+use gshear_dem::simd::Level;
+use gshear_dem::state::SeriesRow;
+use gshear_dem::system::System;
+
+/// Lines of progress, and a bar where there is a terminal.
+pub struct Terminal {
+    speaks: bool,
+    bar: ProgressBar,
+    latest: Option<SeriesRow>,
+    next_packing_line: u64,
+}
+
+impl Terminal {
+    pub fn new(speaks: bool) -> Self {
+        let bar = if speaks && std::io::stderr().is_terminal() {
+            ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr())
+        } else {
+            ProgressBar::hidden()
+        };
+        let style =
+            ProgressStyle::with_template("{msg} [{bar:30}] {percent:>3} % {elapsed} left {eta}")
+                .expect("a sound template");
+        bar.set_style(style.progress_chars("=> "));
+        Self {
+            speaks,
+            bar,
+            latest: None,
+            next_packing_line: 10_000,
+        }
+    }
+
+    fn say(&self, line: impl AsRef<str>) {
+        if self.speaks {
+            self.bar.suspend(|| println!("{}", line.as_ref()));
+        }
+    }
+
+    pub fn header(&self, exchange: &dyn Parallel, scene: &Scene, level: Level) {
+        self.say(format!("{}: {}", provenance::printed(), scene.title));
+        self.say(format!(
+            "{} on {} ({}); {} grains, {}",
+            ranks(exchange.size()),
+            provenance::processor(),
+            level.name(),
+            scene.sample.grains,
+            match scene.dimension {
+                Dimensions::Two => format!("L_x = {:.4e} m", scene.sample.length),
+                Dimensions::Three => format!(
+                    "L_x = {:.4e} m, L_y = {:.4e} m",
+                    scene.sample.length, scene.sample.width
+                ),
+            },
+        ));
+        if let Origin::Packing { file, walls } = &scene.origin {
+            self.say(format!(
+                "grains from {}; {}",
+                file.path.display(),
+                match (scene.pack.skip, walls) {
+                    (false, _) => "to be packed",
+                    (true, Walls::Layers) => "walls are its lowest and highest layer",
+                    (true, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
+                }
+            ));
+        }
+        self.say(format!("law:   {}", law(&scene.law)));
+        self.say(format!(
+            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {}",
+            scene.load.stiffness_number,
+            scene.load.pressure,
+            scene.load.normal_force,
+            match scene.dimension {
+                Dimensions::Two => "N/m",
+                Dimensions::Three => "N",
+            },
+        ));
+        self.say(format!(
+            "step:  dt = {:.4e} s, limit {:.4e} s",
+            scene.time_step.step, scene.time_step.limit
+        ));
+    }
+
+    /// `kinetic`: energy per grain over P d̄ δ̄.
+    pub fn packing(&mut self, step: u64, piston: &Piston, kinetic: f64) {
+        // Ever more rarely, since nobody knows how long it takes.
+        if step >= self.next_packing_line {
+            self.next_packing_line = 2 * step;
+            self.say(format!(
+                "pack:  step {step}, height {:.4e} m, kinetic energy per grain {kinetic:.1e} P d delta",
+                piston.height
+            ));
+        }
+    }
+
+    pub fn packed(&self, step: u64, height: f64) {
+        self.say(format!(
+            "pack:  at rest after {step} steps; walls frozen, {height:.6e} m between them"
+        ));
+    }
+
+    pub fn shearing(&self, scene: &Scene, schedule: &Schedule, first: u64) {
+        if let Some(spring) = scene.shear.spring {
+            self.say(format!(
+                "drive: a spring of k = {:.4e}, k d/N = {:.4e}",
+                spring.stiffness,
+                spring.stiffness * scene.sample.mean_diameter / scene.load.normal_force
+            ));
+        }
+        let segments = schedule.protocol.segments();
+        let intervals = &schedule.intervals;
+        let every = |name: &str, steps: u64| match steps {
+            0 => format!("no {name}"),
+            n => format!("{name} every {n} steps"),
+        };
+        match &scene.shear.motion {
+            Motion::Strain { drive, .. } => {
+                let given = match drive {
+                    SceneDrive::InertialNumber(_) => "I given",
+                    SceneDrive::Velocity(_) => "V given",
+                };
+                let speed = segments[0].velocity;
+                self.say(format!(
+                    "shear: I = {:.4e}, V = {speed:.6e} m/s ({given}); shear rate {:.4e} /s",
+                    schedule.inertial_number(scene, speed),
+                    speed / schedule.height,
+                ));
+                let every = |name: &str, steps: u64| match steps {
+                    0 => every(name, 0),
+                    n => format!("{} ({:.4e} strain)", every(name, n), schedule.strain(n)),
+                };
+                self.say(format!(
+                    "shear: {} steps to strain {:.4}; {}, {}, {}",
+                    schedule.total,
+                    schedule.strain(schedule.total),
+                    every("frames", intervals[0].frames),
+                    every("series", intervals[0].series),
+                    every("checkpoints", intervals[0].checkpoints),
+                ));
+                let starts = [
+                    ("frames", intervals[0].frames, schedule.first_frame),
+                    ("scalars", intervals[0].analysis, schedule.first_analysis),
+                ];
+                for (name, steps, first) in starts {
+                    if steps > 0 && (name == "scalars" || first > 0) {
+                        self.say(format!(
+                            "shear: {} from step {first} on, strain {:.6}",
+                            every(name, steps),
+                            schedule.strain(first)
+                        ));
+                    }
+                }
+            }
+            Motion::Protocol(_) => {
+                for (n, (segment, intervals)) in segments.iter().zip(intervals).enumerate() {
+                    self.say(format!(
+                        "shear: part {} of {}: V = {:.4e} m/s (I = {:.2e}) for {:.4e} s, {} steps; {}, {}",
+                        n + 1,
+                        segments.len(),
+                        segment.velocity,
+                        schedule.inertial_number(scene, segment.velocity),
+                        schedule.time(segment.steps),
+                        segment.steps,
+                        every("frames", intervals.frames),
+                        every("series", intervals.series),
+                    ));
+                }
+            }
+        }
+        if first > 0 {
+            self.say(format!(
+                "shear: goes on from step {first}, strain {:.6}",
+                schedule.strain(first)
+            ));
+        }
+        self.bar.set_length(schedule.total);
+        self.bar.set_position(first);
+        self.bar.reset_eta();
+    }
+
+    pub fn latest(&mut self, row: &SeriesRow) {
+        self.latest = Some(*row);
+    }
+
+    pub fn progress(
+        &self,
+        schedule: &Schedule,
+        grains: u32,
+        first: u64,
+        step: u64,
+        elapsed: Duration,
+    ) {
+        if !self.speaks {
+            return;
+        }
+        let done = (step - first) as f64;
+        let seconds = elapsed.as_secs_f64();
+        let left = seconds / done * (schedule.total - step) as f64;
+        let stress = self.latest.map_or(String::new(), |row| {
+            format!(" tau {:.4} phi {:.4}", row.stress_ratio, row.solid_fraction)
+        });
+        self.say(format!(
+            "{:5.1} % step {step} strain {:.5}{stress} | {:.1} million grain-steps/s, {} left",
+            100.0 * step as f64 / schedule.total as f64,
+            schedule.strain(step),
+            1e-6 * grains as f64 * done / seconds,
+            duration(left),
+        ));
+        self.bar.set_position(step);
+        self.bar
+            .set_message(format!("strain {:.5}{stress}", schedule.strain(step)));
+    }
+
+    pub fn stopped(&self, out: &Path, stage: &str, step: u64) {
+        self.say(format!(
+            "stopped in {stage} at step {step}; go on with --resume {}",
+            out.join("checkpoint.h5").display()
+        ));
+    }
+
+    /// `rate`: grain-steps per second and rank.
+    pub fn end(
+        &self,
+        exchange: &dyn Parallel,
+        system: &mut System<impl Dimension>,
+        phases: &str,
+        rate: f64,
+        digest: &str,
+        out: &Path,
+    ) {
+        self.bar.finish_and_clear();
+        let memory = exchange.maximum(system.memory() as f64);
+        let rebuilds = system.list.rebuilds;
+        let (bytes, messages) = system.slabs.traffic();
+        self.say(format!("results in {}", out.display()));
+        self.say(phases.trim_end());
+        if exchange.size() > 1 {
+            let micro = |phase| 1e6 * system.clock.per_step(phase);
+            self.say(format!(
+                "per step from rank 0: {messages} messages of {bytes} bytes in all and 1 sum of {} bytes; with what they wait for, {:.1} and {:.1} us",
+                gshear_dem::step::MESSAGE_BYTES,
+                micro(Phase::Exchange),
+                micro(Phase::Walls),
+            ));
+        }
+        self.say(format!(
+            "{rebuilds} list rebuilds; state {:.0} bytes per grain of a rank",
+            memory / system.owned().max(1) as f64
+        ));
+        self.say(format!("speed {rate:.4e}"));
+        self.say(format!("digest {digest}"));
+    }
+}
+
+/// The law's name and what follows from its constants.
+fn law(law: &Law) -> String {
+    let derived = law.derived().into_iter();
+    let derived = derived.map(|(symbol, value, unit)| format!("{symbol} = {value:.4e} {unit}"));
+    let parts: Vec<String> = std::iter::once(law.kind().name.into())
+        .chain(derived.map(|text| text.trim_end().into()))
+        .collect();
+    parts.join(", ")
+}
+
+fn ranks(n: usize) -> String {
+    if n == 1 {
+        "1 rank".into()
+    } else {
+        format!("{n} ranks")
+    }
+}
+
+fn duration(seconds: f64) -> String {
+    let s = seconds.max(0.0) as u64;
+    match s {
+        0..60 => format!("{s} s"),
+        60..3600 => format!("{} min {:02} s", s / 60, s % 60),
+        _ => format!("{} h {:02} min", s / 3600, s % 3600 / 60),
+    }
+}
+
+/// Of runs in a periodic box.
+impl Terminal {
+    pub fn periodic_header(&self, exchange: &dyn Parallel, scene: &PeriodicScene, level: Level) {
+        self.say(format!("{}: {}", provenance::printed(), scene.title));
+        self.say(format!(
+            "{} on {} ({}); {} grains in a periodic box {:.4e} long, solid fraction {:.4}",
+            ranks(exchange.size()),
+            provenance::processor(),
+            level.name(),
+            scene.sample.grains,
+            scene.sample.length,
+            scene.solid_fraction
+        ));
+        self.say(format!(
+            "law:   {}; step:  dt = {:.4e}, limit {:.4e}",
+            law(&scene.law),
+            scene.time_step.step,
+            scene.time_step.limit
+        ));
+    }
+
+    /// `steps` of overdamped dynamics at the solid fraction asked for.
+    pub fn prepared(&self, steps: u64) {
+        self.say(format!(
+            "pack:  at rest without friction after {steps} steps of overdamped dynamics"
+        ));
+    }
+
+    pub(crate) fn strain_step(&self, step: u64, row: &strain::Row) {
+        let observed = &row.observed;
+        let pairs = match &row.eigenvalues {
+            None => String::new(),
+            Some(eigenvalues) => match eigenvalues.greatest_pair() {
+                None => ", no complex pair".into(),
+                Some(pair) => format!(
+                    ", complex pairs: {}, greatest |Im| {:.3e}",
+                    eigenvalues.pairs(),
+                    pair.lambda_i
+                ),
+            },
+        };
+        self.say(format!(
+            "aqs:   step {step} strain {:.6e} stress {:.5e} pressure {:.5e} z {:.3} residual {:.1e} | {} factorisations, {} steps{pairs}",
+            row.strain,
+            observed.shear_stress,
+            observed.pressure,
+            observed.coordination,
+            row.residual,
+            row.found.factorisations,
+            row.found.steps,
+        ));
+    }
+
+    pub fn born(&self, birth: &Birth) {
+        self.say(format!(
+            "birth: a complex pair between strains {:.12e} and {:.12e}",
+            birth.before, birth.after
+        ));
+    }
+
+    pub fn strained(&self, progress: &Progress, digest: &str) {
+        self.say(format!(
+            "aqs:   done after {} steps, {} of them by overdamped dynamics as Newton's method did not do; digest {digest}",
+            progress.steps, progress.fell_back
+        ));
+    }
+
+    pub fn newtonian(&self, steps: u64, step: f64) {
+        self.say(format!(
+            "newtonian: {steps} steps, to the time {:.4e}",
+            steps as f64 * step
+        ));
+    }
+
+    pub fn moved(&self, digest: &str, out: &Path) {
+        self.say(format!(
+            "done:  digest {digest}\n       results in {}",
+            out.display()
+        ));
+    }
+}

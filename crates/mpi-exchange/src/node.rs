@@ -1,0 +1,271 @@
+//! Ranks of one node talk through memory that they share (MPI-3 shared windows): a message is a copy and a number that counts up,
+//! which takes a fraction of a microsecond where a message through the library takes a few.
+
+use std::cell::Cell;
+use std::ptr::{copy_nonoverlapping, null_mut};
+use std::slice::from_raw_parts_mut;
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+
+use mpi::ffi;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::*;
+
+/// Most numbers of a sum.
+pub const MOST_TERMS: usize = 15;
+/// Room for a message (f64): some 4,000 records. Longer ones go through the library.
+pub const MOST_NUMBERS: usize = 1 << 15;
+
+/// A rank's terms of a sum, in cache lines of their own.
+#[repr(C, align(128))]
+struct Terms {
+    /// Sums to which this rank has put its terms.
+    count: AtomicU64,
+    term: [AtomicI64; MOST_TERMS],
+}
+
+/// A box for the messages of one rank to one neighbour.
+#[repr(C, align(128))]
+struct Letterbox {
+    /// Messages put in.
+    sent: AtomicU64,
+    _apart: [u64; 15],
+    /// Messages taken out, counted by the neighbour.
+    taken: AtomicU64,
+    _apart_too: [u64; 15],
+    message: [f64; MOST_NUMBERS],
+}
+
+/// What a rank has for the others to read. Everything is there twice and used in turn: a rank may be one message ahead.
+#[repr(C)]
+struct Desk {
+    terms: [Terms; 2],
+    /// To the next rank, and to the rank before.
+    boxes: [[Letterbox; 2]; 2],
+}
+
+/// The desks of the ranks on this node.
+pub struct Node {
+    /// By rank in the job; null for those on other nodes.
+    desks: Vec<*mut Desk>,
+    rank: usize,
+    sums: Cell<u64>,
+    /// Messages sent to, and had from, the next rank and the rank before.
+    sent: [Cell<u64>; 2],
+    had: [Cell<u64>; 2],
+    window: ffi::MPI_Win,
+    // Dropped after the window.
+    _communicator: SimpleCommunicator,
+}
+
+impl Node {
+    /// Collective. `None` where this rank is alone on its node.
+    pub fn new(world: &SimpleCommunicator) -> Option<Self> {
+        let communicator = world.split_shared(world.rank());
+        let here = communicator.size();
+        if here == 1 {
+            return None;
+        }
+        let mut ranks = vec![0i32; here as usize];
+        communicator.all_gather_into(&world.rank(), &mut ranks[..]);
+        let mut desks = vec![null_mut(); world.size() as usize];
+        // A desk begins at the first multiple of its alignment, which is the same place for all ranks: memory is shared by pages.
+        let room = (size_of::<Desk>() + align_of::<Desk>()).next_multiple_of(4096);
+        // SAFETY: the calls are collective over `communicator`; the out pointers are valid; the library returns memory of at least
+        // `room` bytes that lives until the window is freed, set to zero by the system, in which a valid desk is found.
+        let window = unsafe {
+            let mut window = ffi::RSMPI_WIN_NULL;
+            let mut own: *mut u8 = null_mut();
+            ffi::MPI_Win_allocate_shared(
+                room as ffi::MPI_Aint,
+                1,
+                ffi::RSMPI_INFO_NULL,
+                communicator.as_raw(),
+                (&raw mut own).cast(),
+                &mut window,
+            );
+            for (k, &rank) in ranks.iter().enumerate() {
+                let (mut size, mut unit) = (0, 0);
+                let mut begin: *mut u8 = null_mut();
+                ffi::MPI_Win_shared_query(
+                    window,
+                    k as i32,
+                    &mut size,
+                    &mut unit,
+                    (&raw mut begin).cast(),
+                );
+                assert!(size as usize >= room, "the window holds a desk");
+                desks[rank as usize] = begin.add(begin.align_offset(align_of::<Desk>())).cast();
+            }
+            window
+        };
+        communicator.barrier();
+        let zero = || [Cell::new(0), Cell::new(0)];
+        Some(Self {
+            desks,
+            rank: world.rank() as usize,
+            sums: Cell::new(0),
+            sent: zero(),
+            had: zero(),
+            window,
+            _communicator: communicator,
+        })
+    }
+
+    /// Whether all ranks of the job are here.
+    pub fn holds_all(&self) -> bool {
+        self.desks.iter().all(|d| !d.is_null())
+    }
+
+    /// The box for messages from `from` to `to`: 0 to the next rank, 1 to the rank before; `None` where there is none.
+    fn direction(&self, from: usize, to: usize) -> Option<usize> {
+        let size = self.desks.len();
+        if self.desks[from].is_null() || self.desks[to].is_null() || from == to {
+            None
+        } else if to == (from + 1) % size {
+            Some(0)
+        } else if from == (to + 1) % size {
+            Some(1)
+        } else {
+            None
+        }
+    }
+
+    /// Whether messages of at most so many numbers from and to this rank go this way. Both sides find the same.
+    pub fn reaches(&self, rank: usize, numbers: usize) -> bool {
+        numbers <= MOST_NUMBERS && self.direction(self.rank, rank).is_some()
+    }
+
+    /// Puts a message, some of the records, into the neighbour's box.
+    ///
+    /// # Panics
+    /// Where `reaches` says no, or what is chosen is not among the records.
+    pub fn send(&self, to: usize, records: &[f64], width: usize, chosen: &[u32]) {
+        let direction = self.direction(self.rank, to).expect("a neighbour");
+        assert!(
+            chosen.len() * width <= MOST_NUMBERS,
+            "a message that fits"
+        );
+        let number = self.sent[direction].get() + 1;
+        self.sent[direction].set(number);
+        // SAFETY: the desk lives as long as the window. What is written is read by the neighbour only between `sent` reaching this
+        // number and its own `taken`, and this box was used last for the message before the last, which was taken. Until then the
+        // message, which was set to zero once and is aligned as the box, is this rank's alone.
+        unsafe {
+            let desk = self.desks[self.rank];
+            let letterbox = &raw mut (*desk).boxes[direction][number as usize % 2];
+            wait_for(&(*letterbox).taken, number.saturating_sub(2));
+            let message = (&raw mut (*letterbox).message).cast::<f64>();
+            let message = from_raw_parts_mut(message, chosen.len() * width);
+            copy_chosen(records, width, chosen, message);
+            (*letterbox).sent.store(number, Ordering::Release);
+        }
+    }
+
+    /// Takes a message out of the box from a neighbour.
+    ///
+    /// # Panics
+    /// Where `reaches` says no.
+    pub fn receive(&self, from: usize, message: &mut [f64]) {
+        let direction = self.direction(from, self.rank).expect("a neighbour");
+        assert!(
+            message.len() <= MOST_NUMBERS,
+            "a message that fits"
+        );
+        let number = self.had[direction].get() + 1;
+        self.had[direction].set(number);
+        // SAFETY: the desk lives as long as the window. The neighbour has written the message before `sent`, and writes no other
+        // into this box before `taken`.
+        unsafe {
+            let desk = self.desks[from];
+            let letterbox = &raw mut (*desk).boxes[direction][number as usize % 2];
+            wait_for(&(*letterbox).sent, number);
+            copy_nonoverlapping(
+                (&raw const (*letterbox).message).cast(),
+                message.as_mut_ptr(),
+                message.len(),
+            );
+            (*letterbox).taken.store(number, Ordering::Release);
+        }
+    }
+
+    /// Element-wise sum over the ranks, wrapping, in place, while `meanwhile` runs.
+    ///
+    /// # Panics
+    /// Where there are more than [`MOST_TERMS`] values, or not all ranks are here.
+    pub fn sum_during(&self, values: &mut [i64], meanwhile: impl FnOnce()) {
+        assert!(values.len() <= MOST_TERMS, "few terms");
+        let number = self.sums.get() + 1;
+        self.sums.set(number);
+        let terms = |rank: usize| {
+            let desk = self.desks[rank];
+            assert!(!desk.is_null(), "all ranks are here");
+            // SAFETY: the desk lives as long as the window, and terms are atomic.
+            unsafe { &(*desk).terms[number as usize % 2] }
+        };
+        // Every rank has read the sum before the last from here: it would not have put its terms to the last one else.
+        let own = terms(self.rank);
+        for (to, value) in own.term.iter().zip(&*values) {
+            to.store(*value, Ordering::Relaxed);
+        }
+        own.count.store(number, Ordering::Release);
+        meanwhile();
+        for rank in (0..self.desks.len()).filter(|&r| r != self.rank) {
+            let other = terms(rank);
+            wait_for(&other.count, number);
+            for (sum, term) in values.iter_mut().zip(&other.term) {
+                *sum = sum.wrapping_add(term.load(Ordering::Relaxed));
+            }
+        }
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        // SAFETY: the window was made in `new` and is freed once, by all ranks of the node.
+        unsafe {
+            ffi::MPI_Win_free(&mut self.window);
+        }
+    }
+}
+
+/// Waits until the counter has reached a number. Soon gives the core away, for ranks may share it.
+fn wait_for(counter: &AtomicU64, number: u64) {
+    for _ in 0..PATIENCE {
+        if counter.load(Ordering::Acquire) >= number {
+            return;
+        }
+        std::hint::spin_loop();
+    }
+    while counter.load(Ordering::Acquire) < number {
+        std::thread::yield_now();
+    }
+}
+
+/// Looks at a counter before the core is given away: about two microseconds, as ranks may be more than cores.
+const PATIENCE: u32 = 50;
+
+/// Copies the chosen records, of `width` numbers each, one after the other.
+///
+/// # Panics
+/// If a chosen record does not exist, or the room is too small.
+pub fn copy_chosen(records: &[f64], width: usize, chosen: &[u32], to: &mut [f64]) {
+    // The records of disks and of spheres: a copy of known length takes a few instructions.
+    match width {
+        8 => copy_records::<8>(records, chosen, to),
+        16 => copy_records::<16>(records, chosen, to),
+        _ => {
+            for (to, &chosen) in to.chunks_exact_mut(width).zip(chosen) {
+                to.copy_from_slice(&records[chosen as usize * width..][..width]);
+            }
+        }
+    }
+}
+
+fn copy_records<const WIDTH: usize>(records: &[f64], chosen: &[u32], to: &mut [f64]) {
+    let (records, _) = records.as_chunks::<WIDTH>();
+    let (to, _) = to.as_chunks_mut::<WIDTH>();
+    assert!(to.len() >= chosen.len(), "room for the records");
+    for (to, &chosen) in to.iter_mut().zip(chosen) {
+        *to = records[chosen as usize];
+    }
+}

@@ -1,0 +1,285 @@
+//! Many ranks, by MPI.
+
+use crate::node::Node;
+use crate::parallel::Parallel;
+use bytemuck::cast_slice_mut;
+use gshear_dem::domain::{Exchange, Link};
+use mpi::Threading;
+use mpi::collective::SystemOperation;
+use mpi::datatype::{Partition, PartitionMut};
+use mpi::environment::Universe;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::*;
+
+/// All ranks of the job. Dropping it ends MPI, so every file opened with its communicator must be closed before.
+pub struct World {
+    communicator: SimpleCommunicator,
+    rank: usize,
+    size: usize,
+    /// The ranks with which this one shares memory, unless it is not to.
+    node: Option<Node>,
+    // Dropped last: ends MPI.
+    _universe: Universe,
+}
+
+/// Settings of Open MPI, where the environment has none of its own.
+const OPEN_MPI: [(&str, &str); 2] = [
+    // A halo message of 4 KiB just misses the default, beyond which sender and receiver first shake hands.
+    ("OMPI_MCA_btl_vader_eager_limit", "16384"),
+    // A waiting rank lets others have its core. It costs nothing where each rank has one; where other work shares the cores, two
+    // ranks ran several times as fast.
+    ("OMPI_MCA_mpi_yield_when_idle", "1"),
+];
+
+/// Where rank 0's environment has this, all messages go through MPI.
+const NO_SHARED_MEMORY: &str = "GSHEAR_NO_SHARED_MEMORY";
+
+impl World {
+    /// Starts MPI, under mpirun or as a single rank without it. To be called first thing in `main`, while there is one thread, and once.
+    ///
+    /// From here on a panic on any rank prints its message and ends the whole job with exit code 1; otherwise the others would wait for ever.
+    pub fn start() -> World {
+        for (name, value) in OPEN_MPI {
+            if std::env::var_os(name).is_none() {
+                // SAFETY: the caller has started no other thread yet, so nobody reads the environment meanwhile.
+                unsafe { std::env::set_var(name, value) };
+            }
+        }
+        let (universe, _) =
+            mpi::initialize_with_threading(Threading::Funneled).expect("MPI is started once");
+        let message = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            message(panic);
+            if !mpi::environment::is_finalized() {
+                SimpleCommunicator::world().abort(1);
+            }
+        }));
+        let communicator = universe.world();
+        // As rank 0 has it: the environments of other nodes may differ, and all must do the same.
+        let mut shares = [u8::from(std::env::var_os(NO_SHARED_MEMORY).is_none())];
+        communicator
+            .process_at_rank(0)
+            .broadcast_into(&mut shares[..]);
+        let shares = shares[0] == 1;
+        World {
+            node: shares.then(|| Node::new(&communicator)).flatten(),
+            rank: communicator.rank() as usize,
+            size: communicator.size() as usize,
+            communicator,
+            _universe: universe,
+        }
+    }
+
+    /// Ends every rank with this exit code, for a failure that only one rank knows of. Not collective.
+    pub fn abort(&self, exit_code: i32) -> ! {
+        self.communicator.abort(exit_code)
+    }
+
+    /// Counts of bytes that MPI can address, and where each begins.
+    fn layout(lengths: impl Iterator<Item = usize>) -> (Vec<i32>, Vec<i32>, usize) {
+        let (mut counts, mut starts, mut end) = (Vec::new(), Vec::new(), 0usize);
+        for length in lengths {
+            starts.push(end as i32);
+            counts.push(length as i32);
+            end += length;
+            assert!(
+                i32::try_from(end).is_ok(),
+                "a message of more than 2 GiB: use more ranks"
+            );
+        }
+        (counts, starts, end)
+    }
+
+    fn split(bytes: &[u8], counts: &[i32], starts: &[i32]) -> Vec<Vec<u8>> {
+        let pieces = starts.iter().zip(counts);
+        pieces
+            .map(|(&s, &c)| bytes[s as usize..][..c as usize].to_vec())
+            .collect()
+    }
+}
+
+/// The same bytes, but where there are none at an address that is one. Rust gives an empty slice of bytes the address 1,
+/// which is Open MPI's MPI_IN_PLACE; receive buffers are kept a byte longer than needed for the same reason.
+fn addressable(bytes: &[u8]) -> &[u8] {
+    if bytes.is_empty() { &[0][..0] } else { bytes }
+}
+
+impl Parallel for World {
+    /// `None` for a single rank: HDF5's plain driver serves it faster.
+    fn communicator(&self) -> Option<mpi::ffi::MPI_Comm> {
+        (self.size > 1).then(|| self.communicator.as_raw())
+    }
+}
+
+impl Exchange for World {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn size(&self) -> usize {
+        self.size
+    }
+
+    fn all_to_all(&self, mut send: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+        assert_eq!(send.len(), self.size, "a message for every rank");
+        if self.size == 1 {
+            return send;
+        }
+        let own = std::mem::take(&mut send[self.rank]);
+        let (counts, starts, _) = Self::layout(send.iter().map(Vec::len));
+        let mut arriving = vec![0i32; self.size];
+        self.communicator
+            .all_to_all_into(&counts[..], &mut arriving[..]);
+        let (arriving, places, end) = Self::layout(arriving.iter().map(|&c| c as usize));
+        let outgoing = send.concat();
+        let mut incoming = vec![0u8; end + 1];
+        self.communicator.all_to_all_varcount_into(
+            &Partition::new(addressable(&outgoing), &counts[..], &starts[..]),
+            &mut PartitionMut::new(&mut incoming[..], &arriving[..], &places[..]),
+        );
+        let mut received = Self::split(&incoming, &arriving, &places);
+        received[self.rank] = own;
+        received
+    }
+
+    /// Several links with one rank pair up in their order: the n-th with rank r here with the n-th with this rank there.
+    fn halo(&self, links: &mut [Link<'_>], meanwhile: &mut dyn FnMut()) {
+        // A box holds one message, so several links with one rank go through the library.
+        let single = links
+            .iter()
+            .enumerate()
+            .all(|(k, a)| links[k + 1..].iter().all(|b| a.rank != b.rank));
+        let near = |link: &Link<'_>| {
+            let node = self.node.as_ref().filter(|_| single)?;
+            let numbers = (link.chosen.len() * link.width).max(link.receive.len());
+            node.reaches(link.rank, numbers).then_some(node)
+        };
+        for link in &*links {
+            if let Some(node) = near(link) {
+                node.send(link.rank, link.records, link.width, link.chosen);
+            }
+        }
+        if links.iter().all(|link| near(link).is_some()) {
+            meanwhile();
+        } else {
+            mpi::request::scope(|scope| {
+                let (mut receives, mut sends) = (Vec::new(), Vec::new());
+                for link in links.iter_mut() {
+                    if near(link).is_some() {
+                        continue;
+                    }
+                    crate::node::copy_chosen(link.records, link.width, link.chosen, link.buffer);
+                    let neighbour = self.communicator.process_at_rank(link.rank as i32);
+                    let receive = &mut *link.receive;
+                    let expected = receive.len();
+                    receives.push((expected, neighbour.immediate_receive_into(scope, receive)));
+                    sends.push(neighbour.immediate_send(scope, &*link.buffer));
+                }
+                meanwhile();
+                for (expected, receive) in receives {
+                    let came = receive.wait().count(f64::equivalent_datatype());
+                    assert_eq!(came as usize, expected, "length of a neighbour's message");
+                }
+                for send in sends {
+                    send.wait();
+                }
+            });
+        }
+        for link in links {
+            if let Some(node) = near(link) {
+                node.receive(link.rank, link.receive);
+            }
+        }
+    }
+
+    fn sum_during(&self, values: &mut [i64], meanwhile: &mut dyn FnMut()) {
+        if let Some(node) = self.node.as_ref().filter(|n| n.holds_all()) {
+            return node.sum_during(values, meanwhile);
+        }
+        if self.size == 1 {
+            return meanwhile();
+        }
+        let copy: Vec<u64> = values.iter().map(|&v| v as u64).collect();
+        mpi::request::scope(|scope| {
+            let sum = self.communicator.immediate_all_reduce_into(
+                scope,
+                &copy[..],
+                cast_slice_mut::<i64, u64>(values),
+                SystemOperation::sum(),
+            );
+            meanwhile();
+            sum.wait();
+        });
+    }
+
+    fn sum(&self, values: &mut [i64]) {
+        if self.size == 1 {
+            return;
+        }
+        // As u64, whose overflow wraps by definition. One message, however many: a message takes longer than a few thousand numbers of it.
+        let copy: Vec<u64> = values.iter().map(|&v| v as u64).collect();
+        self.communicator.all_reduce_into(
+            &copy[..],
+            cast_slice_mut::<i64, u64>(values),
+            SystemOperation::sum(),
+        );
+    }
+
+    fn sum_below(&self, value: u64) -> u64 {
+        let mut below = 0u64;
+        self.communicator
+            .exclusive_scan_into(&value, &mut below, SystemOperation::sum());
+        // MPI leaves rank 0's answer undefined.
+        if self.rank == 0 { 0 } else { below }
+    }
+
+    /// NaN where any rank's is: MPI alone may lose it.
+    fn maximum(&self, value: f64) -> f64 {
+        if self.size == 1 {
+            return value;
+        }
+        let mine = [
+            f64::from(u8::from(value.is_nan())),
+            if value.is_nan() {
+                f64::NEG_INFINITY
+            } else {
+                value
+            },
+        ];
+        let mut all = [0.0; 2];
+        self.communicator
+            .all_reduce_into(&mine[..], &mut all[..], SystemOperation::max());
+        if all[0] > 0.0 { f64::NAN } else { all[1] }
+    }
+
+    fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        let mut lengths = vec![0u64; self.size];
+        self.communicator
+            .all_gather_into(&(bytes.len() as u64), &mut lengths[..]);
+        let (counts, starts, end) = Self::layout(lengths.iter().map(|&l| l as usize));
+        let mut all = vec![0u8; end + 1];
+        self.communicator.all_gather_varcount_into(
+            addressable(bytes),
+            &mut PartitionMut::new(&mut all[..], &counts[..], &starts[..]),
+        );
+        Self::split(&all, &counts, &starts)
+    }
+
+    fn broadcast(&self, mut bytes: Vec<u8>) -> Vec<u8> {
+        if self.size == 1 {
+            return bytes;
+        }
+        let root = self.communicator.process_at_rank(0);
+        let mut length = bytes.len() as u64;
+        root.broadcast_into(&mut length);
+        bytes.resize(length as usize, 0);
+        if length > 0 {
+            root.broadcast_into(&mut bytes[..]);
+        }
+        bytes
+    }
+
+    fn barrier(&self) {
+        self.communicator.barrier();
+    }
+}

@@ -1,0 +1,458 @@
+//! `compare`: two runs field by field, to the last bit.
+
+use std::cmp::Ordering;
+use std::fmt;
+use std::io::{self, Write};
+
+use gshear_scene::Dimensions;
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::Run;
+use gshear_dem::state::{ContactSample, FrameRecords, SERIES_COLUMNS};
+
+/// Parameters that say how, where and when a run was made, or how fast it was, and not what came out.
+const PROVENANCE: [&str; 7] = [
+    "git_commit",
+    "processor",
+    "rank_map",
+    "ranks",
+    "speed",
+    "started",
+    "version",
+];
+
+/// Where two values differ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Place {
+    Nowhere,
+    Grain(usize),
+    Row(usize),
+    Frame(usize),
+    /// Frame, grain, component.
+    GrainOf(usize, usize, &'static str),
+    /// Frame, ids.
+    ContactOf(usize, u32, u32),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Nowhere => f.write_str("-"),
+            Place::Grain(n) => write!(f, "grain {n}"),
+            Place::Row(row) => write!(f, "row {row}"),
+            Place::Frame(t) => write!(f, "frame {t}"),
+            Place::GrainOf(t, n, part) => write!(f, "frame {t} grain {n}{part}"),
+            Place::ContactOf(t, i, j) => write!(f, "frame {t} contact {i}-{j}"),
+        }
+    }
+}
+
+/// What was found of one field. Differences with NaN on one side only are infinite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Field {
+    pub name: String,
+    pub compared: u64,
+    /// Values that are not the same bits (NaN equals NaN).
+    pub differing: u64,
+    /// First difference in the order of the file.
+    pub first: Place,
+    pub absolute: f64,
+    pub absolute_at: Place,
+    /// Largest |a - b|/max(|a|, |b|).
+    pub relative: f64,
+    pub relative_at: Place,
+}
+
+impl Field {
+    fn new(name: impl Into<String>) -> Self {
+        let name = name.into();
+        let at = Place::Nowhere;
+        Field {
+            name,
+            compared: 0,
+            differing: 0,
+            first: at,
+            absolute: 0.0,
+            absolute_at: at,
+            relative: 0.0,
+            relative_at: at,
+        }
+    }
+
+    fn see(&mut self, a: f64, b: f64, at: Place) {
+        self.compared += 1;
+        if a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan()) {
+            return;
+        }
+        if self.differing == 0 {
+            (self.first, self.absolute_at, self.relative_at) = (at, at, at);
+        }
+        self.differing += 1;
+        let finite = |difference: f64| {
+            if difference.is_nan() {
+                f64::INFINITY
+            } else {
+                difference
+            }
+        };
+        let absolute = finite((a - b).abs());
+        // Zeros of either sign differ by their bits only.
+        let relative = if absolute == 0.0 {
+            0.0
+        } else {
+            finite(absolute / a.abs().max(b.abs()))
+        };
+        if absolute > self.absolute {
+            (self.absolute, self.absolute_at) = (absolute, at);
+        }
+        if relative > self.relative {
+            (self.relative, self.relative_at) = (relative, at);
+        }
+    }
+}
+
+/// The result of a comparison.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Comparison {
+    pub fields: Vec<Field>,
+    /// Differing numbers of frames, rows, grains; differing digests.
+    pub unequal: Vec<String>,
+    /// Differences that say nothing of the results.
+    pub asides: Vec<String>,
+}
+
+impl Comparison {
+    /// Whether the runs hold the same results to the last bit.
+    pub fn equal(&self) -> bool {
+        self.unequal.is_empty() && self.fields.iter().all(|field| field.differing == 0)
+    }
+
+    /// Prints a line a field, then what cannot be compared value by value.
+    pub fn print(&self, output: &mut impl Write) -> io::Result<()> {
+        let head = [
+            "field",
+            "values",
+            "differing",
+            "max absolute",
+            "at",
+            "max relative",
+            "at",
+            "first difference",
+        ];
+        let [
+            field,
+            values,
+            differing,
+            absolute,
+            at,
+            relative,
+            there,
+            first,
+        ] = head;
+        writeln!(
+            output,
+            "{field:<24}{values:>12}{differing:>12}{absolute:>14}  {at:<30}{relative:>14}  {there:<30}{first}"
+        )?;
+        for field in &self.fields {
+            writeln!(
+                output,
+                "{:<24}{:>12}{:>12}{:>14.4e}  {:<30}{:>14.4e}  {:<30}{}",
+                field.name,
+                field.compared,
+                field.differing,
+                field.absolute,
+                field.absolute_at.to_string(),
+                field.relative,
+                field.relative_at.to_string(),
+                field.first
+            )?;
+        }
+        self.unequal
+            .iter()
+            .try_for_each(|line| writeln!(output, "differs: {line}"))?;
+        self.asides
+            .iter()
+            .try_for_each(|line| writeln!(output, "not counted: {line}"))?;
+        writeln!(
+            output,
+            "{}",
+            if self.equal() { "equal" } else { "different" }
+        )?;
+        output.flush()
+    }
+
+    fn count(&mut self, what: &str, a: usize, b: usize) -> usize {
+        if a != b {
+            self.unequal.push(format!("{what}: {a} against {b}"));
+        }
+        a.min(b)
+    }
+}
+
+/// Compares everything that two runs hold. Frames and rows are taken in their order, contacts by their ids.
+///
+/// Errors: a file that turns out damaged while it is read.
+pub fn runs(a: &Run, b: &Run) -> Result<Comparison, Failure> {
+    let mut found = Comparison::default();
+    parameters(a, b, &mut found);
+    let grains = found.count("number of grains", a.grains().count(), b.grains().count());
+    let rows = found.count(
+        "rows of the time series",
+        a.series().rows(),
+        b.series().rows(),
+    );
+    let frames = found.count("number of frames", a.frames(), b.frames());
+
+    let dimension = a.dimension();
+    if dimension != b.dimension() {
+        found.unequal.push("disks against spheres".into());
+        return Ok(found);
+    }
+    let mut cell = Field::new("box");
+    cell.see(a.grains().length, b.grains().length, Place::Nowhere);
+    if dimension == Dimensions::Three {
+        let [x, y] = [a, b].map(|run| run.cell().periods[1]);
+        cell.see(x, y, Place::Nowhere);
+    }
+    cell.see(a.height(), b.height(), Place::Nowhere);
+    found.fields.push(cell);
+    let (x, y) = (a.grains(), b.grains());
+    if grains == x.count() && grains == y.count() {
+        let mut column = |name: &str, of: &dyn Fn(usize) -> (f64, f64)| {
+            let mut field = Field::new(name);
+            (0..grains).for_each(|n| field.see(of(n).0, of(n).1, Place::Grain(n)));
+            found.fields.push(field);
+        };
+        column("radius", &|n| (x.radius[n], y.radius[n]));
+        column("body", &|n| (x.body[n].into(), y.body[n].into()));
+        column("mass", &|n| (x.mass[n], y.mass[n]));
+        found.fields.extend(frames_of(a, b, frames)?);
+    }
+
+    let (x, y) = (a.series(), b.series());
+    let mut step = Field::new("series step");
+    let mut time = Field::new("series time");
+    for row in 0..rows {
+        step.see(x.step[row] as f64, y.step[row] as f64, Place::Row(row));
+        time.see(x.time[row], y.time[row], Place::Row(row));
+    }
+    found.fields.extend([step, time]);
+    for name in SERIES_COLUMNS {
+        let mut field = Field::new(name);
+        let pairs = x.column(name).iter().zip(y.column(name));
+        pairs
+            .enumerate()
+            .for_each(|(row, (a, b))| field.see(*a, *b, Place::Row(row)));
+        found.fields.push(field);
+    }
+    Ok(found)
+}
+
+fn parameters(a: &Run, b: &Run, found: &mut Comparison) {
+    let mut names: Vec<&String> = a.parameters().keys().chain(b.parameters().keys()).collect();
+    names.sort_unstable();
+    names.dedup();
+    for name in names {
+        match (a.parameters().get(name), b.parameters().get(name)) {
+            (Some(x), Some(y)) if x == y => {}
+            (Some(x), Some(y)) if name == "digest" => {
+                found.unequal.push(format!("digest: {x} against {y}"))
+            }
+            (Some(_), Some(_)) if name == "scene" => found.asides.push("the scene".to_string()),
+            (Some(x), Some(y)) => found.asides.push(format!("{name}: {x} against {y}")),
+            (Some(_), None) => found
+                .asides
+                .push(format!("{name}: only in {}", a.path().display())),
+            _ => found
+                .asides
+                .push(format!("{name}: only in {}", b.path().display())),
+        }
+    }
+    // What was asked for comes before what always differs from run to run.
+    found
+        .asides
+        .sort_by_key(|line| PROVENANCE.iter().any(|name| line.starts_with(name)));
+}
+
+/// The fields of frames, read in blocks.
+fn frames_of(a: &Run, b: &Run, frames: usize) -> Result<Vec<Field>, Failure> {
+    let mut fields = FrameFields::new(a.dimension());
+    let length = a.block_length().min(b.block_length());
+    for first in (0..frames).step_by(length) {
+        let range = first..frames.min(first + length);
+        let pairs = a.records(range.clone())?.into_iter().zip(b.records(range)?);
+        pairs
+            .enumerate()
+            .for_each(|(k, (x, y))| fields.see(first + k, &x, &y));
+    }
+    Ok(fields.into_fields())
+}
+
+/// Of a contact a number, or a vector across it, of which disks have the first component alone.
+type ContactField = (&'static str, bool, fn(&ContactSample) -> [f64; 3]);
+
+const CONTACT_FIELDS: [ContactField; 6] = [
+    ("normal_force", false, |c| [c.normal_force; 3]),
+    ("tangential_force", true, |c| c.tangential_force),
+    ("tangential_history", true, |c| c.tangential_history),
+    ("rolling_history", false, |c| [c.rolling_history; 3]),
+    ("overlap", false, |c| [c.overlap; 3]),
+    ("sliding", false, |c| [c.sliding as f64; 3]),
+];
+
+struct FrameFields {
+    dimension: Dimensions,
+    step: Field,
+    time: Field,
+    position: Field,
+    velocity: Field,
+    angular_velocity: Field,
+    /// A contact that only one of the two has.
+    pairs: Field,
+    contacts: Vec<Field>,
+}
+
+impl FrameFields {
+    fn new(dimension: Dimensions) -> Self {
+        FrameFields {
+            dimension,
+            step: Field::new("frame step"),
+            time: Field::new("frame time"),
+            position: Field::new("position"),
+            velocity: Field::new("velocity"),
+            angular_velocity: Field::new("angular_velocity"),
+            pairs: Field::new("contacts"),
+            contacts: CONTACT_FIELDS
+                .iter()
+                .map(|(name, ..)| Field::new(format!("c. {name}")))
+                .collect(),
+        }
+    }
+
+    fn see(&mut self, t: usize, a: &FrameRecords, b: &FrameRecords) {
+        self.step.see(a.step as f64, b.step as f64, Place::Frame(t));
+        self.time.see(a.time, b.time, Place::Frame(t));
+        const PARTS: [&str; 3] = [" x", " y", " z"];
+        let axes = self.dimension.axes();
+        for (n, (a, b)) in a.grains.iter().zip(&b.grains).enumerate() {
+            for (k, part) in PARTS.into_iter().enumerate().take(axes) {
+                let at = Place::GrainOf(t, n, part);
+                self.position.see(a.position[k], b.position[k], at);
+                self.velocity.see(a.velocity[k], b.velocity[k], at);
+            }
+            let spins = match self.dimension {
+                Dimensions::Two => 2..3,
+                Dimensions::Three => 0..3,
+            };
+            for k in spins {
+                let at = Place::GrainOf(t, n, PARTS[k]);
+                self.angular_velocity
+                    .see(a.angular_velocity[k], b.angular_velocity[k], at);
+            }
+        }
+        self.see_contacts(t, &a.contacts, &b.contacts);
+    }
+
+    /// Merges two lists in order of (i, j).
+    fn see_contacts(&mut self, t: usize, mut a: &[ContactSample], mut b: &[ContactSample]) {
+        loop {
+            let order = match (a.first(), b.first()) {
+                (Some(x), Some(y)) => (x.i, x.j).cmp(&(y.i, y.j)),
+                (Some(_), None) => Ordering::Less,
+                (None, Some(_)) => Ordering::Greater,
+                (None, None) => return,
+            };
+            let sample = if order == Ordering::Greater {
+                &b[0]
+            } else {
+                &a[0]
+            };
+            let at = Place::ContactOf(t, sample.i, sample.j);
+            self.pairs.see(
+                (order != Ordering::Greater).into(),
+                (order != Ordering::Less).into(),
+                at,
+            );
+            if order == Ordering::Equal {
+                for (field, (_, vector, of)) in self.contacts.iter_mut().zip(CONTACT_FIELDS) {
+                    let (x, y) = (of(&a[0]), of(&b[0]));
+                    let components = match self.dimension {
+                        Dimensions::Three if vector => 3,
+                        _ => 1,
+                    };
+                    (0..components).for_each(|k| field.see(x[k], y[k], at));
+                }
+            }
+            a = &a[usize::from(order != Ordering::Greater)..];
+            b = &b[usize::from(order != Ordering::Less)..];
+        }
+    }
+
+    fn into_fields(self) -> Vec<Field> {
+        let mut fields = vec![
+            self.step,
+            self.time,
+            self.position,
+            self.velocity,
+            self.angular_velocity,
+            self.pairs,
+        ];
+        fields.extend(self.contacts);
+        fields
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_nan_differs_and_two_do_not() {
+        let mut field = Field::new("f");
+        field.see(f64::NAN, -f64::NAN, Place::Row(0));
+        assert_eq!(field.differing, 0);
+        field.see(f64::NAN, 1.0, Place::Row(1));
+        field.see(5.0, 1.0, Place::Row(2));
+        assert_eq!((field.compared, field.differing), (3, 2));
+        assert_eq!(
+            (field.absolute, field.absolute_at),
+            (f64::INFINITY, Place::Row(1))
+        );
+    }
+
+    #[test]
+    fn zeros_of_different_sign_differ_by_nothing() {
+        let mut field = Field::new("f");
+        field.see(0.0, -0.0, Place::Grain(3));
+        assert_eq!((field.differing, field.first), (1, Place::Grain(3)));
+        assert_eq!((field.absolute, field.relative), (0.0, 0.0));
+    }
+
+    #[test]
+    fn absolute_and_relative_differences_keep_their_own_places() {
+        let mut field = Field::new("f");
+        field.see(1000.0, 1001.0, Place::Row(0));
+        field.see(0.5, 0.25, Place::Row(1));
+        assert_eq!((field.absolute, field.absolute_at), (1.0, Place::Row(0)));
+        assert_eq!((field.relative, field.relative_at), (0.5, Place::Row(1)));
+    }
+
+    #[test]
+    fn contacts_are_matched_by_their_ids() {
+        let contact = |i: u32, j: u32, force: f64| {
+            let mut contact: ContactSample = bytemuck::Zeroable::zeroed();
+            (contact.i, contact.j, contact.normal_force) = (i, j, force);
+            contact
+        };
+        let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
+        let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
+        let mut fields = FrameFields::new(Dimensions::Two);
+        fields.see_contacts(7, &a, &b);
+        assert_eq!((fields.pairs.compared, fields.pairs.differing), (4, 2));
+        assert_eq!(fields.pairs.first, Place::ContactOf(7, 0, 1));
+        let force = &fields.contacts[0];
+        assert_eq!(
+            (force.compared, force.differing, force.first),
+            (2, 1, Place::ContactOf(7, 4, 5))
+        );
+    }
+}

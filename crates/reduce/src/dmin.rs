@@ -1,0 +1,113 @@
+//! `dmin`: D²min between consecutive frames, into `reduced.h5`.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use ndarray::Array2;
+use rayon::prelude::*;
+
+use super::pool::Pool;
+use gshear_analysis::dmin::NonAffine;
+use gshear_analysis::{event, rattlers};
+use gshear_scene::Dimensions;
+use gshear_dem::dimension::Three;
+use gshear_dem::failure::Failure;
+use gshear_store::reduced_writer::ReducedWriter;
+use gshear_store::run_reader::{Fields, Run};
+use gshear_dem::state::FrameRecords;
+
+/// Writes `reduced.h5` into `folder`; `radius` of the neighbourhood over r̄. Returns the file.
+///
+/// Memory holds one block of frames, whatever their number.
+/// Errors: a radius that is not positive, a damaged run, a file that cannot be written.
+pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> {
+    if !(radius.is_finite() && radius > 0.0) {
+        return Err(Failure::input(format!(
+            "--radius {radius}: must be a positive number of mean radii"
+        )));
+    }
+    let n = run.grains().count();
+    let writer = ReducedWriter::create(folder, &run.frame_strains()?, n)?;
+    writer.text("run", &run.path().display().to_string())?;
+    writer.text("digest", run.digest().unwrap_or(""))?;
+    writer.text("version", env!("CARGO_PKG_VERSION"))?;
+    writer.number("radius_over_mean_radius", radius)?;
+    let radius = radius * run.grains().mean_radius();
+
+    if run.frames() > 0 {
+        writer.dmin(0, Array2::from_elem((1, n), f64::NAN).view())?;
+    }
+    let grains = run.grains();
+    match run.dimension() {
+        Dimensions::Two => {
+            let pool = Pool::<NonAffine>::default();
+            each_pair(
+                run,
+                &writer,
+                |range| run.block_of(range, Fields::Pairs),
+                || pool.lend(),
+                |non_affine, earlier, later, row| {
+                    let non_affine = &mut non_affine.buffer;
+                    non_affine.between(grains, radius, earlier, later, row);
+                },
+            )?;
+        }
+        Dimensions::Three => each_pair(
+            run,
+            &writer,
+            |range| run.records(range),
+            Vec::new,
+            |rattler, earlier, later, row| {
+                rattlers::mark::<3>(grains, &earlier.contacts, rattler);
+                let places = |frame: &FrameRecords| -> Vec<[f64; 3]> {
+                    frame.grains.iter().map(|grain| grain.position).collect()
+                };
+                let (from, to) = (places(earlier), places(later));
+                let bears = |n: usize| !rattler[n];
+                let dmin = event::non_affine::<Three>(run.cell(), &from, &to, radius, bears);
+                row.copy_from_slice(&dmin);
+            },
+        )?,
+    }
+    writer.finish()
+}
+
+/// Writes a row of what `value` makes of each two frames that follow one another, with a buffer of its own on each thread.
+fn each_pair<F: Send + Sync, B>(
+    run: &Run,
+    writer: &ReducedWriter,
+    read: impl Fn(Range<usize>) -> Result<Vec<F>, Failure> + Sync,
+    buffer: impl Fn() -> B + Sync + Send,
+    value: impl Fn(&mut B, &F, &F, &mut [f64]) + Sync + Send,
+) -> Result<(), Failure> {
+    let n = run.grains().count();
+    let block = |first: usize| read(first..run.frames().min(first + run.block_length()));
+    let (mut frames, mut first) = (block(0)?, 1);
+    while first < run.frames() {
+        let mut values = Array2::zeros((frames.len() - 1, n));
+        let next = first + values.nrows();
+        let work = |values: &mut Array2<f64>| {
+            // Without grains the rows have no elements to hand out.
+            if n == 0 {
+                return;
+            }
+            let values = values.as_slice_mut().expect("in standard layout");
+            let pairs = values.par_chunks_exact_mut(n).zip(frames.par_windows(2));
+            // Frames that follow one another share what a buffer found, as long as there are enough for all threads.
+            let together = (frames.len() / (4 * rayon::current_num_threads())).clamp(1, 8);
+            pairs
+                .with_min_len(together)
+                .for_each_init(&buffer, |buffer, (row, pair)| {
+                    value(buffer, &pair[0], &pair[1], row);
+                });
+        };
+        // The next block is read while the processor is busy with this one.
+        let (following, ()) = rayon::join(|| block(next), || work(&mut values));
+        if values.nrows() > 0 {
+            writer.dmin(first, values.view())?;
+        }
+        frames = frames.pop().into_iter().chain(following?).collect();
+        first = next;
+    }
+    Ok(())
+}

@@ -1,0 +1,268 @@
+//! `export`: one state of a run in a format of other programs.
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+
+use gshear_scene::Dimensions;
+use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
+use gshear_scene::lammps_data::{self, Atom, DataFile};
+use gshear_store::run_reader::Run;
+use gshear_store::{checkpoint, provenance, text_writer};
+use gshear_driver::run::{Header, Stage};
+use gshear_dem::state::{Cell, GrainSample};
+
+/// Formats that a state can be written in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// LAMMPS data file of atom_style sphere
+    LammpsData,
+    /// The same for LIGGGHTS, which takes the density for that of a disk
+    LiggghtsData,
+}
+
+impl Format {
+    fn extension(self) -> &'static str {
+        match self {
+            Format::LammpsData | Format::LiggghtsData => "data",
+        }
+    }
+
+    fn text(self, state: &State) -> String {
+        match (self, state.dimension) {
+            (_, Dimensions::Three) => data_file(state, self.program(), &[], Three::volume),
+            (Format::LammpsData, _) => data_file(state, self.program(), &SPHERES, Three::volume),
+            (Format::LiggghtsData, _) => data_file(state, self.program(), &DISKS, Two::volume),
+        }
+    }
+
+    fn program(self) -> &'static str {
+        match self {
+            Format::LammpsData => "LAMMPS",
+            Format::LiggghtsData => "LIGGGHTS",
+        }
+    }
+}
+
+/// Which frame of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Which {
+    Last,
+    /// From 0 on.
+    Number(usize),
+}
+
+impl std::str::FromStr for Which {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "last" => Ok(Which::Last),
+            _ => text
+                .parse()
+                .map(Which::Number)
+                .map_err(|_| "write last, or the number of a frame, from 0 on".into()),
+        }
+    }
+}
+
+impl Which {
+    /// Its number.
+    ///
+    /// Errors: the run has no such frame.
+    pub(super) fn of(self, run: &Run) -> Result<usize, Failure> {
+        let frames = run.frames();
+        let asked = match self {
+            Which::Number(t) if t < frames => return Ok(t),
+            Which::Last if frames > 0 => return Ok(frames - 1),
+            Which::Last => "last".to_string(),
+            Which::Number(t) => t.to_string(),
+        };
+        let there = match frames {
+            0 => "no frames".into(),
+            n => format!("the frames 0 … {}", n - 1),
+        };
+        Err(Failure::input(format!(
+            "--frame {asked}: {} has {there}",
+            run.path().display()
+        )))
+    }
+}
+
+/// Grains by id, as far as any format wants them. SI units.
+struct State {
+    /// What it is of, on one line.
+    title: String,
+    /// Name of its file without extension.
+    name: String,
+    cell: Cell,
+    dimension: Dimensions,
+    grains: Vec<Grain>,
+}
+
+struct Grain {
+    /// 0 free, 1 bottom wall, 2 top wall.
+    body: u32,
+    radius: f64,
+    /// kg; kg/m in 2D.
+    mass: f64,
+    position: [f64; 3],
+    velocity: [f64; 3],
+    angular_velocity: [f64; 3],
+}
+
+/// Writes a state of `run`, a run or a checkpoint, to `out` or beside it. Returns the file.
+///
+/// Errors: a frame that is not there, a damaged file, a file that cannot be written.
+pub fn write(
+    run: &Path,
+    format: Format,
+    frame: Option<Which>,
+    out: Option<&Path>,
+) -> Result<PathBuf, Failure> {
+    let state = if checkpoint::is_checkpoint(run) {
+        if let Some(Which::Number(_)) = frame {
+            return Err(Failure::input(format!(
+                "--frame: {} is a checkpoint, which holds one state; leave it out",
+                run.display()
+            )));
+        }
+        of_checkpoint(run)?
+    } else {
+        of_run(&Run::open(run)?, frame.unwrap_or(Which::Last))?
+    };
+    let path = out.map_or_else(
+        || {
+            let folder = if run.is_dir() {
+                Some(run)
+            } else {
+                run.parent()
+            };
+            let file = format!("{}.{}", state.name, format.extension());
+            folder.unwrap_or(Path::new("")).join(file)
+        },
+        Path::to_path_buf,
+    );
+    text_writer::write(&path, &format.text(&state))?;
+    Ok(path)
+}
+
+fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
+    let t = which.of(run)?;
+    let grains = run.grains();
+    let frame = run.records(t..t + 1)?.swap_remove(0);
+    let grain = |(g, of): (usize, &GrainSample)| Grain {
+        body: grains.body[g].into(),
+        radius: grains.radius[g],
+        mass: grains.mass[g],
+        position: of.position,
+        velocity: of.velocity,
+        angular_velocity: of.angular_velocity,
+    };
+    Ok(State {
+        title: format!(
+            "frame {t} (step {}, strain {:.8}) of {}",
+            frame.step,
+            run.frame_strains()?[t],
+            run.path().display(),
+        ),
+        name: format!("frame-{t}"),
+        cell: run.cell(),
+        dimension: run.dimension(),
+        grains: frame.grains.iter().enumerate().map(grain).collect(),
+    })
+}
+
+fn of_checkpoint(path: &Path) -> Result<State, Failure> {
+    let (toml, snapshot) = checkpoint::read(&Solo, path)?;
+    let header = Header::read(&snapshot)?;
+    let scene = header.scene(path, toml, &[])?;
+    let stage = match header.stage {
+        Stage::Pack { .. } => "packing",
+        Stage::Shear { .. } => "shear",
+    };
+    let grain = |g: &gshear_dem::state::GrainState| Grain {
+        body: g.body,
+        radius: g.radius,
+        mass: scene.law.masses().of(scene.dimension.volume(g.radius)),
+        position: g.position,
+        velocity: g.velocity,
+        angular_velocity: g.angular_velocity,
+    };
+    Ok(State {
+        title: format!("step {} of the {stage} in {}", header.step, path.display()),
+        name: path
+            .file_stem()
+            .map_or("checkpoint".into(), |stem| stem.to_string_lossy().into()),
+        cell: scene.sample.cell(),
+        dimension: scene.dimension,
+        grains: snapshot.grains.iter().map(grain).collect(),
+    })
+}
+
+/// What the column `density` of a data file means.
+const SPHERES: [&str; 2] = [
+    "density is that of a sphere with the mass which the disk has per metre of depth: density pi d^3/6 = rho pi d^2/4. So forces and",
+    "stiffnesses are per metre of depth; fix nve/sphere with disc gives the disk's moment of inertia, too.",
+];
+const DISKS: [&str; 2] = [
+    "density is that of the disk: LIGGGHTS makes pi d^2/4 density of it where dimension is 2, the mass per metre of depth. So forces and",
+    "stiffnesses are per metre of depth; fix nve/sphere takes the disk's moment of inertia in 2 dimensions.",
+];
+
+/// A data file of `program`, which makes each grain's mass of its density by this volume of a radius (m).
+fn data_file(
+    state: &State,
+    program: &str,
+    density: &[&str],
+    volume: impl Fn(f64) -> f64,
+) -> String {
+    let up = state.dimension.axes() - 1;
+    let edges = state
+        .grains
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], g| {
+            let y = g.position[up];
+            [lo.min(y - g.radius), hi.max(y + g.radius)]
+        });
+    let largest = state.grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
+    let atom = |(g, grain): (usize, &Grain)| {
+        let diameter = 2.0 * grain.radius;
+        Atom {
+            id: g as u64 + 1,
+            kind: grain.body + 1,
+            diameter,
+            density: grain.mass / volume(grain.radius),
+            position: grain.position,
+            velocity: grain.velocity,
+            angular_velocity: grain.angular_velocity,
+            line: 0,
+        }
+    };
+    let file = DataFile {
+        bounds: match (state.dimension, state.cell.periods) {
+            (Dimensions::Two, [length, _]) => [[0.0, length], edges, [-largest, largest]],
+            (Dimensions::Three, [length, width]) => [[0.0, length], [0.0, width], edges],
+        },
+        types: 3,
+        atoms: state.grains.iter().enumerate().map(atom).collect(),
+    };
+    let title = format!(
+        "{program} data file: {}; {}",
+        state.title,
+        provenance::printed()
+    );
+    let what = match state.dimension {
+        Dimensions::Two => {
+            "atom_style sphere, dimension 2, periodic along x. Types: 1 free grains, 2 bottom wall, 3 top wall."
+        }
+        Dimensions::Three => {
+            "atom_style sphere, periodic along x and y. Types: 1 free grains, 2 bottom wall, 3 top wall."
+        }
+    };
+    let mut comments = vec![what, "SI units; the id is that of the run plus 1."];
+    comments.extend(density);
+    lammps_data::write(&title, &comments, &file)
+}

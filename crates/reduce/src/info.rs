@@ -1,0 +1,90 @@
+//! `info`: what is in a run, for people.
+
+use std::fmt::Write as _;
+use std::io::Write;
+
+use super::commands::lost;
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::Run;
+use gshear_dem::state::SERIES_COLUMNS;
+
+/// Prints what a run holds.
+///
+/// Errors: output that cannot be written, a run without the parameters that strain is computed from.
+pub fn print(run: &Run, output: &mut impl Write) -> Result<(), Failure> {
+    output.write_all(describe(run)?.as_bytes()).map_err(lost)
+}
+
+fn describe(run: &Run) -> Result<String, Failure> {
+    let mut lines = vec![("run", run.path().display().to_string())];
+    let bytes = std::fs::metadata(run.path()).map_or(0, |file| file.len());
+    lines.push(("size", format!("{:.1} MB", bytes as f64 / 1e6)));
+    let state = match run.digest() {
+        Some(digest) => format!("ended, digest {digest}"),
+        None => "stopped early, or still running: no digest".to_string(),
+    };
+    lines.push(("state", state));
+
+    let grains = run.grains();
+    let of_body = |body: u8| grains.body.iter().filter(|b| **b == body).count();
+    let (all, free, bottom, top) = (grains.count(), of_body(0), of_body(1), of_body(2));
+    lines.push((
+        "grains",
+        format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall"),
+    ));
+    let least = grains.radius.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = grains.radius.iter().copied().fold(0.0, f64::max);
+    lines.push((
+        "radius",
+        format!(
+            "{least:.4e} … {most:.4e} m, mean {:.4e} m",
+            grains.mean_radius()
+        ),
+    ));
+    lines.push((
+        "box",
+        format!(
+            "{:.4e} m (periodic) × {:.4e} m at the start",
+            grains.length,
+            run.height()
+        ),
+    ));
+
+    let strains = run.frame_strains()?;
+    let steps = run.frame_steps();
+    lines.push(("frames", span(steps, &strains)));
+    if let (Some(contacts), true) = (run.contact_offsets().last(), run.frames() > 0) {
+        let mean = *contacts as f64 / run.frames() as f64;
+        lines.push(("contacts", format!("{contacts}, {mean:.1} per frame")));
+    }
+    let series = run.series();
+    lines.push(("series", span(&series.step, series.column("strain"))));
+    lines.push(("columns", SERIES_COLUMNS.join(", ")));
+
+    let mut text = String::new();
+    for (name, value) in lines {
+        writeln!(text, "{name:<10}{value}").expect("a string grows");
+    }
+    text.push_str("\nparameters\n");
+    let one_line = run.parameters().iter().filter(|(name, _)| *name != "scene");
+    for (name, value) in one_line {
+        writeln!(text, "  {name:<20}{value}").expect("a string grows");
+    }
+    text.push_str("\nscene\n");
+    for line in run.scene().lines() {
+        writeln!(text, "  {line}").expect("a string grows");
+    }
+    Ok(text)
+}
+
+/// How many, and from where to where.
+fn span(step: &[u64], strain: &[f64]) -> String {
+    let count = step.len();
+    match (step, strain) {
+        ([first, .., last], [from, .., to]) => {
+            format!("{count}: step {first} … {last}, γ = {from:.8} … {to:.8}")
+        }
+        ([only], [at]) => format!("1: step {only}, γ = {at:.8}"),
+        _ => "none".to_string(),
+    }
+}

@@ -1,0 +1,206 @@
+//! `rate-state`: velocity steps and slide-hold-slide tests, and the rate-and-state parameters that fit them.
+
+mod read;
+mod tables;
+
+use std::io::Write;
+use std::path::Path;
+
+use clap::ValueEnum;
+
+use super::commands::lost;
+use gshear_analysis::rate_state::{
+    Estimate, Evolution, Experiment, Fit, Fitted, Record, Stack, fit_all, jackknife, merge,
+    modelled, stacks,
+};
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::Run;
+use gshear_store::text_writer;
+use gshear_report::rate_state as figures;
+
+/// Evolution laws to fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Laws {
+    Aging,
+    Slip,
+    Both,
+}
+
+impl Laws {
+    fn list(self) -> &'static [Evolution] {
+        match self {
+            Laws::Aging => &[Evolution::Aging],
+            Laws::Slip => &[Evolution::Slip],
+            Laws::Both => &[Evolution::Aging, Evolution::Slip],
+        }
+    }
+}
+
+/// Experiments, fits, and what the fits to everything make of the experiments.
+struct Reduction {
+    /// [experiments] the runs of each.
+    runs: Vec<Vec<String>>,
+    experiments: Vec<Experiment>,
+    /// Of all runs together.
+    stacks: Vec<Stack>,
+    fitted: Vec<Fitted>,
+    /// [experiments] by law.
+    models: Vec<Vec<(Evolution, Experiment)>>,
+}
+
+/// Reduces runs, realisations of one protocol or of several, and writes the tables, the numbers and the figures into `folder`.
+///
+/// Errors: runs that are no spring-slider tests, one run given twice; a folder or file that cannot be written. No fit of a law to
+/// all of the data is no error: the tables say why.
+pub fn write(
+    runs: &[Run],
+    laws: Laws,
+    folder: &Path,
+    output: &mut impl Write,
+) -> Result<(), Failure> {
+    let reduction = reduce(runs, laws)?;
+    let mut files = tables::files(&reduction);
+    let views: Vec<figures::View> = reduction.views();
+    files.extend(figures::all(&views, reduction.fitted[0].best()));
+    for (name, text) in &files {
+        text_writer::write(&folder.join(name), text)?;
+    }
+    summary(&reduction, output).map_err(lost)?;
+    writeln!(
+        output,
+        "wrote {} files into {}",
+        files.len(),
+        folder.display()
+    )
+    .map_err(lost)
+}
+
+fn reduce(runs: &[Run], laws: Laws) -> Result<Reduction, Failure> {
+    for (k, run) in runs.iter().enumerate() {
+        let same = |other: &&Run| other.digest().is_some() && other.digest() == run.digest();
+        if let Some(other) = runs[..k].iter().find(same) {
+            return Err(Failure::input(format!(
+                "{} and {} are the same run (equal digests); realisations differ by their seed",
+                other.path().display(),
+                run.path().display()
+            )));
+        }
+    }
+    let records: Vec<Record> = runs.iter().map(read::record).collect::<Result<_, _>>()?;
+    let (joined, groups): (Vec<Record>, Vec<Vec<usize>>) = merge(&records).into_iter().unzip();
+    let mut fitted = fit_all(&joined, laws.list());
+    if let Some(spread) = jackknife(&records, &groups, &fitted[0]) {
+        fitted.insert(1, spread);
+    }
+    let stacks = stacks(&records);
+    let records = joined;
+    let d_c = fitted[0].best().map(|fit| fit.law.d_c);
+    let models = |record: &Record| -> Vec<(Evolution, Experiment)> {
+        let of = |(law, fit): &(Evolution, Result<Fit, String>)| {
+            let record = modelled(record, &fit.as_ref().ok()?.law).ok()?;
+            Some((*law, Experiment::of(record, d_c)))
+        };
+        fitted[0].fits.iter().filter_map(of).collect()
+    };
+    let name = |k: usize| runs[k].path().display().to_string();
+    Ok(Reduction {
+        models: records.iter().map(models).collect(),
+        experiments: records
+            .into_iter()
+            .map(|r| Experiment::of(r, d_c))
+            .collect(),
+        runs: groups
+            .iter()
+            .map(|group| group.iter().map(|k| name(*k)).collect())
+            .collect(),
+        stacks,
+        fitted,
+    })
+}
+
+impl Reduction {
+    fn views(&self) -> Vec<figures::View<'_>> {
+        self.experiments
+            .iter()
+            .zip(&self.models)
+            .map(|(experiment, models)| figures::View { experiment, models })
+            .collect()
+    }
+}
+
+/// What people want to know first.
+fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()> {
+    for (k, (experiment, runs)) in reduction
+        .experiments
+        .iter()
+        .zip(&reduction.runs)
+        .enumerate()
+    {
+        let record = &experiment.record;
+        writeln!(
+            output,
+            "experiment {k}: {} realisation{}, {} segments, {} velocity steps, {} holds, k/N = {:.4e} 1/m",
+            runs.len(),
+            if runs.len() == 1 { "" } else { "s" },
+            record.drive.len(),
+            experiment.steps.len(),
+            experiment.holds.len(),
+            record.stiffness
+        )?;
+        for healing in &experiment.healing {
+            let [before, after] = healing.velocities;
+            let interval = healing
+                .interval
+                .map_or("from two holds".into(), |[low, high]| {
+                    format!("{low:.5} … {high:.5}")
+                });
+            writeln!(
+                output,
+                "  healing {:.5} per factor e of hold time ({interval}), {before} m/s, hold, {after} m/s",
+                healing.slope
+            )?;
+        }
+    }
+    for stack in reduction.stacks.iter().filter(|s| s.pieces.len() > 1) {
+        let [before, after] = stack.velocities;
+        let shown = stack.pieces[1..].iter().filter(|p| p.steps > 1).map(|p| {
+            let ([from, to], change, error) = (p.slip, p.change, p.error);
+            format!("{change:+.4} ± {error:.4} ({from:.1e} to {to:.1e} m)")
+        });
+        let shown: Vec<String> = shown.step_by(2).collect();
+        if !shown.is_empty() {
+            writeln!(
+                output,
+                "  {before} → {after} m/s, mean change of μ: {}",
+                shown.join(", ")
+            )?;
+        }
+    }
+    writeln!(
+        output,
+        "{:<18}{:<7}{:<30}{:<30}{:<33}{:<10}{:>9}",
+        "fit to", "law", "a", "b", "D_c (m)", "rms", "χ²"
+    )?;
+    let shown = |e: Estimate, digits: usize| {
+        let [low, high] = e.interval;
+        format!("{:.digits$} ({low:.digits$} … {high:.digits$})", e.value)
+    };
+    for fitted in reduction.fitted.iter().filter(|f| f.event.is_none()) {
+        for ((law, fit), chi) in fitted.fits.iter().zip(&fitted.chi_squared) {
+            let (name, law) = (fitted.name, law.name());
+            match fit {
+                Ok(fit) => writeln!(
+                    output,
+                    "{name:<18}{law:<7}{:<30}{:<30}{:<33}{:<10.2e}{:>9.1}",
+                    shown(fit.a, 5),
+                    shown(fit.b, 5),
+                    shown(fit.d_c, 6),
+                    fit.rms,
+                    chi.unwrap_or(f64::NAN)
+                )?,
+                Err(why) => writeln!(output, "{name:<18}{law:<7}no fit: {why}")?,
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,94 @@
+//! What `rate-state` takes from a run: the one place that knows the names of its columns and keys.
+
+use gshear_analysis::rate_state::{Record, of_drive};
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::Run;
+
+/// Fewest rows of the time series in a segment.
+const FEWEST_ROWS: usize = 20;
+
+/// The record of a run under a spring, from its first slide on.
+///
+/// The last segment is left out where it ends before it has rows enough, as in a run that was stopped.
+/// Errors: no spring, no such columns, nothing but one velocity, segments with too few rows.
+pub fn record(run: &Run) -> Result<Record, Failure> {
+    let wrong = |what: String| Failure::input(format!("{}: {what}", run.path().display()));
+    let spring = run.number("spring_stiffness").ok_or_else(|| {
+        wrong(
+            "parameters: attribute spring_stiffness is missing: rate-state needs a run whose top wall is pulled by a spring \
+             (shear.spring_stiffness or shear.spring_number)"
+                .into(),
+        )
+    })?;
+    let mut time = run.series().time.clone();
+    let mut columns = [
+        "stress_ratio",
+        "normal_force",
+        "slip",
+        "drive_velocity",
+        "drive_displacement",
+    ]
+    .map(|name| run.series().column(name).to_vec());
+    // Rows in which the slider touches nothing have no friction.
+    let whole: Vec<bool> = (0..time.len())
+        .map(|row| columns.iter().all(|column| column[row].is_finite()))
+        .collect();
+    for values in columns.iter_mut().chain([&mut time]) {
+        let mut keep = whole.iter();
+        values.retain(|_| keep.next() == Some(&true));
+    }
+    let [friction, normal, slip, velocity, displacement] = &columns;
+    if let Some(row) = (1..time.len()).find(|&row| time[row] <= time[row - 1]) {
+        let name = "observables/stress_ratio/time";
+        return Err(wrong(format!("{name}: does not increase at row {row}")));
+    }
+    let drive = of_drive(&time, velocity, displacement)
+        .map_err(|what| wrong(format!("observables/drive_velocity: {what}")))?;
+    let force = normal.iter().sum::<f64>() / normal.len().max(1) as f64;
+    if !time.is_empty() && (force.is_nan() || force <= 0.0) {
+        return Err(wrong(format!(
+            "observables/normal_force: its mean is {force:e} N; a slider is pressed on the sample"
+        )));
+    }
+    let record = Record {
+        stiffness: spring / force,
+        drive,
+        deviation: vec![f64::NAN; time.len()],
+        time,
+        slip: slip.clone(),
+        friction: friction.clone(),
+        realisations: 1,
+    };
+    tested(&record).map_err(wrong)
+}
+
+/// The record from its first slide on, with rows enough in all of at least two segments.
+fn tested(record: &Record) -> Result<Record, String> {
+    let Some(first) = record.drive.iter().position(|segment| !segment.is_hold()) else {
+        return Err(
+            "observables/drive_velocity: nothing slides: there is no velocity above 0".into(),
+        );
+    };
+    let mut end = record.drive.len();
+    if record.rows(end - 1).len() < FEWEST_ROWS && end > first + 1 {
+        end -= 1;
+    }
+    for segment in first..end {
+        let rows = record.rows(segment).len();
+        if rows < FEWEST_ROWS {
+            let drive = record.drive[segment];
+            return Err(format!(
+                "segment {segment} of the drive ({:.4e} m/s for {:.4e} s) has {rows} rows of the time series; it needs at least \
+                 {FEWEST_ROWS}: write rows more often, or let it last longer",
+                drive.velocity, drive.duration
+            ));
+        }
+    }
+    if end - first < 2 {
+        return Err(format!(
+            "observables/drive_velocity: is {:e} m/s all the time; rate-state needs a velocity step or a hold",
+            record.drive[first].velocity
+        ));
+    }
+    Ok(record.cut(first..end))
+}

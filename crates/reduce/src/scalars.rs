@@ -1,0 +1,108 @@
+//! The scalars of all frames of a run, with γ and τ: what the statistics over phases are made of.
+
+use rayon::prelude::*;
+
+use super::pool::{Lent, Pool};
+use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
+use gshear_analysis::stress::ratio_on_top;
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::{Fields, Run, StoredScalars};
+
+/// One row for every frame, or for every interval that the run itself has looked at.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FrameSeries {
+    /// [L] steps since the start of the shear.
+    pub step: Vec<u64>,
+    /// [L] γ.
+    pub strain: Vec<f64>,
+    /// [L] τ.
+    pub tau: Vec<f64>,
+    /// [L] row k between the rows k-1 and k; undefined in row 0.
+    pub scalars: Vec<FrameScalars>,
+}
+
+impl FrameSeries {
+    /// From `observables/gshear/` where the run has it, else from the frames.
+    ///
+    /// τ is that of the time series where it has a row for every frame; else it is summed from the contacts of the frames, which
+    /// is the same but for rounding.
+    /// Errors: a damaged run; scalars of the run at a step without a row.
+    pub fn of(run: &Run) -> Result<Self, Failure> {
+        match run.stored_scalars() {
+            Some(stored) => Self::stored(run, stored),
+            None => Self::of_frames(run),
+        }
+    }
+
+    fn stored(run: &Run, stored: &StoredScalars) -> Result<Self, Failure> {
+        let tau = column_at(run, "stress_ratio", &stored.step);
+        let strain = column_at(run, "strain", &stored.step);
+        let (Some(tau), Some(strain)) = (tau, strain) else {
+            return Err(Failure::input(format!(
+                "{}: observables/gshear: not every step is one of the time series, from which τ comes",
+                run.path().display()
+            )));
+        };
+        Ok(FrameSeries {
+            step: stored.step.clone(),
+            strain,
+            tau,
+            scalars: stored.scalars.clone(),
+        })
+    }
+
+    /// From the frames alone.
+    pub fn of_frames(run: &Run) -> Result<Self, Failure> {
+        let strain = match column_at(run, "strain", run.frame_steps()) {
+            Some(strain) => strain,
+            None => run.frame_strains()?,
+        };
+        let (tau, scalars) = compute(run)?.into_iter().unzip();
+        Ok(FrameSeries {
+            step: run.frame_steps().to_vec(),
+            strain,
+            tau: column_at(run, "stress_ratio", run.frame_steps()).unwrap_or(tau),
+            scalars,
+        })
+    }
+}
+
+/// A column of the time series at the given steps; `None` where one of them has no row.
+fn column_at(run: &Run, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
+    let (rows, values) = (&run.series().step, run.series().column(name));
+    let value = |step: &u64| rows.binary_search(step).ok().map(|row| values[row]);
+    steps.iter().map(value).collect()
+}
+
+/// τ and the scalars of every frame, [T]. Memory holds two blocks of frames, whatever their number.
+fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
+    let mut rows = Vec::with_capacity(run.frames());
+    let (grains, pool) = (run.grains(), Pool::default());
+    let read = |first: usize| -> Result<Vec<Stressed>, Failure> {
+        let end = run.frames().min(first + run.block_length());
+        let frames = run.block_of(first..end, Fields::Forces)?.into_par_iter();
+        Ok(frames.map(|frame| Stressed::new(grains, frame)).collect())
+    };
+    let mut frames = read(0)?;
+    if let Some(first) = frames.first() {
+        rows.push((ratio_on_top(grains, &first.frame), FrameScalars::UNDEFINED));
+    }
+    while rows.len() < run.frames() {
+        let next = rows.len() - 1 + frames.len();
+        // The next block is read while the processor is busy with this one.
+        let (following, found) = rayon::join(
+            || read(next),
+            || -> Vec<(f64, FrameScalars)> {
+                let pairs = frames.par_windows(2).with_min_len(8);
+                let row = |scratch: &mut Lent<Scratch>, pair: &[Stressed]| {
+                    let scalars = frame_scalars(grains, &pair[0], &pair[1], &mut scratch.buffer);
+                    (ratio_on_top(grains, &pair[1].frame), scalars)
+                };
+                pairs.map_init(|| pool.lend(), row).collect()
+            },
+        );
+        rows.extend(found);
+        frames = frames.pop().into_iter().chain(following?).collect();
+    }
+    Ok(rows)
+}

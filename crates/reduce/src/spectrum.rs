@@ -1,0 +1,488 @@
+//! `spectrum`: eigenvalues of K v = λ M v, of a run or of files.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Mat, Par, c64};
+
+use super::commands::lost;
+use super::export::Which;
+use super::stiffness::{self, Wanted};
+use gshear_analysis::spectrum::{
+    Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
+    Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
+};
+use gshear_dem::failure::Failure;
+use gshear_store::spectrum_writer::{self, Columns};
+use gshear_store::{matrix_market, text_writer};
+
+/// Unknowns up to which --all-pairs takes the dense solver: 200 MB of vectors, a minute or two.
+const DENSE: usize = 3000;
+/// Unknowns above which --dense is refused: memory grows with the square, time with the cube.
+const MOST_DENSE: usize = 12_000;
+
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// A run.h5, the folder that holds one, or a checkpoint: K and M are made of its grains, contacts and law
+    #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]
+    run: Option<PathBuf>,
+    /// Frame of the run: its number, or last [default: last]
+    #[arg(long, value_name = "K", requires = "run")]
+    frame: Option<Which>,
+    /// The frame nearest to this shear strain
+    #[arg(long, value_name = "GAMMA", requires = "run", conflicts_with = "frame")]
+    strain: Option<f64>,
+    /// The matrix J of the appendix of Bonfanti et al., whose histories do not turn with the contacts, instead of K
+    #[arg(long, requires = "run")]
+    paper_form: bool,
+    /// Write K to this file, M beside it as .mass.mtx, and the translations as .null.mtx
+    #[arg(long, value_name = "K.mtx", requires = "run")]
+    export_matrix: Option<PathBuf>,
+    /// K as Matrix Market file, instead of a run: real, square, of any symmetry
+    #[arg(long, value_name = "K.mtx")]
+    matrix: Option<PathBuf>,
+    /// M as Matrix Market file: diagonal and positive [default: the identity]
+    #[arg(long, value_name = "M.mtx", requires = "matrix")]
+    mass: Option<PathBuf>,
+    /// Null vectors of K and of its transpose (translations), a column each: set apart before the iteration starts
+    #[arg(long, value_name = "N.mtx", requires = "matrix")]
+    null: Option<PathBuf>,
+    /// Eigenvalues nearest to this are wanted
+    #[arg(long, value_name = "RE[,IM]", default_value = "0", allow_hyphen_values = true, value_parser = shift)]
+    shift: c64,
+    /// How many; with --all-pairs, how many per shift
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    count: Option<u32>,
+    /// All eigenvalues, and a count of the complex pairs by the winding of det(K - zM) to check that none is missing
+    #[arg(long, conflicts_with = "shift")]
+    all_pairs: bool,
+    /// All eigenvalues, by the QR algorithm on the dense matrix
+    #[arg(long, conflicts_with_all = ["shift", "count"])]
+    dense: bool,
+    /// What Newton's equations amplify fastest: complex pairs and negative eigenvalues, without factors. --count: no more than so many [default: 100]
+    #[arg(long, conflicts_with_all = ["shift", "all_pairs", "dense"])]
+    unstable: bool,
+    /// With --unstable: all pairs with |Im λ| of this times ‖A‖ and more
+    #[arg(long, value_name = "F", requires = "unstable", default_value_t = 1e-3, value_parser = resolution)]
+    resolution: f64,
+    /// No left eigenvectors: half the time, and conditions that are lower bounds only
+    #[arg(long, conflicts_with_all = ["all_pairs", "dense", "unstable"])]
+    right_only: bool,
+    /// Unknowns per grain, for the participation ratio: neighbours in the matrix
+    #[arg(long, value_name = "D", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    group: u16,
+    /// Folder to write into [default: that of the run or matrix]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+fn shift(text: &str) -> Result<c64, String> {
+    let (re, im) = text.split_once(',').unwrap_or((text, "0"));
+    let number = |part: &str| {
+        let value = part
+            .trim()
+            .parse::<f64>()
+            .ok()
+            .filter(|value| value.is_finite());
+        value.ok_or(format!("{part}: must be a finite number"))
+    };
+    Ok(c64::new(number(re)?, number(im)?))
+}
+
+fn resolution(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok();
+    let fit = value.filter(|value| *value > f64::EPSILON.sqrt() && *value < 1.0);
+    fit.ok_or(format!(
+        "{text}: must be a number between {:.1e}, below which rounding may make pairs, and 1",
+        f64::EPSILON.sqrt()
+    ))
+}
+
+/// Writes `spectrum.csv`, `spectrum.h5`, `spectrum.svg`, and what was found to `output`.
+///
+/// Errors: bad matrices; an iteration that does not converge; files that cannot be written.
+pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> {
+    let Asked {
+        problem,
+        source,
+        grain,
+    } = asked(options, output)?;
+    let par = match rayon::current_num_threads() {
+        1 => Par::Seq,
+        threads => Par::rayon(threads),
+    };
+    faer::set_global_parallelism(par);
+    writeln!(
+        output,
+        "{} unknowns, ‖A‖ = {:.6e}; set apart: {} of no stiffness, {} given null vectors",
+        problem.unknowns(),
+        problem.norm(),
+        problem.rattling(),
+        problem.null().ncols()
+    )
+    .map_err(lost)?;
+    let mut spectrum = solve(options, &problem, par, output)?;
+    refine(&mut spectrum, &problem, par, output).map_err(lost)?;
+    let centre = options.shift;
+    let spectrum = if options.dense || options.all_pairs {
+        spectrum.arranged(|_| true, |e| e.value.re)
+    } else {
+        spectrum.arranged(|_| true, |e| (e.value - centre).norm())
+    };
+    summary(&spectrum, output).map_err(lost)?;
+
+    let beside = match source.is_dir() {
+        true => Some(source.as_path()),
+        false => source.parent(),
+    };
+    let beside = beside.unwrap_or(Path::new(""));
+    let folder = options.out.as_deref().unwrap_or(beside);
+    let columns = columns(&problem, &spectrum, &grain);
+    let csv = folder.join("spectrum.csv");
+    text_writer::write(&csv, &table(&spectrum, &columns.participation))?;
+    let vectors = spectrum_writer::write(folder, &source, &problem, &columns)?;
+    let svg = folder.join("spectrum.svg");
+    text_writer::write(&svg, &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues))?;
+    for path in [csv, vectors, svg] {
+        writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+    }
+    Ok(())
+}
+
+/// What is to be solved, and where it comes from.
+struct Asked {
+    problem: Problem,
+    source: PathBuf,
+    /// Grain of every unknown.
+    grain: Vec<usize>,
+}
+
+fn asked(options: &Options, output: &mut impl Write) -> Result<Asked, Failure> {
+    if let Some(run) = &options.run {
+        return of_run(run, options, output);
+    }
+    let source = options.matrix.clone().unwrap_or_default();
+    let problem = of_files(&source, options)?;
+    let grain = (0..problem.unknowns()).map(|k| k / usize::from(options.group));
+    Ok(Asked {
+        grain: grain.collect(),
+        problem,
+        source,
+    })
+}
+
+fn of_run(run: &Path, options: &Options, output: &mut impl Write) -> Result<Asked, Failure> {
+    let frame = options.frame.map(Wanted::Frame);
+    let wanted = frame.or(options.strain.map(Wanted::Strain));
+    let made = stiffness::of(run, wanted, options.paper_form, output)?;
+    let jacobian = &made.jacobian;
+    let n = jacobian.unknowns();
+    // J has its masses in it, and null vectors of its own.
+    let (k, mass, null) = match &made.paper {
+        Some(j) => (j, vec![1.0; n], Mat::zeros(n, 0)),
+        None => (&jacobian.k, jacobian.mass.clone(), jacobian.translations()),
+    };
+    if let Some(path) = &options.export_matrix {
+        let entries: Vec<_> = (0..n).map(|i| Triplet::new(i, i, mass[i])).collect();
+        let m = sparse(n, n, &entries);
+        let of_null = (0..null.ncols()).flat_map(|j| (0..n).map(move |i| (i, j)));
+        let entries: Vec<_> = of_null
+            .filter(|&at| null[at] != 0.0)
+            .map(|(i, j)| Triplet::new(i, j, null[(i, j)]))
+            .collect();
+        let beside = |name: &str| path.with_extension(name);
+        let mut files = vec![(path.clone(), k), (beside("mass.mtx"), &m)];
+        let translations = sparse(n, null.ncols(), &entries);
+        if null.ncols() > 0 {
+            files.push((beside("null.mtx"), &translations));
+        }
+        for (path, matrix) in files {
+            matrix_market::write(&path, matrix)?;
+            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+        }
+    }
+    let per_grain = jacobian.per_grain;
+    let grain = |unknown: usize| match made.paper {
+        Some(_) => unknown % (n / per_grain),
+        None => unknown / per_grain,
+    };
+    let problem = Problem::new(k, &mass, null.as_ref())
+        .map_err(|unfit| Failure::numbers(format!("{}: K: {unfit}", run.display())))?;
+    Ok(Asked {
+        problem,
+        source: run.to_path_buf(),
+        grain: (0..n).map(grain).collect(),
+    })
+}
+
+fn sparse(
+    rows: usize,
+    columns: usize,
+    entries: &[Triplet<usize, usize, f64>],
+) -> SparseColMat<usize, f64> {
+    SparseColMat::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
+}
+
+fn of_files(matrix: &Path, options: &Options) -> Result<Problem, Failure> {
+    let k = matrix_market::read(matrix)?;
+    let mass = match &options.mass {
+        Some(path) => diagonal(path, &matrix_market::read(path)?)?,
+        None => vec![1.0; k.ncols()],
+    };
+    let null = match &options.null {
+        Some(path) => matrix_market::read(path)?.to_dense(),
+        None => Mat::zeros(k.ncols(), 0),
+    };
+    Problem::new(&k, &mass, null.as_ref()).map_err(|unfit| {
+        use gshear_analysis::spectrum::Unfit;
+        let path = match unfit {
+            Unfit::NotSquare(_) | Unfit::NotFinite(_) => None,
+            Unfit::MassCount { .. } | Unfit::Mass { .. } => options.mass.as_ref(),
+            Unfit::NullLength { .. } | Unfit::NullDependent | Unfit::NotNull { .. } => {
+                options.null.as_ref()
+            }
+        };
+        let path = path.map_or(matrix, |path| path.as_path());
+        Failure::input(format!("{}: {unfit}", path.display()))
+    })
+}
+
+fn diagonal(path: &Path, m: &SparseColMat<usize, f64>) -> Result<Vec<f64>, Failure> {
+    let mut mass = vec![0.0; m.ncols()];
+    for entry in m.triplet_iter().filter(|entry| *entry.val != 0.0) {
+        if entry.row != entry.col {
+            return Err(Failure::input(format!(
+                "{}: row {}, column {}: M must be diagonal",
+                path.display(),
+                entry.row + 1,
+                entry.col + 1
+            )));
+        }
+        mass[entry.row] = *entry.val;
+    }
+    Ok(mass)
+}
+
+fn solve(
+    options: &Options,
+    problem: &Problem,
+    par: Par,
+    output: &mut impl Write,
+) -> Result<Spectrum, Failure> {
+    let n = problem.size();
+    if options.dense && n > MOST_DENSE {
+        return Err(Failure::input(format!(
+            "--dense: {n} unknowns, must be {MOST_DENSE} or fewer; --all-pairs or --shift work on the sparse matrix"
+        )));
+    }
+    if options.dense || n < 3 {
+        return Ok(Spectrum::dense(problem));
+    }
+    if options.unstable {
+        return amplified(options, problem, par, output);
+    }
+    let symbolic = Symbolic::new(problem.matrix().symbolic());
+    writeln!(
+        output,
+        "factors: {} entries, {:.3e} operations",
+        symbolic.fill(),
+        symbolic.operations()
+    )
+    .map_err(lost)?;
+    if options.all_pairs {
+        return all_pairs(options, problem, &symbolic, par, output);
+    }
+    let request = Request {
+        shift: options.shift,
+        count: options.count.unwrap_or(20) as usize,
+        left: !options.right_only,
+        par,
+    };
+    let found = nearest(problem, &symbolic, request).map_err(unsolved)?;
+    tell(&found, options.shift, output).map_err(lost)?;
+    Ok(found.spectrum)
+}
+
+fn all_pairs(
+    options: &Options,
+    problem: &Problem,
+    symbolic: &Symbolic,
+    par: Par,
+    output: &mut impl Write,
+) -> Result<Spectrum, Failure> {
+    let bounds = bendixson(problem);
+    let spectrum = if problem.size() <= DENSE {
+        Spectrum::dense(problem)
+    } else {
+        let count = options.count.unwrap_or(100) as usize;
+        let found = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;
+        writeln!(
+            output,
+            "scan: {} shifts, {} solves",
+            found.disks, found.solves
+        )
+        .map_err(lost)?;
+        let (all, null) = (found.spectrum.eigenvalues.len(), problem.null().ncols());
+        let n = problem.size();
+        writeln!(output, "scan: {} of {} eigenvalues", all + null, n).map_err(lost)?;
+        found.spectrum
+    };
+    let mut known: Vec<c64> = spectrum.eigenvalues.iter().map(|e| e.value).collect();
+    known.resize(problem.size().max(known.len()), c64::new(0.0, 0.0));
+    let margin = 0.01 * problem.norm();
+    let strip = Rectangle {
+        re: [bounds.re[0] - margin, bounds.re[1] + margin],
+        im: [f64::EPSILON.sqrt() * problem.norm(), bounds.im[1] + margin],
+    };
+    let inside = known.iter().filter(|&&z| strip.contains(z)).count();
+    match winding(problem, symbolic, strip, &known, par) {
+        Ok(count) => writeln!(
+            output,
+            "pairs over the limit of trust: {inside} found, {} by the winding of the determinant ({} factorisations)",
+            count.eigenvalues, count.factorisations
+        ),
+        Err(Uncounted { at }) => writeln!(
+            output,
+            "pairs over the limit of trust: {inside} found; not counted: an eigenvalue lies on the contour at {at:.3e}"
+        ),
+    }
+    .map_err(lost)?;
+    Ok(spectrum)
+}
+
+fn amplified(
+    options: &Options,
+    problem: &Problem,
+    par: Par,
+    output: &mut impl Write,
+) -> Result<Spectrum, Failure> {
+    let sought = Sought {
+        resolution: options.resolution,
+        most: options.count.unwrap_or(100) as usize,
+        par,
+    };
+    let found = unstable(problem, sought).map_err(|stalled| unsolved(Failed::Stalled(stalled)))?;
+    let within = format!("|Im λ| ≥ {:e} ‖A‖", options.resolution);
+    writeln!(
+        output,
+        "polynomials of degrees {:?}, {} products\n{}",
+        found.degrees,
+        found.products,
+        match found.complete {
+            true => format!("all with {within} are here, and what grows as fast"),
+            false => format!(
+                "those that grow fastest; with {within} there may be more: give a greater --count"
+            ),
+        }
+    )
+    .map_err(lost)?;
+    Ok(found.spectrum)
+}
+
+fn unsolved(failed: Failed) -> Failure {
+    Failure::numbers(match failed {
+        Failed::Factors => "K - σM is singular at the shift and all round it".to_string(),
+        Failed::Stalled(stalled) => format!(
+            "the iteration has stalled with {} eigenvalues converged: another --shift or another --count may do",
+            stalled.converged
+        ),
+    })
+}
+
+fn tell(found: &Nearest, wished: c64, output: &mut impl Write) -> std::io::Result<()> {
+    if found.shift != wished {
+        let moved = (found.shift - wished).norm();
+        writeln!(
+            output,
+            "K - σM is singular at the shift: moved by {moved:.3e}"
+        )?;
+    }
+    writeln!(
+        output,
+        "{} solves, {} restarts, {} factorisations",
+        found.solves, found.restarts, found.factorisations
+    )
+}
+
+/// Brings every residual to [`RESIDUAL`], or says of how many it could not.
+fn refine(
+    spectrum: &mut Spectrum,
+    problem: &Problem,
+    par: Par,
+    output: &mut impl Write,
+) -> std::io::Result<()> {
+    let over = |e: &&Eigenvalue| e.residual > RESIDUAL;
+    let before = spectrum.eigenvalues.iter().filter(over).count();
+    if before == 0 {
+        return Ok(());
+    }
+    let symbolic = Symbolic::new(problem.matrix().symbolic());
+    let after = spectrum.refine(problem, &symbolic, par);
+    writeln!(
+        output,
+        "{before} residuals were over {RESIDUAL:e} ‖A‖ and refined; {after} still are"
+    )
+}
+
+fn summary(spectrum: &Spectrum, output: &mut impl Write) -> std::io::Result<()> {
+    let of = |verdict| {
+        spectrum
+            .eigenvalues
+            .iter()
+            .filter(|e| e.verdict == verdict)
+            .count()
+    };
+    let worst = spectrum
+        .eigenvalues
+        .iter()
+        .map(|e| e.residual)
+        .fold(0.0, f64::max);
+    writeln!(
+        output,
+        "{} eigenvalues: {} real, {} in pairs, {} doubtful, {} zero; largest residual {worst:.1e} ‖A‖",
+        spectrum.eigenvalues.len(),
+        of(Verdict::Real),
+        of(Verdict::Pair),
+        of(Verdict::Doubtful),
+        of(Verdict::Zero)
+    )
+}
+
+fn columns(problem: &Problem, spectrum: &Spectrum, grain: &[usize]) -> Columns {
+    let k = spectrum.eigenvalues.len();
+    let mut vectors = ndarray::Array3::zeros((k, problem.unknowns(), 2));
+    let mut taking_part = Vec::with_capacity(k);
+    for (k, mut row) in vectors.outer_iter_mut().enumerate() {
+        let w: Vec<c64> = (0..problem.size())
+            .map(|i| spectrum.right[(i, k)])
+            .collect();
+        let v = problem.eigenvector(&w);
+        for (mut to, value) in row.outer_iter_mut().zip(&v) {
+            to[0] = value.re;
+            to[1] = value.im;
+        }
+        taking_part.push(participation(&v, grain));
+    }
+    Columns {
+        eigenvalues: spectrum.eigenvalues.clone(),
+        participation: taking_part,
+        vectors,
+    }
+}
+
+/// A line an eigenvalue; numbers in shortest form that reads back to the same bits.
+fn table(spectrum: &Spectrum, participation: &[f64]) -> String {
+    let mut csv = String::from("lambda_re,lambda_im,verdict,residual,condition,participation\n");
+    for (e, participation) in spectrum.eigenvalues.iter().zip(participation) {
+        let (re, im, verdict) = (e.value.re, e.value.im, e.verdict.name());
+        let (residual, condition) = (e.residual, e.condition);
+        writeln!(
+            csv,
+            "{re:?},{im:?},{verdict},{residual:?},{condition:?},{participation:?}"
+        )
+        .expect("a string grows");
+    }
+    csv
+}

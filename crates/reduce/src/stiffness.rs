@@ -1,0 +1,184 @@
+//! K and M of a frame of a run, or of a checkpoint.
+
+use std::path::Path;
+
+use super::commands::lost;
+use super::export::Which;
+use gshear_analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
+use gshear_scene::{Contact, Dimensions, Law, Scene, Source};
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::laws::LawSpace;
+use gshear_store::checkpoint;
+use gshear_store::run_reader::Run;
+use gshear_driver::periodic;
+use gshear_driver::run::{Header, Stage};
+use gshear_dem::state::{Cell, ContactState, GrainState};
+use std::io::Write;
+
+/// Which frame is wanted.
+#[derive(Debug, Clone, Copy)]
+pub enum Wanted {
+    Frame(Which),
+    /// The one nearest to this shear strain.
+    Strain(f64),
+}
+
+/// K, and J of the paper where that was asked for.
+pub struct Stiffness {
+    pub jacobian: Jacobian,
+    pub paper: Option<faer::sparse::SparseColMat<usize, f64>>,
+}
+
+/// A state, and what K of it needs to know.
+pub struct Found {
+    law: Law,
+    contact: Contact,
+    dimension: Dimensions,
+    cell: Cell,
+    pub grains: Vec<GrainState>,
+    contacts: Vec<ContactState>,
+    what: String,
+}
+
+impl Found {
+    /// Errors: a file that is damaged, or neither a run nor a checkpoint; a frame that is not there; a sample that is still being packed.
+    pub fn read(path: &Path, wanted: Option<Wanted>) -> Result<Self, Failure> {
+        if checkpoint::is_checkpoint(path) {
+            return of_checkpoint(path, wanted);
+        }
+        let wanted = wanted.unwrap_or(Wanted::Frame(Which::Last));
+        of_run(&Run::open(path)?, wanted)
+    }
+
+    pub fn jacobian(&self, history: History) -> Jacobian {
+        let state = State {
+            grains: &self.grains,
+            contacts: &self.contacts,
+            cell: self.cell,
+            masses: self.law.masses(),
+        };
+        match self.dimension {
+            Dimensions::Two => assemble::<Two>(state, self.force::<Two>().as_ref(), history),
+            Dimensions::Three => assemble::<Three>(state, self.force::<Three>().as_ref(), history),
+        }
+    }
+
+    /// The law of the run, chosen as the run chooses it.
+    fn force<D: LawSpace>(&self) -> Box<dyn PairForce<D>> {
+        D::pair_force(&self.law, &self.contact)
+            .expect("a law of this dimension, as the scene was checked")
+    }
+}
+
+/// K of a run.h5, the folder that holds one, or a checkpoint; with `paper` that of histories that do not turn. Says what it is of.
+///
+/// Errors: as of [`Found::read`].
+pub fn of(
+    path: &Path,
+    wanted: Option<Wanted>,
+    paper: bool,
+    output: &mut impl Write,
+) -> Result<Stiffness, Failure> {
+    let found = Found::read(path, wanted)?;
+    let history = if paper {
+        History::Unturned
+    } else {
+        History::Turned
+    };
+    let jacobian = found.jacobian(history);
+    writeln!(
+        output,
+        "{}: {} free grains of {}, {} contacts, {} of them sliding",
+        found.what,
+        jacobian.grains.len(),
+        found.grains.len(),
+        jacobian.contacts,
+        jacobian.sliding
+    )
+    .map_err(lost)?;
+    let radius = |g: u32| found.grains[g as usize].radius;
+    let paper = paper.then(|| paper_form(&jacobian, radius));
+    Ok(Stiffness { jacobian, paper })
+}
+
+fn of_scene(
+    scene: &Scene,
+    grains: Vec<GrainState>,
+    contacts: Vec<ContactState>,
+    what: String,
+) -> Found {
+    Found {
+        law: scene.law.clone(),
+        contact: scene.contact,
+        dimension: scene.dimension,
+        cell: scene.sample.cell(),
+        grains,
+        contacts,
+        what,
+    }
+}
+
+fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> {
+    if wanted.is_some() {
+        return Err(Failure::input(format!(
+            "--frame, --strain: {} is a checkpoint, which holds one state; leave it out",
+            path.display()
+        )));
+    }
+    let (toml, snapshot) = checkpoint::read(&Solo, path)?;
+    if let Some(header) = periodic::Header::read(&snapshot) {
+        let scene = periodic::scene_of_checkpoint(path, toml, &[])?;
+        return Ok(Found {
+            law: scene.law.clone(),
+            contact: scene.contact,
+            dimension: scene.dimension,
+            cell: scene.sheared_cell(header.progress.offset),
+            grains: snapshot.grains,
+            contacts: snapshot.contacts,
+            what: format!(
+                "strain step {} in {}",
+                header.progress.steps,
+                path.display()
+            ),
+        });
+    }
+    let header = Header::read(&snapshot)?;
+    let scene = header.scene(path, toml, &[])?;
+    match header.stage {
+        Stage::Shear { .. } => {}
+        Stage::Pack { .. } => {
+            return Err(Failure::input(format!(
+                "{}: the sample is still being packed, between planes whose contacts are not kept; take a checkpoint of the shear",
+                path.display()
+            )));
+        }
+    }
+    let what = format!("step {} of the shear in {}", header.step, path.display());
+    Ok(of_scene(&scene, snapshot.grains, snapshot.contacts, what))
+}
+
+fn of_run(run: &Run, wanted: Wanted) -> Result<Found, Failure> {
+    let t = match wanted {
+        Wanted::Frame(which) => which.of(run)?,
+        Wanted::Strain(strain) => {
+            let strains = run.frame_strains()?;
+            let apart = |&t: &usize| (strains[t] - strain).abs();
+            let nearest = (0..strains.len()).min_by(|a, b| apart(a).total_cmp(&apart(b)));
+            nearest.ok_or_else(|| {
+                Failure::input(format!("--strain: {} has no frames", run.path().display()))
+            })?
+        }
+    };
+    let name = format!("{} (its scene)", run.path().display());
+    let scene = gshear_scene::load(&Source::new(name, run.scene().to_string()), &[])?;
+    let (grains, contacts) = run.state(t)?;
+    let what = format!(
+        "frame {t} (step {}) of {}",
+        run.frame_steps()[t],
+        run.path().display()
+    );
+    Ok(of_scene(&scene, grains, contacts, what))
+}

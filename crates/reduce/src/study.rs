@@ -1,0 +1,132 @@
+//! `report --study`: a published study repeated on our runs.
+
+use std::path::{Path, PathBuf};
+
+use super::replay::{self, Wanted};
+use super::scalars::FrameSeries;
+use super::stiffness::Found;
+use gshear_analysis::jacobian::History;
+use gshear_analysis::spectrum::{Spectrum, Verdict};
+use gshear_dem::failure::Failure;
+use gshear_store::checkpoint;
+use gshear_store::run_reader::Run;
+use gshear_report::bonfanti;
+use gshear_report::lee_hurley::{self, Choice, Size, Studied, friction};
+
+/// Reduces the runs, one after the other, and writes the study of Lee & Hurley into `folder`. Returns the page.
+///
+/// Where the frames around the largest drop of a run are missing, and it kept its checkpoints, they are computed again by so many
+/// `threads` into `folder`/replay-K.
+///
+/// Errors: a run that will not do, a replay that comes out different, files that cannot be written.
+pub fn lee_hurley(
+    paths: &[PathBuf],
+    folder: &Path,
+    choice: Choice,
+    threads: usize,
+) -> Result<PathBuf, Failure> {
+    // All of them are opened before the work begins, so that a wrong name is noticed at once.
+    let runs: Vec<Run> = paths
+        .iter()
+        .map(|path| Run::open(path))
+        .collect::<Result<_, _>>()?;
+    let labels = labels(&runs);
+    let mut studied = Vec::new();
+    for (k, (run, label)) in runs.iter().zip(labels).enumerate() {
+        let series = FrameSeries::of(run)?;
+        if series.tau.len() < 2 {
+            return Err(Failure::input(format!(
+                "{}: has {} frames: the study needs two or more",
+                run.path().display(),
+                series.tau.len()
+            )));
+        }
+        let curve = [&series.strain[..], &series.tau[..]];
+        let mut found = Studied::of(run, label, choice, curve, &series.step, &series.scalars)?;
+        if let (Some(strain), true) = (found.missing(), replay::can(run)) {
+            let wanted = Wanted {
+                strain,
+                every: None,
+                threads,
+            };
+            let out = folder.join(format!("replay-{}", k + 1));
+            found.take_frames(&replay::window(run, wanted, &out)?.run)?;
+        }
+        studied.push(found);
+    }
+    lee_hurley::write(&studied, folder)
+}
+
+/// Writes the study of Bonfanti et al. of the run in a folder. Returns the page.
+///
+/// Errors: more than one run, files that are missing or damaged, files that cannot be written.
+pub fn bonfanti(runs: &[PathBuf], folder: Option<&Path>) -> Result<PathBuf, Failure> {
+    let [run] = runs else {
+        return Err(Failure::input(format!(
+            "report: {} runs: the study of Bonfanti et al. takes one",
+            runs.len()
+        )));
+    };
+    let beside = run.join("bonfanti");
+    let state = run.join(checkpoint::NAME);
+    let foretold = match state.exists() {
+        true => growing_pair(&state)?,
+        false => None,
+    };
+    bonfanti::write(run, folder.unwrap_or(&beside), foretold.as_deref())
+}
+
+/// Unknowns up to which the growing pair is sought among all eigenvalues.
+const MOST_UNKNOWNS: usize = 3000;
+
+/// Of the complex pair of the greatest imaginary part, |v|² of each grain's translation, [N], scaled to a sum of 1. `None` without a pair.
+fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
+    let jacobian = Found::read(checkpoint, None)?.jacobian(History::Turned);
+    if jacobian.unknowns() > MOST_UNKNOWNS {
+        return Ok(None);
+    }
+    let unfit = |why| Failure::numbers(format!("{}: {why}", checkpoint.display()));
+    let problem = jacobian.problem().map_err(unfit)?;
+    let spectrum = Spectrum::dense(&problem);
+    let pairs = (0..spectrum.eigenvalues.len())
+        .filter(|&k| spectrum.eigenvalues[k].verdict == Verdict::Pair);
+    let imaginary = |k: usize| spectrum.eigenvalues[k].value.im;
+    let Some(k) = pairs.max_by(|a, b| imaginary(*a).total_cmp(&imaginary(*b))) else {
+        return Ok(None);
+    };
+    let w: Vec<_> = (0..problem.size())
+        .map(|i| spectrum.right[(i, k)])
+        .collect();
+    let v = problem.eigenvector(&w);
+    let of_grain = |unknowns: &[faer::c64]| {
+        let axes = &unknowns[..jacobian.axes];
+        axes.iter().map(|x| x.norm_sqr()).sum::<f64>()
+    };
+    let squares: Vec<f64> = v.chunks(jacobian.per_grain).map(of_grain).collect();
+    let sum: f64 = squares.iter().sum();
+    Ok(Some(squares.iter().map(|x| x / sum).collect()))
+}
+
+/// The friction and, where runs of both sizes are there, the size; numbered where that does not tell them apart. Without commas,
+/// since they stand in tables.
+fn labels(runs: &[Run]) -> Vec<String> {
+    let sizes: Vec<Size> = runs.iter().map(|run| Size::of(run.grains())).collect();
+    let both = sizes.iter().any(|size| *size != sizes[0]);
+    let label = |(run, size): (&Run, &Size)| {
+        let friction = friction(run).map_or("μ_s unknown".into(), |mu| format!("μ_s = {mu}"));
+        if both {
+            format!("{friction} {}", size.name())
+        } else {
+            friction
+        }
+    };
+    let labels: Vec<String> = runs.iter().zip(&sizes).map(label).collect();
+    let numbered = |(k, label): (usize, &String)| {
+        let same = |other: &&String| *other == label;
+        if labels.iter().filter(same).count() == 1 {
+            return label.clone();
+        }
+        format!("{label} ({})", labels[..=k].iter().filter(same).count())
+    };
+    labels.iter().enumerate().map(numbered).collect()
+}

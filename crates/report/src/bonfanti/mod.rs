@@ -1,0 +1,298 @@
+//! The study of Bonfanti et al.: figures 1 to 5 of the paper of one run, and its numbers beside ours.
+
+mod curves;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use gshear_analysis::event;
+use gshear_analysis::growth::{self, Growth};
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::PeriodicRun;
+use gshear_store::text_writer;
+use gshear_store::columns::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE, SPECTRA_FILE};
+use crate::page::escape;
+
+/// Up to this mean square displacement, over the square of the mean diameter, the equations are taken to be linear.
+const LINEAR: f64 = 1e-11;
+
+/// What a run has, read.
+struct Studied {
+    strain: PeriodicRun,
+    newtonian: Option<PeriodicRun>,
+    /// [time, real, imaginary] of eigenvalues.
+    spectra: Vec<[f64; 3]>,
+    growth: Option<Growth>,
+    /// |v|² in the growing pair and D²min of the slip that follows, [N].
+    slip: Option<[Vec<f64>; 2]>,
+}
+
+/// A figure under the paper's number, or why there is none.
+struct Figure {
+    number: u8,
+    caption: &'static str,
+    drawn: Result<Drawn, &'static str>,
+}
+
+/// SVG, and its data as CSV.
+struct Drawn {
+    svg: String,
+    csv: String,
+}
+
+/// A statement of the paper, its number, and ours.
+struct Number {
+    what: &'static str,
+    paper: &'static str,
+    ours: String,
+}
+
+/// Writes the study of the run in `run` into `folder`. Returns the page.
+///
+/// Errors: files that are missing, damaged, or cannot be written.
+/// `foretold`: |v|² of each grain in the growing pair, [N].
+pub fn write(run: &Path, folder: &Path, foretold: Option<&[f64]>) -> Result<PathBuf, Failure> {
+    let studied = Studied::read(run, foretold)?;
+    let figures = studied.figures();
+    let numbers = studied.numbers();
+    for figure in &figures {
+        if let Ok(drawn) = &figure.drawn {
+            let name = format!("fig-{:02}", figure.number);
+            text_writer::write(&folder.join(name.clone() + ".svg"), &drawn.svg)?;
+            text_writer::write(&folder.join(name + ".csv"), &drawn.csv)?;
+        }
+    }
+    let mut csv = String::from("statement,paper,ours\n");
+    for number in &numbers {
+        let line = [number.what, number.paper, &number.ours].map(|text| format!("\"{text}\""));
+        writeln!(csv, "{}", line.join(",")).expect("a string grows");
+    }
+    text_writer::write(&folder.join("numbers.csv"), &csv)?;
+    let page = folder.join("index.html");
+    text_writer::write(&page, &html(&studied, &numbers, &figures))?;
+    Ok(page)
+}
+
+impl Studied {
+    fn read(run: &Path, foretold: Option<&[f64]>) -> Result<Self, Failure> {
+        let strain = PeriodicRun::open(&run.join(AQS_FILE), &AQS_COLUMNS)?;
+        let path = run.join(NEWTONIAN_FILE);
+        let newtonian = match path.exists() {
+            true => Some(PeriodicRun::open(&path, &NEWTONIAN_COLUMNS)?),
+            false => None,
+        };
+        let path = run.join(SPECTRA_FILE);
+        let spectra = match path.exists() {
+            true => read_spectra(&path)?,
+            false => Vec::new(),
+        };
+        let growth = newtonian.as_ref().and_then(|run| {
+            let diameter = run.number("mean_diameter").unwrap_or(1.0);
+            growth::fit(&run.time, run.column("msd"), LINEAR * diameter * diameter)
+        });
+        let slip = newtonian
+            .as_ref()
+            .zip(foretold)
+            .and_then(|(run, foretold)| Some([foretold.to_vec(), dmin_of(run)?]));
+        Ok(Self {
+            strain,
+            newtonian,
+            spectra,
+            growth,
+            slip,
+        })
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        let moving = self
+            .newtonian
+            .as_ref()
+            .ok_or("the run has no [newtonian] stage");
+        vec![
+            Figure {
+                number: 1,
+                caption: "Least and greatest imaginary part of the eigenvalues of K v = λ M v over the strain.",
+                drawn: curves::imaginary(&self.strain),
+            },
+            Figure {
+                number: 2,
+                caption: "Imaginary parts of all eigenvalues in time, under Newton's equations.",
+                drawn: match self.spectra.is_empty() {
+                    true => Err("no eigenvalues in time; newtonian.spectra asks for them"),
+                    false => Ok(curves::spectra(&self.spectra)),
+                },
+            },
+            Figure {
+                number: 3,
+                caption: "(a) Mean square displacement (eq. 10) and its exponential growth as fitted, and as the complex pair has it. \
+                          (b) One of the stretches in which the oscillation is resolved.",
+                drawn: moving.map(|run| curves::growth(run, self.growth.as_ref())),
+            },
+            Figure {
+                number: 4,
+                caption: "Trajectories of the eight spheres that have moved most by the end of the linear growth, over the greatest displacement, seen along z. \
+                          Frames lie a little more than whole periods apart, so that they show the oscillation slowed down.",
+                drawn: moving.and_then(|run| curves::spirals(run, self.growth.as_ref())),
+            },
+            Figure {
+                number: 5,
+                caption: "(a) Shear stress (virial) in time. (b) Its change in the linear growth.",
+                drawn: moving.map(|run| curves::stress(run, self.growth.as_ref())),
+            },
+            Figure {
+                number: 6,
+                caption: "Beyond the paper: D²min between the first and the last frame against |v|² of the growing pair, a mark a sphere.",
+                drawn: self
+                    .slip
+                    .as_ref()
+                    .map(|[foretold, dmin]| curves::slip(foretold, dmin))
+                    .ok_or("no complex pair, or no frames of what follows it"),
+            },
+        ]
+    }
+
+    fn numbers(&self) -> Vec<Number> {
+        let mut numbers = Vec::new();
+        let mut add = |what, paper, ours: Option<String>| {
+            let ours = ours.unwrap_or_else(|| "–".into());
+            numbers.push(Number { what, paper, ours });
+        };
+        let of_strain = |name| self.strain.number(name);
+        add(
+            "strain at which the first complex pair is born",
+            "not given",
+            of_strain("birth_before")
+                .zip(of_strain("birth_after"))
+                .map(|(low, high)| format!("{high:.12} (none at {:.1e} less)", high - low)),
+        );
+        let rows = self.strain.step.len().saturating_sub(1);
+        add(
+            "strain steps that Newton's method did not do alone",
+            "(overdamped dynamics throughout)",
+            of_strain("fell_back").map(|n| format!("{n} of {rows}")),
+        );
+        let of_pair = |name: &str| self.newtonian.as_ref().and_then(|run| run.number(name));
+        let both = |fitted: Option<f64>, of: &str| {
+            fitted.zip(of_pair(of)).map(|(fitted, of)| {
+                let off = 100.0 * (fitted / of - 1.0);
+                format!("fitted {fitted:.6e}, eigenvalue {of:.6e}: {off:+.3} %")
+            })
+        };
+        add(
+            "imaginary part of the pair that was left to Newton's equations",
+            "5.87e-5",
+            of_pair("lambda_i").map(|x| format!("{x:.4e}")),
+        );
+        add(
+            "omega_i",
+            "corresponds perfectly",
+            both(self.growth.map(|g| g.omega_i), "omega_i"),
+        );
+        add(
+            "omega_r",
+            "corresponds perfectly",
+            both(self.growth.map(|g| g.omega_r), "omega_r"),
+        );
+        add(
+            "decades over which the mean square displacement grows as the pair",
+            "about 10",
+            self.growth.map(|g| format!("{:.1}", g.decades)),
+        );
+        add(
+            "overlap of the pair's eigenvector with D²min of the slip that follows",
+            "not in the paper",
+            self.slip.as_ref().map(|[foretold, dmin]| {
+                let mean = |v: &[f64]| v.iter().filter(|x| x.is_finite()).sum::<f64>();
+                let square = |v: &[f64]| {
+                    v.iter()
+                        .filter(|x| x.is_finite())
+                        .map(|x| x * x)
+                        .sum::<f64>()
+                };
+                let n = foretold.len() as f64;
+                let chance =
+                    mean(foretold) * mean(dmin) / n / (square(foretold) * square(dmin)).sqrt();
+                let overlap = event::overlap(foretold, dmin);
+                format!("{overlap:.3} ({chance:.3} by chance)")
+            }),
+        );
+        add(
+            "drop of the shear stress",
+            "22 %",
+            self.newtonian.as_ref().and_then(|run| {
+                let stress = run.column("shear_stress");
+                let (first, last) = (stress.first()?, stress.last()?);
+                Some(format!("{:.1} %", 100.0 * (1.0 - last / first)))
+            }),
+        );
+        numbers
+    }
+}
+
+/// D²min of every grain between the first and the last frame; neighbours within 5 mean radii, as LH have it.
+fn dmin_of(run: &PeriodicRun) -> Option<Vec<f64>> {
+    let (first, last) = (run.positions.first()?, run.positions.last()?);
+    let radius = 5.0 * run.radius.iter().sum::<f64>() / run.radius.len() as f64;
+    Some(match run.is_planar() {
+        true => event::non_affine::<Two>(run.cell(), first, last, radius, |_| true),
+        false => event::non_affine::<Three>(run.cell(), first, last, radius, |_| true),
+    })
+}
+
+/// [time, real, imaginary] of the rows of `spectra.csv`.
+fn read_spectra(path: &Path) -> Result<Vec<[f64; 3]>, Failure> {
+    let wrong = |line: usize, what: &str| {
+        Failure::input(format!("{}, line {line}: {what}", path.display()))
+    };
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
+    let rows = text.lines().enumerate().skip(1);
+    rows.map(|(k, line)| {
+        let mut numbers = line.split(',').take(3).map(|x| x.parse::<f64>().ok());
+        let mut next = || numbers.next().flatten();
+        match (next(), next(), next()) {
+            (Some(time), Some(real), Some(imaginary)) => Ok([time, real, imaginary]),
+            _ => Err(wrong(k + 1, "is no time and eigenvalue")),
+        }
+    })
+    .collect()
+}
+
+fn html(studied: &Studied, numbers: &[Number], figures: &[Figure]) -> String {
+    let mut body = String::new();
+    for figure in figures {
+        match &figure.drawn {
+            Ok(_) => {
+                body += &format!(
+                    "<figure id=\"fig-{0:02}\">\n<img src=\"fig-{0:02}.svg\" alt=\"Figure {0}\"/>\n<figcaption>Figure {0}. {1} \
+                     <a href=\"fig-{0:02}.csv\">Data</a></figcaption>\n</figure>\n",
+                    figure.number,
+                    escape(figure.caption)
+                );
+            }
+            Err(why) => body += &format!("<p>Figure {}: {}.</p>\n", figure.number, escape(why)),
+        }
+    }
+    let rows: String = numbers
+        .iter()
+        .map(|number| {
+            let cells = [number.what, number.paper, &number.ours].map(escape);
+            format!(
+                "<tr><th>{}</th><td>{}</td><td>{}</td></tr>\n",
+                cells[0], cells[1], cells[2]
+            )
+        })
+        .collect();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>The study of Bonfanti et al.</title>\n\
+         <style>\n{}</style>\n</head>\n<body>\n<h1>The study of Bonfanti et al.</h1>\n\
+         <p class=\"lead\">The figures of \"Oscillatory instabilities in three-dimensional frictional granular matter\", of {}.</p>\n\
+         <table>\n<tr><th></th><td>paper</td><td>this run</td></tr>\n{rows}</table>\n<h2>Figures</h2>\n{body}\
+         <details><summary>The scene, every default filled in</summary>\n<pre>{}</pre></details>\n</body>\n</html>\n",
+        include_str!("../page.css"),
+        escape(&studied.strain.path().display().to_string()),
+        escape(studied.strain.text("scene").unwrap_or_default()),
+    )
+}

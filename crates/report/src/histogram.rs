@@ -1,0 +1,72 @@
+//! How often phases of which size occur.
+
+use super::colour::{SLIP, STICK};
+use super::plot::{Layout, figure};
+use super::ticks;
+use gshear_analysis::phases::{Kind, Phase};
+
+const LAYOUT: Layout = Layout {
+    size: [900.0, 400.0],
+    margin: [72.0, 36.0, 24.0, 58.0],
+};
+/// Bins of equal ratio in a decade.
+const BINS: f64 = 5.0;
+
+/// Number of phases by |Δτ_p|, stick and slip, on logarithmic axes.
+pub fn of_changes(phases: &[Phase]) -> String {
+    let bin = |phase: &Phase| (phase.change.abs().log10() * BINS).floor() as i64;
+    let bins = phases.iter().map(bin);
+    let (Some(first), Some(last)) = (bins.clone().min(), bins.max()) else {
+        return figure(LAYOUT, [0.0, 1.0], [0.0, 1.0], |plot| {
+            plot.apology("no phases");
+            plot.axes(&[], &[], "|Δτ_{p}|", "number of phases");
+        });
+    };
+    let counts = |kind: Kind| {
+        let mut counts = vec![0u64; (last - first + 1) as usize];
+        phases
+            .iter()
+            .filter(|phase| phase.kind == kind)
+            .for_each(|phase| counts[(bin(phase) - first) as usize] += 1);
+        counts
+    };
+    let kinds =
+        [(Kind::Stick, STICK), (Kind::Slip, SLIP)].map(|(kind, colour)| (counts(kind), colour));
+    let most = kinds
+        .iter()
+        .flat_map(|(counts, _)| counts)
+        .copied()
+        .max()
+        .unwrap_or(1);
+    // One phase stands visibly over an empty bin.
+    let floor = -0.3;
+    let x = [(first - 1) as f64 / BINS, (last + 2) as f64 / BINS];
+    let y = [floor, (most as f64).log10() + 0.2];
+    figure(LAYOUT, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::decades(x[0], x[1], 12), ticks::decades(0.0, y[1], 8));
+        plot.grid(&x_ticks, &y_ticks);
+        for (counts, colour) in &kinds {
+            let mut stairs = vec![[first as f64 / BINS, floor]];
+            for (k, &count) in counts.iter().enumerate() {
+                let height = if count == 0 {
+                    floor
+                } else {
+                    (count as f64).log10()
+                };
+                let left = (first + k as i64) as f64 / BINS;
+                stairs.extend([[left, height], [left + 1.0 / BINS, height]]);
+            }
+            stairs.push([(last + 1) as f64 / BINS, floor]);
+            plot.area(&stairs, *colour, 0.14);
+            plot.line(&stairs, *colour, 2.0);
+        }
+        plot.clip();
+        plot.axes(
+            &x_ticks,
+            &y_ticks,
+            "change of the shear stress ratio in a phase, |Δτ_{p}|",
+            "number of phases",
+        );
+        plot.legend(&[(STICK, "stick"), (SLIP, "slip")]);
+    })
+}

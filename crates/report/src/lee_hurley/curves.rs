@@ -1,0 +1,199 @@
+//! τ(γ): figures 2, 12, 14 and 24.
+
+use std::fmt::Write as _;
+
+use super::studied::{Event, Size, Stage, Studied};
+use super::{Drawn, Figure, no_run};
+use crate::colour::{CURVES, GREY, INK, STAGES};
+use crate::compose::grid_of;
+use crate::plot::{Layout, Plot, figure};
+use crate::{stress, ticks};
+
+const WIDE: Layout = Layout {
+    size: [900.0, 380.0],
+    margin: [72.0, 62.0, 24.0, 58.0],
+};
+const X_LABEL: &str = "shear strain γ (%)";
+const Y_LABEL: &str = "shear stress ratio τ = S/N";
+
+/// Figure 2: the whole curve and the largest drop of one run.
+pub fn whole_and_event(number: u8, run: Option<&Studied>) -> Drawn {
+    let run = run.ok_or_else(|| no_run(number, Size::Small))?;
+    let mut panels = vec![several("(a)", &[run])];
+    let mut csv = table(&[run]);
+    if let Some(event) = &run.event {
+        panels.push(around("(b)", run, event));
+        csv += &event_table(run, event);
+    }
+    Ok(Figure {
+        number,
+        caption: format!(
+            "(a) Normalised shear stress over shear strain of the run {}. Dashed: from there on the regime is taken. \
+             (b) The same around the largest drop of the regime, with the three stages: before, during and after it.{}",
+            run.label,
+            of_steps(run)
+        ),
+        svg: grid_of(1, &panels),
+        data: vec![(".csv", csv)],
+    })
+}
+
+/// Figures 12 and 24: all runs of a size.
+pub fn of_frictions(number: u8, size: Size, runs: &[&Studied]) -> Drawn {
+    if runs.is_empty() {
+        return Err(no_run(number, size));
+    }
+    Ok(Figure {
+        number,
+        caption: format!(
+            "Normalised shear stress over shear strain for the sliding frictions, {} sample.",
+            size.name()
+        ),
+        svg: several("", runs),
+        data: vec![(".csv", table(runs))],
+    })
+}
+
+/// Figure 14: both sizes, and the largest drop of the large one.
+pub fn of_sizes(number: u8, small: Option<&Studied>, large: Option<&Studied>) -> Drawn {
+    let large = large.ok_or_else(|| no_run(number, Size::Large))?;
+    let runs: Vec<&Studied> = small.into_iter().chain([large]).collect();
+    let mut panels = vec![several("(a)", &runs)];
+    let mut csv = table(&runs);
+    if let Some(event) = &large.event {
+        panels.push(around("(b)", large, event));
+        csv += &event_table(large, event);
+    }
+    Ok(Figure {
+        number,
+        caption: format!(
+            "(a) Normalised shear stress over shear strain of a small and a large sample. (b) The same around the largest \
+             drop of the large one, with the three stages; great slips that follow the largest closely belong to Stage II.{}",
+            of_steps(large)
+        ),
+        svg: grid_of(1, &panels),
+        data: vec![(".csv", csv)],
+    })
+}
+
+fn of_steps(run: &Studied) -> &'static str {
+    match &run.event {
+        Some(event) if !event.steps.is_empty() => " Numbers: the steps that the maps show.",
+        _ => "",
+    }
+}
+
+fn several(letter: &str, runs: &[&Studied]) -> String {
+    let percent: Vec<Vec<f64>> = runs
+        .iter()
+        .map(|run| stress::percent_of(&run.strain))
+        .collect();
+    let x = stress::padded(percent.iter().flatten().copied(), 0.0);
+    let y = stress::padded(runs.iter().flat_map(|run| &run.tau).copied(), 0.08);
+    figure(WIDE, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 6));
+        plot.grid(&x_ticks, &y_ticks);
+        for (k, run) in runs.iter().enumerate() {
+            let rows: Vec<usize> = (0..run.tau.len()).collect();
+            stress::draw(
+                plot,
+                &percent[k],
+                &run.tau,
+                &rows,
+                CURVES[k % CURVES.len()],
+                0.9,
+            );
+        }
+        for run in runs {
+            plot.upright(100.0 * run.onset, GREY);
+        }
+        plot.clip();
+        plot.axes(&x_ticks, &y_ticks, X_LABEL, Y_LABEL);
+        plot.heading(letter);
+        legend(plot, runs);
+    })
+}
+
+/// The labels of runs in the colours of their order.
+pub fn legend(plot: &mut Plot, runs: &[&Studied]) {
+    let names: Vec<String> = runs.iter().map(|run| run.typeset_label()).collect();
+    let entries = names.iter().enumerate();
+    let entries: Vec<_> = entries
+        .map(|(k, name)| (CURVES[k % CURVES.len()], name.as_str()))
+        .collect();
+    plot.legend(&entries);
+}
+
+fn around(letter: &str, run: &Studied, event: &Event) -> String {
+    let stages = &event.stages;
+    let percent = stress::percent_of(&run.regime.strain);
+    let tau = &run.regime.tau;
+    let rows: Vec<usize> = (stages.begin..=stages.end).collect();
+    let x = stress::padded(rows.iter().map(|row| percent[*row]), 0.02);
+    let y = stress::padded(rows.iter().map(|row| tau[*row]), 0.14);
+    figure(WIDE, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 6), ticks::round(y[0], y[1], 6));
+        shade(plot, run, event);
+        plot.grid(&[], &y_ticks);
+        stress::draw(plot, &percent, tau, &rows, INK, 1.4);
+        for &row in rows.iter().filter(|_| rows.len() <= 200) {
+            plot.disk([percent[row], tau[row]], 2.2, INK, None);
+        }
+        for step in &event.steps {
+            plot.label_above([percent[step.row], tau[step.row]], &step.number.to_string());
+        }
+        plot.clip();
+        plot.axes(&x_ticks, &y_ticks, X_LABEL, Y_LABEL);
+        plot.heading(letter);
+        plot.legend(&[
+            (STAGES[0], "Stage I"),
+            (STAGES[1], "Stage II"),
+            (STAGES[2], "Stage III"),
+        ]);
+    })
+}
+
+/// The stages as bands behind the data; x is γ in percent.
+pub fn shade(plot: &mut Plot, run: &Studied, event: &Event) {
+    let strain = |row: usize| 100.0 * run.regime.strain[row];
+    let stages = &event.stages;
+    let ends = [stages.begin, stages.drop, stages.calm, stages.end];
+    for (k, colour) in STAGES.into_iter().enumerate() {
+        plot.band(strain(ends[k]), strain(ends[k + 1]), colour, 0.45);
+    }
+}
+
+/// Every row of the time series: panel a.
+fn table(runs: &[&Studied]) -> String {
+    let mut csv = String::from("panel,run,strain,stress_ratio,stage,step\n");
+    for run in runs {
+        for (strain, tau) in run.strain.iter().zip(&run.tau) {
+            writeln!(csv, "a,{},{strain:?},{tau:?},,", run.label).expect("a string grows");
+        }
+    }
+    csv
+}
+
+/// The rows around the drop: panel b. The stage is that of the interval which a row ends.
+fn event_table(run: &Studied, event: &Event) -> String {
+    let mut csv = String::new();
+    for row in event.stages.begin..=event.stages.end {
+        let stage = stage_of(event, row);
+        let step = event.steps.iter().find(|step| step.row == row);
+        let step = step.map_or(String::new(), |step| step.number.to_string());
+        let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
+        writeln!(csv, "b,{},{strain:?},{tau:?},{stage},{step}", run.label).expect("a string grows");
+    }
+    csv
+}
+
+/// Name of the stage whose interval a row ends.
+pub fn stage_of(event: &Event, row: usize) -> &'static str {
+    if row <= event.stages.drop {
+        Stage::Before.name()
+    } else if row <= event.stages.calm {
+        Stage::Drop.name()
+    } else {
+        Stage::After.name()
+    }
+}

@@ -1,0 +1,111 @@
+//! The study of Lee & Hurley: every figure of the paper that rests on data, drawn of our runs, and the paper's numbers beside ours.
+
+mod correlations;
+mod curves;
+mod drops;
+mod ensemble;
+mod event;
+mod numbers;
+mod page;
+mod step_tables;
+mod steps;
+mod studied;
+
+use std::path::{Path, PathBuf};
+
+pub use self::studied::{Choice, Event, Size, Stage, Step, Studied, friction};
+use gshear_dem::failure::Failure;
+use gshear_store::text_writer;
+
+/// A figure, called after its number in the paper.
+pub struct Figure {
+    pub number: u8,
+    pub caption: String,
+    pub svg: String,
+    /// Ends of the names and contents of the files with its data: `.csv`, `-contacts.csv`.
+    pub data: Vec<(&'static str, String)>,
+}
+
+/// A figure of the paper, or why there is none.
+pub type Drawn = Result<Figure, (u8, String)>;
+
+impl Figure {
+    /// `fig-02`.
+    pub fn name(&self) -> String {
+        format!("fig-{:02}", self.number)
+    }
+}
+
+/// Writes the study into `folder`, which is made if missing: the figures as SVG with their data as CSV, `numbers.csv`,
+/// `drops.csv`, of runs that
+/// differ in their seeds only `ensemble.csv`, `ensemble-correlations.csv` and `ensemble-….svg`, `index.html`. Returns the page.
+///
+/// Errors: files that cannot be written.
+pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
+    let drawn = figures(runs);
+    for figure in drawn.iter().flatten() {
+        let path = |end: &str| folder.join(figure.name() + end);
+        text_writer::write(&path(".svg"), &figure.svg)?;
+        for (end, data) in &figure.data {
+            text_writer::write(&path(end), data)?;
+        }
+    }
+    let numbers = numbers::of(runs);
+    text_writer::write(&folder.join("numbers.csv"), &numbers::csv(&numbers))?;
+    text_writer::write(&folder.join("drops.csv"), &drops::csv(runs))?;
+    let mut families = ensemble::families(runs);
+    families.retain(|family| family.runs.len() > 1);
+    if !families.is_empty() {
+        let write = |name: &str, text: &str| text_writer::write(&folder.join(name), text);
+        write("ensemble.csv", &ensemble::numbers_csv(&families))?;
+        write(
+            "ensemble-correlations.csv",
+            &ensemble::correlations_csv(&families),
+        )?;
+    }
+    let seeds = ensemble::figures(&families);
+    for (name, svg) in &seeds {
+        text_writer::write(&folder.join(name), svg)?;
+    }
+    // Last, so that a page never shows figures that are not there.
+    let page = folder.join("index.html");
+    text_writer::write(&page, &page::html(runs, &numbers, &drawn, &seeds))?;
+    Ok(page)
+}
+
+/// In the order of their numbers. Figure 1 is a drawing of the set-up.
+fn figures(runs: &[Studied]) -> Vec<Drawn> {
+    // Of runs that differ in their seeds only, the first.
+    let families = ensemble::families(runs);
+    let first = || families.iter().map(|family| family.runs[0]);
+    let of = |size: Size| -> Vec<&Studied> { first().filter(|run| run.size == size).collect() };
+    let (small, large) = (of(Size::Small), of(Size::Large));
+    // LH show the sample with μ_s = 0.7; section 4 has the others.
+    let main = |runs: &[&'_ Studied]| -> Option<usize> {
+        let off = |k: &usize| (runs[*k].friction.unwrap_or(f64::INFINITY) - 0.7).abs();
+        (0..runs.len()).min_by(|a, b| off(a).total_cmp(&off(b)))
+    };
+    let (first, second) = (
+        main(&small).map(|k| small[k]),
+        main(&large).map(|k| large[k]),
+    );
+    let mut drawn = vec![curves::whole_and_event(2, first)];
+    drawn.extend(steps::figures([3, 4, 0, 5, 6, 7], first));
+    drawn.push(event::figure(8, first));
+    drawn.extend(correlations::of_one(first));
+    drawn.push(curves::of_frictions(12, Size::Small, &small));
+    drawn.push(correlations::of_frictions(13, Size::Small, &small));
+    drawn.push(curves::of_sizes(14, first, second));
+    drawn.extend(steps::figures([15, 16, 17, 18, 19, 20], second));
+    drawn.push(event::figure(21, second));
+    drawn.push(correlations::of_sizes(22, first, second));
+    drawn.push(correlations::of_regions(23, second));
+    drawn.push(curves::of_frictions(24, Size::Large, &large));
+    drawn.push(correlations::of_frictions(25, Size::Large, &large));
+    drawn
+}
+
+/// Why there is no figure of a size.
+fn no_run(number: u8, size: Size) -> (u8, String) {
+    (number, format!("no run of the {} sample", size.name()))
+}

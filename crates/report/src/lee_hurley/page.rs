@@ -1,0 +1,76 @@
+//! The page of the study: the figures beside it, in the order of the paper.
+
+use super::numbers::Number;
+use super::studied::Studied;
+use super::{Drawn, Figure};
+use crate::page::escape;
+
+/// The page as HTML. It shows the figures from the files beside it; `seeds`: those of several seeds, name and SVG.
+pub fn html(
+    runs: &[Studied],
+    numbers: &[Number],
+    drawn: &[Drawn],
+    seeds: &[(String, String)],
+) -> String {
+    let mut body = String::new();
+    for figure in drawn {
+        match figure {
+            Ok(figure) => body += &shown(figure),
+            Err((number, why)) => body += &format!("<p>Figure {number}: {}.</p>\n", escape(why)),
+        }
+    }
+    let mut ensemble = String::new();
+    for (name, _) in seeds {
+        ensemble += &format!(
+            "<figure>\n<img src=\"{name}\" alt=\"{name}\" style=\"max-width: 100%\"/>\n<figcaption>Runs that differ in their seeds \
+             only: the mean of their coefficients with its standard error, where the median p is at most 0.05. \
+             <a href=\"ensemble-correlations.csv\">ensemble-correlations.csv</a>, \
+             <a href=\"ensemble.csv\">ensemble.csv</a></figcaption>\n</figure>\n"
+        );
+    }
+    let mut tables = String::new();
+    for run in runs {
+        let lines = numbers.iter().filter(|number| number.run == run.label);
+        let rows: String = lines
+            .map(|line| {
+                let cells = [&line.what, &line.paper, &line.ours].map(|text| escape(text));
+                format!(
+                    "<tr><th>{}</th><td>{}</td><td>{}</td></tr>\n",
+                    cells[0], cells[1], cells[2]
+                )
+            })
+            .collect();
+        tables += &format!(
+            "<h3>{}</h3>\n<p>{}, the {} sample.</p>\n<table>\n<tr><th></th><td>paper</td><td>this run</td></tr>\n{rows}</table>\n",
+            escape(&run.label),
+            escape(&run.path),
+            run.size.name()
+        );
+    }
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>The study of Lee and Hurley</title>\n\
+         <style>\n{}</style>\n</head>\n<body>\n<h1>The study of Lee and Hurley</h1>\n\
+         <p class=\"lead\">The figures of \"Microscopic dynamics of particle rearrangement and its correlation with stick-slip behavior in \
+         granular shear\", of these runs and under the numbers of the paper. The data of each lie beside it as CSV.</p>\n\
+         <h2>Figures</h2>\n<p>Figure 1 is a drawing of the set-up.</p>\n{body}{ensemble}<h2>The numbers of the paper, and ours</h2>\n\
+         <p>Weak is below 0.4 and strong from 0.6 on; the paper uses the words without numbers.</p>\n{tables}</body>\n</html>\n",
+        include_str!("../page.css")
+    )
+}
+
+fn shown(figure: &Figure) -> String {
+    let name = figure.name();
+    let links: Vec<String> = figure
+        .data
+        .iter()
+        .map(|(end, _)| format!("<a href=\"{name}{end}\">{name}{end}</a>"))
+        .collect();
+    format!(
+        "<figure id=\"{name}\">\n<img src=\"{name}.svg\" alt=\"Figure {0}\" style=\"max-width: 100%\"/>\n\
+         <figcaption>Figure {0}. {1} {2}</figcaption>\n</figure>\n",
+        figure.number,
+        figure.caption,
+        links.join(", ")
+    )
+}

@@ -1,0 +1,312 @@
+//! A run as the study sees it.
+
+use gshear_analysis::correlate::Regime;
+use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
+use gshear_analysis::regions::MinPoints;
+use gshear_analysis::stages::Stages;
+use gshear_analysis::{displacement, phases};
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::{Fields, Run};
+use gshear_dem::state::{Disks, Frame};
+
+/// Which of the paper's two samples a run is compared with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Size {
+    /// About 1,000 disks (sections 3 and 4).
+    Small,
+    /// About 5,000 (section 5).
+    Large,
+}
+
+impl Size {
+    /// √(1,000 · 5,000): the middle of the paper's two.
+    const BETWEEN: usize = 2236;
+
+    pub fn of(grains: &Disks) -> Self {
+        if grains.count() > Self::BETWEEN {
+            Size::Large
+        } else {
+            Size::Small
+        }
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Size::Small => "small",
+            Size::Large => "large",
+        }
+    }
+
+    /// γ at which the paper's stick-slip regime (section 3.2) or steady state (section 5) begins.
+    pub fn onset(self) -> f64 {
+        match self {
+            Size::Small => 0.022,
+            Size::Large => 0.054,
+        }
+    }
+}
+
+/// Of the drop: before, during, after (LH section 3.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    Before,
+    /// The largest drop.
+    Drop,
+    /// The great slips that follow it closely.
+    FurtherDrop,
+    After,
+}
+
+impl Stage {
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Before => "I",
+            Stage::Drop | Stage::FurtherDrop => "II",
+            Stage::After => "III",
+        }
+    }
+}
+
+/// An interval around the drop that the maps show, and what happened in it.
+pub struct Step {
+    /// 1 … of the steps shown.
+    pub number: usize,
+    pub stage: Stage,
+    /// Row of the regime at its end.
+    pub row: usize,
+    pub strain: [f64; 2],
+    /// At its end.
+    pub frame: Frame,
+    /// [contacts of the frame] differential force network (N/m).
+    pub force_change: Vec<f64>,
+    /// Grains of the greatest reduction.
+    pub regions: Vec<u32>,
+    /// [N] (m²), NaN where undefined.
+    pub dmin: Vec<f64>,
+    /// [N] non-affine displacement (m).
+    pub displacement: Vec<[f64; 2]>,
+}
+
+/// The largest drop of the regime.
+pub struct Event {
+    pub stages: Stages,
+    /// Empty where the run has no frames there.
+    pub steps: Vec<Step>,
+}
+
+/// A run with its statistics.
+pub struct Studied {
+    pub label: String,
+    pub path: String,
+    pub size: Size,
+    /// μ_s of the scene.
+    pub friction: Option<f64>,
+    pub grains: Disks,
+    /// What the scene has beside its seed and what is written of it: the same in runs that differ in their seeds only.
+    pub family: String,
+    pub seed: Option<i64>,
+    /// I and κ of the run.
+    pub inertial_number: Option<f64>,
+    pub stiffness_number: Option<f64>,
+    /// γ and τ of the whole time series.
+    pub strain: Vec<f64>,
+    pub tau: Vec<f64>,
+    /// γ from which on the regime is taken.
+    pub onset: f64,
+    pub regime: Regime,
+    /// Steps of the rows of the regime.
+    pub step: Vec<u64>,
+    /// `None` without a slip.
+    pub event: Option<Event>,
+}
+
+/// What a run is studied by.
+#[derive(Debug, Clone, Copy)]
+pub struct Choice {
+    /// γ at which the regime begins; the paper's, or where the frames begin, if they do later or all end before it.
+    pub onset: Option<f64>,
+    pub min_points: MinPoints,
+}
+
+impl Studied {
+    /// The label as figures set it.
+    pub fn typeset_label(&self) -> String {
+        self.label.replace("μ_s", "μ_{s}")
+    }
+
+    /// `step`, `strain`, `tau`, `scalars`: [L], a row for each frame or interval looked at.
+    ///
+    /// Errors: a run that turns out damaged while it is read.
+    pub fn of(
+        run: &Run,
+        label: String,
+        choice: Choice,
+        [strain, tau]: [&[f64]; 2],
+        step: &[u64],
+        scalars: &[FrameScalars],
+    ) -> Result<Self, Failure> {
+        let size = Size::of(run.grains());
+        let first = strain.first().copied().unwrap_or(0.0);
+        let reached = strain.last().copied().unwrap_or(0.0);
+        let wanted = choice.onset.unwrap_or(size.onset());
+        let onset = if reached > wanted {
+            wanted.max(first)
+        } else {
+            first
+        };
+        let regime = Regime::from(onset, strain, tau, scalars, choice.min_points);
+        let step = step[strain.len() - regime.strain.len()..].to_vec();
+        let stages = stages(&regime);
+        let event = stages.map(|stages| -> Result<Event, Failure> {
+            let steps = steps(run, &regime, &stages, &step)?;
+            Ok(Event { stages, steps })
+        });
+        let event = event.transpose()?;
+        Ok(Studied {
+            label,
+            path: run.path().display().to_string(),
+            size,
+            friction: friction(run),
+            family: family(run),
+            seed: scene(run).and_then(|scene| scene.get("seed")?.as_integer()),
+            grains: run.grains().clone(),
+            inertial_number: run.number("inertial_number"),
+            stiffness_number: run.number("stiffness_number"),
+            strain: run.series().column("strain").to_vec(),
+            tau: run.series().column("stress_ratio").to_vec(),
+            onset,
+            event,
+            regime,
+            step,
+        })
+    }
+
+    /// γ from the first to the last row that the maps show, where their frames are missing.
+    pub fn missing(&self) -> Option<[f64; 2]> {
+        let event = self.event.as_ref().filter(|e| e.steps.is_empty())?;
+        let strain = |row: usize| self.regime.strain[row];
+        Some([strain(event.stages.begin), strain(event.stages.end)])
+    }
+
+    /// Takes the frames for the maps from another run of the same grains. Errors: one that turns out damaged.
+    pub fn take_frames(&mut self, frames: &Run) -> Result<(), Failure> {
+        if let Some(event) = &mut self.event {
+            event.steps = steps(frames, &self.regime, &event.stages, &self.step)?;
+        }
+        Ok(())
+    }
+}
+
+/// μ_s of the scene; `None` where it has none.
+pub fn friction(run: &Run) -> Option<f64> {
+    scene(run)?.get("contact")?.get("friction")?.as_float()
+}
+
+fn scene(run: &Run) -> Option<toml::Table> {
+    run.scene().parse().ok()
+}
+
+fn family(run: &Run) -> String {
+    let mut scene = scene(run).unwrap_or_default();
+    for other in ["seed", "title", "output", "analysis", "bookkeeping"] {
+        scene.remove(other);
+    }
+    format!("{} disks\n{scene}", run.grains().count())
+}
+
+/// Around the largest drop; `None` without a slip.
+fn stages(regime: &Regime) -> Option<Stages> {
+    let phases: Vec<phases::Phase> = regime.phases.iter().map(|m| m.phase).collect();
+    let largest = phases::largest_drop(&phases)?;
+    Some(Stages::around(&phases, largest, &regime.tau))
+}
+
+/// The intervals that the maps show, of the run's frames; none where a frame is missing. `step`: of the rows of the regime.
+fn steps(run: &Run, regime: &Regime, stages: &Stages, step: &[u64]) -> Result<Vec<Step>, Failure> {
+    let mut steps = Vec::new();
+    let mut scratch = Scratch::default();
+    for (stage, row) in shown(stages) {
+        let frames = [row - 1, row].map(|row| run.frame_steps().binary_search(&step[row]));
+        let [Ok(earlier), Ok(later)] = frames else {
+            // Not all of them were stored: no maps rather than some.
+            steps.clear();
+            break;
+        };
+        let grains = run.grains();
+        let read = |t: usize| {
+            run.block_of(t..t + 1, Fields::Forces)
+                .map(|mut frames| Stressed::new(grains, frames.swap_remove(0)))
+        };
+        let (earlier, later) = (read(earlier)?, read(later)?);
+        frame_scalars(grains, &earlier, &later, &mut scratch);
+        let (earlier, frame) = (earlier.frame, later.frame);
+        let mut displacement = Vec::new();
+        let rattlers = scratch.non_affine.rattlers();
+        displacement::non_affine(grains, &earlier, &frame, rattlers, &mut displacement);
+        steps.push(Step {
+            number: steps.len() + 1,
+            stage,
+            row,
+            strain: [regime.strain[row - 1], regime.strain[row]],
+            force_change: scratch.regions.changes().to_vec(),
+            regions: scratch.regions.grains().to_vec(),
+            dmin: scratch.dmin.clone(),
+            displacement,
+            frame,
+        });
+    }
+    Ok(steps)
+}
+
+/// Rows of the intervals that the maps show: 3 of Stage I, up to 6 of each part of Stage II, of which the first three follow
+/// one another, 3 of Stage III.
+fn shown(stages: &Stages) -> Vec<(Stage, usize)> {
+    let [before, drop, after] = stages.intervals();
+    let first_end = stages.drops[0][1];
+    let parts = [
+        (Stage::Before, before, 3, 0),
+        (Stage::Drop, *drop.start()..=first_end, 6, 3),
+        (Stage::FurtherDrop, first_end + 1..=*drop.end(), 6, 0),
+        (Stage::After, after, 3, 0),
+    ];
+    let of_part =
+        |(stage, rows, most, dense): (Stage, std::ops::RangeInclusive<usize>, usize, usize)| {
+            let rows: Vec<usize> = rows.collect();
+            spread(rows.len(), most, dense)
+                .into_iter()
+                .map(move |k| (stage, rows[k]))
+        };
+    parts.into_iter().flat_map(of_part).collect()
+}
+
+/// Up to `most` of 0 … count-1: the first `dense`, then evenly to the last.
+fn spread(count: usize, most: usize, dense: usize) -> Vec<usize> {
+    if count <= most {
+        return (0..count).collect();
+    }
+    let rest = most - dense;
+    let even = (1..=rest).map(|k| {
+        let from = dense as f64 - 1.0;
+        let share = if dense == 0 {
+            (k - 1) as f64 / (rest - 1) as f64
+        } else {
+            k as f64 / rest as f64
+        };
+        let from = if dense == 0 { 0.0 } else { from };
+        (from + share * ((count - 1) as f64 - from)).round() as usize
+    });
+    (0..dense).chain(even).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_spread_from_the_first_to_the_last() {
+        assert_eq!(spread(4, 6, 3), [0, 1, 2, 3]);
+        assert_eq!(spread(11, 3, 0), [0, 5, 10]);
+        assert_eq!(spread(12, 6, 3), [0, 1, 2, 5, 8, 11]);
+        assert_eq!(spread(0, 3, 0), [0; 0]);
+    }
+}

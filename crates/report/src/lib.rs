@@ -1,0 +1,146 @@
+//! The report of a run: figures, numbers, and a page that shows both.
+
+pub mod bonfanti;
+pub mod colour;
+mod compose;
+mod histogram;
+pub mod lee_hurley;
+mod map;
+mod page;
+pub mod plot;
+pub mod rate_state;
+pub mod spectrum;
+mod stress;
+mod summary;
+pub mod ticks;
+
+use std::path::{Path, PathBuf};
+
+use self::map::View;
+use self::summary::{Event, Summary};
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::Run;
+use gshear_store::text_writer;
+use gshear_dem::state::Disks;
+
+/// A figure of the report: its file, what it shows, and itself.
+struct Figure {
+    name: &'static str,
+    caption: String,
+    svg: String,
+}
+
+/// Writes the report into `folder`, which is made if missing: `index.html`, the figures as SVG, `summary.json`.
+/// Returns the page.
+///
+/// Errors: a damaged run, files that cannot be written.
+pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
+    let summary = Summary::of(run)?;
+    let figures = figures(run, &summary);
+    for figure in &figures {
+        text_writer::write(&folder.join(figure.name).with_extension("svg"), &figure.svg)?;
+    }
+    let json = format!("{:#}\n", summary.json(run));
+    text_writer::write(&folder.join("summary.json"), &json)?;
+    // Last, so that a page never shows figures that are not there.
+    let page = folder.join("index.html");
+    text_writer::write(&page, &page::html(run, &summary, &figures))?;
+    Ok(page)
+}
+
+fn figures(run: &Run, summary: &Summary) -> Vec<Figure> {
+    let (strain, tau) = (
+        run.series().column("strain"),
+        run.series().column("stress_ratio"),
+    );
+    let phases = &summary.phases;
+    let mut figures = vec![Figure {
+        name: "stress-strain",
+        caption: "Shear stress ratio over the whole run, with stick (τ increases) and slip (τ decreases) phases.".into(),
+        svg: stress::whole(strain, tau, phases, summary.drop.as_ref()),
+    }];
+    let shown = summary
+        .event
+        .as_ref()
+        .map(|event| event.drop)
+        .or(summary.drop);
+    if let Some(drop) = &shown {
+        let frames = summary.event.as_ref().map(|event| event.strain);
+        figures.push(Figure {
+            name: "largest-drop",
+            caption: format!(
+                "The largest drop{}: Δτ<sub>p</sub> = {:.4} over {} intervals of the time series. Shaded: the phases.",
+                if Some(*drop) == summary.drop { "" } else { " that frames were written of" },
+                drop.change,
+                drop.duration()
+            ),
+            svg: stress::around(strain, tau, phases, drop, frames),
+        });
+    }
+    figures.push(Figure {
+        name: "phase-histogram",
+        caption: "Stick and slip phases by the size of their change of τ.".into(),
+        svg: histogram::of_changes(phases),
+    });
+    if let Some(event) = &summary.event {
+        figures.extend(maps(run.grains(), event));
+    }
+    figures
+}
+
+fn maps(grains: &Disks, event: &Event) -> [Figure; 4] {
+    let view = View::of(grains, &event.later, event.centre());
+    let greatest = map::scale_of_forces([&event.earlier, &event.later]);
+    let [t, u] = event.frames;
+    let [before, after] = event
+        .strain
+        .map(|strain| format!("γ = {:.5} %", 100.0 * strain));
+    let between = format!("frames {t} to {u}: {before} to {after}");
+    let part = if grains.count() > map::MOST_GRAINS {
+        " Of this large sample the part around the greatest D²<sub>min</sub> is shown."
+    } else {
+        ""
+    };
+    let network = "Lines join the centres of touching grains; their width and colour give the normal force, \
+                   on the same scale before and after. Disks of the walls are grey.";
+    [
+        Figure {
+            name: "force-network-before",
+            caption: format!("Force network before the drop. {network}{part}"),
+            svg: map::forces(
+                grains,
+                &event.earlier,
+                view,
+                greatest,
+                &format!("frame {t}, {before}"),
+            ),
+        },
+        Figure {
+            name: "force-network-after",
+            caption: format!("Force network after the drop. {network}{part}"),
+            svg: map::forces(
+                grains,
+                &event.later,
+                view,
+                greatest,
+                &format!("frame {u}, {after}"),
+            ),
+        },
+        Figure {
+            name: "force-change",
+            caption: format!(
+                "Differential force network over the drop: change of the magnitude of every contact force, \
+                 0 where a contact was made or lost.{part}"
+            ),
+            svg: map::force_changes(grains, &event.earlier, &event.later, view, &between),
+        },
+        Figure {
+            name: "dmin",
+            caption: format!(
+                "D²<sub>min</sub> over the drop, in units of the mean radius squared, neighbours within 5 r̄. \
+                 White: rattlers and grains for which it is undefined. Outlined in grey: the walls.{part}"
+            ),
+            svg: map::dmin(grains, &event.later, &event.dmin, view, &between),
+        },
+    ]
+}

@@ -1,0 +1,148 @@
+//! The page: one file without any other, that opens from disk.
+
+use super::Figure;
+use super::summary::Summary;
+use gshear_analysis::phases::Kind;
+use gshear_store::run_reader::Run;
+
+/// The report as HTML, with everything in it.
+pub fn html(run: &Run, summary: &Summary, figures: &[Figure]) -> String {
+    let title = escape(&title(run));
+    let lead = match run.digest() {
+        Some(_) => "A finished run of gshear-mpi.",
+        None => {
+            "A run of gshear-mpi that was stopped early, or is still running; read as far as it goes."
+        }
+    };
+    let mut body = String::new();
+    for figure in figures {
+        body += &format!(
+            "<figure id=\"{}\">\n{}<figcaption>{}</figcaption>\n</figure>\n",
+            figure.name, figure.svg, figure.caption
+        );
+    }
+    if summary.event.is_none() {
+        body += "<p>No frames lie around a slip phase, so there are no maps.</p>\n";
+    }
+    let parameters = run.parameters().iter().filter(|(name, _)| *name != "scene");
+    let parameters = parameters.map(|(name, value)| (escape(name), escape(&value.to_string())));
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>{title}</title>\n\
+         <style>\n{}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<p class=\"lead\">{lead}</p>\n\
+         {}<h2>Figures</h2>\n{body}<h2>Parameters</h2>\n{}\
+         <details><summary>The scene, every default filled in</summary>\n<pre>{}</pre></details>\n</body>\n</html>\n",
+        include_str!("page.css"),
+        table(facts(run, summary)),
+        table(parameters),
+        escape(run.scene())
+    )
+}
+
+/// The scene's own title, or the name of the file.
+fn title(run: &Run) -> String {
+    let scene = run.scene().parse::<toml::Table>().ok();
+    let title = scene
+        .as_ref()
+        .and_then(|scene| scene.get("title")?.as_str());
+    title.map_or_else(|| run.path().display().to_string(), str::to_string)
+}
+
+fn facts(run: &Run, summary: &Summary) -> Vec<(String, String)> {
+    let mut facts: Vec<(&str, String)> = Vec::new();
+    let series = run.series();
+    let last = series.column("strain").last().copied();
+    let walls = run.grains().body.iter().filter(|body| **body != 0).count();
+    facts.push(("Run", escape(&run.path().display().to_string())));
+    facts.push((
+        "Disks",
+        format!("{}, {walls} of them in the walls", run.grains().count()),
+    ));
+    facts.push((
+        "Shear strain reached",
+        last.map_or("none".into(), |strain| format!("{:.4} %", 100.0 * strain)),
+    ));
+    facts.push((
+        "Frames, rows of the time series",
+        format!("{}, {}", run.frames(), series.rows()),
+    ));
+    let stress = summary.stress;
+    facts.push((
+        "τ in the latter half: mean, standard deviation",
+        format!("{}, {}", number(stress.mean), number(stress.deviation)),
+    ));
+    for (kind, name) in [(Kind::Stick, "Stick phases"), (Kind::Slip, "Slip phases")] {
+        let [long, short] = summary.count(kind);
+        facts.push((
+            name,
+            format!(
+                "{}: {long} long (more than 3 Δγ), {short} short",
+                long + short
+            ),
+        ));
+    }
+    if let Some(drop) = &summary.drop {
+        let [from, to] = drop.strain.map(|strain| format!("{:.5}", 100.0 * strain));
+        facts.push((
+            "Largest drop",
+            format!(
+                "Δτ<sub>p</sub> = {:.5} from γ = {from} % to {to} %",
+                drop.change
+            ),
+        ));
+    }
+    if let Some(greatest) = summary
+        .event
+        .as_ref()
+        .and_then(|event| event.greatest_dmin(run.grains()))
+    {
+        facts.push((
+            "Greatest D²<sub>min</sub>/r̄² over the mapped drop",
+            format!("{greatest:.3e}"),
+        ));
+    }
+    for (parameter, name) in [
+        ("inertial_number", "Inertial number I"),
+        ("stiffness_number", "Stiffness number κ"),
+    ] {
+        if let Some(value) = run.number(parameter) {
+            facts.push((name, format!("{value:.4e}")));
+        }
+    }
+    if let Some(speed) = run.number("speed") {
+        facts.push((
+            "Speed",
+            format!("{:.2} million grain-steps per second and rank", speed / 1e6),
+        ));
+    }
+    facts.push((
+        "Digest",
+        run.digest()
+            .map_or("none: the run did not end".into(), escape),
+    ));
+    facts
+        .into_iter()
+        .map(|(name, value)| (name.to_string(), value))
+        .collect()
+}
+
+fn number(value: f64) -> String {
+    if value.is_finite() {
+        format!("{value:.4}")
+    } else {
+        "undefined".into()
+    }
+}
+
+fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
+    let rows = rows
+        .into_iter()
+        .map(|(name, value)| format!("<tr><th>{name}</th><td>{value}</td></tr>\n"));
+    format!("<table>\n{}</table>\n", rows.collect::<String>())
+}
+
+pub(super) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+}

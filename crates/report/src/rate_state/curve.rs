@@ -1,0 +1,167 @@
+//! Curves of μ with their bands and what the laws make of them, on one pair of axes.
+
+use std::ops::Range;
+
+use plotters::style::RGBColor;
+
+use super::View;
+use gshear_analysis::rate_state::{Evolution, Experiment};
+use crate::colour::{AGING_LAW, FORCE, SLIP_LAW};
+use crate::plot::{Layout, Plot, figure};
+use crate::stress::{decimate, padded};
+use crate::ticks::{self, Tick};
+
+pub(super) const LAYOUT: Layout = Layout {
+    size: [900.0, 460.0],
+    margin: [78.0, 36.0, 24.0, 58.0],
+};
+/// Curves that the legend names, at most.
+const NAMED: usize = 3;
+
+/// A line of data with its band, and the same of the models.
+pub(super) struct Curve {
+    pub(super) name: String,
+    /// Mean, lower and upper edge at each x; no edges where there is one realisation.
+    pub(super) points: Vec<[f64; 2]>,
+    band: Vec<[f64; 3]>,
+    models: Vec<(Evolution, Vec<[f64; 2]>)>,
+}
+
+impl Curve {
+    /// Rows of a view with x of a row and y = scale · (μ - the reference of data or model).
+    pub(super) fn of(
+        view: &View,
+        name: String,
+        rows: &Range<usize>,
+        x: impl Fn(usize) -> f64,
+        y: impl Fn(&Experiment, f64) -> f64,
+    ) -> Self {
+        let points = |e: &Experiment| -> Vec<[f64; 2]> {
+            let place = |row: usize| [x(row), y(e, e.record.friction[row])];
+            rows.clone()
+                .map(place)
+                .filter(|p| p[0].is_finite() && p[1].is_finite())
+                .collect()
+        };
+        let record = &view.experiment.record;
+        let edges = |row: usize| {
+            let (mean, reach) = (record.friction[row], 2.0 * record.deviation[row]);
+            let [low, high] = [mean - reach, mean + reach].map(|f| y(view.experiment, f));
+            [x(row), low, high]
+        };
+        let band = rows
+            .clone()
+            .map(edges)
+            .filter(|e| e.iter().all(|v| v.is_finite()));
+        Curve {
+            name,
+            points: points(view.experiment),
+            band: band.collect(),
+            models: view
+                .models
+                .iter()
+                .map(|(law, model)| (*law, points(model)))
+                .collect(),
+        }
+    }
+}
+
+pub(super) fn colour_of(law: Evolution) -> RGBColor {
+    match law {
+        Evolution::Aging => AGING_LAW,
+        Evolution::Slip => SLIP_LAW,
+    }
+}
+
+/// Colour of curve k of n, in their order: blues, which neither law has.
+fn colour_at(k: usize, n: usize) -> RGBColor {
+    FORCE.at(1.0 - 0.7 * k as f64 / (n.max(2) - 1) as f64)
+}
+
+/// The curves on one pair of axes, models over data.
+pub(super) fn draw(curves: &[Curve], x: [f64; 2], x_ticks: &[Tick], labels: [&str; 2]) -> String {
+    // The rise at the left end, over an instant, does not set the scale.
+    let begin = x[0] + 0.005 * (x[1] - x[0]);
+    let within = |p: &&[f64; 2]| (begin..=x[1]).contains(&p[0]);
+    let edges = |c: &Curve| {
+        c.band
+            .iter()
+            .flat_map(|e| [[e[0], e[1]], [e[0], e[2]]])
+            .collect::<Vec<_>>()
+    };
+    let heights: Vec<f64> = curves
+        .iter()
+        .flat_map(|c| {
+            c.points
+                .iter()
+                .copied()
+                .chain(edges(c))
+                .chain(c.models.iter().flat_map(|(_, m)| m.iter().copied()))
+                .collect::<Vec<_>>()
+        })
+        .filter(|p| within(&p))
+        .map(|p| p[1])
+        .collect();
+    let y = padded(heights.into_iter(), 0.06);
+    let n = curves.len();
+    figure(LAYOUT, x, y, |plot| {
+        let y_ticks = ticks::round(y[0], y[1], 6);
+        plot.grid(x_ticks, &y_ticks);
+        for (k, curve) in curves.iter().enumerate() {
+            band(plot, &curve.band, colour_at(k, n));
+        }
+        for (k, curve) in curves.iter().enumerate() {
+            thinned(plot, &curve.points, colour_at(k, n), 1.2);
+        }
+        for (law, points) in curves.iter().flat_map(|c| &c.models) {
+            thinned(plot, points, colour_of(*law), 1.6);
+        }
+        plot.clip();
+        plot.axes(x_ticks, &y_ticks, labels[0], labels[1]);
+        let step = n.div_ceil(NAMED).max(1);
+        let named = curves.iter().enumerate().step_by(step);
+        let mut legend: Vec<(RGBColor, &str)> = named
+            .map(|(k, c)| (colour_at(k, n), c.name.as_str()))
+            .collect();
+        legend.extend(law_legend(
+            curves
+                .iter()
+                .flat_map(|c| c.models.iter().map(|(law, _)| *law)),
+        ));
+        plot.legend(&legend);
+    })
+}
+
+pub(super) fn law_legend(laws: impl Iterator<Item = Evolution>) -> Vec<(RGBColor, &'static str)> {
+    let mut seen: Vec<Evolution> = Vec::new();
+    laws.for_each(|law| {
+        if !seen.contains(&law) {
+            seen.push(law);
+        }
+    });
+    let entry = |law: Evolution| match law {
+        Evolution::Aging => (AGING_LAW, "aging law"),
+        Evolution::Slip => (SLIP_LAW, "slip law"),
+    };
+    seen.into_iter().map(entry).collect()
+}
+
+fn thinned(plot: &mut Plot, points: &[[f64; 2]], colour: RGBColor, width: f64) {
+    let points = decimate(points, 1.0 / plot.scale());
+    if points.len() > 1 {
+        plot.line(&points, colour, width);
+    }
+}
+
+fn band(plot: &mut Plot, edges: &[[f64; 3]], colour: RGBColor) {
+    let column = 2.0 / plot.scale();
+    let edge = |c: usize| {
+        let points: Vec<[f64; 2]> = edges.iter().map(|e| [e[0], e[c]]).collect();
+        decimate(&points, column)
+    };
+    let (mut outline, upper) = (edge(1), edge(2));
+    outline.extend(upper.into_iter().rev());
+    if outline.len() > 2 {
+        plot.area(&outline, colour, 0.22);
+    }
+}

@@ -1,0 +1,127 @@
+//! Healing against hold time.
+
+use super::curve::{LAYOUT, colour_of, law_legend};
+use super::{View, all_holds, short};
+use gshear_analysis::rate_state::{Evolution, Experiment, Healing, Hold};
+use crate::colour::{GREY, INK};
+use crate::plot::figure;
+use crate::stress::padded;
+use crate::ticks::{self, Tick};
+
+/// Δμ against ln t_hold: measured with 2 standard errors, its line, and the laws.
+pub(super) fn healing(views: &[View]) -> Option<String> {
+    let point = |hold: &Hold| {
+        Some([
+            hold.duration.log10(),
+            hold.reslide?.healing,
+            hold.reslide?.error,
+        ])
+    };
+    let fits: Vec<_> = views
+        .iter()
+        .flat_map(|view| view.experiment.healing.iter().map(move |h| (view, h)))
+        .collect();
+    if fits.is_empty() {
+        return None;
+    }
+    let of = |(view, healing): &(&View, &Healing)| {
+        let holds = healing.holds.iter();
+        let points = holds.filter_map(|k| point(&view.experiment.holds[*k]));
+        points.collect::<Vec<_>>()
+    };
+    let points: Vec<[f64; 3]> = fits.iter().flat_map(of).collect();
+    let x = padded(points.iter().map(|p| p[0]), 0.08);
+    let models: Vec<(Evolution, Vec<[f64; 2]>)> = fits
+        .iter()
+        .flat_map(|(view, healing)| {
+            let of = |(law, model): &(Evolution, Experiment)| {
+                let points = healing
+                    .holds
+                    .iter()
+                    .filter_map(|k| point(model.holds.get(*k)?));
+                let mut points: Vec<[f64; 2]> = points.map(|p| [p[0], p[1]]).collect();
+                points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+                (*law, points)
+            };
+            view.models.iter().map(of).collect::<Vec<_>>()
+        })
+        .collect();
+    let heights = points
+        .iter()
+        .flat_map(|p| [p[1] - 2.0 * p[2], p[1] + 2.0 * p[2]]);
+    let of_models = models.iter().flat_map(|(_, m)| m.iter().map(|p| p[1]));
+    let y = padded(heights.chain(of_models), 0.08);
+    let decades = ticks::decades(x[0], x[1], 9);
+    let x_ticks = if decades.len() > 1 {
+        decades
+    } else {
+        let mut ticks: Vec<Tick> = points
+            .iter()
+            .map(|p| (p[0], short(10f64.powf(p[0]))))
+            .collect();
+        ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ticks.dedup_by(|a, b| a.1 == b.1);
+        ticks
+    };
+    Some(figure(LAYOUT, x, y, |plot| {
+        let y_ticks = ticks::round(y[0], y[1], 6);
+        plot.grid(&x_ticks, &y_ticks);
+        for (law, points) in &models {
+            plot.line(points, colour_of(*law), 1.6);
+        }
+        let ln_10 = std::f64::consts::LN_10;
+        for (_, healing) in &fits {
+            let at = |x: f64| [x, healing.intercept + healing.slope * x * ln_10];
+            plot.line(&[at(x[0]), at(x[1])], GREY, 1.2);
+        }
+        for [at, value, error] in &points {
+            plot.line(
+                &[[*at, value - 2.0 * error], [*at, value + 2.0 * error]],
+                INK,
+                1.2,
+            );
+            plot.disk([*at, *value], 4.0, INK, None);
+        }
+        plot.clip();
+        plot.axes(&x_ticks, &y_ticks, "hold time (s)", "healing Δμ");
+        let slope = format!("slope {:.4} per factor e", fits[0].1.slope).replace('-', "−");
+        let mut legend = vec![
+            (INK, "peak − μ_{ss}, ±2 standard errors"),
+            (GREY, slope.as_str()),
+        ];
+        legend.extend(law_legend(models.iter().map(|(law, _)| *law)));
+        plot.legend(&legend);
+    }))
+}
+
+/// C, so that the peaks of the holds of equal duration go like C + ln(V_r/V_i); `None` where no two velocity ratios share a duration.
+pub(super) fn peak_offset(views: &[View]) -> Option<f64> {
+    let of = |(_, hold): (&View, &Hold)| {
+        let reslide = hold.reslide?;
+        Some((
+            hold.duration,
+            (reslide.velocity / hold.before).ln(),
+            reslide.healing,
+        ))
+    };
+    let peaks: Vec<(f64, f64, f64)> = all_holds(views).into_iter().filter_map(of).collect();
+    // Durations are in order; protocols repeat them to rounding.
+    let groups = peaks.chunk_by(|a, b| (a.0 - b.0).abs() <= 1e-3 * b.0);
+    let offsets = groups.filter_map(|group| {
+        let n = group.len() as f64;
+        let (x, y) = (
+            group.iter().map(|p| p.1).sum::<f64>() / n,
+            group.iter().map(|p| p.2).sum::<f64>() / n,
+        );
+        let spread: f64 = group.iter().map(|p| (p.1 - x) * (p.1 - x)).sum();
+        let slope = group.iter().map(|p| (p.1 - x) * (p.2 - y)).sum::<f64>() / spread;
+        (spread > 1e-6 && slope > 0.0).then(|| (y / slope - x, spread))
+    });
+    let (sum, weight) = offsets.fold((0.0, 0.0), |(s, w), (c, spread)| {
+        (s + c * spread, w + spread)
+    });
+    let offset = sum / weight;
+    // Where it is not above 0, as without healing, nothing can be divided by it.
+    let positive = |p: &(f64, f64, f64)| offset + p.1 > 0.0;
+    (offset > 0.0 && peaks.iter().all(positive)).then_some(offset)
+}

@@ -1,0 +1,211 @@
+//! Figures of `rate-state`: like S1 and S2 of FR's supplement, healing, and the fit over the data.
+
+mod curve;
+mod healing;
+
+use self::curve::{Curve, draw};
+use self::healing::{healing, peak_offset};
+use super::stress::padded;
+use super::ticks;
+use gshear_analysis::rate_state::{Evolution, Experiment, Fit, Hold};
+
+/// An experiment, and what the laws that fit make of it.
+#[derive(Debug, Clone, Copy)]
+pub struct View<'a> {
+    pub experiment: &'a Experiment,
+    pub models: &'a [(Evolution, Experiment)],
+}
+
+/// Names and SVG of the figures that the experiments have something for; `best`: the fit to all of them whose D_c is the unit of slip.
+pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
+    let mut figures = Vec::new();
+    for (k, view) in views.iter().enumerate() {
+        let name = if views.len() == 1 {
+            "fit.svg".to_string()
+        } else {
+            format!("fit-{k}.svg")
+        };
+        figures.push((name, fit_over_data(view)));
+    }
+    let mut add = |name: &str, svg: Option<String>| {
+        figures.extend(svg.map(|svg| (name.to_string(), svg)));
+    };
+    add("steps.svg", steps(views));
+    add("holds.svg", holds(views));
+    add("reslides.svg", reslides(views, best, None));
+    let offset = peak_offset(views);
+    add(
+        "reslides-normalised.svg",
+        offset.and_then(|c| reslides(views, best, Some(c))),
+    );
+    add("healing.svg", healing(views));
+    figures
+}
+
+/// μ against slip over the whole record.
+fn fit_over_data(view: &View) -> String {
+    let record = &view.experiment.record;
+    let slip = |row: usize| 1e3 * (record.slip[row] - record.slip[0]);
+    let rows = 0..record.time.len();
+    let mut curve = Curve::of(view, "mean".into(), &rows, slip, |_, friction| friction);
+    // A single realisation is all that there is to see.
+    curve.name = match record.realisations {
+        1 => "run".into(),
+        n => format!("mean of {n} runs, 2σ"),
+    };
+    let x = padded(curve.points.iter().map(|p| p[0]), 0.0);
+    let x_ticks = ticks::round(x[0], x[1], 9);
+    draw(&[curve], x, &x_ticks, ["slip (mm)", "friction μ"])
+}
+
+/// μ - μ_ss against slip since each velocity step.
+fn steps(views: &[View]) -> Option<String> {
+    let mut curves = Vec::new();
+    for view in views {
+        let record = &view.experiment.record;
+        for (n, step) in view.experiment.steps.iter().enumerate() {
+            let rows = record.rows(step.segment);
+            let start = record.slip[rows.start - 1];
+            let name = format!(
+                "{} → {} m/s",
+                short(step.velocities[0]),
+                short(step.velocities[1])
+            );
+            let before = step.segment - 1;
+            let reference = move |e: &Experiment, friction: f64| {
+                let steady = e.steady[before].map_or(f64::NAN, |s| s.friction);
+                if n < e.steps.len() {
+                    friction - steady
+                } else {
+                    f64::NAN
+                }
+            };
+            let slip = |row: usize| 1e3 * (record.slip[row] - start);
+            curves.push(Curve::of(view, name, &rows, slip, reference));
+        }
+    }
+    let longest = curves.iter().filter_map(|c| c.points.last()).map(|p| p[0]);
+    let x = [0.0, longest.fold(0.0, f64::max)];
+    (x[1] > 0.0).then(|| {
+        let x_ticks = ticks::round(x[0], x[1], 9);
+        draw(
+            &curves,
+            x,
+            &x_ticks,
+            ["slip since the velocity step (mm)", "μ − μ_{ss}(V_{1})"],
+        )
+    })
+}
+
+/// Every hold of every view with its μ_ss before, in order of t_hold.
+fn all_holds<'a>(views: &'a [View<'a>]) -> Vec<(&'a View<'a>, &'a Hold)> {
+    let of = |view: &'a View<'a>| view.experiment.holds.iter().map(move |hold| (view, hold));
+    let mut holds: Vec<_> = views.iter().flat_map(of).collect();
+    holds.sort_by(|a, b| a.1.duration.total_cmp(&b.1.duration));
+    holds
+}
+
+fn above_steady(hold: &Hold) -> impl Fn(&Experiment, f64) -> f64 + use<> {
+    let before = hold.segment - 1;
+    move |e, friction| friction - e.steady[before].map_or(f64::NAN, |s| s.friction)
+}
+
+/// μ - μ_ss against the time since the begin of each hold (FR, figure S1).
+fn holds(views: &[View]) -> Option<String> {
+    let of = |(view, hold): (&View, &Hold)| {
+        let record = &view.experiment.record;
+        let begin = record.begin(hold.segment);
+        let name = format!("{} s from {} m/s", short(hold.duration), short(hold.before));
+        let time = |row: usize| (record.time[row] - begin).log10();
+        Curve::of(
+            view,
+            name,
+            &record.rows(hold.segment),
+            time,
+            above_steady(hold),
+        )
+    };
+    let curves: Vec<Curve> = all_holds(views).into_iter().map(of).collect();
+    let times = || curves.iter().flat_map(|c| &c.points).map(|p| p[0]);
+    let x = [
+        times().fold(f64::INFINITY, f64::min),
+        times().fold(f64::NEG_INFINITY, f64::max),
+    ];
+    (x[0] < x[1]).then(|| {
+        let x_ticks = ticks::decades(x[0], x[1], 9);
+        draw(
+            &curves,
+            x,
+            &x_ticks,
+            ["time since the begin of the hold (s)", "μ − μ_{ss}"],
+        )
+    })
+}
+
+/// Slip in D_c that the reslides are shown over.
+const RESLIDE: f64 = 8.0;
+
+/// μ - μ_ss against slip since the end of each hold in units of D_c (FR, figure S2a), or that over C + ln(V_r/V_i) (S2b).
+fn reslides(views: &[View], best: Option<&Fit>, offset: Option<f64>) -> Option<String> {
+    let (unit, x_label) = match best {
+        Some(fit) => (fit.law.d_c, "slip since the end of the hold / D_{c}"),
+        None => (1e-3, "slip since the end of the hold (mm)"),
+    };
+    let mut curves = Vec::new();
+    for (view, hold) in all_holds(views) {
+        let Some(reslide) = hold.reslide else {
+            continue;
+        };
+        let record = &view.experiment.record;
+        let rows = record.rows(hold.segment + 1);
+        let start = record.slip[rows.start - 1];
+        let ratio = reslide.velocity / hold.before;
+        let scale = offset.map_or(1.0, |c| (c + ratio.ln()).recip());
+        let name = format!(
+            "{} s, V_{{r}}/V_{{i}}: {}",
+            short(hold.duration),
+            short(ratio)
+        );
+        let slip = |row: usize| (record.slip[row] - start) / unit;
+        let above = above_steady(hold);
+        curves.push(Curve::of(view, name, &rows, slip, move |e, f| {
+            scale * above(e, f)
+        }));
+    }
+    let longest = curves
+        .iter()
+        .filter_map(|c| c.points.last())
+        .map(|p| p[0])
+        .fold(0.0, f64::max);
+    let x = [
+        0.0,
+        if best.is_some() {
+            longest.min(RESLIDE)
+        } else {
+            longest
+        },
+    ];
+    let y_label = match offset {
+        Some(c) => format!("(μ − μ_{{ss}})/({c:.2} + ln(V_{{r}}/V_{{i}}))"),
+        None => "μ − μ_{ss}".to_string(),
+    };
+    (x[1] > 0.0).then(|| {
+        let x_ticks = ticks::round(x[0], x[1], 9);
+        draw(&curves, x, &x_ticks, [x_label, &y_label])
+    })
+}
+
+/// A number with three digits, for names.
+fn short(value: f64) -> String {
+    let power = value.abs().log10().floor();
+    if !(-3.0..5.0).contains(&power) {
+        return format!("{value:.2e}");
+    }
+    let decimals = (2.0 - power).max(0.0) as usize;
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_string()
+    } else {
+        text
+    }
+}

@@ -1,0 +1,50 @@
+//! A spectrum in the complex plane.
+
+use super::colour::{GREY, INK, SLIP, STICK};
+use super::plot::{Layout, figure};
+use super::ticks;
+use gshear_analysis::spectrum::{Eigenvalue, Verdict};
+
+const LAYOUT: Layout = Layout {
+    size: [900.0, 480.0],
+    margin: [84.0, 36.0, 24.0, 58.0],
+};
+
+/// Eigenvalues, coloured by verdict. Pairs are drawn over the rest.
+pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {
+    let range = |of: fn(&Eigenvalue) -> f64| {
+        let values = || eigenvalues.iter().map(of);
+        let low = values().fold(f64::INFINITY, f64::min);
+        let high = values().fold(f64::NEG_INFINITY, f64::max);
+        (low <= high).then_some([low, high])
+    };
+    let (Some(re), Some(im)) = (range(|e| e.value.re), range(|e| e.value.im)) else {
+        return figure(LAYOUT, [0.0, 1.0], [0.0, 1.0], |plot| {
+            plot.apology("no eigenvalues");
+            plot.axes(&[], &[], "Re λ", "Im λ");
+        });
+    };
+    let wide = |[low, high]: [f64; 2], least: f64| {
+        let margin = (0.05 * (high - low)).max(least);
+        [low - margin, high + margin]
+    };
+    let least = 1e-12 * re[0].abs().max(re[1].abs()).max(1e-300);
+    let (x, y) = (wide(re, least), wide(im, 0.01 * (re[1] - re[0]).max(least)));
+    figure(LAYOUT, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 8), ticks::round(y[0], y[1], 6));
+        plot.grid(&x_ticks, &y_ticks);
+        let kinds = [
+            (Verdict::Real, STICK, "real"),
+            (Verdict::Zero, INK, "zero"),
+            (Verdict::Doubtful, GREY, "doubtful"),
+            (Verdict::Pair, SLIP, "pair"),
+        ];
+        for (verdict, colour, _) in kinds {
+            for e in eigenvalues.iter().filter(|e| e.verdict == verdict) {
+                plot.disk([e.value.re, e.value.im], 2.5, colour, None);
+            }
+        }
+        plot.axes(&x_ticks, &y_ticks, "Re λ", "Im λ");
+        plot.legend(&kinds.map(|(_, colour, name)| (colour, name)));
+    })
+}

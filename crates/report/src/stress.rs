@@ -1,0 +1,222 @@
+//! τ(γ): the whole run, and the largest drop.
+
+use plotters::style::RGBColor;
+
+use super::colour::{GREY, INK, SLIP, STICK, WHITE};
+use super::plot::{Layout, Plot, figure};
+use super::ticks;
+use gshear_analysis::phases::{Kind, Phase};
+
+const LAYOUT: Layout = Layout {
+    size: [900.0, 400.0],
+    margin: [72.0, 36.0, 24.0, 58.0],
+};
+/// Phases with less than this share of the range of τ are drawn in grey over the whole run, where they would blot.
+const VISIBLE: f64 = 0.02;
+
+/// τ over the whole run, phases of a visible size in their colours. `strain` and `tau` are [L].
+pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -> String {
+    let percent = percent_of(strain);
+    let x = padded(percent.iter().copied(), 0.0);
+    let y = padded(tau.iter().copied(), 0.1);
+    figure(LAYOUT, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 6));
+        plot.grid(&x_ticks, &y_ticks);
+        if let Some(drop) = drop {
+            plot.upright(percent[drop.start], INK);
+            plot.note(percent[drop.start], "largest drop");
+        }
+        let rows: Vec<usize> = (0..tau.len()).collect();
+        draw(plot, &percent, tau, &rows, GREY, 0.7);
+        for phase in phases
+            .iter()
+            .filter(|phase| phase.change.abs() >= VISIBLE * (y[1] - y[0]))
+        {
+            draw(
+                plot,
+                &percent,
+                tau,
+                &rows[phase.start..=phase.end],
+                colour(phase.kind),
+                1.1,
+            );
+        }
+        plot.clip();
+        plot.axes(
+            &x_ticks,
+            &y_ticks,
+            "shear strain γ (%)",
+            "shear stress ratio τ = S/N",
+        );
+        plot.legend(&[
+            (STICK, "stick"),
+            (SLIP, "slip"),
+            (GREY, "phases below 2 % of the range of τ"),
+        ]);
+    })
+}
+
+/// τ around a drop with its phases shaded; `frames`: γ of the frames that the maps are made of.
+pub fn around(
+    strain: &[f64],
+    tau: &[f64],
+    phases: &[Phase],
+    drop: &Phase,
+    frames: Option<[f64; 2]>,
+) -> String {
+    let percent = percent_of(strain);
+    let rows = window(tau.len(), drop);
+    let x = padded(percent[rows.clone()].iter().copied(), 0.0);
+    let y = padded(tau[rows.clone()].iter().copied(), 0.08);
+    figure(LAYOUT, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 6), ticks::round(y[0], y[1], 6));
+        for phase in phases
+            .iter()
+            .filter(|p| p.end > rows.start && p.start < rows.end)
+        {
+            plot.band(
+                percent[phase.start],
+                percent[phase.end],
+                colour(phase.kind),
+                0.16,
+            );
+        }
+        plot.grid(&[], &y_ticks);
+        let rows: Vec<usize> = rows.collect();
+        draw(plot, &percent, tau, &rows, INK, 1.4);
+        if rows.len() <= 150 {
+            rows.iter()
+                .for_each(|&row| plot.disk([percent[row], tau[row]], 2.2, INK, None));
+        }
+        for strain in frames.into_iter().flatten() {
+            plot.upright(100.0 * strain, INK);
+        }
+        plot.clip();
+        plot.axes(
+            &x_ticks,
+            &y_ticks,
+            "shear strain γ (%)",
+            "shear stress ratio τ = S/N",
+        );
+        let dashed = "dashed: the frames of the maps below";
+        let mut legend = vec![(STICK, "stick"), (SLIP, "slip"), (INK, "τ")];
+        if frames.is_some() {
+            legend.push((WHITE, dashed));
+        }
+        plot.legend(&legend);
+    })
+}
+
+fn colour(kind: Kind) -> RGBColor {
+    match kind {
+        Kind::Stick => STICK,
+        Kind::Slip => SLIP,
+    }
+}
+
+/// The rows around a drop: some of its own lengths, and at least 30 rows, on either side.
+fn window(rows: usize, drop: &Phase) -> std::ops::Range<usize> {
+    let around = (4 * drop.duration()).max(30);
+    drop.start.saturating_sub(around)..(drop.end + around + 1).min(rows)
+}
+
+pub(super) fn percent_of(strain: &[f64]) -> Vec<f64> {
+    strain.iter().map(|strain| 100.0 * strain).collect()
+}
+
+/// The range of the finite values, with a share of it added at both ends.
+pub(super) fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
+    let finite = values.filter(|value| value.is_finite());
+    let [low, high] = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
+        [low.min(v), high.max(v)]
+    });
+    if low > high {
+        return [0.0, 1.0];
+    }
+    let span = if high > low {
+        high - low
+    } else {
+        low.abs().max(1e-3)
+    };
+    let more = if high > low { share } else { 0.5 };
+    [low - more * span, high + more * span]
+}
+
+/// The rows as lines, broken at values that are not finite, with no more points than the figure can show.
+pub(super) fn draw(
+    plot: &mut Plot,
+    x: &[f64],
+    y: &[f64],
+    rows: &[usize],
+    colour: RGBColor,
+    width: f64,
+) {
+    for stretch in rows.split(|&row| !y[row].is_finite()) {
+        let points: Vec<[f64; 2]> = stretch.iter().map(|&row| [x[row], y[row]]).collect();
+        let points = decimate(&points, 1.0 / plot.scale());
+        if points.len() > 1 {
+            plot.line(&points, colour, width);
+        }
+    }
+}
+
+/// The first, the least, the greatest and the last point of every `column` of x, in their order.
+pub(super) fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
+    let place = |point: &[f64; 2]| (point[0] / column).floor();
+    let mut kept = Vec::new();
+    for group in points.chunk_by(|a, b| place(a) == place(b)) {
+        let by_height = |a: &usize, b: &usize| group[*a][1].total_cmp(&group[*b][1]);
+        let indices = 0..group.len();
+        let (least, most) = (indices.clone().min_by(by_height), indices.max_by(by_height));
+        let mut chosen = [0, least.unwrap_or(0), most.unwrap_or(0), group.len() - 1];
+        chosen.sort_unstable();
+        let mut last = usize::MAX;
+        for k in chosen {
+            if k != last {
+                kept.push(group[k]);
+            }
+            last = k;
+        }
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimation_keeps_the_ends_and_the_extremes_of_every_column() {
+        let points: Vec<[f64; 2]> = (0..100_000)
+            .map(|k| [f64::from(k) * 1e-4, f64::from((k * 7919 + 137) % 1000)])
+            .collect();
+        let kept = decimate(&points, 1.0);
+        assert_eq!(kept.len(), 40);
+        for column in 0..10 {
+            let of = |points: &[[f64; 2]]| -> Vec<f64> {
+                points
+                    .iter()
+                    .filter(|p| p[0].floor() == f64::from(column))
+                    .map(|p| p[1])
+                    .collect()
+            };
+            let (all, few) = (of(&points), of(&kept));
+            assert_eq!(
+                all.iter().copied().fold(f64::INFINITY, f64::min),
+                few.iter().copied().fold(f64::INFINITY, f64::min)
+            );
+            assert_eq!(
+                all.iter().copied().fold(0.0, f64::max),
+                few.iter().copied().fold(0.0, f64::max)
+            );
+            assert_eq!((all[0], all[all.len() - 1]), (few[0], few[few.len() - 1]));
+        }
+    }
+
+    #[test]
+    fn few_points_are_all_kept() {
+        let points = [[0.5, 1.0], [1.5, 0.0], [2.5, 2.0]];
+        assert_eq!(decimate(&points, 1.0), points);
+        assert!(decimate(&[], 1.0).is_empty());
+    }
+}

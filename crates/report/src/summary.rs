@@ -1,0 +1,214 @@
+//! The numbers of a report.
+
+use serde_json::{Value, json};
+
+use gshear_analysis::dmin::{NonAffine, RADIUS};
+use gshear_analysis::phases::{self, Kind, Phase};
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::{Parameter, Run};
+use gshear_dem::state::{Disks, Frame};
+
+/// Mean and standard deviation (of the values themselves, divided by their number).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moments {
+    pub mean: f64,
+    pub deviation: f64,
+}
+
+impl Moments {
+    /// Of the finite values; NaN where there is none.
+    pub fn of(values: &[f64]) -> Self {
+        let finite: Vec<f64> = values
+            .iter()
+            .copied()
+            .filter(|value| value.is_finite())
+            .collect();
+        let count = finite.len() as f64;
+        let mean = finite.iter().sum::<f64>() / count;
+        let square = finite
+            .iter()
+            .map(|value| (value - mean).powi(2))
+            .sum::<f64>()
+            / count;
+        Moments {
+            mean,
+            deviation: square.sqrt(),
+        }
+    }
+}
+
+/// The two frames around a drop, and what happened between them.
+pub struct Event {
+    pub drop: Phase,
+    /// Index of the last frame at or before the start of the drop, and of the first at or after its end.
+    pub frames: [usize; 2],
+    pub strain: [f64; 2],
+    pub earlier: Frame,
+    pub later: Frame,
+    /// [N] (m²) between the two.
+    pub dmin: Vec<f64>,
+}
+
+impl Event {
+    /// The largest drop that lies between two frames; `None` where no slip does.
+    pub fn largest(run: &Run, phases: &[Phase]) -> Result<Option<Self>, Failure> {
+        let (steps, rows) = (run.frame_steps(), &run.series().step);
+        let frames = |phase: &Phase| {
+            let earlier = steps
+                .partition_point(|step| *step <= rows[phase.start])
+                .checked_sub(1)?;
+            let later = steps.partition_point(|step| *step < rows[phase.end]);
+            (later < steps.len()).then_some([earlier, later])
+        };
+        let covered: Vec<Phase> = phases
+            .iter()
+            .filter(|phase| frames(phase).is_some())
+            .copied()
+            .collect();
+        let Some((drop, frames)) =
+            phases::largest_drop(&covered).and_then(|drop| Some((*drop, frames(drop)?)))
+        else {
+            return Ok(None);
+        };
+        let strain = run.frame_strains()?;
+        let [earlier, later] = [run.frame(frames[0])?, run.frame(frames[1])?];
+        let grains = run.grains();
+        let mut dmin = vec![f64::NAN; grains.count()];
+        NonAffine::default().between(
+            grains,
+            RADIUS * grains.mean_radius(),
+            &earlier,
+            &later,
+            &mut dmin,
+        );
+        let strain = frames.map(|t| strain[t]);
+        Ok(Some(Event {
+            drop,
+            frames,
+            strain,
+            earlier,
+            later,
+            dmin,
+        }))
+    }
+
+    /// Where the grain with the greatest D²min was; the first grain where it is nowhere defined.
+    pub fn centre(&self) -> [f64; 2] {
+        let defined = (0..self.dmin.len()).filter(|n| self.dmin[*n].is_finite());
+        let greatest = defined.max_by(|a, b| self.dmin[*a].total_cmp(&self.dmin[*b]));
+        self.later
+            .position
+            .get(greatest.unwrap_or(0))
+            .copied()
+            .unwrap_or_default()
+    }
+
+    /// Greatest D²min over r̄²; `None` where it is nowhere defined.
+    pub fn greatest_dmin(&self, grains: &Disks) -> Option<f64> {
+        let defined = self.dmin.iter().copied().filter(|value| value.is_finite());
+        defined
+            .reduce(f64::max)
+            .map(|value| value / grains.mean_radius().powi(2))
+    }
+}
+
+/// Everything that a report says in numbers.
+pub struct Summary {
+    pub phases: Vec<Phase>,
+    /// The largest drop of the whole run.
+    pub drop: Option<Phase>,
+    /// τ over the latter half of the strain.
+    pub stress: Moments,
+    pub event: Option<Event>,
+}
+
+impl Summary {
+    /// Errors: a run that turns out damaged while it is read.
+    pub fn of(run: &Run) -> Result<Self, Failure> {
+        let (strain, tau) = (
+            run.series().column("strain"),
+            run.series().column("stress_ratio"),
+        );
+        let phases = phases::find(strain, tau);
+        let half = 0.5 * strain.last().copied().unwrap_or(0.0);
+        let latter = &tau[strain.partition_point(|strain| *strain < half)..];
+        let event = Event::largest(run, &phases)?;
+        Ok(Summary {
+            drop: phases::largest_drop(&phases).copied(),
+            stress: Moments::of(latter),
+            event,
+            phases,
+        })
+    }
+
+    /// Number of phases of a kind: long, short.
+    pub fn count(&self, kind: Kind) -> [usize; 2] {
+        let of_kind = self.phases.iter().filter(|phase| phase.kind == kind);
+        let long = of_kind.clone().filter(|phase| phase.is_long()).count();
+        [long, of_kind.count() - long]
+    }
+
+    /// As `summary.json` holds it.
+    pub fn json(&self, run: &Run) -> Value {
+        let parameters = run.parameters().iter().map(|(name, value)| {
+            let value = match value {
+                Parameter::Text(text) => json!(text),
+                Parameter::Integer(value) => json!(value),
+                Parameter::Number(value) => json!(value),
+                Parameter::Numbers(values) => json!(values),
+            };
+            (name.clone(), value)
+        });
+        let phase = |phase: &Phase| {
+            json!({
+                "delta_tau": phase.change,
+                "strain": phase.strain,
+                "rows": [phase.start, phase.end],
+                "intervals": phase.duration(),
+            })
+        };
+        let count = |kind: Kind| {
+            let [long, short] = self.count(kind);
+            json!({ "long": long, "short": short })
+        };
+        let event = self.event.as_ref().map(|event| {
+            json!({
+                "drop": phase(&event.drop),
+                "frames": event.frames,
+                "strain": event.strain,
+                "greatest_dmin_over_mean_radius_squared": event.greatest_dmin(run.grains()),
+            })
+        });
+        json!({
+            "run": run.path().display().to_string(),
+            "digest": run.digest(),
+            "speed": run.number("speed"),
+            "grains": run.grains().count(),
+            "frames": run.frames(),
+            "series_rows": run.series().rows(),
+            "final_strain": run.series().column("strain").last(),
+            "stress_ratio_latter_half": { "mean": self.stress.mean, "standard_deviation": self.stress.deviation },
+            "phases": { "stick": count(Kind::Stick), "slip": count(Kind::Slip) },
+            "largest_drop": self.drop.as_ref().map(phase),
+            "maps": event,
+            "parameters": parameters.collect::<serde_json::Map<_, _>>(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_pass_over_what_is_not_finite() {
+        assert_eq!(
+            Moments::of(&[1.0, f64::NAN, 3.0, f64::INFINITY]),
+            Moments {
+                mean: 2.0,
+                deviation: 1.0
+            }
+        );
+        assert!(Moments::of(&[]).mean.is_nan());
+    }
+}

@@ -1,0 +1,194 @@
+//! The contact law: `[material]` and `[contact]`.
+
+use super::{Checker, Key, key};
+use crate::raw::{self, Number};
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::laws::keys::{self, BELOW_ONE, NOT_NEGATIVE, Values};
+use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, lee_hurley};
+
+/// The values of the laws' keys, as the configuration has them.
+struct Given<'c, 'a> {
+    checker: &'c mut Checker<'a>,
+    values: Vec<(&'static str, usize, f64)>,
+}
+
+impl Given<'_, '_> {
+    fn key(&self, key: &keys::Key) -> Key<Number> {
+        let given = self.values.iter().find(|(path, ..)| *path == key.path);
+        Key {
+            path: key.path,
+            given: given.map(|&(_, at, x)| (at, Number(x))),
+        }
+    }
+}
+
+impl Values for Given<'_, '_> {
+    fn number(&mut self, key: &keys::Key) -> Option<f64> {
+        let given = self.key(key);
+        self.checker.number(&given, &key.bounds)
+    }
+
+    fn required(&mut self, key: &keys::Key) -> f64 {
+        let given = self.key(key);
+        let what = format!("{}, such as {} = {}", key.symbol, key.name(), key.example);
+        self.checker.required(&given, &key.bounds, &what)
+    }
+
+    fn exactly_one(&mut self, keys: &[&keys::Key], what: &str) -> usize {
+        let given: Vec<Key<Number>> = keys.iter().map(|key| self.key(key)).collect();
+        self.checker
+            .exactly_one(&given.iter().collect::<Vec<_>>(), what)
+    }
+
+    fn useless(&mut self, key: &keys::Key, why: &str) {
+        let given = self.key(key);
+        self.checker.useless(&given, why);
+    }
+
+    fn refuse(&mut self, key: &keys::Key, what: &str) {
+        let given = self.key(key);
+        self.checker.refuse(&given, what);
+    }
+}
+
+/// The law with its constants, and what all contacts have.
+pub(super) fn check(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    material: raw::Material,
+    contact: raw::Contact,
+) -> (Law, Contact) {
+    let friction = key!(contact.friction);
+    let rolling_friction = key!(contact.rolling_friction);
+    let rolling_damping = key!(contact.rolling_damping_ratio);
+    let name = key!(contact.law);
+    let tables = [
+        ("material", material.of_laws),
+        ("contact", contact.of_laws),
+    ];
+    let values = tables.into_iter().flat_map(|(table, given)| {
+        given.into_iter().filter_map(move |(name, value)| {
+            let key = law_keys().find(|key| key.table() == table && key.name() == name)?;
+            let at = value.span().start;
+            Some((key.path, at, value.into_inner().0))
+        })
+    });
+    let values = values.collect();
+    let mut given = Given { checker: c, values };
+    let kind = choose(&mut given, dimension, &name);
+    let limits = |c: &mut Checker<'_>| Contact {
+        friction: c.required(&friction, &NOT_NEGATIVE, "mu_s, such as friction = 0.7"),
+        rolling_friction: c.number(&rolling_friction, &NOT_NEGATIVE).unwrap_or(0.0),
+        rolling_damping_ratio: c.number(&rolling_damping, &BELOW_ONE).unwrap_or(0.0),
+    };
+    let Some(kind) = kind else {
+        // What an unknown law needs is not known; the problem of its name stops the scene.
+        let law = Law::of(&lee_hurley::KIND, UNKNOWN);
+        return (law, limits(c));
+    };
+    let why = match (dimension, kind.rolling) {
+        (Dimensions::Three, _) => {
+            Some("rolling resistance is between disks; with dimension = 3 there is none".into())
+        }
+        (Dimensions::Two, false) => Some(format!(
+            "the law {:?} has no rolling resistance",
+            kind.name
+        )),
+        (Dimensions::Two, true) => None,
+    };
+    if let Some(why) = why {
+        given.checker.useless(&rolling_friction, &why);
+        given.checker.useless(&rolling_damping, &why);
+    }
+    let law = Law::read(kind, &mut given);
+    (law, limits(c))
+}
+
+const UNKNOWN: lee_hurley::Material = lee_hurley::Material {
+    young_modulus: f64::NAN,
+    poisson_ratio: f64::NAN,
+    density: f64::NAN,
+    damping_ratio: f64::NAN,
+};
+
+/// The keys of all laws, some more than once.
+pub(crate) fn law_keys() -> impl Iterator<Item = &'static keys::Key> {
+    LAWS.into_iter().flat_map(|kind| kind.keys.iter().copied())
+}
+
+/// The laws that take a key.
+fn owners(key: &keys::Key) -> Vec<&'static str> {
+    let takes = |kind: &&LawKind| kind.keys.iter().any(|known| known.path == key.path);
+    LAWS.into_iter()
+        .filter(takes)
+        .map(|kind| kind.name)
+        .collect()
+}
+
+/// The law of this name, `None` if it is unknown; refuses what only other laws take.
+fn choose(
+    given: &mut Given<'_, '_>,
+    dimension: Dimensions,
+    law: &Key<raw::Text>,
+) -> Option<&'static LawKind> {
+    let default = match dimension {
+        Dimensions::Two => laws::lee_hurley::KIND.name,
+        Dimensions::Three => laws::hertz::KIND.name,
+    };
+    let name = given.checker.text(law).unwrap_or_else(|| default.into());
+    let Some(kind) = laws::kind(&name) else {
+        let names = quoted(&LAWS.map(|kind| kind.name), "and");
+        given
+            .checker
+            .refuse(law, &format!("unknown law {name:?}; there are {names}"));
+        return None;
+    };
+    if !kind.dimensions.contains(&dimension) {
+        let others: Vec<&str> = LAWS
+            .into_iter()
+            .filter(|kind| kind.dimensions.contains(&dimension))
+            .map(|kind| kind.name)
+            .collect();
+        let (of, give) = match dimension {
+            Dimensions::Three => ("disks", "with dimension = 3 give"),
+            Dimensions::Two => ("spheres", "give dimension = 3, or"),
+        };
+        let what = format!("is a law of {of}; {give} {}", quoted(&others, "or"));
+        given.checker.refuse(law, &what);
+    }
+    let mut seen = Vec::new();
+    for key in law_keys() {
+        let owners = owners(key);
+        let known = given.key(key);
+        if known.given.is_none() || owners.contains(&kind.name) || seen.contains(&key.path) {
+            continue;
+        }
+        seen.push(key.path);
+        let place = law
+            .offset()
+            .map_or("the default".into(), |at| given.checker.mention(at));
+        let choose = match owners[..] {
+            [_] => "that law",
+            _ => "one of those",
+        };
+        let mut what = format!(
+            "means nothing to the law {name:?} ({place}), only to {}; leave it out, or choose {choose} with contact.law",
+            quoted(&owners, "and")
+        );
+        if place.starts_with("--set") {
+            what += &format!("; --set {}=none takes it away", key.path);
+        }
+        given.checker.refuse(&known, &what);
+    }
+    Some(kind)
+}
+
+/// `"a", "b" and "c"`.
+fn quoted(names: &[&str], and: &str) -> String {
+    let names: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
+    match names.split_last() {
+        Some((last, [])) => last.clone(),
+        Some((last, others)) => format!("{} {and} {last}", others.join(", ")),
+        None => String::new(),
+    }
+}

@@ -1,0 +1,623 @@
+//! LAMMPS data files of `atom_style sphere`, read and written: the text, and nothing of what it means to a run.
+//!
+//! A file has a header (counts and the box), then sections. Its first line is never read; `#` begins a comment.
+
+use std::collections::HashMap;
+use std::fmt::Write as _;
+
+use gshear_dem::failure::Failure;
+
+/// A file's content.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DataFile {
+    /// lo and hi along x, y, z.
+    pub bounds: [[f64; 2]; 3],
+    /// Number of types.
+    pub types: u32,
+    /// In the order of the section `Atoms`.
+    pub atoms: Vec<Atom>,
+}
+
+/// One sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Atom {
+    pub id: u64,
+    /// 1 … types.
+    pub kind: u32,
+    pub diameter: f64,
+    /// Mass over that of a sphere's volume.
+    pub density: f64,
+    pub position: [f64; 3],
+    pub velocity: [f64; 3],
+    pub angular_velocity: [f64; 3],
+    /// Line of the file, from 1.
+    pub line: usize,
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+/// Sections that say nothing of where the spheres are.
+const PASSED_OVER: [&str; 4] = ["Masses", "Pair Coeffs", "PairIJ Coeffs", "Atom Type Labels"];
+/// Columns of the section `Atoms`.
+const COLUMNS: &str = "id type diameter density x y z";
+
+/// The file as text: numbers in shortest form that reads back to the same bits. `title` and `comments` are lines without `#`.
+pub fn write(title: &str, comments: &[&str], file: &DataFile) -> String {
+    let mut text = format!("{title}\n");
+    for comment in comments {
+        text.push_str(&format!("# {comment}\n"));
+    }
+    text.push_str(&format!(
+        "\n{} atoms\n{} atom types\n\n",
+        file.atoms.len(),
+        file.types
+    ));
+    for ([lo, hi], axis) in file.bounds.iter().zip(AXES) {
+        text.push_str(&format!("{lo:?} {hi:?} {axis}lo {axis}hi\n"));
+    }
+    // LAMMPS compares the whole comment with its atom_style.
+    text.push_str("\nAtoms # sphere\n\n");
+    let mut row = |id: u64, kind: Option<u32>, numbers: &[f64]| {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{id}");
+        if let Some(kind) = kind {
+            let _ = write!(text, " {kind}");
+        }
+        for x in numbers {
+            let _ = write!(text, " {x:?}");
+        }
+        text.push('\n');
+    };
+    for a in &file.atoms {
+        let [x, y, z] = a.position;
+        row(a.id, Some(a.kind), &[a.diameter, a.density, x, y, z]);
+    }
+    text.push_str("\nVelocities\n\n");
+    let mut row = |id: u64, numbers: [[f64; 3]; 2]| {
+        let _ = write!(text, "{id}");
+        for x in numbers.as_flattened() {
+            let _ = write!(text, " {x:?}");
+        }
+        text.push('\n');
+    };
+    for a in &file.atoms {
+        row(a.id, [a.velocity, a.angular_velocity]);
+    }
+    text
+}
+
+/// Reads a file's text; `name` is what messages call it.
+///
+/// # Errors
+/// `Failure::Input` with the line, what is wrong with it and what would be right.
+pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
+    let mut lines = Lines {
+        name,
+        rest: text.lines().enumerate(),
+        end: 1 + text.lines().count(),
+    };
+    lines.rest.next();
+    let (header, mut section) = Header::read(&mut lines)?;
+    let Sizes {
+        bounds,
+        types,
+        atoms: count,
+    } = header.complete(name)?;
+    let mut atoms: Option<Vec<Atom>> = None;
+    let mut place = HashMap::new();
+    while let Some((at, heading)) = section {
+        let (title, style) = split_comment(heading);
+        section = match title {
+            "Atoms" => {
+                if atoms.is_some() {
+                    return Err(lines.wrong(at, "a second section Atoms"));
+                }
+                let style = style.split_whitespace().next().unwrap_or("");
+                if !matches!(style, "" | "sphere" | "granular") {
+                    return Err(lines.wrong(
+                        at,
+                        &format!("Atoms are of the style {style}; write them with atom_style sphere: {COLUMNS}"),
+                    ));
+                }
+                let mut read = Vec::with_capacity(count as usize);
+                for _ in 0..count {
+                    let atom = lines.atom(types, count)?;
+                    if let Some(first) = place.insert(atom.id, read.len()) {
+                        let first: &Atom = &read[first];
+                        let what = format!("atom {} was on line {} already", atom.id, first.line);
+                        return Err(lines.wrong(atom.line, &what));
+                    }
+                    read.push(atom);
+                }
+                atoms = Some(read);
+                lines.heading(&format!("the header says {count} atoms, here is one more"))?
+            }
+            "Velocities" => {
+                let Some(atoms) = &mut atoms else {
+                    return Err(lines.wrong(at, "Velocities come before Atoms; put them after"));
+                };
+                let mut seen = vec![false; atoms.len()];
+                for _ in 0..count {
+                    let (line, words) = lines.row(count, "Velocities")?;
+                    let form = "a row of Velocities is id vx vy vz wx wy wz";
+                    let id = lines.id(line, &words, form)?;
+                    let Some(&k) = place.get(&id) else {
+                        return Err(lines.wrong(line, &format!("there is no atom {id}")));
+                    };
+                    if std::mem::replace(&mut seen[k], true) {
+                        return Err(lines.wrong(line, &format!("a second velocity of atom {id}")));
+                    }
+                    if words.len() != 7 {
+                        let what = format!("{} columns; {form}", words.len());
+                        return Err(lines.wrong(line, &what));
+                    }
+                    let [vx, vy, vz, wx, wy, wz] = lines.numbers(line, &words, 1, form)?;
+                    atoms[k].velocity = [vx, vy, vz];
+                    atoms[k].angular_velocity = [wx, wy, wz];
+                }
+                lines.heading(&format!(
+                    "the header says {count} atoms, here is a velocity more"
+                ))?
+            }
+            passed if PASSED_OVER.contains(&passed) => lines.pass_over(),
+            other => {
+                return Err(lines.wrong(
+                    at,
+                    &format!(
+                        "{other:?} is no section of a packing of disks; it has Atoms, and may have Velocities, {}",
+                        PASSED_OVER.join(", ")
+                    ),
+                ));
+            }
+        };
+    }
+    let Some(atoms) = atoms else {
+        return Err(Failure::input(format!(
+            "{name}: the section Atoms is missing"
+        )));
+    };
+    Ok(DataFile {
+        bounds,
+        types,
+        atoms,
+    })
+}
+
+/// The lines of a file that are not read yet.
+struct Lines<'a> {
+    name: &'a str,
+    rest: std::iter::Enumerate<std::str::Lines<'a>>,
+    /// Line after the last.
+    end: usize,
+}
+
+type Heading<'a> = Option<(usize, &'a str)>;
+
+impl<'a> Lines<'a> {
+    fn wrong(&self, line: usize, what: &str) -> Failure {
+        Failure::input(format!("{}:{line}: {what}", self.name))
+    }
+
+    /// The next line that holds more than a comment, with its number.
+    fn next(&mut self) -> Heading<'a> {
+        self.rest
+            .by_ref()
+            .map(|(k, line)| (k + 1, line.trim()))
+            .find(|(_, line)| !split_comment(line).0.is_empty())
+    }
+
+    /// The words of the next of `count` rows.
+    fn row(&mut self, count: u64, section: &str) -> Result<(usize, Vec<&'a str>), Failure> {
+        match self.next() {
+            Some((at, line)) if !is_heading(line) => {
+                Ok((at, split_comment(line).0.split_whitespace().collect()))
+            }
+            other => {
+                let at = other.map_or(self.end, |(at, _)| at);
+                let what =
+                    format!("{section} ends here; the header says {count} atoms, a row for each");
+                Err(self.wrong(at, &what))
+            }
+        }
+    }
+
+    /// The heading that must come next, if anything does.
+    fn heading(&mut self, otherwise: &str) -> Result<Heading<'a>, Failure> {
+        match self.next() {
+            Some((at, line)) if !is_heading(line) => Err(self.wrong(at, otherwise)),
+            other => Ok(other),
+        }
+    }
+
+    fn pass_over(&mut self) -> Heading<'a> {
+        loop {
+            match self.next() {
+                Some((_, line)) if !is_heading(line) => {}
+                other => return other,
+            }
+        }
+    }
+
+    fn id(&self, line: usize, words: &[&str], form: &str) -> Result<u64, Failure> {
+        match words[0].parse::<u64>() {
+            Ok(id) if id > 0 => Ok(id),
+            _ => {
+                let what = format!(
+                    "the id must be a whole number from 1 on, found {:?}; {form}",
+                    words[0]
+                );
+                Err(self.wrong(line, &what))
+            }
+        }
+    }
+
+    /// K numbers from the word `first` on.
+    fn numbers<const K: usize>(
+        &self,
+        line: usize,
+        words: &[&str],
+        first: usize,
+        form: &str,
+    ) -> Result<[f64; K], Failure> {
+        let mut out = [0.0; K];
+        for (k, to) in out.iter_mut().enumerate() {
+            let Some(word) = words.get(first + k) else {
+                let what = format!("{} columns are too few; {form}", words.len());
+                return Err(self.wrong(line, &what));
+            };
+            *to = match word.parse::<f64>() {
+                Ok(x) if x.is_finite() => x,
+                _ => {
+                    return Err(self.wrong(line, &format!("{word:?} is no number; {form}")));
+                }
+            };
+        }
+        Ok(out)
+    }
+
+    fn atom(&mut self, types: u32, count: u64) -> Result<Atom, Failure> {
+        let (line, words) = self.row(count, "Atoms")?;
+        let form = format!("a row of Atoms is {COLUMNS}, as atom_style sphere writes it");
+        let id = self.id(line, &words, &form)?;
+        // Three more are the images.
+        if ![7, 10].contains(&words.len()) {
+            let what = format!("{} columns; {form}", words.len());
+            return Err(self.wrong(line, &what));
+        }
+        let kind = match words[1].parse::<u32>() {
+            Ok(kind) if (1..=types).contains(&kind) => kind,
+            _ => {
+                let what = format!(
+                    "the type must lie in 1 … {types}, found {:?}; {form}",
+                    words[1]
+                );
+                return Err(self.wrong(line, &what));
+            }
+        };
+        let [diameter, density, x, y, z] = self.numbers(line, &words, 2, &form)?;
+        for (what, value) in [("diameter", diameter), ("density", density)] {
+            if value <= 0.0 {
+                let what =
+                    format!("the {what} of atom {id} must be greater than 0, found {value:?}");
+                return Err(self.wrong(line, &what));
+            }
+        }
+        Ok(Atom {
+            id,
+            kind,
+            diameter,
+            density,
+            position: [x, y, z],
+            velocity: [0.0; 3],
+            angular_velocity: [0.0; 3],
+            line,
+        })
+    }
+}
+
+/// A line without its comment, and the comment without its `#`.
+fn split_comment(line: &str) -> (&str, &str) {
+    let (text, comment) = line.split_once('#').unwrap_or((line, ""));
+    (text.trim(), comment.trim())
+}
+
+/// Rows begin with a number, headings with a letter.
+fn is_heading(line: &str) -> bool {
+    line.starts_with(|c: char| c.is_ascii_alphabetic())
+}
+
+/// What the header has said so far.
+#[derive(Default)]
+struct Header {
+    bounds: [Option<[f64; 2]>; 3],
+    types: Option<u32>,
+    atoms: Option<u64>,
+}
+
+impl Header {
+    /// Reads up to the first heading, which is returned, too.
+    fn read<'a>(lines: &mut Lines<'a>) -> Result<(Self, Heading<'a>), Failure> {
+        let mut header = Header::default();
+        loop {
+            let Some((at, line)) = lines.next() else {
+                return Ok((header, None));
+            };
+            if is_heading(line) {
+                return Ok((header, Some((at, line))));
+            }
+            let text = split_comment(line).0;
+            let words: Vec<&str> = text.split_whitespace().collect();
+            let numbers = words
+                .iter()
+                .take_while(|word| word.parse::<f64>().is_ok())
+                .count();
+            let keyword = words[numbers..].join(" ");
+            let count = || {
+                words[0].parse::<u64>().map_err(|_| {
+                    let what = format!("the number of {keyword} must be whole, found {}", words[0]);
+                    lines.wrong(at, &what)
+                })
+            };
+            let axis = AXES
+                .iter()
+                .position(|axis| keyword == format!("{axis}lo {axis}hi"));
+            match (keyword.as_str(), axis) {
+                (_, Some(axis)) => {
+                    let form = format!("write: lo hi {keyword}");
+                    let [lo, hi] = lines.numbers(at, &words[..numbers], 0, &form)?;
+                    if hi <= lo {
+                        let what = format!("the box is empty: {lo:?} is not below {hi:?}");
+                        return Err(lines.wrong(at, &what));
+                    }
+                    header.bounds[axis] = Some([lo, hi]);
+                }
+                ("atoms", _) => header.atoms = Some(count()?),
+                ("atom types", _) => header.types = Some(count()?.min(u32::MAX.into()) as u32),
+                ("xy xz yz", _) => {
+                    let tilt: [f64; 3] = lines.numbers(at, &words, 0, "write: 0 0 0 xy xz yz")?;
+                    if tilt != [0.0; 3] {
+                        return Err(lines.wrong(at, "the box is tilted; it must be a rectangle"));
+                    }
+                }
+                // Such as `0 bonds`.
+                _ if numbers == 1 && words[0] == "0" && !keyword.is_empty() => {}
+                _ => {
+                    let what = format!(
+                        "{text:?} is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi"
+                    );
+                    return Err(lines.wrong(at, &what));
+                }
+            }
+        }
+    }
+
+    /// All of it, if nothing is missing.
+    fn complete(self, name: &str) -> Result<Sizes, Failure> {
+        let missing =
+            |line: &str| Failure::input(format!("{name}: the header lacks the line `{line}`"));
+        let bounds = |axis: usize, line| self.bounds[axis].ok_or_else(|| missing(line));
+        Ok(Sizes {
+            atoms: self.atoms.ok_or_else(|| missing("N atoms"))?,
+            types: self.types.ok_or_else(|| missing("n atom types"))?,
+            bounds: [
+                bounds(0, "lo hi xlo xhi")?,
+                bounds(1, "lo hi ylo yhi")?,
+                bounds(2, "lo hi zlo zhi")?,
+            ],
+        })
+    }
+}
+
+/// A whole header.
+struct Sizes {
+    bounds: [[f64; 2]; 3],
+    types: u32,
+    atoms: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file() -> DataFile {
+        let atom = |k: usize| Atom {
+            id: 7 - k as u64,
+            kind: 1 + k as u32 % 3,
+            diameter: 0.1 + 0.3 * k as f64,
+            density: 1.0 / 3.0,
+            position: [1e-9 * k as f64, -2.5e-300, 0.0],
+            velocity: [0.1 * k as f64, 1e22, 0.0],
+            angular_velocity: [0.0, 0.0, -1.0 / 7.0],
+            line: 0,
+        };
+        DataFile {
+            bounds: [[0.0, 48e-6], [-1e-9, 0.1 + 0.2], [-0.5, 0.5]],
+            types: 3,
+            atoms: (0..4).map(atom).collect(),
+        }
+    }
+
+    fn without_lines(mut file: DataFile) -> DataFile {
+        file.atoms.iter_mut().for_each(|a| a.line = 0);
+        file
+    }
+
+    #[test]
+    fn what_is_written_reads_back_to_the_same_bits() {
+        let text = write("title", &["1 free", "2 bottom"], &file());
+        assert!(text.starts_with("title\n# 1 free\n# 2 bottom\n\n4 atoms\n3 atom types\n"));
+        assert_eq!(without_lines(parse("x", &text).unwrap()), file());
+    }
+
+    /// As LAMMPS' own write_data writes it, and as people do.
+    #[test]
+    fn sections_and_rows_in_any_order() {
+        let text = "first line: 5 atoms, never read
+2 atoms # as many
+1 atom types
+0 bonds
+0 10 xlo xhi
+-1 2.5e1 ylo yhi
+-0.5 0.5 zlo zhi
+0 0 0 xy xz yz
+
+Masses
+
+1 1.0
+
+Pair Coeffs # gran/hooke/history
+
+1 1e5 NULL
+
+Atoms  # sphere
+
+9 1 1.0 2.5 1 2 0 0 0 0
+# in between
+3 1 2.0 2.5 5 6 0 -1 0 0   # the second
+
+Velocities
+
+3 1 2 0 0 0 3
+9 4 5 0 0 0 6
+";
+        let file = parse("x", text).unwrap();
+        assert_eq!(file.bounds[1], [-1.0, 25.0]);
+        let [first, second] = file.atoms[..] else {
+            panic!("two atoms")
+        };
+        assert_eq!((first.id, first.line, second.line), (9, 20, 22));
+        assert_eq!(first.velocity, [4.0, 5.0, 0.0]);
+        assert_eq!(second.angular_velocity[2], 3.0);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        let good = "title
+2 atoms
+2 atom types
+0 10 xlo xhi
+0 10 ylo yhi
+-1 1 zlo zhi
+
+Atoms # sphere
+
+1 1 1.0 1.0 1 1 0
+2 2 1.0 1.0 3 1 0
+
+Velocities
+
+1 0 0 0 0 0 0
+2 0 0 0 0 0 0
+";
+        assert!(parse("f", good).is_ok());
+        for (from, to, expected) in [
+            ("2 atoms\n", "", "f: the header lacks the line `N atoms`"),
+            (
+                "0 10 ylo yhi\n",
+                "",
+                "f: the header lacks the line `lo hi ylo yhi`",
+            ),
+            (
+                "2 atom types",
+                "2.5 atom types",
+                "f:3: the number of atom types must be whole, found 2.5",
+            ),
+            (
+                "0 10 xlo xhi",
+                "10 0 xlo xhi",
+                "f:4: the box is empty: 10.0 is not below 0.0",
+            ),
+            (
+                "0 10 xlo xhi",
+                "10 xlo xhi",
+                "f:4: 1 columns are too few; write: lo hi xlo xhi",
+            ),
+            (
+                "-1 1 zlo zhi",
+                "-1 1 zlo zhi\n1 0 0 xy xz yz",
+                "f:7: the box is tilted; it must be a rectangle",
+            ),
+            (
+                "2 atom types",
+                "2 atom types\n7 bonds",
+                "f:4: \"7 bonds\" is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi",
+            ),
+            (
+                "Atoms # sphere",
+                "Atoms # atomic",
+                "f:8: Atoms are of the style atomic; write them with atom_style sphere: id type diameter density x y z",
+            ),
+            (
+                "1 1 1.0 1.0 1 1 0",
+                "1 1 1 1 0",
+                "f:10: 5 columns; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it",
+            ),
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "2 3 1.0 1.0 3 1 0",
+                "f:11: the type must lie in 1 … 2, found \"3\"; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it",
+            ),
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "2 2 -1.0 1.0 3 1 0",
+                "f:11: the diameter of atom 2 must be greater than 0, found -1.0",
+            ),
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "2 2 1.0 1.0 nan 1 0",
+                "f:11: \"nan\" is no number; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it",
+            ),
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "0 2 1.0 1.0 3 1 0",
+                "f:11: the id must be a whole number from 1 on, found \"0\"; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it",
+            ),
+            ("2 2 1.0", "1 2 1.0", "f:11: atom 1 was on line 10 already"),
+            (
+                "2 2 1.0 1.0 3 1 0\n",
+                "",
+                "f:12: Atoms ends here; the header says 2 atoms, a row for each",
+            ),
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "2 2 1.0 1.0 3 1 0\n3 2 1.0 1.0 3 1 0",
+                "f:12: the header says 2 atoms, here is one more",
+            ),
+            (
+                "2 0 0 0 0 0 0\n",
+                "",
+                "f:16: Velocities ends here; the header says 2 atoms, a row for each",
+            ),
+            ("2 0 0 0 0 0 0", "5 0 0 0 0 0 0", "f:16: there is no atom 5"),
+            (
+                "2 0 0 0 0 0 0",
+                "1 0 0 0 0 0 0",
+                "f:16: a second velocity of atom 1",
+            ),
+            (
+                "2 0 0 0 0 0 0",
+                "2 0 0 0",
+                "f:16: 4 columns; a row of Velocities is id vx vy vz wx wy wz",
+            ),
+            (
+                "Velocities",
+                "Bonds",
+                "f:13: \"Bonds\" is no section of a packing of disks; it has Atoms, and may have Velocities, Masses, Pair Coeffs, PairIJ Coeffs, Atom Type Labels",
+            ),
+            ("Velocities", "Atoms", "f:13: a second section Atoms"),
+            (
+                "Atoms # sphere",
+                "Velocities",
+                "f:8: Velocities come before Atoms; put them after",
+            ),
+        ] {
+            let text = good.replacen(from, to, 1);
+            assert_ne!(text, good, "{from}");
+            assert_eq!(parse("f", &text), Err(Failure::input(expected)), "{to}");
+        }
+        let headless = &good[..good.find("Atoms").unwrap()];
+        assert_eq!(
+            parse("f", headless),
+            Err(Failure::input("f: the section Atoms is missing"))
+        );
+    }
+}

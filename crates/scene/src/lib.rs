@@ -1,0 +1,351 @@
+//! The configuration: raw (serde, unknown keys denied), then checked (a scene in which nothing is optional any more).
+//!
+//! [`load`] is the way in. Every message names file and line, or the `--set` it comes from.
+
+mod check;
+mod checker;
+pub mod derived;
+mod keys;
+pub mod lammps_data;
+mod overrides;
+pub mod packing;
+mod periodic;
+mod raw;
+pub mod sample;
+mod scene;
+pub mod schedule;
+mod source;
+pub mod sweep;
+mod write;
+
+use std::path::Path;
+
+use serde::Deserialize;
+use toml::Spanned;
+use toml::de::DeTable;
+
+pub use periodic::*;
+pub use scene::*;
+pub use source::Source;
+
+use gshear_dem::failure::Failure;
+use crate::packing::Packing;
+use source::Input;
+
+/// What a configuration asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Study {
+    PlaneShear(Scene),
+    /// With a table `[box]`.
+    Periodic(PeriodicScene),
+}
+
+impl Study {
+    pub fn title(&self) -> &str {
+        match self {
+            Study::PlaneShear(scene) => &scene.title,
+            Study::Periodic(scene) => &scene.title,
+        }
+    }
+
+    /// The whole configuration as TOML.
+    pub fn toml(&self) -> &str {
+        match self {
+            Study::PlaneShear(scene) => &scene.toml,
+            Study::Periodic(scene) => &scene.toml,
+        }
+    }
+}
+
+/// Tables of scenes between walls, and of those in a box.
+const OF_WALLS: [&str; 5] = ["load", "pack", "shear", "output", "analysis"];
+const OF_A_BOX: [&str; 3] = ["relax", "aqs", "newtonian"];
+
+/// Reads the configuration of a plane-shear run, replaces values by the overrides (`key.path=value`, as of `--set`), checks it and
+/// derives the rest.
+///
+/// An override's value is TOML, or a bare word taken as a string; `none` takes a key away.
+///
+/// # Errors
+/// `Failure::Input` with the first problem: where it is, what is wrong, and what would be right.
+pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
+    load_with(source, overrides, &mut |path, copies| {
+        Packing::read(path, copies).map(|packing| packing.file)
+    })
+}
+
+/// Says what is in the file of a packing and its copies along the periodic axes, for one that has been read already or on another
+/// rank.
+pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, [u32; 2]) -> Result<PackingFile, Failure>;
+
+/// [`load`], with `packing` asked about the file of a packing, if the scene has one.
+pub fn load_with(
+    source: &Source,
+    overrides: &[String],
+    packing: ReadPacking<'_>,
+) -> Result<Scene, Failure> {
+    match study(source, overrides, packing)? {
+        Study::PlaneShear(scene) => Ok(scene),
+        Study::Periodic(_) => Err(Failure::input(format!(
+            "{}: is of a periodic box, not of plane shear",
+            source.name()
+        ))),
+    }
+}
+
+/// [`load_with`], of whatever the configuration asks for.
+pub fn study(
+    source: &Source,
+    overrides: &[String],
+    packing: ReadPacking<'_>,
+) -> Result<Study, Failure> {
+    let input = Input { source, overrides };
+    let mut tree = DeTable::parse(source.text())
+        .map_err(|e| {
+            let offset = e.span().map_or(0, |span| span.start);
+            let line = source.text().lines().nth(input.line(offset) - 1);
+            let message = e.message().trim_end_matches(", expected nothing");
+            let what = match line.map(str::trim) {
+                None | Some("") => format!("not TOML: {message}"),
+                Some(line) => format!("not TOML: {message}: `{line}`"),
+            };
+            input.failure(offset, "", &what)
+        })?
+        .into_inner();
+    if let Some((key, _)) = tree.remove_entry(sweep::SWEEP)
+        && !source.is_member()
+    {
+        let what = sweep::not_one_run(source)?;
+        return Err(input.failure(key.span().start, sweep::SWEEP, &what));
+    }
+    keys::check_known(&tree, &input)?;
+    let tables = tree
+        .keys()
+        .map(|key| (key.get_ref().to_string(), key.span().start))
+        .collect();
+    overrides::apply(&mut tree, &input)?;
+
+    let boxed = tree.contains_key("box");
+    refuse_others(&tree, &input, boxed)?;
+    let paths = paths(&tree);
+    let all = 0..input.override_offset(overrides.len());
+    let raw =
+        raw::Raw::deserialize(toml::Deserializer::from(Spanned::new(all, tree))).map_err(|e| {
+            let offset = e.span().map_or(0, |span| span.start);
+            let path = paths.iter().find(|(at, _)| *at == offset);
+            input.failure(offset, path.map_or("", |(_, path)| path), e.message())
+        })?;
+    if boxed {
+        return check::periodic::scene(raw, input, tables).map(Study::Periodic);
+    }
+    check::scene(raw, input, tables, packing).map(Study::PlaneShear)
+}
+
+/// Tables that mean nothing where there is a box, or none.
+fn refuse_others(tree: &DeTable<'_>, input: &Input<'_>, boxed: bool) -> Result<(), Failure> {
+    let (others, why) = match boxed {
+        true => (
+            &OF_WALLS[..],
+            "is of scenes with walls, and this one has a [box]",
+        ),
+        false => (
+            &OF_A_BOX[..],
+            "is of scenes with a [box], and this one has none",
+        ),
+    };
+    let found = tree
+        .iter()
+        .filter(|(key, _)| others.contains(&&**key.get_ref()));
+    match found.min_by_key(|(key, _)| key.span().start) {
+        Some((key, _)) => {
+            let table = format!("[{}]", key.get_ref());
+            Err(input.failure(key.span().start, &table, &format!("{why}; leave it out")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Where each value begins, and its key's path.
+fn paths(tree: &DeTable<'_>) -> Vec<(usize, String)> {
+    let mut all = Vec::new();
+    for (key, value) in tree.iter() {
+        match value.get_ref().as_table() {
+            Some(table) => all.extend(
+                table
+                    .iter()
+                    .map(|(k, v)| (v.span().start, format!("{}.{}", key.get_ref(), k.get_ref()))),
+            ),
+            None => all.push((value.span().start, key.get_ref().to_string())),
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shipped(name: &str) -> Scene {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("configs")
+            .join(name);
+        Source::read(path)
+            .and_then(|source| load(&source, &[]))
+            .unwrap()
+    }
+
+    fn motion(scene: &Scene) -> (Drive, f64) {
+        match scene.shear.motion {
+            Motion::Strain { drive, strain } => (drive, strain),
+            Motion::Protocol(_) => panic!("a protocol"),
+        }
+    }
+
+    #[test]
+    fn the_embedded_scene_is_the_shipped_one() {
+        let scene = load(&Source::embedded(), &[]).unwrap();
+        assert_eq!(scene, shipped("plane-shear-2d.toml"));
+        assert_eq!(motion(&scene), (Drive::InertialNumber(2e-4), 0.1));
+        assert_eq!(scene.output.progress_lines, 20);
+        assert_eq!(scene.bookkeeping.skin, None);
+        assert_eq!(scene.time_step.given, StepChoice::Derived);
+    }
+
+    /// The numbers of the paper, and samples about as high as they are long.
+    #[test]
+    fn the_scenes_of_the_paper() {
+        let small = shipped("lee-hurley-small.toml");
+        let large = shipped("lee-hurley-large.toml");
+        for (scene, frame, start) in [(&small, 7.2e-7, 0.022), (&large, 1.8e-6, 0.054)] {
+            let (drive, strain) = motion(scene);
+            assert_eq!(drive, Drive::InertialNumber(4e-6));
+            assert_eq!(scene.load.stiffness_number, 1e4);
+            assert!((13e3..14e3).contains(&scene.load.pressure));
+            assert_eq!(scene.contact.damping_ratio, 0.1);
+            assert_eq!(scene.output.frame_strain, 0.0);
+            assert!(scene.analysis.scalars);
+            assert_eq!(
+                [scene.analysis.strain, scene.analysis.start],
+                [frame, start]
+            );
+            let frames = (strain - start) / frame;
+            assert!((frames - 130_000.0).abs() < 1.0, "{frames}");
+            let ratio = derived::packed_height(&scene.sample) / scene.sample.length;
+            assert!((0.9..1.1).contains(&ratio), "{ratio}");
+        }
+        assert_eq!(small.contact, large.contact);
+        assert_eq!(small.law, large.law);
+        // P follows from κ and E* alone.
+        let difference = small.load.pressure - large.load.pressure;
+        assert!(difference.abs() < 1e-12 * small.load.pressure);
+    }
+
+    /// Their sweep has the small scene among its runs.
+    #[test]
+    fn the_frictions_of_the_paper() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/lee-hurley-frictions.toml");
+        let source = Source::read(path).unwrap();
+        let members = sweep::members(&source).unwrap().unwrap();
+        assert_eq!(members.len(), 12);
+        let set = [
+            &members[9].set[..],
+            &["title=Lee & Hurley, small sample".into()],
+        ]
+        .concat();
+        let ours = load(&source.of_member(), &set).unwrap();
+        assert_eq!(ours, shipped("lee-hurley-small.toml"));
+    }
+
+    #[test]
+    fn every_key_is_documented() {
+        let doc = include_str!("../../../docs/config.md");
+        let tables = raw::TABLES
+            .iter()
+            .flat_map(|(table, keys)| keys.iter().map(move |key| format!("{table}.{key}")));
+        let tops = raw::TOP_KEYS.iter().map(|key| key.to_string());
+        let mut rows = 0;
+        for path in tops.chain(tables) {
+            assert!(doc.contains(&format!("| `{path}` |")), "{path}");
+            rows += 1;
+        }
+        assert_eq!(doc.matches("\n| `").count(), rows);
+    }
+
+    /// The defaults of docs/config.md.
+    #[test]
+    fn defaults() {
+        let text = "
+            material = { young_modulus = 1e9, poisson_ratio = 0.2, density = 2500 }
+            contact = { friction = 0.7, damping_ratio = 0.1 }
+            sample = { grains = 1000, radius_min = 0.5e-6, radius_max = 1e-6, length = 48e-6 }
+            load.stiffness_number = 10_000
+            shear = { velocity = 1e-4, strain = 0.1 }
+        ";
+        let scene = load(&Source::new("least.toml", text), &[]).unwrap();
+        assert_eq!(scene.title, "Plane shear");
+        assert_eq!(scene.seed, 1);
+        assert_eq!(scene.contact.rolling_friction, 0.0);
+        assert_eq!(scene.contact.rolling_damping_ratio, 0.0);
+        assert_eq!(
+            scene.pack,
+            Pack {
+                skip: false,
+                friction: 0.0,
+                tolerance: 1e-7,
+                max_steps: 5_000_000
+            }
+        );
+        assert_eq!(
+            scene.output,
+            Output {
+                frame_strain: 1e-4,
+                frame_start: 0.0,
+                series_strain: 1e-5,
+                checkpoint_strain: 0.02,
+                keep_checkpoints: false,
+                frame_rows: 0,
+                series_rows: 1000,
+                progress_lines: 20,
+                energy: true
+            }
+        );
+        assert_eq!(
+            scene.analysis,
+            Analysis {
+                scalars: false,
+                strain: 1e-4,
+                start: 0.0
+            }
+        );
+        assert_eq!(
+            scene.bookkeeping,
+            Bookkeeping {
+                skin: None,
+                rebuild_every: 0,
+                simd: "auto"
+            }
+        );
+    }
+
+    #[test]
+    fn load_is_given_in_three_ways() {
+        let by = |sets: [&str; 2]| load(&Source::embedded(), &sets.map(String::from)).unwrap();
+        let reference = load(&Source::embedded(), &[]).unwrap().load;
+        let p = format!("load.pressure={:?}", reference.pressure);
+        let n = format!("load.normal_force={:?}", reference.normal_force);
+        for set in [p, n] {
+            let load = by(["load.stiffness_number=none", &set]).load;
+            assert!((load.stiffness_number / 1e4 - 1.0).abs() < 1e-14);
+            assert!((load.pressure / reference.pressure - 1.0).abs() < 1e-15);
+            assert!((load.normal_force / reference.normal_force - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_forced_step_is_taken_as_it_is() {
+        let sets = ["time.step=1e-6", "time.force=true"].map(String::from);
+        let time_step = load(&Source::embedded(), &sets).unwrap().time_step;
+        assert_eq!(time_step.step, 1e-6);
+        assert!(time_step.limit < 1e-6 && time_step.given == StepChoice::Given);
+    }
+}

@@ -1,0 +1,187 @@
+//! `--set key.path=value`: values from the command line in place of those of the file.
+
+use std::borrow::Cow;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::keys::resolve;
+use super::source::Input;
+use gshear_dem::failure::Failure;
+
+/// Takes a key away, so that another way to give the same quantity, or the default, comes in.
+const TAKE_AWAY: &str = "none";
+
+/// Puts every override into the tree, later ones over earlier ones.
+pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<(), Failure> {
+    for (k, set) in input.overrides.iter().enumerate() {
+        let start = input.override_offset(k);
+        let span = start..start + set.len();
+        let refuse = |what: &str| Err(input.failure(start, "", what));
+        let Some((path, value)) = set.split_once('=') else {
+            return refuse("expected key.path=value, such as --set sample.grains=2000");
+        };
+        let (path, value) = (path.trim(), value.trim());
+        let (table, key) = match resolve(path) {
+            Ok(found) => found,
+            Err(what) => return refuse(&what),
+        };
+        let target = match table {
+            None => &mut *tree,
+            Some(name) => {
+                let entry = tree
+                    .entry(Spanned::new(span.clone(), Cow::Borrowed(name)))
+                    .or_insert(Spanned::new(span.clone(), DeValue::Table(DeTable::new())));
+                match entry.get_mut() {
+                    DeValue::Table(inner) => inner,
+                    _ => {
+                        return refuse(&format!(
+                            "{name} is not a table in {}",
+                            input.source.name()
+                        ));
+                    }
+                }
+            }
+        };
+        if value == TAKE_AWAY {
+            target.remove(key);
+            continue;
+        }
+        match parse(value) {
+            Ok(value) => {
+                target.insert(
+                    Spanned::new(span.clone(), Cow::Borrowed(key)),
+                    Spanned::new(span, value),
+                );
+            }
+            Err(what) => return refuse(&what),
+        }
+    }
+    Ok(())
+}
+
+/// A TOML value, or a bare word taken as a string, since the shell eats quotes.
+fn parse(value: &str) -> Result<DeValue<'_>, String> {
+    if value.is_empty() {
+        return Err("no value after `=`".into());
+    }
+    match DeValue::parse(value) {
+        Ok(parsed) => Ok(parsed.into_inner()),
+        Err(_) if !value.contains(['"', '\'', '[', ']', '{', '}', '\n']) => {
+            Ok(DeValue::String(Cow::Borrowed(value)))
+        }
+        Err(e) => Err(format!("no TOML value: {}", e.message())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Drive, Motion, Source, load};
+
+    fn message(sets: &[&str]) -> String {
+        let sets: Vec<String> = sets.iter().map(|s| s.to_string()).collect();
+        load(&Source::embedded(), &sets).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn values_replace_those_of_the_file() {
+        let sets = [
+            "sample.grains=500",
+            "sample.length = 24e-6",
+            "title=Half as many",
+            "time.force=false",
+            "seed=7",
+        ];
+        let scene = load(&Source::embedded(), &sets.map(String::from)).unwrap();
+        assert_eq!(scene.sample.grains, 500);
+        assert_eq!(scene.sample.length, 24e-6);
+        assert_eq!(scene.title, "Half as many");
+        assert_eq!(scene.seed, 7);
+    }
+
+    #[test]
+    fn the_last_of_two_wins() {
+        let sets = ["seed=7", "seed=8"].map(String::from);
+        assert_eq!(load(&Source::embedded(), &sets).unwrap().seed, 8);
+    }
+
+    #[test]
+    fn none_takes_a_key_away() {
+        let sets = ["shear.inertial_number=none", "shear.velocity=1e-3"].map(String::from);
+        assert_eq!(
+            load(&Source::embedded(), &sets).unwrap().shear.motion,
+            Motion::Strain {
+                drive: Drive::Velocity(1e-3),
+                strain: 0.1
+            }
+        );
+    }
+
+    #[test]
+    fn bad_overrides() {
+        for (set, expected) in [
+            (
+                "sample.grains",
+                "expected key.path=value, such as --set sample.grains=2000",
+            ),
+            ("sample.grains=", "no value after `=`"),
+            (
+                "sample.grain=10",
+                "unknown key; did you mean grains? [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, length, width, packing, replicate, walls",
+            ),
+            (
+                "load={pressure=1}",
+                "[load] is a table; set its keys one by one, such as load.stiffness_number=…",
+            ),
+            ("sample.radius_min=-1", "must be greater than 0, found -1.0"),
+            (
+                "sample.radius_min=small",
+                "expected a number, found the string \"small\"",
+            ),
+            (
+                "sample.radius_min=[1, 2]",
+                "expected a number, found an array",
+            ),
+            (
+                "sample.grains=1e3",
+                "expected an integer without decimal point or exponent, found the number 1000.0",
+            ),
+            (
+                "title=3",
+                "expected a string in quotes, found the integer 3",
+            ),
+            (
+                "time.force=yes",
+                "expected true or false, found the string \"yes\"",
+            ),
+            (
+                "shear.velocity=1e-3",
+                "contradicts shear.inertial_number (line 32); give exactly one of inertial_number, velocity; --set shear.inertial_number=none takes that one away",
+            ),
+            ("sample.grains=none", "NOT SHOWN"),
+        ] {
+            let found = message(&[set]);
+            if expected == "NOT SHOWN" {
+                assert_eq!(
+                    found,
+                    "embedded default scene:19: [sample] lacks grains: the number of grains, such as grains = 1000"
+                );
+            } else {
+                assert_eq!(found, format!("--set {set}: {expected}"));
+            }
+        }
+        assert!(message(&["title=\"open"]).starts_with("--set title=\"open: no TOML value: "));
+    }
+
+    #[test]
+    fn two_overrides_can_contradict_each_other() {
+        assert_eq!(
+            message(&[
+                "load.pressure=1e4",
+                "load.stiffness_number=none",
+                "load.normal_force=1"
+            ]),
+            "--set load.normal_force=1: contradicts load.pressure (--set load.pressure=1e4); give exactly one of stiffness_number, pressure, normal_force; --set load.pressure=none takes that one away"
+        );
+    }
+}

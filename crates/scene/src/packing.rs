@@ -1,0 +1,519 @@
+//! A packing from a file in place of inserted grains: what the file says, as the grains of a run.
+
+use std::path::Path;
+
+use bytemuck::Zeroable;
+
+use crate::{Dimensions, Origin, PackingFile, Scene, Walls};
+use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::failure::Failure;
+use crate::lammps_data::{self, Atom, DataFile};
+use gshear_dem::neighbour::{self, Range, Window};
+use crate::sample::{columns, freeze_walls, stop_walls};
+use gshear_dem::state::{GrainState, Grains, body, length};
+
+/// Type of the grains of the bottom and of the top wall, where types say what is wall.
+const BOTTOM_TYPE: u32 = 2;
+const TOP_TYPE: u32 = 3;
+
+/// So many copies beside each other along x and y, in a box as many times as long and as wide.
+fn replicated(mut data: DataFile, copies: [u32; 2]) -> DataFile {
+    for (axis, copies) in copies.into_iter().enumerate() {
+        let [low, high] = data.bounds[axis];
+        let period = high - low;
+        let once = data.atoms.clone();
+        for copy in 1..copies {
+            let shift = period * f64::from(copy);
+            data.atoms.extend(once.iter().map(|atom| {
+                let mut atom = *atom;
+                atom.position[axis] += shift;
+                atom
+            }));
+        }
+        data.bounds[axis][1] = low + period * f64::from(copies);
+    }
+    data
+}
+
+/// The grains of a file.
+#[derive(Debug, Clone)]
+pub struct Packing {
+    /// What messages call the file.
+    name: String,
+    pub file: PackingFile,
+    /// Sorted column after column, from the bottom to the top of each, which is the order of the ids to come.
+    atoms: Vec<Atom>,
+}
+
+impl Packing {
+    /// Reads a LAMMPS data file of spheres: disks where all are in the plane z = 0 or the box along z is no longer than the largest
+    /// of them, else spheres in a box that is periodic along x and y; and sets so many `copies` beside each other along x and y.
+    ///
+    /// # Errors
+    /// `Failure::Input` with the line, what is wrong with it and what would be right.
+    pub fn read(path: &Path, copies: [u32; 2]) -> Result<Self, Failure> {
+        let name = path.display().to_string();
+        let unreadable =
+            |e: &dyn std::fmt::Display| Failure::input(format!("{name}: cannot be read: {e}"));
+        let bytes = std::fs::read(path).map_err(|e| match e.kind() {
+            std::io::ErrorKind::NotFound => Failure::input(format!(
+                "{name}: no such file; give a LAMMPS data file of atom_style sphere"
+            )),
+            _ => unreadable(&e),
+        })?;
+        let text = String::from_utf8(bytes).map_err(|e| unreadable(&e))?;
+        let absolute = std::path::absolute(path).map_err(|e| unreadable(&e))?;
+        let data = lammps_data::parse(&name, &text)?;
+        Self::new(&name, &absolute, replicated(data, copies), copies)
+    }
+
+    fn new(name: &str, path: &Path, data: DataFile, replicate: [u32; 2]) -> Result<Self, Failure> {
+        let mut atoms = data.atoms;
+        let wrong =
+            |line: usize, what: String| Err(Failure::input(format!("{name}:{line}: {what}")));
+        let whole = |what: &str| Err(Failure::input(format!("{name}: {what}")));
+        let Some(count) = u32::try_from(atoms.len()).ok().filter(|&n| n > 0) else {
+            return whole("a packing has 1 to 4294967295 atoms");
+        };
+        let largest = atoms.iter().fold(0.0, |d: f64, a| d.max(a.diameter));
+        let flat = atoms.iter().all(|a| a.position[2] == 0.0);
+        let [_, _, z_bounds] = data.bounds;
+        let planar = flat || z_bounds[1] - z_bounds[0] <= (1.0 + 1e-9) * largest;
+        if planar && (z_bounds[0] > 0.0 || z_bounds[1] < 0.0) {
+            return whole(&format!(
+                "the box is beside the plane z = 0, in which the disks are: {:?} {:?} zlo zhi",
+                z_bounds[0], z_bounds[1]
+            ));
+        }
+        let up = if planar { 1 } else { 2 };
+        for a in &mut atoms {
+            let out_of_plane = [
+                ("z", a.position[2]),
+                ("vz", a.velocity[2]),
+                ("wx", a.angular_velocity[0]),
+                ("wy", a.angular_velocity[1]),
+            ];
+            let moving = out_of_plane.into_iter().find(|(_, value)| *value != 0.0);
+            if let Some((what, value)) = moving.filter(|_| planar) {
+                return wrong(
+                    a.line,
+                    format!(
+                        "{what} of atom {} is {value:?}; in a packing of disks it is 0",
+                        a.id
+                    ),
+                );
+            }
+            let (height, bounds) = (a.position[up], data.bounds[up]);
+            if !(bounds[0]..=bounds[1]).contains(&height) {
+                let axis = ["x", "y", "z"][up];
+                return wrong(
+                    a.line,
+                    format!(
+                        "atom {} is out of the box: {axis} = {height:?}, the box has {:?} {:?} {axis}lo {axis}hi",
+                        a.id, bounds[0], bounds[1]
+                    ),
+                );
+            }
+            for axis in 0..up {
+                let [low, high] = data.bounds[axis];
+                let (inside, period) = (a.position[axis] - low, high - low);
+                a.position[axis] = if (0.0..period).contains(&inside) {
+                    inside
+                } else {
+                    let wrapped = inside.rem_euclid(period);
+                    // A little below zero rounds to the period.
+                    if wrapped < period { wrapped } else { 0.0 }
+                };
+            }
+        }
+
+        let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
+        let radius_max = radii().fold(0.0, f64::max);
+        let periods = data.bounds.map(|[low, high]| high - low);
+        let mut widths = [f64::INFINITY; 2];
+        for axis in 0..up {
+            widths[axis] = periods[axis] / columns(periods[axis], radius_max) as f64;
+        }
+        let column = |a: &Atom| [0, 1].map(|axis| (a.position[axis] / widths[axis]) as u32);
+        atoms.sort_by(|a, b| {
+            let height = a.position[up].total_cmp(&b.position[up]);
+            let same = a.id.cmp(&b.id);
+            column(a).cmp(&column(b)).then(height).then(same)
+        });
+        let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
+        let edges = |sign: f64| {
+            atoms
+                .iter()
+                .map(move |a| a.position[up] + sign * 0.5 * a.diameter)
+        };
+        let dimension = match planar {
+            true => Dimensions::Two,
+            false => Dimensions::Three,
+        };
+        let has = |kind| atoms.iter().any(|a| a.kind == kind);
+        let file = PackingFile {
+            path: path.into(),
+            replicate,
+            grains: count,
+            radius_min: radii().fold(f64::INFINITY, f64::min),
+            radius_max,
+            mean_diameter: 2.0 * radii().sum::<f64>() / f64::from(count),
+            mean_volume: radii().map(|r| dimension.volume(r)).sum::<f64>() / f64::from(count),
+            length: periods[0],
+            width: (!planar).then_some(periods[1]),
+            edges: [
+                edges(-1.0).fold(f64::INFINITY, f64::min),
+                edges(1.0).fold(f64::NEG_INFINITY, f64::max),
+            ],
+            wall_types: (1..=3).all(has) && atoms.iter().all(|a| a.kind <= 3),
+        };
+        Ok(Packing {
+            name: name.into(),
+            file,
+            atoms,
+        })
+    }
+
+    /// The grains as the first stage of the scene takes them: sheared as they are, with walls, or to be compressed between planes,
+    /// all free, at rest and with the lowest edge at y = 0.
+    ///
+    /// # Errors
+    /// `Failure::Input` where types are no walls, no grain is free, or an overlap is outside the contact law.
+    pub fn grains(self, scene: &Scene) -> Result<Vec<GrainState>, Failure> {
+        let Origin::Packing { walls, .. } = &scene.origin else {
+            return Ok(Vec::new());
+        };
+        let up = scene.dimension.axes() - 1;
+        let grain = |(id, a): (usize, &Atom)| {
+            let mut grain = GrainState {
+                id: id as u32,
+                position: a.position,
+                radius: 0.5 * a.diameter,
+                ..GrainState::zeroed()
+            };
+            if scene.pack.skip {
+                GrainState {
+                    velocity: a.velocity,
+                    angular_velocity: a.angular_velocity,
+                    ..grain
+                }
+            } else {
+                // Smooth planes and smooth grains would let spins go on for ever.
+                grain.position[up] -= self.file.edges[0];
+                grain
+            }
+        };
+        let mut grains: Vec<GrainState> = self.atoms.iter().enumerate().map(grain).collect();
+        if scene.pack.skip {
+            match walls {
+                Walls::Layers => {
+                    freeze_walls(&mut grains, up, self.file.edges, self.file.mean_diameter)
+                }
+                Walls::Types => self.walls_by_type(&mut grains, up)?,
+            }
+            if grains.iter().all(|g| g.body != body::FREE) {
+                let what = "all grains belong to walls, none is free";
+                return Err(Failure::input(format!("{}: {what}", self.name)));
+            }
+        }
+        match scene.dimension {
+            Dimensions::Two => self.check_overlaps::<Two>(scene, &grains)?,
+            Dimensions::Three => self.check_overlaps::<Three>(scene, &grains)?,
+        }
+        Ok(grains)
+    }
+
+    fn walls_by_type(&self, grains: &mut [GrainState], up: usize) -> Result<(), Failure> {
+        let of = |kind| self.atoms.iter().filter(move |a| a.kind == kind);
+        let by_height = |a: &&Atom, b: &&Atom| a.position[up].total_cmp(&b.position[up]);
+        let highest = of(BOTTOM_TYPE).max_by(by_height);
+        let lowest = of(TOP_TYPE).min_by(by_height);
+        let (Some(highest), Some(lowest)) = (highest, lowest) else {
+            return Err(Failure::input(format!(
+                "{}: no atom is of type {}; with walls = \"types\" type {BOTTOM_TYPE} is the bottom wall and type {TOP_TYPE} the top wall",
+                self.name,
+                if highest.is_none() {
+                    BOTTOM_TYPE
+                } else {
+                    TOP_TYPE
+                },
+            )));
+        };
+        if lowest.position[up] <= highest.position[up] {
+            return Err(Failure::input(format!(
+                "{}:{}: atom {} of type {TOP_TYPE} is not above atom {} of type {BOTTOM_TYPE} (line {}): the types are taken as top and bottom wall; \
+                 give sample.walls = \"layers\" if they are not",
+                self.name, lowest.line, lowest.id, highest.id, highest.line,
+            )));
+        }
+        for (g, a) in grains.iter_mut().zip(&self.atoms) {
+            g.body = match a.kind {
+                BOTTOM_TYPE => body::BOTTOM,
+                TOP_TYPE => body::TOP,
+                _ => body::FREE,
+            };
+        }
+        stop_walls(grains);
+        Ok(())
+    }
+
+    /// Tells the overlap that is furthest outside the law, if one is.
+    fn check_overlaps<D: Dimension>(
+        &self,
+        scene: &Scene,
+        states: &[GrainState],
+    ) -> Result<(), Failure> {
+        let cell = scene.sample.cell();
+        let mut grains = Grains::<D>::default();
+        grains.replace(states, scene.law.masses(), scene.time_step.step);
+        let window = Window::whole(self.file.length);
+        let range = Range {
+            reach: 2.0 * self.file.radius_max,
+            skin: 0.0,
+        };
+        let mut worst = (1.0, None);
+        for near in neighbour::pairs(&grains, cell, window, range) {
+            let [i, j] = near.grains;
+            let (a, b) = (&states[i as usize], &states[j as usize]);
+            let apart = cell.separation::<D>(&a.position, &b.position);
+            let overlap = a.radius + b.radius - length(apart);
+            let largest = scene.law.largest_overlap(a.radius, b.radius);
+            if overlap > worst.0 * largest {
+                worst = (overlap / largest, Some((i, j, overlap, largest)));
+            }
+        }
+        let Some((i, j, overlap, largest)) = worst.1 else {
+            return Ok(());
+        };
+        let (a, b) = (&self.atoms[i as usize], &self.atoms[j as usize]);
+        let (first, second) = if a.line < b.line { (a, b) } else { (b, a) };
+        Err(Failure::input(format!(
+            "{}:{}: atom {} overlaps atom {} (line {}) by {overlap:.3e} m, {:.1} % of the sum of their radii; the law {} takes {largest:.3e} m",
+            self.name,
+            first.line,
+            first.id,
+            second.id,
+            second.line,
+            200.0 * overlap / (a.diameter + b.diameter),
+            scene.law.kind().name,
+        )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{self, Source};
+
+    const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/triangular.data");
+    const TEXT: &str = include_str!("../tests/scenes/triangular.data");
+
+    /// The packing as changed by `edit`, and a scene of it.
+    fn packing(
+        edit: impl Fn(String) -> String,
+        sets: &[&str],
+    ) -> Result<(Packing, Scene), Failure> {
+        let text = "
+            material.density = 2500
+            contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
+            sample.packing = 'f'
+            load.stiffness_number = 1e3
+            shear = { inertial_number = 1e-3, strain = 0.01 }
+        ";
+        let data = lammps_data::parse("f", &edit(TEXT.into()))?;
+        let packing = Packing::new("f", Path::new(FILE), data, [1, 1])?;
+        let sets: Vec<String> = sets.iter().map(|s| s.to_string()).collect();
+        let scene = config::load_with(&Source::new("s", text), &sets, &mut |_, _| {
+            Ok(packing.file.clone())
+        })?;
+        Ok((packing, scene))
+    }
+
+    fn grains(edit: impl Fn(String) -> String, sets: &[&str]) -> Result<Vec<GrainState>, Failure> {
+        let (packing, scene) = packing(edit, sets)?;
+        packing.grains(&scene)
+    }
+
+    fn refused(edit: impl Fn(String) -> String, sets: &[&str]) -> String {
+        match grains(edit, sets) {
+            Err(Failure::Input(message)) => message,
+            Err(other) => panic!("not bad input: {other}"),
+            Ok(grains) => panic!("{} grains were taken", grains.len()),
+        }
+    }
+
+    /// Replaces the row of an atom.
+    fn with_atom(id: u64, row: &str) -> impl Fn(String) -> String + '_ {
+        move |text| {
+            let (head, tail) = text.split_once("Velocities").unwrap();
+            let at = head.find(&format!("\n{id} ")).unwrap() + 1;
+            let end = at + head[at..].find('\n').unwrap();
+            format!("{}{row}{}Velocities{tail}", &head[..at], &head[end..])
+        }
+    }
+
+    #[test]
+    fn copies_stand_beside_each_other() {
+        let once = Packing::read(Path::new(FILE), [1, 1]).unwrap();
+        let thrice = Packing::read(Path::new(FILE), [3, 1]).unwrap();
+        assert_eq!(thrice.file.grains, 3 * once.file.grains);
+        assert_eq!(thrice.file.length, 3.0 * once.file.length);
+        assert_eq!(thrice.file.edges, once.file.edges);
+        let place = |a: &Atom, shift: f64| [a.position[0] + shift, a.position[1]];
+        let mut copies: Vec<[f64; 2]> = (0..3)
+            .flat_map(|k| {
+                let shift = f64::from(k) * once.file.length;
+                once.atoms.iter().map(move |a| place(a, shift))
+            })
+            .collect();
+        let mut found: Vec<[f64; 2]> = thrice.atoms.iter().map(|a| place(a, 0.0)).collect();
+        let by_place = |a: &[f64; 2], b: &[f64; 2]| a.partial_cmp(b).unwrap();
+        copies.sort_by(by_place);
+        found.sort_by(by_place);
+        for (copy, found) in copies.iter().zip(&found) {
+            // A grain left of the box is wrapped before it is copied, or after.
+            assert!((copy[0] - found[0]).abs() < 1e-12 * thrice.file.length);
+            assert_eq!(copy[1], found[1]);
+        }
+    }
+
+    #[test]
+    fn what_the_scene_knows_of_it() {
+        let file = Packing::read(Path::new(FILE), [1, 1]).unwrap().file;
+        assert_eq!((file.grains, file.wall_types), (120, true));
+        let size = (file.radius_min, file.radius_max, file.mean_volume);
+        assert_eq!((size.0, size.1), (0.5e-3, 0.5e-3));
+        assert!((size.2 / (std::f64::consts::PI * 0.25e-6) - 1.0).abs() < 1e-14);
+        assert!((file.mean_diameter / 1e-3 - 1.0).abs() < 1e-14);
+        assert_eq!(file.length, 0.00799 - -0.002);
+        assert_eq!(file.edges[0], 0.0);
+        let rows = 1e-3 + 11.0 * 0.5 * 3f64.sqrt() * 0.999e-3;
+        assert!((file.edges[1] / rows - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn ids_run_up_in_columns() {
+        let all = grains(|text| text, &[]).unwrap();
+        let width = 9.99e-3 / 9.0;
+        for (k, pair) in all.windows(2).enumerate() {
+            assert_eq!(pair[0].id as usize, k);
+            let place = |g: &GrainState| ((g.position[0] / width) as u32, g.position[1]);
+            assert!(place(&pair[0]) <= place(&pair[1]));
+            assert!((0.0..9.99e-3).contains(&pair[0].position[0]));
+        }
+    }
+
+    #[test]
+    fn walls_come_from_types_or_layers() {
+        let by = |sets: &[&str]| {
+            let mut counts = [0; 3];
+            for g in grains(|text| text, sets).unwrap() {
+                counts[g.body as usize] += 1;
+                if g.body != body::FREE {
+                    assert_eq!((g.velocity, g.angular_velocity), ([0.0; 3], [0.0; 3]));
+                } else if !sets.contains(&"pack.skip=false") {
+                    assert!((g.velocity[0] / g.position[1] - 0.1).abs() < 1e-12);
+                    assert!(g.angular_velocity[2] < 0.0 && g.velocity[1] == 0.001);
+                }
+            }
+            counts
+        };
+        assert_eq!(by(&[]), [100, 10, 10]);
+        assert_eq!(by(&["sample.walls=types"]), [100, 10, 10]);
+        // The second row's centres lie 1.37 diameters high.
+        assert_eq!(by(&["sample.walls=layers"]), [100, 10, 10]);
+        assert_eq!(by(&["pack.skip=false"]), [120, 0, 0]);
+        // Types 1 and 2 alone are no walls.
+        let two = |text: String| text.replace(" 3 0.001 2500 ", " 2 0.001 2500 ");
+        let (packing, scene) = packing(two, &[]).unwrap();
+        assert!(!packing.file.wall_types);
+        let Origin::Packing { walls, .. } = scene.origin else {
+            panic!("a packing")
+        };
+        assert_eq!(walls, Walls::Layers);
+        assert_eq!(
+            refused(two, &["sample.walls=types"]),
+            "f: no atom is of type 3; with walls = \"types\" type 2 is the bottom wall and type 3 the top wall"
+        );
+    }
+
+    /// Positions along x are wrapped as LAMMPS wraps them, and begin at xlo.
+    #[test]
+    fn x_is_wrapped() {
+        let moved = with_atom(11, "11 1 0.001 2500 0.00873925 0.0013651593783806542 0");
+        let (a, b) = (
+            grains(|text| text, &[]).unwrap(),
+            grains(moved, &[]).unwrap(),
+        );
+        for (a, b) in a.iter().zip(&b) {
+            assert!((a.position[0] - b.position[0]).abs() < 1e-17);
+        }
+    }
+
+    #[test]
+    fn what_is_no_packing_of_disks_is_refused() {
+        let refused = |edit: &dyn Fn(String) -> String| refused(edit, &[]);
+        assert_eq!(
+            refused(&with_atom(11, "11 1 0.001 2500 -0.00125075 0.00136 1e-9")),
+            "f:19: z of atom 11 is 1e-9; in a packing of disks it is 0"
+        );
+        assert_eq!(
+            refused(&with_atom(11, "11 1 0.001 2500 -0.00125075 0.03 0")),
+            "f:19: atom 11 is out of the box: y = 0.03, the box has -0.001 0.02 ylo yhi"
+        );
+        assert_eq!(
+            refused(&|text| text.replace("-0.0005 0.0005 zlo", "0.1 0.2 zlo")),
+            "f: the box is beside the plane z = 0, in which the disks are: 0.1 0.2 zlo zhi"
+        );
+        // Onto atom 32.
+        assert_eq!(
+            refused(&with_atom(
+                39,
+                "39 1 0.001 2500 -0.0003 0.0030954781351419628 0"
+            )),
+            "f:22: atom 32 overlaps atom 39 (line 23) by 9.517e-4 m, 95.2 % of the sum of their radii; the law hooke takes 9.400e-5 m"
+        );
+        // Two of one row.
+        let bottom = with_atom(
+            32,
+            "32 2 0.001 2500 -0.0002517499999999998 0.0030954781351419628 0",
+        );
+        let top = with_atom(39, "39 3 0.001 2500 0.00674125 0.0030954781351419628 0");
+        assert_eq!(
+            refused(&|text| top(bottom(text))),
+            "f:23: atom 39 of type 3 is not above atom 32 of type 2 (line 22): the types are taken as top and bottom wall; \
+             give sample.walls = \"layers\" if they are not"
+        );
+        let two = |text: String| {
+            let (head, _) = text.split_once("4 2").unwrap();
+            format!("{}4 2 1 1 0 0 0\n", head.replace("120 atoms", "1 atoms"))
+        };
+        assert_eq!(
+            refused(&two),
+            "s:4: sample.packing: the cell is too narrow for its grains: length = 0.00999 m; give at least 4 diameters of the largest, 4.000e0 m"
+        );
+    }
+
+    #[test]
+    fn size_classes_are_not_taken_for_walls() {
+        // Types 1, 2 and 3 all over the place.
+        let classes = |text: String| {
+            let (head, tail) = text.split_once("Velocities").unwrap();
+            let row = |line: &str| match line.split_once(" 0.001 2500 ") {
+                Some((left, right)) => {
+                    let id: u32 = left.split(' ').next().unwrap().parse().unwrap();
+                    format!("{id} {} 0.001 2500 {right}\n", id % 3 + 1)
+                }
+                None => format!("{line}\n"),
+            };
+            let head: String = head.lines().map(row).collect();
+            format!("{head}Velocities{tail}")
+        };
+        let said = refused(classes, &[]);
+        assert!(
+            said.ends_with("the types are taken as top and bottom wall; give sample.walls = \"layers\" if they are not"),
+            "{said}"
+        );
+        assert!(grains(classes, &["sample.walls=layers"]).is_ok());
+    }
+}

@@ -1,0 +1,262 @@
+//! When what happens, in whole steps. Intervals of output are rounded to steps and never reach the trajectory.
+
+use crate::{Drive, Motion, Part, Scene};
+use gshear_dem::protocol::{Protocol, Segment};
+
+/// The shear stage in steps of Δt.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Schedule {
+    /// Δt (s).
+    pub step: f64,
+    /// H (m): height of the sheared layer at the start, to which strains refer.
+    pub height: f64,
+    pub protocol: Protocol,
+    /// One for each segment of the protocol.
+    pub intervals: Vec<Intervals>,
+    /// Steps of the stage.
+    pub total: u64,
+    pub first_frame: u64,
+    /// First frame that is analysed.
+    pub first_analysis: u64,
+    /// Every so many steps; 0 is never.
+    pub progress: u64,
+    /// Frames of a stretch that is computed again, instead of the segments'.
+    window: Option<Window>,
+}
+
+/// A stretch of the shear that is computed again: frames of the steps `first`, `first` + `every`, … up to `last`, where it ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    pub first: u64,
+    pub last: u64,
+    pub every: u64,
+}
+
+/// What is written during a segment of the protocol: every so many steps; 0 is never.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Intervals {
+    pub frames: u64,
+    /// Frames whose scalars are computed.
+    pub analysis: u64,
+    pub series: u64,
+    pub checkpoints: u64,
+}
+
+/// √(m̄/P) (s), the time of I = γ̇ √(m̄/P); in three dimensions √(m̄/(P d̄)).
+pub fn inertial_time(scene: &Scene) -> f64 {
+    let sample = &scene.sample;
+    let per_section = sample.mean_diameter / sample.mean_section();
+    (mean_mass(scene) / scene.load.pressure * per_section).sqrt()
+}
+
+/// m̄ = ρπ⟨R²⟩ (kg/m), in three dimensions (4/3)πρ⟨R³⟩ (kg); or the mass that all have.
+pub fn mean_mass(scene: &Scene) -> f64 {
+    scene.law.masses().of(scene.sample.mean_volume)
+}
+
+impl Schedule {
+    pub fn new(scene: &Scene, height: f64) -> Self {
+        let step = scene.time_step.step;
+        let output = &scene.output;
+        let protocol;
+        let mut intervals;
+        let (mut first_frame, mut first_analysis) = (0, 0);
+        match &scene.shear.motion {
+            Motion::Strain { drive, strain } => {
+                let speed = match drive {
+                    Drive::Velocity(speed) => *speed,
+                    Drive::InertialNumber(i) => i / inertial_time(scene) * height,
+                };
+                let per_step = speed / height * step;
+                let steps = |strain: f64| whole(strain / per_step);
+                protocol = Protocol::new(step, [(speed, steps(*strain))]);
+                intervals = vec![Intervals::default()];
+                let all = &mut intervals[0];
+                all.series = steps(output.series_strain);
+                // Frames and rows of the time series meet wherever their intervals as strains do.
+                let with_rows = |strain: f64| match output.rows_in(strain) {
+                    Some(rows) => rows * all.series,
+                    None => steps(strain),
+                };
+                all.frames = with_rows(output.frame_strain);
+                all.checkpoints = with_rows(output.checkpoint_strain);
+                first_frame = on_grid(steps(output.frame_start), all.frames);
+                if scene.analysis.scalars {
+                    all.analysis = with_rows(scene.analysis.strain);
+                    first_analysis = on_grid(steps(scene.analysis.start), all.analysis);
+                }
+            }
+            Motion::Protocol(parts) => {
+                let steps = |part: &Part| (part.velocity, whole(part.time / step));
+                protocol = Protocol::new(step, parts.iter().map(steps));
+                let of_segment = |segment: &Segment| {
+                    let every = |rows: u64| match rows {
+                        0 => 0,
+                        rows => (segment.steps / rows).max(1),
+                    };
+                    Intervals {
+                        frames: every(output.frame_rows),
+                        analysis: 0,
+                        series: every(output.series_rows),
+                        checkpoints: segment.steps,
+                    }
+                };
+                intervals = protocol.segments().iter().map(of_segment).collect();
+            }
+        }
+        let total = protocol.steps();
+        Self {
+            step,
+            height,
+            total,
+            first_frame,
+            first_analysis,
+            progress: match output.progress_lines {
+                0 => 0,
+                lines => (total / lines).max(1),
+            },
+            protocol,
+            intervals,
+            window: None,
+        }
+    }
+
+    /// The same to the end of a window, with its frames, without checkpoints and scalars.
+    pub fn of_window(mut self, window: Window) -> Self {
+        for intervals in &mut self.intervals {
+            (intervals.analysis, intervals.checkpoints) = (0, 0);
+        }
+        self.total = self.total.min(window.last);
+        self.window = Some(window);
+        self
+    }
+
+    /// γ of the drive after so many steps.
+    pub fn strain(&self, step: u64) -> f64 {
+        self.protocol.position(step) / self.height
+    }
+
+    /// t (s).
+    pub fn time(&self, step: u64) -> f64 {
+        step as f64 * self.step
+    }
+
+    /// I of a velocity (m/s).
+    pub fn inertial_number(&self, scene: &Scene, velocity: f64) -> f64 {
+        velocity / self.height * inertial_time(scene)
+    }
+
+    pub fn frame_due(&self, step: u64) -> bool {
+        if let Some(window) = self.window {
+            return step >= window.first && due(window.every, step - window.first);
+        }
+        step >= self.first_frame && self.due(|s| s.frames, step, self.first_frame)
+    }
+
+    pub fn analysis_due(&self, step: u64) -> bool {
+        step >= self.first_analysis && self.due(|s| s.analysis, step, self.first_analysis)
+    }
+
+    pub fn series_due(&self, step: u64) -> bool {
+        self.due(|s| s.series, step, 0)
+    }
+
+    pub fn progress_due(&self, step: u64) -> bool {
+        due(self.progress, step)
+    }
+
+    pub fn checkpoint_due(&self, step: u64) -> bool {
+        step > 0 && self.due(|s| s.checkpoints, step, 0)
+    }
+
+    fn due(&self, every: impl Fn(&Intervals) -> u64, step: u64, from: u64) -> bool {
+        let segment = self.protocol.segment_of(step);
+        let first = self.protocol.segments()[segment].first;
+        due(every(&self.intervals[segment]), step - first.max(from))
+    }
+}
+
+/// At least one step, and none of nothing.
+fn whole(steps: f64) -> u64 {
+    if steps > 0.0 {
+        (steps.round() as u64).max(1)
+    } else {
+        0
+    }
+}
+
+/// The multiple of an interval that is nearest to this step.
+fn on_grid(step: u64, every: u64) -> u64 {
+    match every {
+        0 => step,
+        every => (step + every / 2) / every * every,
+    }
+}
+
+fn due(every: u64, step: u64) -> bool {
+    every > 0 && step.is_multiple_of(every)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Source, load};
+
+    #[test]
+    fn strains_become_whole_steps() {
+        let scene = load(&Source::embedded(), &[]).expect("the default scene is sound");
+        let schedule = Schedule::new(&scene, 40e-6);
+        let per_step = schedule.strain(1);
+        assert!((schedule.strain(schedule.total) - 0.1).abs() <= 0.5 * per_step);
+        let whole = schedule.intervals[0];
+        assert!((whole.series as f64 * per_step - 1e-5).abs() <= 0.5 * per_step);
+        // Ten rows, rounded once.
+        assert_eq!(whole.frames, 10 * whole.series);
+        assert!((schedule.inertial_number(&scene, schedule.protocol.velocity(0)) / 2e-4 - 1.0).abs() < 1e-14);
+        assert!(schedule.frame_due(0) && schedule.frame_due(3 * whole.frames));
+        assert!(!schedule.frame_due(3 * whole.frames + 1));
+    }
+
+    /// Rows of the time series are there wherever a frame is written or analysed, though no start is a multiple of an interval.
+    #[test]
+    fn frames_have_rows() {
+        let set = [
+            "output.series_strain=7.2e-7",
+            "output.frame_strain=3.6e-6",
+            "output.frame_start=0.022",
+            "analysis.scalars=true",
+            "analysis.strain=1.44e-6",
+        ];
+        let scene = load(&Source::embedded(), &set.map(String::from)).expect("sound");
+        let s = Schedule::new(&scene, 40e-6);
+        let all = s.intervals[0];
+        assert_eq!((all.frames, all.analysis), (5 * all.series, 2 * all.series));
+        for (first, every) in [
+            (s.first_frame, all.frames),
+            (s.first_analysis, all.analysis),
+        ] {
+            assert_eq!(first % every, 0);
+            assert!((s.strain(first) - 0.022).abs() <= 0.5 * s.strain(every) + s.strain(1));
+        }
+        assert!(
+            s.analysis_due(s.first_analysis) && !s.analysis_due(s.first_analysis - all.analysis)
+        );
+        assert!((0..20).all(|k| s.series_due(s.first_analysis + k * all.analysis)));
+    }
+
+    /// Contract 2: nothing about output moves the time step or the number of steps.
+    #[test]
+    fn output_does_not_reach_the_steps() {
+        let with = |set: &[String]| {
+            let scene = load(&Source::embedded(), set).expect("sound");
+            let s = Schedule::new(&scene, 40e-6);
+            (s.step, s.total, s.protocol.velocity(0))
+        };
+        let other = [
+            "output.frame_strain=3.3e-5",
+            "output.series_strain=0.0",
+            "output.frame_start=0.01",
+        ];
+        assert_eq!(with(&[]), with(&other.map(String::from)));
+    }
+}

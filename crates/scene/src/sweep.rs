@@ -1,0 +1,278 @@
+//! `[sweep]`: lists of values for keys of the configuration, and the runs that they make together.
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::keys::resolve;
+use super::source::{Input, Source};
+use gshear_dem::failure::Failure;
+
+/// Name of the table.
+pub(super) const SWEEP: &str = "sweep";
+
+/// A run of a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Member {
+    /// Of its folder: `friction-0.7_seed-2`.
+    pub name: String,
+    /// Its values, as of `--set`.
+    pub set: Vec<String>,
+}
+
+/// A key, the values it takes as TOML, and where the table has it.
+struct Axis {
+    offset: usize,
+    path: String,
+    values: Vec<String>,
+}
+
+/// The runs of a configuration with a sweep, `None` of one without: every value with every other, the last key changing fastest.
+///
+/// # Errors
+/// `Failure::Input` where the table is none, has an unknown key, or something else than lists of different values.
+pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
+    let input = Input {
+        source,
+        overrides: &[],
+    };
+    // What is not TOML is said by whoever reads the rest of it.
+    let Ok(mut tree) = DeTable::parse(source.text()).map(Spanned::into_inner) else {
+        return Ok(None);
+    };
+    let Some((key, value)) = tree.remove_entry(SWEEP) else {
+        return Ok(None);
+    };
+    let refuse = |offset: usize, path: &str, what: &str| {
+        let path = match path {
+            "" => SWEEP.to_string(),
+            path => format!("{SWEEP}.{path}"),
+        };
+        Err(input.failure(offset, &path, what))
+    };
+    let at = key.span().start;
+    let DeValue::Table(table) = value.get_ref() else {
+        return refuse(
+            at,
+            "",
+            "is a table; write [sweep] and under it lists of values, such as seed = [1, 2, 3]",
+        );
+    };
+    let mut found = Vec::new();
+    leaves(table, "", &mut found);
+    found.sort_by_key(|(offset, ..)| *offset);
+    let mut axes: Vec<Axis> = Vec::new();
+    for (offset, path, value) in found {
+        if let Err(what) = resolve(&path) {
+            return refuse(offset, &path, &what);
+        }
+        let list = value.get_ref().as_array().filter(|list| !list.is_empty());
+        let Some(list) = list else {
+            return refuse(
+                offset,
+                &path,
+                "must be a list of one value or more, such as [0.1, 0.3]",
+            );
+        };
+        let texts = list.iter().map(|v| source.text()[v.span()].to_string());
+        let values: Vec<String> = texts.collect();
+        let twice = (1..values.len()).find(|k| values[..*k].contains(&values[*k]));
+        if let Some(k) = twice {
+            return refuse(offset, &path, &format!("has {} twice", values[k]));
+        }
+        axes.push(Axis {
+            offset,
+            path,
+            values,
+        });
+    }
+    if axes.is_empty() {
+        return refuse(
+            at,
+            "",
+            "is empty; give lists of values, such as seed = [1, 2, 3]",
+        );
+    }
+    let all = product(&axes);
+    for (k, member) in all.iter().enumerate() {
+        if all[..k].iter().any(|other| other.name == member.name) {
+            let last = &axes[axes.len() - 1];
+            let what = format!(
+                "gives two runs the name {}; make the values shorter",
+                member.name
+            );
+            return refuse(last.offset, &last.path, &what);
+        }
+    }
+    Ok(Some(all))
+}
+
+/// What to say of a sweep that is run as if it were one scene.
+pub(super) fn not_one_run(source: &Source) -> Result<String, Failure> {
+    let runs = members(source)?.map_or(0, |members| members.len());
+    Ok(format!(
+        "makes {runs} runs of this scene; --sweep list shows them, --sweep N runs the N-th of them, --sweep all one after the other"
+    ))
+}
+
+/// Keys with dots may be written in quotes or, as TOML has it, as tables in tables.
+fn leaves<'a, 'b>(
+    table: &'b DeTable<'a>,
+    above: &str,
+    found: &mut Vec<(usize, String, &'b Spanned<DeValue<'a>>)>,
+) {
+    for (key, value) in table.iter() {
+        let path = match above {
+            "" => key.get_ref().to_string(),
+            above => format!("{above}.{}", key.get_ref()),
+        };
+        match value.get_ref() {
+            DeValue::Table(inner) => leaves(inner, &path, found),
+            _ => found.push((key.span().start, path, value)),
+        }
+    }
+}
+
+fn product(axes: &[Axis]) -> Vec<Member> {
+    let short = |axis: &Axis| axis.path.rsplit('.').next().unwrap_or_default().to_string();
+    let names: Vec<String> = axes
+        .iter()
+        .map(|axis| {
+            let same = axes.iter().filter(|other| short(other) == short(axis));
+            match same.count() {
+                1 => short(axis),
+                _ => axis.path.replace('.', "-"),
+            }
+        })
+        .collect();
+    let mut members = vec![Member {
+        name: String::new(),
+        set: Vec::new(),
+    }];
+    for (axis, name) in axes.iter().zip(&names) {
+        let longer = |member: &Member, value: &String| {
+            let own = format!("{name}-{}", in_a_path(value));
+            let mut set = member.set.clone();
+            set.push(format!("{}={value}", axis.path));
+            Member {
+                name: match &member.name[..] {
+                    "" => own,
+                    before => format!("{before}_{own}"),
+                },
+                set,
+            }
+        };
+        let each = |member: &Member| -> Vec<Member> {
+            axis.values.iter().map(|v| longer(member, v)).collect()
+        };
+        members = members.iter().flat_map(each).collect();
+    }
+    members
+}
+
+/// A value as part of the name of a folder.
+fn in_a_path(value: &str) -> String {
+    let plain = |c: char| match c {
+        c if c.is_alphanumeric() || "+-.".contains(c) => c,
+        _ => '-',
+    };
+    value.trim_matches(['"', '\'']).chars().map(plain).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load;
+
+    fn with(sweep: &str) -> Source {
+        let scene = include_str!("../../../configs/plane-shear-2d.toml");
+        Source::new("sweep.toml", format!("{scene}\n{sweep}\n"))
+    }
+
+    fn names(sweep: &str) -> Vec<String> {
+        let members = members(&with(sweep)).expect("a sweep").expect("a sweep");
+        members.into_iter().map(|member| member.name).collect()
+    }
+
+    fn message(sweep: &str) -> String {
+        let refused = members(&with(sweep)).expect_err("refused").to_string();
+        refused.split_once(": ").expect("a place").1.to_string()
+    }
+
+    #[test]
+    fn every_value_meets_every_other_in_the_order_of_the_file() {
+        let sweep = "[sweep]\nseed = [2, 1]\n\"contact.friction\" = [0.1, 0.30]";
+        let wanted = [
+            "seed-2_friction-0.1",
+            "seed-2_friction-0.30",
+            "seed-1_friction-0.1",
+            "seed-1_friction-0.30",
+        ];
+        assert_eq!(names(sweep), wanted);
+        let source = with(sweep);
+        let members = members(&source).expect("a sweep").expect("a sweep");
+        assert_eq!(members[1].set, ["seed=2", "contact.friction=0.30"]);
+        let scene = load(&source.of_member(), &members[1].set).expect("a scene");
+        assert_eq!((scene.seed, scene.contact.friction), (2, 0.3));
+    }
+
+    #[test]
+    fn dotted_keys_are_tables_in_tables() {
+        assert_eq!(
+            names(
+                "[sweep]\ncontact.friction = [0.1]\n[sweep.shear]\nstrain = [0.2, 0.3]\n[sweep.output]\nframe_strain=[1e-3]\n[sweep.pack]\nfriction = [0.5]"
+            ),
+            [
+                "contact-friction-0.1_strain-0.2_frame_strain-1e-3_pack-friction-0.5",
+                "contact-friction-0.1_strain-0.3_frame_strain-1e-3_pack-friction-0.5"
+            ]
+        );
+        assert_eq!(
+            names("[sweep]\ntitle = ['a/b c', \"ü\"]"),
+            ["title-a-b-c", "title-ü"]
+        );
+    }
+
+    #[test]
+    fn a_scene_without_a_sweep_has_none() {
+        assert_eq!(members(&with("")).expect("no sweep"), None);
+        assert_eq!(members(&Source::new("x", "[[[")).expect("no sweep"), None);
+    }
+
+    #[test]
+    fn bad_sweeps() {
+        for (sweep, wanted) in [
+            (
+                "[sweep]",
+                "sweep: is empty; give lists of values, such as seed = [1, 2, 3]",
+            ),
+            (
+                "[sweep]\nseed = 3",
+                "sweep.seed: must be a list of one value or more, such as [0.1, 0.3]",
+            ),
+            (
+                "[sweep]\nseed = []",
+                "sweep.seed: must be a list of one value or more, such as [0.1, 0.3]",
+            ),
+            ("[sweep]\nseed = [1, 2, 1]", "sweep.seed: has 1 twice"),
+            (
+                "[sweep]\ntitle = ['a/b', 'a b']",
+                "sweep.title: gives two runs the name title-a-b; make the values shorter",
+            ),
+        ] {
+            assert_eq!(message(sweep), wanted);
+        }
+        assert!(message("[sweep]\nsede = [1]").starts_with("sweep.sede: unknown key"));
+        assert!(message("[sweep]\n'contact.fricton' = [1]").contains("did you mean friction?"));
+    }
+
+    #[test]
+    fn a_sweep_is_not_one_run() {
+        let refused = load(&with("[sweep]\nseed = [1, 2]"), &[])
+            .expect_err("refused")
+            .to_string();
+        assert!(
+            refused.contains("sweep: makes 2 runs of this scene; --sweep list"),
+            "{refused}"
+        );
+    }
+}

@@ -1,0 +1,334 @@
+//! A batch of frames on its way from the ranks that have the grains to those that write them.
+
+use super::collective::{IdBlocks, records_of};
+use super::layout::{elements, forces};
+use gshear_dem::state::{ContactSample, GrainSample};
+use std::ops::Range;
+
+/// Who writes what of a batch. In the order of the file, by frame and then by id, every rank has one stretch, which in a
+/// dataset of grains is also one box: whole frames where there are as many as ranks, else a block of the ids of one frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Shares {
+    pub frames: u64,
+    pub grains: u64,
+    pub ranks: u64,
+}
+
+/// What one rank writes of a batch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Share {
+    pub frames: Range<u64>,
+    pub ids: Range<u64>,
+}
+
+impl Shares {
+    fn by_frame(&self) -> Option<IdBlocks> {
+        let Shares { frames, ranks, .. } = *self;
+        (frames >= ranks).then_some(IdBlocks {
+            grains: frames,
+            ranks,
+        })
+    }
+
+    /// Where there are more ranks than frames: the ranks of one frame, as the first of them and the blocks of the ids.
+    fn of_frame(&self, frame: u64) -> (u64, IdBlocks) {
+        let first = |f: u64| (f * self.ranks).div_ceil(self.frames);
+        let ranks = first(frame + 1) - first(frame);
+        (
+            first(frame),
+            IdBlocks {
+                grains: self.grains,
+                ranks,
+            },
+        )
+    }
+
+    pub fn of(&self, rank: usize) -> Share {
+        if let Some(blocks) = self.by_frame() {
+            return Share {
+                frames: blocks.range(rank),
+                ids: 0..self.grains,
+            };
+        }
+        let frame = rank as u64 * self.frames / self.ranks;
+        let (first, blocks) = self.of_frame(frame);
+        Share {
+            frames: frame..frame + 1,
+            ids: blocks.range(rank - first as usize),
+        }
+    }
+}
+
+/// This rank's part of the frames that wait to be written.
+#[derive(Default)]
+pub struct Frames {
+    pub step: Vec<u64>,
+    pub time: Vec<f64>,
+    /// Grains and contacts of each frame.
+    counts: Vec<[usize; 2]>,
+    grains: Vec<GrainSample>,
+    contacts: Vec<ContactSample>,
+}
+
+impl Frames {
+    pub fn len(&self) -> usize {
+        self.step.len()
+    }
+
+    pub fn push(
+        &mut self,
+        step: u64,
+        time: f64,
+        grains: &[GrainSample],
+        contacts: &[ContactSample],
+    ) {
+        self.step.push(step);
+        self.time.push(time);
+        self.counts.push([grains.len(), contacts.len()]);
+        self.grains.extend_from_slice(grains);
+        self.contacts.extend_from_slice(contacts);
+    }
+
+    pub fn clear(&mut self) {
+        self.step.clear();
+        self.time.clear();
+        self.counts.clear();
+        self.grains.clear();
+        self.contacts.clear();
+    }
+
+    /// To each rank, of each frame that it has a share in: how many grains and contacts, the grains, the contacts.
+    pub fn messages(&self, shares: &Shares) -> Vec<Vec<u8>> {
+        let mut messages = vec![Vec::new(); shares.ranks as usize];
+        let add = |message: &mut Vec<u8>, grains: &[GrainSample], contacts: &[ContactSample]| {
+            let counts = [grains.len() as u64, contacts.len() as u64];
+            message.extend_from_slice(bytemuck::bytes_of(&counts));
+            message.extend_from_slice(bytemuck::cast_slice(grains));
+            message.extend_from_slice(bytemuck::cast_slice(contacts));
+        };
+        let (mut grains, mut contacts) = (&self.grains[..], &self.contacts[..]);
+        for (f, &[n_grains, n_contacts]) in (0..).zip(&self.counts) {
+            let (of_grains, of_contacts) = (&grains[..n_grains], &contacts[..n_contacts]);
+            (grains, contacts) = (&grains[n_grains..], &contacts[n_contacts..]);
+            if let Some(blocks) = shares.by_frame() {
+                add(&mut messages[blocks.holder(f)], of_grains, of_contacts);
+                continue;
+            }
+            let (first, blocks) = shares.of_frame(f.into());
+            let mut parts = vec![(Vec::new(), Vec::new()); blocks.ranks as usize];
+            for grain in of_grains {
+                parts[blocks.holder(grain.id as u32)].0.push(*grain);
+            }
+            for contact in of_contacts {
+                parts[blocks.holder(contact.i)].1.push(*contact);
+            }
+            for (message, (grains, contacts)) in messages[first as usize..].iter_mut().zip(&parts) {
+                add(message, grains, contacts);
+            }
+        }
+        messages
+    }
+}
+
+/// A share of a batch, as columns.
+pub struct Part {
+    /// Of [`elements`], [f][n][width] of the share's frames and ids.
+    pub values: [Vec<f64>; 3],
+    /// Contacts of each of the share's frames.
+    pub counts: Vec<i64>,
+    pub i: Vec<u32>,
+    pub j: Vec<u32>,
+    /// Of [`forces`].
+    pub forces: Vec<Vec<f64>>,
+    pub sliding: Vec<u8>,
+}
+
+impl Part {
+    /// From one message of each rank. Panics where a grain is missing, or anything comes twice: a fault of the program.
+    pub fn assemble(messages: &[Vec<u8>], share: &Share, axes: usize) -> Part {
+        let (frames, block) = (length(&share.frames) as usize, length(&share.ids) as usize);
+        let mut part = Part {
+            values: elements(axes).map(|(_, width)| vec![0.0; frames * block * width]),
+            counts: Vec::with_capacity(frames),
+            i: Vec::new(),
+            j: Vec::new(),
+            forces: vec![Vec::new(); forces(axes).len()],
+            sliding: Vec::new(),
+        };
+        let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
+        let mut seen = vec![false; block];
+        let mut found: Vec<ContactSample> = Vec::new();
+        let mut order: Vec<(u64, u32)> = Vec::new();
+        for f in 0..frames {
+            seen.fill(false);
+            found.clear();
+            for rest in &mut rest {
+                let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(rest, 16));
+                let grains = take(rest, counts[0] as usize * size_of::<GrainSample>());
+                let contacts = take(rest, counts[1] as usize * size_of::<ContactSample>());
+                for grain in records_of::<GrainSample>(grains) {
+                    let n = (grain.id - share.ids.start) as usize;
+                    assert!(!seen[n], "grain {} twice in a frame", grain.id);
+                    seen[n] = true;
+                    let at = f * block + n;
+                    part.values[0][3 * at..][..3].copy_from_slice(&grain.position);
+                    part.values[1][3 * at..][..3].copy_from_slice(&grain.velocity);
+                    let spin = &grain.angular_velocity;
+                    match axes {
+                        2 => part.values[2][at] = spin[2],
+                        _ => part.values[2][3 * at..][..3].copy_from_slice(spin),
+                    }
+                }
+                found.extend(records_of::<ContactSample>(contacts));
+            }
+            if let Some(n) = seen.iter().position(|s| !s) {
+                panic!("grain {} is not in a frame", share.ids.start + n as u64);
+            }
+            order.clear();
+            let key = |c: &ContactSample| u64::from(c.i) << 32 | u64::from(c.j);
+            order.extend(found.iter().map(key).zip(0..));
+            // Stable, as that sort merges the runs in which the ranks' contacts come.
+            order.sort_by_key(|&(key, _)| key);
+            if let Some(twice) = order.windows(2).find(|w| w[0].0 == w[1].0) {
+                panic!(
+                    "contact {} {} twice in a frame",
+                    twice[0].0 >> 32,
+                    twice[0].0 as u32
+                );
+            }
+            part.push(order.iter().map(|&(_, n)| &found[n as usize]), axes);
+        }
+        part
+    }
+
+    /// One frame's contacts, in order.
+    fn push<'a>(
+        &mut self,
+        contacts: impl ExactSizeIterator<Item = &'a ContactSample>,
+        axes: usize,
+    ) {
+        self.counts.push(contacts.len() as i64);
+        for c in contacts {
+            self.i.push(c.i);
+            self.j.push(c.j);
+            let [normal, rolling, overlap] = [&c.normal_force, &c.rolling_history, &c.overlap];
+            let tangents = if axes == 2 { 1 } else { 3 };
+            let force = &c.tangential_force[..tangents];
+            let history = &c.tangential_history[..tangents];
+            let one = std::slice::from_ref;
+            let all = [one(normal), force, history, one(rolling), one(overlap)];
+            let stored = all
+                .into_iter()
+                .enumerate()
+                .filter(|&(n, _)| axes == 2 || n != 3);
+            for (column, (_, values)) in self.forces.iter_mut().zip(stored) {
+                column.extend_from_slice(values);
+            }
+            self.sliding.push(c.sliding as u8);
+        }
+    }
+}
+
+/// The next so many bytes.
+fn take<'a>(bytes: &mut &'a [u8], length: usize) -> &'a [u8] {
+    let (now, later) = bytes.split_at(length);
+    *bytes = later;
+    now
+}
+
+pub fn length(range: &Range<u64>) -> u64 {
+    range.end - range.start
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_follow_each_other_in_the_order_of_the_file() {
+        for (frames, grains) in [(1, 5), (2, 1), (3, 10), (4, 7), (64, 3)] {
+            for ranks in 1..=9 {
+                let shares = Shares {
+                    frames,
+                    grains,
+                    ranks,
+                };
+                let mut places = Vec::new();
+                for share in (0..ranks as usize).map(|r| shares.of(r)) {
+                    places.extend(
+                        share
+                            .frames
+                            .flat_map(|f| share.ids.clone().map(move |id| (f, id))),
+                    );
+                }
+                let all = (0..frames).flat_map(|f| (0..grains).map(move |id| (f, id)));
+                assert!(places.into_iter().eq(all), "{shares:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn everything_reaches_its_share() {
+        let grain = |id| GrainSample {
+            id,
+            position: [id as f64, 1.0, 0.0],
+            velocity: [2.0, 3.0, 0.0],
+            angular_velocity: [0.0, 0.0, 4.0],
+        };
+        let contact = |i, j| ContactSample {
+            i,
+            j,
+            ..bytemuck::Zeroable::zeroed()
+        };
+        let mut frames = Frames::default();
+        let grains: Vec<_> = (0..7).rev().map(grain).collect();
+        frames.push(
+            0,
+            0.0,
+            &grains,
+            &[contact(5, 6), contact(0, 3), contact(0, 1)],
+        );
+        frames.push(1, 1.0, &grains, &[]);
+        for ranks in 1..=9 {
+            let shares = Shares {
+                frames: 2,
+                grains: 7,
+                ranks,
+            };
+            let (mut x, mut pairs, mut counts) = (Vec::new(), Vec::new(), [0; 2]);
+            for (rank, message) in frames.messages(&shares).into_iter().enumerate() {
+                let share = shares.of(rank);
+                let part = Part::assemble(&[message], &share, 2);
+                x.extend(part.values[0].chunks(3).map(|p| p[0]));
+                pairs.extend(part.i.iter().copied().zip(part.j));
+                share
+                    .frames
+                    .zip(part.counts)
+                    .for_each(|(f, n)| counts[f as usize] += n);
+            }
+            assert!(x.into_iter().eq((0..14).map(|n| f64::from(n % 7))));
+            assert_eq!((pairs, counts), (vec![(0, 1), (0, 3), (5, 6)], [3, 0]));
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "grain 1 is not in a frame")]
+    fn a_lost_grain_is_noticed() {
+        let mut frames = Frames::default();
+        frames.push(
+            0,
+            0.0,
+            &[GrainSample {
+                id: 0,
+                ..bytemuck::Zeroable::zeroed()
+            }],
+            &[],
+        );
+        let shares = Shares {
+            frames: 1,
+            grains: 2,
+            ranks: 1,
+        };
+        Part::assemble(&frames.messages(&shares), &shares.of(0), 2);
+    }
+}

@@ -1,0 +1,421 @@
+//! `checkpoint.h5`: the whole state of a run, checked by sums when it is read.
+
+mod records;
+
+use super::collective::{IdBlocks, Outcome, agree, records_of};
+use super::h5::{Attribute, H5File, Word};
+use gshear_dem::domain::total;
+use gshear_mpi_exchange::Parallel;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{
+    ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
+};
+use records::{Record, length, read_records, write_one, write_records};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use xxhash_rust::xxh3::xxh3_64;
+
+/// The newest checkpoint of a run's folder.
+pub const NAME: &str = "checkpoint.h5";
+/// The one before it.
+pub const PREVIOUS: &str = "checkpoint.previous.h5";
+const PART: &str = "checkpoint.h5.part";
+
+const FORMAT: &str = "gshear-checkpoint";
+/// Changes with what a checkpoint holds.
+pub const VERSION: u64 = 3;
+
+/// Wrapping sum of the hashes of the records: the same in whatever order and on whatever ranks they are.
+fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64 {
+    let hashes = records.iter().map(|r| xxh3_64(bytemuck::bytes_of(r)));
+    total(exchange, hashes.fold(0, u64::wrapping_add))
+}
+
+fn hex(sum: u64) -> String {
+    format!("{sum:016x}")
+}
+
+/// The contacts of a checkpoint that has been read, with every rank that has read one of their grains: they come with the first.
+pub fn to_both_holders(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<ContactState> {
+    let blocks = IdBlocks {
+        grains: total(exchange, snapshot.grains.len() as u64),
+        ranks: exchange.size() as u64,
+    };
+    let mut to = vec![Vec::new(); exchange.size()];
+    for contact in &snapshot.contacts {
+        let (a, b) = (blocks.holder(contact.i), blocks.holder(contact.j));
+        to[a].extend_from_slice(bytemuck::bytes_of(contact));
+        if b != a {
+            to[b].extend_from_slice(bytemuck::bytes_of(contact));
+        }
+    }
+    let received = exchange.all_to_all(to);
+    let contacts = received.iter().flat_map(|bytes| records_of(bytes));
+    contacts.collect()
+}
+
+/// Writes the folder's `checkpoint.h5`, keeping the one that is there as `checkpoint.previous.h5`.
+/// Together the ranks have the grains 0 … N-1 and every contact once, in any order. Collective.
+pub fn write(
+    exchange: &dyn Parallel,
+    folder: &Path,
+    scene_toml: &str,
+    snapshot: &Snapshot,
+) -> Result<(), Failure> {
+    let blocks = IdBlocks {
+        grains: total(exchange, snapshot.grains.len() as u64),
+        ranks: exchange.size() as u64,
+    };
+    let grains = of_grains(exchange, blocks, &snapshot.grains, |g| g.id);
+    let contacts = of_contacts(exchange, blocks, &snapshot.contacts, |c| [c.i, c.j]);
+    let analysed = snapshot.analysed.as_ref().map(|part| {
+        let grains = of_grains(exchange, blocks, &part.grains, |g| g.id);
+        let contacts = of_contacts(exchange, blocks, &part.contacts, |c| [c.i, c.j]);
+        (grains, contacts)
+    });
+
+    let travels = snapshot.travels.as_ref();
+    let travels = travels.map(|travels| of_grains(exchange, blocks, travels, |g| g.id));
+
+    // The texts of rank 0: HDF5 wants the same from all.
+    let header = exchange.broadcast(snapshot.header.clone().into_bytes());
+    let scene = exchange.broadcast(scene_toml.to_owned().into_bytes());
+    let sum = |sum: u64| Attribute::Word(hex(sum));
+    let mut attributes = vec![
+        ("format", Attribute::Word(FORMAT.into())),
+        ("format_version", Attribute::Count(VERSION)),
+        ("checksum_header", sum(xxh3_64(&header))),
+        ("checksum_scene", sum(xxh3_64(&scene))),
+        (
+            GrainState::CHECKSUM,
+            sum(checksum(exchange, &grains.records)),
+        ),
+        (
+            ContactState::CHECKSUM,
+            sum(checksum(exchange, &contacts.records)),
+        ),
+    ];
+    if let Some((grains, contacts)) = &analysed {
+        attributes.extend([
+            (
+                GrainPlace::CHECKSUM,
+                sum(checksum(exchange, &grains.records)),
+            ),
+            (
+                ContactForce::CHECKSUM,
+                sum(checksum(exchange, &contacts.records)),
+            ),
+        ]);
+    }
+    if let Some(travels) = &travels {
+        let sum = sum(checksum(exchange, &travels.records));
+        attributes.push((Travel::CHECKSUM, sum));
+    }
+    let part = folder.join(PART);
+    let file = agree(exchange, H5File::create(&part, exchange.communicator()))?;
+    let mut outcome = Outcome::default();
+    for (name, value) in &attributes {
+        outcome.note(file.attribute("/", name, value));
+    }
+    let root = exchange.rank() == 0;
+    for (name, text) in [("header", &header), ("scene", &scene)] {
+        let mine = if root { &text[..] } else { &[] };
+        outcome.note(write_one(&file, name, &[text.len()], 0, mine));
+    }
+    write_records(&file, &mut outcome, &grains);
+    write_records(&file, &mut outcome, &contacts);
+    if let Some((grains, contacts)) = &analysed {
+        write_records(&file, &mut outcome, grains);
+        write_records(&file, &mut outcome, contacts);
+    }
+    if let Some(travels) = &travels {
+        write_records(&file, &mut outcome, travels);
+    }
+    file.agree(exchange, outcome)?;
+    agree(exchange, file.close())?;
+    let moved = if root { replace(folder) } else { Ok(()) };
+    agree(exchange, moved)
+}
+
+/// A rank's stretch of a list.
+struct Stretch<R> {
+    /// Of the whole list.
+    length: u64,
+    /// Before the stretch.
+    first: u64,
+    records: Vec<R>,
+}
+
+/// Of the grains 0 … N-1, an even block. Collective.
+fn of_grains<R: Record>(
+    exchange: &dyn Parallel,
+    blocks: IdBlocks,
+    grains: &[R],
+    id: impl Fn(&R) -> u32,
+) -> Stretch<R> {
+    let ids = blocks.range(exchange.rank());
+    let mut records = blocks.redistribute(exchange, grains, &id);
+    records.sort_unstable_by_key(&id);
+    let complete = records.iter().map(|g| u64::from(id(g))).eq(ids.clone());
+    assert!(complete, "a snapshot's grains are not 0 … N-1");
+    Stretch {
+        length: blocks.grains,
+        first: ids.start,
+        records,
+    }
+}
+
+/// Of the contacts in the order of their ids, those whose lower id is in an even block. Collective.
+fn of_contacts<R: Record>(
+    exchange: &dyn Parallel,
+    blocks: IdBlocks,
+    contacts: &[R],
+    ids: impl Fn(&R) -> [u32; 2],
+) -> Stretch<R> {
+    let mut records = blocks.redistribute(exchange, contacts, |c| ids(c)[0]);
+    records.sort_unstable_by_key(&ids);
+    Stretch {
+        length: total(exchange, records.len() as u64),
+        first: exchange.sum_below(records.len() as u64),
+        records,
+    }
+}
+
+/// Puts the new checkpoint in the place of the old one, at no moment without a whole one.
+fn replace(folder: &Path) -> Result<(), Failure> {
+    let (new, old, part) = (folder.join(NAME), folder.join(PREVIOUS), folder.join(PART));
+    let renamed = || -> std::io::Result<()> {
+        std::fs::File::open(&part)?.sync_all()?;
+        if new.exists() {
+            std::fs::rename(&new, &old)?;
+        }
+        std::fs::rename(&part, &new)?;
+        std::fs::File::open(folder)?.sync_all()
+    };
+    renamed().map_err(|error| {
+        Failure::other(format!(
+            "{}: cannot put it in place: {error}",
+            new.display()
+        ))
+    })
+}
+
+/// `checkpoint-<step>.h5`.
+pub fn kept_name(step: u64) -> String {
+    format!("checkpoint-{step}.h5")
+}
+
+/// Keeps the folder's newest checkpoint under the name of its step as well. By one rank.
+pub fn keep(folder: &Path, step: u64) -> Result<(), Failure> {
+    let (newest, kept) = (folder.join(NAME), folder.join(kept_name(step)));
+    let link = || -> std::io::Result<()> {
+        // Beside, then renamed, in the place of one from before.
+        let part = folder.join(PART);
+        let _ = std::fs::remove_file(&part);
+        // Not every file system has second names.
+        std::fs::hard_link(&newest, &part).or_else(|_| std::fs::copy(&newest, &part).map(drop))?;
+        std::fs::rename(&part, &kept)
+    };
+    link().map_err(|e| Failure::other(format!("{}: cannot be kept: {e}", kept.display())))
+}
+
+/// The kept checkpoints of a folder, in the order of their steps.
+pub fn kept(folder: &Path) -> Vec<(u64, PathBuf)> {
+    let step = |path: &Path| -> Option<u64> {
+        let name = path.file_name()?.to_str()?;
+        let step = name.strip_prefix("checkpoint-")?.strip_suffix(".h5")?;
+        step.parse().ok()
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut found: Vec<_> = entries
+        .filter_map(|entry| Some((step(&entry.path())?, entry.path())))
+        .collect();
+    found.sort();
+    found
+}
+
+/// Whether a file says of itself that it is a checkpoint.
+pub fn is_checkpoint(path: &Path) -> bool {
+    hdf5::silence_errors(true);
+    path.is_file() && hdf5::File::open(path).is_ok_and(|file| file.attr("format").is_ok())
+}
+
+/// The scene and this rank's part of a checkpoint: an even block of the ids, and the contacts whose lower id is in it, in order.
+/// `Failure::Input`, the same on every rank, where the file is missing, damaged, or none of ours. Collective.
+pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), Failure> {
+    let bad = |why: String| Failure::input(format!("{}: {why}", path.display()));
+    // By each rank for itself, through the plain driver: what fails on one alone then leaves nobody waiting.
+    let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
+    let pieces = agree(exchange, pieces)?;
+
+    let blocks = pieces.blocks;
+    let checked = Checked { exchange, blocks };
+    checked.grains(&pieces.grains, |g| g.id).map_err(bad)?;
+    checked
+        .contacts(&pieces.contacts, |c| [c.i, c.j])
+        .map_err(bad)?;
+    if let Some((grains, contacts)) = &pieces.analysed {
+        checked.grains(grains, |g| g.id).map_err(bad)?;
+        checked.contacts(contacts, |c| [c.i, c.j]).map_err(bad)?;
+    }
+    if let Some(travels) = &pieces.travels {
+        checked.grains(travels, |g| g.id).map_err(bad)?;
+    }
+    let contacts = blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i);
+    Ok((
+        pieces.scene,
+        Snapshot {
+            header: pieces.header,
+            grains: pieces.grains.records,
+            contacts,
+            analysed: pieces.analysed.map(|(grains, contacts)| FramePart {
+                grains: grains.records,
+                contacts: contacts.records,
+            }),
+            travels: pieces.travels.map(|travels| travels.records),
+        },
+    ))
+}
+
+/// What must be right of the pieces of all ranks; every rank comes to the same.
+struct Checked<'a> {
+    exchange: &'a dyn Parallel,
+    blocks: IdBlocks,
+}
+
+impl Checked<'_> {
+    fn grains<R: Record>(&self, piece: &Piece<R>, id: impl Fn(&R) -> u32) -> Result<(), String> {
+        let ids = piece.records.iter().map(|g| u64::from(id(g)));
+        let whole = ids.eq(self.blocks.range(self.exchange.rank()));
+        self.all(piece, whole)
+    }
+
+    fn contacts<R: Record>(
+        &self,
+        piece: &Piece<R>,
+        ids: impl Fn(&R) -> [u32; 2],
+    ) -> Result<(), String> {
+        let records = &piece.records;
+        let pair = |c: &R| ids(c)[0] < ids(c)[1] && u64::from(ids(c)[1]) < self.blocks.grains;
+        self.all(
+            piece,
+            records.iter().all(pair) && records.is_sorted_by_key(ids),
+        )
+    }
+
+    fn all<R: Record>(&self, piece: &Piece<R>, ordered: bool) -> Result<(), String> {
+        if hex(checksum(self.exchange, &piece.records)) != piece.sum {
+            return Err(format!(
+                "damaged: the checksum of its {} is not the one stored",
+                R::NAME
+            ));
+        }
+        match total(self.exchange, u64::from(!ordered)) {
+            0 => Ok(()),
+            _ => Err(format!(
+                "damaged: its {} are not in the order of their ids",
+                R::NAME
+            )),
+        }
+    }
+}
+
+struct Pieces {
+    header: String,
+    scene: String,
+    blocks: IdBlocks,
+    grains: Piece<GrainState>,
+    contacts: Piece<ContactState>,
+    analysed: Option<(Piece<GrainPlace>, Piece<ContactForce>)>,
+    travels: Option<Piece<Travel>>,
+}
+
+/// An even share of a list, whichever ids it is of, and the checksum that is stored of the list.
+struct Piece<R> {
+    records: Vec<R>,
+    sum: String,
+}
+
+fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String> {
+    if !path.is_file() {
+        return Err("there is no such checkpoint".into());
+    }
+    let file = hdf5::File::open(path).map_err(|e| format!("not an HDF5 file, or damaged ({e})"))?;
+    let foreign = || "not a checkpoint of gshear-mpi".to_string();
+    let word = |name: &str| -> Result<String, String> {
+        let value = file.attr(name).and_then(|a| a.read_scalar::<Word>());
+        let value = value.map_err(|e| format!("damaged: attribute {name} ({e})"))?;
+        String::from_utf8(value.as_bytes().to_vec())
+            .map_err(|_| format!("damaged: attribute {name}"))
+    };
+    let names = file.attr_names().unwrap_or_default();
+    if !names.iter().any(|n| n == "format") {
+        return Err(foreign());
+    }
+    if word("format")? != FORMAT {
+        return Err(foreign());
+    }
+    let version = file
+        .attr("format_version")
+        .and_then(|a| a.read_scalar::<u64>());
+    let version = version.map_err(|e| format!("damaged: attribute format_version ({e})"))?;
+    if version != VERSION {
+        return Err(format!(
+            "a checkpoint of format version {version}; this program reads version {VERSION}"
+        ));
+    }
+    let text = |name: &str| -> Result<String, String> {
+        let bytes = file.dataset(name).and_then(|d| d.read_raw::<u8>());
+        let bytes = bytes.map_err(|e| format!("damaged: {name} ({e})"))?;
+        if hex(xxh3_64(&bytes)) != word(&format!("checksum_{name}"))? {
+            return Err(format!(
+                "damaged: the checksum of its {name} is not the one stored"
+            ));
+        }
+        String::from_utf8(bytes).map_err(|_| format!("damaged: {name} is no text"))
+    };
+    let (header, scene) = (text("header")?, text("scene")?);
+    let share = |name: &str| -> Result<(IdBlocks, Range<u64>), String> {
+        let list = IdBlocks {
+            grains: length(&file, name)?,
+            ranks: ranks as u64,
+        };
+        Ok((list, list.range(rank)))
+    };
+    fn piece<R: Record>(
+        file: &hdf5::File,
+        (list, mine): (IdBlocks, Range<u64>),
+        sum: String,
+    ) -> Result<Piece<R>, String> {
+        let records = read_records(file, list.grains, mine)?;
+        Ok(Piece { records, sum })
+    }
+    let has = |sum: &str| names.iter().any(|n| n == sum);
+    let grains = share("grains/id")?;
+    Ok(Pieces {
+        header,
+        scene,
+        blocks: grains.0,
+        grains: piece(&file, grains, word(GrainState::CHECKSUM)?)?,
+        contacts: piece(&file, share("contacts/i")?, word(ContactState::CHECKSUM)?)?,
+        analysed: match has(GrainPlace::CHECKSUM) {
+            true => Some((
+                piece(
+                    &file,
+                    share("analysed/grains/id")?,
+                    word(GrainPlace::CHECKSUM)?,
+                )?,
+                piece(
+                    &file,
+                    share("analysed/contacts/i")?,
+                    word(ContactForce::CHECKSUM)?,
+                )?,
+            )),
+            false => None,
+        },
+        travels: match has(Travel::CHECKSUM) {
+            true => Some(piece(&file, share("travels/id")?, word(Travel::CHECKSUM)?)?),
+            false => None,
+        },
+    })
+}

@@ -1,0 +1,224 @@
+//! Records of a checkpoint and their fields, a dataset each.
+
+use super::Stretch;
+use gshear_dem::failure::Failure;
+use crate::collective::Outcome;
+use crate::h5::{H5File, Slab};
+use gshear_dem::state::{ContactForce, ContactState, GrainPlace, GrainState, Travel};
+use bytemuck::Pod;
+use hdf5::H5Type;
+use std::ops::Range;
+
+/// A field of a record: its name, its numbers a record (1 or more), and how they are got and set.
+pub(super) struct Field<R, T> {
+    name: &'static str,
+    width: usize,
+    get: fn(&R) -> &[T],
+    set: fn(&mut R) -> &mut [T],
+}
+
+macro_rules! field {
+    ($record:ty, $name:ident, number) => {
+        Field {
+            name: stringify!($name),
+            width: 1,
+            get: |r: &$record| std::slice::from_ref(&r.$name),
+            set: |r: &mut $record| std::slice::from_mut(&mut r.$name),
+        }
+    };
+    ($record:ty, $name:ident, $width:literal) => {
+        Field {
+            name: stringify!($name),
+            width: $width,
+            get: |r: &$record| &r.$name[..],
+            set: |r: &mut $record| &mut r.$name[..],
+        }
+    };
+}
+
+/// A record of a checkpoint and its fields, which are stored in a group as a dataset each.
+pub(super) trait Record: Pod {
+    const GROUP: &'static str;
+    /// In words.
+    const NAME: &'static str;
+    /// The attribute with the checksum of all records.
+    const CHECKSUM: &'static str;
+    fn integers() -> Vec<Field<Self, u32>>;
+    fn numbers() -> Vec<Field<Self, f64>>;
+}
+
+impl Record for GrainState {
+    const GROUP: &'static str = "grains";
+    const NAME: &'static str = "grains";
+    const CHECKSUM: &'static str = "checksum_grains";
+
+    fn integers() -> Vec<Field<Self, u32>> {
+        vec![field!(Self, id, number), field!(Self, body, number)]
+    }
+
+    fn numbers() -> Vec<Field<Self, f64>> {
+        vec![
+            field!(Self, position, 3),
+            field!(Self, velocity, 3),
+            field!(Self, angular_velocity, 3),
+            field!(Self, radius, number),
+            field!(Self, force, 3),
+            field!(Self, torque, 3),
+        ]
+    }
+}
+
+impl Record for ContactState {
+    const GROUP: &'static str = "contacts";
+    const NAME: &'static str = "contacts";
+    const CHECKSUM: &'static str = "checksum_contacts";
+
+    fn integers() -> Vec<Field<Self, u32>> {
+        vec![field!(Self, i, number), field!(Self, j, number)]
+    }
+
+    fn numbers() -> Vec<Field<Self, f64>> {
+        vec![field!(Self, history, 3)]
+    }
+}
+
+impl Record for GrainPlace {
+    const GROUP: &'static str = "analysed/grains";
+    const NAME: &'static str = "grains of the analysed frame";
+    const CHECKSUM: &'static str = "checksum_analysed_grains";
+
+    fn integers() -> Vec<Field<Self, u32>> {
+        vec![field!(Self, id, number), field!(Self, body, number)]
+    }
+
+    fn numbers() -> Vec<Field<Self, f64>> {
+        vec![field!(Self, position, 2)]
+    }
+}
+
+impl Record for ContactForce {
+    const GROUP: &'static str = "analysed/contacts";
+    const NAME: &'static str = "contacts of the analysed frame";
+    const CHECKSUM: &'static str = "checksum_analysed_contacts";
+
+    fn integers() -> Vec<Field<Self, u32>> {
+        vec![field!(Self, i, number), field!(Self, j, number)]
+    }
+
+    fn numbers() -> Vec<Field<Self, f64>> {
+        vec![
+            field!(Self, normal_force, number),
+            field!(Self, tangential_force, number),
+        ]
+    }
+}
+
+impl Record for Travel {
+    const GROUP: &'static str = "travels";
+    const NAME: &'static str = "travels";
+    const CHECKSUM: &'static str = "checksum_travels";
+
+    fn integers() -> Vec<Field<Self, u32>> {
+        vec![field!(Self, id, number), field!(Self, body, number)]
+    }
+
+    fn numbers() -> Vec<Field<Self, f64>> {
+        vec![field!(Self, start, 3), field!(Self, angle, 3)]
+    }
+}
+
+pub(super) fn write_one<T: H5Type + Copy>(
+    file: &H5File,
+    name: &str,
+    shape: &[usize],
+    first: u64,
+    mine: &[T],
+) -> Result<(), Failure> {
+    let width = shape.get(1).copied().unwrap_or(1) as u64;
+    let slab = Slab::rows(first, mine.len() as u64 / width, width);
+    file.dataset::<T>(name, shape, None)?.write(slab, mine)
+}
+
+pub(super) fn write_records<R: Record>(file: &H5File, outcome: &mut Outcome, stretch: &Stretch<R>) {
+    let (all, first, mine) = (stretch.length, stretch.first, &stretch.records[..]);
+    outcome.note(file.group(R::GROUP));
+    fn column<R: Record, T: H5Type + Copy>(
+        file: &H5File,
+        field: &Field<R, T>,
+        all: u64,
+        first: u64,
+        mine: &[R],
+    ) -> Result<(), Failure> {
+        let values: Vec<T> = mine.iter().flat_map(field.get).copied().collect();
+        let name = format!("{}/{}", R::GROUP, field.name);
+        let shape = [all as usize, field.width];
+        write_one(
+            file,
+            &name,
+            &shape[..if field.width == 1 { 1 } else { 2 }],
+            first,
+            &values,
+        )
+    }
+    for field in R::integers() {
+        outcome.note(column(file, &field, all, first, mine));
+    }
+    for field in R::numbers() {
+        outcome.note(column(file, &field, all, first, mine));
+    }
+}
+
+pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
+    let dataset = file
+        .dataset(name)
+        .map_err(|e| format!("damaged: {name} ({e})"))?;
+    match dataset.shape()[..] {
+        [n] => Ok(n as u64),
+        _ => Err(format!("damaged: {name} is not a list")),
+    }
+}
+
+pub(super) fn read_records<R: Record>(
+    file: &hdf5::File,
+    all: u64,
+    mine: Range<u64>,
+) -> Result<Vec<R>, String> {
+    fn fill<R: Record, T: H5Type + Copy>(
+        file: &hdf5::File,
+        field: &Field<R, T>,
+        all: u64,
+        mine: &Range<u64>,
+        records: &mut [R],
+    ) -> Result<(), String> {
+        let name = format!("{}/{}", R::GROUP, field.name);
+        let damaged = |why: &dyn std::fmt::Display| format!("damaged: {name} ({why})");
+        let dataset = file.dataset(&name).map_err(|e| damaged(&e))?;
+        let shape = [all as usize, field.width];
+        if dataset.shape() != shape[..if field.width == 1 { 1 } else { 2 }] {
+            return Err(damaged(&format!("its shape is {:?}", dataset.shape())));
+        }
+        let rows = mine.start as usize..mine.end as usize;
+        if rows.is_empty() {
+            return Ok(());
+        }
+        let values: Vec<T> = match field.width {
+            1 => dataset.read_slice_1d::<T, _>(rows).map(|v| v.to_vec()),
+            _ => dataset
+                .read_slice_2d::<T, _>((rows, ..))
+                .map(|v| v.iter().copied().collect()),
+        }
+        .map_err(|e| damaged(&e))?;
+        for (record, values) in records.iter_mut().zip(values.chunks_exact(field.width)) {
+            (field.set)(record).copy_from_slice(values);
+        }
+        Ok(())
+    }
+    let mut records = vec![R::zeroed(); (mine.end - mine.start) as usize];
+    for field in R::integers() {
+        fill(file, &field, all, &mine, &mut records)?;
+    }
+    for field in R::numbers() {
+        fill(file, &field, all, &mine, &mut records)?;
+    }
+    Ok(records)
+}

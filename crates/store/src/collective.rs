@@ -1,0 +1,141 @@
+//! What the ranks do together around a file: agree on failures, and bring records to the rank that writes them.
+
+use gshear_dem::domain::Exchange;
+use gshear_dem::failure::Failure;
+use bytemuck::Pod;
+use std::ops::Range;
+
+/// The first failure, by rank, on every rank; else this rank's value. Collective.
+pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T, Failure> {
+    let mine = match &result {
+        Ok(_) => Vec::new(),
+        Err(failure) => {
+            let kind = match failure {
+                Failure::Input(_) => b'i',
+                Failure::Numbers(_) => b'n',
+                Failure::Other(_) => b'o',
+            };
+            let mut message = vec![kind];
+            message.extend(failure.to_string().bytes());
+            message
+        }
+    };
+    match exchange.gather(&mine).iter().find(|m| !m.is_empty()) {
+        None => result,
+        Some(message) => {
+            let text = String::from_utf8_lossy(&message[1..]);
+            Err(match message[0] {
+                b'i' => Failure::input(text),
+                b'n' => Failure::numbers(text),
+                _ => Failure::other(text),
+            })
+        }
+    }
+}
+
+/// The first failure of a sequence of collective calls. A rank that left such a sequence early would leave the others waiting,
+/// so failures are noted and the sequence goes on.
+#[derive(Default)]
+pub struct Outcome(Option<Failure>);
+
+impl Outcome {
+    pub fn note(&mut self, result: Result<(), Failure>) {
+        if let Err(failure) = result {
+            self.0.get_or_insert(failure);
+        }
+    }
+
+    /// Collective.
+    pub fn agree(self, exchange: &dyn Exchange) -> Result<(), Failure> {
+        agree(exchange, self.0.map_or(Ok(()), Err))
+    }
+}
+
+/// Ids 0 … grains-1 in equal blocks: rank r of P holds [r N/P, (r+1) N/P).
+#[derive(Debug, Clone, Copy)]
+pub struct IdBlocks {
+    pub grains: u64,
+    pub ranks: u64,
+}
+
+impl IdBlocks {
+    pub fn range(&self, rank: usize) -> Range<u64> {
+        let start =
+            |r: u64| (u128::from(r) * u128::from(self.grains) / u128::from(self.ranks)) as u64;
+        start(rank as u64)..start(rank as u64 + 1)
+    }
+
+    /// The rank whose block has this id, which must be below `grains`.
+    pub fn holder(&self, id: u32) -> usize {
+        debug_assert!(u64::from(id) < self.grains);
+        (((u64::from(id) + 1) * self.ranks - 1) / self.grains) as usize
+    }
+
+    /// Every record to the rank that holds its id; they come grouped by the rank they came from. Collective.
+    pub fn redistribute<T: Pod>(
+        &self,
+        exchange: &dyn Exchange,
+        records: &[T],
+        id: impl Fn(&T) -> u32,
+    ) -> Vec<T> {
+        let mut send = vec![Vec::new(); exchange.size()];
+        for record in records {
+            send[self.holder(id(record))].extend_from_slice(bytemuck::bytes_of(record));
+        }
+        let received = exchange.all_to_all(send);
+        received
+            .iter()
+            .flat_map(|bytes| records_of(bytes))
+            .collect()
+    }
+}
+
+/// Everybody's records in the order of `key`, on every rank. Collective.
+pub fn gathered<R: Pod, K: Ord>(exchange: &dyn Exchange, own: &[R], key: fn(&R) -> K) -> Vec<R> {
+    let all = exchange.gather(bytemuck::cast_slice(own));
+    let mut all: Vec<R> = all.iter().flat_map(|bytes| records_of(bytes)).collect();
+    all.sort_unstable_by_key(key);
+    all
+}
+
+/// The records in these bytes, wherever in memory they begin.
+pub fn records_of<T: Pod>(bytes: &[u8]) -> impl Iterator<Item = T> {
+    let pieces = bytes.chunks_exact(size_of::<T>());
+    debug_assert!(pieces.remainder().is_empty());
+    pieces.map(bytemuck::pod_read_unaligned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gshear_dem::domain::Solo;
+
+    #[test]
+    fn blocks_hold_every_id_once() {
+        for grains in [1, 2, 3, 7, 10, 1000] {
+            for ranks in 1..=12 {
+                let blocks = IdBlocks { grains, ranks };
+                let mut next = 0;
+                for rank in 0..ranks as usize {
+                    let range = blocks.range(rank);
+                    assert_eq!(range.start, next);
+                    next = range.end;
+                    assert!(range.into_iter().all(|id| blocks.holder(id as u32) == rank));
+                }
+                assert_eq!(next, grains);
+            }
+        }
+    }
+
+    #[test]
+    fn failures_keep_their_kind() {
+        for failure in [
+            Failure::input("a"),
+            Failure::numbers("b"),
+            Failure::other("c"),
+        ] {
+            assert_eq!(agree::<()>(&Solo, Err(failure.clone())), Err(failure));
+        }
+        assert_eq!(agree(&Solo, Ok(3)), Ok(3));
+    }
+}

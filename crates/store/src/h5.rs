@@ -1,0 +1,432 @@
+//! HDF5 written by all ranks together. The only unsafe code of the files: what the `hdf5` crate lacks are collective transfers.
+
+use super::collective::Outcome;
+use gshear_mpi_exchange::Parallel;
+use gshear_dem::failure::Failure;
+use hdf5::types::{FixedAscii, VarLenUnicode};
+use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
+use hdf5_sys::h5::hsize_t;
+use hdf5_sys::h5i::hid_t;
+use hdf5_sys::{h5d, h5p, h5s};
+use mpi::ffi::MPI_Comm;
+use serde::{Deserialize, Serialize};
+use std::cell::Cell;
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// The value of an attribute.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Attribute {
+    Text(String),
+    Texts(Vec<String>),
+    /// At most 32 ASCII characters, of fixed length: kept within the object's own checksum.
+    Word(String),
+    Number(f64),
+    Numbers(Vec<f64>),
+    Count(u64),
+    Integers(Vec<i32>),
+}
+
+impl From<&str> for Attribute {
+    fn from(text: &str) -> Self {
+        Attribute::Text(text.into())
+    }
+}
+
+impl From<String> for Attribute {
+    fn from(text: String) -> Self {
+        Attribute::Text(text)
+    }
+}
+
+impl From<f64> for Attribute {
+    fn from(number: f64) -> Self {
+        Attribute::Number(number)
+    }
+}
+
+impl From<u64> for Attribute {
+    fn from(count: u64) -> Self {
+        Attribute::Count(count)
+    }
+}
+
+impl From<Vec<f64>> for Attribute {
+    fn from(numbers: Vec<f64>) -> Self {
+        Attribute::Numbers(numbers)
+    }
+}
+
+/// A fixed-length text of an attribute.
+pub type Word = FixedAscii<32>;
+
+struct Context {
+    path: PathBuf,
+    /// How raw data travel: collectively where there are several ranks.
+    transfer: PropertyList,
+    /// Whether a call has failed. The file is then left as it is: to close it the ranks would wait for each other in vain.
+    failed: Cell<bool>,
+}
+
+impl Context {
+    fn failure(&self, object: &str, what: &str, error: &dyn std::fmt::Display) -> Failure {
+        self.failed.set(true);
+        let file = self.path.display();
+        Failure::other(format!("{file}: {object}: cannot {what}: {error}"))
+    }
+}
+
+/// A file open for writing on all ranks. Every call is collective, with the same arguments on every rank but the data.
+///
+/// After a failure nothing more is written, nor is the file closed, and a job of several ranks should end by
+/// [`World::abort`](gshear_dem::domain::World::abort): in ending MPI, HDF5 would try to close it still.
+pub struct H5File {
+    file: hdf5::File,
+    context: Rc<Context>,
+}
+
+impl H5File {
+    /// A new file in the place of whatever is there.
+    pub fn create(path: &Path, communicator: Option<MPI_Comm>) -> Result<Self, Failure> {
+        Self::open_as(path, communicator, hdf5::OpenMode::Create, "create")
+    }
+
+    /// An existing file.
+    pub fn open(path: &Path, communicator: Option<MPI_Comm>) -> Result<Self, Failure> {
+        Self::open_as(path, communicator, hdf5::OpenMode::ReadWrite, "open")
+    }
+
+    fn open_as(
+        path: &Path,
+        communicator: Option<MPI_Comm>,
+        mode: hdf5::OpenMode,
+        what: &str,
+    ) -> Result<Self, Failure> {
+        let fail = |error: hdf5::Error| {
+            Failure::other(format!("{}: cannot {what}: {error}", path.display()))
+        };
+        let file = hdf5::File::with_options()
+            .with_fapl(|access| {
+                if let Some(communicator) = communicator {
+                    access.mpio(communicator, None);
+                    access.all_coll_metadata_ops(true).coll_metadata_write(true);
+                }
+                // Since 1.8 most of a file's structure carries checksums. Since 1.10 a file that a killed program left open cannot be
+                // opened any more, and neither can one that is being written, which would forbid to resume.
+                access.libver_v18()
+            })
+            .open_as(path, mode)
+            .map_err(fail)?;
+        let transfer = transfer(communicator.is_some()).map_err(fail)?;
+        Ok(H5File {
+            file,
+            context: Rc::new(Context {
+                path: path.into(),
+                transfer,
+                failed: Cell::new(false),
+            }),
+        })
+    }
+
+    /// A group, with those it lies in.
+    pub fn group(&self, name: &str) -> Result<(), Failure> {
+        let made = self.file.create_group(name);
+        made.map(drop)
+            .map_err(|e| self.context.failure(name, "create", &e))
+    }
+
+    /// Whether there is an object of this name, in groups that are there.
+    pub fn has(&self, name: &str) -> bool {
+        self.file.link_exists(name)
+    }
+
+    /// What to say where rows that were written before are missing.
+    pub fn lacks(&self, name: &str, rows: u64) -> Failure {
+        Failure::input(format!(
+            "{}: cannot go on with this file: {name} holds less than the {rows} rows that the checkpoint counts",
+            self.context.path.display()
+        ))
+    }
+
+    /// A second name for an object.
+    pub fn link(&self, target: &str, name: &str) -> Result<(), Failure> {
+        let made = self.file.link_hard(target, name);
+        made.map_err(|e| self.context.failure(name, "link", &e))
+    }
+
+    /// A dataset of `shape`, of fixed size and contiguous; `chunk` makes it grow along its first dimension.
+    pub fn dataset<T: H5Type>(
+        &self,
+        name: &str,
+        shape: &[usize],
+        chunk: Option<&[usize]>,
+    ) -> Result<Column<T>, Failure> {
+        use hdf5::dataset::{AllocTime, FillTime};
+        use hdf5::{Extent, SimpleExtents};
+        let fixed = |&n: &usize| Extent::fixed(n);
+        let builder = self.file.new_dataset::<T>();
+        let made = match chunk {
+            None => builder
+                .shape(SimpleExtents::from_vec(shape.iter().map(fixed).collect()))
+                .fill_time(FillTime::Never)
+                .alloc_time(Some(AllocTime::Early))
+                .create(name),
+            Some(chunk) => {
+                let rest = shape[1..].iter().map(fixed);
+                let extents = std::iter::once(Extent::resizable(shape[0])).chain(rest);
+                builder
+                    .shape(SimpleExtents::from_vec(extents.collect()))
+                    .chunk(chunk.to_vec())
+                    .fill_time(FillTime::Never)
+                    // A file of one rank may be gone on with on many, which can only write to chunks that are there already.
+                    .alloc_time(Some(AllocTime::Early))
+                    .create(name)
+            }
+        };
+        let dataset = made.map_err(|e| self.context.failure(name, "create", &e))?;
+        self.column(name, dataset)
+    }
+
+    /// An existing dataset.
+    pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Column<T>, Failure> {
+        let dataset = self.file.dataset(name);
+        self.column(
+            name,
+            dataset.map_err(|e| self.context.failure(name, "open", &e))?,
+        )
+    }
+
+    fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Column<T>, Failure> {
+        let datatype = Datatype::from_type::<T>();
+        Ok(Column {
+            datatype: datatype.map_err(|e| self.context.failure(name, "describe", &e))?,
+            shape: dataset.shape(),
+            dataset,
+            name: name.into(),
+            context: self.context.clone(),
+            element: PhantomData,
+        })
+    }
+
+    /// An attribute of an object, in the place of one of that name.
+    pub fn attribute(&self, object: &str, name: &str, value: &Attribute) -> Result<(), Failure> {
+        let set = || -> hdf5::Result<()> {
+            let location = self.location(object)?;
+            if location.attr_names()?.iter().any(|n| n == name) {
+                location.delete_attr(name)?;
+            }
+            let text = |text: &String| -> hdf5::Result<VarLenUnicode> {
+                text.parse().map_err(|e| hdf5::Error::from(format!("{e}")))
+            };
+            match value {
+                Attribute::Text(value) => put(&location, name, text(value)?),
+                Attribute::Word(value) => {
+                    let word =
+                        Word::from_ascii(value).map_err(|e| hdf5::Error::from(format!("{e}")))?;
+                    put(&location, name, word)
+                }
+                Attribute::Number(value) => put(&location, name, *value),
+                Attribute::Count(value) => put(&location, name, *value),
+                Attribute::Numbers(values) => put_all(&location, name, values),
+                Attribute::Integers(values) => put_all(&location, name, values),
+                Attribute::Texts(values) => {
+                    let values: hdf5::Result<Vec<_>> = values.iter().map(text).collect();
+                    put_all(&location, name, &values?)
+                }
+            }
+        };
+        set().map_err(|e| {
+            self.context
+                .failure(&format!("{object}@{name}"), "write", &e)
+        })
+    }
+
+    /// Takes an attribute away, if there is one.
+    pub fn remove_attribute(&self, object: &str, name: &str) -> Result<(), Failure> {
+        let remove = || -> hdf5::Result<()> {
+            let location = self.location(object)?;
+            match location.attr_names()?.iter().any(|n| n == name) {
+                true => location.delete_attr(name),
+                false => Ok(()),
+            }
+        };
+        remove().map_err(|e| {
+            self.context
+                .failure(&format!("{object}@{name}"), "remove", &e)
+        })
+    }
+
+    fn location(&self, object: &str) -> hdf5::Result<Location> {
+        let group = if object == "/" {
+            self.file.as_group()?
+        } else {
+            self.file.group(object)?
+        };
+        Ok((*group).clone())
+    }
+
+    /// Everything to the file system.
+    pub fn flush(&self) -> Result<(), Failure> {
+        self.file
+            .flush()
+            .map_err(|e| self.context.failure("/", "flush", &e))
+    }
+
+    /// Agrees on the failures of the calls so far. Where there are any, every rank leaves the file as it is.
+    pub fn agree(&self, exchange: &dyn Parallel, outcome: Outcome) -> Result<(), Failure> {
+        let agreed = outcome.agree(exchange);
+        if agreed.is_err() {
+            self.context.failed.set(true);
+        }
+        agreed
+    }
+
+    /// Columns of it must be gone.
+    pub fn close(self) -> Result<(), Failure> {
+        let file = self.file.clone();
+        let context = self.context.clone();
+        drop(self);
+        file.close().map_err(|e| context.failure("/", "close", &e))
+    }
+}
+
+impl Drop for H5File {
+    fn drop(&mut self) {
+        if self.context.failed.get() {
+            // One reference more than is ever given back keeps it open.
+            std::mem::forget(self.file.clone());
+        }
+    }
+}
+
+impl<T> Drop for Column<T> {
+    fn drop(&mut self) {
+        if self.context.failed.get() {
+            std::mem::forget(self.dataset.clone());
+        }
+    }
+}
+
+fn put<T: H5Type>(location: &Location, name: &str, value: T) -> hdf5::Result<()> {
+    location.new_attr::<T>().create(name)?.write_scalar(&value)
+}
+
+fn put_all<T: H5Type>(location: &Location, name: &str, values: &[T]) -> hdf5::Result<()> {
+    let attribute = location.new_attr::<T>().shape(values.len()).create(name)?;
+    attribute.write_raw(values)
+}
+
+fn transfer(collective: bool) -> hdf5::Result<PropertyList> {
+    hdf5::sync::sync(|| {
+        // SAFETY: the class is a constant of the library, which `sync` has started.
+        let id = hdf5::h5check(unsafe { h5p::H5Pcreate(*h5p::H5P_CLS_DATASET_XFER) })?;
+        // SAFETY: the id is new, of a property list, and nobody else closes it.
+        let list: PropertyList = unsafe { hdf5::from_id(id) }?;
+        if collective {
+            let mode = h5p::H5FD_mpio_xfer_t::H5FD_MPIO_COLLECTIVE;
+            // SAFETY: the list is one of transfer properties and alive.
+            hdf5::h5check(unsafe { h5p::H5Pset_dxpl_mpio(list.id(), mode) })?;
+        }
+        Ok(list)
+    })
+}
+
+/// A box of a dataset of one to three dimensions: `start` and `count` along each, of which those beyond the dataset's are not read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slab {
+    pub start: [u64; 3],
+    pub count: [u64; 3],
+}
+
+impl Slab {
+    /// Rows [start, start + count) with all that is in them, `width` along the second dimension.
+    pub fn rows(start: u64, count: u64, width: u64) -> Self {
+        Slab {
+            start: [start, 0, 0],
+            count: [count, width, 1],
+        }
+    }
+}
+
+/// A dataset of an [`H5File`].
+pub struct Column<T> {
+    dataset: hdf5::Dataset,
+    datatype: Datatype,
+    shape: Vec<usize>,
+    name: String,
+    context: Rc<Context>,
+    element: PhantomData<T>,
+}
+
+impl<T: H5Type + Copy> Column<T> {
+    pub fn rows(&self) -> u64 {
+        self.shape[0] as u64
+    }
+
+    /// A new number of rows. Collective.
+    pub fn resize(&mut self, rows: u64) -> Result<(), Failure> {
+        if rows as usize == self.shape[0] {
+            return Ok(());
+        }
+        self.shape[0] = rows as usize;
+        let done = self.dataset.resize(self.shape.clone());
+        done.map_err(|e| self.context.failure(&self.name, "resize", &e))
+    }
+
+    /// This rank's part: `slab`, which may be empty, of which `data` are the values in order. Collective.
+    pub fn write(&self, slab: Slab, data: &[T]) -> Result<(), Failure> {
+        let dimensions = self.shape.len();
+        assert!((1..=3).contains(&dimensions), "one to three dimensions");
+        let count = &slab.count[..dimensions];
+        let selected: u64 = count.iter().product();
+        assert_eq!(
+            selected,
+            data.len() as u64,
+            "{}: as many values as places",
+            self.name
+        );
+        // Of the same shape as the slab, without which HDF5 maps values to places one by one.
+        let shape: Vec<usize> = count.iter().map(|&n| n.max(1) as usize).collect();
+        let write = || -> hdf5::Result<()> {
+            let (place, memory) = (self.dataset.space()?, Dataspace::try_new(shape)?);
+            hdf5::sync::sync(|| {
+                select(place.id(), slab, dimensions)?;
+                if data.is_empty() {
+                    select(memory.id(), slab, dimensions)?;
+                }
+                let (dataset, datatype) = (self.dataset.id(), self.datatype.id());
+                let (memory, place) = (memory.id(), place.id());
+                let transfer = self.context.transfer.id();
+                let data = data.as_ptr().cast();
+                // SAFETY: the ids are alive; `datatype` describes T, and `memory` selects all of `data`, as many as `place` does.
+                let written =
+                    unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
+                hdf5::h5check(written).map(drop)
+            })
+        };
+        write().map_err(|e| self.context.failure(&self.name, "write", &e))
+    }
+
+    /// A new number of rows, and this rank's part of them. Collective.
+    pub fn append(&mut self, rows: u64, slab: Slab, data: &[T]) -> Result<(), Failure> {
+        // The write is made in any case: others wait for it.
+        let resized = self.resize(rows);
+        let written = self.write(slab, data);
+        resized.and(written)
+    }
+}
+
+/// The slab in a dataspace; nothing where there is nothing in it.
+fn select(space: hid_t, slab: Slab, dimensions: usize) -> hdf5::Result<()> {
+    if slab.count[..dimensions].contains(&0) {
+        // SAFETY: the caller's dataspace is alive.
+        return hdf5::h5check(unsafe { h5s::H5Sselect_none(space) }).map(drop);
+    }
+    let set = h5s::H5S_seloper_t::H5S_SELECT_SET;
+    let (start, count): ([hsize_t; 3], [hsize_t; 3]) = (slab.start, slab.count);
+    let (start, count, one) = (start.as_ptr(), count.as_ptr(), std::ptr::null());
+    // SAFETY: `start` and `count` have at least as many entries as the dataspace has dimensions; null stride and block mean 1.
+    let selected = unsafe { h5s::H5Sselect_hyperslab(space, set, start, one, count, one) };
+    hdf5::h5check(selected).map(drop)
+}

@@ -1,0 +1,217 @@
+//! `log.csv`: the time series as text.
+
+use super::collective::agree;
+use gshear_dem::domain::Exchange;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{SERIES_COLUMNS, SeriesRow};
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Writes the log on rank 0; on the others it does nothing.
+pub struct Log {
+    path: PathBuf,
+    file: Option<BufWriter<File>>,
+}
+
+impl Log {
+    /// A new log in the place of whatever is there. Collective.
+    pub fn create(exchange: &dyn Exchange, path: &Path) -> Result<Self, Failure> {
+        let created = (|| {
+            let mut log = Log {
+                path: path.into(),
+                file: None,
+            };
+            if exchange.rank() == 0 {
+                let file = File::create(path).map_err(|e| log.failure(&e))?;
+                log.file = Some(BufWriter::new(file));
+                log.line(&header())?;
+            }
+            Ok(log)
+        })();
+        agree(exchange, created)
+    }
+
+    /// An existing log, to go on after its first `rows` rows; those beyond are cut off.
+    /// `Failure::Input` where the file has fewer rows, or is no log of ours. Collective.
+    pub fn open_to_append(
+        exchange: &dyn Exchange,
+        path: &Path,
+        rows: u64,
+    ) -> Result<Self, Failure> {
+        let opened = (|| {
+            let mut log = Log {
+                path: path.into(),
+                file: None,
+            };
+            if exchange.rank() == 0 {
+                log.file = Some(log.truncated(rows)?);
+            }
+            Ok(log)
+        })();
+        agree(exchange, opened)
+    }
+
+    fn truncated(&self, rows: u64) -> Result<BufWriter<File>, Failure> {
+        let unfit = |why: String| {
+            Failure::input(format!(
+                "{}: cannot go on with this log: {why}",
+                self.path.display()
+            ))
+        };
+        let file = OpenOptions::new().read(true).append(true).open(&self.path);
+        let file = file.map_err(|e| unfit(e.to_string()))?;
+        let mut reader = BufReader::new(&file);
+        let (mut line, mut end) = (Vec::new(), 0);
+        for row in 0..=rows {
+            line.clear();
+            end += reader
+                .read_until(b'\n', &mut line)
+                .map_err(|e| unfit(e.to_string()))? as u64;
+            if row == 0 && line != format!("{}\n", header()).as_bytes() {
+                return Err(unfit(
+                    "its first line is not that of a log of this version".into(),
+                ));
+            }
+            if line.last() != Some(&b'\n') {
+                return Err(unfit(format!(
+                    "it has {} rows, the checkpoint counts {rows}",
+                    row.max(1) - 1
+                )));
+            }
+        }
+        file.set_len(end).map_err(|e| self.failure(&e))?;
+        Ok(BufWriter::new(file))
+    }
+
+    /// The next row. Not collective: a failure is rank 0's alone.
+    pub fn row(&mut self, step: u64, time: f64, row: &SeriesRow) -> Result<(), Failure> {
+        if self.file.is_none() {
+            return Ok(());
+        }
+        let mut line = format!("{step},{}", shortest(time));
+        for value in row.columns() {
+            line.push(',');
+            line.push_str(&shortest(value));
+        }
+        self.line(&line)
+    }
+
+    /// Hands the rows to the file system. Not collective: a failure is rank 0's alone.
+    pub fn flush(&mut self) -> Result<(), Failure> {
+        let flushed = self.file.as_mut().map_or(Ok(()), Write::flush);
+        flushed.map_err(|e| self.failure(&e))
+    }
+
+    fn line(&mut self, line: &str) -> Result<(), Failure> {
+        let written = self
+            .file
+            .as_mut()
+            .map_or(Ok(()), |file| writeln!(file, "{line}"));
+        written.map_err(|e| self.failure(&e))
+    }
+
+    fn failure(&self, error: &std::io::Error) -> Failure {
+        Failure::other(format!("{}: {error}", self.path.display()))
+    }
+}
+
+fn header() -> String {
+    format!("step,time,{}", SERIES_COLUMNS.join(","))
+}
+
+/// The shortest text that reads back to the same bits.
+pub fn shortest(value: f64) -> String {
+    let (plain, scientific) = (value.to_string(), format!("{value:e}"));
+    if scientific.len() < plain.len() {
+        scientific
+    } else {
+        plain
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gshear_dem::domain::Solo;
+
+    fn row(k: u64) -> SeriesRow {
+        let numbers: [f64; SERIES_COLUMNS.len()] =
+            std::array::from_fn(|c| (k as f64 + 0.1) * 10f64.powi(4 * c as i32 - 20) / 3.0);
+        bytemuck::cast(numbers)
+    }
+
+    fn text(path: &Path) -> String {
+        std::fs::read_to_string(path).unwrap()
+    }
+
+    #[test]
+    fn numbers_read_back_to_the_same_bits() {
+        for value in [
+            0.0,
+            -0.0,
+            1.0,
+            0.1,
+            1e-300,
+            7.2e-7,
+            1e22,
+            13_000.0,
+            f64::MIN_POSITIVE,
+            f64::MAX,
+            5e-324,
+        ] {
+            assert_eq!(
+                shortest(value).parse::<f64>().unwrap().to_bits(),
+                value.to_bits()
+            );
+            assert!(shortest(value).len() <= 24);
+        }
+        assert_eq!(
+            [shortest(1.0), shortest(7.2e-7), shortest(1e22)],
+            ["1", "7.2e-7", "1e22"]
+        );
+    }
+
+    #[test]
+    fn goes_on_after_the_rows_that_count() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let mut log = Log::create(&Solo, &path).unwrap();
+        (0..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
+        log.flush().unwrap();
+        let whole = text(&path);
+        assert!(whole.starts_with("step,time,strain,"));
+        let third: Vec<f64> = whole
+            .lines()
+            .nth(3)
+            .unwrap()
+            .split(',')
+            .map(|v| v.parse().unwrap())
+            .collect();
+        assert_eq!(third[2..], row(2).columns());
+
+        // As a killed program leaves it: rows too many, the last one torn.
+        std::fs::write(&path, format!("{whole}5,0.1")).unwrap();
+        let mut log = Log::open_to_append(&Solo, &path, 3).unwrap();
+        (3..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
+        drop(log);
+        assert_eq!(text(&path), whole);
+    }
+
+    #[test]
+    fn refuses_a_log_that_does_not_fit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let refuse = |rows| match Log::open_to_append(&Solo, &path, rows) {
+            Err(Failure::Input(message)) => message,
+            _ => panic!("a log that does not fit was taken"),
+        };
+        assert!(refuse(0).contains("log.csv"));
+        std::fs::write(&path, "a,b\n1,2\n").unwrap();
+        assert!(refuse(1).contains("first line"));
+        let mut log = Log::create(&Solo, &path).unwrap();
+        (0..2).for_each(|k| log.row(k, 0.0, &row(k)).unwrap());
+        drop(log);
+        assert!(refuse(3).contains("it has 2 rows, the checkpoint counts 3"));
+    }
+}

@@ -1,0 +1,265 @@
+//! Matrix Market files (Boisvert, Pozo & Remington 1996, NISTIR 5935): sparse matrices as text.
+//!
+//! Of the crates, matrix-market-rs has had no release since 2023, and nalgebra-sparse builds a parse tree of the whole file (hundreds of bytes per
+//! entry) and refuses integers for reals; neither names the line that is wrong.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::path::Path;
+use std::str::FromStr;
+
+use faer::sparse::{SparseColMat, Triplet};
+
+use gshear_dem::failure::Failure;
+
+/// How the entries of a file make a matrix.
+#[derive(Clone, Copy, PartialEq)]
+enum Symmetry {
+    General,
+    Symmetric,
+    Skew,
+}
+
+/// What the first line announces.
+struct Header {
+    coordinate: bool,
+    pattern: bool,
+    symmetry: Symmetry,
+}
+
+/// Reads a real, integer or pattern matrix, `coordinate` or `array`, whatever its symmetry. Entries given more than once are added.
+///
+/// Errors: a file that cannot be read, or is not such a matrix; the message names the line.
+pub fn read(path: &Path) -> Result<SparseColMat<usize, f64>, Failure> {
+    let file = File::open(path)
+        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
+    let mut lines = Lines {
+        path,
+        reader: BufReader::new(file),
+        text: String::new(),
+        number: 0,
+    };
+    let header = lines.header()?;
+    if header.coordinate {
+        coordinates(&mut lines, &header)
+    } else {
+        array(&mut lines, &header)
+    }
+}
+
+/// Writes a matrix as `coordinate real general`, numbers in shortest form that reads back to the same bits: beside, then renamed.
+pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failure> {
+    let part = path.with_added_extension("part");
+    let save = || -> std::io::Result<()> {
+        let mut out = BufWriter::new(File::create(&part)?);
+        writeln!(out, "%%MatrixMarket matrix coordinate real general")?;
+        writeln!(
+            out,
+            "{} {} {}",
+            matrix.nrows(),
+            matrix.ncols(),
+            matrix.compute_nnz()
+        )?;
+        for entry in matrix.triplet_iter() {
+            writeln!(out, "{} {} {:?}", entry.row + 1, entry.col + 1, entry.val)?;
+        }
+        out.into_inner()?.sync_all()?;
+        std::fs::rename(&part, path)
+    };
+    save().map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
+}
+
+fn coordinates(lines: &mut Lines, header: &Header) -> Result<SparseColMat<usize, f64>, Failure> {
+    let [rows, columns, count] = lines.sizes("rows, columns and number of entries")?;
+    let mut entries = Vec::new();
+    for read in 0..count {
+        if !lines.next()? {
+            return Err(lines.wrong(format!("the file ends after {read} of {count} entries")));
+        }
+        let mut words = lines.text.split_ascii_whitespace();
+        let row: usize = lines.word(&mut words, "row")?;
+        let column: usize = lines.word(&mut words, "column")?;
+        let value: f64 = match header.pattern {
+            true => 1.0,
+            false => lines.word(&mut words, "value")?,
+        };
+        lines.end(words)?;
+        if !(1..=rows).contains(&row) || !(1..=columns).contains(&column) {
+            let message = format!("row {row}, column {column}: the matrix is {rows} × {columns}");
+            return Err(lines.wrong(message));
+        }
+        lines.finite(value)?;
+        add(&mut entries, [row - 1, column - 1], value, header.symmetry);
+    }
+    if lines.next()? {
+        return Err(lines.wrong(format!("more than the {count} entries announced")));
+    }
+    Ok(matrix(rows, columns, &entries))
+}
+
+fn array(lines: &mut Lines, header: &Header) -> Result<SparseColMat<usize, f64>, Failure> {
+    let [rows, columns] = lines.sizes("rows and columns")?;
+    let mut entries = Vec::new();
+    for column in 0..columns {
+        let first = match header.symmetry {
+            Symmetry::General => 0,
+            Symmetry::Symmetric => column,
+            Symmetry::Skew => column + 1,
+        };
+        for row in first..rows {
+            if !lines.next()? {
+                let message = format!(
+                    "the file ends before row {}, column {}",
+                    row + 1,
+                    column + 1
+                );
+                return Err(lines.wrong(message));
+            }
+            let mut words = lines.text.split_ascii_whitespace();
+            let value: f64 = lines.word(&mut words, "value")?;
+            lines.end(words)?;
+            lines.finite(value)?;
+            if value != 0.0 {
+                add(&mut entries, [row, column], value, header.symmetry);
+            }
+        }
+    }
+    if lines.next()? {
+        return Err(lines.wrong("more entries than the matrix has".into()));
+    }
+    Ok(matrix(rows, columns, &entries))
+}
+
+fn add(
+    entries: &mut Vec<Triplet<usize, usize, f64>>,
+    [row, column]: [usize; 2],
+    value: f64,
+    symmetry: Symmetry,
+) {
+    entries.push(Triplet::new(row, column, value));
+    if symmetry != Symmetry::General && row != column {
+        let mirrored = if symmetry == Symmetry::Skew {
+            -value
+        } else {
+            value
+        };
+        entries.push(Triplet::new(column, row, mirrored));
+    }
+}
+
+fn matrix(
+    rows: usize,
+    columns: usize,
+    entries: &[Triplet<usize, usize, f64>],
+) -> SparseColMat<usize, f64> {
+    SparseColMat::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
+}
+
+/// The lines of a file, with their numbers for messages.
+struct Lines<'a> {
+    path: &'a Path,
+    reader: BufReader<File>,
+    text: String,
+    number: usize,
+}
+
+impl Lines<'_> {
+    fn header(&mut self) -> Result<Header, Failure> {
+        const RIGHT: &str = "must be %%MatrixMarket matrix coordinate|array real|integer|pattern general|symmetric|skew-symmetric";
+        self.read()?;
+        let text = self.text.to_ascii_lowercase();
+        let words: Vec<&str> = text.split_ascii_whitespace().collect();
+        let ["%%matrixmarket", "matrix", format, field, symmetry] = words[..] else {
+            return Err(self.wrong(RIGHT.into()));
+        };
+        let coordinate = match format {
+            "coordinate" => true,
+            "array" => false,
+            _ => return Err(self.wrong(format!("{format}: {RIGHT}"))),
+        };
+        let pattern = match field {
+            "real" | "integer" => false,
+            "pattern" if coordinate => true,
+            _ => return Err(self.wrong(format!("{field}: {RIGHT}"))),
+        };
+        let symmetry = match symmetry {
+            "general" => Symmetry::General,
+            "symmetric" => Symmetry::Symmetric,
+            "skew-symmetric" => Symmetry::Skew,
+            _ => return Err(self.wrong(format!("{symmetry}: {RIGHT}"))),
+        };
+        Ok(Header {
+            coordinate,
+            pattern,
+            symmetry,
+        })
+    }
+
+    fn sizes<const COUNT: usize>(&mut self, what: &str) -> Result<[usize; COUNT], Failure> {
+        if !self.next()? {
+            return Err(self.wrong(format!("the file ends before {what}")));
+        }
+        let numbers: Result<Vec<usize>, _> = self
+            .text
+            .split_ascii_whitespace()
+            .map(usize::from_str)
+            .collect();
+        let sizes = numbers.ok().and_then(|numbers| numbers.try_into().ok());
+        sizes.ok_or_else(|| self.wrong(format!("must hold {what}")))
+    }
+
+    /// Goes to the next line that is neither empty nor a comment. False at the end of the file.
+    fn next(&mut self) -> Result<bool, Failure> {
+        while self.read()? {
+            let text = self.text.trim_ascii();
+            if !text.is_empty() && !text.starts_with('%') {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn read(&mut self) -> Result<bool, Failure> {
+        self.text.clear();
+        self.number += 1;
+        let read = self.reader.read_line(&mut self.text);
+        match read {
+            Ok(length) => Ok(length > 0),
+            Err(e) => Err(self.wrong(format!("cannot be read: {e}"))),
+        }
+    }
+
+    fn word<'t, W: FromStr>(
+        &self,
+        words: &mut impl Iterator<Item = &'t str>,
+        what: &str,
+    ) -> Result<W, Failure> {
+        let Some(word) = words.next() else {
+            return Err(self.wrong(format!("{what} missing")));
+        };
+        word.parse()
+            .map_err(|_| self.wrong(format!("{what} {word}: must be a number")))
+    }
+
+    fn end<'t>(&self, mut words: impl Iterator<Item = &'t str>) -> Result<(), Failure> {
+        match words.next() {
+            Some(word) => Err(self.wrong(format!("{word}: one entry a line"))),
+            None => Ok(()),
+        }
+    }
+
+    fn finite(&self, value: f64) -> Result<(), Failure> {
+        if value.is_finite() {
+            return Ok(());
+        }
+        Err(self.wrong(format!("value {value}: must be finite")))
+    }
+
+    fn wrong(&self, message: String) -> Failure {
+        Failure::input(format!(
+            "{}, line {}: {message}",
+            self.path.display(),
+            self.number
+        ))
+    }
+}

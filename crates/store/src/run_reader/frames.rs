@@ -1,0 +1,257 @@
+//! Frames of a run, read on demand.
+
+use std::ops::Range;
+
+use hdf5::{Dataset, H5Type};
+use ndarray::{Ix1, Ix2, Ix3, s};
+
+use super::source::one_line;
+use super::{Fields, Run};
+use gshear_scene::Dimensions;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample};
+
+/// Contacts of some frames, as far as they were asked for.
+struct Columns {
+    /// Row of the first of them.
+    first: usize,
+    i: Vec<u32>,
+    j: Vec<u32>,
+    normal_force: Vec<f64>,
+    tangential_force: Vec<[f64; 3]>,
+    tangential_history: Vec<[f64; 3]>,
+    rolling_history: Vec<f64>,
+    overlap: Vec<f64>,
+    sliding: Vec<u8>,
+}
+
+impl Columns {
+    fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
+        let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
+        let contact = |k: usize| ContactSample {
+            i: self.i[k],
+            j: self.j[k],
+            normal_force: of(&self.normal_force, k),
+            tangential_force: self.tangential_force.get(k).copied().unwrap_or_default(),
+            tangential_history: self.tangential_history.get(k).copied().unwrap_or_default(),
+            rolling_history: of(&self.rolling_history, k),
+            overlap: of(&self.overlap, k),
+            sliding: self.sliding.get(k).map_or(0, |sliding| u64::from(*sliding)),
+        };
+        (rows.start - self.first..rows.end - self.first)
+            .map(contact)
+            .collect()
+    }
+}
+
+impl Run {
+    /// The frames of a range within 0 … T, whatever they are of.
+    pub fn records(&self, range: Range<usize>) -> Result<Vec<FrameRecords>, Failure> {
+        let mut position = self.vectors(&self.position, &range)?.into_iter();
+        let mut velocity = self.vectors(&self.velocity, &range)?.into_iter();
+        let mut angular_velocity = match self.dimension {
+            Dimensions::Two => {
+                let spins = self.spins(&range)?.into_iter().flatten();
+                let about_z = spins.map(|w| [0.0, 0.0, w]);
+                about_z.collect()
+            }
+            Dimensions::Three => self.vectors(&self.angular_velocity, &range)?,
+        }
+        .into_iter();
+        let contacts = self.contacts(&range, Fields::All)?;
+        let frame = |t: usize| FrameRecords {
+            step: self.step[t],
+            time: self.time[t],
+            grains: (0..self.grains.count() as u64)
+                .map(|id| GrainSample {
+                    id,
+                    position: position.next().unwrap_or_default(),
+                    velocity: velocity.next().unwrap_or_default(),
+                    angular_velocity: angular_velocity.next().unwrap_or_default(),
+                })
+                .collect(),
+            contacts: contacts.of_rows(self.rows(t..t + 1)),
+        };
+        Ok(range.map(frame).collect())
+    }
+
+    /// Of all grains of frames, one after the other, from a dataset [T][N][3].
+    fn vectors(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
+        let values = dataset
+            .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        let (values, _) = values.into_raw_vec_and_offset();
+        Ok(values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
+    }
+
+    /// [..][N] ω of disks.
+    fn spins(&self, range: &Range<usize>) -> Result<Vec<Vec<f64>>, Failure> {
+        let values = self
+            .angular_velocity
+            .read_slice::<f64, _, Ix2>(s![range.start..range.end, ..])
+            .map_err(|e| self.damaged(&self.angular_velocity, &e))?;
+        Ok(values.outer_iter().map(|frame| frame.to_vec()).collect())
+    }
+
+    /// Frame t < T.
+    pub fn frame(&self, t: usize) -> Result<Frame, Failure> {
+        Ok(self.block(t..t + 1)?.swap_remove(0))
+    }
+
+    /// The frames of a range within 0 … T.
+    pub fn block(&self, range: Range<usize>) -> Result<Vec<Frame>, Failure> {
+        self.block_of(range, Fields::All)
+    }
+
+    /// The frames of a range within 0 … T, as far as `fields` go.
+    pub fn block_of(&self, range: Range<usize>, fields: Fields) -> Result<Vec<Frame>, Failure> {
+        if self.dimension == Dimensions::Three {
+            return Err(Failure::input(format!(
+                "{}: this is of disks only; of the frames of spheres there are dmin, compare and export, and their time series",
+                self.path.display()
+            )));
+        }
+        let mut position = self.planar(&self.position, &range)?.into_iter();
+        let (mut velocity, mut angular_velocity) = (Vec::new(), Vec::new());
+        if fields == Fields::All {
+            velocity = self.planar(&self.velocity, &range)?;
+            angular_velocity = self.spins(&range)?;
+        }
+        let (mut velocity, mut angular_velocity) =
+            (velocity.into_iter(), angular_velocity.into_iter());
+        let contacts = self.contacts(&range, fields)?;
+        let frame = |t: usize| Frame {
+            step: self.step[t],
+            time: self.time[t],
+            position: position.next().unwrap_or_default(),
+            velocity: velocity.next().unwrap_or_default(),
+            angular_velocity: angular_velocity.next().unwrap_or_default(),
+            contacts: contacts.of_rows(self.rows(t..t + 1)),
+        };
+        Ok(range.map(frame).collect())
+    }
+
+    /// x and y of a dataset [T][N][3], of which z must be 0.
+    fn planar(
+        &self,
+        dataset: &Dataset,
+        range: &Range<usize>,
+    ) -> Result<Vec<Vec<[f64; 2]>>, Failure> {
+        let values = dataset
+            .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        let (values, _) = values.into_raw_vec_and_offset();
+        let mut planar = true;
+        let frame = |t: usize| {
+            let of_frame = 3 * self.grains.count();
+            let rows = values[t * of_frame..(t + 1) * of_frame].chunks_exact(3);
+            let of_row = |row: &[f64]| {
+                planar &= row[2] == 0.0;
+                [row[0], row[1]]
+            };
+            rows.map(of_row).collect()
+        };
+        let frames = (0..range.len()).map(frame).collect();
+        if !planar {
+            let name = dataset.name();
+            return Err(Failure::input(format!(
+                "{}: {}: z is not 0: only 2D runs can be reduced",
+                self.path.display(),
+                &name[1..]
+            )));
+        }
+        Ok(frames)
+    }
+
+    /// How many frames to read at a time so that a block stays near 16 MiB: memory of that size is used again, where the
+    /// system would clear every page of a larger one anew.
+    pub fn block_length(&self) -> usize {
+        let frames = self.frames().max(1);
+        let contacts = self.offset.last().map_or(0, |all| *all as usize) / frames;
+        let bytes =
+            self.grains.count() * 11 * size_of::<f64>() + contacts * 2 * size_of::<ContactSample>();
+        ((16 << 20) / bytes.max(1)).clamp(1, 512)
+    }
+
+    /// Rows of the contacts of frames.
+    fn rows(&self, frames: Range<usize>) -> Range<usize> {
+        self.offset[frames.start] as usize..self.offset[frames.end] as usize
+    }
+
+    fn contacts(&self, frames: &Range<usize>, fields: Fields) -> Result<Columns, Failure> {
+        let rows = self.rows(frames.clone());
+        let columns = &self.contacts;
+        // No rows of what is not asked for.
+        let rows_from = |least: Fields| if fields >= least { rows.clone() } else { 0..0 };
+        let (forces, others) = (rows_from(Fields::Forces), rows_from(Fields::All));
+        let contacts = Columns {
+            first: rows.start,
+            i: self.column::<u32>(&columns.i, &rows)?,
+            j: self.column::<u32>(&columns.j, &rows)?,
+            normal_force: self.column::<f64>(&columns.normal_force, &forces)?,
+            tangential_force: self.tangential(&columns.tangential_force, &forces)?,
+            tangential_history: self.tangential(&columns.tangential_history, &others)?,
+            rolling_history: match &columns.rolling_history {
+                Some(dataset) => self.column::<f64>(dataset, &others)?,
+                None => Vec::new(),
+            },
+            overlap: self.column::<f64>(&columns.overlap, &others)?,
+            sliding: self.column::<u8>(&columns.sliding, &others)?,
+        };
+        self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
+        Ok(contacts)
+    }
+
+    /// Ids of the contacts from row `first` on.
+    pub(super) fn check_pairs(&self, i: &[u32], j: &[u32], first: usize) -> Result<(), Failure> {
+        let n = self.grains.count();
+        match (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
+            None => Ok(()),
+            Some(k) => Err(Failure::input(format!(
+                "{}: connectivity/contacts: row {} joins grains {} and {}; ids must be i < j < {n}",
+                self.path.display(),
+                first + k,
+                i[k],
+                j[k]
+            ))),
+        }
+    }
+
+    /// A column of tangential vectors: of disks [M], of spheres [M][3].
+    fn tangential(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
+        if self.dimension == Dimensions::Two {
+            let along = self.column::<f64>(dataset, rows)?;
+            return Ok(along.into_iter().map(|f| [f, 0.0, 0.0]).collect());
+        }
+        if rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        let values = dataset
+            .read_slice::<f64, _, Ix2>(s![rows.start..rows.end, ..])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        Ok(values.outer_iter().map(|v| [v[0], v[1], v[2]]).collect())
+    }
+
+    pub(super) fn column<T: H5Type>(
+        &self,
+        dataset: &Dataset,
+        rows: &Range<usize>,
+    ) -> Result<Vec<T>, Failure> {
+        if rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        let values = dataset
+            .read_slice::<T, _, Ix1>(s![rows.start..rows.end])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        Ok(values.into_raw_vec_and_offset().0)
+    }
+
+    pub(super) fn damaged(&self, dataset: &Dataset, error: &hdf5::Error) -> Failure {
+        Failure::input(format!(
+            "{}: {} cannot be read: {}",
+            self.path.display(),
+            &dataset.name()[1..],
+            one_line(error)
+        ))
+    }
+}

@@ -1,0 +1,387 @@
+//! Reads `run.h5` (docs/file-formats.md): serially, by blocks of frames, so that memory does not grow with the run.
+
+mod frames;
+mod periodic;
+mod source;
+mod state;
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use hdf5::Dataset;
+
+pub use self::periodic::{PeriodicRun, scene_of_finished};
+use self::source::{FOREIGN, Source};
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_scene::Dimensions;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{Cell, Disks, SERIES_COLUMNS};
+
+/// An attribute of `parameters`.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Parameter {
+    Text(String),
+    Integer(i64),
+    Number(f64),
+    Numbers(Vec<f64>),
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Parameter::Text(text) => f.write_str(text),
+            Parameter::Integer(value) => write!(f, "{value}"),
+            Parameter::Number(value) => write!(f, "{value:?}"),
+            Parameter::Numbers(values) => write!(f, "{values:?}"),
+        }
+    }
+}
+
+/// The time series; L rows, as far as every column goes.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Series {
+    /// [L] steps since the start of the shear.
+    pub step: Vec<u64>,
+    /// [L] (s).
+    pub time: Vec<f64>,
+    /// [columns of `SERIES_COLUMNS`][L].
+    pub columns: Vec<Vec<f64>>,
+}
+
+impl Series {
+    /// A column of `SERIES_COLUMNS`, [L]. Panics on any other name.
+    pub fn column(&self, name: &str) -> &[f64] {
+        let at = SERIES_COLUMNS.iter().position(|column| *column == name);
+        &self.columns[at.unwrap_or_else(|| panic!("{name} is no column of the time series"))]
+    }
+
+    /// L.
+    pub fn rows(&self) -> usize {
+        self.step.len()
+    }
+}
+
+/// What is read of a frame.
+///
+/// What is not read of the grains is left empty, what is not read of the contacts is 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+pub enum Fields {
+    /// Positions and the ids of the contacts: enough for D²min.
+    Pairs,
+    /// The forces as well: enough for the scalars of a frame.
+    Forces,
+    All,
+}
+
+/// Scalars that the run itself has computed, `observables/gshear/`; row k between the rows k-1 and k.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredScalars {
+    /// [L] steps since the start of the shear.
+    pub step: Vec<u64>,
+    /// [L].
+    pub scalars: Vec<FrameScalars>,
+}
+
+/// An open `run.h5`. What is small is read on opening; frames are read on demand.
+pub struct Run {
+    path: PathBuf,
+    grains: Disks,
+    /// Of the box at the start of the shear (m): L_x and height, of spheres L_x, L_y and height.
+    edges: [f64; 3],
+    dimension: Dimensions,
+    parameters: BTreeMap<String, Parameter>,
+    series: Series,
+    scalars: Option<StoredScalars>,
+    step: Vec<u64>,
+    time: Vec<f64>,
+    offset: Vec<u64>,
+    position: Dataset,
+    velocity: Dataset,
+    angular_velocity: Dataset,
+    contacts: ContactColumns,
+}
+
+struct ContactColumns {
+    i: Dataset,
+    j: Dataset,
+    normal_force: Dataset,
+    tangential_force: Dataset,
+    tangential_history: Dataset,
+    rolling_history: Option<Dataset>,
+    overlap: Dataset,
+    sliding: Dataset,
+}
+
+impl Run {
+    /// Opens a run: a `run.h5`, or the folder that holds one.
+    ///
+    /// A run that was stopped early is read as far as every one of its datasets goes.
+    /// Errors: `Failure::Input` that names the file and the object that is missing, damaged or of the wrong shape.
+    pub fn open(run: &Path) -> Result<Self, Failure> {
+        let path = if run.is_dir() {
+            run.join("run.h5")
+        } else {
+            run.to_path_buf()
+        };
+        hdf5::silence_errors(true);
+        let source = Source::open(&path)?;
+
+        let id: Vec<u32> = source.all("particles/trajectory/id")?;
+        let n = id.len();
+        if let Some(row) = (0..n).find(|&row| id[row] as usize != row) {
+            let found = id[row];
+            return Err(source.wrong(
+                "particles/trajectory/id",
+                format!("row {row} is grain {found}; rows must be 0 … N-1"),
+            ));
+        }
+        let edges: Vec<f64> = source.all("particles/trajectory/box/edges")?;
+        if edges.len() != 3 || edges[0].is_nan() || edges[0] <= 0.0 {
+            return Err(source.wrong(
+                "particles/trajectory/box/edges",
+                "does not hold L_x > 0, height, 0, or L_x > 0, L_y, height",
+            ));
+        }
+        let parameters = source.parameters()?;
+        let dimension = match parameters.get("dimension") {
+            Some(Parameter::Integer(3)) => Dimensions::Three,
+            _ => Dimensions::Two,
+        };
+        let planar = dimension == Dimensions::Two;
+        let grains = Disks {
+            radius: source.of_length("particles/trajectory/radius", n)?,
+            body: source.of_length("particles/trajectory/body", n)?,
+            mass: source.of_length("particles/trajectory/mass", n)?,
+            length: edges[0],
+        };
+        let finished = parameters.contains_key("digest");
+        let series = source.series(finished)?;
+        let scalars = source.scalars(finished)?;
+
+        let spins = if planar { &[n][..] } else { &[n, 3] };
+        let position = source.frames("particles/trajectory/position/value", &[n, 3])?;
+        let velocity = source.frames("particles/trajectory/velocity/value", &[n, 3])?;
+        let angular_velocity =
+            source.frames("particles/trajectory/angular_velocity/value", spins)?;
+        let mut step: Vec<u64> = source.all("particles/trajectory/position/step")?;
+        let mut time: Vec<f64> = source.all("particles/trajectory/position/time")?;
+        let mut offset: Vec<u64> = source.all("connectivity/contacts/offset")?;
+        let wide = |name: &str, shape: &[usize]| {
+            source.frames(&format!("connectivity/contacts/{name}"), shape)
+        };
+        let column = |name: &str| wide(name, &[]);
+        let tangential = if planar { &[][..] } else { &[3] };
+        let contacts = ContactColumns {
+            i: column("i")?,
+            j: column("j")?,
+            normal_force: column("normal_force")?,
+            tangential_force: wide("tangential_force", tangential)?,
+            tangential_history: wide("tangential_history", tangential)?,
+            // Of disks only.
+            rolling_history: match planar {
+                true => Some(column("rolling_history")?),
+                false => None,
+            },
+            overlap: column("overlap")?,
+            sliding: column("sliding")?,
+        };
+
+        let stored = contacts.shortest();
+        if let Some(t) = (1..offset.len()).find(|&t| offset[t] < offset[t - 1]) {
+            return Err(source.wrong(
+                "connectivity/contacts/offset",
+                format!("decreases at frame {t}"),
+            ));
+        }
+        let whole = offset
+            .iter()
+            .take_while(|&&end| end <= stored)
+            .count()
+            .saturating_sub(1);
+        let lengths = [
+            ("particles/trajectory/position/value", position.shape()[0]),
+            ("particles/trajectory/velocity/value", velocity.shape()[0]),
+            (
+                "particles/trajectory/angular_velocity/value",
+                angular_velocity.shape()[0],
+            ),
+            ("particles/trajectory/position/step", step.len()),
+            ("particles/trajectory/position/time", time.len()),
+            ("connectivity/contacts", whole),
+        ];
+        let frames = source.common_length(&lengths, finished, "frames")?;
+        step.truncate(frames);
+        time.truncate(frames);
+        offset.truncate(frames + 1);
+
+        Ok(Run {
+            grains,
+            edges: [edges[0], edges[1], edges[2]],
+            dimension,
+            parameters,
+            series,
+            scalars,
+            step,
+            time,
+            offset,
+            position,
+            velocity,
+            angular_velocity,
+            contacts,
+            path,
+        })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The folder of the file.
+    pub fn folder(&self) -> &Path {
+        match self.path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        }
+    }
+
+    pub fn grains(&self) -> &Disks {
+        &self.grains
+    }
+
+    /// Height of the box at the start of the shear (m).
+    pub fn height(&self) -> f64 {
+        self.edges[self.dimension.axes() - 1]
+    }
+
+    pub fn dimension(&self) -> Dimensions {
+        self.dimension
+    }
+
+    /// The periodic cell.
+    pub fn cell(&self) -> Cell {
+        Cell::between_walls(match self.dimension {
+            Dimensions::Two => [self.edges[0], f64::INFINITY],
+            Dimensions::Three => [self.edges[0], self.edges[1]],
+        })
+    }
+
+    pub fn series(&self) -> &Series {
+        &self.series
+    }
+
+    /// `None` where the run computed no scalars of frames.
+    pub fn stored_scalars(&self) -> Option<&StoredScalars> {
+        self.scalars.as_ref()
+    }
+
+    /// All attributes of `parameters`, by name.
+    pub fn parameters(&self) -> &BTreeMap<String, Parameter> {
+        &self.parameters
+    }
+
+    /// A parameter that is text; `None` where it is missing.
+    pub fn text(&self, name: &str) -> Option<&str> {
+        match self.parameters.get(name) {
+            Some(Parameter::Text(text)) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// A parameter that is a number; `None` where it is missing.
+    pub fn number(&self, name: &str) -> Option<f64> {
+        match self.parameters.get(name) {
+            Some(Parameter::Number(value)) => Some(*value),
+            Some(Parameter::Integer(value)) => Some(*value as f64),
+            _ => None,
+        }
+    }
+
+    /// The scene as TOML, every default filled in.
+    pub fn scene(&self) -> &str {
+        self.text("scene").unwrap_or_default()
+    }
+
+    /// Digest of the last state; `None` where the run was stopped early.
+    pub fn digest(&self) -> Option<&str> {
+        self.text("digest")
+    }
+
+    /// T.
+    pub fn frames(&self) -> usize {
+        self.step.len()
+    }
+
+    /// [T] steps of the frames.
+    pub fn frame_steps(&self) -> &[u64] {
+        &self.step
+    }
+
+    /// [T+1] first contact of each frame, as far as whole frames go.
+    pub fn contact_offsets(&self) -> &[u64] {
+        &self.offset
+    }
+
+    /// [T] γ of the frames: V t/H where the wall moves at the constant velocity V; where a spring or a protocol moves it, on straight
+    /// lines between the rows of the time series.
+    pub fn frame_strains(&self) -> Result<Vec<f64>, Failure> {
+        let velocities = self.series.column("drive_velocity");
+        let changes = velocities.windows(2).any(|pair| pair[0] != pair[1]);
+        if changes
+            || self
+                .number("spring_stiffness")
+                .is_some_and(|k| k.is_finite())
+        {
+            return Ok(self.interpolated_strains());
+        }
+        let need = |name: &str| {
+            let missing = || {
+                Failure::input(format!(
+                    "{}: parameters: attribute {name} is missing: {FOREIGN}",
+                    self.path.display()
+                ))
+            };
+            self.number(name).ok_or_else(missing)
+        };
+        let rate = need("wall_speed")? / need("height_start")?;
+        Ok(self.time.iter().map(|time| rate * time).collect())
+    }
+
+    fn interpolated_strains(&self) -> Vec<f64> {
+        let (steps, strains) = (&self.series.step, self.series.column("strain"));
+        let at = |step: &u64| {
+            let next = steps.partition_point(|row| row < step);
+            match (next.checked_sub(1), steps.get(next)) {
+                (_, Some(row)) if row == step => strains[next],
+                (Some(last), Some(row)) => {
+                    let part = (step - steps[last]) as f64 / (row - steps[last]) as f64;
+                    strains[last] + part * (strains[next] - strains[last])
+                }
+                _ => f64::NAN,
+            }
+        };
+        self.step.iter().map(at).collect()
+    }
+}
+
+impl ContactColumns {
+    /// Rows that every column has.
+    fn shortest(&self) -> u64 {
+        let columns = [
+            &self.i,
+            &self.j,
+            &self.normal_force,
+            &self.tangential_force,
+            &self.tangential_history,
+            &self.overlap,
+            &self.sliding,
+        ];
+        columns
+            .into_iter()
+            .chain(&self.rolling_history)
+            .map(|dataset| dataset.shape()[0] as u64)
+            .min()
+            .unwrap_or(0)
+    }
+}

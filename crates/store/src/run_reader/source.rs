@@ -1,0 +1,259 @@
+//! Single objects of a file: that they are there, of the right shape, and what to say where they are not.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::io::Read as _;
+use std::path::Path;
+
+use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenUnicode};
+use hdf5::{Dataset, File, H5Type, Location};
+
+use super::{Parameter, Series, StoredScalars};
+use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
+use gshear_dem::failure::Failure;
+use gshear_dem::state::SERIES_COLUMNS;
+
+/// Every HDF5 file begins with these bytes.
+const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
+pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
+/// Longest fixed-length string attribute that is read; HDF5 itself allows no more than 64 KiB in an attribute.
+const TEXT: usize = 65_536;
+
+/// A file and how to speak of it.
+pub(super) struct Source<'a> {
+    file: File,
+    path: &'a Path,
+}
+
+impl<'a> Source<'a> {
+    /// Opens the file, which must be HDF5 and whole.
+    pub(super) fn open(path: &'a Path) -> Result<Self, Failure> {
+        Ok(Source {
+            file: open_file(path)?,
+            path,
+        })
+    }
+
+    pub(super) fn wrong(&self, object: &str, what: impl fmt::Display) -> Failure {
+        Failure::input(format!("{}: {object}: {what}", self.path.display()))
+    }
+
+    pub(super) fn dataset(&self, name: &str) -> Result<Dataset, Failure> {
+        if !self.exists(name) {
+            return Err(Failure::input(format!(
+                "{}: {name} is missing: {FOREIGN}",
+                self.path.display()
+            )));
+        }
+        self.file
+            .dataset(name)
+            .map_err(|e| self.wrong(name, format!("cannot be opened: {}", one_line(&e))))
+    }
+
+    /// HDF5 fails, rather than answers, where a group on the way is missing.
+    pub(super) fn exists(&self, name: &str) -> bool {
+        let ends = name
+            .match_indices('/')
+            .map(|(at, _)| at)
+            .chain([name.len()]);
+        ends.into_iter()
+            .all(|end| self.file.link_exists(&name[..end]))
+    }
+
+    pub(super) fn all<T: H5Type>(&self, name: &str) -> Result<Vec<T>, Failure> {
+        let dataset = self.dataset(name)?;
+        if dataset.ndim() != 1 {
+            return Err(self.wrong(
+                name,
+                format!("has {} dimensions instead of 1: {FOREIGN}", dataset.ndim()),
+            ));
+        }
+        dataset
+            .read_raw()
+            .map_err(|e| self.wrong(name, format!("cannot be read: {}", one_line(&e))))
+    }
+
+    pub(super) fn of_length<T: H5Type>(
+        &self,
+        name: &str,
+        length: usize,
+    ) -> Result<Vec<T>, Failure> {
+        let values = self.all(name)?;
+        if values.len() != length {
+            return Err(self.wrong(
+                name,
+                format!("has {} rows instead of {length}", values.len()),
+            ));
+        }
+        Ok(values)
+    }
+
+    /// A dataset whose first dimension is frames, or contacts, and the others as given.
+    pub(super) fn frames(&self, name: &str, inner: &[usize]) -> Result<Dataset, Failure> {
+        let dataset = self.dataset(name)?;
+        let shape = dataset.shape();
+        if shape.len() != inner.len() + 1 || shape[1..] != *inner {
+            return Err(self.wrong(
+                name,
+                format!("has the shape {shape:?} instead of [any] + {inner:?}"),
+            ));
+        }
+        Ok(dataset)
+    }
+
+    pub(super) fn series(&self, finished: bool) -> Result<Series, Failure> {
+        let first = SERIES_COLUMNS[0];
+        let mut step: Vec<u64> = self.all(&format!("observables/{first}/step"))?;
+        let mut time: Vec<f64> = self.all(&format!("observables/{first}/time"))?;
+        let read = |column: &&str| self.all(&format!("observables/{column}/value"));
+        let mut columns: Vec<Vec<f64>> =
+            SERIES_COLUMNS.iter().map(read).collect::<Result<_, _>>()?;
+        let mut lengths = vec![
+            ("observables/strain/step", step.len()),
+            ("observables/strain/time", time.len()),
+        ];
+        lengths.extend(
+            SERIES_COLUMNS
+                .iter()
+                .zip(&columns)
+                .map(|(name, column)| (*name, column.len())),
+        );
+        let rows = self.common_length(&lengths, finished, "rows")?;
+        step.truncate(rows);
+        time.truncate(rows);
+        columns.iter_mut().for_each(|column| column.truncate(rows));
+        Ok(Series {
+            step,
+            time,
+            columns,
+        })
+    }
+
+    /// The scalars of `observables/gshear/`, if there are any.
+    pub(super) fn scalars(&self, finished: bool) -> Result<Option<StoredScalars>, Failure> {
+        const GROUP: &str = "observables/gshear";
+        if !self.exists(GROUP) {
+            return Ok(None);
+        }
+        let first = SCALAR_COLUMNS[0];
+        let mut step: Vec<u64> = self.all(&format!("{GROUP}/{first}/step"))?;
+        let read = |column: &&str| self.all(&format!("{GROUP}/{column}/value"));
+        let columns: Vec<Vec<f64>> = SCALAR_COLUMNS.iter().map(read).collect::<Result<_, _>>()?;
+        let names = SCALAR_COLUMNS.iter().copied();
+        let mut lengths: Vec<_> = names.zip(columns.iter().map(Vec::len)).collect();
+        lengths.push(("observables/gshear/dmin_greatest/step", step.len()));
+        let rows = self.common_length(&lengths, finished, "rows")?;
+        step.truncate(rows);
+        let row = |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| columns[c][k]));
+        let scalars = (0..rows).map(row).collect();
+        Ok(Some(StoredScalars { step, scalars }))
+    }
+
+    /// A run that ended properly has all of equal length; one that was cut short may have begun a batch.
+    pub(super) fn common_length(
+        &self,
+        lengths: &[(&str, usize)],
+        finished: bool,
+        what: &str,
+    ) -> Result<usize, Failure> {
+        let (shortest, least) = lengths
+            .iter()
+            .copied()
+            .min_by_key(|(_, length)| *length)
+            .expect("some dataset");
+        let (longest, most) = lengths
+            .iter()
+            .copied()
+            .max_by_key(|(_, length)| *length)
+            .expect("some dataset");
+        if finished && least != most {
+            return Err(self.wrong(
+                shortest,
+                format!("holds {least} {what} where {longest} holds {most}: the file is damaged"),
+            ));
+        }
+        Ok(least)
+    }
+
+    pub(super) fn parameters(&self) -> Result<BTreeMap<String, Parameter>, Failure> {
+        if !self.exists("parameters") {
+            return Err(Failure::input(format!(
+                "{}: parameters is missing: {FOREIGN}",
+                self.path.display()
+            )));
+        }
+        let group = self
+            .file
+            .group("parameters")
+            .map_err(|e| self.wrong("parameters", one_line(&e)))?;
+        let names = group
+            .attr_names()
+            .map_err(|e| self.wrong("parameters", one_line(&e)))?;
+        let read = |name: String| {
+            let value = parameter(&group, &name)
+                .map_err(|e| self.wrong(&format!("parameters: attribute {name}"), one_line(&e)))?;
+            Ok((name, value))
+        };
+        names.into_iter().map(read).collect()
+    }
+}
+
+fn parameter(group: &Location, name: &str) -> hdf5::Result<Parameter> {
+    let attribute = group.attr(name)?;
+    Ok(match attribute.dtype()?.to_descriptor()? {
+        TypeDescriptor::VarLenUnicode => {
+            Parameter::Text(attribute.read_scalar::<VarLenUnicode>()?.to_string())
+        }
+        TypeDescriptor::VarLenAscii => {
+            Parameter::Text(attribute.read_scalar::<VarLenAscii>()?.to_string())
+        }
+        TypeDescriptor::FixedUnicode(_) => {
+            Parameter::Text(attribute.read_raw::<FixedUnicode<TEXT>>()?.concat_text())
+        }
+        TypeDescriptor::FixedAscii(_) => {
+            Parameter::Text(attribute.read_raw::<FixedAscii<TEXT>>()?.concat_text())
+        }
+        TypeDescriptor::Integer(_) | TypeDescriptor::Unsigned(_) if attribute.is_scalar() => {
+            Parameter::Integer(attribute.read_scalar()?)
+        }
+        _ if attribute.is_scalar() => Parameter::Number(attribute.read_scalar()?),
+        _ => Parameter::Numbers(attribute.read_raw()?),
+    })
+}
+
+trait ConcatText {
+    fn concat_text(&self) -> String;
+}
+
+impl<T: AsRef<str>> ConcatText for Vec<T> {
+    fn concat_text(&self) -> String {
+        self.iter().map(AsRef::as_ref).collect()
+    }
+}
+
+fn open_file(path: &Path) -> Result<File, Failure> {
+    let name = path.display();
+    let mut head = Vec::new();
+    let begin = std::fs::File::open(path)
+        .and_then(|file| file.take(SIGNATURE.len() as u64).read_to_end(&mut head));
+    begin.map_err(|e| Failure::input(format!("{name}: cannot be read: {e}")))?;
+    if head != SIGNATURE {
+        return Err(Failure::input(format!(
+            "{name}: is not an HDF5 file: {FOREIGN}"
+        )));
+    }
+    File::open(path).map_err(|e| {
+        let reason = one_line(&e);
+        let state = if reason.contains("lock file") {
+            "is being written"
+        } else {
+            "is damaged"
+        };
+        Failure::input(format!("{name}: {state}: {reason}"))
+    })
+}
+
+/// What HDF5 says of an error: the outermost and the innermost reason, on one line.
+pub(super) fn one_line(error: &hdf5::Error) -> String {
+    error.to_string().replace('\n', " ")
+}

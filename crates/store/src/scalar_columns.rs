@@ -1,0 +1,84 @@
+//! The scalars of frames in `run.h5`: `observables/gshear/`, a row a frame.
+
+use super::collective::Outcome;
+use super::h5::{Column, H5File};
+use super::layout::{CHUNK_ROWS, by_root};
+use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
+use gshear_dem::failure::Failure;
+
+/// Their group.
+pub const SCALARS: &str = "observables/gshear";
+
+/// Growing datasets of the scalars, and the rows that wait to be written.
+pub struct ScalarColumns {
+    step: Column<u64>,
+    values: Vec<Column<f64>>,
+    rows: Vec<(u64, FrameScalars)>,
+    written: u64,
+}
+
+impl ScalarColumns {
+    /// Those of the file after their first `rows` rows, or new ones where it has none. Collective.
+    pub fn new(file: &H5File, rows: u64) -> Result<Self, Failure> {
+        let name = |n: usize, part: &str| format!("{SCALARS}/{}/{part}", SCALAR_COLUMNS[n]);
+        let all = 0..SCALAR_COLUMNS.len();
+        if !file.has(SCALARS) {
+            if rows > 0 {
+                return Err(file.lacks(SCALARS, rows));
+            }
+            for n in all.clone() {
+                file.group(&format!("{SCALARS}/{}", SCALAR_COLUMNS[n]))?;
+                file.dataset::<f64>(&name(n, "value"), &[0], Some(&[CHUNK_ROWS]))?;
+                match n {
+                    0 => drop(file.dataset::<u64>(&name(0, "step"), &[0], Some(&[CHUNK_ROWS]))?),
+                    n => file.link(
+                        &format!("/{}", name(0, "step")),
+                        &format!("/{}", name(n, "step")),
+                    )?,
+                }
+            }
+        }
+        let values = all.map(|n| file.open_dataset(&name(n, "value")));
+        let mut columns = ScalarColumns {
+            step: file.open_dataset(&name(0, "step"))?,
+            values: values.collect::<Result<_, _>>()?,
+            rows: Vec::new(),
+            written: rows,
+        };
+        if columns.step.rows() < rows || columns.values.iter().any(|c| c.rows() < rows) {
+            return Err(file.lacks(SCALARS, rows));
+        }
+        columns.step.resize(rows)?;
+        columns.values.iter_mut().try_for_each(|c| c.resize(rows))?;
+        Ok(columns)
+    }
+
+    /// Rows so far, with those that wait to be written.
+    pub fn rows(&self) -> u64 {
+        self.written + self.rows.len() as u64
+    }
+
+    pub fn waiting(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// The next rows, the same on every rank.
+    pub fn push(&mut self, rows: &[(u64, FrameScalars)]) {
+        self.rows.extend_from_slice(rows);
+    }
+
+    /// What waits to the file, by rank 0. Collective.
+    pub fn write(&mut self, root: bool, outcome: &mut Outcome) {
+        let rows = std::mem::take(&mut self.rows);
+        if rows.is_empty() {
+            return;
+        }
+        let step: Vec<u64> = rows.iter().map(|r| r.0).collect();
+        outcome.note(by_root(root, &mut self.step, self.written, &step));
+        for (n, column) in self.values.iter_mut().enumerate() {
+            let values: Vec<f64> = rows.iter().map(|r| r.1.columns()[n]).collect();
+            outcome.note(by_root(root, column, self.written, &values));
+        }
+        self.written += rows.len() as u64;
+    }
+}

@@ -1,0 +1,82 @@
+//! Writes `spectrum.h5` (docs/file-formats.md): beside, then renamed, so that a file of this name is always whole.
+
+use std::path::{Path, PathBuf};
+
+use hdf5::File;
+use hdf5::types::VarLenUnicode;
+use ndarray::Array3;
+
+use gshear_analysis::spectrum::{Eigenvalue, Problem};
+use gshear_dem::failure::Failure;
+
+/// What is written, k eigenvalues long.
+pub struct Columns {
+    pub eigenvalues: Vec<Eigenvalue>,
+    pub participation: Vec<f64>,
+    /// v [k][unknowns][2], real and imaginary parts.
+    pub vectors: Array3<f64>,
+}
+
+/// Writes `spectrum.h5` into `folder` and returns its path; `matrix` is where K comes from.
+///
+/// Errors: `Failure::Other` where it cannot be written.
+pub fn write(
+    folder: &Path,
+    matrix: &Path,
+    problem: &Problem,
+    columns: &Columns,
+) -> Result<PathBuf, Failure> {
+    let path = folder.join("spectrum.h5");
+    let part = folder.join("spectrum.h5.part");
+    let save = || -> hdf5::Result<()> {
+        let file = File::create(&part)?;
+        let column = |name: &str, of: &dyn Fn(&Eigenvalue) -> f64| {
+            let values: Vec<f64> = columns.eigenvalues.iter().map(of).collect();
+            file.new_dataset_builder().with_data(&values).create(name)
+        };
+        column("lambda_re", &|e| e.value.re)?;
+        column("lambda_im", &|e| e.value.im)?;
+        column("residual", &|e| e.residual)?;
+        column("condition", &|e| e.condition)?;
+        let verdicts: Vec<u8> = columns
+            .eigenvalues
+            .iter()
+            .map(|e| e.verdict as u8)
+            .collect();
+        file.new_dataset_builder()
+            .with_data(&verdicts)
+            .create("verdict")?;
+        file.new_dataset_builder()
+            .with_data(&columns.participation)
+            .create("participation")?;
+        file.new_dataset_builder()
+            .with_data(&columns.vectors)
+            .create("eigenvector")?;
+        let text = |name: &str, value: &str| {
+            let value: VarLenUnicode = value.parse().unwrap_or_default();
+            file.new_attr::<VarLenUnicode>()
+                .create(name)?
+                .write_scalar(&value)
+        };
+        text("matrix", &matrix.display().to_string())?;
+        text("version", env!("CARGO_PKG_VERSION"))?;
+        let count = |name: &str, value: usize| {
+            file.new_attr::<u64>()
+                .create(name)?
+                .write_scalar(&(value as u64))
+        };
+        count("rattling", problem.rattling())?;
+        count("null_vectors", problem.null().ncols())?;
+        file.new_attr::<f64>()
+            .create("norm")?
+            .write_scalar(&problem.norm())?;
+        file.close()
+    };
+    save().map_err(|e| {
+        let reason = e.to_string().replace('\n', " ");
+        Failure::other(format!("{}: cannot be written: {reason}", part.display()))
+    })?;
+    std::fs::rename(&part, &path)
+        .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))?;
+    Ok(path)
+}

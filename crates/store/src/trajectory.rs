@@ -1,0 +1,492 @@
+//! The writer of `run.h5`: frames and time series, written by all ranks together, many at once.
+
+use super::batch::{Frames, Part, Shares, length};
+use super::collective::{IdBlocks, Outcome, agree, records_of};
+use super::h5::{Attribute, H5File, Slab};
+use super::layout::{
+    BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, by_root, describe, forces,
+};
+use super::scalar_columns::ScalarColumns;
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::domain::total;
+use gshear_mpi_exchange::Parallel;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactSample, GrainSample};
+use bytemuck::{Pod, Zeroable};
+use hdf5::H5Type;
+use std::path::Path;
+use std::time::Instant;
+
+/// What never changes of a grain. `body`: 0 free, 1 bottom wall, 2 top wall; R (m), m (kg, in 2D kg/m).
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct GrainShape {
+    pub id: u32,
+    pub body: u32,
+    pub radius: f64,
+    pub mass: f64,
+}
+
+/// What `run.h5` holds from the start.
+#[derive(Debug, Clone, Copy)]
+pub struct RunHeader<'a> {
+    pub axes: usize,
+    /// Whether the box is bounded along its last axis.
+    pub walls: bool,
+    /// Columns of the time series.
+    pub series: &'a [&'a str],
+    /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
+    pub edges: [f64; 3],
+    /// This rank's grains; together the ranks have the ids 0 … N-1, each once.
+    pub grains: &'a [GrainShape],
+    /// Attributes of `parameters`; those of rank 0 are written.
+    pub attributes: &'a [(&'a str, Attribute)],
+}
+
+/// Attributes that belong to a run that has ended.
+const AT_THE_END: [&str; 3] = ["digest", "speed", "rank_map"];
+/// Bytes of frames gathered before they are written, over all ranks.
+const BATCH_BYTES: usize = 16 << 20;
+/// Rows of the time series gathered before they are written.
+const BATCH_ROWS: usize = 1024;
+/// Written batches reach the disk at least as often, if frames come as often.
+const FLUSH_SECONDS: f64 = 2.0;
+
+/// `run.h5`, open for writing. What is in it does not depend on the number of ranks. Every call is collective.
+pub struct TrajectoryWriter {
+    columns: Columns,
+    /// Where the run computes scalars of frames.
+    scalars: Option<ScalarColumns>,
+    file: H5File,
+    blocks: IdBlocks,
+    /// Frames of a batch.
+    batch: usize,
+    frames: Frames,
+    rows: Vec<(u64, f64, Vec<f64>)>,
+    frames_written: u64,
+    contacts_written: u64,
+    rows_written: u64,
+    flushed: Instant,
+}
+
+impl TrajectoryWriter {
+    /// A new file in the place of whatever is there.
+    pub fn create(
+        exchange: &dyn Parallel,
+        path: &Path,
+        header: &RunHeader<'_>,
+    ) -> Result<Self, Failure> {
+        let grains = total(exchange, header.grains.len() as u64);
+        let mut attributes = Vec::new();
+        for (name, value) in header.attributes {
+            attributes.push((name.to_string(), value.clone()));
+        }
+        let attributes = shared(exchange, attributes);
+        let blocks = IdBlocks {
+            grains,
+            ranks: exchange.size() as u64,
+        };
+        let created = (|| {
+            let file = H5File::create(path, exchange.communicator())?;
+            describe(&file, header.axes, header.walls)?;
+            for (name, value) in &attributes {
+                file.attribute(PARAMETERS, name, value)?;
+            }
+            let columns = Columns::new(
+                &file,
+                Mode::Create,
+                grains as usize,
+                header.axes,
+                header.series,
+            )?;
+            Ok((file, columns))
+        })();
+        let (file, columns) = agree(exchange, created)?;
+        let mut writer = Self::new(file, columns, blocks);
+        writer.write_statics(exchange, header)?;
+        Ok(writer)
+    }
+
+    /// An existing file with these columns of the time series, to go on after its first `frames` frames and `rows` rows; what it holds beyond them is cut off.
+    /// `Failure::Input` where the file is none of a run, or holds less.
+    pub fn open_to_append(
+        exchange: &dyn Parallel,
+        path: &Path,
+        series: &[&str],
+        frames: u64,
+        rows: u64,
+    ) -> Result<Self, Failure> {
+        // Looked at by one rank alone, as a failure within a collective call may leave the others waiting.
+        let mut extent = Vec::new();
+        let looked = match exchange.rank() {
+            0 => inspect(path, series[0], frames, rows).map(|e| extent = e.to_vec()),
+            _ => Ok(()),
+        };
+        agree(exchange, looked)?;
+        let extent = exchange.broadcast(bytemuck::cast_slice(&extent).to_vec());
+        let extent: Vec<u64> = records_of(&extent).collect();
+        let [grains, contacts, axes] = extent[..] else {
+            unreachable!("three numbers were sent")
+        };
+
+        let blocks = IdBlocks {
+            grains,
+            ranks: exchange.size() as u64,
+        };
+        let opened = (|| {
+            let file = H5File::open(path, exchange.communicator())?;
+            let columns = Columns::new(&file, Mode::Open, grains as usize, axes as usize, series)?;
+            Ok((file, columns))
+        })();
+        let (file, columns) = agree(exchange, opened)?;
+        let mut writer = Self::new(file, columns, blocks);
+        (
+            writer.frames_written,
+            writer.contacts_written,
+            writer.rows_written,
+        ) = (frames, contacts, rows);
+        let mut outcome = Outcome::default();
+        for name in AT_THE_END {
+            outcome.note(writer.file.remove_attribute(PARAMETERS, name));
+        }
+        let columns = &mut writer.columns;
+        outcome.note(columns.offset.resize(frames + 1));
+        outcome.note(columns.step.resize(frames));
+        outcome.note(columns.time.resize(frames));
+        columns
+            .values
+            .iter_mut()
+            .for_each(|c| outcome.note(c.resize(frames)));
+        outcome.note(columns.i.resize(contacts));
+        outcome.note(columns.j.resize(contacts));
+        columns
+            .forces
+            .iter_mut()
+            .for_each(|c| outcome.note(c.resize(contacts)));
+        outcome.note(columns.sliding.resize(contacts));
+        outcome.note(columns.row_step.resize(rows));
+        outcome.note(columns.row_time.resize(rows));
+        columns
+            .observables
+            .iter_mut()
+            .for_each(|c| outcome.note(c.resize(rows)));
+        writer.file.agree(exchange, outcome)?;
+        writer.flush_file(exchange)?;
+        Ok(writer)
+    }
+
+    fn new(file: H5File, columns: Columns, blocks: IdBlocks) -> Self {
+        // About two contacts a grain.
+        let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
+        TrajectoryWriter {
+            columns,
+            scalars: None,
+            file,
+            blocks,
+            batch: (BATCH_BYTES / (frame * blocks.grains as usize).max(1)).clamp(1, CHUNK_FRAMES),
+            frames: Frames::default(),
+            rows: Vec::new(),
+            frames_written: 0,
+            contacts_written: 0,
+            rows_written: 0,
+            flushed: Instant::now(),
+        }
+    }
+
+    fn write_statics(
+        &mut self,
+        exchange: &dyn Parallel,
+        header: &RunHeader<'_>,
+    ) -> Result<(), Failure> {
+        let mut shapes = self.blocks.redistribute(exchange, header.grains, |g| g.id);
+        shapes.sort_unstable_by_key(|g| g.id);
+        let ids = self.blocks.range(exchange.rank());
+        let complete = shapes.iter().map(|g| u64::from(g.id)).eq(ids.clone());
+        assert!(complete, "a run's grains are not 0 … N-1");
+
+        let file = &self.file;
+        let grains = self.blocks.grains as usize;
+        let name = |part: &str| format!("{PARTICLES}/{part}");
+        let mine = Slab::rows(ids.start, length(&ids), 1);
+        let id: Vec<u32> = shapes.iter().map(|g| g.id).collect();
+        let body: Vec<u8> = shapes.iter().map(|g| g.body as u8).collect();
+        let radius: Vec<f64> = shapes.iter().map(|g| g.radius).collect();
+        let mass: Vec<f64> = shapes.iter().map(|g| g.mass).collect();
+        let root = exchange.rank() == 0;
+        let edges = if root { &header.edges[..] } else { &[] };
+        let all = Slab::rows(0, edges.len() as u64, 1);
+
+        let mut outcome = Outcome::default();
+        outcome.note(fixed(file, &name("id"), grains, mine, &id));
+        outcome.note(fixed(file, &name("body"), grains, mine, &body));
+        outcome.note(fixed(file, &name("radius"), grains, mine, &radius));
+        outcome.note(fixed(file, &name("mass"), grains, mine, &mass));
+        outcome.note(fixed(file, &format!("{BOX}/edges"), 3, all, edges));
+        outcome.note(by_root(root, &mut self.columns.offset, 0, &[0]));
+        self.file.agree(exchange, outcome)?;
+        self.flush_file(exchange)
+    }
+
+    /// Frames so far, with those that wait to be written.
+    pub fn frames(&self) -> u64 {
+        self.frames_written + self.frames.len() as u64
+    }
+
+    /// Rows of the time series so far, with those that wait to be written.
+    pub fn rows(&self) -> u64 {
+        self.rows_written + self.rows.len() as u64
+    }
+
+    /// The next frame: this rank's grains, and the contacts whose lower id is one of them, in any order.
+    /// Over the ranks every grain and every contact comes once. Few calls send anything: frames are written in batches.
+    pub fn frame(
+        &mut self,
+        exchange: &dyn Parallel,
+        step: u64,
+        time: f64,
+        grains: &[GrainSample],
+        contacts: &[ContactSample],
+    ) -> Result<(), Failure> {
+        self.frames.push(step, time, grains, contacts);
+        if self.frames.len() < self.batch {
+            return Ok(());
+        }
+        self.write_frames(exchange)
+    }
+
+    /// The next row of the time series, the same on every rank.
+    pub fn series(
+        &mut self,
+        exchange: &dyn Parallel,
+        step: u64,
+        time: f64,
+        row: &impl AsRef<[f64]>,
+    ) -> Result<(), Failure> {
+        self.rows.push((step, time, row.as_ref().to_vec()));
+        if self.rows.len() < BATCH_ROWS {
+            return Ok(());
+        }
+        self.write_rows(exchange)
+    }
+
+    /// From here on scalars of frames are written, after the first `rows` rows that the file has of them.
+    pub fn begin_scalars(&mut self, exchange: &dyn Parallel, rows: u64) -> Result<(), Failure> {
+        let scalars = ScalarColumns::new(&self.file, rows);
+        self.scalars = Some(agree(exchange, scalars)?);
+        Ok(())
+    }
+
+    /// Rows of scalars so far, with those that wait to be written; 0 where none are.
+    pub fn scalar_rows(&self) -> u64 {
+        self.scalars.as_ref().map_or(0, ScalarColumns::rows)
+    }
+
+    /// The next scalars, the same on every rank, of steps whose rows of the time series were given before. Panics before
+    /// [`Self::begin_scalars`].
+    pub fn scalars(
+        &mut self,
+        exchange: &dyn Parallel,
+        rows: &[(u64, FrameScalars)],
+    ) -> Result<(), Failure> {
+        let scalars = self.scalars.as_mut().expect("scalars were begun");
+        scalars.push(rows);
+        if scalars.waiting() < BATCH_ROWS {
+            return Ok(());
+        }
+        self.write_rows(exchange)
+    }
+
+    /// Everything to the file, so that it can be read, and gone on with, whatever happens to the program.
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        self.write_frames(exchange)?;
+        self.write_rows(exchange)?;
+        self.flush_file(exchange)
+    }
+
+    /// Writes what waits, then the attributes of `parameters` known only at the end (those of rank 0), and closes the file.
+    pub fn finish(
+        mut self,
+        exchange: &dyn Parallel,
+        attributes: &[(&str, Attribute)],
+    ) -> Result<(), Failure> {
+        self.write_frames(exchange)?;
+        self.write_rows(exchange)?;
+        let attributes = attributes
+            .iter()
+            .map(|(name, value)| (name.to_string(), value.clone()));
+        let mut outcome = Outcome::default();
+        for (name, value) in shared(exchange, attributes.collect()) {
+            outcome.note(self.file.attribute(PARAMETERS, &name, &value));
+        }
+        self.file.agree(exchange, outcome)?;
+        drop((self.columns, self.scalars));
+        agree(exchange, self.file.close())
+    }
+
+    fn write_frames(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let count = self.frames.len() as u64;
+        if count == 0 {
+            return Ok(());
+        }
+        let shares = Shares {
+            frames: count,
+            grains: self.blocks.grains,
+            ranks: self.blocks.ranks,
+        };
+        let messages = exchange.all_to_all(self.frames.messages(&shares));
+        let share = shares.of(exchange.rank());
+        let part = Part::assemble(&messages, &share, self.columns.axes);
+        drop(messages);
+
+        // Shares follow each other in the order of the file, so a rank's contacts are one stretch of it.
+        let mut counts = vec![0; count as usize];
+        let first = share.frames.start as usize;
+        counts[first..first + part.counts.len()].copy_from_slice(&part.counts);
+        exchange.sum(&mut counts);
+        let begin = self.contacts_written + exchange.sum_below(part.i.len() as u64);
+        let of_width = |width: usize| Slab::rows(begin, part.i.len() as u64, width as u64);
+        let stretch = of_width(1);
+        let mut end = self.contacts_written;
+        let mut ends = Vec::with_capacity(counts.len());
+        for count in counts {
+            end += count as u64;
+            ends.push(end);
+        }
+
+        let (before, after) = (self.frames_written, self.frames_written + count);
+        let block = Slab {
+            start: [before + share.frames.start, share.ids.start, 0],
+            count: [length(&share.frames), length(&share.ids), 3],
+        };
+        let root = exchange.rank() == 0;
+        let columns = &mut self.columns;
+        let mut outcome = Outcome::default();
+        for (column, values) in columns.values.iter_mut().zip(&part.values) {
+            outcome.note(column.append(after, block, values));
+        }
+        outcome.note(columns.i.append(end, stretch, &part.i));
+        outcome.note(columns.j.append(end, stretch, &part.j));
+        let forces = forces(columns.axes);
+        for ((column, values), (_, width)) in
+            columns.forces.iter_mut().zip(&part.forces).zip(forces)
+        {
+            outcome.note(column.append(end, of_width(*width), values));
+        }
+        outcome.note(columns.sliding.append(end, stretch, &part.sliding));
+        outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
+        outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
+        outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));
+        self.file.agree(exchange, outcome)?;
+        (self.frames_written, self.contacts_written) = (after, end);
+        self.frames.clear();
+        self.flush_now_and_then(exchange)
+    }
+
+    /// Waiting for the disk after every batch would double the cost of fast runs' frames.
+    fn flush_now_and_then(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        // The ranks' clocks differ, and all must do the same.
+        if exchange.maximum(self.flushed.elapsed().as_secs_f64()) < FLUSH_SECONDS {
+            return Ok(());
+        }
+        self.flush_file(exchange)
+    }
+
+    fn flush_file(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let mut outcome = Outcome::default();
+        outcome.note(self.file.flush());
+        self.flushed = Instant::now();
+        self.file.agree(exchange, outcome)
+    }
+
+    fn write_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let scalars = self.scalars.as_ref().map_or(0, ScalarColumns::waiting);
+        if self.rows.is_empty() && scalars == 0 {
+            return Ok(());
+        }
+        let rows = std::mem::take(&mut self.rows);
+        let root = exchange.rank() == 0;
+        let before = self.rows_written;
+        let columns = &mut self.columns;
+        let mut outcome = Outcome::default();
+        let step: Vec<u64> = rows.iter().map(|r| r.0).collect();
+        outcome.note(by_root(root, &mut columns.row_step, before, &step));
+        let time: Vec<f64> = rows.iter().map(|r| r.1).collect();
+        outcome.note(by_root(root, &mut columns.row_time, before, &time));
+        for (n, column) in columns.observables.iter_mut().enumerate() {
+            let values: Vec<f64> = rows.iter().map(|r| r.2[n]).collect();
+            outcome.note(by_root(root, column, before, &values));
+        }
+        if let Some(scalars) = &mut self.scalars {
+            scalars.write(root, &mut outcome);
+        }
+        self.file.agree(exchange, outcome)?;
+        self.rows_written += rows.len() as u64;
+        self.flush_now_and_then(exchange)
+    }
+}
+
+/// Rank 0's attributes, on every rank: HDF5 wants the same from all.
+fn shared(
+    exchange: &dyn Parallel,
+    attributes: Vec<(String, Attribute)>,
+) -> Vec<(String, Attribute)> {
+    let bytes = serde_json::to_vec(&attributes).expect("attributes are texts and finite numbers");
+    serde_json::from_slice(&exchange.broadcast(bytes))
+        .expect("attributes are texts and finite numbers")
+}
+
+/// A dataset of one dimension and fixed size, written once.
+fn fixed<T: H5Type + Copy>(
+    file: &H5File,
+    name: &str,
+    size: usize,
+    slab: Slab,
+    data: &[T],
+) -> Result<(), Failure> {
+    file.dataset::<T>(name, &[size], None)?.write(slab, data)
+}
+
+/// `first` of the columns of the time series. N, the number of contacts in the first `frames` frames, and the dimensions, of a file that is ours and long enough.
+fn inspect(path: &Path, first: &str, frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
+    let name = path.display();
+    if !path.is_file() {
+        return Err(Failure::input(format!(
+            "{name}: there is no such file to go on with"
+        )));
+    }
+    let unfit = |why: String| Failure::input(format!("{name}: cannot go on with this file: {why}"));
+    let read = || -> hdf5::Result<Result<[u64; 3], Failure>> {
+        let file = hdf5::File::open(path)?;
+        file.group(PARAMETERS)?.attr("scene")?;
+        let length = |name: &str| -> hdf5::Result<u64> {
+            let shape = file.dataset(name)?.shape();
+            Ok(shape.first().copied().unwrap_or(0) as u64)
+        };
+        let position = file.dataset(&format!("{PARTICLES}/position/value"))?;
+        let [_, grains, 3] = position.shape()[..] else {
+            return Ok(Err(unfit("position/value is not [T][N][3]".into())));
+        };
+        let (has_frames, has_rows) = (
+            length("connectivity/contacts/offset")?,
+            length(&format!("observables/{first}/step"))?,
+        );
+        if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
+            return Ok(Err(unfit(format!(
+                "it holds {} frames and {has_rows} rows, the checkpoint counts {frames} and {rows}",
+                has_frames.saturating_sub(1)
+            ))));
+        }
+        let offset = file.dataset("connectivity/contacts/offset")?;
+        let contacts = offset.read_slice_1d::<u64, _>(frames as usize..=frames as usize)?[0];
+        if length("connectivity/contacts/i")? < contacts {
+            return Ok(Err(unfit("contacts are missing".into())));
+        }
+        let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
+        Ok(Ok([grains as u64, contacts, spin.ndim() as u64]))
+    };
+    read().unwrap_or_else(|error| {
+        Err(unfit(format!(
+            "it is not the run.h5 of a run, or damaged ({error})"
+        )))
+    })
+}
