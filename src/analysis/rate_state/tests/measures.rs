@@ -2,8 +2,9 @@
 
 use super::*;
 
-/// The variance of the mean of n values of a process with ρ_l = φ^l is σ²/n (1 + φ)/(1 - φ), but for terms in 1/n². With n/g = 1000 both
-/// estimates of one series are known to about 10 %; of the mean of 40 series, to 2 %.
+/// The variance of the mean of n values of a process with ρ_l = φ^l is σ²/n (1 + φ)/(1 - φ), but
+/// for terms in 1/n². With n/g = 1000 both estimates of one series are known to about 10 %; of the
+/// mean of 40 series, to 2 %.
 #[test]
 fn errors_of_means_count_correlated_values_as_few() {
     for memory in [0.0, 3.0, 10.0] {
@@ -106,7 +107,8 @@ fn steps_and_holds_are_measured() {
                 && hold.relaxation < 0.0
         );
     }
-    // Long holds heal by b for every factor of e on a stiff spring (aging law): θ = t_hold, V at the peak that of the drive.
+    // Long holds heal by b for every factor of e on a stiff spring (aging law): θ = t_hold, V at
+    // the peak that of the drive.
     let of_long = healing(&holds[1..]);
     assert!((of_long[0].slope / law.b - 1.0).abs() < 0.03, "{of_long:?}");
     assert_eq!(
@@ -166,8 +168,9 @@ fn realisations_are_joined_by_their_protocol() {
     }
 }
 
-/// The mean of an exponential decay over 0.05 D_c is 2.5 % less than its begin. The greatest of 2500 rows lies 3.5 standard deviations above a
-/// peak that is none; the greatest of 40 means of 13 rows, about 2.2/√13 of one.
+/// The mean of an exponential decay over 0.05 D_c is 2.5 % less than its begin. The greatest of
+/// 2500 rows lies 3.5 standard deviations above a peak that is none; the greatest of 40 means of 13
+/// rows, about 2.2/√13 of one.
 #[test]
 fn peaks_are_not_those_of_the_noise() {
     let drive = [segment(0.02, 4.0), segment(0.0, 10.0), segment(0.02, 8.0)];
@@ -197,7 +200,8 @@ fn peaks_are_not_those_of_the_noise() {
 
 #[test]
 fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
-    // Without a spring: μ falls in a straight line over 1 m of slip after each step, from a jump up or down, and each run has its own level.
+    // Without a spring: μ falls in a straight line over 1 m of slip after each step, from a jump up
+    // or down, and each run has its own level.
     let record = |level: f64, jump: f64| {
         let drive = [0.1, 1.0, 0.1, 1.0].map(|v| segment(v, 1.0 / v));
         let (mut slip, mut time, mut friction) = (vec![], vec![], vec![]);

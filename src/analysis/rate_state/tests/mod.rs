@@ -65,7 +65,8 @@ fn synthetic(law: &Law, drive: &[Segment], interval: f64) -> Record {
     }
 }
 
-/// Values of a Gaussian process with standard deviation σ that forgets within `memory` values; 0: white.
+/// Values of a Gaussian process with standard deviation σ that forgets within `memory` values; 0:
+/// white.
 fn noise(seed: u64, count: usize, sigma: f64, memory: f64) -> Vec<f64> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = move || {
