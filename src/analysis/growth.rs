@@ -9,7 +9,7 @@ pub struct Growth {
     pub omega_i: f64,
     /// Frequency ω_r; NaN if no rows are dense enough to resolve the oscillation.
     pub omega_r: f64,
-    /// Begin of the fitted interval of time.
+    /// Start of the fitted interval of time.
     pub from: f64,
     /// End of the fitted interval of time.
     pub to: f64,

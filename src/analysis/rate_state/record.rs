@@ -36,7 +36,7 @@ impl Record {
         self.time[0] + before
     }
 
-    /// Returns the rows of a segment: after its begin and up to its end.
+    /// Returns the rows of a segment: after its start and up to its end.
     pub fn rows(&self, segment: usize) -> Range<usize> {
         let row_at = |time: f64| self.time.partition_point(|t| *t <= time);
         let end = if segment + 1 < self.drive.len() {
@@ -68,7 +68,7 @@ impl Record {
         let rows = self.rows(segments.start).start..self.rows(segments.end - 1).end;
         let of = |values: &[f64]| values[rows.clone()].to_vec();
         let mut drive = self.drive[segments.clone()].to_vec();
-        // The first row of the cut record lies a little after the begin of its first segment.
+        // The first row of the cut record lies a little after the start of its first segment.
         drive[0].duration -= self.time[rows.start] - self.begin(segments.start);
         Record {
             stiffness: self.stiffness,

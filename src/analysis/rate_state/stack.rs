@@ -19,7 +19,7 @@ pub struct Stack {
 /// Average over an interval of slip, over the steps that have rows in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piece {
-    /// Begin and end of the interval: slip since the step (m).
+    /// Start and end of the interval: slip since the step (m).
     pub slip: [f64; 2],
     /// Number of steps averaged.
     pub steps: usize,

@@ -168,7 +168,7 @@ fn realisations_are_joined_by_their_protocol() {
     }
 }
 
-/// The mean of an exponential decay over 0.05 D_c is 2.5 % less than its begin. The greatest of
+/// The mean of an exponential decay over 0.05 D_c is 2.5 % less than its start. The greatest of
 /// 2500 rows lies 3.5 standard deviations above a peak that is none; the greatest of 40 means of 13
 /// rows, about 2.2/√13 of one.
 #[test]
