@@ -149,11 +149,11 @@ pub const CONFIGURATIONS: [Quantity; 3] = [
 /// The stick-slip regime of a run: the series from the onset strain on, with its phases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Regime {
-    /// [L] γ, ascending.
+    /// `[L]` γ, ascending.
     pub strain: Vec<f64>,
-    /// [L] τ.
+    /// `[L]` τ.
     pub tau: Vec<f64>,
-    /// [L] row k for the interval from row k-1 to row k.
+    /// `[L]` row k for the interval from row k-1 to row k.
     pub scalars: Vec<FrameScalars>,
     /// Phases and their measures.
     pub phases: Vec<Measured>,

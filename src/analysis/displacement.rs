@@ -7,7 +7,7 @@ use super::neighbourhood::separation;
 use crate::state::{Disks, Frame};
 
 /// Writes to `field` the displacement of every grain relative to the mean deformation of the
-/// sample, [N] (m).
+/// sample, `[N]` (m).
 ///
 /// The mean deformation is the map u = a + b y fitted to the displacements by least squares over
 /// all grains but those in `left_out`. A sample periodic along x can only have simple shear and

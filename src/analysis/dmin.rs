@@ -52,7 +52,7 @@ impl NonAffine {
     ///
     /// - `radius`: of the neighbourhood (m), in the earlier frame; LH take [`RADIUS`] r̄ with r̄
     ///   over all grains.
-    /// - `dmin`: result, [N] (m²), divided by the number of neighbours N_i as B1 is printed.
+    /// - `dmin`: result, `[N]` (m²), divided by the number of neighbours N_i as B1 is printed.
     ///
     /// Rattlers of the earlier frame are neither centres nor neighbours. The result is NaN for
     /// rattlers, for grains with fewer than two neighbours, and for neighbours on one line
@@ -89,7 +89,7 @@ impl NonAffine {
         }
     }
 
-    /// Returns the rattlers of the earlier frame in the last call of [`Self::between`], [N].
+    /// Returns the rattlers of the earlier frame in the last call of [`Self::between`], `[N]`.
     pub fn rattlers(&self) -> &[bool] {
         &self.rattler
     }

@@ -7,7 +7,7 @@ use crate::dimension::Dimension;
 use crate::neighbour::{Bins, Window};
 use crate::state::Cell;
 
-/// Returns D²min of every grain between two states, [N] (m²): the mean square residual of the
+/// Returns D²min of every grain between two states, `[N]` (m²): the mean square residual of the
 /// neighbours' motion after the best local affine map (LH eq. B1, in D dimensions).
 ///
 /// Neighbours are the grains within `radius` (m) in the earlier state. NaN if there are fewer
@@ -69,8 +69,8 @@ pub fn non_affine<D: Dimension>(
     (0..earlier.len()).map(of).collect()
 }
 
-/// Returns the overlap Σab/√(Σa² Σb²) of two non-negative fields over the grains, [N]; grains where
-/// either field is not finite are left out.
+/// Returns the overlap Σab/√(Σa² Σb²) of two non-negative fields over the grains, `[N]`; grains
+/// where either field is not finite are left out.
 ///
 /// It is 1 if one field is a multiple of the other. Independent fields give ⟨a⟩⟨b⟩/√(⟨a²⟩⟨b²⟩).
 pub fn overlap(a: &[f64], b: &[f64]) -> f64 {

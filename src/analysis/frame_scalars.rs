@@ -92,7 +92,7 @@ impl FrameScalars {
 pub struct Stressed {
     /// The frame.
     pub frame: Frame,
-    /// [N] σ_p (Pa).
+    /// `[N]` σ_p (Pa).
     principal: Vec<f64>,
 }
 
@@ -111,9 +111,9 @@ pub struct Scratch {
     pub non_affine: NonAffine,
     /// GR regions of the last interval.
     pub regions: Regions,
-    /// [N] D²min (m²); NaN where undefined.
+    /// `[N]` D²min (m²); NaN where undefined.
     pub dmin: Vec<f64>,
-    /// [N] |Δσ_p| (Pa).
+    /// `[N]` |Δσ_p| (Pa).
     pub stress_change: Vec<f64>,
     spearman: Spearman,
     keys: Vec<u64>,

@@ -23,7 +23,7 @@ const LEAST_ROWS: usize = 64;
 /// dominates.
 const ABOVE_NOISE: f64 = 1e3;
 
-/// Fits the growth of M, [L], at the times [L] in ascending order, as long as M is at most
+/// Fits the growth of M, `[L]`, at the times `[L]` in ascending order, as long as M is at most
 /// `linear`, the limit of the linear regime.
 ///
 /// ω_r comes from the densest rows, those at the least equal intervals. ω_i is half the slope of ln

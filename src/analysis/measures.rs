@@ -26,10 +26,10 @@ pub struct Measured {
     pub angle_median: f64,
 }
 
-/// Returns the phases of τ(γ), both [L], with their measures.
+/// Returns the phases of τ(γ), both `[L]`, with their measures.
 ///
-/// `scalars`: [L], row k for the interval from row k-1 to row k. A phase has the rows `start` + 1 …
-/// `end`, one per interval; t_s is the first of them with N_c regions.
+/// `scalars`: `[L]`, row k for the interval from row k-1 to row k. A phase has the rows `start` + 1
+/// … `end`, one per interval; t_s is the first of them with N_c regions.
 pub fn of(
     strain: &[f64],
     tau: &[f64],

@@ -2,7 +2,7 @@
 //! reads or writes files or knows of MPI ranks.
 //!
 //! Abbreviations: LH is Lee & Hurley (disks in plane shear), FR Ferdowsi & Rubin (spring-driven
-//! gouge), BO Bonfanti et al. (athermal quasi-static shear). [L] and [N] give the length of an
+//! gouge), BO Bonfanti et al. (athermal quasi-static shear). `[L]` and `[N]` give the length of an
 //! array: L rows of a time series, N grains.
 
 pub mod correlate;

@@ -39,9 +39,9 @@ pub struct Cells {
 impl Cells {
     /// Sorts the grains into cells.
     ///
-    /// `length`: L_x (m); `radius`: search radius (m); `position`: [N] (m), wrapped into [0, L_x);
-    /// `included`: whether a grain id is to be found. The grains of a cell keep the order of their
-    /// ids.
+    /// `length`: L_x (m); `radius`: search radius (m); `position`: `[N]` (m), wrapped into [0,
+    /// L_x); `included`: whether a grain id is to be found. The grains of a cell keep the order of
+    /// their ids.
     pub fn fill(
         &mut self,
         length: f64,
@@ -128,7 +128,7 @@ pub struct NearPairs {
     /// Positions that the lists were made from.
     found_at: Vec<[f64; 2]>,
     cells: Cells,
-    /// [N+1] first entry of each grain in `after`; `start_before` likewise.
+    /// `[N+1]` first entry of each grain in `after`; `start_before` likewise.
     start_after: Vec<u32>,
     after: Vec<u32>,
     start_before: Vec<u32>,

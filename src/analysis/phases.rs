@@ -55,7 +55,7 @@ impl Phase {
     }
 }
 
-/// Returns the phases of τ(γ), both [L]. The interval of the rows is the Δγ in which t_p is
+/// Returns the phases of τ(γ), both `[L]`. The interval of the rows is the Δγ in which t_p is
 /// counted.
 ///
 /// A plateau continues the phase before it; a plateau at the beginning joins the first phase. A

@@ -5,7 +5,7 @@ use crate::state::{ContactSample, Disks};
 /// Marks the rattlers of a frame in D dimensions: free grains with D or fewer contacts, wall grains
 /// with D - 1 or fewer (LH section 3.2 for disks, D = 2).
 ///
-/// `rattler` becomes [N], by grain id. Every contact of the frame counts, whatever its force.
+/// `rattler` becomes `[N]`, by grain id. Every contact of the frame counts, whatever its force.
 pub fn mark<const D: u32>(grains: &Disks, touching: &[ContactSample], rattler: &mut Vec<bool>) {
     let mut contacts = vec![0u32; grains.count()];
     for contact in touching {

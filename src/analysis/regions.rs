@@ -36,7 +36,7 @@ impl MinPoints {
 #[derive(Debug, Default)]
 pub struct Regions {
     changes: Vec<f64>,
-    /// [N] Sum of the changes of |f| of a grain's contacts (N/m).
+    /// `[N]` Sum of the changes of |f| of a grain's contacts (N/m).
     reduction: Vec<f64>,
     order: Vec<u32>,
     grains: Vec<u32>,

@@ -32,7 +32,7 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Returns the stages around `largest`, one of the slips in `phases`; `tau` [L] is the series
+    /// Returns the stages around `largest`, one of the slips in `phases`; `tau` `[L]` is the series
     /// that the phases were found in.
     ///
     /// τ may rise for an interval or two within a drop, so a drop is seldom a single slip. Let

@@ -4,7 +4,7 @@
 use super::forces;
 use crate::state::{Disks, Frame};
 
-/// Returns the contact stress of every grain, [N] of σ_xx, σ_yy, σ_xy (Pa; forces in 2D are per
+/// Returns the contact stress of every grain, `[N]` of σ_xx, σ_yy, σ_xy (Pa; forces in 2D are per
 /// unit depth). Compression is positive.
 ///
 /// ```text
@@ -57,7 +57,7 @@ pub fn largest_principal([xx, yy, xy]: [f64; 3]) -> f64 {
     0.5 * (xx + yy) + (half * half + xy * xy).sqrt()
 }
 
-/// Returns σ_p of every grain, [N] (Pa).
+/// Returns σ_p of every grain, `[N]` (Pa).
 pub fn largest_principals(grains: &Disks, frame: &Frame) -> Vec<f64> {
     tensors(grains, frame)
         .into_iter()

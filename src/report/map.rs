@@ -163,7 +163,7 @@ pub fn force_changes(
     })
 }
 
-/// Draws D²min/r̄² of the grains of a frame on a logarithmic scale; `dmin` is [N] (m²). Grains
+/// Draws D²min/r̄² of the grains of a frame on a logarithmic scale; `dmin` is `[N]` (m²). Grains
 /// without a defined value are white.
 pub fn dmin(grains: &Disks, frame: &Frame, dmin: &[f64], view: View, title: &str) -> String {
     let square = grains.mean_radius().powi(2);

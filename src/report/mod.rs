@@ -1,7 +1,7 @@
 //! Reports on runs: figures as SVG, tables as CSV and JSON, and HTML pages that show them.
 //!
-//! [`write`] makes the report of a single run. [`lee_hurley`] and [`bonfanti`] draw the figures of
-//! those papers from our runs, [`rate_state`] those of slide-hold-slide and velocity-step tests.
+//! [`write()`] makes the report of a single run. [`lee_hurley`] and [`bonfanti`] draw the figures
+//! of those papers from our runs, [`rate_state`] those of slide-hold-slide and velocity-step tests.
 
 pub mod bonfanti;
 pub mod colour;

@@ -15,7 +15,7 @@ const LAYOUT: Layout = Layout {
 /// run, where colours would blur.
 const VISIBLE: f64 = 0.02;
 
-/// Draws τ over the whole run, with large phases in colour. `strain` and `tau` are [L].
+/// Draws τ over the whole run, with large phases in colour. `strain` and `tau` are `[L]`.
 pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -> String {
     let percent = percent_of(strain);
     let x = padded(percent.iter().copied(), 0.0);

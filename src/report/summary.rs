@@ -52,7 +52,7 @@ pub struct Event {
     pub earlier: Frame,
     /// The frame after the drop.
     pub later: Frame,
-    /// [N] D²min between the two frames (m²).
+    /// `[N]` D²min between the two frames (m²).
     pub dmin: Vec<f64>,
 }
 

@@ -105,7 +105,7 @@ impl Jacobian {
         })
     }
 
-    /// Returns the translations of all grains, [unknowns][axes]: null vectors of K and of its
+    /// Returns the translations of all grains, `[unknowns][axes]`: null vectors of K and of its
     /// transpose. There are no columns if walls hold the grains.
     pub fn translations(&self) -> Mat<f64> {
         let columns = if self.held { 0 } else { self.axes };

@@ -13,7 +13,7 @@ use super::window::Window;
 pub struct Experiment {
     /// The record: one run, or the mean of several realisations.
     pub record: Record,
-    /// [segments] Steady friction; `None` for holds.
+    /// `[segments]` Steady friction; `None` for holds.
     pub steady: Vec<Option<Steady>>,
     /// Velocity steps.
     pub steps: Vec<Step>,

@@ -58,9 +58,9 @@ pub struct Fit {
     pub rms: f64,
     /// Σ n/g over the segments: the number of independent values the means are worth.
     pub effective: f64,
-    /// [windows][means] measured minus modelled μ.
+    /// `[windows][means]` measured minus modelled μ.
     pub residuals: Vec<Vec<f64>>,
-    /// [windows][segments] γ_0 g of the residuals.
+    /// `[windows][segments]` γ_0 g of the residuals.
     pub(super) noise: Vec<Vec<f64>>,
 }
 
@@ -162,7 +162,7 @@ struct Problem<'a> {
     windows: &'a [Window],
     evolution: Evolution,
     v_star: f64,
-    /// [windows][segments] square roots of the weights.
+    /// `[windows][segments]` square roots of the weights.
     roots: Vec<Vec<f64>>,
     /// ln a, b, ln D_c, μ*.
     at: Vector4<f64>,
@@ -281,7 +281,7 @@ impl Problem<'_> {
         }
     }
 
-    /// [windows][means] measured less model.
+    /// `[windows][means]` measured less model.
     fn residuals_of_windows(&self) -> Result<Vec<Vec<f64>>, String> {
         let law = self.law(&self.at);
         let of = |window: &Window| {
@@ -292,7 +292,7 @@ impl Problem<'_> {
         self.windows.iter().map(of).collect()
     }
 
-    /// [windows][segments].
+    /// `[windows][segments]`.
     fn noise(&self, residuals: &[Vec<f64>]) -> Vec<Vec<Noise>> {
         let of = |residuals: &[f64]| {
             let correlation = correlation(residuals);

@@ -28,7 +28,7 @@ const SAME: f64 = 1e-9;
 const SLACK: f64 = 0.05;
 
 /// Returns the segments of a drive from its velocity (m/s, piecewise constant) and displacement (m)
-/// at `time` (s), all [L]. Velocity changes lie between rows; their times follow from the
+/// at `time` (s), all `[L]`. Velocity changes lie between rows; their times follow from the
 /// displacement.
 ///
 /// # Errors

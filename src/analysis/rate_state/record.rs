@@ -12,13 +12,13 @@ pub struct Record {
     pub stiffness: f64,
     /// Segments of the drive, counted from the first row.
     pub drive: Vec<Segment>,
-    /// [L] Time (s), ascending.
+    /// `[L]` Time (s), ascending.
     pub time: Vec<f64>,
-    /// [L] Slip of the slider (m).
+    /// `[L]` Slip of the slider (m).
     pub slip: Vec<f64>,
-    /// [L] Friction μ.
+    /// `[L]` Friction μ.
     pub friction: Vec<f64>,
-    /// [L] Standard deviation of μ among the realisations; NaN for a single one.
+    /// `[L]` Standard deviation of μ among the realisations; NaN for a single one.
     pub deviation: Vec<f64>,
     /// Number of realisations averaged.
     pub realisations: usize,

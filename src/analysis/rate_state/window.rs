@@ -19,13 +19,13 @@ pub struct Window {
     pub stiffness: f64,
     /// Segments; the first one shortened to the half that is used.
     pub drive: Vec<Segment>,
-    /// [rows] Time since the start of the window (s).
+    /// `[rows]` Time since the start of the window (s).
     pub time: Vec<f64>,
-    /// [means] Rows of each mean.
+    /// `[means]` Rows of each mean.
     groups: Vec<Range<usize>>,
-    /// [means] μ.
+    /// `[means]` μ.
     pub friction: Vec<f64>,
-    /// [segments] Means of each segment.
+    /// `[segments]` Means of each segment.
     pub segments: Vec<Range<usize>>,
 }
 

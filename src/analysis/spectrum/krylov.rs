@@ -33,7 +33,7 @@ pub struct Settings {
 
 /// An invariant subspace.
 pub struct Subspace<T> {
-    /// [n][k], orthonormal. k is `count`; one more if a conjugate pair would be split; fewer if n
+    /// `[n][k]`, orthonormal. k is `count`; one more if a conjugate pair would be split; fewer if n
     /// is smaller or `floor` is met.
     pub basis: Mat<T>,
     /// Number of vectors the operator was applied to.
@@ -52,8 +52,8 @@ pub struct Stalled {
 /// Returns the invariant subspace of the eigenvalues of greatest |θ|, by Krylov–Schur in blocks
 /// (Stewart 2001) with locking: converged vectors are decoupled from the residual and kept.
 ///
-/// `operator` replaces the columns of its argument [n][block] by their images. The iteration stays
-/// in its range, so directions that it projects out do not appear.
+/// `operator` replaces the columns of its argument `[n][block]` by their images. The iteration
+/// stays in its range, so directions that it projects out do not appear.
 ///
 /// # Errors
 /// [`Stalled`] if the restarts are used up.
@@ -154,7 +154,7 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
     /// Makes the columns from `first` on orthonormal to all earlier ones and to each other, by
     /// classical Gram–Schmidt applied twice.
     ///
-    /// Returns the coefficients [first + block][block] of the original columns in the new basis.
+    /// Returns the coefficients `[first + block][block]` of the original columns in the new basis.
     fn orthonormalise_block(&mut self, first: usize, block: usize) -> DMatrix<T> {
         let par = self.settings.par;
         let mut coefficients = DMatrix::zeros(first + block, block);

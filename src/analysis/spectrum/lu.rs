@@ -25,9 +25,9 @@ pub struct Lu<'a, T> {
 }
 
 struct Factor<T> {
-    /// [width + reach][width] by columns: L₁₁ and U₁₁ in one square, L₂₁ below.
+    /// `[width + reach][width]` by columns: L₁₁ and U₁₁ in one square, L₂₁ below.
     panel: Vec<T>,
-    /// U₁₂ [width][reach] by columns.
+    /// U₁₂ `[width][reach]` by columns.
     rows: Vec<T>,
     /// Row `pivot[i]` of the front became row i.
     pivot: Vec<usize>,
@@ -339,7 +339,7 @@ impl<T: Scalar> Factor<T> {
     }
 }
 
-/// x[reach] -= block · x[own].
+/// x`[reach]` -= block · x`[own]`.
 fn subtract_later<T: Scalar>(
     front: &Front,
     mut x: MatMut<'_, T>,
@@ -366,7 +366,7 @@ fn subtract_later<T: Scalar>(
     }
 }
 
-/// x[own] -= block · x[reach].
+/// x`[own]` -= block · x`[reach]`.
 fn subtract_own<T: Scalar>(
     front: &Front,
     mut x: MatMut<'_, T>,

@@ -27,7 +27,7 @@ pub struct Problem {
     /// Unknown of K of every unknown of A.
     active: Vec<usize>,
     unknowns: usize,
-    /// Null vectors of A [size][m], orthonormal.
+    /// Null vectors of A `[size][m]`, orthonormal.
     null: Mat<f64>,
     /// ‖A‖₂, computed on first use: its iteration takes longer than the factors of a small matrix.
     norm: OnceLock<f64>,
@@ -106,7 +106,7 @@ impl fmt::Display for Unfit {
 }
 
 impl Problem {
-    /// Creates the problem. `mass`: diagonal of M; `null`: [unknowns][m] null vectors of K and of
+    /// Creates the problem. `mass`: diagonal of M; `null`: `[unknowns][m]` null vectors of K and of
     /// Kᵀ, m may be 0.
     ///
     /// # Errors
@@ -164,7 +164,7 @@ impl Problem {
         self.unknowns - self.active.len()
     }
 
-    /// Returns the null vectors [size][m], orthonormal.
+    /// Returns the null vectors `[size][m]`, orthonormal.
     pub fn null(&self) -> MatRef<'_, f64> {
         self.null.as_ref()
     }
@@ -225,14 +225,14 @@ impl Problem {
         }
     }
 
-    /// Returns M^(-1/2) b [size][1] for b over the unknowns of K. Entries for unknowns without
+    /// Returns M^(-1/2) b `[size][1]` for b over the unknowns of K. Entries for unknowns without
     /// stiffness are dropped.
     pub fn scaled(&self, b: &[f64]) -> Mat<f64> {
         Mat::from_fn(self.size(), 1, |i, _| b[self.active[i]] / self.root_mass[i])
     }
 
     /// Returns M^(-1/2) w over the unknowns of K, with 0 for those without stiffness; `w`
-    /// [size][1].
+    /// `[size][1]`.
     pub fn unscaled(&self, w: MatRef<'_, f64>) -> Vec<f64> {
         let mut x = vec![0.0; self.unknowns];
         for (i, &at) in self.active.iter().enumerate() {

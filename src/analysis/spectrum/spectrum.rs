@@ -83,15 +83,15 @@ const SOLVES: usize = 3;
 pub struct Spectrum {
     /// Eigenvalues, k of them.
     pub eigenvalues: Vec<Eigenvalue>,
-    /// Right vectors w of A w = λ w, [size][k], of length 1.
+    /// Right vectors w of A w = λ w, `[size][k]`, of length 1.
     pub right: Mat<c64>,
-    /// Left vectors y of yᴴ A = λ yᴴ, [size][k], with yᴴ w = 1. Without a left subspace they are
+    /// Left vectors y of yᴴ A = λ yᴴ, `[size][k]`, with yᴴ w = 1. Without a left subspace they are
     /// the dual basis within the right one.
     pub left: Mat<c64>,
 }
 
 impl Spectrum {
-    /// Rayleigh–Ritz projection: the eigenvalues of XᴴAX for X = `right` [size][k], orthonormal.
+    /// Rayleigh–Ritz projection: the eigenvalues of XᴴAX for X = `right` `[size][k]`, orthonormal.
     /// `left` is the left invariant subspace of the same eigenvalues; without it condition numbers
     /// are those within the right subspace, which are lower bounds.
     pub fn of<T: Scalar>(problem: &Problem, right: &Mat<T>, left: Option<&Mat<T>>) -> Self {

@@ -37,8 +37,8 @@ pub(super) struct Front {
 
 /// A value of A and where it goes in a front.
 pub(super) struct Entry {
-    /// Index in the panel [width + reach][width], by columns; from its end on, index in the rows
-    /// [width][reach].
+    /// Index in the panel `[width + reach][width]`, by columns; from its end on, index in the rows
+    /// `[width][reach]`.
     pub place: u32,
     /// Index of the value in A.
     pub value: u32,

@@ -1,7 +1,7 @@
 //! The fastest growing modes of Newton's equations, complex pairs and negative eigenvalues, without
 //! factorisation.
 //!
-//! Im arccos(2λ/b - 1) is zero on the real interval [0, b] and positive off it. The Chebyshev
+//! Im arccos(2λ/b - 1) is zero on the real interval `[0, b]` and positive off it. The Chebyshev
 //! polynomial of degree k, cos(k arccos x), therefore keeps all stable modes of A within 1 and
 //! multiplies the others by e^{k Im arccos}. It is k steps of the leapfrog scheme at its longest
 //! stable step. Krylov–Schur on it finds the modes in the order of their growth.
@@ -137,7 +137,7 @@ pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> 
     Ok(found)
 }
 
-/// The right and left invariant subspaces found so far, [n][m] each, orthonormal.
+/// The right and left invariant subspaces found so far, `[n][m]` each, orthonormal.
 struct Known {
     right: Mat<f64>,
     left: Mat<f64>,

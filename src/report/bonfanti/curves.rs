@@ -128,7 +128,7 @@ pub fn imaginary(run: &PeriodicRun) -> Result<Drawn, &'static str> {
     })
 }
 
-/// Draws figure 2 from rows of [time, real, imaginary].
+/// Draws figure 2 from rows of `[time, real, imaginary]`.
 pub fn spectra(rows: &[[f64; 3]]) -> Drawn {
     let points: Vec<[f64; 2]> = rows.iter().map(|row| [row[0], row[2]]).collect();
     let x = padded(points.iter().map(|p| p[0]), 0.01);

@@ -22,10 +22,10 @@ const LINEAR: f64 = 1e-11;
 struct Studied {
     strain: PeriodicRun,
     newtonian: Option<PeriodicRun>,
-    /// [time, real, imaginary] of eigenvalues.
+    /// `[time, real, imaginary]` of eigenvalues.
     spectra: Vec<[f64; 3]>,
     growth: Option<Growth>,
-    /// |v|² in the growing pair, and D²min of the slip that follows it, [N] each.
+    /// |v|² in the growing pair, and D²min of the slip that follows it, `[N]` each.
     slip: Option<[Vec<f64>; 2]>,
 }
 
@@ -50,7 +50,7 @@ struct Number {
 }
 
 /// Writes the study of the run in folder `run` into `folder` and returns the path of the page.
-/// `mode_weight`: |v|² of each grain in the growing pair, [N].
+/// `mode_weight`: |v|² of each grain in the growing pair, `[N]`.
 ///
 /// # Errors
 /// If files are missing or damaged, or cannot be written.
@@ -244,7 +244,7 @@ fn dmin_of(run: &PeriodicRun) -> Option<Vec<f64>> {
     })
 }
 
-/// [time, real, imaginary] of the rows of `spectra.csv`.
+/// `[time, real, imaginary]` of the rows of `spectra.csv`.
 fn read_spectra(path: &Path) -> Result<Vec<[f64; 3]>, Failure> {
     let wrong = |line: usize, what: &str| {
         Failure::input(format!("{}, line {line}: {what}", path.display()))

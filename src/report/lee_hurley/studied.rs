@@ -89,9 +89,9 @@ pub struct Step {
     pub force_change: Vec<f64>,
     /// Ids of the grains of the greatest reduction of force, ascending.
     pub regions: Vec<u32>,
-    /// [N] D²min (m²); NaN where undefined.
+    /// `[N]` D²min (m²); NaN where undefined.
     pub dmin: Vec<f64>,
-    /// [N] Non-affine displacement (m).
+    /// `[N]` Non-affine displacement (m).
     pub displacement: Vec<[f64; 2]>,
 }
 
@@ -153,8 +153,8 @@ impl Studied {
         self.label.replace("μ_s", "μ_{s}")
     }
 
-    /// Computes the statistics of a run. `step`, `strain`, `tau`, `scalars`: [L], one row per frame
-    /// or interval.
+    /// Computes the statistics of a run. `step`, `strain`, `tau`, `scalars`: `[L]`, one row per
+    /// frame or interval.
     ///
     /// # Errors
     /// If the run is damaged.
