@@ -90,7 +90,7 @@ const MODEL_ERROR: f64 = 1e-7;
 /// Fits a law to all windows together, starting from several a and D_c.
 ///
 /// Segments are weighted by the noise of their residuals, γ_0 g (variance and statistical
-/// inefficiency, see [`correlation`](super::correlation)), as a first fit with equal weight per
+/// inefficiency, see [`correlation`]), as a first fit with equal weight per
 /// segment gives it. The covariance of ln a, b, ln D_c, μ* is
 ///
 /// ```text

@@ -270,7 +270,9 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
             if wanted == 0 {
                 return Some(Mat::zeros(self.n, 0));
             }
-            let end = ends().find(|&end| end >= wanted).expect("no more than all");
+            let end = ends()
+                .find(|&end| end >= wanted)
+                .expect("the last block ends at `used`");
             return Some(self.turned(&schur.q, end));
         }
 

@@ -108,7 +108,7 @@ fn fronts(pattern: &SymmetricPattern, order: &[usize], rank: &[usize]) -> Vec<Fr
     let factor = factorize_symbolic_cholesky(symmetric.as_ref(), Side::Lower, ordering, parameters)
         .expect("memory for the pattern of the factors");
     let SymbolicCholeskyRaw::Supernodal(factor) = factor.raw() else {
-        unreachable!("supernodes were asked for");
+        unreachable!("FORCE_SUPERNODAL gives a supernodal factor");
     };
     let mut fronts = Vec::with_capacity(factor.n_supernodes());
     for s in 0..factor.n_supernodes() {

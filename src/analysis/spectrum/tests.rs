@@ -135,7 +135,8 @@ fn assert_nearest(problem: &Problem, found: &Spectrum, exact: &[c64], shift: c64
 
 #[test]
 fn toeplitz_with_real_and_with_complex_eigenvalues() {
-    // bc > 0: real, bc < 0: a ± 2i√|bc| cos. √(b/c) stays near 1, so that the conditions do.
+    // bc > 0: real; bc < 0: a ± 2i√|bc| cos. √(b/c) stays near 1, so the condition numbers do as
+    // well.
     for coefficients in [[2.0, -1.0, -1.05], [1.0, 0.5, -0.52]] {
         let (k, exact) = toeplitz(60, coefficients);
         let problem = problem(&k);
@@ -256,7 +257,7 @@ fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
 #[test]
 fn planted_pairs_are_found_and_counted() {
     let mut blocks: Vec<(f64, f64)> = (0..80).map(|k| (0.03 + 0.05 * k as f64, 0.0)).collect();
-    // From wide ones to one of |Im λ| = 10⁻⁶ ‖A‖, and one that is double.
+    // Wide pairs, one with |Im λ| = 10⁻⁶ ‖A‖, and a double one.
     let pairs = [
         (0.31, 0.5),
         (1.0, 0.02),
@@ -428,7 +429,8 @@ fn a_singular_shift_is_moved() {
 
 #[test]
 fn zero_modes_are_set_apart() {
-    // A ring of springs (translation) and two unknowns without any (rattlers).
+    // A ring of springs (with translation as zero mode) and two unknowns without springs
+    // (rattlers).
     let n = 40;
     let mut entries = Vec::new();
     for i in 0..n {

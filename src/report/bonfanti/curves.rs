@@ -94,7 +94,7 @@ fn rows(header: &str, columns: &[&[f64]]) -> String {
     let length = columns.iter().map(|column| column.len()).min().unwrap_or(0);
     for row in 0..length {
         let line: Vec<String> = columns.iter().map(|c| format!("{:?}", c[row])).collect();
-        writeln!(csv, "{}", line.join(",")).expect("a string grows");
+        writeln!(csv, "{}", line.join(",")).expect("writing to a string cannot fail");
     }
     csv
 }
@@ -155,7 +155,7 @@ pub fn spectra(rows: &[[f64; 3]]) -> Drawn {
     });
     let mut csv = String::from("time,real,imaginary\n");
     for [time, real, imaginary] in rows {
-        writeln!(csv, "{time:?},{real:?},{imaginary:?}").expect("a string grows");
+        writeln!(csv, "{time:?},{real:?},{imaginary:?}").expect("writing to a string cannot fail");
     }
     Drawn { svg, csv }
 }
@@ -265,7 +265,8 @@ pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'st
             let [x, y, z] = moved(frame, grain).map(|x| x / greatest);
             points.push([x, y]);
             let time = run.frame_time[frame];
-            writeln!(csv, "{time:?},{grain},{x:?},{y:?},{z:?}").expect("a string grows");
+            writeln!(csv, "{time:?},{grain},{x:?},{y:?},{z:?}")
+                .expect("writing to a string cannot fail");
         }
         lines.push(Line {
             points,

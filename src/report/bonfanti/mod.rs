@@ -68,7 +68,7 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
     let mut csv = String::from("statement,paper,ours\n");
     for number in &numbers {
         let line = [number.what, number.paper, &number.ours].map(|text| format!("\"{text}\""));
-        writeln!(csv, "{}", line.join(",")).expect("a string grows");
+        writeln!(csv, "{}", line.join(",")).expect("writing to a string cannot fail");
     }
     text_writer::write(&folder.join("numbers.csv"), &csv)?;
     let page = folder.join("index.html");

@@ -301,7 +301,8 @@ fn lines(csv: &mut String, head: &str, points: &[(Range, Correlation)]) {
     for (range, found) in points {
         let (from, to) = (range.nearer, range.farther);
         let Correlation { rho, p, count } = found;
-        writeln!(csv, "{head},{from:?},{to:?},{count},{rho:?},{p:?}").expect("a string grows");
+        writeln!(csv, "{head},{from:?},{to:?},{count},{rho:?},{p:?}")
+            .expect("writing to a string cannot fail");
     }
 }
 

@@ -168,7 +168,8 @@ fn table(runs: &[&Studied]) -> String {
     let mut csv = String::from("panel,run,strain,stress_ratio,stage,step\n");
     for run in runs {
         for (strain, tau) in run.strain.iter().zip(&run.tau) {
-            writeln!(csv, "a,{},{strain:?},{tau:?},,", run.label).expect("a string grows");
+            writeln!(csv, "a,{},{strain:?},{tau:?},,", run.label)
+                .expect("writing to a string cannot fail");
         }
     }
     csv
@@ -182,7 +183,8 @@ fn event_table(run: &Studied, event: &Event) -> String {
         let step = event.steps.iter().find(|step| step.row == row);
         let step = step.map_or(String::new(), |step| step.number.to_string());
         let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
-        writeln!(csv, "b,{},{strain:?},{tau:?},{stage},{step}", run.label).expect("a string grows");
+        writeln!(csv, "b,{},{strain:?},{tau:?},{stage},{step}", run.label)
+            .expect("writing to a string cannot fail");
     }
     csv
 }

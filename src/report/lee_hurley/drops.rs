@@ -37,7 +37,7 @@ pub fn csv(runs: &[Studied]) -> String {
                 slip.duration(),
                 slip.change
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
         }
     }
     csv

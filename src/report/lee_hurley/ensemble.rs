@@ -120,7 +120,7 @@ pub fn numbers_csv(families: &[Family]) -> String {
                 s.least,
                 s.greatest
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
         }
     }
     csv
@@ -149,7 +149,7 @@ pub fn correlations_csv(families: &[Family]) -> String {
                     s.greatest,
                     mean.p
                 )
-                .expect("a string grows");
+                .expect("writing to a string cannot fail");
             }
         }
     }

@@ -152,9 +152,10 @@ fn table(run: &Studied, event: &Event) -> String {
     let mut csv = format!("strain,stress_ratio,stage,{}\n", SCALAR_COLUMNS.join(","));
     for row in event.stages.begin + 1..=event.stages.end {
         let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
-        write!(csv, "{strain:?},{tau:?},{}", stage_of(event, row)).expect("a string grows");
+        write!(csv, "{strain:?},{tau:?},{}", stage_of(event, row))
+            .expect("writing to a string cannot fail");
         for value in run.regime.scalars[row].columns() {
-            write!(csv, ",{value:?}").expect("a string grows");
+            write!(csv, ",{value:?}").expect("writing to a string cannot fail");
         }
         csv.push('\n');
     }

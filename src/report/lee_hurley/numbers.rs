@@ -46,7 +46,7 @@ pub fn csv(numbers: &[Number]) -> String {
     {
         let quoted =
             [run, what, paper, ours].map(|text| format!("\"{}\"", text.replace('"', "\"\"")));
-        writeln!(csv, "{}", quoted.join(",")).expect("a string grows");
+        writeln!(csv, "{}", quoted.join(",")).expect("writing to a string cannot fail");
     }
     csv
 }

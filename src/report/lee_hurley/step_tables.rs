@@ -24,7 +24,7 @@ pub fn grains_table(run: &Studied, steps: &[&Step]) -> String {
                 "{},{stage},{from:?},{to:?},{n},{body},{x:?},{y:?},{radius:?},{},{:?},{}",
                 step.number, marks[0], step.dmin[n], marks[1]
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
         }
     }
     csv
@@ -54,9 +54,10 @@ pub fn contacts_table(run: &Studied, steps: &[&Step], with_change: bool) -> Stri
                 from[1] + y,
                 forces::size(contact)
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
             if with_change {
-                write!(csv, ",{:?}", step.force_change[k]).expect("a string grows");
+                write!(csv, ",{:?}", step.force_change[k])
+                    .expect("writing to a string cannot fail");
             }
             csv.push('\n');
         }
@@ -79,7 +80,7 @@ pub fn displacement_table(grains: &Disks, steps: &[&Step]) -> String {
                 u[0],
                 u[1]
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
         }
     }
     csv
