@@ -17,7 +17,7 @@ pub struct Dbscan {
 impl Dbscan {
     /// Finds the cluster of every point and returns the number of clusters.
     ///
-    /// - `length`: L_x (m); `reach`: ε (m); `points`: (m), wrapped into [0, L_x) along x.
+    /// - `length`: L_x (m); `epsilon`: ε (m); `points`: (m), wrapped into [0, L_x) along x.
     /// - `min_points`: minPts; a point with this many points within ε, itself included, is a core
     ///   point. With 1 there is no noise.
     /// - `labels`: result, as long as `points`; `None` for noise. Clusters are numbered by their
@@ -26,7 +26,7 @@ impl Dbscan {
     pub fn clusters(
         &mut self,
         length: f64,
-        reach: f64,
+        epsilon: f64,
         min_points: usize,
         points: &[[f64; 2]],
         labels: &mut Vec<Option<u32>>,
@@ -37,11 +37,11 @@ impl Dbscan {
         if points.is_empty() {
             return 0;
         }
-        cells.fill(length, reach, points, |_| true);
+        cells.fill(length, epsilon, points, |_| true);
         let near = |i: usize, found: &mut dyn FnMut(usize)| {
             cells.near(points[i], |j| {
                 let d = separation(length, points[i], points[j]);
-                if d[0] * d[0] + d[1] * d[1] <= reach * reach {
+                if d[0] * d[0] + d[1] * d[1] <= epsilon * epsilon {
                     found(j);
                 }
             });

@@ -158,7 +158,7 @@ impl NearPairs {
         self.find(radius + skin);
     }
 
-    fn find(&mut self, reach: f64) {
+    fn find(&mut self, cutoff: f64) {
         let NearPairs {
             length,
             found_at,
@@ -169,7 +169,7 @@ impl NearPairs {
             before,
             ..
         } = self;
-        cells.fill(*length, reach, found_at, |_| true);
+        cells.fill(*length, cutoff, found_at, |_| true);
         for list in [&mut *after, before, start_after, start_before] {
             list.clear();
         }
@@ -179,7 +179,7 @@ impl NearPairs {
             start_before.push(firsts[1] as u32);
             cells.near(*r, |j| {
                 let d = separation(*length, *r, found_at[j]);
-                if j != i && d[0] * d[0] + d[1] * d[1] <= reach * reach {
+                if j != i && d[0] * d[0] + d[1] * d[1] <= cutoff * cutoff {
                     if j > i { &mut *after } else { &mut *before }.push(j as u32);
                 }
             });

@@ -53,8 +53,8 @@ pub fn of_stress_changes() -> Vec<Range> {
     down.chain(up).collect()
 }
 
-/// Returns the half-decades that hold all positive finite `values`; of more than 24 the greatest
-/// 24. Empty if no value is positive and finite.
+/// Returns the half-decades that hold all positive finite `values`, at most the greatest 24 of
+/// them. Empty if no value is positive and finite.
 pub fn around(values: impl Iterator<Item = f64>) -> Vec<Range> {
     let halves = values
         .filter(|v| v.is_finite() && *v > 0.0)

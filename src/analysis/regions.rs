@@ -8,7 +8,7 @@ use crate::state::{Disks, Frame};
 /// Share of all grains, those of the greatest reduction, that form the regions.
 pub const SHARE: f64 = 0.01;
 /// ε of the DBSCAN clusters over r̄.
-pub const REACH: f64 = 5.0;
+pub const EPSILON: f64 = 5.0;
 
 /// Number of points within ε that makes a core point. "A minimum requirement of 1 neighbor" in LH
 /// section 3.2 can mean either.
@@ -66,13 +66,13 @@ impl Regions {
         self.points.clear();
         let place = |n: &u32| later.position[*n as usize];
         self.points.extend(self.grains.iter().map(place));
-        let reach = REACH * grains.mean_radius();
+        let epsilon = EPSILON * grains.mean_radius();
         for reading in [MinPoints::Itself, MinPoints::OneNeighbour] {
             let labels = &mut self.labels[reading as usize];
             let (length, points) = (grains.length, &self.points);
             self.counts[reading as usize] =
                 self.dbscan
-                    .clusters(length, reach, reading.count(), points, labels);
+                    .clusters(length, epsilon, reading.count(), points, labels);
         }
     }
 

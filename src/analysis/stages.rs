@@ -5,7 +5,7 @@ use super::phases::{Kind, Phase};
 
 /// Stage II lies within this many intervals of the largest slip, or within the slip's own duration
 /// if that is longer: half of the window that LH plot around their drop.
-const REACH: usize = 14;
+const SEARCH: usize = 14;
 /// Stage II begins where τ leaves its maximum and ends where it first comes near its minimum, both
 /// within this share of their difference.
 const NEAR: f64 = 0.1;
@@ -36,16 +36,19 @@ impl Stages {
     /// that the phases were found in.
     ///
     /// τ may rise for an interval or two within a drop, so a drop is seldom a single slip. Let
-    /// τ_max be the maximum of τ within reach before the largest slip and τ_min the minimum within
-    /// reach after it. Stage II goes from the last row before the slip with τ ≥ τ_max - 0.1 (τ_max
-    /// - τ_min) to the first row after it with τ ≤ τ_min + 0.1 (τ_max - τ_min). Stages I and III
-    /// are as long as Stage II, at least 8 intervals, and end where the series ends. Values of τ
-    /// that are not finite are ignored.
+    /// τ_max be the maximum of τ in the window before the largest slip, τ_min the minimum in the
+    /// window after it, and Δ = 0.1 (τ_max - τ_min). Stage II goes from the last row before the
+    /// slip with τ ≥ τ_max - Δ to the first row after it with τ ≤ τ_min + Δ. Stages I and III are
+    /// as long as Stage II, at least 8 intervals, and end where the series ends. Values of τ that
+    /// are not finite are ignored.
+    ///
+    /// # Panics
+    /// If `tau` is empty.
     pub fn around(phases: &[Phase], largest: &Phase, tau: &[f64]) -> Self {
-        let reach = REACH.max(largest.duration());
+        let search = SEARCH.max(largest.duration());
         let last = tau.len() - 1;
-        let before = largest.start.saturating_sub(reach)..=largest.start;
-        let after = largest.end..=(largest.end + reach).min(last);
+        let before = largest.start.saturating_sub(search)..=largest.start;
+        let after = largest.end..=(largest.end + search).min(last);
         let greatest = tau[before.clone()]
             .iter()
             .copied()

@@ -22,19 +22,19 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Creates a symmetric interval of half-width `reach`.
-    pub(super) fn linear(value: f64, reach: f64) -> Self {
+    /// Creates a symmetric interval of half-width `half_width`.
+    pub(super) fn linear(value: f64, half_width: f64) -> Self {
         Estimate {
             value,
-            interval: [value - reach, value + reach],
+            interval: [value - half_width, value + half_width],
         }
     }
 
-    /// Creates an interval that is symmetric in the logarithm, of half-width `reach` there.
-    pub(super) fn logarithmic(value: f64, reach: f64) -> Self {
+    /// Creates an interval that is symmetric in the logarithm, of half-width `half_width` there.
+    pub(super) fn logarithmic(value: f64, half_width: f64) -> Self {
         Estimate {
             value,
-            interval: [value * (-reach).exp(), value * reach.exp()],
+            interval: [value * (-half_width).exp(), value * half_width.exp()],
         }
     }
 }
@@ -326,17 +326,17 @@ impl Problem<'_> {
             ));
         }
         let covariance = self.covariance(&noise)?;
-        let reach = |a, b, d_c, mu| covariance.reach(&Vector4::new(a, b, d_c, mu));
+        let half_width = |a, b, d_c, mu| covariance.half_width(&Vector4::new(a, b, d_c, mu));
         let law = self.law(&self.at);
         let count = residuals.iter().map(Vec::len).sum::<usize>() as f64;
         let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
         Ok(Fit {
-            a: Estimate::logarithmic(law.a, reach(1.0, 0.0, 0.0, 0.0)),
-            b: Estimate::linear(law.b, reach(0.0, 1.0, 0.0, 0.0)),
+            a: Estimate::logarithmic(law.a, half_width(1.0, 0.0, 0.0, 0.0)),
+            b: Estimate::linear(law.b, half_width(0.0, 1.0, 0.0, 0.0)),
             // d(a - b) = a d(ln a) - db
-            a_minus_b: Estimate::linear(law.a - law.b, reach(law.a, -1.0, 0.0, 0.0)),
-            d_c: Estimate::logarithmic(law.d_c, reach(0.0, 0.0, 1.0, 0.0)),
-            mu_star: Estimate::linear(law.mu_star, reach(0.0, 0.0, 0.0, 1.0)),
+            a_minus_b: Estimate::linear(law.a - law.b, half_width(law.a, -1.0, 0.0, 0.0)),
+            d_c: Estimate::logarithmic(law.d_c, half_width(0.0, 0.0, 1.0, 0.0)),
+            mu_star: Estimate::linear(law.mu_star, half_width(0.0, 0.0, 0.0, 1.0)),
             law,
             rms: (square / count).sqrt(),
             effective,
@@ -386,7 +386,7 @@ struct Covariance(Vec<(Matrix4<f64>, f64)>);
 
 impl Covariance {
     /// Half the 95 % interval of the linear combination of parameters with these factors.
-    fn reach(&self, factors: &Vector4<f64>) -> f64 {
+    fn half_width(&self, factors: &Vector4<f64>) -> f64 {
         let parts = self.0.iter().map(|(part, freedom)| {
             let variance = factors.dot(&(part * factors));
             (variance, variance * variance / freedom)

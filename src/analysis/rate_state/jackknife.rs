@@ -51,7 +51,7 @@ fn with_spread(records: &[Record], groups: &[Vec<usize>], full: Fit) -> Result<F
             let mut windows = windows.clone();
             let kept = group.iter().copied().filter(|k| k != left);
             windows[e] = whole(records, kept);
-            without.push(searched(&fit(&windows, full.law.evolution)?));
+            without.push(parameters(&fit(&windows, full.law.evolution)?));
         }
         let count = group.len() as f64;
         for (p, variance) in variance.iter_mut().enumerate() {
@@ -61,19 +61,19 @@ fn with_spread(records: &[Record], groups: &[Vec<usize>], full: Fit) -> Result<F
         }
         freedom += count - 1.0;
     }
-    let reach = variance.map(|variance| student(freedom) * variance.sqrt());
+    let half_width = variance.map(|variance| student(freedom) * variance.sqrt());
     Ok(Fit {
-        a: Estimate::logarithmic(full.a.value, reach[0]),
-        b: Estimate::linear(full.b.value, reach[1]),
-        a_minus_b: Estimate::linear(full.a_minus_b.value, reach[2]),
-        d_c: Estimate::logarithmic(full.d_c.value, reach[3]),
-        mu_star: Estimate::linear(full.mu_star.value, reach[4]),
+        a: Estimate::logarithmic(full.a.value, half_width[0]),
+        b: Estimate::linear(full.b.value, half_width[1]),
+        a_minus_b: Estimate::linear(full.a_minus_b.value, half_width[2]),
+        d_c: Estimate::logarithmic(full.d_c.value, half_width[3]),
+        mu_star: Estimate::linear(full.mu_star.value, half_width[4]),
         ..full
     })
 }
 
 /// ln a, b, a - b, ln D_c, μ*.
-fn searched(fit: &Fit) -> [f64; 5] {
+fn parameters(fit: &Fit) -> [f64; 5] {
     let law = fit.law;
     [law.a.ln(), law.b, law.a - law.b, law.d_c.ln(), law.mu_star]
 }

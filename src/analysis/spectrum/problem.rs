@@ -83,7 +83,10 @@ impl fmt::Display for Unfit {
                 write!(f, "row {}, column {}: must be finite", row + 1, column + 1)
             }
             Unfit::MassCount { given, unknowns } => {
-                write!(f, "{given} masses: K has {unknowns} unknowns")
+                write!(
+                    f,
+                    "{given} masses: K has {unknowns} unknowns, each needs one"
+                )
             }
             Unfit::Mass { row, value } => {
                 write!(
@@ -93,9 +96,14 @@ impl fmt::Display for Unfit {
                 )
             }
             Unfit::NullLength { given, unknowns } => {
-                write!(f, "{given} rows: K has {unknowns} unknowns")
+                write!(
+                    f,
+                    "{given} rows: K has {unknowns} unknowns, a null vector needs a row for each"
+                )
             }
-            Unfit::NullDependent => f.write_str("null vectors must be linearly independent"),
+            Unfit::NullDependent => f.write_str(
+                "null vectors must be linearly independent: leave out those that depend on others",
+            ),
             Unfit::NotNull { column, residual } => write!(
                 f,
                 "column {}: leaves {residual:.1e} ‖K‖, must be a null vector of K and of its transpose",

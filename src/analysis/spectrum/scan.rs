@@ -173,25 +173,25 @@ impl Cover {
     }
 
     /// Distance from a grid point to the corner of its cell.
-    fn reach(&self) -> f64 {
+    fn half_diagonal(&self) -> f64 {
         self.pitch * std::f64::consts::FRAC_1_SQRT_2
     }
 
     /// Refines the grid until a disk of this radius covers the cell of its own centre; otherwise
     /// the same shift would be chosen again.
     fn refine(&mut self, radius: f64) {
-        while radius > 0.0 && self.reach() > 0.5 * radius {
+        while radius > 0.0 && self.half_diagonal() > 0.5 * radius {
             self.pitch *= 0.5;
         }
     }
 
     /// The lowest grid point, leftmost among equals, whose cell is not wholly inside a disk.
     fn uncovered(&self) -> Option<c64> {
-        let reach = self.reach();
+        let half_diagonal = self.half_diagonal();
         let covered = |z: c64| {
             self.disks
                 .iter()
-                .find(|(centre, radius)| (z - centre).norm() + reach < *radius)
+                .find(|(centre, radius)| (z - centre).norm() + half_diagonal < *radius)
         };
         let mut y = 0.0;
         while y <= self.height + self.pitch {
@@ -212,7 +212,8 @@ impl Cover {
                     }
                     // Continue where this disk ends at this height.
                     Some((centre, radius)) => {
-                        let half = ((radius - reach).powi(2) - (y - centre.im).powi(2)).sqrt();
+                        let half =
+                            ((radius - half_diagonal).powi(2) - (y - centre.im).powi(2)).sqrt();
                         let cells = ((centre.re + half - x) / self.pitch).floor().max(1.0);
                         x += cells * self.pitch;
                     }

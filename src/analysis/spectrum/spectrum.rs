@@ -94,6 +94,9 @@ impl Spectrum {
     /// Rayleigh–Ritz projection: the eigenvalues of XᴴAX for X = `right` `[size][k]`, orthonormal.
     /// `left` is the left invariant subspace of the same eigenvalues; without it condition numbers
     /// are those within the right subspace, which are lower bounds.
+    ///
+    /// # Panics
+    /// If the QR algorithm does not converge.
     pub fn of<T: Scalar>(problem: &Problem, right: &Mat<T>, left: Option<&Mat<T>>) -> Self {
         let mut image = Mat::zeros(right.nrows(), right.ncols());
         problem.apply(right.as_ref(), image.as_mut());
@@ -110,6 +113,9 @@ impl Spectrum {
     ///
     /// Without vectors and verdicts this is about five times as fast as [`Spectrum::dense`]. It
     /// runs on one thread, so that the result is reproducible.
+    ///
+    /// # Panics
+    /// If the QR algorithm does not converge.
     pub fn values(problem: &Problem) -> Vec<c64> {
         let n = problem.size();
         let (mut re, mut im) = (Diag::<f64>::zeros(n), Diag::<f64>::zeros(n));
@@ -137,6 +143,9 @@ impl Spectrum {
 
     /// Returns all eigenvalues and vectors of a problem by the QR algorithm on A as a dense matrix,
     /// on as many threads as faer may use (`faer::set_global_parallelism`).
+    ///
+    /// # Panics
+    /// If the QR algorithm does not converge.
     pub fn dense(problem: &Problem) -> Self {
         let n = problem.size();
         let (values, vectors) = eigen(&problem.matrix().to_dense());

@@ -150,8 +150,8 @@ fn holds(views: &[View]) -> Option<String> {
 /// Greatest slip shown after a hold, in D_c.
 const RESLIDE: f64 = 8.0;
 
-/// Draws μ - μ_ss against slip since the end of each hold in D_c (FR, figure S2a), or divided by C
-/// + ln(V_r/V_i), C being `offset` (S2b).
+/// Draws μ - μ_ss against slip since the end of each hold in D_c (FR, figure S2a). With an `offset`
+/// C it draws that over the sum C + ln(V_r/V_i) (S2b).
 fn reslides(views: &[View], best: Option<&Fit>, offset: Option<f64>) -> Option<String> {
     let (unit, x_label) = match best {
         Some(fit) => (fit.law.d_c, "slip since the end of the hold / D_{c}"),
