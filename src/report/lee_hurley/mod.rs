@@ -87,7 +87,7 @@ fn figures(runs: &[Studied]) -> Vec<Drawn> {
     let first = || families.iter().map(|family| family.runs[0]);
     let of = |size: Size| -> Vec<&Studied> { first().filter(|run| run.size == size).collect() };
     let (small, large) = (of(Size::Small), of(Size::Large));
-    // LH show the sample with μ_s = 0.7 in sections 3 and 5, the others in section 4.
+    // LH show the sample with μ_s = 0.7; section 4 has the others.
     let main = |runs: &[&'_ Studied]| -> Option<usize> {
         let off = |k: &usize| (runs[*k].friction.unwrap_or(f64::INFINITY) - 0.7).abs();
         (0..runs.len()).min_by(|a, b| off(a).total_cmp(&off(b)))
