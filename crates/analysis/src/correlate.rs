@@ -1,4 +1,5 @@
-//! Which quantities LH correlate with the change of τ, and over which intervals or phases (section 3.3).
+//! The correlations of LH section 3.3: which quantities are correlated with Δτ or Δτ_p, and over
+//! which intervals or phases.
 
 use super::frame_scalars::FrameScalars;
 use super::measures::{self, Measured};
@@ -6,16 +7,19 @@ use super::ranges::{self, Range, Row};
 use super::regions::MinPoints;
 use super::spearman::Correlation;
 
-/// Which phases count.
+/// Selects phases by their length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Length {
+    /// All phases.
     All,
     /// t_p > 3Δγ.
     Long,
+    /// t_p ≤ 3Δγ.
     Short,
 }
 
 impl Length {
+    /// Returns the name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Length::All => "all",
@@ -33,21 +37,29 @@ impl Length {
     }
 }
 
-/// What is known of a phase.
+/// A measure of a phase; see [`Measured`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
+    /// mgD²min (equation 1).
     DminMax,
+    /// mg_t10%D²min (equation 2).
     TopMax,
+    /// sgD²min (equation 3).
     DminSum,
+    /// sg_t10%D²min (equation 4).
     TopSum,
+    /// t_p, in intervals.
     Duration,
+    /// N_c, the least number of GR regions.
     RegionsLeast,
+    /// Mean |θ| at the last row with N_c regions.
     AngleMean,
+    /// Median |θ| at the last row with N_c regions.
     AngleMedian,
 }
 
 impl Quantity {
-    /// As columns of tables are called.
+    /// Returns the name of the column in tables.
     pub fn name(self) -> &'static str {
         match self {
             Quantity::DminMax => "dmin_max",
@@ -61,7 +73,7 @@ impl Quantity {
         }
     }
 
-    /// LH's symbol; `_{…}` sets an index.
+    /// Returns LH's symbol; `_{…}` marks a subscript.
     pub fn symbol(self) -> &'static str {
         match self {
             Quantity::DminMax => "mgD²_{min}",
@@ -75,7 +87,7 @@ impl Quantity {
         }
     }
 
-    /// Its value in a phase.
+    /// Returns the value for a phase.
     pub fn of(self, phase: &Measured) -> f64 {
         match self {
             Quantity::DminMax => phase.dmin_max,
@@ -90,7 +102,7 @@ impl Quantity {
     }
 }
 
-/// What is correlated with Δτ or Δτ_p in its half-decades.
+/// A correlation with Δτ or Δτ_p in half-decades of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Subject {
     /// Δτ of all intervals with gD²min.
@@ -101,7 +113,7 @@ pub enum Subject {
     Phase(Quantity, Length),
 }
 
-/// All that the paper correlates with Δτ or Δτ_p.
+/// All correlations with Δτ or Δτ_p in LH.
 pub const SUBJECTS: [Subject; 17] = {
     use Length::{All, Long, Short};
     use Quantity::{DminMax, DminSum, Duration, TopMax, TopSum};
@@ -126,27 +138,29 @@ pub const SUBJECTS: [Subject; 17] = {
     ]
 };
 
-/// What is correlated with Δτ_p of long phases, in ranges of mg_t10%D²min and of sg_t10%D²min (LH figures 11 and 23).
+/// Quantities that LH correlate with Δτ_p of long phases in ranges of mg_t10%D²min and of
+/// sg_t10%D²min (figures 11 and 23).
 pub const CONFIGURATIONS: [Quantity; 3] = [
     Quantity::AngleMean,
     Quantity::AngleMedian,
     Quantity::RegionsLeast,
 ];
 
-/// A series of frames in the stick-slip regime, with its phases.
+/// The stick-slip regime of a run: the series from the onset strain on, with its phases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Regime {
-    /// [L] γ, ascending.
+    /// `[L]` γ, ascending.
     pub strain: Vec<f64>,
-    /// [L] τ.
+    /// `[L]` τ.
     pub tau: Vec<f64>,
-    /// [L] row k between the rows k-1 and k.
+    /// `[L]` row k for the interval from row k-1 to row k.
     pub scalars: Vec<FrameScalars>,
+    /// Phases and their measures.
     pub phases: Vec<Measured>,
 }
 
 impl Regime {
-    /// What happens from γ = `onset` on.
+    /// Takes the rows with γ ≥ `onset` and finds their phases.
     pub fn from(
         onset: f64,
         strain: &[f64],
@@ -166,7 +180,7 @@ impl Regime {
         }
     }
 
-    /// ρ and p in every half-decade of Δτ or Δτ_p.
+    /// Returns ρ and p in every half-decade of Δτ or Δτ_p.
     pub fn correlate(&self, subject: Subject) -> Vec<(Range, Correlation)> {
         ranges::correlations(&self.rows(subject), &ranges::of_stress_changes())
     }
@@ -191,7 +205,8 @@ impl Regime {
         }
     }
 
-    /// ρ and p of Δτ_p of long phases with `quantity`, in half-decades of `by` over `unit` (m² where `by` is one).
+    /// Returns ρ and p of Δτ_p with `quantity` over long phases, in half-decades of `by` over
+    /// `unit` (m² if `by` is a D²min).
     pub fn correlate_by(
         &self,
         by: Quantity,

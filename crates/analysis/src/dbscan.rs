@@ -1,6 +1,8 @@
-//! Density-based clusters of points (DBSCAN: Ester, Kriegel, Sander & Xu, KDD 1996), periodic along x.
+//! Density-based clusters of points (DBSCAN: Ester, Kriegel, Sander & Xu, KDD 1996), periodic along
+//! x.
 //!
-//! Our own, since the cell is periodic and a run asks for it at every frame, without allocating.
+//! An implementation of its own because the cell is periodic and a run clusters every frame,
+//! without allocation.
 
 use super::neighbourhood::{Cells, separation};
 
@@ -13,16 +15,18 @@ pub struct Dbscan {
 }
 
 impl Dbscan {
-    /// The cluster of every point; `None` for noise. Returns how many clusters there are.
+    /// Finds the cluster of every point and returns the number of clusters.
     ///
-    /// - `length`: L_x (m); `reach`: ε (m); `points`: wrapped into [0, L_x) along x (m).
-    /// - `min_points`: a point with so many points within ε, itself among them, is a core point. With 1 there is no noise.
-    /// - `labels`: becomes as long as `points`. Clusters are numbered by their first core points; a point that is no core
-    ///   point belongs to the first cluster that has a core point within ε of it.
+    /// - `length`: L_x (m); `epsilon`: ε (m); `points`: (m), wrapped into [0, L_x) along x.
+    /// - `min_points`: minPts; a point with this many points within ε, itself included, is a core
+    ///   point. With 1 there is no noise.
+    /// - `labels`: result, as long as `points`; `None` for noise. Clusters are numbered by their
+    ///   first core points. A point that is no core point belongs to the first cluster with a core
+    ///   point within ε of it.
     pub fn clusters(
         &mut self,
         length: f64,
-        reach: f64,
+        epsilon: f64,
         min_points: usize,
         points: &[[f64; 2]],
         labels: &mut Vec<Option<u32>>,
@@ -33,11 +37,11 @@ impl Dbscan {
         if points.is_empty() {
             return 0;
         }
-        cells.fill(length, reach, points, |_| true);
+        cells.fill(length, epsilon, points, |_| true);
         let near = |i: usize, found: &mut dyn FnMut(usize)| {
             cells.near(points[i], |j| {
                 let d = separation(length, points[i], points[j]);
-                if d[0] * d[0] + d[1] * d[1] <= reach * reach {
+                if d[0] * d[0] + d[1] * d[1] <= epsilon * epsilon {
                     found(j);
                 }
             });

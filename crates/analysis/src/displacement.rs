@@ -1,14 +1,17 @@
-//! The non-affine displacement field between two frames (LH figures 7 and 20).
+//! The non-affine displacement field between two frames (LH figures 7 and 20) and its local
+//! direction of greatest extension.
 
 use nalgebra::{Matrix2, Vector2};
 
 use super::neighbourhood::separation;
 use gshear_dem::state::{Disks, Frame};
 
-/// How far every grain moved beside the mean deformation of the sample, [N] (m); into `field`.
+/// Writes to `field` the displacement of every grain relative to the mean deformation of the
+/// sample, `[N]` (m).
 ///
-/// The mean deformation is the map u = a + b y that fits the displacements best (least squares over all grains but those in
-/// `left_out`): simple shear and stretch along y, all that a sample periodic along x can have. LH do not say which map they take off.
+/// The mean deformation is the map u = a + b y fitted to the displacements by least squares over
+/// all grains but those in `left_out`. A sample periodic along x can only have simple shear and
+/// stretch along y. LH do not say which map they subtract.
 pub fn non_affine(
     grains: &Disks,
     earlier: &Frame,
@@ -32,7 +35,7 @@ pub fn non_affine(
             .map(|n| field[n][k] * (height(n) - middle))
             .sum::<f64>()
             / spread;
-        // One height alone has no slope.
+        // If all grains have the same height, there is no slope.
         (mean, if slope.is_finite() { slope } else { 0.0 })
     });
     for (n, u) in field.iter_mut().enumerate() {
@@ -43,9 +46,12 @@ pub fn non_affine(
     }
 }
 
-/// The unit vector along which the displacements `field` (m) stretch the sample most around `centre`: that of tension, across which
-/// is compression. Of the symmetric part of their gradient, fitted to the grains within `radius` (m) that are not left out (least
-/// squares). `None` where they are too few, or stretch no direction more than others.
+/// Returns the unit vector of greatest extension around `centre`; the direction of compression is
+/// normal to it.
+///
+/// It is the principal axis of the symmetric displacement gradient, fitted by least squares to the
+/// displacements `field` (m) of the grains within `radius` (m) for which `left_out` is false.
+/// `None` if the fit is singular or no direction is extended more than others.
 pub fn tension(
     grains: &Disks,
     frame: &Frame,
@@ -86,11 +92,11 @@ mod tests {
         let grains = grains_in(40.0, &[1.0; 300]);
         let points = scattered(1, 300, 40.0, 30.0);
         let frame = frame(&grains, &points);
-        // Beside the seam, which the separations cross.
+        // Near the periodic boundary, which the separations cross.
         let centre = Vector2::new(1.0, 15.0);
         for angle in [0.3_f64, -1.2, 1.5] {
             let along = Vector2::new(angle.cos(), angle.sin());
-            // Stretched along it, turned and shifted; far away anything.
+            // Stretched along `along`, rotated and shifted; arbitrary far away.
             let map = 1e-3 * along * along.transpose() + Matrix2::new(0.0, -0.5, 0.5, 0.0);
             let field = frame.position.iter().map(|r| {
                 let d = Vector2::from(separation(grains.length, centre.into(), *r));
@@ -127,7 +133,7 @@ mod tests {
         let map = Matrix2::new(1.0, 0.02, 0.0, 0.99);
         let shift = Vector2::new(0.3, -0.1);
         let mut moved: Vec<_> = mapped(&points, map).iter().map(|r| r + shift).collect();
-        // One grain, left out of the fit, moves on its own, and so across the seam.
+        // One grain, left out of the fit, moves on its own across the boundary.
         moved[7] += Vector2::new(5.0, 2.0);
         let mut left_out = vec![false; 300];
         left_out[7] = true;

@@ -1,4 +1,5 @@
-//! D²min: how far a grain's neighbourhood moved from any affine map (LH appendix B).
+//! D²min, the mean square deviation of a neighbourhood's displacements from the best local affine
+//! map (LH appendix B).
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -7,18 +8,21 @@ use super::rattlers;
 use gshear_dem::simd::{Lanes, Level, Work};
 use gshear_dem::state::{Disks, Frame};
 
-/// Radius of the neighbourhood over r̄ in LH section 3.2.
+/// Radius of the neighbourhood over r̄ (LH section 3.2).
 pub const RADIUS: f64 = 5.0;
 
-/// det Y below this fraction of (tr Y)² is singular. In 2D det Y/(tr Y)² is the squared ratio of the neighbourhood's
-/// principal extents at most, so only neighbours on one line to a millionth of its length fall under it, and
-/// rounding of the positions (1e-14 of a radius) alone never lifts such a line above it.
+/// det Y below this fraction of (tr Y)² counts as singular.
+///
+/// In 2D det Y/(tr Y)² is at most the squared ratio of the neighbourhood's principal extents, so
+/// only neighbours on a line to one part in 10⁶ of its length fall below. Rounding of the positions
+/// (1e-14 of a radius) never lifts such a line above it.
 const SINGULAR: f64 = 1e-12;
 
-/// Where less than this share of the squared displacements is not affine, the difference would cancel: see [`NonAffine::residual`].
+/// If the non-affine share of the squared displacements is less than this, the difference Σ u² -
+/// tr(G Xᵀ) loses digits and the residuals are summed one by one; see [`NonAffine::residual`].
 const CANCELS: f64 = 0.01;
 
-/// Buffers for D²min, reused from frame to frame.
+/// Computes D²min; its buffers are reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct NonAffine {
     near: NearPairs,
@@ -31,26 +35,29 @@ pub struct NonAffine {
     gradient: Vec<Matrix2<f64>>,
 }
 
-/// A grain in the earlier frame, NaN for a rattler, which is then near to nobody, and its displacement (m).
+/// Position of a grain in the earlier frame (NaN for a rattler, so that it is no one's neighbour)
+/// and its displacement (m).
 #[derive(Debug, Clone, Copy)]
 struct Moving {
     place: [f64; 2],
     displacement: [f64; 2],
 }
 
-/// What a grain's neighbours add up to, b being the earlier separation and u the change of it:
-/// Σ b ⊗ b (xx, xy, yy), Σ u ⊗ b (xx, xy, yx, yy), Σ u² (m²).
+/// Sums over a grain's neighbours, b being the earlier separation and u its change: Σ b ⊗ b (xx,
+/// xy, yy), Σ u ⊗ b (xx, xy, yx, yy), Σ u² (m²).
 type Moments = [f64; 8];
 
 impl NonAffine {
-    /// D²min of every grain between two frames (LH B1–B4).
+    /// Computes D²min of every grain between two frames (LH B1–B4).
     ///
-    /// - `radius`: of the neighbourhood (m), in the earlier frame; LH take [`RADIUS`] r̄ with r̄ of all grains.
-    /// - `dmin`: [N] (m²), divided by the number of neighbours N_i as B1 is printed.
+    /// - `radius`: of the neighbourhood (m), in the earlier frame; LH take [`RADIUS`] r̄ with r̄
+    ///   over all grains.
+    /// - `dmin`: result, `[N]` (m²), divided by the number of neighbours N_i as B1 is printed.
     ///
-    /// Rattlers of the earlier frame are neither centres nor neighbours. NaN for them, for grains with fewer than
-    /// two neighbours, and where the neighbours lie on one line (singular Y).
-    /// Separations and displacements are nearest images along x, so that nothing jumps at the seam.
+    /// Rattlers of the earlier frame are neither centres nor neighbours. The result is NaN for
+    /// rattlers, for grains with fewer than two neighbours, and for neighbours on one line
+    /// (singular Y). Separations and displacements are nearest images along x, so the periodic
+    /// boundary has no effect.
     pub fn between(
         &mut self,
         grains: &Disks,
@@ -82,7 +89,7 @@ impl NonAffine {
         }
     }
 
-    /// The rattlers of the earlier frame in the last call of [`Self::between`], [N].
+    /// Returns the rattlers of the earlier frame in the last call of [`Self::between`], `[N]`.
     pub fn rattlers(&self) -> &[bool] {
         &self.rattler
     }
@@ -103,7 +110,8 @@ impl NonAffine {
         });
     }
 
-    /// Σ (u - G b)² (m²): Σ u² - tr(G Xᵀ) with X = Σ u ⊗ b or, where that would cancel, term by term.
+    /// Σ (u - G b)² (m²), as Σ u² - tr(G Xᵀ) with X = Σ u ⊗ b, or term by term if that difference
+    /// loses digits.
     fn residual(&self, i: usize, length: f64, radius: f64) -> f64 {
         let [.., xx, xy, yx, yy, squares] = self.moments[i];
         let g = self.gradient[i];
@@ -125,7 +133,8 @@ impl NonAffine {
     }
 }
 
-/// The moments of every grain, pair by pair in order of (i, j): the same bits on every instruction set.
+/// Sums the moments of every grain pair by pair in order of (i, j), with the same bits on every
+/// instruction set.
 struct SumMoments<'a> {
     length: f64,
     radius: f64,
@@ -152,8 +161,8 @@ impl Work for SumMoments<'_> {
         } = self;
         for (i, from) in moving.iter().enumerate() {
             let after = near.after(i);
-            // Every near grain is written down, and the next one over it unless it is within the radius: a branch would be
-            // guessed wrong too often.
+            // Every candidate is stored and overwritten by the next one if it lies outside the
+            // radius: a branch would be mispredicted too often.
             within.resize(within.len().max(after.len() + 1), (0, [0.0; 2]));
             let mut count = 0;
             for &j in after {
@@ -175,7 +184,7 @@ impl Work for SumMoments<'_> {
                     u[1] * b[1],
                     u[0] * u[0] + u[1] * u[1],
                 ];
-                // From j both b and u have the other sign, and their products the same one.
+                // For j both b and u change sign, and their products do not.
                 let other = &mut moments[j];
                 for k in 0..8 {
                     sums[k] += terms[k];
@@ -189,7 +198,7 @@ impl Work for SumMoments<'_> {
     }
 }
 
-/// u.
+/// u, the change of the separation (m).
 #[inline(always)]
 fn change(from: &Moving, to: &Moving) -> [f64; 2] {
     [
@@ -198,11 +207,11 @@ fn change(from: &Moving, to: &Moving) -> [f64; 2] {
     ]
 }
 
-/// G: B4 less the identity.
+/// G: B4 minus the identity.
 fn best_fit(moments: &Moments, neighbours: u32) -> Matrix2<f64> {
     let [bxx, bxy, byy, xx, xy, yx, yy, _] = *moments;
     let y = Matrix2::new(bxx, bxy, bxy, byy);
-    // Written so that NaN counts as singular.
+    // This form counts NaN as singular.
     let regular = neighbours >= 2 && y.determinant() > SINGULAR * y.trace() * y.trace();
     let inverse = y.try_inverse().filter(|_| regular);
     let x = Matrix2::new(xx, xy, yx, yy);
@@ -234,7 +243,7 @@ mod tests {
         values
     }
 
-    /// Asks D²min ≤ 1e-24 r̄² of every grain.
+    /// Asserts D²min ≤ 1e-24 r̄² for every grain.
     fn assert_affine(grains: &Disks, earlier: &Frame, later: &Frame) {
         let square = grains.mean_radius().powi(2);
         for (n, value) in dmin(grains, earlier, later).into_iter().enumerate() {
@@ -250,7 +259,7 @@ mod tests {
     fn an_affine_map_leaves_nothing_in_a_periodic_cell() {
         let grains = packing(1000);
         let points = scattered(1, 1000, L, 36e-6);
-        // What keeps the period along x: simple shear and stretch along y.
+        // Maps that keep the period along x: simple shear and stretch along y.
         for (shear, stretch) in [(0.0, 1.0), (7e-7, 1.0 + 1e-7), (0.02, 0.99), (0.5, 1.3)] {
             let map = Matrix2::new(1.0, shear, 0.0, stretch);
             assert_affine(
@@ -263,7 +272,8 @@ mod tests {
 
     #[test]
     fn a_general_affine_map_leaves_nothing_across_the_seam() {
-        // The grains lie on both sides of the seam only, so that any map keeps their nearest images.
+        // The grains lie close to both sides of the periodic boundary, so that any map keeps their
+        // nearest images.
         let grains = packing(400);
         let points = scattered(2, 400, 0.4 * L, 30e-6);
         for map in [
@@ -278,8 +288,8 @@ mod tests {
         }
     }
 
-    /// B1 minimised over Γ - 1 by SVD of the whole design matrix, of the changes of the separations, which lose nothing by
-    /// rounding; neighbours by trying every grain and image.
+    /// B1 minimised over Γ - 1 by SVD of the whole design matrix, for the changes of the
+    /// separations, which rounding does not affect; neighbours by trying every grain and image.
     fn direct(grains: &Disks, rattler: &[bool], earlier: &Frame, later: &Frame, i: usize) -> f64 {
         let nearest = |a: [f64; 2], b: [f64; 2]| {
             let image = |k: f64| [b[0] - a[0] + k * grains.length, b[1] - a[1]];
@@ -323,7 +333,7 @@ mod tests {
         grains.body[..40].fill(1);
         let points = scattered(3, 600, L, 24e-6);
         let mut earlier = frame(&grains, &points);
-        // Makes a few rattlers, and some which lose their contacts only later.
+        // A few rattlers, and some grains that lose their contacts only later.
         earlier.contacts.retain(|c| c.i % 50 != 3 && c.j % 50 != 3);
         for size in [1e-9, 1e-7] {
             let moved: Vec<_> = mapped(&points, Matrix2::new(1.0, 0.01, 0.0, 1.0))
@@ -342,7 +352,7 @@ mod tests {
                     assert!(value.is_nan(), "rattler {i} has {value:e}");
                 } else {
                     let wanted = direct(&grains, &rattler, &earlier, &later, i);
-                    // Two neighbours always fit an affine map: rounding is all that is left.
+                    // Two neighbours always fit an affine map, so only rounding is left.
                     let tolerance = 1e-12 * wanted + 1e-24 * grains.mean_radius().powi(2);
                     assert!(
                         (value - wanted).abs() <= tolerance,
@@ -353,7 +363,7 @@ mod tests {
         }
     }
 
-    /// Disks of radius 1 at the given places, and the same ones displaced a little.
+    /// D²min of disks of radius 1 at the given places after small random displacements.
     fn small(points: &[[f64; 2]]) -> Vec<f64> {
         let grains = grains_in(100.0, &vec![1.0; points.len()]);
         let points: Vec<_> = points.iter().map(|r| Vector2::new(r[0], r[1])).collect();
@@ -370,7 +380,7 @@ mod tests {
 
     #[test]
     fn fewer_than_two_neighbours_leave_it_undefined() {
-        // A pair, a triple with one neighbour out of the reach of 5 r̄, and a grain alone.
+        // A pair, a triple in which two grains are farther apart than 5 r̄, and a single grain.
         let values = small(&[
             [0.0, 0.0],
             [2.0, 1.0],
@@ -396,7 +406,8 @@ mod tests {
 
     #[test]
     fn the_choice_of_cells_does_not_matter() {
-        // Long and flat, narrower than three cells, and all in one cell: the same as direct least squares.
+        // Long and flat, narrower than three cells, and all in one cell: each must agree with
+        // direct least squares.
         for (width, height) in [(40.0, 3.0), (12.0, 40.0), (8.0, 8.0)] {
             let grains = grains_in(width, &[1.0; 60]);
             let points = scattered(6, 60, width, height);

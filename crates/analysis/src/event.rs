@@ -1,4 +1,5 @@
-//! What moved in one event, in two or three dimensions, and whether an eigenvector foretold it.
+//! Analysis of one event in two or three dimensions: D²min between two states, and how well an
+//! eigenvector predicts where grains move (BO).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -6,12 +7,15 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::neighbour::{Bins, Window};
 use gshear_dem::state::Cell;
 
-/// D²min of every grain between two states, [N] (m²): what the best local affine map leaves of the motion of the neighbours within `radius`
-/// (m) in the earlier one, over their number (LH eq. B1, in as many dimensions as there are). NaN where fewer neighbours than
-/// dimensions, or such on one line or plane, leave the map open. Grains that do not count are neither centres, with NaN, nor
-/// neighbours.
+/// Returns D²min of every grain between two states, `[N]` (m²): the mean square residual of the
+/// neighbours' motion after the best local affine map (LH eq. B1, in D dimensions).
 ///
-/// Grain by grain. `analysis::dmin` has the frames of long runs of disks, pair by pair.
+/// Neighbours are the grains within `radius` (m) in the earlier state. NaN if there are fewer
+/// neighbours than dimensions or if they lie on one line or plane. Grains for which `counts` is
+/// false are neither centres (their value is NaN) nor neighbours.
+///
+/// This version works grain by grain. [`crate::analysis::dmin`] works pair by pair and serves the
+/// frames of long runs of disks.
 pub fn non_affine<D: Dimension>(
     cell: Cell,
     earlier: &[[f64; 3]],
@@ -45,7 +49,7 @@ pub fn non_affine<D: Dimension>(
             x += after * before.transpose();
             y += before * before.transpose();
         }
-        // The missing axis is left as it is.
+        // In 2D the fit leaves the third axis unchanged.
         (D::AXES..3).for_each(|axis| y[(axis, axis)] = 1.0);
         let scale = radius * radius * pairs.len() as f64;
         let regular = y.determinant() > 1e-12 * scale.powi(D::AXES as i32);
@@ -65,8 +69,10 @@ pub fn non_affine<D: Dimension>(
     (0..earlier.len()).map(of).collect()
 }
 
-/// Overlap of two fields over the grains, [N], none negative: Σab/√(Σa² Σb²), over the grains at which both are numbers. 1 where one is a
-/// multiple of the other; of fields that have nothing to do with each other ⟨a⟩⟨b⟩/√(⟨a²⟩⟨b²⟩).
+/// Returns the overlap Σab/√(Σa² Σb²) of two non-negative fields over the grains, `[N]`; grains
+/// where either field is not finite are left out.
+///
+/// It is 1 if one field is a multiple of the other. Independent fields give ⟨a⟩⟨b⟩/√(⟨a²⟩⟨b²⟩).
 pub fn overlap(a: &[f64], b: &[f64]) -> f64 {
     let pairs = || {
         a.iter()
@@ -98,8 +104,9 @@ mod tests {
         (0..count).map(point).collect()
     }
 
-    /// An affine motion leaves nothing, also across the seams of a sheared cell; one grain that moves by d more leaves, at that grain,
-    /// what least squares must leave of -d at all neighbours: |d|² (1 - Σ r·(Σ rr)⁻¹·Σ r/N).
+    /// An affine motion has no residual, also across the seams of a sheared cell. If one grain
+    /// moves by a further d, least squares leave at that grain the residual of -d at all
+    /// neighbours: |d|² (1 - Σ r·(Σ rr)⁻¹·Σ r/N).
     fn affine<D: Dimension>(planar: bool) {
         let sheared = Sheared {
             height: 10.0,
@@ -115,7 +122,8 @@ mod tests {
         after.shear(0.02 * 10.0);
         let mut later = earlier.clone();
         later.iter_mut().for_each(|p| p[0] += 0.02 * p[D::UP]);
-        // Both states in one cell: images of the later one are where the shear has brought them, which is seen within the cell only.
+        // Both states use one cell: the images of the later one are displaced by the shear, which
+        // only separations within the cell see.
         let inner: Vec<usize> = (0..400)
             .filter(|&i| (0..D::AXES).all(|axis| (2.5..7.5).contains(&earlier[i][axis])))
             .collect();

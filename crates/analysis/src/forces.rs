@@ -1,22 +1,22 @@
-//! Contact forces: their size, their direction, and how they changed between two frames (LH section 3.2).
+//! Contact forces of 2D frames: magnitude, direction, and change between two frames (LH section
+//! 3.2).
 
 use super::neighbourhood::separation;
 use gshear_dem::state::{ContactSample, Disks, Frame};
 
-/// |f| (N/m in 2D), normal and tangential.
+/// Returns |f| (N/m in 2D), normal and tangential part together.
 pub fn size(contact: &ContactSample) -> f64 {
     let (normal, [x, y, z]) = (contact.normal_force, contact.tangential_force);
     (normal * normal + (x * x + y * y + z * z)).sqrt()
 }
 
-/// n, from j to i, and f on i (N/m), in the coordinates of the cell.
+/// Returns n, from j to i, and the force f on i (N/m), in the coordinates of the cell.
 pub fn vector(grains: &Disks, frame: &Frame, contact: &ContactSample) -> ([f64; 2], [f64; 2]) {
     let [i, j] = [contact.i, contact.j].map(|n| frame.position[n as usize]);
     let d = separation(grains.length, j, i);
     let distance = (d[0] * d[0] + d[1] * d[1]).sqrt();
     let n = [d[0] / distance, d[1] / distance];
     let (normal, tangential) = (contact.normal_force, contact.tangential_force[0]);
-    // t̂ = ẑ × n.
     let f = [
         normal * n[0] - tangential * n[1],
         normal * n[1] + tangential * n[0],
@@ -24,16 +24,19 @@ pub fn vector(grains: &Disks, frame: &Frame, contact: &ContactSample) -> ([f64; 
     (n, f)
 }
 
-/// |θ| (rad), 0 … π/2: between the x axis and the line of the contact force.
+/// Returns |θ| (rad), 0 … π/2: the angle between the x axis and the line of the contact force.
 ///
-/// The line and not the arrow: i and j feel opposite forces, and which of them is named first means nothing.
+/// The angle is that of the line, not of the vector: i and j feel opposite forces, and their order
+/// in the contact is arbitrary.
 pub fn angle(grains: &Disks, frame: &Frame, contact: &ContactSample) -> f64 {
     let (_, f) = vector(grains, frame, contact);
     f[1].abs().atan2(f[0].abs())
 }
 
-/// The differential force network: change of |f| of every contact of the later frame, 0 where the contact was made between
-/// the two (those that were lost do not appear). `changes` becomes as long as `later.contacts`.
+/// Writes the differential force network to `changes`: the change of |f| of every contact of the
+/// later frame, 0 for contacts made between the two frames. Lost contacts do not appear.
+///
+/// `changes` gets the length of `later.contacts`. Contacts of both frames must be sorted by (i, j).
 pub fn changes(earlier: &Frame, later: &Frame, changes: &mut Vec<f64>) {
     let mut before = earlier.contacts.iter().peekable();
     changes.clear();
@@ -91,7 +94,7 @@ mod tests {
 
     #[test]
     fn the_force_is_turned_from_the_normal_by_its_tangential_part() {
-        // Across the seam: the normal from grain 1 to grain 0 points along +x.
+        // Across the periodic boundary: the normal from grain 1 to grain 0 points along +x.
         let grains = grains_in(10.0, &[1.0, 1.0]);
         for (normal, tangential, wanted) in [
             (1.0, 0.0, 0.0),

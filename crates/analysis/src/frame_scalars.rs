@@ -1,4 +1,6 @@
-//! What is kept of a frame for the statistics of LH section 3.3: a few numbers, from it and the frame before it.
+//! The scalars of one interval between two frames that the statistics of LH section 3.3 use:
+//! gD²min, g_t10%D²min, the number of GR regions, the correlation of |Δσ_p| with D²min, and the
+//! contact-force angles in GR regions.
 
 use super::dmin::{self, NonAffine};
 use super::regions::{MinPoints, Regions};
@@ -6,10 +8,10 @@ use super::spearman::{Spearman, sort_key};
 use super::stress::largest_principals;
 use gshear_dem::state::{Disks, Frame};
 
-/// Share of the greatest D²min that g_t10%D²min averages.
+/// Share of the defined D²min, the greatest ones, that g_t10%D²min averages.
 const TOP: f64 = 0.1;
 
-/// Names of the scalars, under `observables/gshear/` and as columns of tables.
+/// Names of the scalars: data sets under `observables/gshear/` and columns of tables.
 pub const SCALAR_COLUMNS: [&str; 8] = [
     "dmin_greatest",
     "dmin_top_tenth",
@@ -21,31 +23,34 @@ pub const SCALAR_COLUMNS: [&str; 8] = [
     "region_angle_median",
 ];
 
-/// The scalars of the interval between a frame and the one before it.
+/// Scalars of the interval between a frame and the frame before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameScalars {
-    /// gD²min (m²): the greatest D²min; NaN where it is nowhere defined.
+    /// gD²min (m²): the greatest D²min; NaN if no grain has one.
     pub dmin_greatest: f64,
-    /// g_t10%D²min (m²): mean of the greatest 10 % of the defined D²min (their number rounded, at least one).
+    /// g_t10%D²min (m²): mean of the greatest 10 % of the defined D²min. Their number is rounded
+    /// and at least one.
     pub dmin_top_tenth: f64,
-    /// Number of GR regions, minPts = 1 counting the point itself.
+    /// Number of GR regions with minPts = 1, the point itself included.
     pub regions: f64,
-    /// The same with minPts = 2: grains alone are noise.
+    /// Number of GR regions with minPts = 2: single grains are noise.
     pub regions_of_two: f64,
-    /// Spearman's ρ of |Δσ_p| with D²min over the grains that have one, and its p.
+    /// Spearman's ρ of |Δσ_p| with D²min, over the grains with a defined D²min.
     pub stress_dmin_rho: f64,
+    /// Two-sided p of `stress_dmin_rho`.
     pub stress_dmin_p: f64,
-    /// |θ| (rad) of the contacts in GR regions; NaN where there are none.
+    /// Mean |θ| (rad) of the contacts of grains in GR regions; NaN without such contacts.
     pub region_angle_mean: f64,
+    /// Median |θ| (rad) of the same contacts; NaN without such contacts.
     pub region_angle_median: f64,
 }
 
 impl FrameScalars {
-    /// Of a frame without one before it.
+    /// Scalars of a frame without an earlier one: all NaN.
     pub const UNDEFINED: FrameScalars =
         FrameScalars::from_columns([f64::NAN; SCALAR_COLUMNS.len()]);
 
-    /// The scalars in the order of [`SCALAR_COLUMNS`].
+    /// Returns the scalars in the order of [`SCALAR_COLUMNS`].
     pub const fn columns(&self) -> [f64; SCALAR_COLUMNS.len()] {
         [
             self.dmin_greatest,
@@ -59,7 +64,7 @@ impl FrameScalars {
         ]
     }
 
-    /// The scalars from the order of [`SCALAR_COLUMNS`].
+    /// Creates the scalars from values in the order of [`SCALAR_COLUMNS`].
     pub const fn from_columns(columns: [f64; SCALAR_COLUMNS.len()]) -> Self {
         FrameScalars {
             dmin_greatest: columns[0],
@@ -73,7 +78,7 @@ impl FrameScalars {
         }
     }
 
-    /// Number of GR regions in one of its two readings.
+    /// Returns the number of GR regions for one reading of minPts.
     pub fn regions(&self, reading: MinPoints) -> f64 {
         match reading {
             MinPoints::Itself => self.regions,
@@ -82,38 +87,43 @@ impl FrameScalars {
     }
 }
 
-/// A frame with what both intervals need that it bounds.
+/// A frame with σ_p of every grain, which both intervals that it bounds need.
 #[derive(Debug, Clone)]
 pub struct Stressed {
+    /// The frame.
     pub frame: Frame,
-    /// [N] σ_p (Pa).
+    /// `[N]` σ_p (Pa).
     principal: Vec<f64>,
 }
 
 impl Stressed {
+    /// Computes σ_p of every grain.
     pub fn new(grains: &Disks, frame: Frame) -> Self {
         let principal = largest_principals(grains, &frame);
         Self { frame, principal }
     }
 }
 
-/// Buffers, reused from frame to frame, and what the scalars were made of.
+/// Buffers reused from frame to frame, with the per-grain quantities behind the last scalars.
 #[derive(Debug, Default)]
 pub struct Scratch {
+    /// D²min of the last interval.
     pub non_affine: NonAffine,
+    /// GR regions of the last interval.
     pub regions: Regions,
-    /// [N] (m²), NaN where undefined.
+    /// `[N]` D²min (m²); NaN where undefined.
     pub dmin: Vec<f64>,
-    /// [N] |Δσ_p| (Pa).
+    /// `[N]` |Δσ_p| (Pa).
     pub stress_change: Vec<f64>,
     spearman: Spearman,
     keys: Vec<u64>,
     angles: Vec<f64>,
 }
 
-/// The scalars between two frames. Of the frames it reads positions and, of the contacts, ids and forces.
+/// Returns the scalars of the interval between two frames. It reads positions and, of the contacts,
+/// ids and forces.
 ///
-/// A function of the two frames alone: the same bits whoever asks, after whatever else `scratch` was used for.
+/// The result depends on the two frames alone, bit by bit, not on earlier uses of `scratch`.
 pub fn frame_scalars(
     grains: &Disks,
     earlier: &Stressed,
@@ -155,7 +165,8 @@ pub fn frame_scalars(
     }
 }
 
-/// The greatest value and the mean of the greatest tenth, of those that are not NaN. Summed from the greatest downwards.
+/// Greatest value and mean of the greatest tenth, NaN left out. The sum runs from the greatest
+/// down, so that it does not depend on the order of the grains.
 fn greatest(values: &[f64], keys: &mut Vec<u64>) -> (f64, f64) {
     keys.clear();
     let defined = values.iter().filter(|value| !value.is_nan());
@@ -174,7 +185,7 @@ fn greatest(values: &[f64], keys: &mut Vec<u64>) -> (f64, f64) {
     (value(&top[0]), sum / count as f64)
 }
 
-/// Mean and median (of an even number the mean of the middle two); NaN of nothing. Sorts.
+/// Mean and median (of an even number the mean of the middle two); NaN if empty. Sorts the values.
 fn mean_and_median(values: &mut [f64]) -> (f64, f64) {
     values.sort_unstable_by(f64::total_cmp);
     let count = values.len();
@@ -195,7 +206,7 @@ mod tests {
         let mut values: Vec<f64> = (1..=26).map(f64::from).collect();
         values.extend([f64::NAN; 14]);
         values.reverse();
-        // 2.6 of 26 are rounded to 3.
+        // 10 % of 26 is 2.6, rounded to 3.
         assert_eq!(greatest(&values, &mut Vec::new()), (26.0, 25.0));
         assert_eq!(greatest(&[0.0, f64::NAN], &mut Vec::new()), (0.0, 0.0));
         let (one, top) = greatest(&[f64::NAN; 3], &mut Vec::new());
@@ -216,7 +227,7 @@ mod tests {
         let frames: Vec<Stressed> = (0..6)
             .map(|k| {
                 let start = scattered(1, 300, 40.0, 30.0);
-                // Small moves, by which lists of near grains go on serving, and a great one.
+                // Small moves, for which the pair lists stay valid, and a large one.
                 let size = if k == 4 { 3.0 } else { 0.05 * f64::from(k) };
                 let moves = scattered(2 + k as u64, 300, size, size);
                 let places: Vec<_> = start.iter().zip(moves).map(|(r, d)| r + d).collect();

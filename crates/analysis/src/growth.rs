@@ -1,28 +1,34 @@
-//! How fast an oscillatory instability grows and oscillates, from its mean square displacement (BO eqs 9 and 10, figure 3).
+//! Growth rate ω_i and frequency ω_r of an oscillatory instability, fitted to its mean square
+//! displacement (BO eqs 9 and 10, figure 3).
 
-/// ω_r and ω_i fitted to M(t) = e^(2ω_i t) (a + b cos 2ω_r t + c sin 2ω_r t).
+/// ω_r and ω_i fitted to M(t) = e^(2ω_i t) (a + b cos 2ω_r t + c sin 2ω_r t), in the reciprocal
+/// unit of time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Growth {
+    /// Growth rate ω_i.
     pub omega_i: f64,
-    /// Not a number where no rows are dense enough to show the oscillation.
+    /// Frequency ω_r; NaN if no rows are dense enough to resolve the oscillation.
     pub omega_r: f64,
-    /// The stretch of time that was fitted.
+    /// Start of the fitted interval of time.
     pub from: f64,
+    /// End of the fitted interval of time.
     pub to: f64,
-    /// Decades over which M grows there.
+    /// Decades by which M grows in the fitted interval.
     pub decades: f64,
 }
 
-/// Rows of a stretch of equal intervals that show an oscillation, at least.
+/// Least number of rows at equal intervals from which ω_r is fitted.
 const LEAST_ROWS: usize = 64;
-/// M grows above its first values by this before the pair is taken to rule it.
+/// M must exceed its first values by this factor before the fit begins, so that the growing pair
+/// dominates.
 const ABOVE_NOISE: f64 = 1e3;
 
-/// Fits the growth of M, [L] at the times [L] in order, where M is less than `linear`, up to which the equations are linear.
+/// Fits the growth of M, `[L]`, at the times `[L]` in ascending order, as long as M is at most
+/// `linear`, the limit of the linear regime.
 ///
-/// ω_r comes from the rows that lie densest: those of equal, least intervals. ω_i is that of the line through ln M over the stretch, beside its
-/// oscillation.
-/// `None` where M does not grow by a decade.
+/// ω_r comes from the densest rows, those at the least equal intervals. ω_i is half the slope of ln
+/// M over the whole interval, fitted together with the oscillation. Returns `None` if M grows by
+/// less than a decade or fewer than three rows remain.
 pub fn fit(time: &[f64], msd: &[f64], linear: f64) -> Option<Growth> {
     let early = msd.iter().filter(|m| **m > 0.0).take(20);
     let noise = early.fold(0.0, |a: f64, b| a.max(*b));
@@ -55,7 +61,8 @@ pub fn fit(time: &[f64], msd: &[f64], linear: f64) -> Option<Growth> {
     })
 }
 
-/// Of the line of least squares beside an oscillation of this frequency and its harmonics, which the logarithm makes.
+/// Slope of the least-squares line fitted together with an oscillation of frequency `omega` and its
+/// harmonics, which the logarithm of M generates.
 fn slope_beside(points: &[[f64; 2]], omega: f64) -> Option<f64> {
     use nalgebra::{DMatrix, DVector};
     const HARMONICS: usize = 6;
@@ -76,7 +83,7 @@ fn slope_beside(points: &[[f64; 2]], omega: f64) -> Option<f64> {
     Some(normal.solve(&(of.transpose() * to))[1] / length)
 }
 
-/// Points at about equal distances, so that stretches of many rows do not weigh more than others: one in each of 400 intervals.
+/// Averages of the points over 400 equal intervals, so that dense rows do not outweigh sparse ones.
 fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     const INTERVALS: f64 = 400.0;
     let (first, last) = match (points.first(), points.last()) {
@@ -99,7 +106,7 @@ fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     kept
 }
 
-/// Of the line of least squares.
+/// Slope of the least-squares line.
 fn slope(points: &[[f64; 2]]) -> Option<f64> {
     let n = points.len() as f64;
     let mean = |k: usize| points.iter().map(|p| p[k]).sum::<f64>() / n;
@@ -109,7 +116,7 @@ fn slope(points: &[[f64; 2]]) -> Option<f64> {
     (spread > 0.0).then_some(both / spread)
 }
 
-/// ω_r of the densest rows.
+/// ω_r from the densest rows.
 fn frequency(time: &[f64], msd: &[f64], omega_i: f64) -> Option<f64> {
     let dense = densest(time)?;
     let (time, msd) = (&time[dense.clone()], &msd[dense]);
@@ -129,7 +136,8 @@ fn frequency(time: &[f64], msd: &[f64], omega_i: f64) -> Option<f64> {
         return None;
     }
     let period = (last - first) / (rises.len() - 1) as f64;
-    // Of M, which oscillates with 2ω_r; refined by the residual of the linear fit of a, b, c, within what the count leaves open.
+    // M oscillates with 2ω_r. The count of periods is refined by the least residual of the linear
+    // fit of a, b, c, within the uncertainty of the count.
     let counted = std::f64::consts::TAU / period;
     let margin = 0.5 * std::f64::consts::TAU / (last - first);
     let (mut low, mut high) = (counted - margin, counted + margin);
@@ -145,7 +153,7 @@ fn frequency(time: &[f64], msd: &[f64], omega_i: f64) -> Option<f64> {
     Some(0.25 * (low + high))
 }
 
-/// The longest stretch of rows at the least interval.
+/// The longest run of rows at the least interval.
 fn densest(time: &[f64]) -> Option<std::ops::Range<usize>> {
     let gaps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
     let least = gaps
@@ -164,7 +172,7 @@ fn densest(time: &[f64]) -> Option<std::ops::Range<usize>> {
     (best.len() >= LEAST_ROWS).then_some(best)
 }
 
-/// Sum of squares that a + b cos ωt + c sin ωt leaves of the values.
+/// Sum of squared residuals of a + b cos ωt + c sin ωt.
 fn residual(values: &[[f64; 2]], omega: f64) -> f64 {
     use nalgebra::{DMatrix, DVector};
     let row = |k: usize, column: usize| match column {
@@ -185,7 +193,7 @@ fn residual(values: &[[f64; 2]], omega: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Rows far apart with a dense stretch and none of the others within it, as the runs have them.
+    /// Sparse rows with a dense stretch, as the runs record them.
     fn times(end: f64, period: f64) -> Vec<f64> {
         let dense = (0..320).map(|k| 0.6 * end + period / 16.0 * f64::from(k));
         let outside = |t: &f64| !(0.6 * end..0.6 * end + 20.0 * period).contains(t);
@@ -203,7 +211,7 @@ mod tests {
             let time = times(14.0 / omega_i, std::f64::consts::PI / omega_r);
             let of = |t: &f64| {
                 let (phase, grown) = (2.0 * omega_r * t, 1e-26 * (2.0 * omega_i * t).exp());
-                // Noise, the linear regime, and what is left when it has ended.
+                // Noise, then the linear regime, then the nonlinear plateau.
                 (1e-25 + grown * (1.2 + (phase + 0.4).cos())).min(1e-14)
             };
             let msd: Vec<f64> = time.iter().map(of).collect();

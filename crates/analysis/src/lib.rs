@@ -1,4 +1,9 @@
-//! Pure functions on frames and time series: no files, no ranks.
+//! Analysis of simulated states: pure functions on frames, states and time series. Nothing here
+//! reads or writes files or knows of MPI ranks.
+//!
+//! Abbreviations: LH is Lee & Hurley (disks in plane shear), FR Ferdowsi & Rubin (spring-driven
+//! gouge), BO Bonfanti et al. (athermal quasi-static shear). `[L]` and `[N]` give the length of an
+//! array: L rows of a time series, N grains.
 
 pub mod correlate;
 pub mod dbscan;

@@ -1,32 +1,35 @@
-//! What happened in a phase (LH equations 1 to 4): a function of τ and of the frames' scalars only.
+//! Measures of stick and slip phases (LH equations 1 to 4), from τ and the scalars of the frames.
 
 use super::frame_scalars::FrameScalars;
 use super::phases::{self, Phase};
 use super::regions::MinPoints;
 
-/// A phase with the measures that LH correlate with its Δτ_p. NaN where a scalar of the phase is undefined.
+/// A phase with the measures that LH correlate with its Δτ_p. A measure is NaN if a scalar it needs
+/// is undefined in the phase.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
+    /// The phase.
     pub phase: Phase,
-    /// mgD²min (m², equation 1): the greatest gD²min.
+    /// mgD²min (m², equation 1): the maximum of gD²min.
     pub dmin_max: f64,
-    /// mg_t10%D²min (m², equation 2): the greatest g_t10%D²min.
+    /// mg_t10%D²min (m², equation 2): the maximum of g_t10%D²min.
     pub top_max: f64,
-    /// sgD²min (m², equation 3): the sum of gD²min from t_s to the end.
+    /// sgD²min (m², equation 3): the sum of gD²min from t_s to the end of the phase.
     pub dmin_sum: f64,
-    /// sg_t10%D²min (m², equation 4): the sum of g_t10%D²min from t_s to the end.
+    /// sg_t10%D²min (m², equation 4): the sum of g_t10%D²min from t_s to the end of the phase.
     pub top_sum: f64,
     /// N_c: the least number of GR regions.
     pub regions_least: f64,
-    /// Mean and median |θ| (rad) in the GR regions at the last row with N_c regions.
+    /// Mean |θ| (rad) in the GR regions at the last row with N_c regions.
     pub angle_mean: f64,
+    /// Median |θ| (rad) in the GR regions at the last row with N_c regions.
     pub angle_median: f64,
 }
 
-/// The phases of τ(γ), both [L], and their measures.
+/// Returns the phases of τ(γ), both `[L]`, with their measures.
 ///
-/// `scalars`: [L], row k between the rows k-1 and k; those of a phase are the rows `start` + 1 … `end`, one for each of its
-/// intervals. t_s is the first of them with N_c regions.
+/// `scalars`: `[L]`, row k for the interval from row k-1 to row k. A phase has the rows `start` + 1
+/// … `end`, one per interval; t_s is the first of them with N_c regions.
 pub fn of(
     strain: &[f64],
     tau: &[f64],
@@ -67,7 +70,7 @@ fn measure(phase: Phase, scalars: &[FrameScalars], reading: MinPoints) -> Measur
     }
 }
 
-/// The lesser of two numbers, NaN where either is: `f64::min` would pass over it.
+/// The lesser of two numbers, or NaN if either is NaN; `f64::min` would ignore the NaN.
 fn least(a: f64, b: f64) -> f64 {
     if a.is_nan() || a < b { a } else { b }
 }
@@ -95,7 +98,7 @@ mod tests {
 
     #[test]
     fn sums_begin_where_the_regions_are_fewest_and_angles_are_of_the_last_such_row() {
-        // A slip of four intervals with a plateau in it, then a stick of a single one.
+        // A slip of four intervals with a plateau, then a stick phase of one interval.
         let strain = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
         let tau = [9.0, 7.0, 7.0, 6.0, 2.0, 3.0];
         let rows = [
@@ -128,7 +131,7 @@ mod tests {
         );
         assert_eq!((stick.regions_least, stick.angle_mean), (5.0, 0.5));
 
-        // The other reading: one region in every row, so that the sum is of the whole phase.
+        // With the other reading every row has one region, so the sum is over the whole phase.
         let found = of(&strain, &tau, &scalars(&rows), MinPoints::OneNeighbour);
         assert_eq!((found[0].dmin_sum, found[0].angle_mean), (15.0, 0.4));
     }

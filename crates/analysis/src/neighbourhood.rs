@@ -1,11 +1,14 @@
-//! Finding all grains within a radius, periodic along x: cells, and lists that serve many frames.
+//! Neighbour search in 2D frames that are periodic along x: linked cells, and pair lists that stay
+//! valid for many frames.
 
-/// How much farther than the radius the lists of near grains reach, over the radius, so that they serve many frames.
+/// Skin of the pair lists over the search radius: lists reach this much farther, so that they stay
+/// valid for many frames.
 const SKIN: f64 = 0.05;
 
-/// r_to - r_from (m), nearest image along x, of two positions wrapped into [0, L_x).
+/// Returns r_to - r_from (m), nearest image along x, of two positions wrapped into [0, L_x).
 ///
-/// Compares where `Disks::separation` divides and rounds: the analysis spends most of its time here.
+/// It compares where `Disks::separation` divides and rounds, because the analysis spends most of
+/// its time here.
 #[inline(always)]
 pub fn separation(length: f64, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
     let dx = to[0] - from[0];
@@ -19,7 +22,7 @@ pub fn separation(length: f64, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
     [dx - image, to[1] - from[1]]
 }
 
-/// Linear cells at least as wide as the search radius. Reused from frame to frame without allocating.
+/// Cells at least as wide as the search radius, reused from frame to frame without allocation.
 #[derive(Debug, Default)]
 pub struct Cells {
     columns: usize,
@@ -36,8 +39,9 @@ pub struct Cells {
 impl Cells {
     /// Sorts the grains into cells.
     ///
-    /// `length`: L_x (m); `radius`: of the search (m); `position`: [N] (m), wrapped into [0, L_x);
-    /// `included`: [N], the grains to be found. Disks of a cell keep the order of their ids.
+    /// `length`: L_x (m); `radius`: search radius (m); `position`: `[N]` (m), wrapped into [0,
+    /// L_x); `included`: whether a grain id is to be found. The grains of a cell keep the order of
+    /// their ids.
     pub fn fill(
         &mut self,
         length: f64,
@@ -51,7 +55,7 @@ impl Cells {
             low = low.min(r[1]);
             high = high.max(r[1]);
         }
-        // More cells than grains would only cost memory.
+        // More cells than grains cost memory and find nothing faster.
         let most = position.len().max(1);
         self.columns = ((length / radius).floor() as usize).clamp(1, most);
         self.rows = (((high - low) / radius).floor().max(0.0) as usize)
@@ -86,16 +90,17 @@ impl Cells {
             self.members[*next as usize] = n as u32;
             *next += 1;
         }
-        // Filling moved every start to its end.
+        // Filling has advanced every start to the end of its cell.
         self.start.rotate_right(1);
         self.start[0] = 0;
     }
 
-    /// Calls `found` once for every included grain that may lie within the radius of `r`, the one at `r` as well.
+    /// Calls `found` once for every included grain that may lie within the radius of `r`, including
+    /// a grain at `r` itself.
     pub fn near(&self, r: [f64; 2], mut found: impl FnMut(usize)) {
         let (column, row) = self.at(r);
         for row in row.saturating_sub(1)..=(row + 1).min(self.rows - 1) {
-            // With fewer than three columns the left and the right one are the same.
+            // With fewer than three columns the left and the right neighbour are the same column.
             for step in 0..self.columns.min(3) {
                 let column =
                     (column + self.columns + step - usize::from(self.columns > 2)) % self.columns;
@@ -114,16 +119,16 @@ impl Cells {
     }
 }
 
-/// All pairs that may be within a radius, in order of (i, j) whatever frame they were found in: sums over them do not
-/// depend on what came before.
+/// All pairs of grains that may lie within a radius, in order of (i, j). The order does not depend
+/// on the frame the lists were made in, so sums over the pairs are reproducible.
 #[derive(Debug, Default)]
 pub struct NearPairs {
     length: f64,
     radius: f64,
-    /// The places the pairs were found at.
+    /// Positions that the lists were made from.
     found_at: Vec<[f64; 2]>,
     cells: Cells,
-    /// [N+1] first entry of each grain in `after` and in `before`.
+    /// `[N+1]` first entry of each grain in `after`; `start_before` likewise.
     start_after: Vec<u32>,
     after: Vec<u32>,
     start_before: Vec<u32>,
@@ -131,7 +136,8 @@ pub struct NearPairs {
 }
 
 impl NearPairs {
-    /// Makes sure that all pairs within `radius` (m) of the positions (m, wrapped) are in the lists; `length` is L_x (m).
+    /// Makes the lists hold all pairs within `radius` (m) of the positions (m, wrapped); `length`
+    /// is L_x (m). Lists are rebuilt only if a grain has moved by half the skin.
     pub fn update(&mut self, length: f64, radius: f64, position: &[[f64; 2]]) {
         let skin = SKIN * radius;
         let stayed = || {
@@ -152,7 +158,7 @@ impl NearPairs {
         self.find(radius + skin);
     }
 
-    fn find(&mut self, reach: f64) {
+    fn find(&mut self, cutoff: f64) {
         let NearPairs {
             length,
             found_at,
@@ -163,7 +169,7 @@ impl NearPairs {
             before,
             ..
         } = self;
-        cells.fill(*length, reach, found_at, |_| true);
+        cells.fill(*length, cutoff, found_at, |_| true);
         for list in [&mut *after, before, start_after, start_before] {
             list.clear();
         }
@@ -173,7 +179,7 @@ impl NearPairs {
             start_before.push(firsts[1] as u32);
             cells.near(*r, |j| {
                 let d = separation(*length, *r, found_at[j]);
-                if j != i && d[0] * d[0] + d[1] * d[1] <= reach * reach {
+                if j != i && d[0] * d[0] + d[1] * d[1] <= cutoff * cutoff {
                     if j > i { &mut *after } else { &mut *before }.push(j as u32);
                 }
             });
@@ -184,13 +190,13 @@ impl NearPairs {
         start_before.push(before.len() as u32);
     }
 
-    /// Those of grain i with a higher id, ascending.
+    /// Returns the candidate partners of grain i with a higher id, ascending.
     #[inline(always)]
     pub fn after(&self, i: usize) -> &[u32] {
         &self.after[self.start_after[i] as usize..self.start_after[i + 1] as usize]
     }
 
-    /// All of grain i, ascending.
+    /// Calls `found` for all candidate partners of grain i, ascending.
     pub fn around(&self, i: usize, found: impl FnMut(usize)) {
         let before = &self.before[self.start_before[i] as usize..self.start_before[i + 1] as usize];
         let all = before.iter().chain(self.after(i));

@@ -1,8 +1,9 @@
-//! Stick and slip phases of τ (LH section 3.2).
+//! Stick and slip phases: maximal monotone runs of τ (LH section 3.2).
 
-/// A phase is long where t_p exceeds this many intervals (LH section 3.3).
+/// A phase is long if t_p exceeds this many intervals Δγ (LH section 3.3).
 pub const LONG: usize = 3;
 
+/// Kind of a phase.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// τ increases.
@@ -12,6 +13,7 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// Returns the name in tables: `stick` or `slip`.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Stick => "stick",
@@ -20,39 +22,44 @@ impl Kind {
     }
 }
 
-/// A maximal monotone run of τ: rows `start` … `end` of the series. The next phase starts where this one ends.
+/// A maximal monotone run of τ over the rows `start` … `end` of the series. The next phase starts
+/// where this one ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Phase {
+    /// First row.
     pub start: usize,
+    /// Last row.
     pub end: usize,
     /// γ at the start and at the end.
     pub strain: [f64; 2],
     /// Δτ_p = τ(end) - τ(start).
     pub change: f64,
+    /// Stick or slip.
     pub kind: Kind,
 }
 
 impl Phase {
-    /// t_p in intervals Δγ of the series.
+    /// Returns t_p in intervals Δγ of the series.
     pub fn duration(&self) -> usize {
         self.end - self.start
     }
 
-    /// t_p as strain.
+    /// Returns t_p as a strain.
     pub fn duration_strain(&self) -> f64 {
         self.strain[1] - self.strain[0]
     }
 
-    /// t_p > 3Δγ.
+    /// Returns whether t_p > 3Δγ.
     pub fn is_long(&self) -> bool {
         self.duration() > LONG
     }
 }
 
-/// The phases of τ(γ), both [L]. Rows are those of the time series, whose interval is the Δγ that t_p is counted in.
+/// Returns the phases of τ(γ), both `[L]`. The interval of the rows is the Δγ in which t_p is
+/// counted.
 ///
-/// A plateau continues the phase before it, a leading one joins the first phase. A value that is not finite ends a
-/// phase and belongs to none. A stretch in which τ never changes has no phase.
+/// A plateau continues the phase before it; a plateau at the beginning joins the first phase. A
+/// value that is not finite ends a phase and belongs to none. A stretch of constant τ has no phase.
 pub fn find(strain: &[f64], tau: &[f64]) -> Vec<Phase> {
     let mut phases = Vec::new();
     let mut from = 0;
@@ -104,7 +111,7 @@ fn find_finite(strain: &[f64], tau: &[f64], from: usize, to: usize, phases: &mut
     }
 }
 
-/// The slip phase with the greatest loss of τ; the first of equal ones.
+/// Returns the slip with the greatest loss of τ; the first one if several are equal.
 pub fn largest_drop(phases: &[Phase]) -> Option<&Phase> {
     let slips = phases.iter().filter(|phase| phase.kind == Kind::Slip);
     slips.reduce(|most, phase| {

@@ -1,8 +1,8 @@
-//! Correlations within ranges of one of the quantities, as LH give them (figures 9 to 11, 13, 22, 23, 25).
+//! Spearman correlations within ranges of one quantity, as in LH figures 9–11, 13, 22, 23 and 25.
 
 use super::spearman::{Correlation, Spearman};
 
-/// Half-decades from 1e-5 to 1e-1.
+/// Edges of the half-decades of |Δτ|: 1e-5 to 1e-1.
 const EDGES: [f64; 9] = [
     1e-5,
     3.1622776601683795e-5,
@@ -15,28 +15,32 @@ const EDGES: [f64; 9] = [
     1e-1,
 ];
 
-/// A range of values: on the side of zero where both ends are, `nearer` ≤ |value| < `farther`.
+/// A range of values of one sign: `nearer` ≤ |value| < `farther` in absolute values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    /// The end nearer to zero.
+    /// End nearer to zero, included.
     pub nearer: f64,
+    /// End farther from zero, excluded.
     pub farther: f64,
 }
 
 impl Range {
+    /// Returns whether the value lies in the range. Zero and NaN lie in none.
     pub fn contains(&self, value: f64) -> bool {
         value.signum() == self.farther.signum()
             && value.abs() >= self.nearer.abs()
             && value.abs() < self.farther.abs()
     }
 
-    /// The middle on a logarithmic axis.
+    /// Returns the middle of the range on a logarithmic axis.
     pub fn middle(&self) -> f64 {
         (self.nearer * self.farther).sqrt().copysign(self.farther)
     }
 }
 
-/// The half-decades of Δτ and Δτ_p: from -1e-1 to -1e-5, then from 1e-5 to 1e-1.
+/// Returns the 16 half-decades of Δτ and Δτ_p: from -1e-1 to -1e-5, then from 1e-5 to 1e-1.
+///
+/// LH use whole decades, the last one open; half-decades that end at 0.1 are a choice of this code.
 pub fn of_stress_changes() -> Vec<Range> {
     let up = EDGES.windows(2).map(|edge| Range {
         nearer: edge[0],
@@ -49,7 +53,8 @@ pub fn of_stress_changes() -> Vec<Range> {
     down.chain(up).collect()
 }
 
-/// Half-decades that hold all positive finite `values`, at most 24 of them, the greatest; none where there is no such value.
+/// Returns the half-decades that hold all positive finite `values`, at most the greatest 24 of
+/// them. Empty if no value is positive and finite.
 pub fn around(values: impl Iterator<Item = f64>) -> Vec<Range> {
     let halves = values
         .filter(|v| v.is_finite() && *v > 0.0)
@@ -69,16 +74,16 @@ pub fn around(values: impl Iterator<Item = f64>) -> Vec<Range> {
     (low.max(high - 23)..=high).map(range).collect()
 }
 
-/// A row of the quantities in question.
+/// A pair of values and the value that decides which range it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// What decides on the range.
+    /// Value that selects the range.
     pub by: f64,
-    /// What is correlated.
+    /// The two values to correlate.
     pub pair: [f64; 2],
 }
 
-/// ρ and p of the pairs of each range.
+/// Returns Spearman's ρ and p of the pairs in each range.
 pub fn correlations(rows: &[Row], ranges: &[Range]) -> Vec<(Range, Correlation)> {
     let mut spearman = Spearman::default();
     let within = |range: &Range| {
@@ -145,7 +150,7 @@ mod tests {
             by,
             pair: [by, value],
         };
-        // Falling within one range, rising within the other, and something outside.
+        // Decreasing in one range, increasing in another, and one row outside.
         let rows = [
             row(2e-3, 3.0),
             row(1.5e-3, 4.0),

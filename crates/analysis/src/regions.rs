@@ -1,26 +1,29 @@
-//! GR regions: where the contact forces fall most (LH sections 3.2 and 3.3).
+//! GR regions: clusters of the grains whose contact forces decrease most between two frames (LH
+//! sections 3.2 and 3.3).
 
 use super::dbscan::Dbscan;
 use super::forces;
 use gshear_dem::state::{Disks, Frame};
 
-/// The greatest reduction: this share of all grains.
+/// Share of all grains, those of the greatest reduction, that form the regions.
 pub const SHARE: f64 = 0.01;
-/// ε of the clusters over r̄.
-pub const REACH: f64 = 5.0;
+/// ε of the DBSCAN clusters over r̄.
+pub const EPSILON: f64 = 5.0;
 
-/// How many points a core point needs within ε. "A minimum requirement of 1 neighbor" of LH section 3.2 can mean either.
+/// Number of points within ε that makes a core point. "A minimum requirement of 1 neighbor" in LH
+/// section 3.2 can mean either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MinPoints {
-    /// minPts = 1 counting the point itself: every grain of the greatest reduction belongs to a region.
+    /// minPts = 1, the point itself included: every grain of the greatest reduction belongs to a
+    /// region.
     #[default]
     Itself,
-    /// minPts = 2, the point and one neighbour: a grain alone is noise and no region.
+    /// minPts = 2, the point and one neighbour: a single grain is noise and no region.
     OneNeighbour,
 }
 
 impl MinPoints {
-    /// minPts as DBSCAN counts it, the point itself included.
+    /// Returns minPts as DBSCAN counts it, the point itself included.
     pub fn count(self) -> usize {
         match self {
             MinPoints::Itself => 1,
@@ -29,11 +32,11 @@ impl MinPoints {
     }
 }
 
-/// The GR regions between two frames, and buffers; reused from frame to frame.
+/// The GR regions between two frames, with buffers reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct Regions {
     changes: Vec<f64>,
-    /// [N] Sum of the changes of |f| of a grain's contacts (N/m).
+    /// `[N]` Sum of the changes of |f| of a grain's contacts (N/m).
     reduction: Vec<f64>,
     order: Vec<u32>,
     grains: Vec<u32>,
@@ -45,11 +48,12 @@ pub struct Regions {
 }
 
 impl Regions {
-    /// Finds the grains of the greatest reduction and their clusters, where they are in the later frame.
+    /// Finds the grains of the greatest reduction and their clusters at the positions of the later
+    /// frame.
     ///
-    /// A grain's reduction is the sum of the changes of |f| of its contacts, of which those made or lost count as 0.
-    /// 1 % of all grains N, rounded and at least one, those with the lower id first among equals; grains whose forces do not
-    /// fall are never among them.
+    /// A grain's reduction is the sum of the changes of |f| of its contacts; contacts made or lost
+    /// count as 0. The regions are made of 1 % of all grains N, rounded and at least one; among
+    /// equals lower ids come first. Grains whose sum is not negative never belong to a region.
     pub fn find(&mut self, grains: &Disks, earlier: &Frame, later: &Frame) {
         forces::changes(earlier, later, &mut self.changes);
         self.reduction.clear();
@@ -62,13 +66,13 @@ impl Regions {
         self.points.clear();
         let place = |n: &u32| later.position[*n as usize];
         self.points.extend(self.grains.iter().map(place));
-        let reach = REACH * grains.mean_radius();
+        let epsilon = EPSILON * grains.mean_radius();
         for reading in [MinPoints::Itself, MinPoints::OneNeighbour] {
             let labels = &mut self.labels[reading as usize];
             let (length, points) = (grains.length, &self.points);
             self.counts[reading as usize] =
                 self.dbscan
-                    .clusters(length, reach, reading.count(), points, labels);
+                    .clusters(length, epsilon, reading.count(), points, labels);
         }
     }
 
@@ -97,27 +101,28 @@ impl Regions {
         }
     }
 
-    /// Ids of the grains of the greatest reduction, ascending.
+    /// Returns the ids of the grains of the greatest reduction, ascending.
     pub fn grains(&self) -> &[u32] {
         &self.grains
     }
 
-    /// The region of each of [`Self::grains`]; `None` for noise.
+    /// Returns the region of each of [`Self::grains`]; `None` for noise.
     pub fn labels(&self, reading: MinPoints) -> &[Option<u32>] {
         &self.labels[reading as usize]
     }
 
-    /// Number of regions.
+    /// Returns the number of regions.
     pub fn count(&self, reading: MinPoints) -> usize {
         self.counts[reading as usize]
     }
 
-    /// [contacts of the later frame] the differential force network (N/m).
+    /// Returns the differential force network (N/m), one value per contact of the later frame.
     pub fn changes(&self) -> &[f64] {
         &self.changes
     }
 
-    /// |θ| (rad) of every contact of the later frame that one of the grains of the regions has, into `angles`.
+    /// Writes to `angles` |θ| (rad) of every contact of the later frame with at least one grain in
+    /// a region.
     pub fn angles(&self, grains: &Disks, later: &Frame, angles: &mut Vec<f64>) {
         let within = |n: u32| self.within[n as usize];
         let contacts = later.contacts.iter();
@@ -140,7 +145,8 @@ mod tests {
         }
     }
 
-    /// 300 grains in a row along x, 1 apart, each in contact with the next; the force of contact k is `force(k)`.
+    /// 300 grains in a row along x, 1 apart, each touching the next; contact k has the force
+    /// `force(k)`.
     fn chain(force: impl Fn(u32) -> f64) -> Frame {
         Frame {
             position: (0..300).map(|k| [f64::from(k), 0.0]).collect(),
@@ -151,10 +157,11 @@ mod tests {
 
     #[test]
     fn the_greatest_reduction_is_that_of_the_sum_over_a_grains_contacts() {
-        // Of radius 0.4, so that ε = 2 and 1 % are three grains.
+        // With a radius of 0.4, ε = 2 and 1 % are three grains.
         let grains = grains_in(300.0, &[0.4; 300]);
         let earlier = chain(|_| 10.0);
-        // Contacts 100 and 101 lose, so that grain 101 loses twice; 200 loses most, but gains as much beside it.
+        // Contacts 100 and 101 weaken, so grain 101 loses twice; contact 200 weakens most, but its
+        // neighbour gains as much.
         let later = chain(|k| match k {
             100 | 101 => 7.0,
             200 => 5.0,
@@ -163,7 +170,7 @@ mod tests {
         });
         let mut regions = Regions::default();
         regions.find(&grains, &earlier, &later);
-        // 101: -6; 200: -5; then 100 and 102: -3 each, of which the lower id counts.
+        // Grain 101: -6; 200: -5; then 100 and 102: -3 each, of which the lower id counts.
         assert_eq!(regions.grains(), [100, 101, 200]);
         assert_eq!(
             regions.labels(MinPoints::Itself),

@@ -1,23 +1,26 @@
-//! Spearman's rank correlation with its two-sided p.
+//! Spearman's rank correlation and its two-sided p (LH section 3.3).
 
 use super::student;
 
-/// ρ between two quantities, and how likely one as strong is without any relation.
+/// Rank correlation of two quantities and its significance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correlation {
-    /// NaN for fewer than two pairs, or where one of the two never changes.
+    /// Spearman's ρ; NaN for fewer than two pairs or if one quantity is constant.
     pub rho: f64,
-    /// Two-sided, of Student's t with n - 2 degrees of freedom; NaN for fewer than three pairs.
+    /// Two-sided p from Student's t with n - 2 degrees of freedom; NaN for fewer than three pairs.
     pub p: f64,
-    /// n: pairs of which neither is NaN.
+    /// n: number of pairs without NaN.
     pub count: usize,
 }
 
 impl Correlation {
-    /// Above this p LH leave a coefficient out of their figures (section 3.3).
+    /// Greatest p of the coefficients that LH plot (section 3.3).
     pub const SIGNIFICANT: f64 = 0.05;
 
-    /// Whether p ≤ 0.05, of at least five pairs: of four even the rarest order is no rarer than 2/4! = 0.08, whatever Student's t says.
+    /// Returns whether p ≤ 0.05 with at least five pairs.
+    ///
+    /// With four pairs the exact p of the most extreme order is 2/4! = 0.08, although Student's t
+    /// gives less.
     pub fn is_significant(&self) -> bool {
         self.count >= 5 && self.p <= Self::SIGNIFICANT
     }
@@ -33,9 +36,10 @@ pub struct Spearman {
 }
 
 impl Spearman {
-    /// Pearson's coefficient of the ranks, ties having the average of theirs. Pairs with a NaN are left out.
+    /// Returns Pearson's coefficient of the ranks, ties having their average rank. Pairs with a NaN
+    /// are left out.
     ///
-    /// Ranks are summed as integers, exactly: ρ does not depend on the order of the pairs.
+    /// Ranks are summed as integers, so that ρ does not depend on the order of the pairs.
     pub fn of(&mut self, pairs: impl Iterator<Item = [f64; 2]>) -> Correlation {
         self.pairs.clear();
         self.pairs
@@ -58,7 +62,7 @@ impl Spearman {
     }
 }
 
-/// Twice the average ranks, 1 … n, which are whole numbers.
+/// Twice the average ranks 1 … n, which are integers.
 fn doubled_ranks(
     values: impl Iterator<Item = f64>,
     order: &mut Vec<u64>,
@@ -67,7 +71,8 @@ fn doubled_ranks(
 ) {
     keys.clear();
     keys.extend(values.map(sort_key));
-    // The row in place of the last bits of the value: one integer sorts faster than a value with its row.
+    // The last bits of the value are replaced by its row: one integer sorts faster than a pair of
+    // value and row.
     let rows = keys.len().next_power_of_two() as u64 - 1;
     let key_of = |entry: &u64| keys[(entry & rows) as usize];
     order.clear();
@@ -81,7 +86,7 @@ fn doubled_ranks(
             alike.sort_unstable_by_key(key_of);
         }
         for tied in alike.chunk_by(|a, b| key_of(a) == key_of(b)) {
-            // The ranks first + 1 … first + length: their average, doubled.
+            // Tied values have the ranks first + 1 … first + length; this is twice their average.
             let doubled = (2 * first + tied.len() + 1) as i64;
             for entry in tied {
                 ranks[(entry & rows) as usize] = doubled;
@@ -91,7 +96,7 @@ fn doubled_ranks(
     }
 }
 
-/// Integers in the order of the values; -0 equals 0.
+/// Integer key that sorts as the value does; -0 equals 0.
 pub(super) fn sort_key(value: f64) -> u64 {
     let bits = (value + 0.0).to_bits();
     if bits >> 63 == 0 {
@@ -101,7 +106,7 @@ pub(super) fn sort_key(value: f64) -> u64 {
     }
 }
 
-/// Ranks 1 … n of values without NaN, ties having the average of theirs.
+/// Returns the ranks 1 … n of values without NaN; ties have their average rank.
 pub fn ranks(values: &[f64]) -> Vec<f64> {
     let (mut order, mut keys, mut doubled) = (Vec::new(), Vec::new(), Vec::new());
     doubled_ranks(values.iter().copied(), &mut order, &mut keys, &mut doubled);

@@ -1,20 +1,25 @@
-//! Mean and spread of what several runs say of the same.
+//! Mean, standard error and order statistics of one quantity over several runs.
 
-/// Of the values that are not NaN.
+/// Statistics of the values that are not NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// NaN of nothing.
+    /// Mean; NaN without values.
     pub mean: f64,
-    /// Standard error of the mean, s/√n with s² = Σ(x - x̄)²/(n - 1); NaN of fewer than two.
+    /// Standard error of the mean, s/√n with s² = Σ(x - x̄)²/(n - 1); NaN for fewer than two
+    /// values.
     pub error: f64,
+    /// Least value; NaN without values.
     pub least: f64,
+    /// Median, of an even number the mean of the middle two; NaN without values.
     pub median: f64,
+    /// Greatest value; NaN without values.
     pub greatest: f64,
-    /// n.
+    /// n: number of values that are not NaN.
     pub count: usize,
 }
 
 impl Spread {
+    /// Computes the statistics of `values`, NaN left out.
     pub fn of(values: impl Iterator<Item = f64>) -> Self {
         let mut values: Vec<f64> = values.filter(|value| !value.is_nan()).collect();
         values.sort_unstable_by(f64::total_cmp);

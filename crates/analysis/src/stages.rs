@@ -1,41 +1,54 @@
-//! The three stages around a great drop of τ (LH section 3.2 and figure 2b), found by rule.
+//! The three stages around a large drop of τ (LH section 3.2, figure 2b). LH choose them by eye;
+//! the rule here is that of [`Stages::around`].
 
 use super::phases::{Kind, Phase};
 
-/// The drop as a whole begins and ends within so many intervals of the largest slip, or within its own length: half of the window
-/// that LH show around theirs.
-const REACH: usize = 14;
-/// It begins where τ leaves its greatest value for good and ends where it first comes near its least, by this share of the difference.
+/// Stage II lies within this many intervals of the largest slip, or within the slip's own duration
+/// if that is longer: half of the window that LH plot around their drop.
+const SEARCH: usize = 14;
+/// Stage II begins where τ leaves its maximum and ends where it first comes near its minimum, both
+/// within this share of their difference.
 const NEAR: f64 = 0.1;
-/// A slip after the largest is a further drop where it is at least this share of it (the second drop of LH figure 14b).
+/// A later slip counts as a further drop if its Δτ_p is at least this share of the largest one's
+/// (the second drop of LH figure 14b).
 const FURTHER: f64 = 0.25;
 /// Least number of intervals of Stage I and of Stage III.
 const AROUND: usize = 8;
 
-/// Rows of the series: Stage I is `begin` … `drop`, Stage II `drop` … `calm`, Stage III `calm` … `end`.
+/// Rows of the time series: Stage I is `begin` … `drop`, Stage II `drop` … `calm`, Stage III `calm`
+/// … `end`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stages {
+    /// First row of Stage I.
     pub begin: usize,
+    /// Row where the drop begins.
     pub drop: usize,
+    /// Row where the drop has ended.
     pub calm: usize,
+    /// Last row of Stage III.
     pub end: usize,
-    /// Start and end of the great slips in Stage II; the first is the largest one.
+    /// Start and end rows of the large slips in Stage II; the largest one first.
     pub drops: Vec<[usize; 2]>,
 }
 
 impl Stages {
-    /// The stages around `largest`, a slip of `phases`, all of them of the series `tau` [L].
+    /// Returns the stages around `largest`, one of the slips in `phases`; `tau` `[L]` is the series
+    /// that the phases were found in.
     ///
-    /// A drop is seldom one slip: τ may turn for an interval or two within it. With τ_max the greatest τ within reach before the
-    /// largest slip and τ_min the least within reach after it, Stage II is from the last row before the slip with τ ≥ τ_max - 0.1
-    /// (τ_max - τ_min) to the first after it with τ ≤ τ_min + 0.1 (τ_max - τ_min). Stages I and III are as long as Stage II, at
-    /// least 8 intervals, as far as there are rows.
+    /// τ may rise for an interval or two within a drop, so a drop is seldom a single slip. Let
+    /// τ_max be the maximum of τ in the window before the largest slip, τ_min the minimum in the
+    /// window after it, and Δ = 0.1 (τ_max - τ_min). Stage II goes from the last row before the
+    /// slip with τ ≥ τ_max - Δ to the first row after it with τ ≤ τ_min + Δ. Stages I and III are
+    /// as long as Stage II, at least 8 intervals, and end where the series ends. Values of τ that
+    /// are not finite are ignored.
+    ///
+    /// # Panics
+    /// If `tau` is empty.
     pub fn around(phases: &[Phase], largest: &Phase, tau: &[f64]) -> Self {
-        let reach = REACH.max(largest.duration());
+        let search = SEARCH.max(largest.duration());
         let last = tau.len() - 1;
-        let before = largest.start.saturating_sub(reach)..=largest.start;
-        let after = largest.end..=(largest.end + reach).min(last);
-        // What is not finite is passed over.
+        let before = largest.start.saturating_sub(search)..=largest.start;
+        let after = largest.end..=(largest.end + search).min(last);
         let greatest = tau[before.clone()]
             .iter()
             .copied()
@@ -64,7 +77,7 @@ impl Stages {
         }
     }
 
-    /// Rows k whose interval, from k-1 to k, belongs to Stage I, II and III.
+    /// Returns the rows k whose interval, from k-1 to k, belongs to Stages I, II and III.
     pub fn intervals(&self) -> [std::ops::RangeInclusive<usize>; 3] {
         [
             self.begin + 1..=self.drop,
@@ -85,7 +98,8 @@ mod tests {
         Stages::around(&phases, largest_drop(&phases).expect("a slip"), tau)
     }
 
-    /// Pieces one after the other: a number of rows, each with τ a step from the one before, from 10 on.
+    /// A series that begins at τ = 10 and consists of pieces: a number of rows and the step of τ
+    /// per row.
     fn series(pieces: &[(usize, f64)]) -> Vec<f64> {
         let mut tau = vec![10.0];
         for (rows, step) in pieces {
@@ -109,7 +123,8 @@ mod tests {
 
     #[test]
     fn a_drop_that_pauses_is_one_stage() {
-        // Slips of 2 and 4 with a rise between them, then one of 0.9: too small for a further drop, but part of Stage II.
+        // Slips of 2 and 4 with a rise between them, then one of 0.9: too small to count as a
+        // further drop, but part of Stage II.
         let found = stages(&series(&[
             (19, 0.1),
             (2, -1.0),

@@ -1,18 +1,24 @@
-//! The stress that its contacts put on a grain.
+//! Contact stress of single grains and the stress ratio τ on the top wall, from the contacts of a
+//! frame (2D).
 
 use super::forces;
 use gshear_dem::state::{Disks, Frame};
 
-/// The contact stress of every grain: σ = (1/A) Σ_c R n ⊗ f, over its area A = πR², n towards the grain and f on it, made
-/// symmetric; compression positive. [N] of σ_xx, σ_yy, σ_xy (Pa in 2D, forces being per unit depth).
+/// Returns the contact stress of every grain, `[N]` of σ_xx, σ_yy, σ_xy (Pa; forces in 2D are per
+/// unit depth). Compression is positive.
 ///
-/// The lever arm is the full radius, as in the forces themselves.
+/// ```text
+/// σ = (1/A) Σ_c R n ⊗ f,  A = πR²
+/// ```
+///
+/// The sum is over the grain's contacts c, n points towards the grain, f is the force on it, and
+/// the tensor is made symmetric. The lever arm is the full radius R, as in the contact forces.
 pub fn tensors(grains: &Disks, frame: &Frame) -> Vec<[f64; 3]> {
     let mut stress = vec![[0.0; 3]; grains.count()];
     for contact in &frame.contacts {
         let (n, f) = forces::vector(grains, frame, contact);
         let moment = [n[0] * f[0], n[1] * f[1], 0.5 * (n[0] * f[1] + n[1] * f[0])];
-        // Both n and f change their sign for j.
+        // n and f both change sign for j.
         for grain in [contact.i, contact.j] {
             let stress = &mut stress[grain as usize];
             (0..3).for_each(|k| stress[k] += moment[k]);
@@ -25,8 +31,10 @@ pub fn tensors(grains: &Disks, frame: &Frame) -> Vec<[f64; 3]> {
     stress
 }
 
-/// τ = S/N from the contacts of a frame: what the free grains exert on those of the top wall, S against its motion along +x and N
-/// away from the sample (LH section 2). NaN while nothing touches it.
+/// Returns τ = S/N from the contacts of a frame (LH section 2).
+///
+/// S and N are the forces of the free grains on those of the top wall: S against the wall's motion
+/// along +x, N away from the sample. NaN if no free grain touches the top wall.
 pub fn ratio_on_top(grains: &Disks, frame: &Frame) -> f64 {
     const TOP: u8 = 2;
     let mut on_wall = [0.0; 2];
@@ -43,13 +51,13 @@ pub fn ratio_on_top(grains: &Disks, frame: &Frame) -> f64 {
     -on_wall[0] / on_wall[1]
 }
 
-/// σ_p: the largest principal stress of a tensor σ_xx, σ_yy, σ_xy.
+/// Returns σ_p, the largest principal stress of the tensor σ_xx, σ_yy, σ_xy.
 pub fn largest_principal([xx, yy, xy]: [f64; 3]) -> f64 {
     let half = 0.5 * (xx - yy);
     0.5 * (xx + yy) + (half * half + xy * xy).sqrt()
 }
 
-/// σ_p of every grain, [N] (Pa).
+/// Returns σ_p of every grain, `[N]` (Pa).
 pub fn largest_principals(grains: &Disks, frame: &Frame) -> Vec<f64> {
     tensors(grains, frame)
         .into_iter()
@@ -97,7 +105,8 @@ mod tests {
 
     #[test]
     fn tangential_forces_of_a_balanced_disk_give_shear() {
-        // Four contacts on the axes with F_t = ±T such that the torques cancel: T along ±y on the sides, along ±x above and below.
+        // Four contacts on the axes, F_t = ±T so that the torques cancel: T along ±y at the sides,
+        // along ±x above and below.
         let grains = grains_in(100.0, &[1.0; 5]);
         let around = [[52.0, 50.0], [50.0, 52.0], [48.0, 50.0], [50.0, 48.0]];
         let frame = Frame {
@@ -118,7 +127,7 @@ mod tests {
 
     #[test]
     fn the_ratio_on_the_top_wall_is_that_of_the_forces_on_it() {
-        // The top grain 2 rests on 0 and 1, to whose right and left it is; 3 belongs to the top as well.
+        // Grain 2 of the top wall rests on 0 and 1; grain 3 belongs to the top wall as well.
         let mut grains = grains_in(100.0, &[1.0; 4]);
         grains.body = vec![0, 0, 2, 2];
         let height = 3.0_f64.sqrt();

@@ -1,4 +1,4 @@
-//! Made-up packings for the tests of the analysis.
+//! Synthetic packings for the tests of the analysis.
 
 use nalgebra::{Matrix2, Vector2};
 use rand::{RngExt, SeedableRng};
@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use gshear_dem::state::{ContactSample, Disks, Frame};
 
-/// Free grains of the given radii in a cell of length L_x.
+/// Returns free grains of the given radii in a cell of length L_x.
 pub fn grains_in(length: f64, radius: &[f64]) -> Disks {
     let n = radius.len();
     Disks {
@@ -17,6 +17,7 @@ pub fn grains_in(length: f64, radius: &[f64]) -> Disks {
     }
 }
 
+/// Returns a contact of i and j without force.
 pub fn contact(i: u32, j: u32) -> ContactSample {
     ContactSample {
         i: i.min(j),
@@ -25,7 +26,7 @@ pub fn contact(i: u32, j: u32) -> ContactSample {
     }
 }
 
-/// Contacts by which none of n ≥ 5 grains is a rattler.
+/// Returns contacts that leave no rattler among n ≥ 5 grains.
 pub fn enough_contacts(n: usize) -> Vec<ContactSample> {
     let n = n as u32;
     (0..n)
@@ -33,7 +34,8 @@ pub fn enough_contacts(n: usize) -> Vec<ContactSample> {
         .collect()
 }
 
-/// Points drawn uniformly from `width` × `height` about the seam x = 0, not wrapped.
+/// Returns points drawn uniformly from `width` × `height` around the periodic boundary x = 0, not
+/// wrapped.
 pub fn scattered(seed: u64, n: usize, width: f64, height: f64) -> Vec<Vector2<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform = |extent: f64| extent * (random.random::<f64>() - 0.5);
@@ -42,12 +44,12 @@ pub fn scattered(seed: u64, n: usize, width: f64, height: f64) -> Vec<Vector2<f6
         .collect()
 }
 
-/// F r for every point.
+/// Returns F r for every point r.
 pub fn mapped(points: &[Vector2<f64>], map: Matrix2<f64>) -> Vec<Vector2<f64>> {
     points.iter().map(|r| map * r).collect()
 }
 
-/// A frame of these points, wrapped into [0, L_x), in which no grain is a rattler.
+/// Returns a frame of these points, wrapped into [0, L_x), without rattlers.
 pub fn frame(grains: &Disks, points: &[Vector2<f64>]) -> Frame {
     Frame {
         position: points

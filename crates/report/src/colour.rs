@@ -1,21 +1,29 @@
-//! Colours that everybody can tell apart: the palette of Okabe & Ito, and scales of even lightness.
+//! Colours that colour-blind readers can tell apart: the palette of Okabe & Ito, and colour scales.
 
 use plotters::style::RGBColor;
 
+/// Text and axes.
 pub const INK: RGBColor = RGBColor(0x22, 0x26, 0x2b);
+/// Secondary lines and notes.
 pub const GREY: RGBColor = RGBColor(0x8a, 0x91, 0x99);
+/// Grid lines and background grains.
 pub const PALE: RGBColor = RGBColor(0xe4, 0xe7, 0xea);
+/// Background of figures.
 pub const WHITE: RGBColor = RGBColor(0xff, 0xff, 0xff);
-/// Free grains, and wall grains, where they are only the background.
+/// Free grains in the background.
 pub const GRAIN: RGBColor = RGBColor(0xf3, 0xf4, 0xf6);
+/// Wall grains in the background, and outlines.
 pub const WALL: RGBColor = RGBColor(0xc3, 0xc8, 0xce);
+/// Stick phases.
 pub const STICK: RGBColor = RGBColor(0x00, 0x72, 0xb2);
+/// Slip phases.
 pub const SLIP: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
-/// The evolution laws of rate-and-state friction, as in FR's figure S1.
+/// The aging law of rate-and-state friction, as in FR's figure S1.
 pub const AGING_LAW: RGBColor = RGBColor(0x00, 0x9e, 0x73);
+/// The slip law of rate-and-state friction, as in FR's figure S1.
 pub const SLIP_LAW: RGBColor = RGBColor(0xcc, 0x79, 0xa7);
 
-/// Curves beside each other: blue, vermillion, green, purple, orange, sky blue, black.
+/// Curves in one figure: blue, vermillion, green, purple, orange, sky blue, black.
 pub const CURVES: [RGBColor; 7] = [
     STICK,
     SLIP,
@@ -25,30 +33,30 @@ pub const CURVES: [RGBColor; 7] = [
     RGBColor(0x56, 0xb4, 0xe9),
     INK,
 ];
-/// Bands of the stages before, during and after a drop.
+/// Background of the stages before, during and after a drop.
 pub const STAGES: [RGBColor; 3] = [
     RGBColor(0xd6, 0xea, 0xf5),
     RGBColor(0xfa, 0xdd, 0xc9),
     RGBColor(0xdc, 0xee, 0xe4),
 ];
 
-/// A colour scale by equidistant stops.
+/// A colour scale interpolated between equidistant stops.
 pub struct Scale(&'static [u32]);
 
-/// Sequential, light to dark: forces on white.
+/// Sequential, light to dark, for forces on white.
 pub const FORCE: Scale = Scale(&[0xd3dfee, 0x9ecae1, 0x5ba3cf, 0x2878b8, 0x0d519c, 0x08306b]);
-/// Viridis: D²min.
+/// Viridis, for D²min.
 pub const VIRIDIS: Scale = Scale(&[
     0x440154, 0x482878, 0x3e4a89, 0x31688e, 0x26828e, 0x1f9e89, 0x35b779, 0x6ece58, 0xb5de2b,
     0xfde725,
 ]);
-/// Diverging, loss to gain: vermillion, pale, blue.
+/// Diverging from loss to gain: vermillion, pale, blue.
 pub const CHANGE: Scale = Scale(&[
     0x9c3b00, 0xd55e00, 0xf2b48a, 0xe4e7ea, 0x8fc1e3, 0x0072b2, 0x004a75,
 ]);
 
 impl Scale {
-    /// The colour at 0 … 1; beyond the ends it is theirs.
+    /// Returns the colour at a value of 0 … 1; values outside take the colour of the nearer end.
     pub fn at(&self, value: f64) -> RGBColor {
         let last = self.0.len() - 1;
         let place = value.clamp(0.0, 1.0) * last as f64;

@@ -1,8 +1,8 @@
-//! Figures made of figures.
+//! Figures composed of several figures.
 
 use super::plot::NAMESPACE;
 
-/// Figures beside and below each other, `columns` in a row, as one; an empty one leaves its place free.
+/// Returns a figure with `figures` in rows of `columns`; an empty one leaves its place blank.
 pub fn grid_of(columns: usize, figures: &[String]) -> String {
     let sizes: Vec<[f64; 2]> = figures.iter().map(|figure| size_of(figure)).collect();
     let widest = |column: usize| {
@@ -30,7 +30,7 @@ pub fn grid_of(columns: usize, figures: &[String]) -> String {
     )
 }
 
-/// Width and height that the header of a figure gives.
+/// Width and height from the header of a figure.
 fn size_of(svg: &str) -> [f64; 2] {
     ["width", "height"].map(|name| {
         let value = svg.split(&format!(" {name}=\"")).nth(1);
@@ -39,7 +39,8 @@ fn size_of(svg: &str) -> [f64; 2] {
     })
 }
 
-/// Puts disks of one colour that follow one another, without an outline, into one path: half the bytes of a map.
+/// Joins consecutive disks of one colour without outline into one path, which halves the size of a
+/// map.
 pub fn gathered(svg: &str) -> String {
     let mut out = String::with_capacity(svg.len());
     let mut open: Option<&str> = None;
@@ -65,7 +66,7 @@ pub fn gathered(svg: &str) -> String {
     out
 }
 
-/// Centre, radius and fill of a line of SVG that is an opaque disk without an outline.
+/// Centre, radius and fill, if the line of SVG is an opaque disk without outline.
 fn disk_of(line: &str) -> Option<(i64, i64, i64, &str)> {
     let rest = line.strip_prefix("<circle cx=\"")?;
     let rest = rest.strip_suffix("\" stroke=\"none\" stroke-width=\"1\"/>")?;

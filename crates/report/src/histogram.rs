@@ -1,4 +1,4 @@
-//! How often phases of which size occur.
+//! Histogram of phases by the magnitude of their change of τ.
 
 use super::colour::{SLIP, STICK};
 use super::plot::{Layout, figure};
@@ -9,16 +9,16 @@ const LAYOUT: Layout = Layout {
     size: [900.0, 400.0],
     margin: [72.0, 36.0, 24.0, 58.0],
 };
-/// Bins of equal ratio in a decade.
+/// Bins per decade, of equal ratio.
 const BINS: f64 = 5.0;
 
-/// Number of phases by |Δτ_p|, stick and slip, on logarithmic axes.
+/// Draws the number of stick and slip phases by |Δτ_p|, on logarithmic axes.
 pub fn of_changes(phases: &[Phase]) -> String {
     let bin = |phase: &Phase| (phase.change.abs().log10() * BINS).floor() as i64;
     let bins = phases.iter().map(bin);
     let (Some(first), Some(last)) = (bins.clone().min(), bins.max()) else {
         return figure(LAYOUT, [0.0, 1.0], [0.0, 1.0], |plot| {
-            plot.apology("no phases");
+            plot.empty_note("no phases");
             plot.axes(&[], &[], "|Δτ_{p}|", "number of phases");
         });
     };
@@ -38,7 +38,7 @@ pub fn of_changes(phases: &[Phase]) -> String {
         .copied()
         .max()
         .unwrap_or(1);
-    // One phase stands visibly over an empty bin.
+    // Below log10(1) = 0, so that a bin with one phase is visible above an empty bin.
     let floor = -0.3;
     let x = [(first - 1) as f64 / BINS, (last + 2) as f64 / BINS];
     let y = [floor, (most as f64).log10() + 0.2];

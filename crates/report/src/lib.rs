@@ -1,4 +1,7 @@
-//! The report of a run: figures, numbers, and a page that shows both.
+//! Reports on runs: figures as SVG, tables as CSV and JSON, and HTML pages that show them.
+//!
+//! [`write()`] makes the report of a single run. [`lee_hurley`] and [`bonfanti`] draw the figures
+//! of those papers from our runs, [`rate_state`] those of slide-hold-slide and velocity-step tests.
 
 pub mod bonfanti;
 pub mod colour;
@@ -23,17 +26,18 @@ use gshear_store::run_reader::Run;
 use gshear_store::text_writer;
 use gshear_dem::state::Disks;
 
-/// A figure of the report: its file, what it shows, and itself.
+/// A figure of the report: name of its file, caption in HTML, and SVG.
 struct Figure {
     name: &'static str,
     caption: String,
     svg: String,
 }
 
-/// Writes the report into `folder`, which is made if missing: `index.html`, the figures as SVG, `summary.json`.
-/// Returns the page.
+/// Writes the report into `folder`, which is created if missing: `index.html`, the figures as SVG,
+/// and `summary.json`. Returns the path of the page.
 ///
-/// Errors: a damaged run, files that cannot be written.
+/// # Errors
+/// If the run is damaged or a file cannot be written.
 pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
     let summary = Summary::of(run)?;
     let figures = figures(run, &summary);
@@ -42,7 +46,7 @@ pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
     }
     let json = format!("{:#}\n", summary.json(run));
     text_writer::write(&folder.join("summary.json"), &json)?;
-    // Last, so that a page never shows figures that are not there.
+    // Written last, so that the page never refers to missing figures.
     let page = folder.join("index.html");
     text_writer::write(&page, &page::html(run, &summary, &figures))?;
     Ok(page)
@@ -70,7 +74,7 @@ fn figures(run: &Run, summary: &Summary) -> Vec<Figure> {
             name: "largest-drop",
             caption: format!(
                 "The largest drop{}: Δτ<sub>p</sub> = {:.4} over {} intervals of the time series. Shaded: the phases.",
-                if Some(*drop) == summary.drop { "" } else { " that frames were written of" },
+                if Some(*drop) == summary.drop { "" } else { " with frames before and after it" },
                 drop.change,
                 drop.duration()
             ),
@@ -79,7 +83,7 @@ fn figures(run: &Run, summary: &Summary) -> Vec<Figure> {
     }
     figures.push(Figure {
         name: "phase-histogram",
-        caption: "Stick and slip phases by the size of their change of τ.".into(),
+        caption: "Number of stick and slip phases by the magnitude of their change of τ.".into(),
         svg: histogram::of_changes(phases),
     });
     if let Some(event) = &summary.event {
@@ -97,7 +101,7 @@ fn maps(grains: &Disks, event: &Event) -> [Figure; 4] {
         .map(|strain| format!("γ = {:.5} %", 100.0 * strain));
     let between = format!("frames {t} to {u}: {before} to {after}");
     let part = if grains.count() > map::MOST_GRAINS {
-        " Of this large sample the part around the greatest D²<sub>min</sub> is shown."
+        " The sample is large: only the part around the greatest D²<sub>min</sub> is shown."
     } else {
         ""
     };
@@ -137,8 +141,8 @@ fn maps(grains: &Disks, event: &Event) -> [Figure; 4] {
         Figure {
             name: "dmin",
             caption: format!(
-                "D²<sub>min</sub> over the drop, in units of the mean radius squared, neighbours within 5 r̄. \
-                 White: rattlers and grains for which it is undefined. Outlined in grey: the walls.{part}"
+                "D²<sub>min</sub> over the drop, in units of the mean radius squared, with neighbours within 5 r̄. \
+                 White: rattlers and other grains without a defined value. Outlined in grey: walls.{part}"
             ),
             svg: map::dmin(grains, &event.later, &event.dmin, view, &between),
         },

@@ -1,4 +1,4 @@
-//! The sample from the side: force network, its change, and D²min.
+//! Maps of a 2D sample: force network, change of forces, and D²min.
 
 use plotters::style::RGBColor;
 
@@ -10,22 +10,26 @@ use gshear_dem::state::{ContactSample, Disks, Frame};
 
 const WIDTH: f64 = 900.0;
 const MARGIN: [f64; 4] = [72.0, 36.0, 104.0, 58.0];
-/// Highest picture of a tall sample (px).
+/// Greatest height of the sample in a map (px).
 const TALLEST: f64 = 900.0;
-/// More grains than this would make files that no browser opens; a part of the sample is shown then.
+/// Greatest number of grains in a map; of larger samples only a part is shown, since browsers fail
+/// on larger files.
 pub const MOST_GRAINS: usize = 20_000;
-/// Decades of D²min on the colour bar at most.
+/// Greatest number of decades of D²min on the colour bar.
 const DECADES: f64 = 8.0;
 
-/// The part of the sample that is shown, in metres.
+/// The part of the sample that is shown (m).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
+    /// Range of x.
     pub x: [f64; 2],
+    /// Range of y.
     pub y: [f64; 2],
 }
 
 impl View {
-    /// The whole sample or, of one with more than [`MOST_GRAINS`] grains, the part around `centre` with about so many.
+    /// Returns the whole sample, or the part around `centre` with about [`MOST_GRAINS`] grains if
+    /// it has more.
     pub fn of(grains: &Disks, frame: &Frame, centre: [f64; 2]) -> Self {
         let reach = grains.radius.iter().copied().fold(0.0, f64::max);
         let heights = frame.position.iter().map(|r| r[1]);
@@ -62,7 +66,8 @@ impl View {
         }
     }
 
-    /// How far to shift something at x by periods of the cell so that it, with its `reach`, is in view.
+    /// Returns the shifts by periods of the cell that bring something at x with half-width `reach`
+    /// into view.
     pub(super) fn shifts(
         &self,
         x: f64,
@@ -74,13 +79,15 @@ impl View {
         [-length, 0.0, length].into_iter().filter(seen)
     }
 
+    /// Returns whether something at height y with half-height `reach` is in view.
     pub(super) fn sees_height(&self, y: f64, reach: f64) -> bool {
         y + reach >= self.y[0] && y - reach <= self.y[1]
     }
 }
 
-/// Normal forces of a frame: lines between the centres of touching grains, width and colour by F_n.
-/// `greatest`: F_n (N/m) at the end of the scale, so that two frames can share one.
+/// Draws the normal forces of a frame as lines between the centres of touching grains, with width
+/// and colour by F_n. `greatest`: F_n (N/m) at the end of the scale, so that two frames can share
+/// one.
 pub fn forces(grains: &Disks, frame: &Frame, view: View, greatest: f64, title: &str) -> String {
     let greatest = if greatest > 0.0 { greatest } else { 1.0 };
     map(view, |plot| {
@@ -109,7 +116,8 @@ pub fn forces(grains: &Disks, frame: &Frame, view: View, greatest: f64, title: &
     })
 }
 
-/// F_n (N/m) that all but one contact in a thousand stay below: a few great ones would leave no colour for the rest.
+/// Returns the F_n (N/m) that 99.9 % of the contacts stay below. With the maximum as the end of the
+/// scale, most contacts would look alike.
 pub fn scale_of_forces(frames: [&Frame; 2]) -> f64 {
     let mut forces: Vec<f64> = frames
         .iter()
@@ -123,7 +131,7 @@ pub fn scale_of_forces(frames: [&Frame; 2]) -> f64 {
         .unwrap_or(0.0)
 }
 
-/// The differential force network between two frames, drawn on the later one.
+/// Draws the differential force network between two frames at the positions of the later one.
 pub fn force_changes(
     grains: &Disks,
     earlier: &Frame,
@@ -155,7 +163,8 @@ pub fn force_changes(
     })
 }
 
-/// D²min [N] (m²) of the grains of a frame on a logarithmic scale, over r̄²; undefined grains are white.
+/// Draws D²min/r̄² of the grains of a frame on a logarithmic scale; `dmin` is `[N]` (m²). Grains
+/// without a defined value are white.
 pub fn dmin(grains: &Disks, frame: &Frame, dmin: &[f64], view: View, title: &str) -> String {
     let square = grains.mean_radius().powi(2);
     let level = |value: f64| (value / square).log10();
@@ -189,7 +198,7 @@ pub fn dmin(grains: &Disks, frame: &Frame, dmin: &[f64], view: View, title: &str
     })
 }
 
-/// Axes in metres with a prefix, around what `draw` draws, which also clips.
+/// Axes in metres with an SI prefix around what `draw` draws; `draw` must clip.
 fn map(view: View, draw: impl FnOnce(&mut Plot)) -> String {
     let (factor, unit) = ticks::prefix(view.x[1] - view.x[0]);
     figure(view.layout(), view.x, view.y, |plot| {
@@ -210,7 +219,7 @@ fn map(view: View, draw: impl FnOnce(&mut Plot)) -> String {
     })
 }
 
-/// Ticks of `low` … `high` as places on the colour bar.
+/// Ticks of `low` … `high` as positions on the colour bar.
 fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
     ticks
         .into_iter()
@@ -228,7 +237,7 @@ fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: View) {
     }
 }
 
-/// A grain and, at the seam, its image at the other end.
+/// Calls `draw` for a grain and for its periodic images in view.
 pub(super) fn disk(
     plot: &mut Plot,
     grains: &Disks,
@@ -244,8 +253,8 @@ pub(super) fn disk(
     }
 }
 
-/// Lines between centres; the share of a contact, -1 … 1, gives the width and the colour. The strongest lie on top;
-/// those of less than `faint` are left out.
+/// Draws contacts as lines between centres. The share of a contact, -1 … 1, gives width and colour.
+/// The strongest lie on top; contacts with a share below `faint` are left out.
 pub(super) fn lines(
     plot: &mut Plot,
     grains: &Disks,
@@ -265,7 +274,7 @@ pub(super) fn lines(
     sorted.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
     for (share, contact) in sorted {
         let from = frame.position[contact.i as usize];
-        // The nearest image, so that a contact across the seam is a short line and not one across the sample.
+        // The nearest image keeps a contact across the periodic boundary short.
         let [x, y] = grains.separation(from, frame.position[contact.j as usize]);
         let width = (widest * share.abs()).max(0.3);
         if !view.sees_height(from[1] + 0.5 * y, 0.5 * y.abs()) {
@@ -332,7 +341,7 @@ mod tests {
         let at = |x: f64| (10.0 * MARGIN[0] + x * pixels).round();
         let xs: Vec<[f64; 2]> = ends.iter().map(|e| [e[0], e[2]]).collect();
         assert_eq!(xs, [[at(0.5), at(-1.4)], [at(20.5), at(18.6)]]);
-        // Each of the two disks reaches over the seam? Only the one at 0.5 does.
+        // Only the disk at 0.5 extends across the periodic boundary.
         assert_eq!(
             svg.matches("stroke=\"none\" fill=\"#F3F4F6\"").count()
                 + svg.matches("fill=\"#F3F4F6\" stroke=\"none\"").count(),

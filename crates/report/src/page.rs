@@ -1,17 +1,17 @@
-//! The page: one file without any other, that opens from disk.
+//! The HTML page of a run's report: one self-contained file.
 
 use super::Figure;
 use super::summary::Summary;
 use gshear_analysis::phases::Kind;
 use gshear_store::run_reader::Run;
 
-/// The report as HTML, with everything in it.
+/// Returns the report as HTML, figures and style included.
 pub fn html(run: &Run, summary: &Summary, figures: &[Figure]) -> String {
     let title = escape(&title(run));
     let lead = match run.digest() {
         Some(_) => "A finished run of gshear-mpi.",
         None => {
-            "A run of gshear-mpi that was stopped early, or is still running; read as far as it goes."
+            "A run of gshear-mpi that was stopped early or is still running; the report covers what it has written."
         }
     };
     let mut body = String::new();
@@ -22,7 +22,8 @@ pub fn html(run: &Run, summary: &Summary, figures: &[Figure]) -> String {
         );
     }
     if summary.event.is_none() {
-        body += "<p>No frames lie around a slip phase, so there are no maps.</p>\n";
+        body += "<p>No slip phase has a frame before and after it, so there are no maps: \
+                 write frames more often (output.frame_strain).</p>\n";
     }
     let parameters = run.parameters().iter().filter(|(name, _)| *name != "scene");
     let parameters = parameters.map(|(name, value)| (escape(name), escape(&value.to_string())));
@@ -31,7 +32,7 @@ pub fn html(run: &Run, summary: &Summary, figures: &[Figure]) -> String {
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>{title}</title>\n\
          <style>\n{}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<p class=\"lead\">{lead}</p>\n\
          {}<h2>Figures</h2>\n{body}<h2>Parameters</h2>\n{}\
-         <details><summary>The scene, every default filled in</summary>\n<pre>{}</pre></details>\n</body>\n</html>\n",
+         <details><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n</body>\n</html>\n",
         include_str!("page.css"),
         table(facts(run, summary)),
         table(parameters),
@@ -39,7 +40,7 @@ pub fn html(run: &Run, summary: &Summary, figures: &[Figure]) -> String {
     )
 }
 
-/// The scene's own title, or the name of the file.
+/// The scene's title, or the path of the run.
 fn title(run: &Run) -> String {
     let scene = run.scene().parse::<toml::Table>().ok();
     let title = scene
@@ -56,7 +57,7 @@ fn facts(run: &Run, summary: &Summary) -> Vec<(String, String)> {
     facts.push(("Run", escape(&run.path().display().to_string())));
     facts.push((
         "Disks",
-        format!("{}, {walls} of them in the walls", run.grains().count()),
+        format!("{}, including {walls} in the walls", run.grains().count()),
     ));
     facts.push((
         "Shear strain reached",
@@ -118,7 +119,7 @@ fn facts(run: &Run, summary: &Summary) -> Vec<(String, String)> {
     facts.push((
         "Digest",
         run.digest()
-            .map_or("none: the run did not end".into(), escape),
+            .map_or("none: the run has not ended".into(), escape),
     ));
     facts
         .into_iter()
@@ -141,6 +142,7 @@ fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
     format!("<table>\n{}</table>\n", rows.collect::<String>())
 }
 
+/// Escapes text for HTML.
 pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")

@@ -1,4 +1,4 @@
-//! A pair of axes to draw on, by the SVG backend of plotters.
+//! A pair of axes to draw on, with the SVG backend of plotters.
 
 use plotters::backend::{DrawingBackend, SVGBackend};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -7,21 +7,24 @@ use plotters::style::{Color, FontTransform, IntoFont, RGBColor, ShapeStyle, Text
 use super::colour::{GREY, INK, PALE, Scale, WHITE};
 use super::ticks::Tick;
 
-/// plotters knows whole pixels only; it is given a canvas this many times larger, which the SVG header shrinks again.
-const FINE: f64 = 10.0;
+/// Canvas units per pixel. plotters has integer coordinates only, so it draws on a larger canvas
+/// that the SVG header scales down.
+const CANVAS: f64 = 10.0;
 const FONT: f64 = 13.0;
-/// Every figure begins with it.
+/// The beginning of every figure.
 pub(super) const NAMESPACE: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\"";
 
-/// Where the axes lie in a figure, in pixels of the figure.
+/// Size of a figure and position of its axes (px).
 #[derive(Debug, Clone, Copy)]
 pub struct Layout {
+    /// Width and height.
     pub size: [f64; 2],
-    /// Left, top, right, bottom.
+    /// Margin outside the axes: left, top, right, bottom.
     pub margin: [f64; 4],
 }
 
-/// A figure in the making. Data run over `x` and `y`; sizes and widths are pixels.
+/// A figure being drawn. Data coordinates run over `x` and `y`; sizes and line widths are in
+/// pixels.
 pub struct Plot<'a> {
     backend: SVGBackend<'a>,
     layout: Layout,
@@ -29,19 +32,24 @@ pub struct Plot<'a> {
     y: [f64; 2],
 }
 
-/// Shapes of marks.
+/// Shape of a marker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Marker {
+    /// Square.
     Square,
+    /// Diamond.
     Diamond,
+    /// Triangle that points up.
     Up,
+    /// Triangle that points down.
     Down,
 }
 
 impl Marker {
+    /// All shapes, in the order in which curves take them.
     pub const ALL: [Marker; 4] = [Marker::Square, Marker::Diamond, Marker::Up, Marker::Down];
 
-    /// Corners around the middle (px).
+    /// Corners around the centre (px).
     fn corners(self) -> &'static [[f64; 2]] {
         match self {
             Marker::Square => &[[-3.4, -3.4], [3.4, -3.4], [3.4, 3.4], [-3.4, 3.4]],
@@ -52,10 +60,10 @@ impl Marker {
     }
 }
 
-/// Draws a figure and returns it as SVG. In text `_{…}` and `^{…}` set indices and powers.
+/// Draws a figure and returns it as SVG. In text `_{…}` sets a subscript and `^{…}` a superscript.
 pub fn figure(layout: Layout, x: [f64; 2], y: [f64; 2], draw: impl FnOnce(&mut Plot)) -> String {
     let mut svg = String::new();
-    let size = layout.size.map(|side| (side * FINE) as u32);
+    let size = layout.size.map(|side| (side * CANVAS) as u32);
     let mut plot = Plot {
         backend: SVGBackend::with_string(&mut svg, (size[0], size[1])),
         layout,
@@ -80,7 +88,7 @@ pub fn figure(layout: Layout, x: [f64; 2], y: [f64; 2], draw: impl FnOnce(&mut P
 const IN_MEMORY: &str = "drawing into a string does not fail";
 
 impl Plot<'_> {
-    /// Pixel of a point of the data.
+    /// Pixel of a data point.
     fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [[left, top], [right, bottom]] = self.frame();
         let part = |value: f64, [low, high]: [f64; 2]| (value - low) / (high - low);
@@ -90,7 +98,7 @@ impl Plot<'_> {
         ]
     }
 
-    /// Upper left and lower right corner of the axes.
+    /// Upper left and lower right corner of the axes (px).
     fn frame(&self) -> [[f64; 2]; 2] {
         let Layout {
             size: [width, height],
@@ -99,35 +107,35 @@ impl Plot<'_> {
         [[left, top], [width - right, height - bottom]]
     }
 
-    /// Pixels of one unit of x.
+    /// Returns the number of pixels per unit of x.
     pub fn scale(&self) -> f64 {
         let [[left, _], [right, _]] = self.frame();
         (right - left) / (self.x[1] - self.x[0])
     }
 
-    /// A line through points of the data.
+    /// Draws a line through data points.
     pub fn line(&mut self, points: &[[f64; 2]], colour: RGBColor, width: f64) {
         let path: Vec<_> = points
             .iter()
-            .map(|point| fine(self.pixel(*point)))
+            .map(|point| to_canvas(self.pixel(*point)))
             .collect();
         self.backend
             .draw_path(path, &stroke(colour, width))
             .expect(IN_MEMORY);
     }
 
-    /// A filled polygon of the data.
+    /// Fills a polygon of data points.
     pub fn area(&mut self, points: &[[f64; 2]], colour: RGBColor, opacity: f64) {
         let path: Vec<_> = points
             .iter()
-            .map(|point| fine(self.pixel(*point)))
+            .map(|point| to_canvas(self.pixel(*point)))
             .collect();
         self.backend
             .fill_polygon(path, &colour.mix(opacity))
             .expect(IN_MEMORY);
     }
 
-    /// A disk with an outline; `radius` in pixels.
+    /// Draws a disk around a data point, with an outline if given; `radius` in pixels.
     pub fn disk(
         &mut self,
         centre: [f64; 2],
@@ -135,7 +143,10 @@ impl Plot<'_> {
         fill: RGBColor,
         outline: Option<RGBColor>,
     ) {
-        let (centre, radius) = (fine(self.pixel(centre)), (radius * FINE).round() as u32);
+        let (centre, radius) = (
+            to_canvas(self.pixel(centre)),
+            (radius * CANVAS).round() as u32,
+        );
         self.backend
             .draw_circle(centre, radius, &fill, true)
             .expect(IN_MEMORY);
@@ -146,19 +157,19 @@ impl Plot<'_> {
         }
     }
 
-    /// A filled mark of a point of the data.
+    /// Draws a filled marker at a data point.
     pub fn marker(&mut self, at: [f64; 2], marker: Marker, colour: RGBColor) {
         let [x, y] = self.pixel(at);
         let corners = marker
             .corners()
             .iter()
-            .map(|[dx, dy]| fine([x + dx, y + dy]));
+            .map(|[dx, dy]| to_canvas([x + dx, y + dy]));
         self.backend
             .fill_polygon(corners.collect::<Vec<_>>(), &colour)
             .expect(IN_MEMORY);
     }
 
-    /// An arrow between points of the data; `width` in px.
+    /// Draws an arrow between data points; `width` in pixels.
     pub fn arrow(&mut self, from: [f64; 2], to: [f64; 2], colour: RGBColor, width: f64) {
         let [a, b] = [self.pixel(from), self.pixel(to)];
         let d = [b[0] - a[0], b[1] - a[1]];
@@ -168,13 +179,13 @@ impl Plot<'_> {
                 b[1] - 0.3 * d[1] - turn * 0.15 * d[0],
             ]
         };
-        let path = [a, b, side(1.0), b, side(-1.0)].map(fine);
+        let path = [a, b, side(1.0), b, side(-1.0)].map(to_canvas);
         self.backend
             .draw_path(path, &stroke(colour, width))
             .expect(IN_MEMORY);
     }
 
-    /// Small text above a point of the data.
+    /// Writes small text above a data point.
     pub fn label_above(&mut self, at: [f64; 2], text: &str) {
         let [x, y] = self.pixel(at);
         self.text(
@@ -186,7 +197,7 @@ impl Plot<'_> {
         );
     }
 
-    /// Two lines of small text over the axes, from their left end.
+    /// Writes two lines of small text above the axes, left aligned.
     pub fn small_titles(&mut self, lines: [&str; 2]) {
         let [[left, top], _] = self.frame();
         for (line, text) in lines.into_iter().enumerate() {
@@ -195,11 +206,12 @@ impl Plot<'_> {
         }
     }
 
-    /// The axes filled with a colour scale from the left to the right.
+    /// Fills the axes with a colour scale from left to right.
     pub fn flat_colour_bar(&mut self, scale: &Scale) {
         const PIECES: usize = 128;
         let [[left, top], [right, bottom]] = self.frame();
-        // Each piece reaches to the end and the next one covers it, so that no seam shows between them.
+        // Pieces overlap: each reaches to the end and is covered by the next, so that no seam
+        // shows.
         for piece in 0..PIECES {
             let from = left + (right - left) * piece as f64 / PIECES as f64;
             let colour = scale.at((piece as f64 + 0.5) / PIECES as f64);
@@ -207,8 +219,8 @@ impl Plot<'_> {
         }
     }
 
-    /// A vertical line over the whole height, dashed.
-    pub fn upright(&mut self, x: f64, colour: RGBColor) {
+    /// Draws a dashed vertical line over the whole height.
+    pub fn vertical_line(&mut self, x: f64, colour: RGBColor) {
         let [[_, top], [_, bottom]] = self.frame();
         let [x, _] = self.pixel([x, self.y[0]]);
         let mut y = top;
@@ -218,14 +230,14 @@ impl Plot<'_> {
         }
     }
 
-    /// A band over the whole height.
+    /// Fills a band over the whole height.
     pub fn band(&mut self, from: f64, to: f64, colour: RGBColor, opacity: f64) {
         let [[left, top], [right, bottom]] = self.frame();
         let [a, b] = [from, to].map(|x| self.pixel([x, self.y[0]])[0].clamp(left, right));
         self.pixel_box([[a, top], [b, bottom]], colour, opacity);
     }
 
-    /// Text beside a place on the x axis, at the top and on the side where there is room.
+    /// Writes text at the top beside a place on the x axis, on the side with more room.
     pub fn note(&mut self, x: f64, text: &str) {
         let [[left, top], [right, _]] = self.frame();
         let [x, _] = self.pixel([x, self.y[0]]);
@@ -237,7 +249,7 @@ impl Plot<'_> {
         self.text([x, top + 8.0], text, FONT, (side, VPos::Top), INK);
     }
 
-    /// Paints over all that was drawn outside the axes. Call it before the axes.
+    /// Paints over everything drawn outside the axes. To be called before [`Self::axes`].
     pub fn clip(&mut self) {
         let [[left, top], [right, bottom]] = self.frame();
         let [width, height] = self.layout.size;
@@ -252,7 +264,7 @@ impl Plot<'_> {
         }
     }
 
-    /// Pale lines at the ticks, behind the data.
+    /// Draws pale lines at the ticks. To be called before the data are drawn.
     pub fn grid(&mut self, x: &[Tick], y: &[Tick]) {
         let [[left, top], [right, bottom]] = self.frame();
         for (value, _) in x {
@@ -265,7 +277,7 @@ impl Plot<'_> {
         }
     }
 
-    /// The edges of a box of pixels.
+    /// Draws the edges of a box of pixels.
     fn outline(&mut self, [[left, top], [right, bottom]]: [[f64; 2]; 2], width: f64) {
         let corners = [
             [left, top],
@@ -279,7 +291,7 @@ impl Plot<'_> {
             .for_each(|side| self.pixel_line([side[0], side[1]], INK, width));
     }
 
-    /// The axes with their ticks and labels.
+    /// Draws the axes with ticks and labels.
     pub fn axes(&mut self, x: &[Tick], y: &[Tick], x_label: &str, y_label: &str) {
         let [[left, top], [right, bottom]] = self.frame();
         self.outline([[left, top], [right, bottom]], 1.0);
@@ -307,10 +319,10 @@ impl Plot<'_> {
         }
         let below = [(left + right) / 2.0, bottom + 30.0];
         self.text(below, x_label, FONT + 1.0, (HPos::Center, VPos::Top), INK);
-        self.upright_text([16.0, (top + bottom) / 2.0], y_label);
+        self.vertical_text([16.0, (top + bottom) / 2.0], y_label);
     }
 
-    /// Line samples and their names in a row above the axes, from the left.
+    /// Draws colour samples and their names in a row above the axes, from the left.
     pub fn legend(&mut self, entries: &[(RGBColor, &str)]) {
         let [[left, top], _] = self.frame();
         let (mut x, y) = (left, top - 14.0);
@@ -322,13 +334,14 @@ impl Plot<'_> {
         }
     }
 
-    /// A colour bar at the right of the axes; `ticks` on 0 … 1.
+    /// Draws a colour bar to the right of the axes; `ticks` lie on 0 … 1.
     pub fn colour_bar(&mut self, scale: &Scale, ticks: &[Tick], label: &str) {
         const PIECES: usize = 128;
         let [[_, top], [right, bottom]] = self.frame();
         let (left, right) = (right + 18.0, right + 36.0);
         let height = bottom - top;
-        // Each piece reaches down to the end and the next one covers it, so that no seam shows between them.
+        // Pieces overlap: each reaches down to the end and is covered by the next, so that no seam
+        // shows.
         for piece in (0..PIECES).rev() {
             let upper = bottom - height * (piece + 1) as f64 / PIECES as f64;
             let colour = scale.at((piece as f64 + 0.5) / PIECES as f64);
@@ -346,10 +359,10 @@ impl Plot<'_> {
                 INK,
             );
         }
-        self.upright_text([self.layout.size[0] - 14.0, (top + bottom) / 2.0], label);
+        self.vertical_text([self.layout.size[0] - 14.0, (top + bottom) / 2.0], label);
     }
 
-    /// A line of text over the axes, from their left end.
+    /// Writes a line of text above the axes, left aligned.
     pub fn title(&mut self, text: &str) {
         let [[left, top], _] = self.frame();
         self.text(
@@ -361,15 +374,15 @@ impl Plot<'_> {
         );
     }
 
-    /// A line of text over the legend.
+    /// Writes a line of text above the legend.
     pub fn heading(&mut self, text: &str) {
         let [[left, top], _] = self.frame();
         let at = [left, top - 36.0];
         self.text(at, text, FONT, (HPos::Left, VPos::Center), INK);
     }
 
-    /// Text in the middle of the axes, where there is nothing to draw.
-    pub fn apology(&mut self, text: &str) {
+    /// Writes text in the middle of axes without data.
+    pub fn empty_note(&mut self, text: &str) {
         let [[left, top], [right, bottom]] = self.frame();
         let middle = [(left + right) / 2.0, (top + bottom) / 2.0];
         self.text(middle, text, FONT + 1.0, (HPos::Center, VPos::Center), GREY);
@@ -377,13 +390,13 @@ impl Plot<'_> {
 
     fn pixel_line(&mut self, [from, to]: [[f64; 2]; 2], colour: RGBColor, width: f64) {
         self.backend
-            .draw_line(fine(from), fine(to), &stroke(colour, width))
+            .draw_line(to_canvas(from), to_canvas(to), &stroke(colour, width))
             .expect(IN_MEMORY);
     }
 
     fn pixel_box(&mut self, [a, b]: [[f64; 2]; 2], colour: RGBColor, opacity: f64) {
         self.backend
-            .draw_rect(fine(a), fine(b), &colour.mix(opacity), true)
+            .draw_rect(to_canvas(a), to_canvas(b), &colour.mix(opacity), true)
             .expect(IN_MEMORY);
     }
 
@@ -397,37 +410,43 @@ impl Plot<'_> {
     ) {
         let style = font(size, &colour).pos(Pos::new(anchor.0, anchor.1));
         self.backend
-            .draw_text(text, &style, fine(at))
+            .draw_text(text, &style, to_canvas(at))
             .expect(IN_MEMORY);
     }
 
-    fn upright_text(&mut self, at: [f64; 2], text: &str) {
+    fn vertical_text(&mut self, at: [f64; 2], text: &str) {
         let style = font(FONT + 1.0, &INK).pos(Pos::new(HPos::Center, VPos::Center));
         let style = style.transform(FontTransform::Rotate270);
         self.backend
-            .draw_text(text, &style, fine(at))
+            .draw_text(text, &style, to_canvas(at))
             .expect(IN_MEMORY);
     }
 }
 
-/// plotters divides the size of fonts by 1.24 for SVG.
+/// plotters divides font sizes by 1.24 for SVG; this undoes it.
 fn font(size: f64, colour: &RGBColor) -> TextStyle<'_> {
-    TextStyle::from(("Helvetica, Arial, sans-serif", size * 1.24 * FINE).into_font()).color(colour)
+    TextStyle::from(("Helvetica, Arial, sans-serif", size * 1.24 * CANVAS).into_font())
+        .color(colour)
 }
 
-fn fine(at: [f64; 2]) -> (i32, i32) {
-    ((at[0] * FINE).round() as i32, (at[1] * FINE).round() as i32)
+/// Converts pixels to canvas coordinates.
+fn to_canvas(at: [f64; 2]) -> (i32, i32) {
+    (
+        (at[0] * CANVAS).round() as i32,
+        (at[1] * CANVAS).round() as i32,
+    )
 }
 
 fn stroke(colour: RGBColor, width: f64) -> ShapeStyle {
     ShapeStyle {
         color: colour.to_rgba(),
         filled: false,
-        stroke_width: (width * FINE).round().max(1.0) as u32,
+        stroke_width: (width * CANVAS).round().max(1.0) as u32,
     }
 }
 
-/// Sets `_{…}` and `^{…}` as indices and powers. plotters ends every text with a line break, so that lines are texts.
+/// Sets `_{…}` and `^{…}` as subscripts and superscripts. plotters ends every text with a line
+/// break, so each line holds one text.
 fn typeset(svg: &str) -> String {
     let mut out = String::with_capacity(svg.len());
     for line in svg.split_inclusive('\n') {
@@ -450,7 +469,7 @@ fn typeset(svg: &str) -> String {
             if shifted {
                 out.push_str(&format!("<tspan dy=\"{up}\">"));
             }
-            // Renderers drop a space at the beginning of a tspan.
+            // Renderers drop a space at the beginning of a tspan; a no-break space stays.
             let spaced = after.strip_prefix(' ').filter(|_| shifted);
             if spaced.is_some() {
                 out.push('\u{a0}');
@@ -469,7 +488,7 @@ fn typeset(svg: &str) -> String {
     out
 }
 
-/// Text before the next mark, the mark, what it encloses, and the text after it.
+/// Text before the next mark, the mark, its content, and the text after it.
 fn next_mark(text: &str) -> Option<(&str, char, &str, &str)> {
     let at = [text.find("_{"), text.find("^{")]
         .into_iter()

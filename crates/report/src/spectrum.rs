@@ -1,4 +1,4 @@
-//! A spectrum in the complex plane.
+//! Figure of a spectrum in the complex plane.
 
 use super::colour::{GREY, INK, SLIP, STICK};
 use super::plot::{Layout, figure};
@@ -10,7 +10,7 @@ const LAYOUT: Layout = Layout {
     margin: [84.0, 36.0, 24.0, 58.0],
 };
 
-/// Eigenvalues, coloured by verdict. Pairs are drawn over the rest.
+/// Draws eigenvalues coloured by verdict, pairs on top.
 pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {
     let range = |of: fn(&Eigenvalue) -> f64| {
         let values = || eigenvalues.iter().map(of);
@@ -20,7 +20,7 @@ pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {
     };
     let (Some(re), Some(im)) = (range(|e| e.value.re), range(|e| e.value.im)) else {
         return figure(LAYOUT, [0.0, 1.0], [0.0, 1.0], |plot| {
-            plot.apology("no eigenvalues");
+            plot.empty_note("no eigenvalues");
             plot.axes(&[], &[], "Re λ", "Im λ");
         });
     };

@@ -1,4 +1,4 @@
-//! τ(γ): the whole run, and the largest drop.
+//! Figures of τ(γ): the whole run, and the largest drop.
 
 use plotters::style::RGBColor;
 
@@ -11,10 +11,11 @@ const LAYOUT: Layout = Layout {
     size: [900.0, 400.0],
     margin: [72.0, 36.0, 24.0, 58.0],
 };
-/// Phases with less than this share of the range of τ are drawn in grey over the whole run, where they would blot.
+/// Phases with a change below this share of the range of τ stay grey in the figure of the whole
+/// run, where colours would blur.
 const VISIBLE: f64 = 0.02;
 
-/// τ over the whole run, phases of a visible size in their colours. `strain` and `tau` are [L].
+/// Draws τ over the whole run, with large phases in colour. `strain` and `tau` are `[L]`.
 pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -> String {
     let percent = percent_of(strain);
     let x = padded(percent.iter().copied(), 0.0);
@@ -23,7 +24,7 @@ pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>
         let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 6));
         plot.grid(&x_ticks, &y_ticks);
         if let Some(drop) = drop {
-            plot.upright(percent[drop.start], INK);
+            plot.vertical_line(percent[drop.start], INK);
             plot.note(percent[drop.start], "largest drop");
         }
         let rows: Vec<usize> = (0..tau.len()).collect();
@@ -56,7 +57,7 @@ pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>
     })
 }
 
-/// τ around a drop with its phases shaded; `frames`: γ of the frames that the maps are made of.
+/// Draws τ around a drop with its phases shaded. `frames`: γ of the two frames that the maps show.
 pub fn around(
     strain: &[f64],
     tau: &[f64],
@@ -89,7 +90,7 @@ pub fn around(
                 .for_each(|&row| plot.disk([percent[row], tau[row]], 2.2, INK, None));
         }
         for strain in frames.into_iter().flatten() {
-            plot.upright(100.0 * strain, INK);
+            plot.vertical_line(100.0 * strain, INK);
         }
         plot.clip();
         plot.axes(
@@ -98,7 +99,7 @@ pub fn around(
             "shear strain γ (%)",
             "shear stress ratio τ = S/N",
         );
-        let dashed = "dashed: the frames of the maps below";
+        let dashed = "dashed: frames of the maps below";
         let mut legend = vec![(STICK, "stick"), (SLIP, "slip"), (INK, "τ")];
         if frames.is_some() {
             legend.push((WHITE, dashed));
@@ -114,17 +115,18 @@ fn colour(kind: Kind) -> RGBColor {
     }
 }
 
-/// The rows around a drop: some of its own lengths, and at least 30 rows, on either side.
+/// The rows around a drop: four times its length, and at least 30 rows, on either side.
 fn window(rows: usize, drop: &Phase) -> std::ops::Range<usize> {
     let around = (4 * drop.duration()).max(30);
     drop.start.saturating_sub(around)..(drop.end + around + 1).min(rows)
 }
 
+/// Returns strains in percent.
 pub(super) fn percent_of(strain: &[f64]) -> Vec<f64> {
     strain.iter().map(|strain| 100.0 * strain).collect()
 }
 
-/// The range of the finite values, with a share of it added at both ends.
+/// Returns the range of the finite values, extended by `share` of it at both ends.
 pub(super) fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
     let finite = values.filter(|value| value.is_finite());
     let [low, high] = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
@@ -142,7 +144,8 @@ pub(super) fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] 
     [low - more * span, high + more * span]
 }
 
-/// The rows as lines, broken at values that are not finite, with no more points than the figure can show.
+/// Draws rows as lines that break at values that are not finite, with no more points than the
+/// figure can resolve.
 pub(super) fn draw(
     plot: &mut Plot,
     x: &[f64],
@@ -160,7 +163,7 @@ pub(super) fn draw(
     }
 }
 
-/// The first, the least, the greatest and the last point of every `column` of x, in their order.
+/// Keeps the first, least, greatest and last point of each interval of width `column` in x.
 pub(super) fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
     let place = |point: &[f64; 2]| (point[0] / column).floor();
     let mut kept = Vec::new();

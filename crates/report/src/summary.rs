@@ -1,4 +1,4 @@
-//! The numbers of a report.
+//! The numbers of a run's report.
 
 use serde_json::{Value, json};
 
@@ -8,15 +8,17 @@ use gshear_dem::failure::Failure;
 use gshear_store::run_reader::{Parameter, Run};
 use gshear_dem::state::{Disks, Frame};
 
-/// Mean and standard deviation (of the values themselves, divided by their number).
+/// Mean and population standard deviation (divided by the number of values).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moments {
+    /// Mean.
     pub mean: f64,
+    /// Standard deviation.
     pub deviation: f64,
 }
 
 impl Moments {
-    /// Of the finite values; NaN where there is none.
+    /// Computes the moments of the finite values; NaN if there are none.
     pub fn of(values: &[f64]) -> Self {
         let finite: Vec<f64> = values
             .iter()
@@ -37,20 +39,28 @@ impl Moments {
     }
 }
 
-/// The two frames around a drop, and what happened between them.
+/// The two frames around a drop, and D²min between them.
 pub struct Event {
+    /// The slip.
     pub drop: Phase,
-    /// Index of the last frame at or before the start of the drop, and of the first at or after its end.
+    /// Index of the last frame at or before the start of the drop, and of the first at or after its
+    /// end.
     pub frames: [usize; 2],
+    /// γ of the two frames.
     pub strain: [f64; 2],
+    /// The frame before the drop.
     pub earlier: Frame,
+    /// The frame after the drop.
     pub later: Frame,
-    /// [N] (m²) between the two.
+    /// `[N]` D²min between the two frames (m²).
     pub dmin: Vec<f64>,
 }
 
 impl Event {
-    /// The largest drop that lies between two frames; `None` where no slip does.
+    /// Returns the largest drop that lies between two frames; `None` if no slip does.
+    ///
+    /// # Errors
+    /// If a frame cannot be read.
     pub fn largest(run: &Run, phases: &[Phase]) -> Result<Option<Self>, Failure> {
         let (steps, rows) = (run.frame_steps(), &run.series().step);
         let frames = |phase: &Phase| {
@@ -92,7 +102,8 @@ impl Event {
         }))
     }
 
-    /// Where the grain with the greatest D²min was; the first grain where it is nowhere defined.
+    /// Returns the position of the grain with the greatest D²min, or of the first grain if none has
+    /// one.
     pub fn centre(&self) -> [f64; 2] {
         let defined = (0..self.dmin.len()).filter(|n| self.dmin[*n].is_finite());
         let greatest = defined.max_by(|a, b| self.dmin[*a].total_cmp(&self.dmin[*b]));
@@ -103,7 +114,7 @@ impl Event {
             .unwrap_or_default()
     }
 
-    /// Greatest D²min over r̄²; `None` where it is nowhere defined.
+    /// Returns the greatest D²min over r̄²; `None` if no grain has one.
     pub fn greatest_dmin(&self, grains: &Disks) -> Option<f64> {
         let defined = self.dmin.iter().copied().filter(|value| value.is_finite());
         defined
@@ -112,18 +123,23 @@ impl Event {
     }
 }
 
-/// Everything that a report says in numbers.
+/// All numbers of a run's report.
 pub struct Summary {
+    /// Stick and slip phases of the whole run.
     pub phases: Vec<Phase>,
     /// The largest drop of the whole run.
     pub drop: Option<Phase>,
-    /// τ over the latter half of the strain.
+    /// Moments of τ over the latter half of the strain.
     pub stress: Moments,
+    /// The drop that the maps show.
     pub event: Option<Event>,
 }
 
 impl Summary {
-    /// Errors: a run that turns out damaged while it is read.
+    /// Computes the numbers of a run.
+    ///
+    /// # Errors
+    /// If the run is damaged.
     pub fn of(run: &Run) -> Result<Self, Failure> {
         let (strain, tau) = (
             run.series().column("strain"),
@@ -141,14 +157,14 @@ impl Summary {
         })
     }
 
-    /// Number of phases of a kind: long, short.
+    /// Returns the number of long and of short phases of a kind.
     pub fn count(&self, kind: Kind) -> [usize; 2] {
         let of_kind = self.phases.iter().filter(|phase| phase.kind == kind);
         let long = of_kind.clone().filter(|phase| phase.is_long()).count();
         [long, of_kind.count() - long]
     }
 
-    /// As `summary.json` holds it.
+    /// Returns the content of `summary.json`.
     pub fn json(&self, run: &Run) -> Value {
         let parameters = run.parameters().iter().map(|(name, value)| {
             let value = match value {

@@ -1,9 +1,10 @@
-//! Round numbers along an axis, and prefixes of units.
+//! Axis ticks at round numbers, and SI prefixes.
 
-/// A tick: where, and what to write there.
+/// A tick: its position and its label.
 pub type Tick = (f64, String);
 
-/// About `wanted` round numbers within `low` … `high`, at steps of 1, 2 or 5 times a power of ten.
+/// Returns about `wanted` round numbers within `low` … `high`, in steps of 1, 2 or 5 times a power
+/// of ten.
 pub fn round(low: f64, high: f64, wanted: usize) -> Vec<Tick> {
     let span = high - low;
     if !(span.is_finite() && span > 0.0) {
@@ -27,7 +28,8 @@ pub fn round(low: f64, high: f64, wanted: usize) -> Vec<Tick> {
     (first..=last).map(tick).collect()
 }
 
-/// The powers of ten within 10^low … 10^high, on an axis of logarithms; every second, third, … where there are many.
+/// Returns ticks at the powers of ten within 10^low … 10^high, on an axis of log10; every second,
+/// third, … power if there are more than `most`.
 pub fn decades(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let (first, last) = ((low - 1e-9).ceil() as i64, (high + 1e-9).floor() as i64);
     let step = ((last - first).max(0) as usize / most.max(1) + 1) as i64;
@@ -43,7 +45,8 @@ pub fn decades(low: f64, high: f64, most: usize) -> Vec<Tick> {
         .collect()
 }
 
-/// The factor and the prefix by which a value is written with one to three digits before the point.
+/// Returns the factor and the SI prefix that give a value one to three digits before the decimal
+/// point.
 pub fn prefix(value: f64) -> (f64, &'static str) {
     const PREFIXES: [(i32, &str); 9] = [
         (-12, "p"),

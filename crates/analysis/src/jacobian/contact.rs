@@ -1,12 +1,15 @@
-//! What one contact adds to K.
+//! The contribution of one contact to K.
 //!
-//! With dr = dr_i - dr_j and ds = R_i dθ_i + R_j dθ_j (physics of `kernel` and `contact`):
+//! With dr = dr_i - dr_j, ds = R_i dθ_i + R_j dθ_j and the forces of `kernel` and `contact`:
 //!
-//!     dδ = -n·dr,  dn = (1 - nn) dr/|r|,  slip = (1 - nn) dr + n × ds
-//!     dF = F_n' dδ n + F_n dn + dF_t,  dF_t = ∂F_t/∂δ dδ + ∂F_t/∂slip slip - n (F_t·dn)
-//!     dT_i = -R_i (dn × F_t + n × dF_t) + dM,  dT_j = -R_j (dn × F_t + n × dF_t) - dM
+//! ```text
+//! dδ = -n·dr,  dn = (1 - nn) dr/|r|,  slip = (1 - nn) dr + n × ds
+//! dF = F_n' dδ n + F_n dn + dF_t,  dF_t = ∂F_t/∂δ dδ + ∂F_t/∂slip slip - n (F_t·dn)
+//! dT_i = -R_i (dn × F_t + n × dF_t) + dM,  dT_j = -R_j (dn × F_t + n × dF_t) - dM
+//! ```
 //!
-//! The last term of dF_t is the history turning with n. In two dimensions vectors have a third component of zero and rotations only that.
+//! The last term of dF_t is the rotation of the history with n. In two dimensions the third
+//! component of a vector is zero, and rotations have only that component.
 
 use super::History;
 use gshear_dem::contact::stiffness::{Derivatives, Stiffness};
@@ -15,16 +18,17 @@ use gshear_dem::dimension::Dimension;
 type Vector = [f64; 3];
 type Matrix = [Vector; 3];
 
-/// A touching contact.
+/// A contact with positive overlap and the derivatives of its force.
 pub struct Contact {
     radii: [f64; 2],
-    /// From j to i.
+    /// Unit normal, from j to i.
     n: Vector,
     distance: f64,
     derivatives: Derivatives,
 }
 
 impl Contact {
+    /// Evaluates the derivatives of the law at this contact. `radii` are those of i and j.
     pub fn new<D: Dimension>(
         law: &dyn Stiffness,
         radii: [f64; 2],
@@ -34,7 +38,7 @@ impl Contact {
         mut history: Vector,
     ) -> Self {
         if D::SPINS == 3 {
-            // As the force routine does: rounding has left a little along n.
+            // The force routine does the same: rounding has left a small component along n.
             let along = dot(history, n);
             (0..3).for_each(|k| history[k] -= along * n[k]);
         }
@@ -58,10 +62,12 @@ impl Contact {
         }
     }
 
+    /// Returns whether the contact is at the limit of friction.
     pub fn slides(&self) -> bool {
         self.derivatives.sliding
     }
 
+    /// Returns the blocks that the contact adds to K.
     pub fn stiffness<D: Dimension>(&self, history: History) -> Stiffnesses {
         let (n, d) = (self.n, &self.derivatives);
         let unit = |a: usize, b: usize| f64::from(u8::from(a == b));
@@ -103,24 +109,29 @@ impl Contact {
     }
 }
 
-/// The four blocks that a contact adds to K.
+/// Derivatives of the force and torque of a contact, from which [`Self::entry`] makes the four
+/// blocks of K.
 pub struct Stiffnesses {
-    /// Of x, y, z, θ_x, θ_y, θ_z those that the grains have.
+    /// Indices of a grain's unknowns among x, y, z, θ_x, θ_y, θ_z.
     unknowns: &'static [usize],
     radii: [f64; 2],
-    /// ∂F/∂r and ∂F/∂s.
+    /// ∂F/∂r.
     force_by_r: Matrix,
+    /// ∂F/∂s.
     force_by_s: Matrix,
-    /// Of n × F_t.
+    /// ∂(n × F_t)/∂r.
     moment_by_r: Matrix,
+    /// ∂(n × F_t)/∂s.
     moment_by_s: Matrix,
-    /// k_r, and ∂M/∂r.
+    /// k_r, the rolling stiffness.
     rolling: f64,
+    /// ∂M/∂r of the rolling torque.
     rolling_by_r: Vector,
 }
 
 impl Stiffnesses {
-    /// -∂F̃/∂q of a force on grain `a` and an unknown of grain `b`, 0 being i and 1 j.
+    /// Returns -∂F̃/∂q for component `row` of the force on grain `a` and unknown `column` of grain
+    /// `b`, where 0 is i and 1 is j.
     pub fn entry(&self, [a, b]: [usize; 2], [row, column]: [usize; 2]) -> f64 {
         let (row, column) = (self.unknowns[row], self.unknowns[column]);
         let sign = |g: usize| if g == 0 { 1.0 } else { -1.0 };
@@ -148,7 +159,7 @@ fn matrix(of: impl Fn(usize, usize) -> f64) -> Matrix {
     std::array::from_fn(|a| std::array::from_fn(|b| of(a, b)))
 }
 
-/// v ×.
+/// The matrix of v ×.
 fn cross([x, y, z]: Vector) -> Matrix {
     [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
 }

@@ -1,6 +1,9 @@
-//! K = -∂F̃/∂q of a state, exactly: F̃ the elastic forces and torques on the grains, q their positions and rotations (docs/spectrum.md).
+//! The stiffness matrix K = -∂F̃/∂q of a state, F̃ being the elastic forces and torques on the
+//! grains and q their positions and rotations (docs/spectrum.md).
 //!
-//! The derivative is that of the very force routine: histories turn with the contacts. λ > 0 of K v = λ M v, M = diag(m, I), is stable.
+//! K is the exact derivative of this code's own force routine, in which histories rotate with the
+//! contacts; [`paper_form`] gives J as BO's appendix B prints it. Modes solve K v = λ M v with M =
+//! diag(m, I); λ > 0 is stable.
 
 mod contact;
 mod paper;
@@ -18,28 +21,30 @@ use pattern::Pattern;
 
 pub use paper::paper_form;
 
-/// What K is the derivative in.
+/// The state at which K is evaluated.
 #[derive(Debug, Clone, Copy)]
 pub struct State<'a> {
     /// All grains, in the order of their ids 0 … N-1.
     pub grains: &'a [GrainState],
-    /// Contacts that touch, each once; those that do not, by their positions, count for nothing.
+    /// Contacts, each once. Those without overlap add nothing.
     pub contacts: &'a [ContactState],
+    /// The cell, periodic or with walls.
     pub cell: Cell,
+    /// Masses of the grains.
     pub masses: Masses,
 }
 
-/// Whether histories turn with n.
+/// Whether the tangential history rotates with n.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum History {
-    /// As in the force routine.
+    /// It rotates, as in the force routine.
     Turned,
-    /// As in BO's A10, whose t stays as n turns.
+    /// It does not, as in BO's A10, where t stays fixed while n rotates.
     Unturned,
 }
 
-/// K and M over the unknowns of the free grains: grain after grain its position and then its rotation, x, y, θ in two dimensions,
-/// x, y, z, θ_x, θ_y, θ_z in three.
+/// K and M over the unknowns of the free grains. Each grain has its position and then its rotation:
+/// x, y, θ in two dimensions, x, y, z, θ_x, θ_y, θ_z in three.
 pub struct Jacobian {
     /// K (N/m, N, N m; per unit depth in 2D). Grains without contacts have blocks of zeros.
     pub k: SparseColMat<usize, f64>,
@@ -47,29 +52,35 @@ pub struct Jacobian {
     pub mass: Vec<f64>,
     /// Ids of the free grains, in the order of their unknowns.
     pub grains: Vec<u32>,
-    /// Unknowns of a grain, and those of its position among them.
+    /// Number of unknowns per grain.
     pub per_grain: usize,
+    /// Number of position unknowns per grain.
     pub axes: usize,
-    /// Contacts that touch, and those of them at the limit of friction.
+    /// Number of contacts with positive overlap.
     pub contacts: usize,
+    /// Number of those contacts at the limit of friction.
     pub sliding: usize,
-    /// Grains of walls are held, so that translations are no zero modes.
+    /// Whether wall grains are held, so that translations are no zero modes.
     held: bool,
 }
 
 impl Jacobian {
+    /// Returns the number of unknowns.
     pub fn unknowns(&self) -> usize {
         self.mass.len()
     }
 
-    /// K v = λ M v, translations set apart. It also is what `spectrum::Solver` takes.
+    /// Creates the eigenvalue problem K v = λ M v with the translations as null vectors.
+    /// `spectrum::Solver` takes it as well.
     ///
-    /// Errors: a K that is not finite.
+    /// # Errors
+    /// [`Unfit`] if K is not finite.
     pub fn problem(&self) -> Result<Problem, Unfit> {
         Problem::new(&self.k, &self.mass, self.translations().as_ref())
     }
 
-    /// [unknowns] from a vector and an axial vector of every free grain, by id: force and torque, or displacement and rotation.
+    /// Returns a vector over the unknowns from a vector and an axial vector per free grain, given
+    /// by id: force and torque, or displacement and rotation.
     pub fn unknowns_of(&self, of: impl Fn(u32) -> [[f64; 3]; 2]) -> Vec<f64> {
         let spins = self.per_grain - self.axes;
         let one = |&g: &u32| {
@@ -81,7 +92,8 @@ impl Jacobian {
         self.grains.iter().flat_map(one).collect()
     }
 
-    /// The reverse of [`Jacobian::unknowns_of`]: every free grain with its two vectors, zeros for what two dimensions lack.
+    /// Returns every free grain with its two vectors: the inverse of [`Jacobian::unknowns_of`].
+    /// Components that two dimensions lack are zero.
     pub fn by_grain<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = (u32, [[f64; 3]; 2])> + 'a {
         let spins = self.per_grain - self.axes;
         let of = self.grains.iter().zip(x.chunks_exact(self.per_grain));
@@ -93,7 +105,8 @@ impl Jacobian {
         })
     }
 
-    /// [unknowns][axes], translations of all grains: null vectors of K and of its transpose. No columns where walls hold the grains.
+    /// Returns the translations of all grains, `[unknowns][axes]`: null vectors of K and of its
+    /// transpose. There are no columns if walls hold the grains.
     pub fn translations(&self) -> Mat<f64> {
         let columns = if self.held { 0 } else { self.axes };
         Mat::from_fn(self.unknowns(), columns, |row, axis| {
@@ -102,16 +115,20 @@ impl Jacobian {
     }
 }
 
-/// K and M of a state. Deterministic: contacts are added in the order given.
+/// Assembles K and M of a state. Contacts are added in the order given, so the result is
+/// deterministic.
 ///
 /// # Panics
-/// Where the grains are not in the order of their ids.
+/// If `state.grains` is not in the order of the ids 0 … N-1.
 pub fn assemble<D: Dimension>(state: State<'_>, law: &dyn Stiffness, history: History) -> Jacobian {
     let State {
         grains, contacts, ..
     } = state;
     let in_order = grains.iter().enumerate().all(|(k, g)| g.id as usize == k);
-    assert!(in_order, "the grains are not 0 … N-1");
+    assert!(
+        in_order,
+        "grains must be given in the order of their ids 0 … N-1"
+    );
     let mut place = vec![None; grains.len()];
     let mut free = Vec::new();
     for g in grains.iter().filter(|g| g.body == body::FREE) {
@@ -162,7 +179,7 @@ pub fn assemble<D: Dimension>(state: State<'_>, law: &dyn Stiffness, history: Hi
     }
 }
 
-/// A contact of two grains, where they touch.
+/// The contact of two grains, or `None` without overlap.
 fn touch<D: Dimension>(
     [a, b]: [&GrainState; 2],
     history: [f64; 3],

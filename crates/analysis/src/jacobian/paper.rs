@@ -4,14 +4,22 @@ use faer::sparse::{SparseColMat, Triplet};
 
 use super::Jacobian;
 
-/// J of B15 from K of unturned histories: rows are unknowns and columns forces, x of all grains, then y, z, and the rotations.
+/// Returns J of BO's equation B15 from K with [`History::Unturned`](super::History::Unturned): rows
+/// are unknowns and columns forces, x of all grains first, then y, z, and the rotations. `radius`
+/// gives the radius of a grain by id (m).
 ///
-/// Torques are over R and rotations times R (B9), so K becomes K̃, and M M̃ = diag(m, I/R²), which divides the derivatives (B10; the paper has
-/// m = 1, I/R² = 0.4). With S = diag(1, -1) of positions and rotations, which is how the signs of B12 and B13 come out,
+/// B9 divides torques by R and multiplies rotations by R, which turns K into K̃ and M into M̃ =
+/// diag(m, I/R²). B10 divides the derivatives by the masses (the paper has m = 1, I/R² = 0.4). With
+/// S = diag(1, -1) for positions and rotations, which accounts for the signs of B12 and B13,
 ///
-///     J = S (K̃ M̃⁻¹)ᵀ S,
+/// ```text
+/// J = S (K̃ M̃⁻¹)ᵀ S.
+/// ```
 ///
-/// whose eigenvalues are those of K v = λ M v. `radius` of all grains, by id (m).
+/// Its eigenvalues are those of K v = λ M v.
+///
+/// # Panics
+/// If an entry of `jacobian.k` lies outside the matrix.
 pub fn paper_form(jacobian: &Jacobian, radius: impl Fn(u32) -> f64) -> SparseColMat<usize, f64> {
     let (per_grain, grains) = (jacobian.per_grain, jacobian.grains.len());
     let place = |unknown: usize| unknown % per_grain * grains + unknown / per_grain;

@@ -1,17 +1,20 @@
-//! Where the blocks of grains in contact are among the entries of K.
+//! Sparsity pattern of K: which blocks of grains are nonzero and where their entries are stored.
 
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 
-/// Square blocks, of which every grain has one on the diagonal and every pair in contact two.
+/// Pattern of square blocks: one on the diagonal per grain and two per pair of grains in contact.
 pub struct Pattern {
-    /// Rows and columns of a block.
+    /// Number of rows and columns of a block.
     side: usize,
-    /// First block of every grain's columns, and the grains whose rows they hold, ascending.
+    /// First block of every grain's columns; one more at the end.
     start: Vec<usize>,
+    /// Grains whose rows the blocks hold, ascending in each column of blocks.
     partner: Vec<usize>,
 }
 
 impl Pattern {
+    /// Creates the pattern of `grains` grains with the given pairs in contact, in any order and
+    /// number.
     pub fn new(grains: usize, side: usize, pairs: impl Iterator<Item = [usize; 2]>) -> Self {
         let mut partners: Vec<Vec<usize>> = (0..grains).map(|g| vec![g]).collect();
         for [i, j] in pairs {
@@ -32,11 +35,12 @@ impl Pattern {
         }
     }
 
+    /// Returns the number of stored entries.
     pub fn entries(&self) -> usize {
         self.partner.len() * self.side * self.side
     }
 
-    /// Adds a block, of entries by row and column.
+    /// Adds to `values` a block given by row and column. Panics if the pair is not in the pattern.
     pub fn add(
         &self,
         values: &mut [f64],
@@ -54,6 +58,7 @@ impl Pattern {
         }
     }
 
+    /// Returns the sparse matrix with these values.
     pub fn matrix(&self, values: Vec<f64>) -> SparseColMat<usize, f64> {
         let side = self.side;
         let unknowns = side * (self.start.len() - 1);

@@ -1,4 +1,4 @@
-//! All that is found of the realisations of one protocol, and the fits to several of them.
+//! All measurements of one protocol, and the fits to several records.
 
 use std::ops::Range;
 
@@ -8,19 +8,23 @@ use super::measures::{self, Healing, Hold, Peaks, Steady, Step};
 use super::record::Record;
 use super::window::Window;
 
-/// A protocol and what its record shows.
+/// A record with everything measured on it without a law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Experiment {
+    /// The record: one run, or the mean of several realisations.
     pub record: Record,
-    /// [segments]
+    /// `[segments]` Steady friction; `None` for holds.
     pub steady: Vec<Option<Steady>>,
+    /// Velocity steps.
     pub steps: Vec<Step>,
+    /// Holds after a slide.
     pub holds: Vec<Hold>,
+    /// Fits of healing against ln t_hold.
     pub healing: Vec<Healing>,
 }
 
 impl Experiment {
-    /// `d_c` (m): as in [`Peaks`].
+    /// Measures a record. `d_c` (m): see [`Peaks::d_c`].
     pub fn of(record: Record, d_c: Option<f64>) -> Self {
         let steady = measures::steady_segments(&record);
         let peaks = Peaks { d_c };
@@ -44,22 +48,24 @@ fn step_ranges(record: &Record) -> Vec<Range<usize>> {
     after.map(|k| k - 1..k + 1).collect()
 }
 
-/// Segments of each hold: the slide before, the hold, and the slide after where there is one.
+/// Segments of each hold: the slide before, the hold, and the slide after it if there is one.
 fn hold_ranges(record: &Record) -> Vec<Range<usize>> {
     let count = record.drive.len();
     let holds = (1..count).filter(|k| record.drive[*k].is_hold());
     holds.map(|k| k - 1..count.min(k + 2)).collect()
 }
 
-/// The fits of both laws, or one of them, to the same windows.
+/// Fits of one or both laws to the same windows.
 #[derive(Debug, Clone)]
 pub struct Fitted {
-    /// `all`, `all (jackknife)`, `velocity steps`, `slide-hold-slide`; or `velocity step`, `hold` for a single one.
+    /// `all`, `all (jackknife)`, `velocity steps` or `slide-hold-slide`; for a single event
+    /// `velocity step` or `hold`.
     pub name: &'static str,
-    /// Experiment and segments of a single step or hold.
+    /// Index of the record and its segments, for a single step or hold.
     pub event: Option<(usize, Range<usize>)>,
+    /// A fit per law, or the reason why there is none.
     pub fits: Vec<(Evolution, Result<Fit, String>)>,
-    /// χ² of each fit with the noise of the best one; `None` where there is no fit.
+    /// χ² of each fit, in units of the noise of the best one; `None` without a fit.
     pub chi_squared: Vec<Option<f64>>,
 }
 
@@ -80,15 +86,15 @@ impl Fitted {
         }
     }
 
-    /// The fit with the least residuals.
+    /// Returns the fit with the least residuals.
     pub fn best(&self) -> Option<&Fit> {
         let done = self.fits.iter().filter_map(|(_, fit)| fit.as_ref().ok());
         done.min_by(|a, b| a.rms.total_cmp(&b.rms))
     }
 }
 
-/// Fits everything at once, first; then, where there are both, all velocity steps and all slide-hold-slides; then, where there are
-/// several, each step and each hold by itself.
+/// Fits the laws to all records together; then, if there are both kinds, to all velocity steps and
+/// to all slide-hold-slide tests; then, if there are several, to each step and each hold.
 pub fn fit_all(records: &[Record], laws: &[Evolution]) -> Vec<Fitted> {
     let window = |(k, range): &(usize, Range<usize>)| Window::of(&records[*k], range.clone());
     let of_all = |ranges: fn(&Record) -> Vec<Range<usize>>| -> Vec<(usize, Range<usize>)> {

@@ -1,4 +1,5 @@
-//! Least squares for a, b, D_c and μ*, through the forward model with the spring.
+//! Least-squares fit of a, b, D_c and μ* to measured friction, with the spring slider as forward
+//! model.
 
 use std::ops::Range;
 
@@ -11,53 +12,60 @@ use super::measures::student;
 use super::noise::correlation;
 use super::window::Window;
 
-/// A value and its 95 % interval.
+/// An estimate with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
+    /// The estimate.
     pub value: f64,
+    /// Lower and upper end of the 95 % interval.
     pub interval: [f64; 2],
 }
 
 impl Estimate {
-    /// Half the interval is `reach`.
-    pub(super) fn linear(value: f64, reach: f64) -> Self {
+    /// Creates a symmetric interval of half-width `half_width`.
+    pub(super) fn linear(value: f64, half_width: f64) -> Self {
         Estimate {
             value,
-            interval: [value - reach, value + reach],
+            interval: [value - half_width, value + half_width],
         }
     }
 
-    /// Half the interval of the logarithm is `reach`.
-    pub(super) fn logarithmic(value: f64, reach: f64) -> Self {
+    /// Creates an interval that is symmetric in the logarithm, of half-width `half_width` there.
+    pub(super) fn logarithmic(value: f64, half_width: f64) -> Self {
         Estimate {
             value,
-            interval: [value * (-reach).exp(), value * reach.exp()],
+            interval: [value * (-half_width).exp(), value * half_width.exp()],
         }
     }
 }
 
-/// The law that fits best.
+/// The best-fitting law, its intervals and residuals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
+    /// The law at the estimates.
     pub law: Law,
+    /// a, the direct effect.
     pub a: Estimate,
+    /// b, the evolution effect.
     pub b: Estimate,
+    /// a - b.
     pub a_minus_b: Estimate,
     /// D_c (m).
     pub d_c: Estimate,
+    /// μ*, at V* of the law.
     pub mu_star: Estimate,
-    /// Root mean square of the residuals, of all means of rows alike.
+    /// Root mean square of the residuals, all means with equal weight.
     pub rms: f64,
-    /// Σ n/g over the segments: independent values that the means are worth.
+    /// Σ n/g over the segments: the number of independent values the means are worth.
     pub effective: f64,
-    /// [windows][means] measured less model.
+    /// `[windows][means]` measured minus modelled μ.
     pub residuals: Vec<Vec<f64>>,
-    /// [windows][segments] γ_0 g of the residuals.
+    /// `[windows][segments]` γ_0 g of the residuals.
     pub(super) noise: Vec<Vec<f64>>,
 }
 
 impl Fit {
-    /// What was estimated, with the names of the tables.
+    /// Returns the estimates with their names in tables.
     pub fn estimates(&self) -> [(&'static str, Estimate); 5] {
         [
             ("a", self.a),
@@ -69,32 +77,39 @@ impl Fit {
     }
 }
 
-/// Number of parameters: ln a, b, ln D_c, μ*. a and D_c are positive; b may vanish or be negative, as where friction only strengthens.
+/// Number of parameters: ln a, b, ln D_c, μ*. a and D_c are positive; b may be zero or negative, if
+/// friction only strengthens with velocity.
 const PARAMETERS: usize = 4;
-/// Steps of the central differences by ln a, b and ln D_c.
+/// Steps of the central differences in ln a, b and ln D_c.
 const DIFFERENCES: [f64; 3] = [1e-3, 1e-5, 1e-3];
-/// Residual that stands for a motion which failed, so that the search turns back.
+/// Residual assigned to a failed integration, so that the search turns back.
 const FAILED: f64 = 1e3;
-/// Errors of the forward model in μ: no noise is taken for less.
+/// Numerical error of the forward model in μ, the lower bound of the noise.
 const MODEL_ERROR: f64 = 1e-7;
 
-/// Fits a law to windows, all at once, starting from several a and D_c.
+/// Fits a law to all windows together, starting from several a and D_c.
 ///
-/// Every segment weighs as much as it is worth: its sum of squares over γ_0 g of its residuals (variance and inefficiency, see
-/// `correlation`), which a first fit with equal weights of all segments gives. The covariance of ln a, b, ln D_c, μ* is
+/// Segments are weighted by the noise of their residuals, γ_0 g (variance and statistical
+/// inefficiency, see [`correlation`]), as a first fit with equal weight per
+/// segment gives it. The covariance of ln a, b, ln D_c, μ* is
 ///
-///   C = Σ C_s,   C_s = A⁻¹ (w_s² γ_0 g (1 + h/ν) J_sᵀJ_s) A⁻¹,   A = Σ w_s J_sᵀJ_s,   sums over the segments s,
+/// ```text
+/// C = Σ C_s,   C_s = A⁻¹ (w_s² γ_0 g (1 + h/ν) J_sᵀJ_s) A⁻¹,   A = Σ w_s J_sᵀJ_s
+/// ```
 ///
-/// J being the derivatives, w the weights, γ_0 g of the final residuals. So correlated rows count as the n/g independent ones that they
-/// are worth. γ_0 g is a sum over 2W + 1 lags and known as well as from ν = n/(2W + 1) independent squares; h = tr(w_s J_sᵀJ_s A⁻¹) parameters
-/// that the segment takes make it too small by the share h/ν (Wolff 2004, eq. 49, where h = 1). Intervals are of 95 %, by Student's t;
-/// its degrees of freedom are those of Welch and Satterthwaite, (ΣC_s)²/Σ(C_s²/ν).
-/// V* is the first window's first velocity.
+/// with sums over the segments s, the derivatives J, the weights w, and γ_0 g of the final
+/// residuals. Thus n correlated values count as n/g independent ones. γ_0 g is a sum over 2W + 1
+/// lags, as uncertain as an average of ν = n/(2W + 1) independent squares. The h = tr(w_s J_sᵀJ_s
+/// A⁻¹) parameters that the segment determines bias it low by the share h/ν (Wolff 2004, eq. 49,
+/// where h = 1). Intervals are 95 % by Student's t with the degrees of freedom of Welch and
+/// Satterthwaite, (ΣC_s)²/Σ(C_s²/ν). V* is the first velocity of the first window.
 ///
-/// Errors: no convergence; data that do not determine the parameters. Says which.
+/// # Errors
+/// Says why there is no fit: no windows, no convergence, a failed integration, or data that do not
+/// determine the parameters.
 pub fn fit(windows: &[Window], evolution: Evolution) -> Result<Fit, String> {
     let Some(first) = windows.first() else {
-        return Err("there is nothing to fit".into());
+        return Err("no window to fit: give at least one record with a slide".into());
     };
     let v_star = first.drive[0].velocity;
     let mut problem = Problem {
@@ -114,8 +129,11 @@ pub fn fit(windows: &[Window], evolution: Evolution) -> Result<Fit, String> {
     problem.minimized()?.result()
 }
 
-/// χ² of a fit in units of the noise that another one left, Σ r²/(γ_0 g) over all means: that other one's own is `effective`, and of two
-/// laws fitted to the same windows the likelier has the lesser χ². Take the noise from the one with the lesser `rms`.
+/// Returns χ² of `fit` in units of the noise that `noise_of` left: Σ r²/(γ_0 g) over all means.
+///
+/// The χ² of `noise_of` itself is its `effective`. Of two laws fitted to the same
+/// windows, the one with the lesser χ² is more likely; take the noise from the fit with the lesser
+/// `rms`.
 pub fn chi_squared(windows: &[Window], fit: &Fit, noise_of: &Fit) -> f64 {
     let mut sum = 0.0;
     for ((window, residuals), noise) in windows.iter().zip(&fit.residuals).zip(&noise_of.noise) {
@@ -127,7 +145,7 @@ pub fn chi_squared(windows: &[Window], fit: &Fit, noise_of: &Fit) -> f64 {
     sum
 }
 
-/// Noise of a segment.
+/// Noise of the residuals in one segment.
 #[derive(Debug, Clone, Copy)]
 struct Noise {
     /// γ_0 g.
@@ -144,7 +162,7 @@ struct Problem<'a> {
     windows: &'a [Window],
     evolution: Evolution,
     v_star: f64,
-    /// [windows][segments] roots of the weights.
+    /// `[windows][segments]` square roots of the weights.
     roots: Vec<Vec<f64>>,
     /// ln a, b, ln D_c, μ*.
     at: Vector4<f64>,
@@ -170,7 +188,8 @@ impl Problem<'_> {
         }
     }
 
-    /// The likeliest of some a and D_c, with a - b and μ* from the friction at the end of every slide.
+    /// Start of the search: the a and D_c of least cost on a coarse grid, with a - b and μ* from
+    /// the friction at the end of every slide.
     fn guess(&self) -> Vector4<f64> {
         let slides = self.windows.iter().flat_map(|window| {
             let of = move |(k, segment): (usize, &super::protocol::Segment)| {
@@ -208,7 +227,7 @@ impl Problem<'_> {
             .sum()
     }
 
-    /// Weighted residuals of all means; `FAILED` each where the motion fails.
+    /// Weighted residuals of all means; each is `FAILED` if the integration fails.
     fn weighted(&self, at: &Vector4<f64>) -> OVector<f64, Dyn> {
         let law = self.law(at);
         let mut all = Vec::with_capacity(self.means());
@@ -224,7 +243,7 @@ impl Problem<'_> {
         OVector::<f64, Dyn>::from_vec(all)
     }
 
-    /// Derivatives of the weighted residuals.
+    /// Derivatives of the weighted residuals by ln a, b, ln D_c, μ*.
     fn derivatives(&self) -> OMatrix<f64, Dyn, U4> {
         let mut j = OMatrix::<f64, Dyn, U4>::zeros(self.means());
         for (c, h) in DIFFERENCES.into_iter().enumerate() {
@@ -255,14 +274,14 @@ impl Problem<'_> {
         match report.termination {
             reason if reason.was_successful() => Ok(problem),
             TerminationReason::LostPatience => Err(format!(
-                "the fit did not converge within {} evaluations",
+                "the fit did not converge within {} evaluations: add velocity steps or holds",
                 report.number_of_evaluations
             )),
             reason => Err(format!("the fit did not converge: {reason:?}")),
         }
     }
 
-    /// [windows][means] measured less model.
+    /// `[windows][means]` measured less model.
     fn residuals_of_windows(&self) -> Result<Vec<Vec<f64>>, String> {
         let law = self.law(&self.at);
         let of = |window: &Window| {
@@ -273,7 +292,7 @@ impl Problem<'_> {
         self.windows.iter().map(of).collect()
     }
 
-    /// [windows][segments].
+    /// `[windows][segments]`.
     fn noise(&self, residuals: &[Vec<f64>]) -> Vec<Vec<Noise>> {
         let of = |residuals: &[f64]| {
             let correlation = correlation(residuals);
@@ -302,21 +321,22 @@ impl Problem<'_> {
         let effective: f64 = noise.iter().flatten().map(|noise| noise.effective).sum();
         if effective < PARAMETERS as f64 + 1.0 {
             return Err(format!(
-                "the data are worth {effective:.1} independent values, too few for {PARAMETERS} parameters"
+                "the data are worth {effective:.1} independent values, but {PARAMETERS} parameters need at least {}; record longer or more often",
+                PARAMETERS + 1
             ));
         }
         let covariance = self.covariance(&noise)?;
-        let reach = |a, b, d_c, mu| covariance.reach(&Vector4::new(a, b, d_c, mu));
+        let half_width = |a, b, d_c, mu| covariance.half_width(&Vector4::new(a, b, d_c, mu));
         let law = self.law(&self.at);
         let count = residuals.iter().map(Vec::len).sum::<usize>() as f64;
         let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
         Ok(Fit {
-            a: Estimate::logarithmic(law.a, reach(1.0, 0.0, 0.0, 0.0)),
-            b: Estimate::linear(law.b, reach(0.0, 1.0, 0.0, 0.0)),
+            a: Estimate::logarithmic(law.a, half_width(1.0, 0.0, 0.0, 0.0)),
+            b: Estimate::linear(law.b, half_width(0.0, 1.0, 0.0, 0.0)),
             // d(a - b) = a d(ln a) - db
-            a_minus_b: Estimate::linear(law.a - law.b, reach(law.a, -1.0, 0.0, 0.0)),
-            d_c: Estimate::logarithmic(law.d_c, reach(0.0, 0.0, 1.0, 0.0)),
-            mu_star: Estimate::linear(law.mu_star, reach(0.0, 0.0, 0.0, 1.0)),
+            a_minus_b: Estimate::linear(law.a - law.b, half_width(law.a, -1.0, 0.0, 0.0)),
+            d_c: Estimate::logarithmic(law.d_c, half_width(0.0, 0.0, 1.0, 0.0)),
+            mu_star: Estimate::linear(law.mu_star, half_width(0.0, 0.0, 0.0, 1.0)),
             law,
             rms: (square / count).sqrt(),
             effective,
@@ -335,19 +355,19 @@ impl Problem<'_> {
         for ((window, roots), noise) in self.windows.iter().zip(&self.roots).zip(noise) {
             for ((means, root), noise) in window.segments.iter().zip(roots).zip(noise) {
                 let part = j.rows(row, means.len());
-                // Already weighted: w JᵀJ.
+                // `part` holds weighted derivatives, so this is w JᵀJ.
                 squares.push((part.transpose() * part, root * root, *noise));
                 row += means.len();
             }
         }
         let a: Matrix4<f64> = squares.iter().map(|(square, ..)| square).sum();
-        // In units in which the diagonal is 1, so that small parameters count as much as large ones.
+        // Scaled to a unit diagonal, so that small parameters count as much as large ones.
         let scale = Matrix4::from_diagonal(&a.diagonal().map(|d: f64| d.sqrt().recip()));
         let scaled = scale * a * scale;
         let inverse = (scaled.symmetric_eigenvalues().min() > SINGULAR)
             .then(|| scaled.try_inverse())
             .flatten()
-            .ok_or("these data do not determine the parameters")?;
+            .ok_or("these data do not determine a, b, D_c and μ*: add velocity steps or holds")?;
         let inverse = scale * inverse * scale;
         let part = |(square, weight, noise): (Matrix4<f64>, f64, Noise)| {
             let taken = (square * inverse).trace();
@@ -365,8 +385,8 @@ impl Problem<'_> {
 struct Covariance(Vec<(Matrix4<f64>, f64)>);
 
 impl Covariance {
-    /// Half the 95 % interval of the combination of parameters with the given factors.
-    fn reach(&self, factors: &Vector4<f64>) -> f64 {
+    /// Half the 95 % interval of the linear combination of parameters with these factors.
+    fn half_width(&self, factors: &Vector4<f64>) -> f64 {
         let parts = self.0.iter().map(|(part, freedom)| {
             let variance = factors.dot(&(part * factors));
             (variance, variance * variance / freedom)
@@ -376,7 +396,7 @@ impl Covariance {
     }
 }
 
-/// Least eigenvalue of the scaled JᵀJ, below which differences of the model are noise.
+/// Least eigenvalue of the scaled JᵀJ; below it the finite differences of the model are noise.
 const SINGULAR: f64 = 1e-9;
 
 impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {

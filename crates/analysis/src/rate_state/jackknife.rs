@@ -1,4 +1,5 @@
-//! How sure a fit is by what realisations differ in, whatever the noise within them.
+//! Jackknife intervals of a fit, from the differences between realisations rather than the noise
+//! within them.
 
 use super::experiment::Fitted;
 use super::fit::{Estimate, Fit, fit};
@@ -7,14 +8,19 @@ use super::measures::student;
 use super::record::{Record, mean};
 use super::window::Window;
 
-/// Fewest realisations of a protocol.
+/// Least number of realisations per protocol.
 const FEWEST: usize = 3;
 
-/// The fits to all with intervals of 95 % from fits that leave out one realisation each (Tukey 1958; by experiment, since each has its own realisations):
-/// variance Σ_e (R_e - 1)/R_e Σ_k (p_ek - p̄_e)² with Σ (R_e - 1) degrees of freedom, for ln a, b, a - b, ln D_c and μ*.
+/// Returns the fits to all records with 95 % intervals from fits that each leave out one
+/// realisation (Tukey 1958, applied per experiment e because each has its own realisations).
 ///
-/// `groups`: the realisations among `records` of each experiment. `None` where an experiment has fewer than three; where a fit fails,
-/// so does its law.
+/// ```text
+/// variance = Σ_e (R_e - 1)/R_e Σ_k (p_ek - p̄_e)²,  degrees of freedom Σ (R_e - 1)
+/// ```
+///
+/// for p = ln a, b, a - b, ln D_c and μ*. `groups`: indices into `records` of the realisations of
+/// each experiment. `None` if an experiment has fewer than three realisations. If one of the fits
+/// fails, so does that law's result.
 pub fn jackknife(records: &[Record], groups: &[Vec<usize>], all: &Fitted) -> Option<Fitted> {
     if groups.iter().any(|group| group.len() < FEWEST) {
         return None;
@@ -45,7 +51,7 @@ fn with_spread(records: &[Record], groups: &[Vec<usize>], full: Fit) -> Result<F
             let mut windows = windows.clone();
             let kept = group.iter().copied().filter(|k| k != left);
             windows[e] = whole(records, kept);
-            without.push(searched(&fit(&windows, full.law.evolution)?));
+            without.push(parameters(&fit(&windows, full.law.evolution)?));
         }
         let count = group.len() as f64;
         for (p, variance) in variance.iter_mut().enumerate() {
@@ -55,19 +61,19 @@ fn with_spread(records: &[Record], groups: &[Vec<usize>], full: Fit) -> Result<F
         }
         freedom += count - 1.0;
     }
-    let reach = variance.map(|variance| student(freedom) * variance.sqrt());
+    let half_width = variance.map(|variance| student(freedom) * variance.sqrt());
     Ok(Fit {
-        a: Estimate::logarithmic(full.a.value, reach[0]),
-        b: Estimate::linear(full.b.value, reach[1]),
-        a_minus_b: Estimate::linear(full.a_minus_b.value, reach[2]),
-        d_c: Estimate::logarithmic(full.d_c.value, reach[3]),
-        mu_star: Estimate::linear(full.mu_star.value, reach[4]),
+        a: Estimate::logarithmic(full.a.value, half_width[0]),
+        b: Estimate::linear(full.b.value, half_width[1]),
+        a_minus_b: Estimate::linear(full.a_minus_b.value, half_width[2]),
+        d_c: Estimate::logarithmic(full.d_c.value, half_width[3]),
+        mu_star: Estimate::linear(full.mu_star.value, half_width[4]),
         ..full
     })
 }
 
 /// ln a, b, a - b, ln D_c, μ*.
-fn searched(fit: &Fit) -> [f64; 5] {
+fn parameters(fit: &Fit) -> [f64; 5] {
     let law = fit.law;
     [law.a.ln(), law.b, law.a - law.b, law.d_c.ln(), law.mu_star]
 }

@@ -1,6 +1,6 @@
-//! The rate-and-state law with the aging (Dieterich) and the slip (Ruina) evolution of θ.
+//! The rate-and-state law with the aging (Dieterich) or slip (Ruina) evolution of θ.
 
-/// How θ evolves.
+/// Evolution law of θ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Evolution {
     /// dθ/dt = 1 - Vθ/D_c.
@@ -10,6 +10,7 @@ pub enum Evolution {
 }
 
 impl Evolution {
+    /// Returns the name in options and tables.
     pub fn name(self) -> &'static str {
         match self {
             Evolution::Aging => "aging",
@@ -18,21 +19,24 @@ impl Evolution {
     }
 }
 
-/// μ = μ* + a ln(V/V*) + b ln(V*θ/D_c).
+/// Rate-and-state law μ = μ* + a ln(V/V*) + b ln(V*θ/D_c).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
+    /// Evolution of θ.
     pub evolution: Evolution,
     /// μ*: friction of steady sliding at V*.
     pub mu_star: f64,
+    /// a, the direct effect.
     pub a: f64,
+    /// b, the evolution effect.
     pub b: f64,
     /// D_c (m).
     pub d_c: f64,
-    /// V* (m/s): any velocity; only μ* depends on its choice.
+    /// V* (m/s), an arbitrary reference velocity; only μ* depends on its choice.
     pub v_star: f64,
 }
 
-/// Velocity and state by their logarithms, which stay moderate where V and θ run over many decades.
+/// Velocity and state as logarithms, which stay moderate while V and θ vary over many decades.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
     /// ln(V/V*).
@@ -42,22 +46,22 @@ pub struct State {
 }
 
 impl Law {
-    /// μ of a state.
+    /// Returns μ of a state.
     pub fn friction(&self, state: State) -> f64 {
         self.mu_star + self.a * state.ln_v + self.b * state.ln_theta
     }
 
-    /// V (m/s).
+    /// Returns V (m/s).
     pub fn velocity(&self, state: State) -> f64 {
         self.v_star * state.ln_v.exp()
     }
 
-    /// θ (s).
+    /// Returns θ (s).
     pub fn theta(&self, state: State) -> f64 {
         self.d_c / self.v_star * state.ln_theta.exp()
     }
 
-    /// Steady sliding at V > 0 (m/s): θ = D_c/V.
+    /// Returns the state of steady sliding at V > 0 (m/s): θ = D_c/V.
     pub fn steady(&self, velocity: f64) -> State {
         let ln_v = (velocity / self.v_star).ln();
         State {
@@ -66,7 +70,7 @@ impl Law {
         }
     }
 
-    /// d ln θ/dt (1/s).
+    /// Returns d ln θ/dt (1/s).
     pub fn evolution_rate(&self, state: State) -> f64 {
         let slipping = self.velocity(state) / self.d_c;
         match self.evolution {
@@ -75,7 +79,7 @@ impl Law {
         }
     }
 
-    /// Derivatives of [`Self::evolution_rate`] by ln V and ln θ (1/s).
+    /// Returns the derivatives of [`Self::evolution_rate`] by ln V and ln θ (1/s).
     pub fn evolution_gradient(&self, state: State) -> [f64; 2] {
         let slipping = self.velocity(state) / self.d_c;
         match self.evolution {
@@ -84,7 +88,8 @@ impl Law {
         }
     }
 
-    /// k̄_c = (b - a)/D_c (1/m): without inertia, steady sliding on a softer spring is unstable (Ruina 1983).
+    /// Returns k̄_c = (b - a)/D_c (1/m). Without inertia, steady sliding on a softer spring is
+    /// unstable (Ruina 1983).
     pub fn critical_stiffness(&self) -> f64 {
         (self.b - self.a) / self.d_c
     }

@@ -1,95 +1,107 @@
-//! What a record shows without a law of evolution: steady friction, velocity steps, holds and their healing.
+//! Measurements that need no evolution law: steady friction, velocity steps, holds and their
+//! healing.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::noise::block_error;
 use super::record::Record;
 
-/// Steady friction in the latter half of a slide.
+/// Steady friction, averaged over the latter half of a slide.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Steady {
+    /// Index of the segment.
     pub segment: usize,
     /// V_drive (m/s).
     pub velocity: f64,
     /// μ_ss.
     pub friction: f64,
-    /// Standard error of μ_ss, from means of blocks.
+    /// Standard error of μ_ss, from block averages.
     pub error: f64,
-    /// Standard deviation of the rows about μ_ss.
+    /// Standard deviation of the rows around μ_ss.
     pub scatter: f64,
-    /// Slip in the whole segment (m).
+    /// Slip over the whole segment (m).
     pub slip: f64,
 }
 
-/// Where peaks are looked for: in the first half of a segment and, with D_c (m) known, over the first 2 D_c of its slip, as the extreme of
-/// running means over 0.05 D_c. The extreme of single rows would lie above the peak by some of their scatter.
+/// How peaks are found: as the extreme of μ in the first half of a segment.
+///
+/// If `d_c` is known, the search covers only the first 2 D_c of slip, and μ is averaged over 0.05
+/// D_c first. The extreme of single rows would exceed the peak by part of their scatter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peaks {
+    /// D_c (m), if known.
     pub d_c: Option<f64>,
 }
 
-/// Slip that peaks are looked for in, and that is averaged over, in D_c.
+/// Slip in which peaks are searched, in D_c.
 const PEAK_WITHIN: f64 = 2.0;
+/// Slip over which μ is averaged for a peak, in D_c.
 const PEAK_MEAN: f64 = 0.05;
 
-/// A change from one velocity to another.
+/// A velocity step: a change from one slide to another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// The segment after the step.
+    /// Index of the segment after the step.
     pub segment: usize,
     /// V_drive before and after (m/s).
     pub velocities: [f64; 2],
-    /// Extreme μ after the step, the greatest after one up and the least after one down, less μ_ss before; and its standard error.
+    /// Extreme μ after the step minus μ_ss before it, and its standard error. The extreme is the
+    /// maximum after a step up, the minimum after a step down.
     pub direct: [f64; 2],
-    /// The extreme less μ_ss after; and its standard error.
+    /// The extreme minus μ_ss after the step, and its standard error.
     pub evolution: [f64; 2],
-    /// μ_ss after less μ_ss before: (a - b) ln(V_2/V_1); and its standard error.
+    /// μ_ss after minus μ_ss before the step, (a - b) ln(V_2/V_1), and its standard error.
     pub net: [f64; 2],
 }
 
-/// A hold between slides; `after` is missing where nothing slides again.
+/// A hold after a slide.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hold {
-    /// The hold's own segment.
+    /// Index of the hold's segment.
     pub segment: usize,
     /// t_hold (s).
     pub duration: f64,
     /// V_i (m/s).
     pub before: f64,
-    /// μ at the end of the hold less μ_ss before it.
+    /// μ at the end of the hold minus μ_ss before it.
     pub relaxation: f64,
+    /// The slide after the hold; `None` if there is none.
     pub reslide: Option<Reslide>,
 }
 
+/// Peak strength after a hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reslide {
     /// V_r (m/s).
     pub velocity: f64,
     /// Peak strength: the greatest μ after the hold, as [`Peaks`] finds it.
     pub peak: f64,
-    /// Slip since the end of the hold at the peak (m).
+    /// Slip at the peak since the end of the hold (m).
     pub slip_at_peak: f64,
-    /// Δμ: the peak less μ_ss before the hold.
+    /// Δμ: the peak minus μ_ss before the hold.
     pub healing: f64,
-    /// Standard error of Δμ: of μ_ss, and the scatter of means as long as that of the peak.
+    /// Standard error of Δμ, from that of μ_ss and the scatter of means as long as that of the
+    /// peak.
     pub error: f64,
 }
 
-/// Δμ = intercept + slope · ln(t_hold/s), of holds with the same velocities before and after.
+/// Fit of Δμ = intercept + slope · ln(t_hold/s) to holds with the same velocities before and after.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Healing {
     /// V_i and V_r (m/s).
     pub velocities: [f64; 2],
-    /// Index of each hold.
+    /// Indices of the holds.
     pub holds: Vec<usize>,
-    /// b where V_r = V_i and holds are long (aging law: Δμ → b ln t_hold + const).
+    /// Healing rate; equal to b for V_r = V_i and long holds (aging law: Δμ → b ln t_hold + const).
     pub slope: f64,
+    /// Δμ at t_hold = 1 s.
     pub intercept: f64,
-    /// 95 % interval of the slope, by Student's t; `None` for two points.
+    /// 95 % interval of the slope by Student's t; `None` for two points.
     pub interval: Option<[f64; 2]>,
 }
 
-/// Steady friction of each segment; `None` for holds.
+/// Returns the steady friction of each segment; `None` for holds and for slides without rows in
+/// their latter half.
 pub fn steady_segments(record: &Record) -> Vec<Option<Steady>> {
     let of = |segment: usize| {
         let drive = record.drive[segment];
@@ -114,7 +126,7 @@ pub fn steady_segments(record: &Record) -> Vec<Option<Steady>> {
     (0..record.drive.len()).map(of).collect()
 }
 
-/// The changes from a slide to another one.
+/// Returns the velocity steps: changes from one slide to the next.
 pub fn steps(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Step> {
     let of = |segment: usize| {
         let (before, after) = (steady[segment - 1]?, steady[segment]?);
@@ -134,7 +146,7 @@ pub fn steps(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<St
     (1..record.drive.len()).filter_map(of).collect()
 }
 
-/// The holds after a slide.
+/// Returns the holds that follow a slide.
 pub fn holds(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Hold> {
     let of = |segment: usize| {
         let before = steady[segment - 1]?;
@@ -169,12 +181,12 @@ struct Extreme {
     extreme: f64,
     /// Slip there (m).
     slip: f64,
-    /// Scatter of means of as many rows.
+    /// Standard deviation of means over as many rows.
     error: f64,
 }
 
 impl Peaks {
-    /// The greatest, or the least, μ of a segment.
+    /// The maximum or the minimum of μ in a segment.
     fn extreme(self, record: &Record, segment: usize, greatest: bool) -> Option<Extreme> {
         let [half, rest] = record.halves(segment);
         if half.is_empty() || rest.is_empty() {
@@ -210,7 +222,7 @@ impl Peaks {
     }
 }
 
-/// Fits of Δμ against ln t_hold, for each pair of velocities with at least two durations.
+/// Fits Δμ against ln t_hold for each pair of velocities with at least two different durations.
 pub fn healing(holds: &[Hold]) -> Vec<Healing> {
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs();
     let mut groups: Vec<([f64; 2], Vec<usize>)> = Vec::new();
@@ -243,7 +255,7 @@ pub fn healing(holds: &[Hold]) -> Vec<Healing> {
     groups.into_iter().filter_map(fitted).collect()
 }
 
-/// Intercept, slope and its 95 % interval of the least-squares line; `None` where all x are equal.
+/// Intercept, slope and its 95 % interval of the least-squares line; `None` if all x are equal.
 fn line(points: &[[f64; 2]]) -> Option<(f64, f64, Option<[f64; 2]>)> {
     let n = points.len() as f64;
     let mean = |c: usize| points.iter().map(|p| p[c]).sum::<f64>() / n;
@@ -265,7 +277,7 @@ fn line(points: &[[f64; 2]]) -> Option<(f64, f64, Option<[f64; 2]>)> {
     Some((y0 - slope * x0, slope, interval))
 }
 
-/// How many standard errors a two-sided 95 % interval reaches to either side.
+/// Half-width of a two-sided 95 % interval in standard errors.
 pub(super) fn student(freedom: f64) -> f64 {
     let t = StudentsT::new(0.0, 1.0, freedom).expect("degrees of freedom are positive");
     t.inverse_cdf(0.975)

@@ -1,5 +1,13 @@
-//! Rate-and-state friction (FR; Dieterich 1979, Ruina 1983): the law, a spring slider that obeys it, what velocity
-//! steps and slide-hold-slide tests show of it, and fits to them.
+//! Rate-and-state friction (FR; Dieterich 1979, Ruina 1983): the constitutive law, a spring slider
+//! that obeys it, measurements of velocity steps and slide-hold-slide tests, and fits of the law to
+//! records.
+//!
+//! Friction μ depends on velocity V and state θ:
+//!
+//! ```text
+//! μ = μ* + a ln(V/V*) + b ln(V*θ/D_c)
+//! aging law: dθ/dt = 1 - Vθ/D_c      slip law: dθ/dt = -(Vθ/D_c) ln(Vθ/D_c)
+//! ```
 
 mod experiment;
 mod fit;

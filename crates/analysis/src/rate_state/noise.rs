@@ -1,26 +1,28 @@
-//! Errors of means of correlated values.
+//! Standard errors of means of correlated values.
 
-/// How far values are correlated with their followers.
+/// Variance and autocorrelation of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correlation {
     /// γ_0: mean square.
     pub variance: f64,
-    /// g = 1 + 2 Σ ρ_l ≥ 1: n values tell as much as n/g independent ones.
+    /// Statistical inefficiency g = 1 + 2 Σ ρ_l ≥ 1: n values are worth n/g independent ones.
     pub inefficiency: f64,
     /// W: last lag of the sum.
     pub window: usize,
 }
 
 impl Correlation {
-    /// γ_0 g: variance of the mean of n values, times n.
+    /// Returns γ_0 g, which is n times the variance of the mean of n values.
     pub fn spectral_variance(&self) -> f64 {
         self.variance * self.inefficiency
     }
 }
 
-/// Correlation of values whose true mean is zero, such as the residuals of a fit, at equal intervals.
+/// Returns the autocorrelation of values at equal intervals whose true mean is zero, such as the
+/// residuals of a fit.
 ///
-/// The sum over ρ ends at the first lag that is at least 5 g/2 (Sokal 1997, eq. 3.19), or at half the number of values.
+/// The sum over ρ ends at the first lag that is at least 5 g/2 (Sokal 1997, eq. 3.19), or at half
+/// the number of values.
 pub fn correlation(values: &[f64]) -> Correlation {
     let n = values.len();
     let product =
@@ -43,13 +45,15 @@ pub fn correlation(values: &[f64]) -> Correlation {
     }
 }
 
-/// Fewest blocks whose scatter is taken for the error of their mean.
+/// Least number of blocks from whose scatter the error of the mean is taken.
 const FEWEST_BLOCKS: usize = 4;
 
-/// Standard error of the mean of correlated values at equal intervals, by means of blocks (Flyvbjerg & Petersen 1989).
+/// Returns the standard error of the mean of correlated values at equal intervals, by block
+/// averaging (Flyvbjerg & Petersen 1989).
 ///
-/// The length B of the blocks, a power of two, is the least with B³ > 2n (e_B/e_1)⁴, e_B being the error from blocks of length B
-/// (Lee et al. 2011, PRE 83, 066706), or the longest that leaves four of them. NaN for fewer than four values.
+/// The block length B is the least power of two with B³ > 2n (e_B/e_1)⁴, e_B being the error from
+/// blocks of length B (Lee et al. 2011, PRE 83, 066706), or the longest one that leaves four
+/// blocks. NaN for fewer than four values.
 pub fn block_error(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     let mut blocks = values.to_vec();
@@ -63,7 +67,7 @@ pub fn block_error(values: &[f64]) -> f64 {
             first = error;
         }
         let ratio: f64 = error / first;
-        // NaN where all are equal: their error is 0 at any length.
+        // The ratio is NaN if all values are equal; their error is 0 at any block length.
         if ratio.is_nan() || f64::powi(length, 3) > 2.0 * n * ratio.powi(4) {
             break;
         }

@@ -1,32 +1,39 @@
-//! The protocol that the spring's far end went through, from the time series.
+//! The protocol of the drive, recovered from the time series of the spring's far end.
 
-/// The spring's far end moves at `velocity` (m/s; 0 in a hold) for `duration` (s).
+/// A segment of the drive: the spring's far end moves at constant velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Segment {
+    /// Velocity (m/s); 0 in a hold.
     pub velocity: f64,
+    /// Duration (s).
     pub duration: f64,
 }
 
 impl Segment {
+    /// Returns whether the segment is a hold.
     pub fn is_hold(&self) -> bool {
         self.velocity == 0.0
     }
 
-    /// Distance of the drive (m).
+    /// Returns the distance the drive moves (m).
     pub fn distance(&self) -> f64 {
         self.velocity * self.duration
     }
 }
 
-/// Velocities that differ by less than this share are one.
+/// Velocities that differ by less than this share count as equal.
 const SAME: f64 = 1e-9;
-/// By how much of an interval of rows a change of velocity may seem to lie outside the two rows that it lies between.
+/// Tolerance for the time of a velocity change to lie outside its two rows, over the interval of
+/// the rows.
 const SLACK: f64 = 0.05;
 
-/// The segments of a drive, from its velocity (m/s), piecewise constant, and displacement (m) at `time` (s), all [L]. Times of
-/// change lie between rows: they follow from the displacement.
+/// Returns the segments of a drive from its velocity (m/s, piecewise constant) and displacement (m)
+/// at `time` (s), all `[L]`. Velocity changes lie between rows; their times follow from the
+/// displacement.
 ///
-/// Errors: a drive that goes back; one whose displacement does not follow from its velocity, as where a segment lies between two rows.
+/// # Errors
+/// If the drive moves backwards, or if its displacement does not match its velocity, for example
+/// because a segment lies between two rows.
 pub fn of_drive(
     time: &[f64],
     velocity: &[f64],
@@ -34,7 +41,7 @@ pub fn of_drive(
 ) -> Result<Vec<Segment>, String> {
     if let Some(row) = velocity.iter().position(|v| v.is_nan() || *v < 0.0) {
         return Err(format!(
-            "row {row} is {:e} m/s; a drive moves forward or holds",
+            "row {row} is {:e} m/s; the drive's velocity must be positive, or 0 in a hold",
             velocity[row]
         ));
     }
@@ -53,7 +60,7 @@ pub fn of_drive(
         let change = (advance - later * interval) / (earlier - later);
         if !(-SLACK * interval..=(1.0 + SLACK) * interval).contains(&change) {
             return Err(format!(
-                "between row {} and row {k} it does not move as its velocity says: {advance:e} m in {interval:e} s",
+                "between row {} and row {k} the drive moves by {advance:e} m in {interval:e} s, which does not match its velocity; every segment must have rows",
                 k - 1
             ));
         }

@@ -1,4 +1,5 @@
-//! What was measured of a protocol: one run, or the mean of several realisations of it.
+//! Measured time series of a slider under one protocol: one run, or the mean of several
+//! realisations.
 
 use std::ops::Range;
 
@@ -9,32 +10,33 @@ use super::protocol::Segment;
 pub struct Record {
     /// k̄: stiffness of the spring over the normal force (1/m).
     pub stiffness: f64,
-    /// The segments, from the first row on.
+    /// Segments of the drive, counted from the first row.
     pub drive: Vec<Segment>,
-    /// [L] (s), ascending.
+    /// `[L]` Time (s), ascending.
     pub time: Vec<f64>,
-    /// [L] of the slider (m).
+    /// `[L]` Slip of the slider (m).
     pub slip: Vec<f64>,
-    /// [L] μ.
+    /// `[L]` Friction μ.
     pub friction: Vec<f64>,
-    /// [L] standard deviation of μ among the realisations; NaN of a single one.
+    /// `[L]` Standard deviation of μ among the realisations; NaN for a single one.
     pub deviation: Vec<f64>,
+    /// Number of realisations averaged.
     pub realisations: usize,
 }
 
-/// Protocols are the same where velocities and durations agree to this share.
+/// Protocols are equal if velocities and durations agree to this share.
 const SAME_PROTOCOL: f64 = 1e-3;
-/// The same for k̄, whose normal force differs a little from sample to sample.
+/// Likewise for k̄, whose normal force varies a little from sample to sample.
 const SAME_STIFFNESS: f64 = 0.05;
 
 impl Record {
-    /// When a segment begins (s).
+    /// Returns the time when a segment begins (s).
     pub fn begin(&self, segment: usize) -> f64 {
         let before: f64 = self.drive[..segment].iter().map(|s| s.duration).sum();
         self.time[0] + before
     }
 
-    /// Rows after the begin of a segment, up to its end.
+    /// Returns the rows of a segment: after its start and up to its end.
     pub fn rows(&self, segment: usize) -> Range<usize> {
         let row_at = |time: f64| self.time.partition_point(|t| *t <= time);
         let end = if segment + 1 < self.drive.len() {
@@ -50,7 +52,7 @@ impl Record {
         begin..end
     }
 
-    /// Rows of the first half of a segment, by time, and those of the latter half.
+    /// Returns the rows of the first and of the latter half of a segment, by time.
     pub fn halves(&self, segment: usize) -> [Range<usize>; 2] {
         let rows = self.rows(segment);
         let middle = self.begin(segment) + 0.5 * self.drive[segment].duration;
@@ -61,12 +63,12 @@ impl Record {
         [rows.start..at, at..rows.end]
     }
 
-    /// The same without the segments before `first` and the last ones from `end` on.
+    /// Returns the record restricted to a range of segments.
     pub fn cut(&self, segments: Range<usize>) -> Record {
         let rows = self.rows(segments.start).start..self.rows(segments.end - 1).end;
         let of = |values: &[f64]| values[rows.clone()].to_vec();
         let mut drive = self.drive[segments.clone()].to_vec();
-        // Segments are counted from the first row, which is a little after the begin.
+        // The first row of the cut record lies a little after the start of its first segment.
         drive[0].duration -= self.time[rows.start] - self.begin(segments.start);
         Record {
             stiffness: self.stiffness,
@@ -82,7 +84,7 @@ impl Record {
     fn same_protocol(&self, other: &Record) -> bool {
         let near = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs());
         let segments = self.drive.len();
-        // A run ends at its last row, which may be any.
+        // A run may be stopped at any time, so the last segment's duration is not compared.
         let same = |k: usize| {
             let (a, b) = (self.drive[k], other.drive[k]);
             near(a.velocity, b.velocity, SAME_PROTOCOL)
@@ -94,8 +96,11 @@ impl Record {
     }
 }
 
-/// Joins the realisations of each protocol: their mean at the times of the first one, up to where the shortest ends. Protocols
-/// in the order of their first realisation; also returns which records each was made of.
+/// Joins the realisations of each protocol: their mean at the times of the first one, up to the end
+/// of the shortest.
+///
+/// Protocols are in the order of their first realisation; each comes with the indices of its
+/// records.
 pub fn merge(records: &[Record]) -> Vec<(Record, Vec<usize>)> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (k, record) in records.iter().enumerate() {
@@ -114,7 +119,7 @@ pub fn merge(records: &[Record]) -> Vec<(Record, Vec<usize>)> {
     groups.into_iter().map(joined).collect()
 }
 
-/// The mean of realisations of one protocol.
+/// Returns the mean of realisations of one protocol. Panics if there are none.
 pub(super) fn mean(members: &[&Record]) -> Record {
     let [first, ..] = members else {
         unreachable!("a group has a member");
@@ -125,7 +130,7 @@ pub(super) fn mean(members: &[&Record]) -> Record {
     let count = members.len() as f64;
     let last = |r: &&Record| r.time[r.time.len() - 1] - r.time[0];
     let end = members.iter().map(last).fold(f64::INFINITY, f64::min);
-    // Times are those since each one's first row.
+    // Times count from each record's first row.
     let rows = first.time.partition_point(|t| t - first.time[0] <= end);
     let mut joined = Record {
         stiffness: members.iter().map(|r| r.stiffness).sum::<f64>() / count,

@@ -1,29 +1,33 @@
-//! A slider without inertia on a spring: the forward model of the fits.
+//! A spring slider that obeys the rate-and-state law: the forward model of the fits.
 
 use differential_equations::prelude::*;
 
 use super::law::{Law, State as Friction};
 use super::protocol::Segment;
 
-/// dμ/dt = k̄ (V_drive - V), where V follows from the law.
+/// A slider without inertia on a spring: dμ/dt = k̄ (V_drive - V), with V from the law.
 ///
-/// With ψ = ln(V*θ/D_c) this is a ln V = k̄ (V_drive - V) - b ψ under the dots of time: two equations for ln V and ψ,
-/// stiff since a/k̄, over which V answers, is far below D_c.
+/// With ψ = ln(V*θ/D_c) the balance is a d(ln V)/dt = k̄ (V_drive - V) - b dψ/dt, which makes two
+/// equations for ln V and ψ. They are stiff because V responds over a slip of a/k̄, far less than
+/// D_c.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slider {
+    /// The law.
     pub law: Law,
     /// k̄: stiffness of the spring over the normal force (1/m).
     pub stiffness: f64,
-    /// Of one step, relative and absolute in ln V and ln θ.
+    /// Relative and absolute tolerance of a step in ln V and ln θ.
     pub tolerance: f64,
 }
 
-/// Tolerance of a step where nothing else is asked for.
+/// Default tolerance of a step.
 pub const TOLERANCE: f64 = 1e-9;
-/// Beyond these |ln(V/V*)| and |ln(V*θ/D_c)| a motion has failed: exp would leave the range of f64 soon.
+/// Limit of |ln(V/V*)| and |ln(V*θ/D_c)|; beyond it the integration has failed, since exp soon
+/// leaves the range of f64.
 const LARGEST_LOGARITHM: f64 = 300.0;
 
 impl Slider {
+    /// Creates a slider with the default tolerance; `stiffness` is k̄ (1/m).
     pub fn new(law: Law, stiffness: f64) -> Self {
         Slider {
             law,
@@ -32,11 +36,16 @@ impl Slider {
         }
     }
 
-    /// The states at `times` (s, ascending, since the start of the drive), from `start` on.
+    /// Returns the states at `times` (s, ascending, since the start of the drive), starting from
+    /// `start`.
     ///
-    /// The drive goes through its segments one after the other; the last one lasts as long as there are times. Integrated by
-    /// Radau IIA of order 5 (Hairer & Wanner 1996), segment by segment, since V_drive jumps between them.
-    /// Errors: the integration failed, as where the slider runs away on a spring that is too soft. Says at which time.
+    /// The drive runs through its segments; the last one lasts to the last of `times`. The
+    /// integrator is Radau IIA of order 5 (Hairer & Wanner 1996), restarted at each segment because
+    /// V_drive jumps there.
+    ///
+    /// # Errors
+    /// If the integration fails, for example because the slider runs away on a spring that is too
+    /// soft. The message names the time.
     pub fn motion(
         &self,
         drive: &[Segment],
@@ -72,7 +81,8 @@ impl Slider {
         Ok(states)
     }
 
-    /// One segment; adds the states at `times` since its start and returns the last state.
+    /// Integrates one segment; appends the states at `times` (since its start) and returns the last
+    /// state.
     fn segment(
         &self,
         drive: f64,
@@ -106,14 +116,17 @@ impl Slider {
         let missing = output.times.len();
         match solved {
             Ok(_) if missing == 0 && output.now.is_moderate() => Ok(output.now),
-            Ok(_) => Err((duration, "the slider runs away".into())),
+            Ok(_) => Err((
+                duration,
+                "the slider runs away: the spring is too soft for the law".into(),
+            )),
             Err(error) => Err((0.0, format!("the integration failed: {error:?}"))),
         }
     }
 }
 
-/// How far Newton's iteration goes, as RADAU5 sets it (Hairer & Wanner): the tolerance it works with is 0.1 tolerance^(2/3). What the
-/// crate takes without being told belongs to a tolerance of 1e-6.
+/// Tolerance of Newton's iteration as RADAU5 sets it (Hairer & Wanner), which works with 0.1
+/// tolerance^(2/3). The crate's default suits a tolerance of 1e-6 only.
 fn newton_tolerance(tolerance: f64) -> f64 {
     let inner = 0.1 * tolerance.powf(2.0 / 3.0);
     inner.sqrt().min(0.03).max(10.0 * f64::EPSILON / inner)
@@ -127,8 +140,8 @@ impl Friction {
         }
     }
 
+    /// Whether both logarithms are within range; false for NaN.
     fn is_moderate(self) -> bool {
-        // NaN is not moderate.
         self.ln_v.abs() < LARGEST_LOGARITHM && self.ln_theta.abs() < LARGEST_LOGARITHM
     }
 }
@@ -158,9 +171,10 @@ impl ODE<f64, [f64; 2]> for Driven<'_> {
     }
 }
 
-/// Takes the states at the times asked for, and the last one. The end of the last step may miss the last time by rounding.
+/// Collects the states at the requested times, and the last state. The end of the last step may
+/// miss the last time by rounding.
 struct Output<'a> {
-    /// Still to come.
+    /// Times still to come.
     times: &'a [f64],
     states: &'a mut Vec<Friction>,
     now: Friction,
@@ -184,7 +198,7 @@ impl Solout<f64, [f64; 2]> for Output<'_> {
         while let Some((&wanted, rest)) = self.times.split_first()
             && wanted <= reached
         {
-            // At the start nothing has been integrated that could be interpolated.
+            // At the start there is no step yet to interpolate.
             let state = if wanted >= time || time == before {
                 self.now
             } else {

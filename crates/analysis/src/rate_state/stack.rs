@@ -1,33 +1,36 @@
-//! What follows velocity steps, averaged over all steps between the same velocities: noise that no single run tells from an effect
-//! falls with the number of steps.
+//! Friction after velocity steps, averaged over all steps between the same velocities. Averaging
+//! reduces noise that hides the effect in a single run.
 
 use super::measures::steady_segments;
 use super::record::Record;
 
-/// Ends of the pieces of slip, over the least slip after any of the steps.
+/// Ends of the intervals of slip, over the least slip after any of the steps.
 const ENDS: [f64; 10] = [0.0, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
-/// What follows all steps from one velocity to another.
+/// Average friction after all steps from one velocity to another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stack {
     /// V_drive before and after (m/s).
     pub velocities: [f64; 2],
+    /// Intervals of slip with their averages.
     pub pieces: Vec<Piece>,
 }
 
-/// Of the steps that have rows there.
+/// Average over an interval of slip, over the steps that have rows in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piece {
-    /// Slip since the step (m).
+    /// Start and end of the interval: slip since the step (m).
     pub slip: [f64; 2],
+    /// Number of steps averaged.
     pub steps: usize,
-    /// Mean over the steps of μ here less μ_ss before the step.
+    /// Mean over the steps of μ minus μ_ss before the step.
     pub change: f64,
-    /// Its standard error, from the scatter among the steps; NaN of a single one.
+    /// Standard error of `change`, from the scatter among the steps; NaN for a single one.
     pub error: f64,
 }
 
-/// Of every run by itself, in the order in which pairs of velocities first occur.
+/// Returns the averages over all records, in the order in which pairs of velocities first occur.
+/// μ_ss is that of each run.
 pub fn stacks(records: &[Record]) -> Vec<Stack> {
     let mut groups: Vec<([f64; 2], Vec<Followed>)> = Vec::new();
     for followed in records.iter().flat_map(followed) {
@@ -51,12 +54,12 @@ pub fn stacks(records: &[Record]) -> Vec<Stack> {
     groups.into_iter().map(stacked).collect()
 }
 
-/// A step and its rows after it.
+/// A step and the rows after it.
 struct Followed {
     velocities: [f64; 2],
-    /// Since the step (m).
+    /// Slip since the step (m).
     slip: Vec<f64>,
-    /// μ less μ_ss before.
+    /// μ minus μ_ss before the step.
     change: Vec<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! The part of a record that a fit sees, and what a law makes of it.
+//! The part of a record that a fit uses, and the friction that a law predicts for it.
 
 use std::ops::Range;
 
@@ -7,28 +7,30 @@ use super::protocol::Segment;
 use super::record::Record;
 use super::slider::Slider;
 
-/// Rows of one segment are joined to at most this many means, so that a fit costs no more where rows are many.
+/// Greatest number of means per segment; rows are averaged in groups so that the cost of a fit does
+/// not grow with the number of rows.
 const MEANS: usize = 400;
 
-/// Some consecutive segments of a record, the first of them a slide, of which only the latter half counts: there sliding is taken for steady.
+/// Consecutive segments of a record. The first one is a slide; only its latter half is used, where
+/// sliding is taken as steady.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Window {
     /// k̄ (1/m).
     pub stiffness: f64,
-    /// The first one as short as it is seen.
+    /// Segments; the first one shortened to the half that is used.
     pub drive: Vec<Segment>,
-    /// [rows] since the start of the drive (s).
+    /// `[rows]` Time since the start of the window (s).
     pub time: Vec<f64>,
-    /// [means] rows of each.
+    /// `[means]` Rows of each mean.
     groups: Vec<Range<usize>>,
-    /// [means] μ.
+    /// `[means]` μ.
     pub friction: Vec<f64>,
-    /// [segments] means of each.
+    /// `[segments]` Means of each segment.
     pub segments: Vec<Range<usize>>,
 }
 
 impl Window {
-    /// The segments of `record` in the range, which must begin with a slide.
+    /// Takes the segments of `record` in the range. The first one must be a slide.
     pub fn of(record: &Record, range: Range<usize>) -> Self {
         let first = range.start;
         let mut drive = record.drive[range.clone()].to_vec();
@@ -66,9 +68,10 @@ impl Window {
         window
     }
 
-    /// μ of the law at every row, on the window's spring, from steady sliding on.
+    /// Returns μ of the law at every row, on the window's spring and from steady sliding.
     ///
-    /// Errors: the slider runs away.
+    /// # Errors
+    /// If the integration fails; see [`Slider::motion`].
     pub fn model(&self, law: &Law) -> Result<Vec<f64>, String> {
         let start = law.steady(self.drive[0].velocity);
         let states = Slider::new(*law, self.stiffness).motion(&self.drive, start, &self.time)?;
@@ -78,7 +81,10 @@ impl Window {
             .collect())
     }
 
-    /// The same as means of the rows, as `friction` is.
+    /// Returns μ of the law averaged over the same groups of rows as `friction`.
+    ///
+    /// # Errors
+    /// If the integration fails; see [`Slider::motion`].
     pub fn model_means(&self, law: &Law) -> Result<Vec<f64>, String> {
         let rows = self.model(law)?;
         let mean =
@@ -86,7 +92,7 @@ impl Window {
         Ok(self.groups.iter().map(mean).collect())
     }
 
-    /// [means] of a segment's latter half: where it is nearest to steady.
+    /// Returns the mean μ over the latter half of a segment, where sliding is nearest to steady.
     pub fn steady_friction(&self, segment: usize) -> f64 {
         let means = &self.segments[segment];
         let half = &self.friction[means.start + means.len() / 2..means.end];
@@ -94,9 +100,11 @@ impl Window {
     }
 }
 
-/// The record that a law makes of the same protocol, on the window that begins in the first segment; before that, as it begins.
+/// Returns the record that a law predicts for the same protocol. Before the window, which begins in
+/// the middle of the first segment, μ is constant.
 ///
-/// Errors: the slider runs away.
+/// # Errors
+/// If the integration fails; see [`Slider::motion`].
 pub fn modelled(record: &Record, law: &Law) -> Result<Record, String> {
     let window = Window::of(record, 0..record.drive.len());
     let model = window.model(law)?;

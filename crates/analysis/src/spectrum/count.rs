@@ -1,4 +1,5 @@
-//! How many eigenvalues lie in a rectangle, by the winding of the determinant, without finding any.
+//! Counts the eigenvalues in a rectangle by the winding number of the determinant, without
+//! computing them.
 
 use faer::{Par, c64};
 
@@ -6,23 +7,27 @@ use super::lu::Lu;
 use super::problem::Problem;
 use super::symbolic::Symbolic;
 
-/// Largest step of the phase that is taken at its word, in radians, if its two halves and the slopes at both ends and in the middle say so too.
-/// Without the slopes a step of many turns can pass for none.
+/// Greatest step of the phase (radians) that is accepted, if both of its halves and the slopes at
+/// its ends and middle agree. Without the slopes a step of several turns could pass as a small one.
 const STEP: f64 = std::f64::consts::FRAC_PI_4;
-/// Slopes are differences over this part of a piece.
+/// Slopes are finite differences over this share of a piece.
 const SLOPE: f64 = 1.0 / 1024.0;
-/// Sides are first cut into so many pieces, and a piece is halved so often at the most.
+/// Number of pieces that each side is first cut into.
 const PIECES: usize = 4;
+/// Greatest number of halvings of a piece.
 const HALVINGS: usize = 40;
 
-/// A part of the complex plane, left-right and down-up.
+/// A rectangle in the complex plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rectangle {
+    /// Least and greatest real part.
     pub re: [f64; 2],
+    /// Least and greatest imaginary part.
     pub im: [f64; 2],
 }
 
 impl Rectangle {
+    /// Returns whether `z` lies inside the rectangle, its edges excluded.
     pub fn contains(&self, z: c64) -> bool {
         let within = |x: f64, [low, high]: [f64; 2]| low < x && x < high;
         within(z.re, self.re) && within(z.im, self.im)
@@ -39,25 +44,33 @@ impl Rectangle {
     }
 }
 
-/// Eigenvalues in a rectangle.
+/// Number of eigenvalues in a rectangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Winding {
+    /// Number of eigenvalues, with multiplicity.
     pub eigenvalues: i64,
-    /// Factorisations that it took.
+    /// Number of factorisations it took.
     pub factorisations: usize,
 }
 
-/// An eigenvalue lies on the contour, or the phase would not settle.
+/// Counting failed: an eigenvalue lies on the contour, or the phase cannot be followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Uncounted {
+    /// Point of the contour where it failed.
     pub at: c64,
 }
 
-/// Counts the eigenvalues of A in a rectangle: the winding number of det(A - zI) round it (argument principle).
+/// Counts the eigenvalues of A in a rectangle as the winding number of det(A - zI) along its edges
+/// (argument principle).
 ///
-/// The phase of det(A - zI) turns by π wherever an eigenvalue is passed closely, by nπ along the whole spectrum. So what is followed is the
-/// phase of det(A - zI) / Π (λ - z) over the eigenvalues that are already `known`, which hardly turns where nothing near is missing, and the
-/// number of the known ones inside is added. Known eigenvalues that are wrong do not spoil the count: they only make the phase turn more.
+/// The phase of det(A - zI) turns by π when the contour passes close to an eigenvalue, and by nπ
+/// along the whole spectrum. Therefore the phase of det(A - zI) / Π (λ - z) over the `known`
+/// eigenvalues is followed, which hardly turns unless an unknown eigenvalue is near, and the number
+/// of known eigenvalues inside is added. Wrong known eigenvalues do not change the count; they only
+/// make the phase turn more.
+///
+/// # Errors
+/// [`Uncounted`] if an eigenvalue lies on the contour or the phase cannot be followed.
 pub fn winding(
     problem: &Problem,
     symbolic: &Symbolic,
@@ -119,7 +132,7 @@ impl Contour<'_> {
         Ok(phase / phase.norm())
     }
 
-    /// By how much the phase turns from one point to the next.
+    /// Angle by which the phase turns from one point to the next.
     fn turn(
         &mut self,
         from: (c64, c64),

@@ -1,4 +1,5 @@
-//! Krylov–Schur iteration: the invariant subspace of the largest eigenvalues of an operator.
+//! Block Krylov–Schur iteration for the invariant subspace of the largest eigenvalues of an
+//! operator.
 
 use faer::linalg::matmul::matmul;
 use faer::reborrow::{Reborrow, ReborrowMut};
@@ -10,42 +11,52 @@ use rand_chacha::ChaCha8Rng;
 use super::scalar::Scalar;
 use super::schur::Schur;
 
-/// How an iteration is run.
+/// Parameters of an iteration.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
-    /// Eigenvalues wanted.
+    /// Number of eigenvalues wanted.
     pub count: usize,
-    /// Vectors that the operator is applied to at once. Eigenvalues of this multiplicity are found in exact arithmetic.
+    /// Number of vectors the operator is applied to at once. Eigenvalues up to this multiplicity
+    /// are found in exact arithmetic.
     pub block: usize,
-    /// Columns of the basis.
+    /// Number of basis vectors.
     pub capacity: usize,
-    /// Residual of an eigenvalue θ of the operator, over |θ|.
+    /// Tolerance of the residual of an eigenvalue θ of the operator, over |θ|.
     pub tolerance: f64,
-    /// Eigenvalues of |θ| below this are not wanted: with the first of them the iteration ends.
+    /// Eigenvalues with |θ| below this are not wanted; the iteration ends when it meets one.
     pub floor: f64,
+    /// Greatest number of restarts.
     pub restarts: usize,
+    /// Parallelism of the dense operations.
     pub par: Par,
 }
 
 /// An invariant subspace.
 pub struct Subspace<T> {
-    /// [n][k], orthonormal; k is `count`, or one more so that no conjugate pair is split, or fewer where n is or where the floor is met.
+    /// `[n][k]`, orthonormal. k is `count`; one more if a conjugate pair would be split; fewer if n
+    /// is smaller or `floor` is met.
     pub basis: Mat<T>,
-    /// How often the operator was applied to a vector.
+    /// Number of vectors the operator was applied to.
     pub applied: usize,
+    /// Number of restarts.
     pub restarts: usize,
 }
 
-/// The iteration has used up its restarts: so many eigenvalues have converged.
+/// The iteration did not converge within its restarts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stalled {
+    /// Number of eigenvalues that have converged.
     pub converged: usize,
 }
 
-/// Krylov–Schur (Stewart 2001) in blocks, with locking: what has converged is decoupled from the residual and kept.
+/// Returns the invariant subspace of the eigenvalues of greatest |θ|, by Krylov–Schur in blocks
+/// (Stewart 2001) with locking: converged vectors are decoupled from the residual and kept.
 ///
-/// `operator` replaces the columns of its argument [n][block] by their images; its range is what counts, so that directions that it
-/// projects away are never met. Wanted are the eigenvalues of greatest |θ|.
+/// `operator` replaces the columns of its argument `[n][block]` by their images. The iteration
+/// stays in its range, so directions that it projects out do not appear.
+///
+/// # Errors
+/// [`Stalled`] if the restarts are used up.
 pub fn largest<T: Scalar>(
     n: usize,
     operator: impl FnMut(MatMut<'_, T>),
@@ -82,7 +93,8 @@ pub fn largest<T: Scalar>(
     })
 }
 
-/// OP V = (V, U) H with V the first `used` columns of the basis and U the `block` columns after them.
+/// The decomposition OP V = (V, U) H, where V are the first `used` columns of the basis and U the
+/// `block` columns after them.
 struct Krylov<T: Scalar, F> {
     operator: F,
     n: usize,
@@ -98,7 +110,7 @@ struct Krylov<T: Scalar, F> {
 }
 
 impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
-    /// Random vectors, once through the operator, which takes them into its range.
+    /// Starts with random vectors, mapped once by the operator into its range.
     fn start(&mut self) {
         for j in 0..self.block {
             self.fill_random(j);
@@ -114,7 +126,7 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         }
     }
 
-    /// Applies the operator to block after block until the basis is full.
+    /// Applies the operator block by block until the basis is full.
     fn expand(&mut self) {
         while self.used < self.capacity {
             let block = self.block.min(self.capacity - self.used);
@@ -139,9 +151,10 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         self.orthonormalise_block(first, block);
     }
 
-    /// Makes columns `first`.. orthonormal to all before them and among each other, by classical Gram–Schmidt twice.
+    /// Makes the columns from `first` on orthonormal to all earlier ones and to each other, by
+    /// classical Gram–Schmidt applied twice.
     ///
-    /// Returns the coefficients [first + block][block] of what the columns were.
+    /// Returns the coefficients `[first + block][block]` of the original columns in the new basis.
     fn orthonormalise_block(&mut self, first: usize, block: usize) -> DMatrix<T> {
         let par = self.settings.par;
         let mut coefficients = DMatrix::zeros(first + block, block);
@@ -159,7 +172,8 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
             for attempt in 0..3 {
                 let (done, rest) = self.basis.as_mut().split_at_col_mut(first + c);
                 let mut column = rest.subcols_mut(0, 1);
-                // Against those of the block; and against all where so little was left that rounding shows.
+                // Against the columns of the block; against all columns if so little was left that
+                // rounding shows.
                 let from = if attempt == 0 { first } else { 0 };
                 let before = column.norm_l2();
                 for _ in 0..2 {
@@ -187,7 +201,8 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         coefficients
     }
 
-    /// Where the operator leads out of the basis no more: a random vector that goes on, or zero where the basis is all there is.
+    /// Continues from a column that is dependent on the basis: with a random vector from the
+    /// operator's range, or with zero if the basis spans everything.
     fn replace(&mut self, at: usize) {
         if at >= self.n {
             self.basis.col_mut(at).fill(T::of(0.0));
@@ -216,12 +231,14 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         }
     }
 
-    /// Orders the Schur form, locks what has converged, and returns the subspace, or keeps the better part of the basis.
+    /// Sorts the Schur form and locks what has converged. Returns the subspace if it is complete;
+    /// otherwise keeps the better part of the basis.
     fn contract(&mut self) -> Option<Mat<T>> {
         let (used, block) = (self.used, self.block);
         let square = self.projected.view((0, 0), (used, used)).clone_owned();
         let coupling = self.projected.view((used, 0), (block, used)).clone_owned();
-        // Rounding in the operator is as large as the operator, which non-normality makes larger than its eigenvalues.
+        // Rounding scales with the norm of the operator, which exceeds its eigenvalues if it is
+        // non-normal.
         let rounding = 2.0 * f64::EPSILON * square.norm();
         let schur = Schur::ordered(square, |value| value.norm())?;
         let mut coupling = coupling * &schur.q;
@@ -253,7 +270,9 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
             if wanted == 0 {
                 return Some(Mat::zeros(self.n, 0));
             }
-            let end = ends().find(|&end| end >= wanted).expect("no more than all");
+            let end = ends()
+                .find(|&end| end >= wanted)
+                .expect("the last block ends at `used`");
             return Some(self.turned(&schur.q, end));
         }
 

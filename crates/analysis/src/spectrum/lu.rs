@@ -1,4 +1,4 @@
-//! LU factors of A - σI.
+//! Multifrontal LU factors of A - σI.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
@@ -13,11 +13,11 @@ use faer::{Accum, MatMut, MatRef, Par, c64};
 use super::scalar::Scalar;
 use super::symbolic::{Front, Symbolic};
 
-/// A pivot less than this over the largest entry of A - σI is zero: the matrix is singular in double precision, or its pivots need a
-/// freedom that the fronts do not have.
+/// Pivots below this, over the largest entry of A - σI, count as zero: the matrix is singular in
+/// double precision, or needs pivots from outside its front.
 const LEAST_PIVOT: f64 = 1e-13;
 
-/// The factors of A - σI: per front P F₁₁ = L₁₁ U₁₁, L₂₁, U₁₂.
+/// The factors of A - σI: per front P F₁₁ = L₁₁ U₁₁, L₂₁ and U₁₂.
 pub struct Lu<'a, T> {
     symbolic: &'a Symbolic,
     factors: Vec<Factor<T>>,
@@ -25,23 +25,26 @@ pub struct Lu<'a, T> {
 }
 
 struct Factor<T> {
-    /// [width + reach][width] by columns: L₁₁ and U₁₁ in one square, L₂₁ below.
+    /// `[width + reach][width]` by columns: L₁₁ and U₁₁ in one square, L₂₁ below.
     panel: Vec<T>,
-    /// U₁₂ [width][reach] by columns.
+    /// U₁₂ `[width][reach]` by columns.
     rows: Vec<T>,
     /// Row `pivot[i]` of the front became row i.
     pivot: Vec<usize>,
+    /// Whether the permutation of the rows is odd.
     odd: bool,
 }
 
-/// No pivot large enough in a front.
+/// A front has no pivot that is large enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Singular;
 
 impl<'a, T: Scalar> Lu<'a, T> {
-    /// Factors A - σI; `values` are those of A in the order of the pattern that `symbolic` was made of.
+    /// Factors A - σI. `values` are those of A in the order of the pattern that `symbolic` was made
+    /// from.
     ///
-    /// Errors: a pivot that vanishes.
+    /// # Errors
+    /// [`Singular`] if a pivot vanishes.
     pub fn new(
         symbolic: &'a Symbolic,
         values: &[f64],
@@ -95,7 +98,7 @@ impl<'a, T: Scalar> Lu<'a, T> {
         })
     }
 
-    /// Columns of x ← (A - σI)⁻¹ x.
+    /// Solves for all columns: x ← (A - σI)⁻¹ x.
     pub fn solve(&self, x: MatMut<'_, T>) {
         self.permuted(x, |mut x, scratch| {
             let fronts = || self.symbolic.fronts.iter().zip(&self.factors);
@@ -108,7 +111,7 @@ impl<'a, T: Scalar> Lu<'a, T> {
         });
     }
 
-    /// Columns of x ← (A - σI)⁻ᵀ x.
+    /// Solves the transposed system for all columns: x ← (A - σI)⁻ᵀ x.
     pub fn solve_transposed(&self, x: MatMut<'_, T>) {
         self.permuted(x, |mut x, scratch| {
             let fronts = || self.symbolic.fronts.iter().zip(&self.factors);
@@ -121,7 +124,7 @@ impl<'a, T: Scalar> Lu<'a, T> {
         });
     }
 
-    /// det(A - σI) / |det(A - σI)|.
+    /// Returns det(A - σI) / |det(A - σI)|.
     pub fn phase(&self) -> c64 {
         let mut phase = c64::new(1.0, 0.0);
         for (front, factor) in self.symbolic.fronts.iter().zip(&self.factors) {
@@ -136,7 +139,7 @@ impl<'a, T: Scalar> Lu<'a, T> {
         phase
     }
 
-    /// Runs `work` on x in the order of elimination; its second argument is room for some rows of x.
+    /// Runs `work` on x in the order of elimination, with a scratch buffer.
     fn permuted(&self, mut x: MatMut<'_, T>, work: impl FnOnce(MatMut<'_, T>, &mut Vec<T>)) {
         let (n, columns) = (x.nrows(), x.ncols());
         let order = &self.symbolic.order;
@@ -163,7 +166,7 @@ impl<'a, T: Scalar> Lu<'a, T> {
     }
 }
 
-/// Places of the pivots `from` in a front.
+/// Writes to `place` the indices in a front of the pivots `from`.
 fn places(front: &Front, from: &[usize], place: &mut [usize]) {
     let mut later = 0;
     for (&pivot, place) in from.iter().zip(place) {
@@ -178,7 +181,7 @@ fn places(front: &Front, from: &[usize], place: &mut [usize]) {
     }
 }
 
-/// Adds what a child leaves to the front of its parent. `place` ascends.
+/// Adds the update of a child to the front of its parent. `place` ascends.
 fn add<T: Scalar>(
     added: &[T],
     place: &[usize],
@@ -261,13 +264,13 @@ impl<T: Scalar> Factor<T> {
     fn regular(&self, width: usize, least: f64) -> bool {
         let height = self.panel.len() / width;
         let pivots = (0..width).map(|j| self.panel[j * height + j].widened().norm());
-        // Not "pivot <= least": NaN must not pass.
+        // Written as `pivot > least` so that NaN fails.
         pivots
             .into_iter()
             .all(|pivot| pivot.is_finite() && pivot > least)
     }
 
-    /// L₁₁ and U₁₁, L₂₁, U₁₂.
+    /// L₁₁ with U₁₁, L₂₁, and U₁₂.
     fn blocks(&self, front: &Front) -> (MatRef<'_, T>, MatRef<'_, T>, MatRef<'_, T>) {
         let (width, reach) = (front.width, front.reach.len());
         let columns = MatRef::from_column_major_slice(&self.panel, width + reach, width);
@@ -336,7 +339,7 @@ impl<T: Scalar> Factor<T> {
     }
 }
 
-/// x[reach] -= block · x[own].
+/// x`[reach]` -= block · x`[own]`.
 fn subtract_later<T: Scalar>(
     front: &Front,
     mut x: MatMut<'_, T>,
@@ -363,7 +366,7 @@ fn subtract_later<T: Scalar>(
     }
 }
 
-/// x[own] -= block · x[reach].
+/// x`[own]` -= block · x`[reach]`.
 fn subtract_own<T: Scalar>(
     front: &Front,
     mut x: MatMut<'_, T>,

@@ -1,4 +1,11 @@
-//! Spectra of sparse problems K v = λ M v with real nonsymmetric K and diagonal M (docs/spectrum.md).
+//! Spectra of sparse generalised eigenvalue problems K v = λ M v with real nonsymmetric K and
+//! diagonal M, and linear systems with K (docs/spectrum.md).
+//!
+//! [`Problem`] brings K and M to the standard form A w = λ w. [`nearest`] finds the eigenvalues
+//! nearest a shift, [`scan()`] all eigenvalues of a rectangle, [`unstable()`] the fastest growing
+//! modes without factors, and [`winding`] counts eigenvalues by the argument principle.
+//! [`Spectrum`] holds eigenvalues with residuals, condition numbers and a [`Verdict`]; [`Solver`]
+//! solves K x = b.
 
 mod count;
 mod krylov;

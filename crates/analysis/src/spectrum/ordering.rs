@@ -1,17 +1,19 @@
-//! An elimination order with little fill: nested dissection of the graph of the grains.
+//! Fill-reducing elimination order: nested dissection of the contact graph of the grains.
 
 use std::collections::HashMap;
 
 use faer::sparse::SymbolicSparseColMatRef;
 
-/// A pattern with its transpose's entries and its diagonal: columns of sorted rows.
+/// Pattern of A + Aᵀ + I by columns of sorted rows.
 pub struct SymmetricPattern {
+    /// First entry of each column; one more at the end.
     pub column_start: Vec<usize>,
+    /// Row of each entry.
     pub row: Vec<usize>,
 }
 
 impl SymmetricPattern {
-    /// The pattern of A + Aᵀ + I.
+    /// Returns the pattern of A + Aᵀ + I.
     pub fn of(a: SymbolicSparseColMatRef<'_, usize>) -> Self {
         let n = a.ncols();
         let mut columns: Vec<Vec<usize>> = (0..n).map(|j| vec![j]).collect();
@@ -32,20 +34,23 @@ impl SymmetricPattern {
         SymmetricPattern { column_start, row }
     }
 
+    /// Returns the number of columns.
     pub fn size(&self) -> usize {
         self.column_start.len() - 1
     }
 
+    /// Returns the sorted rows of column `j`.
     pub fn column(&self, j: usize) -> &[usize] {
         &self.row[self.column_start[j]..self.column_start[j + 1]]
     }
 }
 
-/// Elimination order: `order[k]` is the unknown that is eliminated as k-th.
+/// Returns an elimination order: `order[k]` is the unknown that is eliminated as the k-th.
 ///
-/// Unknowns of equal columns (those of one grain) are one node of the graph, which makes it some 36 times smaller. METIS itself
-/// gives 5 % less fill than this port of it, but is C behind an unsafe interface; COLAMD, which the LU of faer is tied to, orders for AᵀA
-/// and gives several times the fill (docs/spectrum.md).
+/// Unknowns with equal columns (those of one grain) are one node of the graph, which makes the
+/// graph about 36 times smaller. METIS itself gives 5 % less fill than the port used here, but is C
+/// behind an unsafe interface. COLAMD, which the LU of faer requires, orders for AᵀA and gives
+/// several times the fill (docs/spectrum.md).
 pub fn nested_dissection(pattern: &SymmetricPattern) -> Vec<usize> {
     let n = pattern.size();
     let mut node_of_column: HashMap<&[usize], usize> = HashMap::new();

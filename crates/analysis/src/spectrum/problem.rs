@@ -1,4 +1,4 @@
-//! The problem K v = λ M v, brought to the form that is solved.
+//! The problem K v = λ M v and its standard form A w = λ w.
 
 use std::fmt;
 use std::sync::OnceLock;
@@ -9,36 +9,68 @@ use faer::{Mat, MatMut, MatRef, c64};
 
 use super::scalar::Scalar;
 
-/// A null vector may leave this over the greatest column of A at the most, and an eigenvalue this near 0 over ‖A‖ is zero.
+/// Relative tolerance for zero: an eigenvalue over ‖A‖, and the residual of a null vector over the
+/// greatest column of A.
 pub const ZERO: f64 = 1e-12;
 
-/// K v = λ M v with diagonal M as A w = λ w, A = M^(-1/2) K M^(-1/2), w = M^(1/2) v.
+/// K v = λ M v with diagonal M as A w = λ w, where A = M^(-1/2) K M^(-1/2) and w = M^(1/2) v.
 ///
-/// Displacements and rotations, light and heavy grains then have entries of one size, so that a residual of A says the same of
-/// all of them, while that of K v - λ M v is ruled by the heaviest; and A is symmetric where K is.
-/// Unknowns whose row and column hold nothing but zeros (rattlers) are zero modes and left out of A. Given null vectors of K (translations)
-/// are left out of what the iterations see.
+/// In this form displacements and rotations, light and heavy grains have entries of similar size,
+/// so a residual of A weighs all of them alike, whereas the heaviest grains dominate that of K v -
+/// λ M v. A is symmetric if K is. Unknowns whose row and column are zero (rattlers) are zero modes
+/// and left out of A. Null vectors of K that are given (translations) are projected out of the
+/// iterations.
 pub struct Problem {
     a: SparseColMat<usize, f64>,
+    /// Square roots of the masses, per unknown of A.
     root_mass: Vec<f64>,
     /// Unknown of K of every unknown of A.
     active: Vec<usize>,
     unknowns: usize,
+    /// Null vectors of A `[size][m]`, orthonormal.
     null: Mat<f64>,
-    /// Once it was asked for: its iteration takes longer than the factors of a small matrix.
+    /// ‖A‖₂, computed on first use: its iteration takes longer than the factors of a small matrix.
     norm: OnceLock<f64>,
 }
 
-/// What is wrong with K, M or the null vectors; rows and columns count from 0.
+/// What is wrong with K, M or the null vectors. Rows and columns count from 0; messages count from
+/// 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Unfit {
+    /// K is not square: rows and columns.
     NotSquare([usize; 2]),
+    /// An entry of K is not finite: row and column.
     NotFinite([usize; 2]),
-    MassCount { given: usize, unknowns: usize },
-    Mass { row: usize, value: f64 },
-    NullLength { given: usize, unknowns: usize },
+    /// The number of masses differs from that of unknowns.
+    MassCount {
+        /// Number of masses.
+        given: usize,
+        /// Number of unknowns of K.
+        unknowns: usize,
+    },
+    /// A mass is not positive and finite.
+    Mass {
+        /// Row of M.
+        row: usize,
+        /// The mass.
+        value: f64,
+    },
+    /// The null vectors have the wrong number of rows.
+    NullLength {
+        /// Number of rows.
+        given: usize,
+        /// Number of unknowns of K.
+        unknowns: usize,
+    },
+    /// The null vectors are linearly dependent.
     NullDependent,
-    NotNull { column: usize, residual: f64 },
+    /// A given vector is no null vector of K and Kᵀ; `residual` is over the greatest column of A.
+    NotNull {
+        /// Column of the null vectors.
+        column: usize,
+        /// Norm of K or Kᵀ times the vector, in the scaled form, over the greatest column of A.
+        residual: f64,
+    },
 }
 
 impl fmt::Display for Unfit {
@@ -51,7 +83,10 @@ impl fmt::Display for Unfit {
                 write!(f, "row {}, column {}: must be finite", row + 1, column + 1)
             }
             Unfit::MassCount { given, unknowns } => {
-                write!(f, "{given} masses: K has {unknowns} unknowns")
+                write!(
+                    f,
+                    "{given} masses: K has {unknowns} unknowns, each needs one"
+                )
             }
             Unfit::Mass { row, value } => {
                 write!(
@@ -61,9 +96,14 @@ impl fmt::Display for Unfit {
                 )
             }
             Unfit::NullLength { given, unknowns } => {
-                write!(f, "{given} rows: K has {unknowns} unknowns")
+                write!(
+                    f,
+                    "{given} rows: K has {unknowns} unknowns, a null vector needs a row for each"
+                )
             }
-            Unfit::NullDependent => f.write_str("null vectors must be linearly independent"),
+            Unfit::NullDependent => f.write_str(
+                "null vectors must be linearly independent: leave out those that depend on others",
+            ),
             Unfit::NotNull { column, residual } => write!(
                 f,
                 "column {}: leaves {residual:.1e} ‖K‖, must be a null vector of K and of its transpose",
@@ -74,7 +114,11 @@ impl fmt::Display for Unfit {
 }
 
 impl Problem {
-    /// `mass`: diagonal of M; `null`: [unknowns][m] null vectors of K and of Kᵀ, m may be 0.
+    /// Creates the problem. `mass`: diagonal of M; `null`: `[unknowns][m]` null vectors of K and of
+    /// Kᵀ, m may be 0.
+    ///
+    /// # Errors
+    /// [`Unfit`] if K, M or the null vectors are invalid.
     pub fn new(
         k: &SparseColMat<usize, f64>,
         mass: &[f64],
@@ -113,42 +157,44 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Number of unknowns of A.
+    /// Returns the number of unknowns of A.
     pub fn size(&self) -> usize {
         self.active.len()
     }
 
-    /// Number of unknowns of K.
+    /// Returns the number of unknowns of K.
     pub fn unknowns(&self) -> usize {
         self.unknowns
     }
 
-    /// Zero modes left out of A, one per empty row and column of K.
+    /// Returns the number of zero modes left out of A, one per empty row and column of K.
     pub fn rattling(&self) -> usize {
         self.unknowns - self.active.len()
     }
 
-    /// Null vectors [size][m], orthonormal.
+    /// Returns the null vectors `[size][m]`, orthonormal.
     pub fn null(&self) -> MatRef<'_, f64> {
         self.null.as_ref()
     }
 
+    /// Returns A.
     pub fn matrix(&self) -> &SparseColMat<usize, f64> {
         &self.a
     }
 
-    /// ‖A‖₂, by power iteration on AᵀA: a few per cent too small at the worst.
+    /// Returns ‖A‖₂ by power iteration on AᵀA; too small by a few per cent at worst.
     pub fn norm(&self) -> f64 {
         *self.norm.get_or_init(|| self.two_norm())
     }
 
-    /// The greatest 2-norm of a column, which is less than ‖A‖₂ but not by much, and at hand at once.
+    /// Returns the greatest 2-norm of a column of A: a lower bound of ‖A‖₂ that costs one pass over
+    /// the entries.
     pub fn greatest_column(&self) -> f64 {
         let column = |j| self.a.val_of_col(j).iter().map(|a| a * a).sum::<f64>();
         (0..self.size()).map(column).fold(0.0, f64::max).sqrt()
     }
 
-    /// y ← A x, column by column.
+    /// Computes y ← A x for each column.
     pub fn apply<T: Scalar>(&self, x: MatRef<'_, T>, mut y: MatMut<'_, T>) {
         for c in 0..x.ncols() {
             let (x, mut y) = (x.col(c), y.rb_mut().col_mut(c));
@@ -162,7 +208,7 @@ impl Problem {
         }
     }
 
-    /// y ← Aᵀ x, column by column.
+    /// Computes y ← Aᵀ x for each column.
     pub fn apply_transposed<T: Scalar>(&self, x: MatRef<'_, T>, mut y: MatMut<'_, T>) {
         for c in 0..x.ncols() {
             let (x, mut y) = (x.col(c), y.rb_mut().col_mut(c));
@@ -174,7 +220,7 @@ impl Problem {
         }
     }
 
-    /// Takes the null vectors out of every column of x.
+    /// Projects the null vectors out of every column of x.
     pub fn project<T: Scalar>(&self, mut x: MatMut<'_, T>) {
         for m in 0..self.null.ncols() {
             let null = self.null.col(m);
@@ -187,12 +233,14 @@ impl Problem {
         }
     }
 
-    /// M^(-1/2) b [size][1], of b over the unknowns of K; what acts on unknowns of no stiffness is left out.
+    /// Returns M^(-1/2) b `[size][1]` for b over the unknowns of K. Entries for unknowns without
+    /// stiffness are dropped.
     pub fn scaled(&self, b: &[f64]) -> Mat<f64> {
         Mat::from_fn(self.size(), 1, |i, _| b[self.active[i]] / self.root_mass[i])
     }
 
-    /// M^(-1/2) w over the unknowns of K, 0 for those of no stiffness; `w` [size][1].
+    /// Returns M^(-1/2) w over the unknowns of K, with 0 for those without stiffness; `w`
+    /// `[size][1]`.
     pub fn unscaled(&self, w: MatRef<'_, f64>) -> Vec<f64> {
         let mut x = vec![0.0; self.unknowns];
         for (i, &at) in self.active.iter().enumerate() {
@@ -201,7 +249,7 @@ impl Problem {
         x
     }
 
-    /// v = M^(-1/2) w over the unknowns of K, ‖v‖ = 1; `w` over those of A.
+    /// Returns v = M^(-1/2) w over the unknowns of K, normalised to ‖v‖ = 1; `w` over those of A.
     pub fn eigenvector(&self, w: &[c64]) -> Vec<c64> {
         let mut v = vec![c64::new(0.0, 0.0); self.unknowns];
         for ((&at, value), root) in self.active.iter().zip(w).zip(&self.root_mass) {
@@ -231,7 +279,7 @@ impl Problem {
         norm
     }
 
-    /// Null vectors of A from those of K, checked on both sides.
+    /// Null vectors of A from those of K, checked for A and Aᵀ.
     fn orthonormal_null(&self, null: MatRef<'_, f64>) -> Result<Mat<f64>, Unfit> {
         let scale = self.greatest_column();
         let mut kept = Mat::<f64>::zeros(self.size(), null.ncols());

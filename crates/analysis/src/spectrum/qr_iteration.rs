@@ -1,16 +1,22 @@
-//! From Hessenberg to Schur form. The iteration of nalgebra knows no exceptional shifts and goes in circles on the matrices that
-//! Krylov–Schur makes; that of faer gives no Schur vectors.
+//! QR iteration from Hessenberg to Schur form.
+//!
+//! nalgebra's iteration has no exceptional shifts and cycles on the matrices that Krylov–Schur
+//! makes; faer's gives no Schur vectors.
 
 use faer::c64;
 use nalgebra::DMatrix;
 
-/// Iterations on one eigenvalue before it is given up; from when on what is small beside the whole matrix, and not only beside its
-/// neighbours, is taken for zero (eigenvalues of high multiplicity do not fall apart by themselves); those at which the shift is an exceptional one.
+/// Greatest number of iterations per eigenvalue.
 const MOST: usize = 120;
+/// From this iteration on, subdiagonal entries that are small compared with the whole matrix, and
+/// not only with their neighbours, count as zero; eigenvalues of high multiplicity do not separate
+/// otherwise.
 const PATIENT: usize = 24;
+/// Every iteration that is a multiple of this uses an exceptional shift.
 const EXCEPTIONAL: usize = 10;
 
-/// H ← QᴴHQ upper triangular, V ← VQ, with one shift at a time (Wilkinson's). False where it does not converge.
+/// Reduces H ← QᴴHQ to upper triangular form and V ← VQ, with single Wilkinson shifts. Returns
+/// false if it does not converge.
 pub fn complex(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>) -> bool {
     let n = h.nrows();
     let mut end = n;
@@ -105,8 +111,9 @@ fn step(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>, first: usize, last: usize, s
     (first..=last).for_each(|i| h[(i, i)] += shift);
 }
 
-/// H ← QᵀHQ upper triangular but for 2 × 2 blocks of conjugate pairs, V ← VQ: Francis' double shift (Golub & Van Loan 2013, section 7.5).
-/// False where it does not converge.
+/// Reduces H ← QᵀHQ to upper triangular form except for 2 × 2 blocks of conjugate pairs, and V ←
+/// VQ, by Francis' double shift (Golub & Van Loan 2013, section 7.5). Returns false if it does not
+/// converge.
 pub fn real(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>) -> bool {
     let n = h.nrows();
     let norm = h.iter().fold(0.0f64, |most, x| most.max(x.abs()));
@@ -146,7 +153,7 @@ pub fn real(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>) -> bool {
     true
 }
 
-/// Makes the 2 × 2 block at `at` triangular where its eigenvalues are real.
+/// Makes the 2 × 2 block at `at` triangular if its eigenvalues are real.
 fn split(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>, at: usize) {
     let (a, b) = (h[(at, at)], h[(at, at + 1)]);
     let (c, d) = (h[(at + 1, at)], h[(at + 1, at + 1)]);
@@ -155,7 +162,8 @@ fn split(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>, at: usize) {
     if square < 0.0 {
         return;
     }
-    // (z, c) is an eigenvector, z = λ - d the larger of the two so that nothing cancels.
+    // (z, c) is an eigenvector; z = λ - d is the larger of the two candidates, so that nothing
+    // cancels.
     let z = half + square.sqrt().copysign(half);
     let length = z.hypot(c);
     if length == 0.0 {
@@ -180,7 +188,7 @@ fn split(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>, at: usize) {
     h[(at + 1, at)] = 0.0;
 }
 
-/// One double step on rows and columns `first` to `last`, at least three.
+/// One double step on rows and columns `first` to `last`, at least three of them.
 fn double_step(
     h: &mut DMatrix<f64>,
     v: &mut DMatrix<f64>,
@@ -190,7 +198,8 @@ fn double_step(
 ) {
     let n = h.nrows();
     let z = h[(first, first)];
-    // The two shifts as x, y and w of (x - s)(y - s) = w; differences first, since eigenvalues may be many and alike.
+    // The two shifts are given by x, y and w of (x - s)(y - s) = w. Differences are taken first
+    // because there may be many nearly equal eigenvalues.
     let (x, y, w) = if exceptional {
         let s = h[(last, last - 1)].abs() + h[(last - 1, last - 2)].abs();
         let x = h[(last, last)] + 0.75 * s;
@@ -231,7 +240,7 @@ fn double_step(
     }
 }
 
-/// u and 2/uᵀu of the reflection that turns x into the first axis; None where x is zero.
+/// u and 2/uᵀu of the reflection that maps x to the first axis; `None` if x is zero.
 fn reflector(x: &[f64; 3]) -> Option<([f64; 3], f64)> {
     let largest = x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
     if largest == 0.0 {
@@ -251,7 +260,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Random entries over many orders of magnitude, cycles (whose shifts must be exceptional), and a Jordan block.
+    /// Random entries over many orders of magnitude, cycles (which need exceptional shifts), and a
+    /// Jordan block.
     fn matrices() -> Vec<DMatrix<f64>> {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let n = 40;

@@ -1,11 +1,11 @@
-//! The two kinds of numbers that factors and Krylov bases are made of.
+//! The scalar types of factors and Krylov bases: real for real shifts, complex for all others.
 
 use faer::c64;
 use nalgebra::DMatrix;
 
 use super::qr_iteration;
 
-/// f64 for real shifts, complex for all others.
+/// A scalar type: `f64` for real shifts, `c64` for complex ones.
 pub trait Scalar:
     faer::traits::ComplexField<Real = f64>
     + nalgebra::ComplexField<RealField = f64>
@@ -15,11 +15,14 @@ pub trait Scalar:
     /// Whether eigenvalues come in conjugate pairs that must stay together.
     const REAL: bool;
 
+    /// Converts a real number.
     fn of(value: f64) -> Self;
-    /// The number itself; of a real scalar the real part only.
+    /// Converts a complex number; a real scalar keeps the real part only.
     fn narrowed(value: c64) -> Self;
+    /// Converts to a complex number.
     fn widened(self) -> c64;
-    /// From Hessenberg to Schur form: H ← QᴴHQ, V ← VQ. False where the QR iteration does not converge.
+    /// Reduces a Hessenberg matrix to Schur form: H ← QᴴHQ, V ← VQ. Returns false if the QR
+    /// iteration does not converge.
     fn triangularise(h: &mut DMatrix<Self>, v: &mut DMatrix<Self>) -> bool;
 }
 

@@ -1,4 +1,4 @@
-//! All eigenvalues of a rectangle, and so all complex pairs, without a dense matrix.
+//! All eigenvalues in a rectangle, and thereby all complex pairs, without a dense matrix.
 
 use faer::{Mat, Par, c64};
 
@@ -8,21 +8,24 @@ use super::shift_invert::{Failed, Request, nearest};
 use super::spectrum::{Eigenvalue, Spectrum, Verdict};
 use super::symbolic::Symbolic;
 
-/// Points per disk radius on which covering is decided.
+/// Grid points per radius of the smallest disk, on which coverage is decided.
 const GRID: f64 = 12.0;
+/// Greatest number of disks before the scan is given up.
 const DISKS: usize = 100_000;
 
-/// What a scan found.
+/// Result of a scan.
 pub struct Scan {
-    /// All eigenvalues of the rectangle and of its mirror image.
+    /// All eigenvalues of the rectangle and of its mirror image in the real axis.
     pub spectrum: Spectrum,
-    /// Shifts that it took.
+    /// Number of shifts used, one disk each.
     pub disks: usize,
+    /// Number of solves, one per vector.
     pub solves: usize,
 }
 
-/// A rectangle that holds all eigenvalues (Bendixson 1902): Re λ lies between the extreme eigenvalues of (A + Aᵀ)/2, and |Im λ| is no more than
-/// the largest of (A - Aᵀ)/2. Those are bounded by Gershgorin's circles, which never fall short, if seldom tight.
+/// Returns a rectangle that holds all eigenvalues (Bendixson 1902): Re λ lies between the extreme
+/// eigenvalues of (A + Aᵀ)/2, and |Im λ| is at most the largest of (A - Aᵀ)/2. Those are bounded by
+/// Gershgorin's circles, so the rectangle is safe but seldom tight.
 pub fn bendixson(problem: &Problem) -> Rectangle {
     let n = problem.size();
     let a = problem.matrix();
@@ -69,10 +72,14 @@ pub fn bendixson(problem: &Problem) -> Rectangle {
     }
 }
 
-/// All eigenvalues whose real part lies in `re` and whose imaginary part Bendixson's bound allows.
+/// Returns all eigenvalues with a real part in `re` and an imaginary part within Bendixson's bound.
 ///
-/// The upper half of the rectangle is covered by disks: each shift is the lowest point that no disk covers yet, its disk reaches as far as its
-/// `count` nearest eigenvalues do, and an eigenvalue belongs to the first disk that holds it. Where there are none, disks are large.
+/// The upper half of the rectangle is covered by disks. Each shift is the lowest point that no disk
+/// covers yet; its disk reaches as far as its `count` nearest eigenvalues, and an eigenvalue
+/// belongs to the first disk that holds it. Disks are large where eigenvalues are sparse.
+///
+/// # Errors
+/// [`Failed`] if a shift fails or 100,000 disks do not suffice.
 pub fn scan(
     problem: &Problem,
     symbolic: &Symbolic,
@@ -134,7 +141,7 @@ pub fn scan(
     Ok(found)
 }
 
-/// The eigenvalue, or the real number that it is.
+/// The eigenvalue, with the imaginary part removed if it counts as real.
 fn upper(e: &Eigenvalue, norm: f64) -> c64 {
     if e.verdict == Verdict::Real || e.value.im.abs() <= ZERO * norm {
         c64::new(e.value.re, 0.0)
@@ -165,25 +172,26 @@ impl Cover {
             .any(|(centre, radius)| (z - centre).norm() < *radius)
     }
 
-    /// From a point of the grid to the corner of its cell.
-    fn reach(&self) -> f64 {
+    /// Distance from a grid point to the corner of its cell.
+    fn half_diagonal(&self) -> f64 {
         self.pitch * std::f64::consts::FRAC_1_SQRT_2
     }
 
-    /// A grid as fine as a disk of this radius needs to cover its own centre; else the same shift would come again and again.
+    /// Refines the grid until a disk of this radius covers the cell of its own centre; otherwise
+    /// the same shift would be chosen again.
     fn refine(&mut self, radius: f64) {
-        while radius > 0.0 && self.reach() > 0.5 * radius {
+        while radius > 0.0 && self.half_diagonal() > 0.5 * radius {
             self.pitch *= 0.5;
         }
     }
 
-    /// The lowest grid point, leftmost among equals, whose cell no disk holds whole.
+    /// The lowest grid point, leftmost among equals, whose cell is not wholly inside a disk.
     fn uncovered(&self) -> Option<c64> {
-        let reach = self.reach();
+        let half_diagonal = self.half_diagonal();
         let covered = |z: c64| {
             self.disks
                 .iter()
-                .find(|(centre, radius)| (z - centre).norm() + reach < *radius)
+                .find(|(centre, radius)| (z - centre).norm() + half_diagonal < *radius)
         };
         let mut y = 0.0;
         while y <= self.height + self.pitch {
@@ -191,7 +199,8 @@ impl Cover {
             while x <= self.re[1] + self.pitch {
                 match covered(c64::new(x, y)) {
                     None if self.disks.is_empty() || y > 0.0 => return Some(c64::new(x, y)),
-                    // On the real axis a disk reaches both ways: the shift may lie further on.
+                    // On the real axis the shift may lie further on, since its disk reaches to both
+                    // sides.
                     None => {
                         let mut ahead = self
                             .disks
@@ -201,9 +210,10 @@ impl Cover {
                         let ahead = ahead.next_back().unwrap_or(0.0);
                         return Some(c64::new((x + 0.7 * ahead).min(self.re[1].max(x)), 0.0));
                     }
-                    // On to where this disk ends at this height.
+                    // Continue where this disk ends at this height.
                     Some((centre, radius)) => {
-                        let half = ((radius - reach).powi(2) - (y - centre.im).powi(2)).sqrt();
+                        let half =
+                            ((radius - half_diagonal).powi(2) - (y - centre.im).powi(2)).sqrt();
                         let cells = ((centre.re + half - x) / self.pitch).floor().max(1.0);
                         x += cells * self.pitch;
                     }

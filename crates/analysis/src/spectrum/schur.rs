@@ -1,34 +1,40 @@
-//! Schur form of a small matrix, with the eigenvalues in a wished order.
+//! Schur form of a small matrix with sorted eigenvalues.
 
 use faer::c64;
 use nalgebra::{DMatrix, DVector};
 
 use super::scalar::Scalar;
 
-/// B = Q T Qᴴ, T upper triangular but for 2 × 2 blocks of conjugate pairs where B is real.
+/// B = Q T Qᴴ with T upper triangular, except for 2 × 2 blocks of conjugate pairs if B is real.
 pub struct Schur<T: Scalar> {
+    /// Schur vectors.
     pub q: DMatrix<T>,
+    /// Schur form.
     pub t: DMatrix<T>,
-    /// From the first to the last on the diagonal of T.
+    /// Diagonal blocks of T, from first to last.
     pub blocks: Vec<Block>,
 }
 
 /// A diagonal block of T.
 #[derive(Debug, Clone, Copy)]
 pub struct Block {
+    /// First row and column.
     pub start: usize,
+    /// 1 or 2.
     pub size: usize,
-    /// Its first eigenvalue; a second one is the conjugate, or, in a pair that is about to be born or has just died, another real one.
+    /// Eigenvalues of the block; equal if `size` is 1. In a block of 2 the second one is the
+    /// conjugate of the first, or another real one if the pair is about to merge on the real axis.
     pub values: [c64; 2],
 }
 
 impl<T: Scalar> Schur<T> {
-    /// Eigenvalues of greater `rank` come first. None where the QR iteration does not converge.
+    /// Computes the Schur form with eigenvalues of greater `rank` first. `None` if `b` is not
+    /// finite or the QR iteration does not converge.
     pub fn ordered(b: DMatrix<T>, rank: impl Fn(c64) -> f64) -> Option<Self> {
         if !b.iter().all(|value| value.widened().is_finite()) {
             return None;
         }
-        // The reflections of nalgebra square what they are given: what underflows then becomes NaN.
+        // nalgebra's reflections square the entries; those that underflow would become NaN.
         let least = 1e-40 * b.norm();
         let b = b.map(|value| {
             let size = value.widened().norm();
@@ -48,7 +54,7 @@ impl<T: Scalar> Schur<T> {
         }
         schur.find_blocks();
         let key = |block: &Block| rank(block.values[0]).max(rank(block.values[1]));
-        // Insertion by swaps of neighbours: what stands first stays, so that equal ones keep their order.
+        // Insertion by swaps of neighbours is stable: equal eigenvalues keep their order.
         for last in 1..schur.blocks.len() {
             let mut at = last;
             while at > 0 && key(&schur.blocks[at]) > key(&schur.blocks[at - 1]) {
@@ -90,12 +96,13 @@ impl<T: Scalar> Schur<T> {
         }
     }
 
-    /// Swaps block `at` with the one after it (Bai & Demmel 1993). False where they are too alike to be told apart.
+    /// Swaps block `at` with the next one (Bai & Demmel 1993). Returns false if their eigenvalues
+    /// are too close to be separated.
     fn swap(&mut self, at: usize) -> bool {
         let (p, q) = (self.blocks[at].size, self.blocks[at + 1].size);
         let (start, count) = (self.blocks[at].start, p + q);
         let window = self.t.view((start, start), (count, count)).clone_owned();
-        // T₁₁ X - X T₂₂ = T₁₂, so that the columns of (-X, I) span what belongs to T₂₂.
+        // With T₁₁ X - X T₂₂ = T₁₂ the columns of (-X, I) span the invariant subspace of T₂₂.
         let mut system = DMatrix::<T>::zeros(p * q, p * q);
         let mut right = DVector::<T>::zeros(p * q);
         for j in 0..q {

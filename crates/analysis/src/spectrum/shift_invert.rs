@@ -1,4 +1,4 @@
-//! (A - σI)⁻¹ as an operator, and the eigenvalues nearest a shift.
+//! Shift-and-invert: the operator (A - σI)⁻¹ and the eigenvalues nearest a shift.
 
 use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::{Mat, MatMut, Par, c64};
@@ -10,40 +10,48 @@ use super::scalar::Scalar;
 use super::spectrum::Spectrum;
 use super::symbolic::Symbolic;
 
-/// How far a singular shift is moved, over ‖A‖; four times as far at each further attempt.
+/// First displacement of a singular shift over ‖A‖; each further attempt moves it four times as
+/// far.
 const MOVE: f64 = 1e-6;
+/// Greatest number of shifts tried.
 const ATTEMPTS: i32 = 8;
-/// Backward error of a solve above which it is refined, and above which the factors are of no use.
+/// Backward error of a solve above which solves are refined.
 const GOOD: f64 = 1e-14;
+/// Backward error above which the factors are discarded.
 const USELESS: f64 = 1e-9;
 
-/// What is asked for.
+/// Which eigenvalues are wanted.
 #[derive(Debug, Clone, Copy)]
 pub struct Request {
+    /// The shift σ.
     pub shift: c64,
-    /// Eigenvalues nearest the shift; a conjugate more where the last one would be split from its own.
+    /// Number of eigenvalues nearest the shift; one more if a conjugate pair would be split.
     pub count: usize,
-    /// Whether the left invariant subspace is sought too, which takes as long again: without it conditions are those within the
-    /// subspace, which are lower bounds.
+    /// Whether the left invariant subspace is computed too, which doubles the time. Without it
+    /// condition numbers are those within the right subspace, which are lower bounds.
     pub left: bool,
+    /// Parallelism.
     pub par: Par,
 }
 
-/// Eigenvalues nearest a shift, and how they were come by.
+/// The eigenvalues nearest a shift, and the cost of finding them.
 pub struct Nearest {
+    /// Eigenvalues and vectors.
     pub spectrum: Spectrum,
-    /// The shift used: not that of the request where A - σI was singular.
+    /// The shift used, which differs from the requested one if A - σI was singular.
     pub shift: c64,
-    /// Solves, each of one vector.
+    /// Number of solves, one per vector.
     pub solves: usize,
+    /// Number of restarts.
     pub restarts: usize,
-    /// Factorisations, those of shifts given up among them.
+    /// Number of factorisations, including discarded ones.
     pub factorisations: usize,
 }
 
 impl Nearest {
-    /// Radius round the shift within which every eigenvalue is among those found: half way between two of the outer ones, where the gap is widest.
-    /// Infinite where all eigenvalues of the problem are found.
+    /// Returns the radius around the shift within which every eigenvalue is among those found: half
+    /// way across the widest gap among the outer quarter of them. Infinite if all eigenvalues of
+    /// the problem were found.
     pub fn radius(&self, problem: &Problem) -> f64 {
         let eigenvalues = &self.spectrum.eigenvalues;
         if eigenvalues.len() + problem.null().ncols() >= problem.size() {
@@ -61,17 +69,23 @@ impl Nearest {
     }
 }
 
-/// Why there are no eigenvalues.
+/// Why no eigenvalues were found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Failed {
-    /// No shift near the wished one gives factors of use.
+    /// No shift near the requested one gives usable factors.
     Factors,
+    /// Krylov–Schur did not converge.
     Stalled(Stalled),
 }
 
-/// The eigenvalues of the problem nearest a shift, by Krylov–Schur on (A - σI)⁻¹, and by Rayleigh–Ritz with A itself.
+/// Returns the eigenvalues of the problem nearest a shift, by Krylov–Schur on (A - σI)⁻¹ followed
+/// by Rayleigh–Ritz with A.
 ///
-/// Real shifts are worked in real arithmetic. Zero modes that the problem knows of are not among them.
+/// A real shift is computed in real arithmetic. The problem's null vectors are projected out, so
+/// the zero modes it knows of are not among the results.
+///
+/// # Errors
+/// [`Failed`] if no shift gives usable factors or the iteration does not converge.
 pub fn nearest(
     problem: &Problem,
     symbolic: &Symbolic,
@@ -114,8 +128,8 @@ fn nearest_in<T: Scalar>(
     })
 }
 
-/// First choices, not tuned: two vectors at once read the factors half as often, and more than twice as many columns
-/// as wanted eigenvalues spare restarts.
+/// Parameters of the iteration, not tuned: blocks of two vectors read the factors half as often,
+/// and a basis of more than twice the wanted size saves restarts.
 fn settings(request: Request, n: usize) -> Settings {
     let count = request.count.min(n);
     Settings {
@@ -129,17 +143,24 @@ fn settings(request: Request, n: usize) -> Settings {
     }
 }
 
-/// (A - σI)⁻¹ on vectors without the null vectors.
+/// The operator (A - σI)⁻¹ on vectors without components along the null vectors.
 pub struct Inverse<'a, T> {
     problem: &'a Problem,
     lu: Lu<'a, T>,
+    /// The shift used.
     pub shift: c64,
+    /// Number of factorisations tried.
     pub attempts: usize,
+    /// Whether each solve is followed by one step of iterative refinement.
     refine: bool,
 }
 
 impl<'a, T: Scalar> Inverse<'a, T> {
-    /// At the shift, or at one moved from it where A - σI is singular to working precision.
+    /// Factors A - σI at the shift, or at a shift moved from it if A - σI is singular to working
+    /// precision.
+    ///
+    /// # Errors
+    /// [`Failed::Factors`] if no attempt gives usable factors.
     pub fn near(
         problem: &'a Problem,
         symbolic: &'a Symbolic,
@@ -173,7 +194,7 @@ impl<'a, T: Scalar> Inverse<'a, T> {
         Err(Failed::Factors)
     }
 
-    /// x ← (A - σI)⁻¹ x.
+    /// Computes x ← (A - σI)⁻¹ x.
     pub fn apply(&mut self, mut x: MatMut<'_, T>) {
         self.problem.project(x.rb_mut());
         if self.refine {
@@ -188,7 +209,7 @@ impl<'a, T: Scalar> Inverse<'a, T> {
         self.problem.project(x);
     }
 
-    /// x ← (A - σI)⁻ᴴ x.
+    /// Computes x ← (A - σI)⁻ᴴ x.
     pub fn apply_adjoint(&mut self, mut x: MatMut<'_, T>) {
         self.problem.project(x.rb_mut());
         conjugate(x.rb_mut());
@@ -220,7 +241,7 @@ impl<'a, T: Scalar> Inverse<'a, T> {
         })
     }
 
-    /// ‖b - (A - σI)x‖ / (‖A - σI‖ ‖x‖ + ‖b‖) of one solve (Rigal & Gaches 1967).
+    /// Backward error ‖b - (A - σI)x‖ / (‖A - σI‖ ‖x‖ + ‖b‖) of one solve (Rigal & Gaches 1967).
     fn backward_error(&self) -> f64 {
         let n = self.problem.size();
         let right = Mat::from_fn(n, 1, |i, _| T::of((i as f64 * 0.569840).fract() - 0.5));

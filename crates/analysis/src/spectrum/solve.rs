@@ -1,4 +1,4 @@
-//! K x = b, again and again: the linear systems of Newton's method.
+//! Repeated solution of K x = b, the linear systems of Newton's method.
 
 use faer::sparse::SymbolicSparseColMat;
 use faer::{Mat, Par};
@@ -7,18 +7,20 @@ use super::lu::{Lu, Singular};
 use super::problem::Problem;
 use super::symbolic::Symbolic;
 
-/// Shift of the factors over the greatest column of A, below zero. K has zero modes that nobody knows of (grains that their contacts hold in some directions only);
-/// with it the factors exist all the same, and what rounding leaves along such modes grows by its inverse at the most. Refinement
-/// takes its effect on all other modes away again, as long as it is well below them.
+/// Shift of the factors over the greatest column of A, negative.
+///
+/// K may have zero modes that are not given as null vectors (grains that their contacts hold in
+/// some directions only). The shift makes the factors exist, and rounding errors along such modes
+/// grow by at most its inverse. Iterative refinement removes its effect on all modes well above it.
 const SHIFT: f64 = -1e-9;
-/// Solves for one right-hand side.
+/// Greatest number of solves for one right-hand side.
 const MOST: usize = 12;
 
-/// What all factorisations of matrices of one pattern share.
+/// The symbolic factorisation, reused for matrices of the same pattern.
 #[derive(Default)]
 pub struct Solver {
     made: Option<(SymbolicSparseColMat<usize>, Symbolic)>,
-    /// How often an order of elimination had to be found.
+    /// Number of symbolic factorisations made.
     pub analyses: usize,
 }
 
@@ -28,19 +30,22 @@ pub struct Factors<'a> {
     lu: Lu<'a, f64>,
 }
 
-/// A solution and what it is worth.
+/// A solution of K x = b and its residual.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// x over the unknowns of K; 0 for those of no stiffness.
+    /// x over the unknowns of K; 0 for those without stiffness.
     pub x: Vec<f64>,
-    /// ‖b - K x‖ over ‖b‖, both scaled by M^(-1/2) and without what lies along the null vectors or acts on unknowns of no stiffness.
+    /// ‖b - K x‖ over ‖b‖, both scaled by M^(-1/2) and without components along the null vectors or
+    /// on unknowns without stiffness.
     pub residual: f64,
 }
 
 impl Solver {
-    /// Factors K. The order of elimination is that of the last matrix if the pattern is; on one thread, so that the result is always the same.
+    /// Factors K, with the elimination order of the last matrix if the pattern is the same. Runs on
+    /// one thread, so that the result is reproducible.
     ///
-    /// Errors: a pivot that vanishes in spite of the shift.
+    /// # Errors
+    /// [`Singular`] if a pivot vanishes in spite of the shift.
     pub fn factor<'a>(&'a mut self, problem: &'a Problem) -> Result<Factors<'a>, Singular> {
         let pattern = problem.matrix().symbolic();
         let same = self.made.as_ref().is_some_and(|(made, _)| {
@@ -59,8 +64,9 @@ impl Solver {
 }
 
 impl Factors<'_> {
-    /// x of K x = b with no part along the null vectors, by iterative refinement until it gets no better. `b` over the unknowns of K: its part along
-    /// the null vectors, and on unknowns of no stiffness, is left out.
+    /// Solves K x = b for the x without components along the null vectors, by iterative refinement
+    /// until the residual stops falling. Components of `b` (over the unknowns of K) along the null
+    /// vectors, and on unknowns without stiffness, are ignored.
     pub fn solve(&self, b: &[f64]) -> Solution {
         let problem = self.problem;
         let mut right = problem.scaled(b);

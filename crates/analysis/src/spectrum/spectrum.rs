@@ -1,4 +1,4 @@
-//! Eigenvalues with what they are worth.
+//! Eigenvalues with residuals, condition numbers and a verdict on what they are evidence of.
 
 use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -14,17 +14,19 @@ use super::symbolic::Symbolic;
 /// What an eigenvalue is evidence of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// |λ| ≤ 10⁻¹² ‖A‖.
+    /// Zero: |λ| ≤ 10⁻¹² ‖A‖.
     Zero,
-    /// |Im λ| ≤ 10⁻¹² ‖A‖: what complex shifts leave of a zero.
+    /// Real: |Im λ| ≤ 10⁻¹² ‖A‖, the rounding error that complex shifts leave.
     Real,
     /// One of a conjugate pair.
     Pair,
-    /// An imaginary part that rounding alone may have made: no evidence of a pair, nor against it.
+    /// An imaginary part that rounding alone may have caused: evidence neither for nor against a
+    /// pair.
     Doubtful,
 }
 
 impl Verdict {
+    /// All verdicts.
     pub const ALL: [Verdict; 4] = [
         Verdict::Zero,
         Verdict::Real,
@@ -32,7 +34,8 @@ impl Verdict {
         Verdict::Doubtful,
     ];
 
-    /// By the value alone, of a matrix of this norm: an imaginary part up to √ε ‖A‖ may be the work of rounding at an exceptional point.
+    /// Judges by the value alone, for a matrix of this norm. At an exceptional point rounding may
+    /// cause an imaginary part up to √ε ‖A‖.
     pub fn of_value(value: c64, norm: f64) -> Self {
         let (size, imaginary) = (value.norm() / norm, value.im.abs() / norm);
         if size <= ZERO {
@@ -46,6 +49,7 @@ impl Verdict {
         }
     }
 
+    /// Returns the name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Verdict::Zero => "zero",
@@ -56,34 +60,43 @@ impl Verdict {
     }
 }
 
-/// An eigenvalue of A. Its vectors are columns of `Spectrum`.
+/// An eigenvalue of A. Its vectors are columns of [`Spectrum`].
 #[derive(Debug, Clone, Copy)]
 pub struct Eigenvalue {
+    /// λ.
     pub value: c64,
     /// ‖A w - λ w‖ / (‖A‖ ‖w‖).
     pub residual: f64,
-    /// 1/|yᴴ w| of the left and the right vector, both of length 1: how far λ moves over how far A does. Infinite where λ is defective.
+    /// Condition number 1/|yᴴ w| of the unit left and right vectors: the change of λ over the
+    /// change of A. Infinite if λ is defective.
     pub condition: f64,
+    /// What the eigenvalue is evidence of.
     pub verdict: Verdict,
 }
 
-/// Residual that every eigenvalue is to have at the most.
+/// Greatest residual accepted for an eigenvalue; see [`Spectrum::refine`].
 pub const RESIDUAL: f64 = 1e-12;
-/// Solves that may bring one there.
+/// Greatest number of solves to reach it.
 const SOLVES: usize = 3;
 
-/// Eigenvalues and vectors.
+/// Eigenvalues and eigenvectors of a problem.
 pub struct Spectrum {
+    /// Eigenvalues, k of them.
     pub eigenvalues: Vec<Eigenvalue>,
-    /// w of A w = λ w [size][k], of length 1.
+    /// Right vectors w of A w = λ w, `[size][k]`, of length 1.
     pub right: Mat<c64>,
-    /// y of yᴴ A = λ yᴴ [size][k], with yᴴ w = 1. Where no left subspace was sought, that of the right one projected on it.
+    /// Left vectors y of yᴴ A = λ yᴴ, `[size][k]`, with yᴴ w = 1. Without a left subspace they are
+    /// the dual basis within the right one.
     pub left: Mat<c64>,
 }
 
 impl Spectrum {
-    /// Rayleigh–Ritz: the eigenvalues of XᴴAX, X = `right` [size][k] orthonormal. `left`: the left invariant subspace of the same
-    /// eigenvalues; without it conditions are those within the right one.
+    /// Rayleigh–Ritz projection: the eigenvalues of XᴴAX for X = `right` `[size][k]`, orthonormal.
+    /// `left` is the left invariant subspace of the same eigenvalues; without it condition numbers
+    /// are those within the right subspace, which are lower bounds.
+    ///
+    /// # Panics
+    /// If the QR algorithm does not converge.
     pub fn of<T: Scalar>(problem: &Problem, right: &Mat<T>, left: Option<&Mat<T>>) -> Self {
         let mut image = Mat::zeros(right.nrows(), right.ncols());
         problem.apply(right.as_ref(), image.as_mut());
@@ -95,8 +108,14 @@ impl Spectrum {
         Spectrum::with_vectors(problem, values, right.clone(), dual(left, right.as_ref()))
     }
 
-    /// All eigenvalues of a problem, in no order, by the QR algorithm on A as a dense matrix, without vectors and verdicts: some five times as
-    /// fast as [`Spectrum::dense`], and on one thread, so that the result is always the same.
+    /// Returns all eigenvalues of a problem, in no order, by the QR algorithm on A as a dense
+    /// matrix.
+    ///
+    /// Without vectors and verdicts this is about five times as fast as [`Spectrum::dense`]. It
+    /// runs on one thread, so that the result is reproducible.
+    ///
+    /// # Panics
+    /// If the QR algorithm does not converge.
     pub fn values(problem: &Problem) -> Vec<c64> {
         let n = problem.size();
         let (mut re, mut im) = (Diag::<f64>::zeros(n), Diag::<f64>::zeros(n));
@@ -122,8 +141,11 @@ impl Spectrum {
         (0..n).map(value).collect()
     }
 
-    /// All eigenvalues of a problem, by the QR algorithm on A as a dense matrix, on as many threads as faer may use
-    /// (`faer::set_global_parallelism`).
+    /// Returns all eigenvalues and vectors of a problem by the QR algorithm on A as a dense matrix,
+    /// on as many threads as faer may use (`faer::set_global_parallelism`).
+    ///
+    /// # Panics
+    /// If the QR algorithm does not converge.
     pub fn dense(problem: &Problem) -> Self {
         let n = problem.size();
         let (values, vectors) = eigen(&problem.matrix().to_dense());
@@ -166,8 +188,9 @@ impl Spectrum {
         }
     }
 
-    /// Brings residuals over [`RESIDUAL`] below it by inverse iteration with the eigenvalue found, then taken anew from the vector. Left vectors
-    /// stay as they are. Returns how many could not be brought there.
+    /// Reduces residuals above [`RESIDUAL`] by inverse iteration at the eigenvalue, with the
+    /// Rayleigh quotient as the new value. Left vectors stay unchanged. Returns the number of
+    /// eigenvalues whose residual remains above.
     pub fn refine(&mut self, problem: &Problem, symbolic: &Symbolic, par: Par) -> usize {
         let mut left_over = 0;
         for k in 0..self.eigenvalues.len() {
@@ -183,10 +206,10 @@ impl Spectrum {
         left_over
     }
 
-    /// One solve; false where it makes nothing better.
+    /// One step of inverse iteration; returns false if it does not reduce the residual.
     fn improve(&mut self, k: usize, problem: &Problem, symbolic: &Symbolic, par: Par) -> bool {
         let old = self.eigenvalues[k];
-        // A little beside the eigenvalue: at it the pivots vanish.
+        // Shifted off the eigenvalue by 1e-11 ‖A‖: at the eigenvalue itself the pivots vanish.
         let shift = old.value + 1e-11 * problem.norm();
         let Ok(lu) = Lu::new(symbolic, problem.matrix().val(), shift, par) else {
             return false;
@@ -216,7 +239,7 @@ impl Spectrum {
         true
     }
 
-    /// Keeps the eigenvalues that `kept` holds for, in the order of `key`.
+    /// Returns the eigenvalues for which `kept` is true, sorted by `key`.
     pub fn arranged(
         &self,
         kept: impl Fn(&Eigenvalue) -> bool,
@@ -240,7 +263,7 @@ impl Spectrum {
         }
     }
 
-    /// The conjugates of the eigenvalues that `kept` holds for.
+    /// Returns the complex conjugates of the eigenvalues for which `kept` is true.
     pub fn mirrored(&self, kept: impl Fn(&Eigenvalue) -> bool) -> Spectrum {
         let mut out = self.arranged(kept, |e| e.value.re);
         out.eigenvalues
@@ -252,7 +275,7 @@ impl Spectrum {
         out
     }
 
-    /// Joins two sets of eigenvalues of one problem.
+    /// Appends other eigenvalues of the same problem.
     pub fn append(&mut self, other: Spectrum) {
         self.eigenvalues.extend(other.eigenvalues);
         let joined = |a: &Mat<c64>, b: &Mat<c64>| {
@@ -272,8 +295,9 @@ impl Spectrum {
 
 /// The verdict on λ/‖A‖.
 ///
-/// Rounding moves λ by about its condition times ε, and at an exceptional point of two eigenvalues by √ε, of more by more, where the condition
-/// is accordingly great. An imaginary part below either is no evidence.
+/// Rounding moves λ by about its condition times ε; at an exceptional point of two eigenvalues by
+/// √ε, of more by more, and the condition grows accordingly. An imaginary part below either is no
+/// evidence.
 fn judge(value: c64, residual: f64, condition: f64) -> Verdict {
     let rounding = 10.0 * condition * residual.max(f64::EPSILON);
     match Verdict::of_value(value, 1.0) {
@@ -282,7 +306,8 @@ fn judge(value: c64, residual: f64, condition: f64) -> Verdict {
     }
 }
 
-/// How many of N grains take part, over N: (Σ p)² / (N Σ p²), p = |v|² over the unknowns of each (Bell & Dean 1970). `grain`: that of every unknown.
+/// Returns the participation ratio (Σ p)² / (N Σ p²) of N grains, p = |v|² summed over the unknowns
+/// of each (Bell & Dean 1970). `grain`: the grain of every unknown.
 pub fn participation(v: &[c64], grain: &[usize]) -> f64 {
     let count = grain.iter().max().map_or(0, |last| last + 1);
     let mut weight = vec![0.0; count];

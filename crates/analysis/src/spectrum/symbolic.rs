@@ -1,4 +1,5 @@
-//! The shape of the factors of A - σI, which is the same for every shift: fronts and the tree they are assembled along.
+//! Symbolic factorisation of A - σI, which is the same for every shift: the fronts of the
+//! multifrontal LU and their assembly tree.
 
 use faer::Side;
 use faer::perm::Perm;
@@ -10,35 +11,41 @@ use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 
 use super::ordering::{SymmetricPattern, nested_dissection};
 
-/// Fronts of the multifrontal LU of a matrix with a symmetric pattern, with diagonal pivots chosen within each front
-/// (Duff & Reid 1983). Its fill is that of a Cholesky factor and its transpose.
+/// Fronts of the multifrontal LU of a matrix with a symmetrised pattern, with partial pivoting
+/// inside each front (Duff & Reid 1983). The fill is that of a Cholesky factor and its transpose.
 pub struct Symbolic {
     size: usize,
-    /// `order[k]`: the unknown that is eliminated as k-th.
+    /// `order[k]`: the unknown that is eliminated as the k-th.
     pub(super) order: Vec<usize>,
+    /// Fronts in the order of elimination.
     pub(super) fronts: Vec<Front>,
-    /// Per front its entries of A: where in its panel or its rows, and which value of A.
+    /// Entries of A per front.
     pub(super) entries: Vec<Vec<Entry>>,
 }
 
-/// Pivots that are eliminated together, and the later ones that they reach.
+/// Pivots that are eliminated together, and the later pivots that they update.
 pub(super) struct Front {
     /// First pivot.
     pub begin: usize,
+    /// Number of pivots.
     pub width: usize,
-    /// The later pivots reached, ascending.
+    /// Later pivots in the pattern of the front, ascending.
     pub reach: Vec<usize>,
+    /// Fronts whose updates are assembled into this one.
     pub children: Vec<usize>,
 }
 
-/// A value of A and its place: in the panel [width + reach][width] of columns, or, from its end on, in the rows [width][reach].
+/// A value of A and where it goes in a front.
 pub(super) struct Entry {
+    /// Index in the panel `[width + reach][width]`, by columns; from its end on, index in the rows
+    /// `[width][reach]`.
     pub place: u32,
+    /// Index of the value in A.
     pub value: u32,
 }
 
 impl Symbolic {
-    /// `a`: the pattern of a square matrix.
+    /// Analyses the pattern of a square matrix.
     pub fn new(a: SymbolicSparseColMatRef<'_, usize>) -> Self {
         let n = a.ncols();
         let pattern = SymmetricPattern::of(a);
@@ -61,18 +68,18 @@ impl Symbolic {
         }
     }
 
-    /// Number of unknowns.
+    /// Returns the number of unknowns.
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// Entries of L and U together.
+    /// Returns the number of entries of L and U together.
     pub fn fill(&self) -> usize {
         let of = |front: &Front| front.width * (front.width + 2 * front.reach.len());
         self.fronts.iter().map(of).sum()
     }
 
-    /// Multiplications and additions of one factorisation.
+    /// Returns the number of multiplications and additions of one factorisation.
     pub fn operations(&self) -> f64 {
         let of = |front: &Front| {
             let (w, r) = (front.width as f64, front.reach.len() as f64);
@@ -82,7 +89,7 @@ impl Symbolic {
     }
 }
 
-/// The supernodes of the Cholesky factor of the pattern, relaxed by faer.
+/// The supernodes of the Cholesky factor of the pattern, with faer's relaxation.
 fn fronts(pattern: &SymmetricPattern, order: &[usize], rank: &[usize]) -> Vec<Front> {
     let n = pattern.size();
     let symmetric = SymbolicSparseColMat::new_checked(
@@ -101,7 +108,7 @@ fn fronts(pattern: &SymmetricPattern, order: &[usize], rank: &[usize]) -> Vec<Fr
     let factor = factorize_symbolic_cholesky(symmetric.as_ref(), Side::Lower, ordering, parameters)
         .expect("memory for the pattern of the factors");
     let SymbolicCholeskyRaw::Supernodal(factor) = factor.raw() else {
-        unreachable!("supernodes were asked for");
+        unreachable!("FORCE_SUPERNODAL gives a supernodal factor");
     };
     let mut fronts = Vec::with_capacity(factor.n_supernodes());
     for s in 0..factor.n_supernodes() {
@@ -152,7 +159,7 @@ fn entries(
 }
 
 impl Front {
-    /// Place of a pivot among those of the front.
+    /// Index of a pivot among those of the front.
     pub fn place(&self, pivot: usize) -> usize {
         if pivot < self.begin + self.width {
             return pivot - self.begin;

@@ -1,4 +1,4 @@
-//! Against closed forms, the dense solver, and planted eigenvalues.
+//! Tests against closed forms, the dense solver and planted eigenvalues.
 
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Par, c64};
@@ -31,7 +31,8 @@ fn near(problem: &Problem, shift: c64, count: usize) -> Nearest {
     nearest(problem, &symbolic, request).expect("it converges")
 }
 
-/// Tridiagonal Toeplitz matrix with b above and c below the diagonal: λ_k = a + 2√(bc) cos(kπ/(n + 1)).
+/// Tridiagonal Toeplitz matrix with b above and c below the diagonal: λ_k = a + 2√(bc) cos(kπ/(n +
+/// 1)).
 fn toeplitz(n: usize, [a, b, c]: [f64; 3]) -> (SparseColMat<usize, f64>, Vec<c64>) {
     let mut entries = Vec::new();
     for i in 0..n {
@@ -46,7 +47,8 @@ fn toeplitz(n: usize, [a, b, c]: [f64; 3]) -> (SparseColMat<usize, f64>, Vec<c64
     (sparse(n, &entries), (1..=n).map(value).collect())
 }
 
-/// Blocks of size 1 (real) and 2 (pairs a ± ib) turned by rotations in random planes, which keep the matrix normal and sparse.
+/// Blocks of size 1 (real) and 2 (pairs a ± ib), rotated in random planes, which keeps the matrix
+/// normal and sparse.
 fn planted(
     blocks: &[(f64, f64)],
     rotations: usize,
@@ -101,7 +103,8 @@ fn planted(
     (sparse(n, &entries), values)
 }
 
-/// Asks that the k eigenvalues found are those of `exact` nearest the shift, one by one, and that their residuals are small.
+/// Asserts that the k eigenvalues found are those of `exact` nearest the shift, one by one, with
+/// small residuals.
 fn assert_nearest(problem: &Problem, found: &Spectrum, exact: &[c64], shift: c64, tolerance: f64) {
     let distance = |z: &c64| (z - shift).norm();
     let mut rest: Vec<c64> = exact.to_vec();
@@ -123,7 +126,7 @@ fn assert_nearest(problem: &Problem, found: &Spectrum, exact: &[c64], shift: c64
         let error = (rest.remove(best) - e.value).norm() / problem.norm();
         assert!(error < tolerance, "{e:?}: {error:e}");
     }
-    // None of those left is nearer than those found.
+    // None of the remaining ones is nearer than those found.
     assert!(
         rest.iter()
             .all(|z| distance(z) >= farthest - 1e-9 * problem.norm())
@@ -132,7 +135,8 @@ fn assert_nearest(problem: &Problem, found: &Spectrum, exact: &[c64], shift: c64
 
 #[test]
 fn toeplitz_with_real_and_with_complex_eigenvalues() {
-    // bc > 0: real, bc < 0: a ± 2i√|bc| cos. √(b/c) stays near 1, so that the conditions do.
+    // bc > 0: real; bc < 0: a ± 2i√|bc| cos. √(b/c) stays near 1, so the condition numbers do as
+    // well.
     for coefficients in [[2.0, -1.0, -1.05], [1.0, 0.5, -0.52]] {
         let (k, exact) = toeplitz(60, coefficients);
         let problem = problem(&k);
@@ -148,7 +152,8 @@ fn toeplitz_with_real_and_with_complex_eigenvalues() {
     }
 }
 
-/// Five points in two dimensions with a stream: (∇² with convection) is a sum of two Toeplitz matrices, whose eigenvalues add.
+/// Five-point stencil of ∇² with convection on a square: a sum of two Toeplitz matrices, whose
+/// eigenvalues add.
 #[test]
 fn convection_and_diffusion_on_a_square() {
     let (side, convection) = (30, 0.2);
@@ -173,7 +178,7 @@ fn convection_and_diffusion_on_a_square() {
         .flat_map(|a| values.iter().map(move |b| a + b))
         .collect();
     let problem = problem(&sparse(side * side, &entries));
-    // All but those on the diagonal are double, for a + b = b + a.
+    // All but those on the diagonal are double, because a + b = b + a.
     let found = near(&problem, c64::new(0.0, 0.0), 25);
     assert_nearest(&problem, &found.spectrum, &exact, c64::new(0.0, 0.0), 1e-10);
     assert!(
@@ -238,7 +243,7 @@ fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
             );
             let overlap = found.right.col(at).adjoint() * dense.right.col(other);
             assert!((overlap.norm() - 1.0).abs() < 1e-9);
-            // K v = λ M v, of the unscaled vector.
+            // Check K v = λ M v with the unscaled vector.
             let w: Vec<c64> = (0..n).map(|i| found.right[(i, at)]).collect();
             let v = problem.eigenvector(&w);
             let mut rest: Vec<c64> = (0..n).map(|i| -e.value * mass[i] * v[i]).collect();
@@ -252,7 +257,7 @@ fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
 #[test]
 fn planted_pairs_are_found_and_counted() {
     let mut blocks: Vec<(f64, f64)> = (0..80).map(|k| (0.03 + 0.05 * k as f64, 0.0)).collect();
-    // From wide ones to one of |Im λ| = 10⁻⁶ ‖A‖, and one that is double.
+    // Wide pairs, one with |Im λ| = 10⁻⁶ ‖A‖, and a double one.
     let pairs = [
         (0.31, 0.5),
         (1.0, 0.02),
@@ -286,13 +291,14 @@ fn planted_pairs_are_found_and_counted() {
             .eigenvalues
     };
     assert_eq!(count(strip, &exact), 6);
-    // Two that nobody has found are counted all the same, and one that is not there is not.
+    // Two unknown eigenvalues are counted, and a known one that does not exist is not.
     let known: Vec<c64> = exact.iter().copied().filter(|z| z.re != 2.2).collect();
     assert_eq!(count(strip, &known), 6);
     let mut invented = exact.clone();
     invented.extend([c64::new(2.9, 0.4), c64::new(2.9, -0.4)]);
     assert_eq!(count(strip, &invented), 6);
-    // Nothing is known: from above the pair of 4·10⁻⁶ on, along a line that passes no eigenvalue closely.
+    // Without known eigenvalues: from above the pair of 4·10⁻⁶ on, along a contour that passes no
+    // eigenvalue closely.
     let high = Rectangle {
         im: [0.01, strip.im[1]],
         ..strip
@@ -309,7 +315,8 @@ fn amplified(problem: &Problem, resolution: f64, most: usize) -> Unstable {
     unstable(problem, sought).expect("it converges")
 }
 
-/// Growth over three decades, in one matrix of 800 stable modes: one polynomial for all would drown the slowest.
+/// Growth rates over three decades in one matrix with 800 stable modes: a single polynomial would
+/// drown the slowest.
 #[test]
 fn what_grows_is_found_among_what_does_not() {
     let mut blocks: Vec<(f64, f64)> = (0..800).map(|k| (0.005 * k as f64, 0.0)).collect();
@@ -324,7 +331,7 @@ fn what_grows_is_found_among_what_does_not() {
         (-1e-3, 0.0),
     ];
     blocks.extend(growing);
-    // One that grows too slowly to be asked for.
+    // A pair below the requested resolution.
     blocks.push((2.0, 1e-5));
     let (k, _) = planted(&blocks, 400, 3);
     let problem = problem(&k);
@@ -337,7 +344,7 @@ fn what_grows_is_found_among_what_does_not() {
     let mut left: Vec<c64> = growing.iter().map(|&(re, im)| c64::new(re, im)).collect();
     for e in &found.spectrum.eigenvalues {
         assert!(e.residual < 1e-11, "{e:?}");
-        // A normal matrix; but of a double eigenvalue the vectors are any two.
+        // The matrix is normal, but the vectors of a double eigenvalue are any two.
         let double = (e.value.re - 2.2).abs() < 1e-9;
         assert!(double || (e.condition - 1.0).abs() < 1e-6, "{e:?}");
         let upper = c64::new(e.value.re, e.value.im.abs());
@@ -358,7 +365,7 @@ fn nothing_grows_in_a_stable_matrix() {
 
 #[test]
 fn exceptional_points_give_no_pair() {
-    // Jordan blocks of two and three at 1 and 2, bent out of their form by a similarity that rounds.
+    // Jordan blocks of two and three at 1 and 2, transformed by a similarity that rounds.
     let mut dense = Mat::<f64>::zeros(12, 12);
     let diagonal = [1.0, 1.0, 2.0, 2.0, 2.0, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0];
     (0..12).for_each(|i| dense[(i, i)] = diagonal[i]);
@@ -422,7 +429,8 @@ fn a_singular_shift_is_moved() {
 
 #[test]
 fn zero_modes_are_set_apart() {
-    // A ring of springs (translation) and two unknowns without any (rattlers).
+    // A ring of springs (with translation as zero mode) and two unknowns without springs
+    // (rattlers).
     let n = 40;
     let mut entries = Vec::new();
     for i in 0..n {
@@ -452,7 +460,7 @@ fn zero_modes_are_set_apart() {
             .all(|e| e.verdict == Verdict::Real)
     );
 
-    // Without being told, the translation is found and recognised.
+    // Without null vectors given, the translation is found and recognised as zero.
     let untold = Problem::new(&k, &vec![2.0; n + 2], Mat::zeros(n + 2, 0).as_ref()).expect("fit");
     let found = near(&untold, c64::new(0.0, 0.0), 7);
     let zeros = found
@@ -487,7 +495,7 @@ fn participation_counts_grains() {
     assert_eq!(participation(&v[..1], &[0]), 1.0);
 }
 
-/// Vectors that are a little wrong become right, and eigenvalues with them.
+/// Slightly wrong vectors become right, and their eigenvalues as well.
 #[test]
 fn residuals_are_refined() {
     let mut random = ChaCha8Rng::seed_from_u64(23);

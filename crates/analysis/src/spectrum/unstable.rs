@@ -1,8 +1,10 @@
-//! What Newton's equations amplify fastest: complex pairs and negative eigenvalues, without factors.
+//! The fastest growing modes of Newton's equations, complex pairs and negative eigenvalues, without
+//! factorisation.
 //!
-//! Im arccos of (2λ/b - 1) is zero on the real interval [0, b] and positive off it. A Chebyshev polynomial of degree k is cos(k arccos x):
-//! of A it leaves all stable modes within 1 and multiplies the others by e^{k Im arccos}. This is the leapfrog scheme at its longest step,
-//! k steps of it, and Krylov–Schur on it finds the modes in the order in which they would grow.
+//! Im arccos(2λ/b - 1) is zero on the real interval `[0, b]` and positive off it. The Chebyshev
+//! polynomial of degree k, cos(k arccos x), therefore keeps all stable modes of A within 1 and
+//! multiplies the others by e^{k Im arccos}. It is k steps of the leapfrog scheme at its longest
+//! stable step. Krylov–Schur on it finds the modes in the order of their growth.
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::reborrow::ReborrowMut;
@@ -15,55 +17,65 @@ use super::problem::Problem;
 use super::spectrum::Spectrum;
 use gshear_dem::simd::{self, Level, Work};
 
-/// Factor by which a polynomial multiplies what it is to find, at the least.
+/// Least factor by which a polynomial multiplies the modes it is to find.
 const AMPLIFIED: f64 = 2.0;
-/// The first polynomial finds |Im λ| from this times ‖A‖ on, each further one so many times finer, with what is known taken out: in one
-/// that amplifies some modes beyond 1/ε, others drown.
+/// The first polynomial finds modes with |Im λ| from this times ‖A‖ on.
 const COARSEST: f64 = 0.1;
+/// Each further polynomial is this many times finer, with the known modes projected out: a
+/// polynomial that amplifies some modes beyond 1/ε drowns the others.
 const FINER: f64 = 8.0;
-/// Between two projections known modes, of which rounding leaves a little, grow by this at the most.
+/// Greatest growth of the rounding error in known modes between two projections.
 const REGROWTH: f64 = 1e4;
-/// Vectors that go through a polynomial at once. Of an eigenvalue of greater multiplicity the rest is found when those are taken out.
+/// Number of vectors that a polynomial is applied to at once. The rest of an eigenvalue of greater
+/// multiplicity is found after these are projected out.
 const BLOCK: usize = 4;
-/// Columns of a basis that tells whether anything grows: powers enough for a mode amplified twofold to show among a million that are not.
+/// Basis vectors that decide whether anything grows: enough to show one mode amplified twofold
+/// among a million stable ones.
 const PROBE: usize = 16 * BLOCK;
-/// Columns of one in which to find it, where many modes grow about as fast.
+/// Basis vectors for finding it, if many modes grow about equally fast.
 const CAPACITY: usize = 32 * BLOCK;
-/// Eigenvalues sought at once, before they are taken out.
+/// Greatest number of eigenvalues sought before they are projected out.
 const BATCH: usize = 40;
-/// Rows that a thread works in one go.
+/// Rows of A per task of a thread.
 const ROWS: usize = 1000;
-/// Upper end of the interval over ‖A‖, whose power iteration may be some per cent short.
+/// Upper end b of the interval over ‖A‖, whose power iteration may be a few per cent too small.
 const MARGIN: f64 = 1.05;
 
-/// What is asked for.
+/// Which modes are sought.
 #[derive(Debug, Clone, Copy)]
 pub struct Sought {
-    /// Pairs with |Im λ| ≥ `resolution` ‖A‖ are wanted, and what grows as fast as one of those.
+    /// Least |Im λ| over ‖A‖ of the pairs that are sought, along with all modes that grow at least
+    /// as fast.
     pub resolution: f64,
-    /// No more eigenvalues than about this many, those that grow fastest.
+    /// The search ends when about this many eigenvalues, the fastest growing ones, have been found.
     pub most: usize,
+    /// Parallelism.
     pub par: Par,
 }
 
-/// Complex pairs and negative eigenvalues.
+/// The unstable modes found: complex pairs and negative eigenvalues.
 pub struct Unstable {
+    /// Eigenvalues and vectors.
     pub spectrum: Spectrum,
-    /// Of the polynomials.
+    /// Degrees of the polynomials used.
     pub degrees: Vec<usize>,
-    /// Products of A or its transpose with a vector.
+    /// Number of products of A or Aᵀ with a vector.
     pub products: usize,
-    /// Whether all that was wanted is there: false where `most` have been found before.
+    /// Whether everything sought was found; false if the search ended at `most`.
     pub complete: bool,
 }
 
-/// All complex pairs with |Im λ| ≥ resolution ‖A‖, all λ as negative that they grow as fast, and what else was found on the way.
+/// Finds all complex pairs with |Im λ| ≥ resolution ‖A‖ and all negative λ that grow as fast, with
+/// what else is found on the way.
+///
+/// # Errors
+/// [`Stalled`] if Krylov–Schur does not converge.
 pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> {
     let n = problem.size();
     let end = MARGIN * problem.norm();
     let transposed = problem.matrix().transpose().to_col_major();
     let transposed = transposed.expect("memory for the transpose");
-    // Compressed columns of the transpose are compressed rows.
+    // The compressed columns of the transpose are the compressed rows of A.
     let rows = Rows::new(&transposed, end);
     let columns = Rows::new(problem.matrix(), end);
     let mut known = Known {
@@ -125,7 +137,7 @@ pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> 
     Ok(found)
 }
 
-/// The invariant subspaces found so far, [n][m] each, orthonormal.
+/// The right and left invariant subspaces found so far, `[n][m]` each, orthonormal.
 struct Known {
     right: Mat<f64>,
     left: Mat<f64>,
@@ -137,7 +149,7 @@ impl Known {
         self.left = orthonormal(&self.left, left);
     }
 
-    /// Of the transpose.
+    /// The subspaces of the transpose.
     fn turned(&self) -> Known {
         Known {
             right: self.left.clone(),
@@ -145,11 +157,12 @@ impl Known {
         }
     }
 
-    /// Steps of the recurrence after which what rounding has left of the known modes must be taken out again.
+    /// Number of steps of the recurrence after which the rounding error in the known modes must be
+    /// projected out again.
     fn projection_interval(&self, spectrum: &Spectrum, end: f64, degree: usize) -> usize {
         let growth = |value: faer::c64| {
             let x = 2.0 * value / end - 1.0;
-            // |x + √(x² - 1)|, the greater one of two inverse numbers.
+            // |x + √(x² - 1)|, the greater of two reciprocal numbers.
             let grown = (x + (x * x - 1.0).sqrt()).norm();
             grown.max(1.0 / grown).ln()
         };
@@ -169,7 +182,7 @@ impl Known {
     }
 }
 
-/// An orthonormal basis of both.
+/// An orthonormal basis of the span of both.
 fn orthonormal(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
     let first = a.ncols();
     let both = Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| match j < first {
@@ -179,17 +192,18 @@ fn orthonormal(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
     both.qr().compute_thin_Q()
 }
 
-/// 4A/b - 2 by compressed rows: twice what the polynomials are of.
+/// 4A/b - 2 by compressed rows: twice the argument of the polynomials.
 struct Rows {
     start: Vec<usize>,
     column: Vec<u32>,
     value: Vec<f64>,
 }
 
+/// The entries of one row of a block of vectors.
 type Lanes = [f64; BLOCK];
 
 impl Rows {
-    /// `of`: the transpose.
+    /// `of`: the transpose of A.
     fn new(of: &SparseColMat<usize, f64>, end: f64) -> Self {
         let mut rows = Rows {
             start: vec![0],
@@ -209,7 +223,7 @@ impl Rows {
         rows
     }
 
-    /// x ← T_degree x, with the known modes and the null vectors taken out.
+    /// x ← T_degree x, with the known modes and the null vectors projected out.
     fn filter(
         &self,
         problem: &Problem,
@@ -270,7 +284,7 @@ impl Rows {
     }
 }
 
-/// The recurrence over some rows.
+/// One step of the recurrence over some rows.
 struct Step<'a> {
     rows: &'a Rows,
     first: usize,

@@ -1,4 +1,4 @@
-//! The curves of figures 1 to 5.
+//! The curves of BO's figures 1 to 5, and figure 6 on the slip that follows.
 
 use std::fmt::Write as _;
 
@@ -22,14 +22,14 @@ const SQUARE: Layout = Layout {
     margin: [104.0, 36.0, 24.0, 58.0],
 };
 
-/// A line of a panel.
+/// A curve of a panel.
 struct Line {
     points: Vec<[f64; 2]>,
     colour: RGBColor,
     name: String,
 }
 
-/// Lines on one pair of axes.
+/// Draws curves on one pair of axes.
 fn panel(
     layout: Layout,
     heading: &str,
@@ -67,7 +67,7 @@ fn panel(
     })
 }
 
-/// Round ticks, of small or great numbers with a power of ten each.
+/// Round ticks, with a power of ten if the numbers are small or large.
 fn scientific(range: [f64; 2], wanted: usize) -> Vec<ticks::Tick> {
     let greatest = range[0].abs().max(range[1].abs());
     if (1e-3..1e5).contains(&greatest) {
@@ -88,12 +88,13 @@ fn scientific(range: [f64; 2], wanted: usize) -> Vec<ticks::Tick> {
     ticks.into_iter().map(of).collect()
 }
 
+/// CSV of columns, cut to the shortest one.
 fn rows(header: &str, columns: &[&[f64]]) -> String {
     let mut csv = format!("{header}\n");
     let length = columns.iter().map(|column| column.len()).min().unwrap_or(0);
     for row in 0..length {
         let line: Vec<String> = columns.iter().map(|c| format!("{:?}", c[row])).collect();
-        writeln!(csv, "{}", line.join(",")).expect("a string grows");
+        writeln!(csv, "{}", line.join(",")).expect("writing to a string cannot fail");
     }
     csv
 }
@@ -102,12 +103,12 @@ fn zipped(x: &[f64], y: &[f64]) -> Vec<[f64; 2]> {
     x.iter().zip(y).map(|(x, y)| [*x, *y]).collect()
 }
 
-/// Figure 1.
+/// Draws figure 1: the extreme imaginary parts against strain.
 pub fn imaginary(run: &PeriodicRun) -> Result<Drawn, &'static str> {
     let [strain, least, greatest] =
         ["strain", "imaginary_least", "imaginary_greatest"].map(|name| run.column(name));
     if greatest.iter().all(|x| x.is_nan()) {
-        return Err("no eigenvalues along the strain; aqs.spectrum asks for them");
+        return Err("no eigenvalues along the strain: set aqs.spectrum");
     }
     let line = |y, colour, name: &str| Line {
         points: zipped(strain, y),
@@ -127,7 +128,7 @@ pub fn imaginary(run: &PeriodicRun) -> Result<Drawn, &'static str> {
     })
 }
 
-/// Figure 2: [time, real, imaginary].
+/// Draws figure 2 from rows of `[time, real, imaginary]`.
 pub fn spectra(rows: &[[f64; 3]]) -> Drawn {
     let points: Vec<[f64; 2]> = rows.iter().map(|row| [row[0], row[2]]).collect();
     let x = padded(points.iter().map(|p| p[0]), 0.01);
@@ -135,7 +136,7 @@ pub fn spectra(rows: &[[f64; 3]]) -> Drawn {
     let svg = figure(WIDE, x, y, |plot| {
         let (x_ticks, y_ticks) = (scientific(x, 8), scientific(y, 6));
         plot.grid(&x_ticks, &y_ticks);
-        // One mark where many lie on each other.
+        // One mark per pixel is enough.
         let mut drawn: Vec<(i64, i64)> = Vec::new();
         for point in &points {
             let pixel = |k: usize, range: [f64; 2]| {
@@ -154,12 +155,12 @@ pub fn spectra(rows: &[[f64; 3]]) -> Drawn {
     });
     let mut csv = String::from("time,real,imaginary\n");
     for [time, real, imaginary] in rows {
-        writeln!(csv, "{time:?},{real:?},{imaginary:?}").expect("a string grows");
+        writeln!(csv, "{time:?},{real:?},{imaginary:?}").expect("writing to a string cannot fail");
     }
     Drawn { svg, csv }
 }
 
-/// Figure 3.
+/// Draws figure 3: growth of the mean square displacement.
 pub fn growth(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
     let msd = run.column("msd");
     let log = |points: &[[f64; 2]]| -> Vec<[f64; 2]> {
@@ -219,7 +220,7 @@ pub fn growth(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
     }
 }
 
-/// The last stretch of rows that lie denser than the others.
+/// The last interval of rows that lie denser than elsewhere.
 fn dense(time: &[f64]) -> Option<std::ops::Range<usize>> {
     let gaps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
     let greatest = gaps.iter().copied().fold(0.0, f64::max);
@@ -232,16 +233,16 @@ fn dense(time: &[f64]) -> Option<std::ops::Range<usize>> {
     (end > begin + 16).then_some(begin..end + 1)
 }
 
-/// Figure 4.
+/// Draws figure 4: trajectories of the fastest grains.
 pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'static str> {
-    let growth = growth.ok_or("nothing grows")?;
+    let growth = growth.ok_or("the mean square displacement does not grow exponentially")?;
     let end = run
         .frame_time
         .iter()
         .take_while(|t| **t <= growth.to)
         .count();
     if end < 3 {
-        return Err("fewer than three frames of the growth; newtonian.frames asks for them");
+        return Err("fewer than three frames during the growth: increase newtonian.frames");
     }
     let moved = |frame: usize, grain: usize| -> [f64; 3] {
         let (now, start) = (run.positions[frame][grain], run.positions[0][grain]);
@@ -264,7 +265,8 @@ pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'st
             let [x, y, z] = moved(frame, grain).map(|x| x / greatest);
             points.push([x, y]);
             let time = run.frame_time[frame];
-            writeln!(csv, "{time:?},{grain},{x:?},{y:?},{z:?}").expect("a string grows");
+            writeln!(csv, "{time:?},{grain},{x:?},{y:?},{z:?}")
+                .expect("writing to a string cannot fail");
         }
         lines.push(Line {
             points,
@@ -279,9 +281,9 @@ pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'st
     })
 }
 
-/// Figure 6.
-pub fn slip(foretold: &[f64], dmin: &[f64]) -> Drawn {
-    let points: Vec<[f64; 2]> = foretold
+/// Draws figure 6: D²min of the slip against |v|² in the growing pair.
+pub fn slip(mode_weight: &[f64], dmin: &[f64]) -> Drawn {
+    let points: Vec<[f64; 2]> = mode_weight
         .iter()
         .zip(dmin)
         .filter(|(a, b)| **a > 0.0 && **b > 0.0)
@@ -306,11 +308,11 @@ pub fn slip(foretold: &[f64], dmin: &[f64]) -> Drawn {
     });
     Drawn {
         svg,
-        csv: rows("eigenvector_square,dmin", &[foretold, dmin]),
+        csv: rows("eigenvector_square,dmin", &[mode_weight, dmin]),
     }
 }
 
-/// Figure 5.
+/// Draws figure 5: shear stress against time.
 pub fn stress(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
     let stress = run.column("shear_stress");
     let line = |points| Line {

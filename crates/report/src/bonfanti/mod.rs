@@ -1,4 +1,5 @@
-//! The study of Bonfanti et al.: figures 1 to 5 of the paper of one run, and its numbers beside ours.
+//! The study of Bonfanti et al. (BO): figures 1 to 5 of the paper drawn from one run, and the
+//! paper's numbers next to the run's.
 
 mod curves;
 
@@ -14,46 +15,47 @@ use gshear_store::text_writer;
 use gshear_store::columns::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE, SPECTRA_FILE};
 use crate::page::escape;
 
-/// Up to this mean square displacement, over the square of the mean diameter, the equations are taken to be linear.
+/// Limit of the linear regime: mean square displacement over the square of the mean diameter.
 const LINEAR: f64 = 1e-11;
 
-/// What a run has, read.
+/// The data of a run.
 struct Studied {
     strain: PeriodicRun,
     newtonian: Option<PeriodicRun>,
-    /// [time, real, imaginary] of eigenvalues.
+    /// `[time, real, imaginary]` of eigenvalues.
     spectra: Vec<[f64; 3]>,
     growth: Option<Growth>,
-    /// |v|² in the growing pair and D²min of the slip that follows, [N].
+    /// |v|² in the growing pair, and D²min of the slip that follows it, `[N]` each.
     slip: Option<[Vec<f64>; 2]>,
 }
 
-/// A figure under the paper's number, or why there is none.
+/// A figure with its number in the paper; without data, the reason.
 struct Figure {
     number: u8,
     caption: &'static str,
     drawn: Result<Drawn, &'static str>,
 }
 
-/// SVG, and its data as CSV.
+/// A figure as SVG, and its data as CSV.
 struct Drawn {
     svg: String,
     csv: String,
 }
 
-/// A statement of the paper, its number, and ours.
+/// A quantity, its value in the paper, and that of the run.
 struct Number {
     what: &'static str,
     paper: &'static str,
     ours: String,
 }
 
-/// Writes the study of the run in `run` into `folder`. Returns the page.
+/// Writes the study of the run in folder `run` into `folder` and returns the path of the page.
+/// `mode_weight`: |v|² of each grain in the growing pair, `[N]`.
 ///
-/// Errors: files that are missing, damaged, or cannot be written.
-/// `foretold`: |v|² of each grain in the growing pair, [N].
-pub fn write(run: &Path, folder: &Path, foretold: Option<&[f64]>) -> Result<PathBuf, Failure> {
-    let studied = Studied::read(run, foretold)?;
+/// # Errors
+/// If files are missing or damaged, or cannot be written.
+pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<PathBuf, Failure> {
+    let studied = Studied::read(run, mode_weight)?;
     let figures = studied.figures();
     let numbers = studied.numbers();
     for figure in &figures {
@@ -66,7 +68,7 @@ pub fn write(run: &Path, folder: &Path, foretold: Option<&[f64]>) -> Result<Path
     let mut csv = String::from("statement,paper,ours\n");
     for number in &numbers {
         let line = [number.what, number.paper, &number.ours].map(|text| format!("\"{text}\""));
-        writeln!(csv, "{}", line.join(",")).expect("a string grows");
+        writeln!(csv, "{}", line.join(",")).expect("writing to a string cannot fail");
     }
     text_writer::write(&folder.join("numbers.csv"), &csv)?;
     let page = folder.join("index.html");
@@ -75,7 +77,7 @@ pub fn write(run: &Path, folder: &Path, foretold: Option<&[f64]>) -> Result<Path
 }
 
 impl Studied {
-    fn read(run: &Path, foretold: Option<&[f64]>) -> Result<Self, Failure> {
+    fn read(run: &Path, mode_weight: Option<&[f64]>) -> Result<Self, Failure> {
         let strain = PeriodicRun::open(&run.join(AQS_FILE), &AQS_COLUMNS)?;
         let path = run.join(NEWTONIAN_FILE);
         let newtonian = match path.exists() {
@@ -93,8 +95,8 @@ impl Studied {
         });
         let slip = newtonian
             .as_ref()
-            .zip(foretold)
-            .and_then(|(run, foretold)| Some([foretold.to_vec(), dmin_of(run)?]));
+            .zip(mode_weight)
+            .and_then(|(run, mode_weight)| Some([mode_weight.to_vec(), dmin_of(run)?]));
         Ok(Self {
             strain,
             newtonian,
@@ -112,42 +114,42 @@ impl Studied {
         vec![
             Figure {
                 number: 1,
-                caption: "Least and greatest imaginary part of the eigenvalues of K v = λ M v over the strain.",
+                caption: "Least and greatest imaginary part of the eigenvalues of K v = λ M v against strain.",
                 drawn: curves::imaginary(&self.strain),
             },
             Figure {
                 number: 2,
-                caption: "Imaginary parts of all eigenvalues in time, under Newton's equations.",
+                caption: "Imaginary parts of all eigenvalues against time, under Newton's equations.",
                 drawn: match self.spectra.is_empty() {
-                    true => Err("no eigenvalues in time; newtonian.spectra asks for them"),
+                    true => Err("no eigenvalues in time: set newtonian.spectra"),
                     false => Ok(curves::spectra(&self.spectra)),
                 },
             },
             Figure {
                 number: 3,
-                caption: "(a) Mean square displacement (eq. 10) and its exponential growth as fitted, and as the complex pair has it. \
-                          (b) One of the stretches in which the oscillation is resolved.",
+                caption: "(a) Mean square displacement (eq. 10), its fitted exponential growth, and that of the complex pair. \
+                          (b) One of the intervals in which the oscillation is resolved.",
                 drawn: moving.map(|run| curves::growth(run, self.growth.as_ref())),
             },
             Figure {
                 number: 4,
-                caption: "Trajectories of the eight spheres that have moved most by the end of the linear growth, over the greatest displacement, seen along z. \
-                          Frames lie a little more than whole periods apart, so that they show the oscillation slowed down.",
+                caption: "Trajectories of the eight spheres with the greatest displacement at the end of the linear growth, over the greatest displacement, seen along z. \
+                          The interval of the frames is a little more than a whole number of periods, so they show the oscillation slowed down.",
                 drawn: moving.and_then(|run| curves::spirals(run, self.growth.as_ref())),
             },
             Figure {
                 number: 5,
-                caption: "(a) Shear stress (virial) in time. (b) Its change in the linear growth.",
+                caption: "(a) Shear stress (virial) against time. (b) Its change during the linear growth.",
                 drawn: moving.map(|run| curves::stress(run, self.growth.as_ref())),
             },
             Figure {
                 number: 6,
-                caption: "Beyond the paper: D²min between the first and the last frame against |v|² of the growing pair, a mark a sphere.",
+                caption: "Not in the paper: D²min between the first and the last frame against |v|² of the growing pair, one point per sphere.",
                 drawn: self
                     .slip
                     .as_ref()
-                    .map(|[foretold, dmin]| curves::slip(foretold, dmin))
-                    .ok_or("no complex pair, or no frames of what follows it"),
+                    .map(|[mode_weight, dmin]| curves::slip(mode_weight, dmin))
+                    .ok_or("no complex pair, or no frames after it"),
             },
         ]
     }
@@ -160,15 +162,15 @@ impl Studied {
         };
         let of_strain = |name| self.strain.number(name);
         add(
-            "strain at which the first complex pair is born",
+            "strain at which the first complex pair appears",
             "not given",
             of_strain("birth_before")
                 .zip(of_strain("birth_after"))
-                .map(|(low, high)| format!("{high:.12} (none at {:.1e} less)", high - low)),
+                .map(|(low, high)| format!("{high:.12} (no pair {:.1e} earlier)", high - low)),
         );
         let rows = self.strain.step.len().saturating_sub(1);
         add(
-            "strain steps that Newton's method did not do alone",
+            "strain steps that fell back to overdamped dynamics",
             "(overdamped dynamics throughout)",
             of_strain("fell_back").map(|n| format!("{n} of {rows}")),
         );
@@ -180,7 +182,7 @@ impl Studied {
             })
         };
         add(
-            "imaginary part of the pair that was left to Newton's equations",
+            "imaginary part of the pair at the start of Newton's equations",
             "5.87e-5",
             of_pair("lambda_i").map(|x| format!("{x:.4e}")),
         );
@@ -202,7 +204,7 @@ impl Studied {
         add(
             "overlap of the pair's eigenvector with D²min of the slip that follows",
             "not in the paper",
-            self.slip.as_ref().map(|[foretold, dmin]| {
+            self.slip.as_ref().map(|[mode_weight, dmin]| {
                 let mean = |v: &[f64]| v.iter().filter(|x| x.is_finite()).sum::<f64>();
                 let square = |v: &[f64]| {
                     v.iter()
@@ -210,10 +212,11 @@ impl Studied {
                         .map(|x| x * x)
                         .sum::<f64>()
                 };
-                let n = foretold.len() as f64;
-                let chance =
-                    mean(foretold) * mean(dmin) / n / (square(foretold) * square(dmin)).sqrt();
-                let overlap = event::overlap(foretold, dmin);
+                let n = mode_weight.len() as f64;
+                let chance = mean(mode_weight) * mean(dmin)
+                    / n
+                    / (square(mode_weight) * square(dmin)).sqrt();
+                let overlap = event::overlap(mode_weight, dmin);
                 format!("{overlap:.3} ({chance:.3} by chance)")
             }),
         );
@@ -230,7 +233,8 @@ impl Studied {
     }
 }
 
-/// D²min of every grain between the first and the last frame; neighbours within 5 mean radii, as LH have it.
+/// D²min of every grain between the first and the last frame, with neighbours within 5 mean radii
+/// as in LH.
 fn dmin_of(run: &PeriodicRun) -> Option<Vec<f64>> {
     let (first, last) = (run.positions.first()?, run.positions.last()?);
     let radius = 5.0 * run.radius.iter().sum::<f64>() / run.radius.len() as f64;
@@ -240,7 +244,7 @@ fn dmin_of(run: &PeriodicRun) -> Option<Vec<f64>> {
     })
 }
 
-/// [time, real, imaginary] of the rows of `spectra.csv`.
+/// `[time, real, imaginary]` of the rows of `spectra.csv`.
 fn read_spectra(path: &Path) -> Result<Vec<[f64; 3]>, Failure> {
     let wrong = |line: usize, what: &str| {
         Failure::input(format!("{}, line {line}: {what}", path.display()))
@@ -253,7 +257,10 @@ fn read_spectra(path: &Path) -> Result<Vec<[f64; 3]>, Failure> {
         let mut next = || numbers.next().flatten();
         match (next(), next(), next()) {
             (Some(time), Some(real), Some(imaginary)) => Ok([time, real, imaginary]),
-            _ => Err(wrong(k + 1, "is no time and eigenvalue")),
+            _ => Err(wrong(
+                k + 1,
+                "must begin with three numbers: time, real and imaginary part",
+            )),
         }
     })
     .collect()
@@ -288,9 +295,9 @@ fn html(studied: &Studied, numbers: &[Number], figures: &[Figure]) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>The study of Bonfanti et al.</title>\n\
          <style>\n{}</style>\n</head>\n<body>\n<h1>The study of Bonfanti et al.</h1>\n\
-         <p class=\"lead\">The figures of \"Oscillatory instabilities in three-dimensional frictional granular matter\", of {}.</p>\n\
+         <p class=\"lead\">The figures of \"Oscillatory instabilities in three-dimensional frictional granular matter\" for the run {}.</p>\n\
          <table>\n<tr><th></th><td>paper</td><td>this run</td></tr>\n{rows}</table>\n<h2>Figures</h2>\n{body}\
-         <details><summary>The scene, every default filled in</summary>\n<pre>{}</pre></details>\n</body>\n</html>\n",
+         <details><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n</body>\n</html>\n",
         include_str!("../page.css"),
         escape(&studied.strain.path().display().to_string()),
         escape(studied.strain.text("scene").unwrap_or_default()),

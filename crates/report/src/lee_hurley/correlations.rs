@@ -1,4 +1,4 @@
-//! Spearman's coefficients by ranges: figures 9, 10, 11, 13, 22, 23 and 25.
+//! Spearman's coefficients by range: figures 9, 10, 11, 13, 22, 23 and 25.
 
 use std::fmt::Write as _;
 
@@ -24,10 +24,10 @@ const PANEL: Layout = Layout {
 };
 /// Half the gap between slip and stick on the axis of Δτ (decades).
 const GAP: f64 = 0.5;
-/// Least |Δτ| shown.
+/// log10 of the least |Δτ| shown.
 const LEAST: f64 = -5.0;
-/// Panels a to j of figures 13, 22 and 25.
-const TEN: [Subject; 10] = [
+/// Panels (a) to (j) of figures 13, 22 and 25.
+const PANELS: [Subject; 10] = [
     Subject::TopTenth,
     Subject::Phase(TopMax, All),
     Subject::Phase(TopMax, Long),
@@ -39,14 +39,14 @@ const TEN: [Subject; 10] = [
     Subject::Phase(DminSum, Long),
     Subject::Phase(Duration, Long),
 ];
-const RULE: &str = "Points with p > 0.05 are left out, but kept in the table.";
+const OMITTED: &str = "Points with p > 0.05 are left out, but kept in the table.";
 
 struct Curve {
     name: String,
     colour: RGBColor,
     marker: Marker,
     points: Vec<(Range, Correlation)>,
-    /// Half the length of a bar at every point; none where this is empty.
+    /// Half-length of the error bar at every point; empty without bars.
     bars: Vec<f64>,
 }
 
@@ -60,7 +60,7 @@ fn curve(k: usize, name: String, points: Vec<(Range, Correlation)>) -> Curve {
     }
 }
 
-/// Figures 9, 10 and 11.
+/// Draws figures 9, 10 and 11.
 pub fn of_one(run: Option<&Studied>) -> Vec<Drawn> {
     let Some(run) = run else {
         return [9, 10, 11]
@@ -94,7 +94,7 @@ pub fn of_one(run: Option<&Studied>) -> Vec<Drawn> {
             &nine,
             format!(
                 "Absolute values of Spearman's coefficient (a) of Δτ with gD²<sub>min</sub> and g<sub>t10%</sub>D²<sub>min</sub> over \
-                 all intervals and (b) of Δτ<sub>p</sub> with the four measures over all phases of the regime, run {}. {RULE}",
+                 all intervals and (b) of Δτ<sub>p</sub> with the four measures over all phases of the regime, run {}. {OMITTED}",
                 run.label
             ),
         )),
@@ -104,7 +104,7 @@ pub fn of_one(run: Option<&Studied>) -> Vec<Drawn> {
             &ten,
             format!(
                 "The same for (a) long and (b) short phases, and (c) of Δτ<sub>p</sub> with the duration t<sub>p</sub> of long and \
-                 short phases, run {}. {RULE}",
+                 short phases, run {}. {OMITTED}",
                 run.label
             ),
         )),
@@ -115,46 +115,49 @@ pub fn of_one(run: Option<&Studied>) -> Vec<Drawn> {
             format!(
                 "Absolute values of Spearman's coefficient of Δτ<sub>p</sub> with mean and median contact angle in GR regions, in ranges \
                  of (a) mg<sub>t10%</sub>D²<sub>min</sub> and (b) sg<sub>t10%</sub>D²<sub>min</sub>, long phases, at the last interval \
-                 with the least number of regions, run {}. {RULE}",
+                 with the least number of regions, run {}. {OMITTED}",
                 run.label
             ),
         )),
     ]
 }
 
-/// Figure 23: N_c of the large sample.
+/// Draws figure 23: N_c of the large sample.
 pub fn of_regions(number: u8, run: Option<&Studied>) -> Drawn {
     let run = run.ok_or_else(|| no_run(number, Size::Large))?;
     let caption = format!(
         "Absolute values of Spearman's coefficient of Δτ<sub>p</sub> with N<sub>c</sub>, the least number of GR regions in a phase, in ranges \
-         of (a) mg<sub>t10%</sub>D²<sub>min</sub> and (b) sg<sub>t10%</sub>D²<sub>min</sub>, long phases, run {}. {RULE}",
+         of (a) mg<sub>t10%</sub>D²<sub>min</sub> and (b) sg<sub>t10%</sub>D²<sub>min</sub>, long phases, run {}. {OMITTED}",
         run.label
     );
     Ok(by_measure(number, run, &[RegionsLeast], caption))
 }
 
-/// Figures 13 and 25: all runs of a size.
+/// Draws figures 13 and 25: all runs of a size.
 pub fn of_frictions(number: u8, size: Size, runs: &[&Studied]) -> Drawn {
     if runs.is_empty() {
         return Err(no_run(number, size));
     }
     let caption = format!(
-        "{} for the sliding frictions, {} sample. {RULE}",
-        ten_caption(),
+        "{} for each friction coefficient, {} sample. {OMITTED}",
+        panels_caption(),
         size.name()
     );
     Ok(compared(number, runs, caption))
 }
 
-/// Figure 22: a small and a large sample.
+/// Draws figure 22: a small and a large sample.
 pub fn of_sizes(number: u8, small: Option<&Studied>, large: Option<&Studied>) -> Drawn {
     let large = large.ok_or_else(|| no_run(number, Size::Large))?;
     let small = small.ok_or_else(|| no_run(number, Size::Small))?;
-    let caption = format!("{} for a small and a large sample. {RULE}", ten_caption());
+    let caption = format!(
+        "{} for a small and a large sample. {OMITTED}",
+        panels_caption()
+    );
     Ok(compared(number, &[small, large], caption))
 }
 
-fn ten_caption() -> &'static str {
+fn panels_caption() -> &'static str {
     "Absolute values of Spearman's coefficient of (a) Δτ with g<sub>t10%</sub>D²<sub>min</sub> over all intervals; of Δτ<sub>p</sub> with \
      mg<sub>t10%</sub>D²<sub>min</sub> over (b) all, (c) long, (d) short phases; with mgD²<sub>min</sub> over (e) long phases; with \
      sg<sub>t10%</sub>D²<sub>min</sub> over (f) all, (g) long, (h) short phases; with sgD²<sub>min</sub> over (i) long phases; with \
@@ -169,7 +172,7 @@ fn symbol(subject: Subject) -> &'static str {
     }
 }
 
-/// Key of a subject in tables: with what, over what.
+/// Returns the keys of a subject in tables: what is correlated, and over which intervals or phases.
 pub fn key(subject: Subject) -> [&'static str; 2] {
     match subject {
         Subject::Greatest => ["dmin_greatest", "intervals"],
@@ -184,7 +187,7 @@ fn letter(k: usize) -> char {
     char::from(b'a' + k as u8)
 }
 
-/// Panels of one run, a curve a subject.
+/// Draws panels of one run with a curve per subject.
 fn by_stress(
     number: u8,
     run: &Studied,
@@ -220,11 +223,11 @@ fn by_stress(
     }
 }
 
-/// The ten panels, a curve a run.
+/// Draws the ten panels with a curve per run.
 fn compared(number: u8, runs: &[&Studied], caption: String) -> Figure {
     let mut csv = String::from(HEADER);
     let mut drawn = Vec::new();
-    for (k, subject) in TEN.into_iter().enumerate() {
+    for (k, subject) in PANELS.into_iter().enumerate() {
         let mut curves = Vec::new();
         for (c, run) in runs.iter().enumerate() {
             let points = run.regime.correlate(subject);
@@ -242,10 +245,10 @@ fn compared(number: u8, runs: &[&Studied], caption: String) -> Figure {
     }
 }
 
-/// The ten panels, a curve a family, with its mean and bars of its standard error.
+/// Draws the ten panels with a curve per family: means with standard errors.
 pub fn seeds(families: &[&Family]) -> String {
     let mut drawn = Vec::new();
-    for (k, subject) in TEN.into_iter().enumerate() {
+    for (k, subject) in PANELS.into_iter().enumerate() {
         let of_family = |(c, family): (usize, &&Family)| {
             let found = family.correlate(subject);
             let points = found.iter().map(|(range, mean, _)| (*range, *mean));
@@ -261,7 +264,7 @@ pub fn seeds(families: &[&Family]) -> String {
     grid_of(2, &drawn)
 }
 
-/// Of one of the ten panels.
+/// Heading of one of the ten panels.
 fn title(k: usize, subject: Subject) -> String {
     let over = key(subject)[1];
     match subject {
@@ -298,11 +301,12 @@ fn lines(csv: &mut String, head: &str, points: &[(Range, Correlation)]) {
     for (range, found) in points {
         let (from, to) = (range.nearer, range.farther);
         let Correlation { rho, p, count } = found;
-        writeln!(csv, "{head},{from:?},{to:?},{count},{rho:?},{p:?}").expect("a string grows");
+        writeln!(csv, "{head},{from:?},{to:?},{count},{rho:?},{p:?}")
+            .expect("writing to a string cannot fail");
     }
 }
 
-/// Two panels, by mg_t10%D²min and by sg_t10%D²min.
+/// Draws two panels, by mg_t10%D²min and by sg_t10%D²min.
 fn by_measure(number: u8, run: &Studied, quantities: &[Quantity], caption: String) -> Figure {
     let unit = run.grains.mean_radius().powi(2);
     let mut csv = String::from(HEADER);
@@ -337,7 +341,7 @@ fn by_measure(number: u8, run: &Studied, quantities: &[Quantity], caption: Strin
     }
 }
 
-/// Place of a change of τ on an axis that is logarithmic on both sides of a gap.
+/// Position of a change of τ on an axis that is logarithmic on both sides of a gap.
 fn place(change: f64) -> f64 {
     (change.abs().log10() - LEAST + GAP).copysign(change)
 }
@@ -398,10 +402,10 @@ fn panel(
     figure(PANEL, x, [0.0, 1.04], |plot| {
         plot.grid(x_ticks, &y_ticks);
         if x[0] < 0.0 && x[1] > 0.0 {
-            plot.upright(0.0, PALE);
+            plot.vertical_line(0.0, PALE);
         }
         for curve in curves {
-            // A line joins neighbouring ranges, both of them significant.
+            // A line joins neighbouring ranges that are both significant.
             let points = |pair: &[(Range, Correlation)]| -> Option<Vec<[f64; 2]>> {
                 let all = pair.iter().all(|(_, found)| found.is_significant());
                 all.then(|| {
@@ -431,7 +435,7 @@ fn panel(
             .flat_map(|curve| &curve.points)
             .any(|(_, found)| found.is_significant())
         {
-            plot.apology("nothing with p ≤ 0.05");
+            plot.empty_note("no coefficient with p ≤ 0.05");
         }
         plot.clip();
         plot.axes(x_ticks, &y_ticks, x_label, "|Spearman ρ|");

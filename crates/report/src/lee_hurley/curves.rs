@@ -16,7 +16,7 @@ const WIDE: Layout = Layout {
 const X_LABEL: &str = "shear strain γ (%)";
 const Y_LABEL: &str = "shear stress ratio τ = S/N";
 
-/// Figure 2: the whole curve and the largest drop of one run.
+/// Draws figure 2: the whole curve and the largest drop of one run.
 pub fn whole_and_event(number: u8, run: Option<&Studied>) -> Drawn {
     let run = run.ok_or_else(|| no_run(number, Size::Small))?;
     let mut panels = vec![several("(a)", &[run])];
@@ -28,7 +28,7 @@ pub fn whole_and_event(number: u8, run: Option<&Studied>) -> Drawn {
     Ok(Figure {
         number,
         caption: format!(
-            "(a) Normalised shear stress over shear strain of the run {}. Dashed: from there on the regime is taken. \
+            "(a) Normalised shear stress over shear strain of the run {}. Dashed: start of the stick-slip regime. \
              (b) The same around the largest drop of the regime, with the three stages: before, during and after it.{}",
             run.label,
             of_steps(run)
@@ -38,7 +38,7 @@ pub fn whole_and_event(number: u8, run: Option<&Studied>) -> Drawn {
     })
 }
 
-/// Figures 12 and 24: all runs of a size.
+/// Draws figures 12 and 24: all runs of a size.
 pub fn of_frictions(number: u8, size: Size, runs: &[&Studied]) -> Drawn {
     if runs.is_empty() {
         return Err(no_run(number, size));
@@ -46,7 +46,7 @@ pub fn of_frictions(number: u8, size: Size, runs: &[&Studied]) -> Drawn {
     Ok(Figure {
         number,
         caption: format!(
-            "Normalised shear stress over shear strain for the sliding frictions, {} sample.",
+            "Normalised shear stress over shear strain for each friction coefficient, {} sample.",
             size.name()
         ),
         svg: several("", runs),
@@ -54,7 +54,7 @@ pub fn of_frictions(number: u8, size: Size, runs: &[&Studied]) -> Drawn {
     })
 }
 
-/// Figure 14: both sizes, and the largest drop of the large one.
+/// Draws figure 14: both sizes, and the largest drop of the large sample.
 pub fn of_sizes(number: u8, small: Option<&Studied>, large: Option<&Studied>) -> Drawn {
     let large = large.ok_or_else(|| no_run(number, Size::Large))?;
     let runs: Vec<&Studied> = small.into_iter().chain([large]).collect();
@@ -68,7 +68,7 @@ pub fn of_sizes(number: u8, small: Option<&Studied>, large: Option<&Studied>) ->
         number,
         caption: format!(
             "(a) Normalised shear stress over shear strain of a small and a large sample. (b) The same around the largest \
-             drop of the large one, with the three stages; great slips that follow the largest closely belong to Stage II.{}",
+             drop of the large one, with the three stages; large slips that closely follow the largest one belong to Stage II.{}",
             of_steps(large)
         ),
         svg: grid_of(1, &panels),
@@ -78,7 +78,7 @@ pub fn of_sizes(number: u8, small: Option<&Studied>, large: Option<&Studied>) ->
 
 fn of_steps(run: &Studied) -> &'static str {
     match &run.event {
-        Some(event) if !event.steps.is_empty() => " Numbers: the steps that the maps show.",
+        Some(event) if !event.steps.is_empty() => " Numbers: steps shown in the maps.",
         _ => "",
     }
 }
@@ -105,7 +105,7 @@ fn several(letter: &str, runs: &[&Studied]) -> String {
             );
         }
         for run in runs {
-            plot.upright(100.0 * run.onset, GREY);
+            plot.vertical_line(100.0 * run.onset, GREY);
         }
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, X_LABEL, Y_LABEL);
@@ -114,7 +114,7 @@ fn several(letter: &str, runs: &[&Studied]) -> String {
     })
 }
 
-/// The labels of runs in the colours of their order.
+/// Draws the legend: labels of runs in the colours of their order.
 pub fn legend(plot: &mut Plot, runs: &[&Studied]) {
     let names: Vec<String> = runs.iter().map(|run| run.typeset_label()).collect();
     let entries = names.iter().enumerate();
@@ -153,7 +153,7 @@ fn around(letter: &str, run: &Studied, event: &Event) -> String {
     })
 }
 
-/// The stages as bands behind the data; x is γ in percent.
+/// Shades the stages behind the data; x is γ in percent.
 pub fn shade(plot: &mut Plot, run: &Studied, event: &Event) {
     let strain = |row: usize| 100.0 * run.regime.strain[row];
     let stages = &event.stages;
@@ -163,18 +163,19 @@ pub fn shade(plot: &mut Plot, run: &Studied, event: &Event) {
     }
 }
 
-/// Every row of the time series: panel a.
+/// CSV of panel (a): every row of the time series.
 fn table(runs: &[&Studied]) -> String {
     let mut csv = String::from("panel,run,strain,stress_ratio,stage,step\n");
     for run in runs {
         for (strain, tau) in run.strain.iter().zip(&run.tau) {
-            writeln!(csv, "a,{},{strain:?},{tau:?},,", run.label).expect("a string grows");
+            writeln!(csv, "a,{},{strain:?},{tau:?},,", run.label)
+                .expect("writing to a string cannot fail");
         }
     }
     csv
 }
 
-/// The rows around the drop: panel b. The stage is that of the interval which a row ends.
+/// CSV of panel (b): the rows around the drop. A row has the stage of the interval that it ends.
 fn event_table(run: &Studied, event: &Event) -> String {
     let mut csv = String::new();
     for row in event.stages.begin..=event.stages.end {
@@ -182,12 +183,13 @@ fn event_table(run: &Studied, event: &Event) -> String {
         let step = event.steps.iter().find(|step| step.row == row);
         let step = step.map_or(String::new(), |step| step.number.to_string());
         let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
-        writeln!(csv, "b,{},{strain:?},{tau:?},{stage},{step}", run.label).expect("a string grows");
+        writeln!(csv, "b,{},{strain:?},{tau:?},{stage},{step}", run.label)
+            .expect("writing to a string cannot fail");
     }
     csv
 }
 
-/// Name of the stage whose interval a row ends.
+/// Returns the name of the stage that contains the interval ending at a row.
 pub fn stage_of(event: &Event, row: usize) -> &'static str {
     if row <= event.stages.drop {
         Stage::Before.name()

@@ -1,16 +1,16 @@
-//! The largest drops of τ, by name: where to look, and to replay.
+//! The largest drops of τ, with the time steps to replay them from.
 
 use std::fmt::Write as _;
 
 use super::studied::Studied;
 use gshear_analysis::phases::{Kind, Phase};
 
-/// How many of them are listed.
+/// Number of drops listed per run.
 const LISTED: usize = 20;
-/// How many after the largest one the table of numbers has.
+/// Number of drops after the largest one in the table of numbers.
 const NEXT: usize = 3;
 
-/// The slips of a regime, the greatest loss of τ first; the first in time of equal ones.
+/// The slips of a regime by loss of τ, the greatest first; of equal ones the first in time.
 fn largest(run: &Studied) -> Vec<Phase> {
     let phases = run.regime.phases.iter().map(|measured| measured.phase);
     let mut slips: Vec<Phase> = phases.filter(|phase| phase.kind == Kind::Slip).collect();
@@ -19,7 +19,7 @@ fn largest(run: &Studied) -> Vec<Phase> {
     slips
 }
 
-/// `drops.csv`: a line a drop.
+/// Returns the content of `drops.csv`, one line per drop.
 pub fn csv(runs: &[Studied]) -> String {
     let mut csv =
         String::from("run,rank,start_step,end_step,start_strain,end_strain,t_p,delta_tau_p\n");
@@ -37,13 +37,13 @@ pub fn csv(runs: &[Studied]) -> String {
                 slip.duration(),
                 slip.change
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
         }
     }
     csv
 }
 
-/// Those after the largest one, in words.
+/// Returns the drops after the largest one as text.
 pub fn next(run: &Studied) -> String {
     let slips = largest(run);
     let words = |slip: &Phase| {

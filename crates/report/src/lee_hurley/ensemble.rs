@@ -1,4 +1,4 @@
-//! Runs that differ in their seeds only: means, and how far they scatter.
+//! Means and scatter over runs that differ in their seeds only.
 
 use std::fmt::Write as _;
 
@@ -10,19 +10,20 @@ use gshear_analysis::ranges::Range;
 use gshear_analysis::spearman::Correlation;
 use gshear_analysis::spread::Spread;
 
-/// Runs of the same scene but for the seed, each seed once, in the order given.
+/// Runs of one scene with different seeds, each seed once, in the order given.
 pub struct Family<'a> {
+    /// The runs; at least one.
     pub runs: Vec<&'a Studied>,
 }
 
-/// In the order of their first runs.
+/// Groups runs into families, in the order of their first runs.
 pub fn families(runs: &[Studied]) -> Vec<Family<'_>> {
     let mut families: Vec<Family> = Vec::new();
     for run in runs {
         let same = |family: &&mut Family| family.runs[0].family == run.family;
         match families.iter_mut().find(same) {
             None => families.push(Family { runs: vec![run] }),
-            // The same seed again is the same run again, and no further evidence.
+            // The same seed gives the same run, which is no further evidence.
             Some(family) if family.runs.iter().any(|other| other.seed == run.seed) => {}
             Some(family) => family.runs.push(run),
         }
@@ -31,12 +32,14 @@ pub fn families(runs: &[Studied]) -> Vec<Family<'_>> {
 }
 
 impl Family<'_> {
+    /// Returns the label of the first run, without its number.
     pub fn label(&self) -> &str {
         let label = &self.runs[0].label;
         label.strip_suffix(" (1)").unwrap_or(label)
     }
 
-    /// In every range the mean ρ of the runs with five pairs or more, their median p and least number of pairs; and the spread.
+    /// Returns for every range the mean ρ of the runs with at least five pairs, their median p and
+    /// least number of pairs, and the spread of ρ.
     pub fn correlate(&self, subject: Subject) -> Vec<(Range, Correlation, Spread)> {
         let all: Vec<_> = self
             .runs
@@ -60,7 +63,7 @@ impl Family<'_> {
         (0..all[0].len()).map(of_range).collect()
     }
 
-    /// Names and values of what a run has one of.
+    /// Names and spreads of the numbers that every run has one of.
     fn numbers(&self) -> [(&'static str, Spread); 8] {
         let spread = |of: &dyn Fn(&Studied) -> f64| Spread::of(self.runs.iter().map(|run| of(run)));
         let count = |run: &Studied, fits: &dyn Fn(usize) -> bool| {
@@ -102,7 +105,7 @@ impl Family<'_> {
     }
 }
 
-/// `ensemble.csv`: of every family with more than one run, mean and standard error of its numbers.
+/// Returns the content of `ensemble.csv`: mean and standard error of the numbers of each family.
 pub fn numbers_csv(families: &[Family]) -> String {
     let mut csv = String::from("runs_of,what,runs,mean,error,least,greatest\n");
     for family in families {
@@ -117,13 +120,13 @@ pub fn numbers_csv(families: &[Family]) -> String {
                 s.least,
                 s.greatest
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
         }
     }
     csv
 }
 
-/// `ensemble-correlations.csv`: the same of ρ in every range.
+/// Returns the content of `ensemble-correlations.csv`: mean and standard error of ρ in every range.
 pub fn correlations_csv(families: &[Family]) -> String {
     let mut csv = String::from(
         "runs_of,with,over,from,to,runs,least_pairs,rho_mean,rho_error,rho_least,rho_greatest,p_median\n",
@@ -146,14 +149,15 @@ pub fn correlations_csv(families: &[Family]) -> String {
                     s.greatest,
                     mean.p
                 )
-                .expect("a string grows");
+                .expect("writing to a string cannot fail");
             }
         }
     }
     csv
 }
 
-/// The panels of figures 13 and 25 with means and standard errors, by the size of the sample: name and SVG.
+/// Draws the panels of figures 13 and 25 with means and standard errors, one figure per size of the
+/// sample. Returns name and SVG.
 pub fn figures(families: &[Family]) -> Vec<(String, String)> {
     let of = |size: Size| {
         let families: Vec<&Family> = families.iter().filter(|f| f.runs[0].size == size).collect();

@@ -21,7 +21,8 @@ const PANEL: Layout = Layout {
 
 type Curve<'a> = (&'a str, RGBColor, Box<dyn Fn(&FrameScalars) -> f64>);
 
-/// Spearman's ρ of |Δσ_p| with D²min, the greatest D²min, the number of GR regions and their contact angles.
+/// Draws Spearman's ρ of |Δσ_p| with D²min, the greatest D²min, the number of GR regions and their
+/// contact angles around the drop.
 pub fn figure(number: u8, run: Option<&Studied>) -> Drawn {
     let size = if number == 8 {
         Size::Small
@@ -88,9 +89,9 @@ pub fn figure(number: u8, run: Option<&Studied>) -> Drawn {
     Ok(Figure {
         number,
         caption: format!(
-            "Around the largest drop of the run {}, every interval Δγ: (a) Spearman's coefficient between the change of the \
+            "Around the largest drop of the run {}, for every interval Δγ: (a) Spearman's coefficient between the change of the \
              largest principal stress of a grain and its D²<sub>min</sub>; (b) the greatest D²<sub>min</sub> and the mean of the \
-             greatest 10 %; (c) the number of GR regions, in both readings of DBSCAN's minPts; (d) mean and median of the contact \
+             greatest 10 %; (c) the number of GR regions, for both readings of DBSCAN's minPts; (d) mean and median of the contact \
              angles in GR regions. Shaded: the stages.",
             run.label
         ),
@@ -151,9 +152,10 @@ fn table(run: &Studied, event: &Event) -> String {
     let mut csv = format!("strain,stress_ratio,stage,{}\n", SCALAR_COLUMNS.join(","));
     for row in event.stages.begin + 1..=event.stages.end {
         let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
-        write!(csv, "{strain:?},{tau:?},{}", stage_of(event, row)).expect("a string grows");
+        write!(csv, "{strain:?},{tau:?},{}", stage_of(event, row))
+            .expect("writing to a string cannot fail");
         for value in run.regime.scalars[row].columns() {
-            write!(csv, ",{value:?}").expect("a string grows");
+            write!(csv, ",{value:?}").expect("writing to a string cannot fail");
         }
         csv.push('\n');
     }

@@ -1,4 +1,5 @@
-//! The study of Lee & Hurley: every figure of the paper that rests on data, drawn of our runs, and the paper's numbers beside ours.
+//! The study of Lee & Hurley (LH): every figure of the paper that shows data, drawn from our runs,
+//! and the paper's numbers next to ours.
 
 mod correlations;
 mod curves;
@@ -17,30 +18,36 @@ pub use self::studied::{Choice, Event, Size, Stage, Step, Studied, friction};
 use gshear_dem::failure::Failure;
 use gshear_store::text_writer;
 
-/// A figure, called after its number in the paper.
+/// A figure with its number in the paper.
 pub struct Figure {
+    /// Number in the paper.
     pub number: u8,
+    /// Caption in HTML.
     pub caption: String,
+    /// The figure as SVG.
     pub svg: String,
-    /// Ends of the names and contents of the files with its data: `.csv`, `-contacts.csv`.
+    /// Files with its data: suffix of the name (`.csv`, `-contacts.csv`) and content.
     pub data: Vec<(&'static str, String)>,
 }
 
-/// A figure of the paper, or why there is none.
+/// A figure of the paper, or its number and the reason why it is missing.
 pub type Drawn = Result<Figure, (u8, String)>;
 
 impl Figure {
-    /// `fig-02`.
+    /// Returns the name of its files without suffix: `fig-02`.
     pub fn name(&self) -> String {
         format!("fig-{:02}", self.number)
     }
 }
 
-/// Writes the study into `folder`, which is made if missing: the figures as SVG with their data as CSV, `numbers.csv`,
-/// `drops.csv`, of runs that
-/// differ in their seeds only `ensemble.csv`, `ensemble-correlations.csv` and `ensemble-….svg`, `index.html`. Returns the page.
+/// Writes the study into `folder`, which is created if missing, and returns the path of the page.
 ///
-/// Errors: files that cannot be written.
+/// The files are the figures as SVG with their data as CSV, `numbers.csv`, `drops.csv` and
+/// `index.html`; if there are runs that differ in their seeds only, also `ensemble.csv`,
+/// `ensemble-correlations.csv` and `ensemble-….svg`.
+///
+/// # Errors
+/// If a file cannot be written.
 pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
     let drawn = figures(runs);
     for figure in drawn.iter().flatten() {
@@ -67,15 +74,15 @@ pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
     for (name, svg) in &seeds {
         text_writer::write(&folder.join(name), svg)?;
     }
-    // Last, so that a page never shows figures that are not there.
+    // Written last, so that the page never refers to missing figures.
     let page = folder.join("index.html");
     text_writer::write(&page, &page::html(runs, &numbers, &drawn, &seeds))?;
     Ok(page)
 }
 
-/// In the order of their numbers. Figure 1 is a drawing of the set-up.
+/// The figures in the order of their numbers. Figure 1 is a drawing of the set-up.
 fn figures(runs: &[Studied]) -> Vec<Drawn> {
-    // Of runs that differ in their seeds only, the first.
+    // Figures of single runs show the first run of each family.
     let families = ensemble::families(runs);
     let first = || families.iter().map(|family| family.runs[0]);
     let of = |size: Size| -> Vec<&Studied> { first().filter(|run| run.size == size).collect() };
@@ -105,7 +112,7 @@ fn figures(runs: &[Studied]) -> Vec<Drawn> {
     drawn
 }
 
-/// Why there is no figure of a size.
+/// The reason for a missing figure of one size.
 fn no_run(number: u8, size: Size) -> (u8, String) {
     (number, format!("no run of the {} sample", size.name()))
 }

@@ -1,4 +1,4 @@
-//! What the paper states in numbers and in words, and what our runs say.
+//! The paper's numbers and statements next to those of our runs.
 
 use std::fmt::Write as _;
 
@@ -11,24 +11,30 @@ use gshear_analysis::spearman::Correlation;
 use Length::{All, Long, Short};
 use Quantity::{DminMax, DminSum, Duration, TopMax, TopSum};
 
-/// From here on a coefficient is moderate, and strong. The paper says weak, moderate and strong without numbers.
+/// Coefficients from this value on are called moderate. The paper says weak, moderate and strong
+/// without numbers.
 const MODERATE: f64 = 0.4;
+/// Coefficients from this value on are called strong.
 const STRONG: f64 = 0.6;
 
 /// A line of the table.
 pub struct Number {
+    /// Label of the run.
     pub run: String,
+    /// The quantity or statement.
     pub what: String,
+    /// The paper's value.
     pub paper: String,
+    /// The run's value.
     pub ours: String,
 }
 
-/// The numbers of every run, one after the other.
+/// Returns the lines of every run, one run after the other.
 pub fn of(runs: &[Studied]) -> Vec<Number> {
     runs.iter().flat_map(of_run).collect()
 }
 
-/// As `numbers.csv`.
+/// Returns the content of `numbers.csv`.
 pub fn csv(numbers: &[Number]) -> String {
     let mut csv = String::from("run,what,paper,ours\n");
     for Number {
@@ -40,7 +46,7 @@ pub fn csv(numbers: &[Number]) -> String {
     {
         let quoted =
             [run, what, paper, ours].map(|text| format!("\"{}\"", text.replace('"', "\"\"")));
-        writeln!(csv, "{}", quoted.join(",")).expect("a string grows");
+        writeln!(csv, "{}", quoted.join(",")).expect("writing to a string cannot fail");
     }
     csv
 }
@@ -62,7 +68,8 @@ fn known(value: Option<f64>) -> String {
     value.map_or("unknown".into(), |value| format!("{value:.3e}"))
 }
 
-/// Phases that the paper counted, by size and friction (sections 4 and 5, appendix C), in about 130,000 intervals each.
+/// Number of phases in the paper, by size and friction (sections 4 and 5, appendix C), each in
+/// about 130,000 intervals.
 fn phases_of_paper(run: &Studied) -> Option<f64> {
     let of_friction = match run.size {
         Size::Small => [18e3, 46e3, 52e3, 42e3],
@@ -196,12 +203,12 @@ fn drop(run: &Studied) -> Vec<(String, String, String)> {
     ]
 }
 
-/// One of two correlations is the stronger: of which, than which, in which ranges.
+/// A statement that one correlation is stronger than another in some ranges.
 struct Comparison {
     what: &'static str,
     stronger: Subject,
     weaker: Subject,
-    /// Greatest and least |Δτ| of the ranges, on the side of slip.
+    /// Greatest and least |Δτ| of the ranges, for slip.
     within: [f64; 2],
 }
 
@@ -346,7 +353,7 @@ fn compare(run: &Studied, comparison: &Comparison) -> (String, String, String) {
     (what, "stronger".into(), ours)
 }
 
-/// How many of the significant coefficients are weak, moderate and strong, and the greatest.
+/// Counts the significant coefficients that are weak, moderate and strong, and gives the greatest.
 fn words_of(found: impl Iterator<Item = (Range, Correlation)>) -> String {
     let significant: Vec<f64> = found
         .filter(|(_, c)| c.is_significant())

@@ -1,11 +1,12 @@
-//! The page of the study: the figures beside it, in the order of the paper.
+//! The HTML page of the study: the figures in the order of the paper, and the tables of numbers.
 
 use super::numbers::Number;
 use super::studied::Studied;
 use super::{Drawn, Figure};
 use crate::page::escape;
 
-/// The page as HTML. It shows the figures from the files beside it; `seeds`: those of several seeds, name and SVG.
+/// Returns the page as HTML, which refers to the figures as files in the same folder. `seeds`: name
+/// and SVG of the figures over several seeds.
 pub fn html(
     runs: &[Studied],
     numbers: &[Number],
@@ -23,7 +24,7 @@ pub fn html(
     for (name, _) in seeds {
         ensemble += &format!(
             "<figure>\n<img src=\"{name}\" alt=\"{name}\" style=\"max-width: 100%\"/>\n<figcaption>Runs that differ in their seeds \
-             only: the mean of their coefficients with its standard error, where the median p is at most 0.05. \
+             only: mean coefficients with standard errors; points with a median p above 0.05 are left out. \
              <a href=\"ensemble-correlations.csv\">ensemble-correlations.csv</a>, \
              <a href=\"ensemble.csv\">ensemble.csv</a></figcaption>\n</figure>\n"
         );
@@ -52,9 +53,9 @@ pub fn html(
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>The study of Lee and Hurley</title>\n\
          <style>\n{}</style>\n</head>\n<body>\n<h1>The study of Lee and Hurley</h1>\n\
          <p class=\"lead\">The figures of \"Microscopic dynamics of particle rearrangement and its correlation with stick-slip behavior in \
-         granular shear\", of these runs and under the numbers of the paper. The data of each lie beside it as CSV.</p>\n\
-         <h2>Figures</h2>\n<p>Figure 1 is a drawing of the set-up.</p>\n{body}{ensemble}<h2>The numbers of the paper, and ours</h2>\n\
-         <p>Weak is below 0.4 and strong from 0.6 on; the paper uses the words without numbers.</p>\n{tables}</body>\n</html>\n",
+         granular shear\" for these runs, with the numbers of the paper. Each figure links to its data as CSV.</p>\n\
+         <h2>Figures</h2>\n<p>Figure 1 is a drawing of the set-up.</p>\n{body}{ensemble}<h2>Numbers of the paper and of these runs</h2>\n\
+         <p>Coefficients below 0.4 are called weak, from 0.6 on strong; the paper uses the words without numbers.</p>\n{tables}</body>\n</html>\n",
         include_str!("../page.css")
     )
 }

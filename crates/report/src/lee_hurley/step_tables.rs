@@ -1,4 +1,4 @@
-//! The data of the maps.
+//! CSV tables of the maps.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use super::studied::{Step, Studied};
 use gshear_analysis::forces;
 use gshear_dem::state::Disks;
 
-/// A line a grain and step; lengths in m, D²min in m².
+/// Returns one line per grain and step; lengths in m, D²min in m².
 pub fn grains_table(run: &Studied, steps: &[&Step]) -> String {
     let mut csv = String::from(
         "step,stage,start_strain,end_strain,grain,body,x,y,radius,in_gr_region,dmin,greatest_dmin\n",
@@ -24,13 +24,13 @@ pub fn grains_table(run: &Studied, steps: &[&Step]) -> String {
                 "{},{stage},{from:?},{to:?},{n},{body},{x:?},{y:?},{radius:?},{},{:?},{}",
                 step.number, marks[0], step.dmin[n], marks[1]
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
         }
     }
     csv
 }
 
-/// Contacts of the frames: |f| and, if asked for, its change.
+/// Returns one line per contact and step: |f| and, if `with_change`, its change.
 pub fn contacts_table(run: &Studied, steps: &[&Step], with_change: bool) -> String {
     let mut csv = String::from("step,stage,end_strain,i,j,x_i,y_i,x_j,y_j,force");
     csv += if with_change { ",force_change\n" } else { "\n" };
@@ -54,9 +54,10 @@ pub fn contacts_table(run: &Studied, steps: &[&Step], with_change: bool) -> Stri
                 from[1] + y,
                 forces::size(contact)
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
             if with_change {
-                write!(csv, ",{:?}", step.force_change[k]).expect("a string grows");
+                write!(csv, ",{:?}", step.force_change[k])
+                    .expect("writing to a string cannot fail");
             }
             csv.push('\n');
         }
@@ -64,7 +65,7 @@ pub fn contacts_table(run: &Studied, steps: &[&Step], with_change: bool) -> Stri
     csv
 }
 
-/// A line a grain and step; m.
+/// Returns one line per grain and step, in m.
 pub fn displacement_table(grains: &Disks, steps: &[&Step]) -> String {
     let mut csv = String::from("step,stage,start_strain,end_strain,grain,x,y,radius,u_x,u_y\n");
     for step in steps {
@@ -79,7 +80,7 @@ pub fn displacement_table(grains: &Disks, steps: &[&Step]) -> String {
                 u[0],
                 u[1]
             )
-            .expect("a string grows");
+            .expect("writing to a string cannot fail");
         }
     }
     csv

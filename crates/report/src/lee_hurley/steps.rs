@@ -15,17 +15,18 @@ use crate::ticks;
 
 /// Width of the sample in a panel (px).
 const WIDTH: f64 = 235.0;
-/// At the sides wide enough for what a disk at the seam reaches out of the sample.
+/// Margins (px); at the sides wide enough for disks across the periodic boundary.
 const MARGIN: [f64; 4] = [11.0, 40.0, 11.0, 6.0];
-/// Share of the grains with a D²min that are the greatest.
+/// Share of the grains with a defined D²min that are marked as the greatest.
 const TOP: f64 = 0.01;
-/// Decades of D²min on the colour bar at most.
+/// Greatest number of decades of D²min on the colour bar.
 const DECADES: f64 = 6.0;
-/// Changes below this share of the greatest are not drawn: they would not be seen.
+/// Changes below this share of the greatest are too faint to be seen and left out.
 const FAINT: f64 = 2e-3;
 
-/// Figures of a run by their `numbers`: Stage I, the drop, further drops, Stage III, force network, displacements. 0 stands for
-/// the further drops that have no figure of their own; they are then shown with the drop.
+/// Draws the figures of a run with these `numbers`: Stage I, the drop, further drops, Stage III,
+/// force network, displacements. If the number of the further drops is 0, they are shown with the
+/// drop.
 pub fn figures(numbers: [u8; 6], run: Option<&Studied>) -> Vec<Drawn> {
     let wanted = |number: &&u8| **number != 0;
     let size = if numbers[0] == 3 {
@@ -47,7 +48,8 @@ pub fn figures(numbers: [u8; 6], run: Option<&Studied>) -> Vec<Drawn> {
     if steps.is_empty() {
         return all_but((
             0,
-            "no frames were stored around the largest drop: replay it".into(),
+            "the run has no frames around the largest drop: replay it (gshear-reduce replay)"
+                .into(),
         ));
     }
     let of = |stages: &[Stage]| -> Vec<&Step> {
@@ -90,7 +92,7 @@ pub fn figures(numbers: [u8; 6], run: Option<&Studied>) -> Vec<Drawn> {
     drawn
 }
 
-/// The whole sample: a part of a very large one.
+/// The view of all steps: the whole sample, or a part if it is very large.
 fn view(run: &Studied, steps: &[&Step]) -> View {
     let first = steps[0];
     let centre = first
@@ -126,13 +128,11 @@ fn step_title(step: &Step) -> String {
     )
 }
 
-/// The greatest reductions, the differential force network, the greatest D²min and D²min of every step: a row a step.
+/// Draws one row per step: greatest reductions of force, differential force network, greatest
+/// D²min, and D²min.
 fn stage(number: u8, run: &Studied, what: &str, steps: &[&Step]) -> Drawn {
     if steps.is_empty() {
-        return Err((
-            number,
-            format!("{what}: there is no such part of this drop"),
-        ));
+        return Err((number, format!("{what}: this drop has no such part")));
     }
     let view = view(run, steps);
     let changes = || steps.iter().flat_map(|step| &step.force_change);
@@ -172,8 +172,8 @@ fn stage(number: u8, run: &Studied, what: &str, steps: &[&Step]) -> Drawn {
     panels.extend([String::new(), forces, String::new(), dmins]);
     let caption = format!(
         "{what}, run {}: the 1 % of the grains with the greatest reduction of contact force (GR regions), differential force network, \
-         the 1 % of the grains with the greatest D²<sub>min</sub>, and D²<sub>min</sub> (white: rattlers and where it is undefined). \
-         The scales are those of all steps of the figure.",
+         the 1 % of the grains with the greatest D²<sub>min</sub>, and D²<sub>min</sub> (white: rattlers and other grains without a defined value). \
+         All steps of the figure share the scales.",
         run.label
     );
     Ok(Figure {
@@ -187,7 +187,8 @@ fn stage(number: u8, run: &Studied, what: &str, steps: &[&Step]) -> Drawn {
     })
 }
 
-/// Ids of the grains with the greatest D²min: 1 % of those that have one, rounded and at least one.
+/// Returns the ids of the grains with the greatest D²min: 1 % of those with a defined value,
+/// rounded and at least one.
 pub fn top(dmin: &[f64]) -> Vec<u32> {
     let mut defined: Vec<u32> = (0..dmin.len() as u32)
         .filter(|n| dmin[*n as usize].is_finite())
@@ -200,7 +201,8 @@ pub fn top(dmin: &[f64]) -> Vec<u32> {
     defined
 }
 
-/// All grains in pale, those of the walls a little darker: without outlines, so that each kind becomes one path of the figure.
+/// Draws all grains in pale colours, wall grains darker; without outlines, so that each kind
+/// becomes one path.
 fn background(plot: &mut Plot, run: &Studied, step: &Step, view: View) {
     let scale = plot.scale();
     for (wall, colour) in [(false, PALE), (true, WALL)] {
@@ -284,7 +286,7 @@ impl Levels {
 }
 
 fn dmin(run: &Studied, step: &Step, view: View, levels: &Levels) -> String {
-    /// Disks of one colour become one path of the figure.
+    /// Number of shades; disks of one shade become one path of the figure.
     const SHADES: f64 = 48.0;
     let share = |n: usize| {
         let level = (step.dmin[n] / levels.square).log10();
@@ -309,7 +311,7 @@ fn dmin(run: &Studied, step: &Step, view: View, levels: &Levels) -> String {
         };
         let (defined, undefined): (Vec<usize>, Vec<usize>) =
             order.into_iter().partition(|n| step.dmin[*n].is_finite());
-        // A white disk on a grey one is an outline.
+        // A white disk on a grey one draws an outline.
         undefined.iter().for_each(|n| draw(*n, 0.0, GREY));
         undefined.iter().for_each(|n| draw(*n, 0.5, WHITE));
         defined
@@ -318,7 +320,7 @@ fn dmin(run: &Studied, step: &Step, view: View, levels: &Levels) -> String {
     })
 }
 
-/// A strip with a colour bar.
+/// Draws a strip with a colour bar.
 fn bar(
     scale: &crate::colour::Scale,
     ticks: Vec<ticks::Tick>,
@@ -335,7 +337,7 @@ fn bar(
     })
 }
 
-/// |f| of every contact at the end of every step.
+/// Draws |f| of every contact at the end of every step.
 fn network(number: u8, run: &Studied, steps: &[Step]) -> Figure {
     let all: Vec<&Step> = steps.iter().collect();
     let view = view(run, &all);
@@ -345,7 +347,7 @@ fn network(number: u8, run: &Studied, steps: &[Step]) -> Figure {
         .map(forces::size)
         .collect();
     sizes.sort_by(f64::total_cmp);
-    // A few great ones would leave no colour for the rest.
+    // With the maximum as the end of the scale, most contacts would look alike.
     let greatest = sizes
         .get(sizes.len() * 999 / 1000)
         .copied()
@@ -391,14 +393,14 @@ fn network(number: u8, run: &Studied, steps: &[Step]) -> Figure {
     }
 }
 
-/// The index of the greatest D²min.
+/// Index of the grain with the greatest D²min.
 fn greatest(step: &Step) -> Option<usize> {
     (0..step.dmin.len())
         .filter(|n| step.dmin[*n].is_finite())
         .max_by(|a, b| step.dmin[*a].total_cmp(&step.dmin[*b]))
 }
 
-/// Grey arrows of tension and compression around the greatest D²min.
+/// Draws grey arrows of tension and compression around the grain with the greatest D²min.
 fn axes(plot: &mut Plot, run: &Studied, step: &Step) {
     let Some(centre) = greatest(step).map(|n| step.frame.position[n]) else {
         return;
@@ -419,7 +421,7 @@ fn axes(plot: &mut Plot, run: &Studied, step: &Step) {
     }
 }
 
-/// The non-affine displacements of every step as arrows.
+/// Draws the non-affine displacements of every step as arrows.
 fn displacements(number: u8, run: &Studied, steps: &[Step]) -> Figure {
     let all: Vec<&Step> = steps.iter().collect();
     let view = view(run, &all);
@@ -427,7 +429,7 @@ fn displacements(number: u8, run: &Studied, steps: &[Step]) -> Figure {
         let length = |u: &[f64; 2]| u[0].hypot(u[1]);
         let mut sizes: Vec<f64> = step.displacement.iter().map(length).collect();
         sizes.sort_by(f64::total_cmp);
-        // The longest arrows are four mean radii, but for the greatest one in a hundred.
+        // The 99th percentile of the displacements becomes an arrow of four mean radii.
         let most = sizes
             .get(sizes.len() * 99 / 100)
             .copied()
@@ -456,9 +458,9 @@ fn displacements(number: u8, run: &Studied, steps: &[Step]) -> Figure {
     Figure {
         number,
         caption: format!(
-            "Non-affine displacements around the largest drop, run {}: what remains beside the mean shear and stretch along y. Arrows are \
-             scaled in each step by itself, by the factor given; the longest are cut. Grey arrows in the steps of the drop: tension (outward) \
-             and compression (inward) around the greatest D²min, of the gradient that fits the displacements within five mean diameters.",
+            "Non-affine displacements around the largest drop, run {}: displacements minus the mean shear and stretch along y. Each step has \
+             its own scale factor; the longest arrows are cut. Grey arrows in the steps of the drop: directions of tension (outward) \
+             and compression (inward) around the greatest D²min, from the displacement gradient within five mean diameters.",
             run.label
         ),
         svg: grid_of(4, &panels),

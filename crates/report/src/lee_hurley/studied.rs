@@ -1,4 +1,4 @@
-//! A run as the study sees it.
+//! A run with the statistics that the study needs.
 
 use gshear_analysis::correlate::Regime;
 use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
@@ -9,19 +9,20 @@ use gshear_dem::failure::Failure;
 use gshear_store::run_reader::{Fields, Run};
 use gshear_dem::state::{Disks, Frame};
 
-/// Which of the paper's two samples a run is compared with.
+/// The paper's sample that a run is compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Size {
     /// About 1,000 disks (sections 3 and 4).
     Small,
-    /// About 5,000 (section 5).
+    /// About 5,000 disks (section 5).
     Large,
 }
 
 impl Size {
-    /// √(1,000 · 5,000): the middle of the paper's two.
+    /// √(1,000 · 5,000), the geometric mean of the paper's two sizes.
     const BETWEEN: usize = 2236;
 
+    /// Returns the size whose number of grains is nearer, on a logarithmic scale.
     pub fn of(grains: &Disks) -> Self {
         if grains.count() > Self::BETWEEN {
             Size::Large
@@ -30,6 +31,7 @@ impl Size {
         }
     }
 
+    /// Returns the name in labels and file names.
     pub fn name(self) -> &'static str {
         match self {
             Size::Small => "small",
@@ -37,7 +39,8 @@ impl Size {
         }
     }
 
-    /// γ at which the paper's stick-slip regime (section 3.2) or steady state (section 5) begins.
+    /// Returns γ at which the paper's stick-slip regime (section 3.2) or steady state (section 5)
+    /// begins.
     pub fn onset(self) -> f64 {
         match self {
             Size::Small => 0.022,
@@ -46,18 +49,21 @@ impl Size {
     }
 }
 
-/// Of the drop: before, during, after (LH section 3.2).
+/// Stage of the largest drop (LH section 3.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
+    /// Stage I, before the drop.
     Before,
-    /// The largest drop.
+    /// Stage II up to the end of the largest slip.
     Drop,
-    /// The great slips that follow it closely.
+    /// The rest of Stage II, with large slips that follow closely.
     FurtherDrop,
+    /// Stage III, after the drop.
     After,
 }
 
 impl Stage {
+    /// Returns the Roman numeral of the stage.
     pub fn name(self) -> &'static str {
         match self {
             Stage::Before => "I",
@@ -67,76 +73,91 @@ impl Stage {
     }
 }
 
-/// An interval around the drop that the maps show, and what happened in it.
+/// An interval around the drop that the maps show, with its results.
 pub struct Step {
-    /// 1 … of the steps shown.
+    /// Number of the step in the maps, from 1 on.
     pub number: usize,
+    /// Stage of the drop.
     pub stage: Stage,
-    /// Row of the regime at its end.
+    /// Row of the regime at the end of the interval.
     pub row: usize,
+    /// γ at the start and the end of the interval.
     pub strain: [f64; 2],
-    /// At its end.
+    /// Frame at the end of the interval.
     pub frame: Frame,
-    /// [contacts of the frame] differential force network (N/m).
+    /// [contacts of `frame`] Differential force network (N/m).
     pub force_change: Vec<f64>,
-    /// Grains of the greatest reduction.
+    /// Ids of the grains of the greatest reduction of force, ascending.
     pub regions: Vec<u32>,
-    /// [N] (m²), NaN where undefined.
+    /// `[N]` D²min (m²); NaN where undefined.
     pub dmin: Vec<f64>,
-    /// [N] non-affine displacement (m).
+    /// `[N]` Non-affine displacement (m).
     pub displacement: Vec<[f64; 2]>,
 }
 
 /// The largest drop of the regime.
 pub struct Event {
+    /// Its stages.
     pub stages: Stages,
-    /// Empty where the run has no frames there.
+    /// Intervals that the maps show; empty if the run has no frames there.
     pub steps: Vec<Step>,
 }
 
 /// A run with its statistics.
 pub struct Studied {
+    /// Label in figures and tables.
     pub label: String,
+    /// Path of the run.
     pub path: String,
+    /// The paper's sample that it is compared with.
     pub size: Size,
-    /// μ_s of the scene.
+    /// μ_s of the scene; `None` if it has none.
     pub friction: Option<f64>,
+    /// The grains.
     pub grains: Disks,
-    /// What the scene has beside its seed and what is written of it: the same in runs that differ in their seeds only.
+    /// The scene without seed and outputs: equal for runs that differ in their seeds only.
     pub family: String,
+    /// Seed of the scene.
     pub seed: Option<i64>,
-    /// I and κ of the run.
+    /// Inertial number I of the run.
     pub inertial_number: Option<f64>,
+    /// Stiffness number κ of the run.
     pub stiffness_number: Option<f64>,
-    /// γ and τ of the whole time series.
+    /// γ of the whole time series.
     pub strain: Vec<f64>,
+    /// τ of the whole time series.
     pub tau: Vec<f64>,
-    /// γ from which on the regime is taken.
+    /// γ at which the regime begins.
     pub onset: f64,
+    /// The stick-slip regime.
     pub regime: Regime,
-    /// Steps of the rows of the regime.
+    /// Time step of each row of the regime.
     pub step: Vec<u64>,
-    /// `None` without a slip.
+    /// The largest drop; `None` without a slip.
     pub event: Option<Event>,
 }
 
-/// What a run is studied by.
+/// Options of the study.
 #[derive(Debug, Clone, Copy)]
 pub struct Choice {
-    /// γ at which the regime begins; the paper's, or where the frames begin, if they do later or all end before it.
+    /// γ at which the regime begins. By default the paper's, or the first frame's if that is later
+    /// or all frames end before the paper's.
     pub onset: Option<f64>,
+    /// Reading of minPts for the number of GR regions.
     pub min_points: MinPoints,
 }
 
 impl Studied {
-    /// The label as figures set it.
+    /// Returns the label with subscripts marked for figures.
     pub fn typeset_label(&self) -> String {
         self.label.replace("μ_s", "μ_{s}")
     }
 
-    /// `step`, `strain`, `tau`, `scalars`: [L], a row for each frame or interval looked at.
+    /// Computes the statistics of a run. `step`, `strain`, `tau`, `scalars`: `[L]`, one row per
+    /// frame or interval.
     ///
-    /// Errors: a run that turns out damaged while it is read.
+    /// # Errors
+    /// If the run is damaged.
     pub fn of(
         run: &Run,
         label: String,
@@ -181,14 +202,17 @@ impl Studied {
         })
     }
 
-    /// γ from the first to the last row that the maps show, where their frames are missing.
+    /// Returns the range of γ that the maps need, if the run has no frames there.
     pub fn missing(&self) -> Option<[f64; 2]> {
         let event = self.event.as_ref().filter(|e| e.steps.is_empty())?;
         let strain = |row: usize| self.regime.strain[row];
         Some([strain(event.stages.begin), strain(event.stages.end)])
     }
 
-    /// Takes the frames for the maps from another run of the same grains. Errors: one that turns out damaged.
+    /// Takes the frames for the maps from another run of the same grains.
+    ///
+    /// # Errors
+    /// If that run is damaged.
     pub fn take_frames(&mut self, frames: &Run) -> Result<(), Failure> {
         if let Some(event) = &mut self.event {
             event.steps = steps(frames, &self.regime, &event.stages, &self.step)?;
@@ -197,7 +221,7 @@ impl Studied {
     }
 }
 
-/// μ_s of the scene; `None` where it has none.
+/// Returns μ_s of the scene; `None` if it has none.
 pub fn friction(run: &Run) -> Option<f64> {
     scene(run)?.get("contact")?.get("friction")?.as_float()
 }
@@ -214,21 +238,22 @@ fn family(run: &Run) -> String {
     format!("{} disks\n{scene}", run.grains().count())
 }
 
-/// Around the largest drop; `None` without a slip.
+/// The stages around the largest drop; `None` without a slip.
 fn stages(regime: &Regime) -> Option<Stages> {
     let phases: Vec<phases::Phase> = regime.phases.iter().map(|m| m.phase).collect();
     let largest = phases::largest_drop(&phases)?;
     Some(Stages::around(&phases, largest, &regime.tau))
 }
 
-/// The intervals that the maps show, of the run's frames; none where a frame is missing. `step`: of the rows of the regime.
+/// The intervals that the maps show, from the run's frames; empty if a frame is missing. `step`:
+/// time step of each row of the regime.
 fn steps(run: &Run, regime: &Regime, stages: &Stages, step: &[u64]) -> Result<Vec<Step>, Failure> {
     let mut steps = Vec::new();
     let mut scratch = Scratch::default();
     for (stage, row) in shown(stages) {
         let frames = [row - 1, row].map(|row| run.frame_steps().binary_search(&step[row]));
         let [Ok(earlier), Ok(later)] = frames else {
-            // Not all of them were stored: no maps rather than some.
+            // If a frame is missing, there are no maps at all.
             steps.clear();
             break;
         };
@@ -258,8 +283,8 @@ fn steps(run: &Run, regime: &Regime, stages: &Stages, step: &[u64]) -> Result<Ve
     Ok(steps)
 }
 
-/// Rows of the intervals that the maps show: 3 of Stage I, up to 6 of each part of Stage II, of which the first three follow
-/// one another, 3 of Stage III.
+/// Stages and rows of the intervals that the maps show: 3 of Stage I, up to 6 of each part of Stage
+/// II (of the first part the first three are consecutive), 3 of Stage III.
 fn shown(stages: &Stages) -> Vec<(Stage, usize)> {
     let [before, drop, after] = stages.intervals();
     let first_end = stages.drops[0][1];
@@ -279,7 +304,7 @@ fn shown(stages: &Stages) -> Vec<(Stage, usize)> {
     parts.into_iter().flat_map(of_part).collect()
 }
 
-/// Up to `most` of 0 … count-1: the first `dense`, then evenly to the last.
+/// Up to `most` indices of 0 … count-1: the first `dense`, then evenly spaced up to the last.
 fn spread(count: usize, most: usize, dense: usize) -> Vec<usize> {
     if count <= most {
         return (0..count).collect();

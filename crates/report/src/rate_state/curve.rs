@@ -1,4 +1,4 @@
-//! Curves of μ with their bands and what the laws make of them, on one pair of axes.
+//! Curves of μ with their bands and the friction that the laws predict, on one pair of axes.
 
 use std::ops::Range;
 
@@ -15,20 +15,23 @@ pub(super) const LAYOUT: Layout = Layout {
     size: [900.0, 460.0],
     margin: [78.0, 36.0, 24.0, 58.0],
 };
-/// Curves that the legend names, at most.
+/// Greatest number of curves named in the legend.
 const NAMED: usize = 3;
 
-/// A line of data with its band, and the same of the models.
+/// A measured curve with its band, and the curves of the laws.
 pub(super) struct Curve {
+    /// Name in the legend.
     pub(super) name: String,
-    /// Mean, lower and upper edge at each x; no edges where there is one realisation.
+    /// Measured points.
     pub(super) points: Vec<[f64; 2]>,
+    /// x, lower and upper edge; empty for a single realisation.
     band: Vec<[f64; 3]>,
+    /// Points of each law.
     models: Vec<(Evolution, Vec<[f64; 2]>)>,
 }
 
 impl Curve {
-    /// Rows of a view with x of a row and y = scale · (μ - the reference of data or model).
+    /// Takes rows of a view, with x by row and y by experiment and friction.
     pub(super) fn of(
         view: &View,
         name: String,
@@ -66,6 +69,7 @@ impl Curve {
     }
 }
 
+/// Colour of a law.
 pub(super) fn colour_of(law: Evolution) -> RGBColor {
     match law {
         Evolution::Aging => AGING_LAW,
@@ -73,14 +77,14 @@ pub(super) fn colour_of(law: Evolution) -> RGBColor {
     }
 }
 
-/// Colour of curve k of n, in their order: blues, which neither law has.
+/// Colour of curve k of n: shades of blue, which the laws do not use.
 fn colour_at(k: usize, n: usize) -> RGBColor {
     FORCE.at(1.0 - 0.7 * k as f64 / (n.max(2) - 1) as f64)
 }
 
-/// The curves on one pair of axes, models over data.
+/// Draws the curves on one pair of axes, laws on top of the data.
 pub(super) fn draw(curves: &[Curve], x: [f64; 2], x_ticks: &[Tick], labels: [&str; 2]) -> String {
-    // The rise at the left end, over an instant, does not set the scale.
+    // The jump at the left end does not count for the scale.
     let begin = x[0] + 0.005 * (x[1] - x[0]);
     let within = |p: &&[f64; 2]| (begin..=x[1]).contains(&p[0]);
     let edges = |c: &Curve| {
@@ -132,6 +136,7 @@ pub(super) fn draw(curves: &[Curve], x: [f64; 2], x_ticks: &[Tick], labels: [&st
     })
 }
 
+/// Legend entries of the laws, each once.
 pub(super) fn law_legend(laws: impl Iterator<Item = Evolution>) -> Vec<(RGBColor, &'static str)> {
     let mut seen: Vec<Evolution> = Vec::new();
     laws.for_each(|law| {
@@ -146,6 +151,7 @@ pub(super) fn law_legend(laws: impl Iterator<Item = Evolution>) -> Vec<(RGBColor
     seen.into_iter().map(entry).collect()
 }
 
+/// Draws a line with no more points than the figure can resolve.
 fn thinned(plot: &mut Plot, points: &[[f64; 2]], colour: RGBColor, width: f64) {
     let points = decimate(points, 1.0 / plot.scale());
     if points.len() > 1 {

@@ -1,4 +1,4 @@
-//! Healing against hold time.
+//! Figure of healing against hold time.
 
 use super::curve::{LAYOUT, colour_of, law_legend};
 use super::{View, all_holds, short};
@@ -8,7 +8,7 @@ use crate::plot::figure;
 use crate::stress::padded;
 use crate::ticks::{self, Tick};
 
-/// Δμ against ln t_hold: measured with 2 standard errors, its line, and the laws.
+/// Draws Δμ against ln t_hold: measured with ±2 standard errors, the fitted line, and the laws.
 pub(super) fn healing(views: &[View]) -> Option<String> {
     let point = |hold: &Hold| {
         Some([
@@ -84,7 +84,7 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
         }
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, "hold time (s)", "healing Δμ");
-        let slope = format!("slope {:.4} per factor e", fits[0].1.slope).replace('-', "−");
+        let slope = format!("slope {:.4} per factor of e", fits[0].1.slope).replace('-', "−");
         let mut legend = vec![
             (INK, "peak − μ_{ss}, ±2 standard errors"),
             (GREY, slope.as_str()),
@@ -94,7 +94,8 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
     }))
 }
 
-/// C, so that the peaks of the holds of equal duration go like C + ln(V_r/V_i); `None` where no two velocity ratios share a duration.
+/// Returns the C for which peaks after holds of equal duration are proportional to C + ln(V_r/V_i).
+/// `None` if no two velocity ratios share a duration, or if C or one of the sums is not positive.
 pub(super) fn peak_offset(views: &[View]) -> Option<f64> {
     let of = |(_, hold): (&View, &Hold)| {
         let reslide = hold.reslide?;
@@ -105,7 +106,7 @@ pub(super) fn peak_offset(views: &[View]) -> Option<f64> {
         ))
     };
     let peaks: Vec<(f64, f64, f64)> = all_holds(views).into_iter().filter_map(of).collect();
-    // Durations are in order; protocols repeat them to rounding.
+    // Durations are sorted; those of equal protocols differ by rounding only.
     let groups = peaks.chunk_by(|a, b| (a.0 - b.0).abs() <= 1e-3 * b.0);
     let offsets = groups.filter_map(|group| {
         let n = group.len() as f64;
@@ -121,7 +122,7 @@ pub(super) fn peak_offset(views: &[View]) -> Option<f64> {
         (s + c * spread, w + spread)
     });
     let offset = sum / weight;
-    // Where it is not above 0, as without healing, nothing can be divided by it.
+    // Without healing it may not be positive, and the peaks cannot be divided by it.
     let positive = |p: &(f64, f64, f64)| offset + p.1 > 0.0;
     (offset > 0.0 && peaks.iter().all(positive)).then_some(offset)
 }

@@ -1,4 +1,5 @@
-//! Figures of `rate-state`: like S1 and S2 of FR's supplement, healing, and the fit over the data.
+//! Figures of `gshear-reduce rate-state`: those of FR's supplement (S1 and S2), healing, and the
+//! fit over the data.
 
 mod curve;
 mod healing;
@@ -9,14 +10,17 @@ use super::stress::padded;
 use super::ticks;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fit, Hold};
 
-/// An experiment, and what the laws that fit make of it.
+/// An experiment and the predictions of the fitted laws for it.
 #[derive(Debug, Clone, Copy)]
 pub struct View<'a> {
+    /// The measured experiment.
     pub experiment: &'a Experiment,
+    /// Each law with the experiment it predicts.
     pub models: &'a [(Evolution, Experiment)],
 }
 
-/// Names and SVG of the figures that the experiments have something for; `best`: the fit to all of them whose D_c is the unit of slip.
+/// Returns name and SVG of every figure for which the experiments have data. `best`: the fit whose
+/// D_c is the unit of slip.
 pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
     let mut figures = Vec::new();
     for (k, view) in views.iter().enumerate() {
@@ -42,13 +46,13 @@ pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
     figures
 }
 
-/// μ against slip over the whole record.
+/// Draws μ against slip over the whole record.
 fn fit_over_data(view: &View) -> String {
     let record = &view.experiment.record;
     let slip = |row: usize| 1e3 * (record.slip[row] - record.slip[0]);
     let rows = 0..record.time.len();
     let mut curve = Curve::of(view, "mean".into(), &rows, slip, |_, friction| friction);
-    // A single realisation is all that there is to see.
+    // A single realisation has no band.
     curve.name = match record.realisations {
         1 => "run".into(),
         n => format!("mean of {n} runs, 2σ"),
@@ -58,7 +62,7 @@ fn fit_over_data(view: &View) -> String {
     draw(&[curve], x, &x_ticks, ["slip (mm)", "friction μ"])
 }
 
-/// μ - μ_ss against slip since each velocity step.
+/// Draws μ - μ_ss against slip since each velocity step.
 fn steps(views: &[View]) -> Option<String> {
     let mut curves = Vec::new();
     for view in views {
@@ -97,7 +101,7 @@ fn steps(views: &[View]) -> Option<String> {
     })
 }
 
-/// Every hold of every view with its μ_ss before, in order of t_hold.
+/// The holds of all views in order of t_hold.
 fn all_holds<'a>(views: &'a [View<'a>]) -> Vec<(&'a View<'a>, &'a Hold)> {
     let of = |view: &'a View<'a>| view.experiment.holds.iter().map(move |hold| (view, hold));
     let mut holds: Vec<_> = views.iter().flat_map(of).collect();
@@ -105,12 +109,13 @@ fn all_holds<'a>(views: &'a [View<'a>]) -> Vec<(&'a View<'a>, &'a Hold)> {
     holds
 }
 
+/// μ - μ_ss before the hold.
 fn above_steady(hold: &Hold) -> impl Fn(&Experiment, f64) -> f64 + use<> {
     let before = hold.segment - 1;
     move |e, friction| friction - e.steady[before].map_or(f64::NAN, |s| s.friction)
 }
 
-/// μ - μ_ss against the time since the begin of each hold (FR, figure S1).
+/// Draws μ - μ_ss against the time since the start of each hold (FR, figure S1).
 fn holds(views: &[View]) -> Option<String> {
     let of = |(view, hold): (&View, &Hold)| {
         let record = &view.experiment.record;
@@ -137,15 +142,16 @@ fn holds(views: &[View]) -> Option<String> {
             &curves,
             x,
             &x_ticks,
-            ["time since the begin of the hold (s)", "μ − μ_{ss}"],
+            ["time since the start of the hold (s)", "μ − μ_{ss}"],
         )
     })
 }
 
-/// Slip in D_c that the reslides are shown over.
+/// Greatest slip shown after a hold, in D_c.
 const RESLIDE: f64 = 8.0;
 
-/// μ - μ_ss against slip since the end of each hold in units of D_c (FR, figure S2a), or that over C + ln(V_r/V_i) (S2b).
+/// Draws μ - μ_ss against slip since the end of each hold in D_c (FR, figure S2a). With an `offset`
+/// C it draws that over the sum C + ln(V_r/V_i) (S2b).
 fn reslides(views: &[View], best: Option<&Fit>, offset: Option<f64>) -> Option<String> {
     let (unit, x_label) = match best {
         Some(fit) => (fit.law.d_c, "slip since the end of the hold / D_{c}"),
@@ -195,7 +201,7 @@ fn reslides(views: &[View], best: Option<&Fit>, offset: Option<f64>) -> Option<S
     })
 }
 
-/// A number with three digits, for names.
+/// A number with three significant digits.
 fn short(value: f64) -> String {
     let power = value.abs().log10().floor();
     if !(-3.0..5.0).contains(&power) {

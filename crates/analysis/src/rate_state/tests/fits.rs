@@ -1,4 +1,4 @@
-//! Fits to data made from the law itself, and how often their intervals hold it.
+//! Fits to data generated from the law, and the coverage of their intervals.
 
 use super::*;
 
@@ -24,8 +24,8 @@ fn without_noise_a_fit_returns_the_law() {
     }
 }
 
-/// Of 60 realisations of the noise: how many 95 % intervals hold a, b, D_c and a - b; and the root mean square of half their length
-/// over that of the error of the value.
+/// For 60 realisations of the noise: the number of 95 % intervals that contain a, b, D_c and a - b,
+/// and the root mean square of their half-width over that of the error of the estimate.
 fn coverage(evolution: Evolution, sigma: f64, memory: f64) -> ([usize; 4], [f64; 4]) {
     use rayon::prelude::*;
     let law = law(evolution);
@@ -55,8 +55,10 @@ fn coverage(evolution: Evolution, sigma: f64, memory: f64) -> ([usize; 4], [f64;
     )
 }
 
-/// Of 60 intervals of 95 % fewer than 50 hold the truth with a probability of 2e-4 (binomial), of 70 % with one of 0.99: so intervals that are
-/// much too short are noticed, and right ones pass. Half of a right one is 1.96 standard errors long; of 60, these are known to 9 %.
+/// Fewer than 50 of 60 intervals of 95 % contain the truth with a probability of 2e-4 (binomial),
+/// of intervals of 70 % with one of 0.99. So intervals that are much too short are noticed, and
+/// right ones pass. The half-width of a right one is 1.96 standard errors, which 60 intervals
+/// determine to 9 %.
 #[test]
 fn intervals_hold_the_law_about_as_often_as_they_say() {
     for evolution in BOTH {
@@ -76,7 +78,7 @@ fn intervals_hold_the_law_about_as_often_as_they_say() {
     }
 }
 
-/// Both laws are fitted to data of one of them: the one that they are of has the lesser χ², by far.
+/// Both laws are fitted to data of one of them; that one has by far the lesser χ².
 #[test]
 fn chi_squared_tells_the_law() {
     let drive = [
@@ -100,7 +102,7 @@ fn chi_squared_tells_the_law() {
 
 #[test]
 fn data_that_determine_nothing_are_refused() {
-    // Steady sliding only.
+    // Steady sliding alone.
     let record = disturbed(
         &synthetic(&law(Evolution::Aging), &[segment(0.02, 2.0)], 1e-3),
         1,
@@ -112,9 +114,10 @@ fn data_that_determine_nothing_are_refused() {
     assert!(fit(&[], Evolution::Aging).is_err());
 }
 
-/// μ of the realisations differs by a constant and by nothing else, which no noise within a run shows: μ* is as uncertain as the mean of four
-/// such constants, (−3, −1, 1, 3) √0.6 σ, whose jackknife is exact: half the interval is t_3 s/√4, s² = 4σ² being their variance; a and b
-/// are as certain as before.
+/// Only a constant in μ differs between the realisations, which no noise within a run shows. μ* is
+/// as uncertain as the mean of four such constants, (−3, −1, 1, 3) √0.6 σ, whose jackknife is
+/// exact: the half-width is t_3 s/√4 with their variance s² = 4σ². a and b are as certain as
+/// before.
 #[test]
 fn jackknife_sees_what_differs_between_realisations() {
     let clean = synthetic(&law(Evolution::Aging), &step_test(), 4e-3);

@@ -1,9 +1,11 @@
-//! What is measured without a law: protocol, realisations, steps, holds, errors of means.
+//! Tests of the measurements that need no law: protocol, realisations, steps, holds, errors of
+//! means.
 
 use super::*;
 
-/// The variance of the mean of n values of a process with ρ_l = φ^l is σ²/n (1 + φ)/(1 - φ), but for terms in 1/n². With n/g = 1000 both
-/// estimates of one series are known to about 10 %; of the mean of 40 series, to 2 %.
+/// The variance of the mean of n values with ρ_l = φ^l is σ²/n (1 + φ)/(1 - φ), up to terms in
+/// 1/n². With n/g = 1000 both estimates from one series are known to about 10 %, the mean over 40
+/// series to 2 %.
 #[test]
 fn errors_of_means_count_correlated_values_as_few() {
     for memory in [0.0, 3.0, 10.0] {
@@ -77,7 +79,7 @@ fn a_drive_is_cut_where_its_velocity_changes() {
     );
 }
 
-/// Slide-hold-slide without noise: what is measured is what the law says.
+/// Slide-hold-slide without noise: measurements agree with the law.
 #[test]
 fn steps_and_holds_are_measured() {
     let drive = [
@@ -106,7 +108,8 @@ fn steps_and_holds_are_measured() {
                 && hold.relaxation < 0.0
         );
     }
-    // Long holds heal by b for every factor of e on a stiff spring (aging law): θ = t_hold, V at the peak that of the drive.
+    // On a stiff spring long holds heal by b per factor of e (aging law): θ = t_hold, and V at the
+    // peak is that of the drive.
     let of_long = healing(&holds[1..]);
     assert!((of_long[0].slope / law.b - 1.0).abs() < 0.03, "{of_long:?}");
     assert_eq!(
@@ -135,7 +138,7 @@ fn realisations_are_joined_by_their_protocol() {
         record.time.iter_mut().for_each(|t| *t += 7.0);
         record
     };
-    // Stopped earlier, with other rows, of another protocol.
+    // One stopped earlier with other rows, and one of another protocol.
     let mut short = up(&synthetic(&law, &step_test(), 1e-3), 0.03);
     for column in [&mut short.time, &mut short.slip, &mut short.friction] {
         column.truncate(4001);
@@ -150,7 +153,7 @@ fn realisations_are_joined_by_their_protocol() {
     assert_eq!((mean.time.len(), mean.realisations), (2001, 3));
     assert!((mean.drive[2].duration - 1.7).abs() < 1e-9);
     for k in 0..2001 {
-        // The rows beside a step are interpolated from others.
+        // Rows next to a step are interpolated across it.
         let close = if one
             .drive
             .iter()
@@ -166,8 +169,9 @@ fn realisations_are_joined_by_their_protocol() {
     }
 }
 
-/// The mean of an exponential decay over 0.05 D_c is 2.5 % less than its begin. The greatest of 2500 rows lies 3.5 standard deviations above a
-/// peak that is none; the greatest of 40 means of 13 rows, about 2.2/√13 of one.
+/// The mean of an exponential decay over 0.05 D_c is 2.5 % below its initial value. The greatest of
+/// 2500 rows lies 3.5 standard deviations above a constant; the greatest of 40 means of 13 rows,
+/// about 2.2/√13 of one.
 #[test]
 fn peaks_are_not_those_of_the_noise() {
     let drive = [segment(0.02, 4.0), segment(0.0, 10.0), segment(0.02, 8.0)];
@@ -197,7 +201,8 @@ fn peaks_are_not_those_of_the_noise() {
 
 #[test]
 fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
-    // Without a spring: μ falls in a straight line over 1 m of slip after each step, from a jump up or down, and each run has its own level.
+    // Without a spring: after each step μ jumps up or down and then falls linearly over 1 m of
+    // slip; each run has its own level.
     let record = |level: f64, jump: f64| {
         let drive = [0.1, 1.0, 0.1, 1.0].map(|v| segment(v, 1.0 / v));
         let (mut slip, mut time, mut friction) = (vec![], vec![], vec![]);
@@ -212,7 +217,7 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
             }
             now += s.duration;
         }
-        // Segments are counted from the first row on.
+        // Segments count from the first row.
         time.insert(0, 0.0);
         slip.insert(0, 0.0);
         friction.insert(0, level);
@@ -239,7 +244,8 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
             let part = if from > 0.4 { 0.0 } else { part };
             assert_eq!(piece.steps, steps);
             near(piece.change, sign * 0.03 * part);
-            // Half the steps at 0.02 and half at 0.04: deviation 0.01 √(n/(n-1)), over √n.
+            // Half the steps are at 0.02 and half at 0.04: standard deviation 0.01 √(n/(n-1)),
+            // divided by √n.
             near(
                 piece.error,
                 0.01 * part / f64::from(steps as u32 - 1).sqrt(),

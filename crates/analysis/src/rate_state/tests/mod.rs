@@ -1,4 +1,4 @@
-//! Tests of rate-and-state friction: the law that they use, data made from it, and noise.
+//! Tests of rate-and-state friction; here the law they use, synthetic data and noise.
 
 mod fits;
 mod measures;
@@ -29,7 +29,8 @@ fn segment(velocity: f64, duration: f64) -> Segment {
     Segment { velocity, duration }
 }
 
-/// Made of the law: rows every `interval` (s) of a drive that begins with steady sliding.
+/// Synthetic record of the law: a row every `interval` (s), for a drive that begins with steady
+/// sliding.
 fn synthetic(law: &Law, drive: &[Segment], interval: f64) -> Record {
     let total: f64 = drive.iter().map(|s| s.duration).sum();
     let rows = (total / interval).round() as usize;
@@ -65,7 +66,8 @@ fn synthetic(law: &Law, drive: &[Segment], interval: f64) -> Record {
     }
 }
 
-/// Values of a Gaussian process with standard deviation σ that forgets within `memory` values; 0: white.
+/// Values of a Gaussian process with standard deviation σ and a correlation length of `memory`
+/// values; 0: white.
 fn noise(seed: u64, count: usize, sigma: f64, memory: f64) -> Vec<f64> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = move || {
@@ -97,7 +99,7 @@ fn disturbed(record: &Record, seed: u64, sigma: f64, memory: f64) -> Record {
     record
 }
 
-/// Two steps up and down.
+/// A step up and a step down.
 fn step_test() -> [Segment; 3] {
     [segment(0.02, 2.0), segment(0.2, 0.3), segment(0.02, 3.0)]
 }

@@ -1,4 +1,4 @@
-//! The forward model against closed forms and SciPy.
+//! Tests of the forward model against closed forms and SciPy.
 
 use super::*;
 
@@ -21,7 +21,8 @@ fn sliding_becomes_steady_at_the_friction_of_the_law() {
     }
 }
 
-/// With k̄ → ∞ the slider stands still in a hold: θ = θ_0 + t by the aging law, θ = θ_0 by the slip law.
+/// With k̄ → ∞ the slider stands still in a hold: θ = θ_0 + t by the aging law, θ = θ_0 by the slip
+/// law.
 #[test]
 fn stationary_contacts_age_by_the_aging_law_only() {
     let times = [1e-3, 1.0, 1e3];
@@ -39,7 +40,8 @@ fn stationary_contacts_age_by_the_aging_law_only() {
                 } else {
                     0.0
                 };
-            // It still slips a/k̄ for every factor of e by which V falls; by the slip law θ then falls with ln(Vθ/D_c) of about -25.
+            // It still slips a/k̄ per factor of e by which V falls; by the slip law θ then falls
+            // with ln(Vθ/D_c) of about -25.
             let slip = (0.35 - law.friction(state)) / 1e9;
             assert!(slip / law.d_c < 1e-6);
             assert!((law.theta(state) / theta - 1.0).abs() < 30.0 * slip / law.d_c + 1e-7);
@@ -47,7 +49,7 @@ fn stationary_contacts_age_by_the_aging_law_only() {
     }
 }
 
-/// Distance of the spring's ends and slip make up the friction: μ - μ_0 = k̄ (X_drive - slip).
+/// The extension of the spring balances the friction: μ - μ_0 = k̄ (X_drive - slip).
 #[test]
 fn the_spring_is_in_balance() {
     let law = law(Evolution::Slip);
@@ -65,8 +67,9 @@ fn the_spring_is_in_balance() {
     );
 }
 
-/// Linear stability (Ruina 1983): disturbances of steady sliding grow where k̄ < k̄_c = (b - a)/D_c, decay where k̄ > k̄_c, and
-/// at k̄_c oscillate with the angular frequency √(k̄_c V²/(a D_c)) = (V/D_c) √((b - a)/a), for both laws.
+/// Linear stability (Ruina 1983), for both laws: perturbations of steady sliding grow if k̄ < k̄_c
+/// = (b - a)/D_c and decay if k̄ > k̄_c. At k̄_c they oscillate with the angular frequency √(k̄_c
+/// V²/(a D_c)) = (V/D_c) √((b - a)/a).
 #[test]
 fn oscillations_grow_below_the_critical_stiffness_only() {
     for evolution in BOTH {
@@ -96,7 +99,7 @@ fn oscillations_grow_below_the_critical_stiffness_only() {
                 .expect("a motion");
             for (state, time) in states.into_iter().zip(times) {
                 let expected = 1e-4 * (growth(stiffness) * time).exp();
-                // Terms of second order are of 1e-4.
+                // Terms of second order are 1e-4.
                 assert!(
                     (state.ln_v / expected - 1.0).abs() < 2e-3,
                     "{evolution:?} {share}: {} for {expected}",
@@ -107,8 +110,9 @@ fn oscillations_grow_below_the_critical_stiffness_only() {
     }
 }
 
-/// SciPy 1.x `solve_ivp`, method Radau, rtol 1e-12, atol 1e-13, of the same two equations from steady sliding at 0.02 m/s on: 10 s of hold,
-/// then 2 s at 0.02, 0.2 s at 0.2 and 2 s at 0.02 m/s; ln V and ln θ at the end of each.
+/// Reference: SciPy 1.x `solve_ivp`, method Radau, rtol 1e-12, atol 1e-13, for the same two
+/// equations from steady sliding at 0.02 m/s: 10 s of hold, then 2 s at 0.02, 0.2 s at 0.2 and 2 s
+/// at 0.02 m/s; ln V and ln θ at the end of each.
 #[test]
 fn a_protocol_gives_the_states_of_scipy() {
     const SCIPY: [[[f64; 2]; 4]; 2] = [
@@ -149,7 +153,7 @@ fn a_protocol_gives_the_states_of_scipy() {
                 .fold(0.0, f64::max)
         };
         let errors = [1e-5, 1e-7, 1e-9].map(error);
-        // Of μ: 100 times less.
+        // Errors of μ are 100 times less.
         assert!(
             errors[0] < 1e-3 && errors[1] < 3e-5 && errors[2] < 1e-6,
             "{errors:?}"
