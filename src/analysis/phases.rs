@@ -47,6 +47,11 @@ impl Phase {
     pub fn is_long(&self) -> bool {
         self.duration() > LONG
     }
+
+    /// `long` or `short`, for tables.
+    pub fn length_name(&self) -> &'static str {
+        if self.is_long() { "long" } else { "short" }
+    }
 }
 
 /// The phases of τ(γ), both [L]. Rows are those of the time series, whose interval is the Δγ that t_p is counted in.

@@ -1,7 +1,5 @@
 //! What a run in a box leaves in its folder: `aqs.h5` and `newtonian.h5` (H5MD), `spectra.csv`, `scene.toml`, checkpoints.
 
-use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -18,6 +16,7 @@ use crate::failure::Failure;
 use crate::io::collective::agree;
 use crate::io::h5::Attribute;
 use crate::io::provenance;
+use crate::io::table::{Cell, TableFile};
 use crate::io::trajectory::{RunHeader, TrajectoryWriter};
 use crate::kernel::ContactForces;
 use crate::observe::{digest, frame};
@@ -29,6 +28,7 @@ pub const AQS_FILE: &str = "aqs.h5";
 pub const NEWTONIAN_FILE: &str = "newtonian.h5";
 /// Eigenvalues in time: a row each.
 pub const SPECTRA_FILE: &str = "spectra.csv";
+const SPECTRA_COLUMNS: [&str; 4] = ["time", "real", "imaginary", "verdict"];
 
 /// Columns of the time series of the strain steps; what was not asked for is not a number.
 pub const AQS_COLUMNS: [&str; 18] = [
@@ -291,8 +291,7 @@ impl Recorder {
 pub(super) struct NewtonianRecorder {
     trajectory: TrajectoryWriter,
     /// On rank 0, where eigenvalues are asked for.
-    spectra: Option<BufWriter<File>>,
-    path: PathBuf,
+    spectra: Option<TableFile>,
     /// Of the eigenvalues' file, that of the names not counted.
     lines: u64,
     pub saves: Saves,
@@ -334,19 +333,13 @@ impl NewtonianRecorder {
         let asked = scene.newtonian.is_some_and(|n| n.spectra > 0) && exchange.rank() == 0;
         let opened = match (asked, header.newtonian) {
             (false, _) => Ok(None),
-            (true, None) => File::create(&path)
-                .map(BufWriter::new)
-                .and_then(|mut file| {
-                    writeln!(file, "time,real,imaginary,verdict")?;
-                    Ok(Some(file))
-                }),
-            (true, Some(_)) => cut(&path, lines).map(Some),
+            (true, None) => TableFile::create(&path, &SPECTRA_COLUMNS).map(Some),
+            (true, Some(_)) => TableFile::open_to_append(&path, &SPECTRA_COLUMNS, lines).map(Some),
         };
-        let spectra = agree(exchange, opened.map_err(|e| unwritten(&path, e)))?;
+        let spectra = agree(exchange, opened)?;
         Ok(Self {
             trajectory,
             spectra,
-            path,
             lines,
             saves: Saves::new(folder, scene),
         })
@@ -396,16 +389,10 @@ impl NewtonianRecorder {
         let wrote = match &mut self.spectra {
             None => Ok(()),
             Some(file) => eigenvalues.all().try_for_each(|(value, verdict)| {
-                writeln!(
-                    file,
-                    "{time:?},{:?},{:?},{}",
-                    value.re,
-                    value.im,
-                    verdict.name()
-                )
+                file.row([&time as &dyn Cell, &value.re, &value.im, &verdict.name()])
             }),
         };
-        agree(exchange, wrote.map_err(|e| unwritten(&self.path, e)))
+        agree(exchange, wrote)
     }
 
     pub fn checkpoint<C: ContactLaw, E: Exchange>(
@@ -417,8 +404,8 @@ impl NewtonianRecorder {
         travels: Vec<Travel>,
     ) -> Result<(), Failure> {
         self.trajectory.flush(exchange)?;
-        let wrote = self.spectra.as_mut().map_or(Ok(()), BufWriter::flush);
-        agree(exchange, wrote.map_err(|e| unwritten(&self.path, e)))?;
+        let wrote = self.spectra.as_mut().map_or(Ok(()), TableFile::flush);
+        agree(exchange, wrote)?;
         let moving = Moving {
             steps,
             frames: self.trajectory.frames(),
@@ -446,22 +433,6 @@ impl NewtonianRecorder {
         self.trajectory.finish(exchange, &attributes)?;
         Ok(digest)
     }
-}
-
-/// A file of lines to go on after its names and so many lines more; what is behind them is cut off.
-fn cut(path: &Path, lines: u64) -> std::io::Result<BufWriter<File>> {
-    let mut file = OpenOptions::new().read(true).write(true).open(path)?;
-    let mut reader = BufReader::new(&file);
-    let mut length = 0;
-    for _ in 0..=lines {
-        match reader.skip_until(b'\n')? {
-            0 => return Err(std::io::ErrorKind::UnexpectedEof.into()),
-            bytes => length += bytes as u64,
-        }
-    }
-    file.set_len(length)?;
-    file.seek(SeekFrom::Start(length))?;
-    Ok(BufWriter::new(file))
 }
 
 fn unwritten(path: &Path, why: std::io::Error) -> Failure {
