@@ -1,7 +1,5 @@
 //! Runs that differ in their seeds only: means, and how far they scatter.
 
-use std::fmt::Write as _;
-
 use super::correlations::{key, seeds};
 use super::studied::{Size, Studied};
 use crate::analysis::correlate::{SUBJECTS, Subject};
@@ -9,6 +7,7 @@ use crate::analysis::phases::Kind;
 use crate::analysis::ranges::Range;
 use crate::analysis::spearman::Correlation;
 use crate::analysis::spread::Spread;
+use crate::io::table::Table;
 
 /// Runs of the same scene but for the seed, each seed once, in the order given.
 pub struct Family<'a> {
@@ -104,53 +103,43 @@ impl Family<'_> {
 
 /// `ensemble.csv`: of every family with more than one run, mean and standard error of its numbers.
 pub fn numbers_csv(families: &[Family]) -> String {
-    let mut csv = String::from("runs_of,what,runs,mean,error,least,greatest\n");
-    for family in families {
-        for (what, s) in family.numbers() {
-            writeln!(
-                csv,
-                "{},{what},{},{:?},{:?},{:?},{:?}",
-                family.label(),
-                s.count,
-                s.mean,
-                s.error,
-                s.least,
-                s.greatest
-            )
-            .expect("a string grows");
-        }
-    }
-    csv
+    let rows = families.iter().flat_map(|family| {
+        let numbers = family.numbers().into_iter();
+        numbers.map(move |(what, spread)| (family.label(), what, spread))
+    });
+    Table::of(rows)
+        .column("runs_of", |(label, ..)| *label)
+        .column("what", |(_, what, _)| *what)
+        .column("runs", |(.., spread)| spread.count)
+        .column("mean", |(.., spread)| spread.mean)
+        .column("error", |(.., spread)| spread.error)
+        .column("least", |(.., spread)| spread.least)
+        .column("greatest", |(.., spread)| spread.greatest)
+        .csv()
 }
 
 /// `ensemble-correlations.csv`: the same of ρ in every range.
 pub fn correlations_csv(families: &[Family]) -> String {
-    let mut csv = String::from(
-        "runs_of,with,over,from,to,runs,least_pairs,rho_mean,rho_error,rho_least,rho_greatest,p_median\n",
-    );
-    for family in families {
-        for subject in SUBJECTS {
-            let [with, over] = key(subject);
-            for (range, mean, s) in family.correlate(subject) {
-                writeln!(
-                    csv,
-                    "{},{with},{over},{:?},{:?},{},{},{:?},{:?},{:?},{:?},{:?}",
-                    family.label(),
-                    range.nearer,
-                    range.farther,
-                    s.count,
-                    mean.count,
-                    s.mean,
-                    s.error,
-                    s.least,
-                    s.greatest,
-                    mean.p
-                )
-                .expect("a string grows");
-            }
-        }
-    }
-    csv
+    let subjects = families
+        .iter()
+        .flat_map(|family| SUBJECTS.map(|subject| (family, subject)));
+    let rows = subjects.flat_map(|(family, subject)| {
+        let found = family.correlate(subject).into_iter();
+        found.map(move |(range, mean, spread)| (family.label(), subject, range, mean, spread))
+    });
+    Table::of(rows)
+        .column("runs_of", |(label, ..)| *label)
+        .columns(["with", "over"], |(_, subject, ..)| key(*subject))
+        .column("from", |(_, _, range, ..)| range.nearer)
+        .column("to", |(_, _, range, ..)| range.farther)
+        .column("runs", |(.., spread)| spread.count)
+        .column("least_pairs", |(.., mean, _)| mean.count)
+        .column("rho_mean", |(.., spread)| spread.mean)
+        .column("rho_error", |(.., spread)| spread.error)
+        .column("rho_least", |(.., spread)| spread.least)
+        .column("rho_greatest", |(.., spread)| spread.greatest)
+        .column("p_median", |(.., mean, _)| mean.p)
+        .csv()
 }
 
 /// The panels of figures 13 and 25 with means and standard errors, by the size of the sample: name and SVG.

@@ -1,7 +1,5 @@
 //! The scalars of the frames around the largest drop: figures 8 and 21.
 
-use std::fmt::Write as _;
-
 use plotters::style::RGBColor;
 
 use super::curves::{shade, stage_of};
@@ -9,6 +7,7 @@ use super::studied::{Event, Size, Studied};
 use super::{Drawn, Figure, no_run};
 use crate::analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
 use crate::analysis::spearman::Correlation;
+use crate::io::table::Table;
 use crate::report::colour::CURVES;
 use crate::report::compose::grid_of;
 use crate::report::plot::{Layout, figure as plotted};
@@ -148,14 +147,10 @@ fn panel(
 }
 
 fn table(run: &Studied, event: &Event) -> String {
-    let mut csv = format!("strain,stress_ratio,stage,{}\n", SCALAR_COLUMNS.join(","));
-    for row in event.stages.begin + 1..=event.stages.end {
-        let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
-        write!(csv, "{strain:?},{tau:?},{}", stage_of(event, row)).expect("a string grows");
-        for value in run.regime.scalars[row].columns() {
-            write!(csv, ",{value:?}").expect("a string grows");
-        }
-        csv.push('\n');
-    }
-    csv
+    Table::of(event.stages.begin + 1..=event.stages.end)
+        .column("strain", |row| run.regime.strain[*row])
+        .column("stress_ratio", |row| run.regime.tau[*row])
+        .column("stage", |row| stage_of(event, *row))
+        .columns(SCALAR_COLUMNS, |row| run.regime.scalars[*row].columns())
+        .csv()
 }

@@ -1,12 +1,11 @@
 //! What the paper states in numbers and in words, and what our runs say.
 
-use std::fmt::Write as _;
-
 use super::drops;
 use super::studied::{Size, Studied};
 use crate::analysis::correlate::{CONFIGURATIONS, Length, Quantity, Subject};
 use crate::analysis::ranges::Range;
 use crate::analysis::spearman::Correlation;
+use crate::io::table::Table;
 
 use Length::{All, Long, Short};
 use Quantity::{DminMax, DminSum, Duration, TopMax, TopSum};
@@ -30,19 +29,13 @@ pub fn of(runs: &[Studied]) -> Vec<Number> {
 
 /// As `numbers.csv`.
 pub fn csv(numbers: &[Number]) -> String {
-    let mut csv = String::from("run,what,paper,ours\n");
-    for Number {
-        run,
-        what,
-        paper,
-        ours,
-    } in numbers
-    {
-        let quoted =
-            [run, what, paper, ours].map(|text| format!("\"{}\"", text.replace('"', "\"\"")));
-        writeln!(csv, "{}", quoted.join(",")).expect("a string grows");
-    }
-    csv
+    Table::of(numbers)
+        .column("run", |number| &number.run)
+        .column("what", |number| &number.what)
+        .column("paper", |number| &number.paper)
+        .column("ours", |number| &number.ours)
+        .quoted()
+        .csv()
 }
 
 fn of_run(run: &Studied) -> Vec<Number> {
