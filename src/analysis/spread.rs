@@ -1,4 +1,6 @@
 //! Mean and spread of what several runs say of the same.
+//!
+//! Own code because the running moments of statrs round differently from these sums, and would save five lines.
 
 /// Of the values that are not NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]

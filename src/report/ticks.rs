@@ -1,4 +1,6 @@
 //! Round numbers along an axis, and prefixes of units.
+//!
+//! Own code because the key points of plotters come without labels, and labels need the decimals of the step.
 
 /// A tick: where, and what to write there.
 pub type Tick = (f64, String);
