@@ -147,7 +147,7 @@ mod tests {
     use gshear_dem::state::length;
 
     fn scene(name: &str, sets: &[&str]) -> PeriodicScene {
-        let path = format!("{}/configs/{name}", env!("CARGO_MANIFEST_DIR"));
+        let path = format!("{}/../../configs/{name}", env!("CARGO_MANIFEST_DIR"));
         let source = Source::read(&path).unwrap();
         let sets: Vec<String> = sets.iter().map(|s| s.to_string()).collect();
         match study(&source, &sets, &mut |_, _| unreachable!("no packing")).unwrap() {
