@@ -54,10 +54,10 @@ scaling: build
 	@scripts/scaling
 
 bench: deps
-	cargo bench --locked
+	cargo bench --locked --bench speed
 
 accuracy: deps
-	cargo run --release --locked --example accuracy
+	cargo bench --locked --bench accuracy
 
 stress: deps
 	cargo test --release --locked --test stress -- --ignored --exact --nocapture all_into_the_table

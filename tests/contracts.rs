@@ -87,7 +87,7 @@ fn bookkeeping_never_reaches_the_numbers() {
     let outcome = common::with_environment(&apart, 3, &other, &arguments);
     assert_eq!(outcome.digest(), expected, "3 ranks without shared memory");
     for simd in ["avx2", "avx512"] {
-        if gshear::simd::Level::named(simd).is_some() {
+        if gshear_dem::simd::Level::named(simd).is_some() {
             let set = [format!("bookkeeping.simd={simd}")];
             let set: Vec<&str> = set.iter().map(String::as_str).collect();
             let outcome = resumed(&start, &folder.path().join("simd"), 1, &set);
@@ -129,7 +129,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
         ),
     ] {
         let unknown = further.iter().any(|set| set.ends_with("avx2"))
-            && gshear::simd::Level::named("avx2").is_none();
+            && gshear_dem::simd::Level::named("avx2").is_none();
         if unknown {
             continue;
         }
@@ -231,7 +231,7 @@ fn linear_springs_keep_the_contracts() {
         let checkpoint = broken.join("checkpoint.h5");
         let mut kinds = vec![(3, "bookkeeping.rebuild_every=7".to_string())];
         for simd in ["portable", "avx2", "avx512"] {
-            if gshear::simd::Level::named(simd).is_some() {
+            if gshear_dem::simd::Level::named(simd).is_some() {
                 kinds.push((1, format!("bookkeeping.simd={simd}")));
             }
         }

@@ -5,9 +5,9 @@ mod common;
 use std::path::Path;
 
 use common::{Outcome, gshear_mpi};
-use gshear::analysis::growth;
-use gshear::io::run_reader::PeriodicRun;
-use gshear::periodic::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE};
+use gshear_analysis::growth;
+use gshear_store::columns::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE};
+use gshear_store::run_reader::PeriodicRun;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
@@ -58,7 +58,7 @@ fn neither_bookkeeping_nor_output_reaches_the_numbers() {
             assert_eq!(found, expected, "{dimension}, {ranks} ranks, {more:?}");
         }
         for simd in ["portable", "avx2"] {
-            if gshear::simd::Level::named(simd).is_some() {
+            if gshear_dem::simd::Level::named(simd).is_some() {
                 let set = format!("--set=bookkeeping.simd={simd}");
                 let found = digests(&run(&at("other"), 1, &[&base[..], &[&*set]].concat()));
                 assert_eq!(found, expected, "{dimension}, {simd}");

@@ -31,6 +31,6 @@ fn processor() -> String {
     format!(
         "{}, {}",
         name.unwrap_or("processor unknown"),
-        gshear::simd::Level::detect().name()
+        gshear_dem::simd::Level::detect().name()
     )
 }
