@@ -6,14 +6,15 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use gshear_scene::Source;
 use gshear_dem::domain::Exchange;
-use gshear_mpi_exchange::World;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
+use gshear_driver::launch::{self, Task};
+use gshear_driver::run::{Options, Outcome};
+use gshear_driver::sweep::Sweep;
+use gshear_mpi_exchange::World;
+use gshear_scene::Source;
 use gshear_store::collective::agree;
 use gshear_store::provenance;
-use gshear_driver::launch::{self, Sweep, Task};
-use gshear_driver::run::{Ending, Options};
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]
@@ -129,8 +130,8 @@ fn main() -> ExitCode {
         }
     };
     let code = match go(&world, &arguments) {
-        Ok(Ending::Done) => 0,
-        Ok(Ending::Stopped) => STOPPED_EARLY,
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::Stopped) => STOPPED_EARLY,
         Err(failure) => {
             if speaks {
                 eprintln!("error: {failure}");
@@ -146,7 +147,7 @@ fn main() -> ExitCode {
     ExitCode::from(code as u8)
 }
 
-fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
+fn go(world: &World, arguments: &Arguments) -> Result<Outcome, Failure> {
     let mut options = Options {
         out: PathBuf::new(),
         stop_at: arguments.stop_at,
@@ -176,7 +177,7 @@ fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
     match choice {
-        Choice::List => sweep.list(world).map(|()| Ending::Done),
+        Choice::List => sweep.list(world).map(|()| Outcome::Done),
         Choice::All => sweep.all(world, &options),
         Choice::One(number) => sweep.one(world, number, &options),
     }
@@ -187,12 +188,12 @@ fn check_or_run(
     arguments: &Arguments,
     options: &Options,
     task: Task,
-) -> Result<Ending, Failure> {
+) -> Result<Outcome, Failure> {
     if arguments.check {
         if world.rank() == 0 {
             print!("{}", task.toml());
         }
-        return Ok(Ending::Done);
+        return Ok(Outcome::Done);
     }
     task.run(world, options)
 }

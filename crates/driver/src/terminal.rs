@@ -6,19 +6,20 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::header::{Birth, Progress};
+use crate::stages::StrainRow;
 use gshear_dem::clock::Phase;
-use gshear_scene::{
-    Dimensions, Drive as SceneDrive, Law, Motion, Origin, PeriodicScene, Scene, Walls,
-};
 use gshear_dem::dimension::Dimension;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::drive::Piston;
-use gshear_store::provenance;
-use crate::periodic::{Birth, Progress, strain};
-use gshear_scene::schedule::Schedule;
 use gshear_dem::simd::Level;
 use gshear_dem::state::SeriesRow;
 use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::schedule::Schedule;
+use gshear_scene::{
+    Dimensions, Drive as SceneDrive, Law, Motion, Origin, PeriodicScene, Scene, Walls,
+};
+use gshear_store::provenance;
 
 /// Lines of progress, and a bar where there is a terminal.
 pub struct Terminal {
@@ -323,7 +324,7 @@ impl Terminal {
         ));
     }
 
-    pub(crate) fn strain_step(&self, step: u64, row: &strain::Row) {
+    pub(crate) fn strain_step(&self, step: u64, row: &StrainRow) {
         let observed = &row.observed;
         let pairs = match &row.eigenvalues {
             None => String::new(),

@@ -5,13 +5,13 @@ use std::fmt::Write as _;
 use plotters::style::RGBColor;
 
 use super::Drawn;
-use gshear_analysis::growth::Growth;
-use gshear_store::run_reader::PeriodicRun;
 use crate::colour::{CURVES, GREY, INK, SLIP, STICK};
 use crate::compose::grid_of;
 use crate::plot::{Layout, figure};
 use crate::stress::{decimate, padded};
 use crate::ticks;
+use gshear_analysis::growth::Growth;
+use gshear_store::run_reader::PeriodicRun;
 
 const WIDE: Layout = Layout {
     size: [900.0, 400.0],

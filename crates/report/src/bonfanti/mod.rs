@@ -6,14 +6,16 @@ mod curves;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use crate::page::escape;
 use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
+use gshear_store::columns::{
+    AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE, SPECTRA_FILE,
+};
 use gshear_store::run_reader::PeriodicRun;
 use gshear_store::text_writer;
-use gshear_store::columns::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE, SPECTRA_FILE};
-use crate::page::escape;
 
 /// Limit of the linear regime: mean square displacement over the square of the mean diameter.
 const LINEAR: f64 = 1e-11;

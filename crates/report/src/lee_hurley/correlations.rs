@@ -7,13 +7,13 @@ use plotters::style::RGBColor;
 use super::ensemble::Family;
 use super::studied::{Size, Studied};
 use super::{Drawn, Figure, no_run};
-use gshear_analysis::correlate::{Length, Quantity, Subject};
-use gshear_analysis::ranges::Range;
-use gshear_analysis::spearman::Correlation;
 use crate::colour::{CURVES, PALE};
 use crate::compose::grid_of;
 use crate::plot::{Layout, Marker, figure};
 use crate::ticks::{self, Tick};
+use gshear_analysis::correlate::{Length, Quantity, Subject};
+use gshear_analysis::ranges::Range;
+use gshear_analysis::spearman::Correlation;
 
 use Length::{All, Long, Short};
 use Quantity::{AngleMean, AngleMedian, DminMax, DminSum, Duration, RegionsLeast, TopMax, TopSum};

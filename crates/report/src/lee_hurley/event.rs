@@ -7,12 +7,12 @@ use plotters::style::RGBColor;
 use super::curves::{shade, stage_of};
 use super::studied::{Event, Size, Studied};
 use super::{Drawn, Figure, no_run};
-use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
-use gshear_analysis::spearman::Correlation;
 use crate::colour::CURVES;
 use crate::compose::grid_of;
 use crate::plot::{Layout, figure as plotted};
 use crate::{stress, ticks};
+use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
+use gshear_analysis::spearman::Correlation;
 
 const PANEL: Layout = Layout {
     size: [560.0, 330.0],
