@@ -255,7 +255,8 @@ mod tests {
     /// Their sweep has the small scene among its runs.
     #[test]
     fn the_frictions_of_the_paper() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/lee-hurley-frictions.toml");
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/lee-hurley-frictions.toml");
         let source = Source::read(path).unwrap();
         let members = sweep::members(&source).unwrap().unwrap();
         assert_eq!(members.len(), 12);
