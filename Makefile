@@ -58,7 +58,7 @@ bench: deps
 	cargo bench --locked --bench speed
 
 accuracy: deps
-	cargo bench --locked --bench accuracy
+	cargo bench --locked --bench accuracy -- measure
 
 stress: deps
 	cargo test --release --locked --test stress -- --ignored --exact --nocapture all_into_the_table
