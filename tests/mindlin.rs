@@ -1,17 +1,18 @@
 //! The smoothed Mindlin law: values by hand, closed forms of an impact, energies, order in Δt.
 
 use bytemuck::Zeroable;
-use gshear::config::{Bookkeeping, Contact, MindlinSprings};
-use gshear::contact::mindlin::Mindlin;
-use gshear::contact::{Blocks, CARRY, ContactLaw, Motion, Response, loss};
-use gshear::dimension::{Dimension, Three, Two};
-use gshear::domain::Solo;
-use gshear::drive::NoWalls;
-use gshear::kernel::ContactForces;
-use gshear::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
-use gshear::state::{Cell, GrainState, Masses};
-use gshear::step::{Wanted, advance, initial_forces};
-use gshear::system::{Setup, System};
+use gshear_dem::contact::{Blocks, CARRY, ContactLaw, Motion, Response, loss};
+use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::ContactForces;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::mindlin::Mindlin;
+use gshear_dem::laws::mindlin::MindlinSprings;
+use gshear_dem::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
+use gshear_dem::state::{Cell, GrainState, Masses};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
 
 type Vector = [f64; 3];
 
@@ -27,7 +28,6 @@ fn contact(friction: f64) -> Contact {
     Contact {
         friction,
         rolling_friction: 0.0,
-        damping_ratio: 0.0,
         rolling_damping_ratio: 0.0,
     }
 }
@@ -209,10 +209,9 @@ impl<D: Dimension> Couple<D> {
     fn new(friction: f64, step: f64, of: [[Vector; 3]; 2]) -> Self {
         let setup = Setup {
             level: Level::detect(),
-            bookkeeping: &Bookkeeping {
+            list: ListSettings {
                 skin: Some(0.1),
                 rebuild_every: 0,
-                simd: "auto",
             },
             cell: Cell::between_walls([20.0; 2]),
             largest_radius: RADII[1],
@@ -255,7 +254,7 @@ impl<D: Dimension> Couple<D> {
     }
 
     fn advance(&mut self) {
-        let wanted = Wanted::sampled(&mut self.samples);
+        let wanted = StepRequest::sampled(&mut self.samples);
         let (system, law) = (&mut self.system, &self.law);
         advance(&Solo, system, law, &mut NoWalls, wanted).expect("sound");
     }
@@ -278,7 +277,7 @@ fn a_head_on_impact() {
         let (mut peak, mut energy, mut steps) = (0.0f64, 0.0f64, 0);
         loop {
             pair.advance();
-            let [a, b] = [0, 1].map(|g| pair.system.grains.state(g));
+            let [a, b] = [0, 1].map(|g| pair.system.grains().state(g));
             let overlap = 1.2 - (b.position[0] - a.position[0]);
             let kinetic = 0.5 * (a.velocity[0].powi(2) + b.velocity[0].powi(2));
             if overlap < 0.0 {
@@ -309,7 +308,7 @@ fn is_of_second_order<D: Dimension>(friction: f64, of: [[Vector; 3]; 2]) -> bool
         let mut pair = Couple::<D>::new(friction, 4.0 / steps as f64, of);
         (0..steps).for_each(|_| pair.advance());
         assert!(pair.system.contacts.touching().next().is_some());
-        (pair.system.grains.state(0), pair.samples.sliding[0] != 0)
+        (pair.system.grains().state(0), pair.samples.sliding[0] != 0)
     };
     let (reference, sliding) = end(12800);
     let errors = [200, 400, 800].map(|steps| {

@@ -3,10 +3,10 @@
 mod common;
 
 use common::synthetic::{at_the_end, attributes, contact, grain, header, pairs, row, shapes};
-use gshear::domain::Solo;
-use gshear::failure::Failure;
-use gshear::io::trajectory::{RunHeader, TrajectoryWriter};
-use gshear::state::SERIES_COLUMNS;
+use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::SERIES_COLUMNS;
+use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
 use std::path::Path;
 
 const GRAINS: u64 = 11;

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gshear::analysis::rate_state::{Evolution, Law, Segment, Slider};
-use gshear::state::SERIES_COLUMNS;
+use gshear_analysis::rate_state::{Evolution, Law, Segment, Slider};
+use gshear_dem::state::SERIES_COLUMNS;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gshear::analysis::frame_scalars::{SCALAR_COLUMNS, Scratch, Stressed, frame_scalars};
-use gshear::analysis::stress::ratio_on_top;
+use gshear_analysis::frame_scalars::{SCALAR_COLUMNS, Scratch, Stressed, frame_scalars};
+use gshear_analysis::stress::ratio_on_top;
 use tempfile::TempDir;
 
 use crate::fixture::Fixture;

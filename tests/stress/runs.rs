@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use gshear::domain::Solo;
-use gshear::io::checkpoint;
-use gshear::io::run_reader::Run;
-use gshear::state::{GrainState, body, nearest_image};
+use gshear_dem::domain::Solo;
+use gshear_dem::state::{GrainState, body, nearest_image};
+use gshear_store::checkpoint;
+use gshear_store::run_reader::Run;
 
 use crate::common::{Outcome, alone, datasets, gshear_mpi};
 use crate::table::{Line, line};

@@ -142,17 +142,33 @@ pub fn least_grains(sample: &Sample) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::{Material, Springs};
+    use std::f64::consts::PI;
+
+    use gshear_dem::laws::damping::damping_ratio;
+    use gshear_dem::laws::hooke::{self, Springs};
+    use gshear_dem::laws::lee_hurley::{self, Material, normal_stiffness};
+
     use super::*;
-    use gshear_dem::contact::lee_hurley::normal_stiffness;
 
     const MATERIAL: Material = Material {
         young_modulus: 1e9,
         poisson_ratio: 0.2,
         density: 2500.0,
+        damping_ratio: 0.1,
     };
-    const LAW: Law = Law::LeeHurley(MATERIAL);
     const SAMPLE: Sample = Sample::uniform(1000, 0.5e-6, 1e-6, 48e-6);
+
+    fn law() -> Law {
+        damped(MATERIAL.damping_ratio)
+    }
+
+    fn damped(damping_ratio: f64) -> Law {
+        let material = Material {
+            damping_ratio,
+            ..MATERIAL
+        };
+        Law::of(&lee_hurley::KIND, material)
+    }
 
     fn close(a: f64, b: f64, relative: f64) {
         assert!((a - b).abs() <= relative * b.abs(), "{a} is not {b}");
@@ -181,7 +197,7 @@ mod tests {
     #[test]
     fn pressure_of_the_paper() {
         // P = k_n/κ with k_n = 0.26 E* at that overlap.
-        close(pressure(&LAW, &SAMPLE, 1e4), 13.5e3, 5e-3);
+        close(pressure(&law(), &SAMPLE, 1e4), 13.5e3, 5e-3);
     }
 
     /// Against a Hertz line contact solved by itself: with x = a²/(16R²), F = 4πE*·2R·x and δ/(8R) = x (ln(1/x) - 1).
@@ -199,18 +215,20 @@ mod tests {
             }
             // P d̄ = F.
             let expected = 4.0 * PI * MATERIAL.effective_modulus() * low;
-            close(pressure(&LAW, &SAMPLE, kappa), expected, 1e-12);
+            close(pressure(&law(), &SAMPLE, kappa), expected, 1e-12);
         }
     }
 
     /// Linear springs: P = k_n/κ, and a contact time that does not depend on the load.
     #[test]
     fn numbers_of_linear_springs() {
-        let law = Law::Hooke(Springs {
+        let springs = Springs {
             normal_stiffness: 1e8,
             tangential_stiffness: 5e7,
             density: 2500.0,
-        });
+            damping_ratio: 0.0,
+        };
+        let law = Law::of(&hooke::KIND, springs);
         assert_eq!(pressure(&law, &SAMPLE, 1e4), 1e4);
         close(stiffness_number(&law, &SAMPLE, 1e4).unwrap(), 1e4, 1e-14);
         for overlap in [1e-12, 1e-8] {
@@ -222,28 +240,27 @@ mod tests {
     #[test]
     fn stiffness_number_inverts_pressure() {
         for kappa in [20.0, 123.456, 1e4, 3e8] {
-            let p = pressure(&LAW, &SAMPLE, kappa);
-            close(stiffness_number(&LAW, &SAMPLE, p).unwrap(), kappa, 1e-14);
+            let p = pressure(&law(), &SAMPLE, kappa);
+            close(stiffness_number(&law(), &SAMPLE, p).unwrap(), kappa, 1e-14);
         }
-        assert_eq!(stiffness_number(&LAW, &SAMPLE, 1e9), None);
-        assert_eq!(stiffness_number(&LAW, &SAMPLE, 1e-9), None);
+        assert_eq!(stiffness_number(&law(), &SAMPLE, 1e9), None);
+        assert_eq!(stiffness_number(&law(), &SAMPLE, 1e-9), None);
     }
 
     #[test]
     fn time_step_of_the_paper() {
-        let t = contact_time(&LAW, &SAMPLE, SAMPLE.mean_diameter / 1e4);
+        let t = contact_time(&law(), &SAMPLE, SAMPLE.mean_diameter / 1e4);
         // √(m/k_n) is about 6 ns for a mean grain at the mean overlap; the smallest grain and a stiffer contact give less.
         assert!((2e-9..6e-9).contains(&t), "{t}");
         let overlap = SAMPLE.mean_diameter / 1e4;
-        let limit = step_limit(&LAW, &contact(0.1, 0.3), &SAMPLE, overlap, true);
+        let limit = step_limit(&law(), &contact(0.3), &SAMPLE, overlap, true);
         assert_eq!(default_step(t, limit), 0.1 * t);
     }
 
-    fn contact(damping_ratio: f64, rolling_damping_ratio: f64) -> Contact {
+    fn contact(rolling_damping_ratio: f64) -> Contact {
         Contact {
             friction: 0.7,
             rolling_friction: 0.01,
-            damping_ratio,
             rolling_damping_ratio,
         }
     }
@@ -253,10 +270,10 @@ mod tests {
     fn the_default_step_is_never_over_the_limit() {
         for kappa in [11.0, 1e4, 1e10] {
             let overlap = SAMPLE.mean_diameter / kappa;
-            let t = contact_time(&LAW, &SAMPLE, overlap);
+            let t = contact_time(&law(), &SAMPLE, overlap);
             let mut last = f64::INFINITY;
             for ratio in [0.0, 0.1, 0.3, 0.99] {
-                let limit = step_limit(&LAW, &contact(ratio, ratio), &SAMPLE, overlap, true);
+                let limit = step_limit(&damped(ratio), &contact(ratio), &SAMPLE, overlap, true);
                 assert!(limit < last && default_step(t, limit) <= limit);
                 last = limit;
             }
@@ -289,11 +306,11 @@ mod tests {
             }
         }
         assert!(greatest > 5.5, "{greatest}");
-        let mut smooth = contact(0.0, 0.0);
+        let mut smooth = contact(0.0);
         smooth.rolling_friction = 0.0;
         let overlap = SAMPLE.mean_diameter / 1e4;
-        let [mass, stiffness] = lightest_and_stiffest(&LAW, &SAMPLE, overlap);
-        let limit = step_limit(&LAW, &smooth, &SAMPLE, overlap, false);
+        let [mass, stiffness] = lightest_and_stiffest(&law(), &SAMPLE, overlap);
+        let limit = step_limit(&damped(0.0), &smooth, &SAMPLE, overlap, false);
         assert!(limit < 2.0 / (greatest * stiffness / mass).sqrt());
     }
 

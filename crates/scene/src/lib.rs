@@ -191,11 +191,13 @@ fn paths(tree: &DeTable<'_>) -> Vec<(usize, String)> {
 
 #[cfg(test)]
 mod tests {
+    use gshear_dem::system::ListSettings;
+
     use super::*;
 
     fn shipped(name: &str) -> Scene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("configs")
+            .join("../../configs")
             .join(name);
         Source::read(path)
             .and_then(|source| load(&source, &[]))
@@ -215,7 +217,7 @@ mod tests {
         assert_eq!(scene, shipped("plane-shear-2d.toml"));
         assert_eq!(motion(&scene), (Drive::InertialNumber(2e-4), 0.1));
         assert_eq!(scene.output.progress_lines, 20);
-        assert_eq!(scene.bookkeeping.skin, None);
+        assert_eq!(scene.bookkeeping.list.skin, None);
         assert_eq!(scene.time_step.given, StepChoice::Derived);
     }
 
@@ -229,7 +231,9 @@ mod tests {
             assert_eq!(drive, Drive::InertialNumber(4e-6));
             assert_eq!(scene.load.stiffness_number, 1e4);
             assert!((13e3..14e3).contains(&scene.load.pressure));
-            assert_eq!(scene.contact.damping_ratio, 0.1);
+            let mut given = scene.law.given().iter();
+            let alpha = given.find(|(key, _)| key.path == "contact.damping_ratio");
+            assert_eq!(alpha.unwrap().1, 0.1);
             assert_eq!(scene.output.frame_strain, 0.0);
             assert!(scene.analysis.scalars);
             assert_eq!(
@@ -251,7 +255,8 @@ mod tests {
     /// Their sweep has the small scene among its runs.
     #[test]
     fn the_frictions_of_the_paper() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/lee-hurley-frictions.toml");
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/lee-hurley-frictions.toml");
         let source = Source::read(path).unwrap();
         let members = sweep::members(&source).unwrap().unwrap();
         assert_eq!(members.len(), 12);
@@ -328,8 +333,7 @@ mod tests {
         assert_eq!(
             scene.bookkeeping,
             Bookkeeping {
-                skin: None,
-                rebuild_every: 0,
+                list: ListSettings::default(),
                 simd: "auto"
             }
         );

@@ -396,7 +396,7 @@ mod tests {
             ],
             MINDLIN,
             &["time.step=1e-6", "time.force=true"],
-            &["bookkeeping.list.skin=0.3", "bookkeeping.rebuild_every=17"],
+            &["bookkeeping.skin=0.3", "bookkeeping.rebuild_every=17"],
             &["output.frame_strain=0", "output.frame_start=0.01"],
             &["analysis.scalars=true", "analysis.start=0.02"],
             &[
@@ -467,7 +467,7 @@ mod tests {
         ];
         let always = [&of_hertz[..], &never, &of_sizes, &of_protocols].concat();
         for (law, other) in [(&[][..], of_hooke), (HOOKE, of_lee_hurley)] {
-            let sets = [&["time.step=1e-10", "bookkeeping.list.skin=0.3"], law].concat();
+            let sets = [&["time.step=1e-10", "bookkeeping.skin=0.3"], law].concat();
             missing_are(&with(&sets).toml, &[&always[..], &other].concat());
         }
         let spheres = [
@@ -490,7 +490,7 @@ mod tests {
             "output.series_strain=none",
             "output.checkpoint_strain=none",
             "time.collision_speed=10",
-            "bookkeeping.list.skin=0.3",
+            "bookkeeping.skin=0.3",
             "load.stiffness_number=none",
             "load.pressure=1e5",
         ];
@@ -559,7 +559,7 @@ mod tests {
         for key in crate::raw::TABLES
             .iter()
             .filter(|(table, _)| !of_a_box(table))
-            .flat_map(|(_, keys)| *keys)
+            .flat_map(|(_, keys)| keys)
         {
             let there = toml.contains(&format!("\n{key} = "));
             assert_eq!(there, !missing.contains(key), "{key} in {toml}");

@@ -2,8 +2,10 @@
 //!
 //! With the overlap δ and R* = R_i R_j/(R_i+R_j), m* = m_i m_j/(m_i+m_j),
 //!
-//!     F_n = max(0, √(δR*) (k_n δ - m*γ_n v_n)),   k_n = (2/3) E/(1-ν²)
-//!     F_t = -√(δR*) (k_t u + m*γ_t v_t),          k_t = 2E/((1+ν)(2-ν))
+//! ```text
+//! F_n = max(0, √(δR*) (k_n δ - m*γ_n v_n)),   k_n = (2/3) E/(1-ν²)
+//! F_t = -√(δR*) (k_t u + m*γ_t v_t),          k_t = 2E/((1+ν)(2-ν))
+//! ```
 //!
 //! The history u (m) is the tangential displacement since the touch. Where |F_t| would be beyond μF_n, it is cut to the limit, and u
 //! is set back so that spring and damper together give just that force.

@@ -3,17 +3,23 @@
 //!
 //! Normal:
 //!
-//!     F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```text
+//! F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```
 //!
 //! Tangential: the history is the elastic force on i, in the tangent plane,
 //!
-//!     F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
+//! ```text
+//! F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
+//! ```
 //!
 //! cut to the limit μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
 //!
 //! Rolling, in 2D, as LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita & Oda):
 //!
-//!     M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
+//! ```text
+//! M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
+//! ```
 //!
 //! limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added (`rolling`), which `epsd2` lacks and η_r = 0 takes away.
 

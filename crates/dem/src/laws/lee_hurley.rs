@@ -2,12 +2,16 @@
 //!
 //! Normal (A1–A5): the implicit A2 in closed form. With y = δ/(4(R_1+R_2)) and ℓ = ln(16 R_1R_2/a²),
 //!
-//!     ℓ = L + ln(ℓ-1),  L = -ln y;   k_n = πE*/(ℓ-1);   a² = 16 R_1R_2 y/(ℓ-1);
-//!     F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```text
+//! ℓ = L + ln(ℓ-1),  L = -ln y;   k_n = πE*/(ℓ-1);   a² = 16 R_1R_2 y/(ℓ-1);
+//! F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```
 //!
 //! Tangential (A6–A12, A23): the history is the elastic force on i along t̂,
 //!
-//!     F_t^e ← F_t^e - ½(k_t' + k_t) v_t(t+½Δt) Δt,   k_t' that of the last step: second order in Δt,
+//! ```text
+//! F_t^e ← F_t^e - ½(k_t' + k_t) v_t(t+½Δt) Δt,   k_t' that of the last step: second order in Δt,
+//! ```
 //!
 //! set to the limit ±μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
 //!

@@ -1,7 +1,9 @@
 //! The smoothed Mindlin law of BO, between disks or spheres, without damping:
 //!
-//!     F_n = k_n δ^(3/2)                                                          (eq. 1)
-//!     F_t = -k_t √δ (1 + s - s²) t,   s = |t|/t*,   t* = μ (k_n/k_t) δ           (eqs 5, A4, A5)
+//! ```text
+//! F_n = k_n δ^(3/2)                                                          (eq. 1)
+//! F_t = -k_t √δ (1 + s - s²) t,   s = |t|/t*,   t* = μ (k_n/k_t) δ           (eqs 5, A4, A5)
+//! ```
 //!
 //! The history t (m) is the tangential displacement since the touch. F_t reaches Coulomb's limit μF_n at |t| = t* with no slope left;
 //! where |t| would be beyond, it is set back to t*, and the contact slides. (In the paper's eqs 5 and A4 t stands for |t|.)

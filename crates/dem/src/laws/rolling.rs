@@ -1,6 +1,8 @@
 //! Rolling resistance of type C (Ai et al. 2011; LH A13–A22): a spring of torque between the two rotations, and a damper,
 //!
-//!     M^k ← M^k - k_r Δθ_r,  limited to μ_r R_r F_n;  below the limit -C_r (ω_i-ω_j) is added,  C_r = 2η_r√(I_r k_r)
+//! ```text
+//! M^k ← M^k - k_r Δθ_r,  limited to μ_r R_r F_n;  below the limit -C_r (ω_i-ω_j) is added,  C_r = 2η_r√(I_r k_r)
+//! ```
 //!
 //! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the disks' inertia I + mR² about the contact (A22).
 
