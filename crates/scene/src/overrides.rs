@@ -1,4 +1,4 @@
-//! `--set key.path=value`: values from the command line in place of those of the file.
+//! `--set key.path=value`: values from the command line replace those of the file.
 
 use std::borrow::Cow;
 

@@ -90,10 +90,12 @@ impl Source {
         self.member
     }
 
+    /// The name in messages.
     pub fn name(&self) -> &str {
         &self.name
     }
 
+    /// The text.
     pub fn text(&self) -> &str {
         &self.text
     }
