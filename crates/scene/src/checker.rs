@@ -1,4 +1,4 @@
-//! Collects what is wrong with single values, so that the first problem in the order of the file is the one told.
+//! Collects the problems of a configuration; the first in the order of the file is reported.
 
 use std::path::PathBuf;
 
@@ -29,7 +29,8 @@ impl<'a> Checker<'a> {
         self.input.mention(offset)
     }
 
-    /// A path as of the text: from the folder of the configuration, or from here where it came with `--set`.
+    /// The path that a value names, relative to the folder of the configuration; one given by
+    /// `--set` is relative to the working directory.
     pub fn resolve(&self, offset: usize, path: &str) -> PathBuf {
         match self.input.override_at(offset) {
             Some(_) => path.into(),
@@ -37,7 +38,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// What is wrong with what a value stands for.
+    /// A problem of what a value names, such as a file.
     pub fn failure(&self, offset: usize, path: &str, what: &str) -> Failure {
         self.input.failure(offset, path, what)
     }
@@ -49,7 +50,8 @@ impl<'a> Checker<'a> {
             .push((offset, self.input.message(offset, key.declared.path, what)));
     }
 
-    /// Notes a problem that several keys cause, at the one set on the command line, else at the first that was given.
+    /// Notes a problem that several keys cause: at the one given by `--set`, otherwise at the first
+    /// that was given.
     pub fn refuse_among(&mut self, places: &[(&str, Option<usize>)], what: &str) {
         let given = || {
             places
@@ -180,7 +182,8 @@ impl<'a> Checker<'a> {
         self.choice_or(key, default)
     }
 
-    /// Ways to give one quantity: exactly one must be there. Returns which; `what` names the ways with their units.
+    /// Ways to give one quantity: exactly one must be there. Returns which; `what` names the ways
+    /// with their units.
     pub fn exactly_one(&mut self, keys: &[&Key<Number>], what: &str) -> usize {
         let mut given: Vec<(usize, usize)> = (0..keys.len())
             .filter_map(|k| keys[k].offset().map(|at| (at, k)))
@@ -219,7 +222,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// A key that means nothing here.
+    /// Refuses a key that does not apply; `why` says when it does.
     pub fn useless<T: Kind>(&mut self, key: &Key<T>, why: &str) {
         if let Some(at) = key.offset() {
             let mut what = format!("{why}; leave it out");
@@ -235,7 +238,7 @@ impl<'a> Checker<'a> {
         Failure::input(format!("{}: {what}", self.input.source.name()))
     }
 
-    /// Tells the first problem, if there is any.
+    /// Fails with the first problem, if there is any.
     pub fn settle(&mut self) -> Result<(), Failure> {
         self.problems.sort_by_key(|(at, _)| *at);
         match self.problems.first() {

@@ -1,4 +1,4 @@
-//! Which keys exist, and what to say to one that does not.
+//! Unknown and former keys: what the messages suggest.
 
 use std::borrow::Cow;
 
@@ -76,7 +76,8 @@ fn find<'a>(keys: &'a [Entry], name: &str) -> Option<&'a Entry> {
         .find(|key| key.name == name || key.former.contains(&name))
 }
 
-/// Refuses the first key of the file that the configuration does not know, and values where tables belong.
+/// Refuses the first key of the file that the configuration does not know, and values where tables
+/// belong.
 pub(super) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), Failure> {
     let mut problems = Vec::new();
     for (key, value) in tree.iter() {

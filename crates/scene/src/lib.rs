@@ -1,8 +1,8 @@
 //! Scenes of gshear-mpi: the configuration, checked and with every default filled in, and what
 //! follows from it: sweeps, packings, schedules, the time step.
 //!
-//! [`load`] reads a scene of plane shear, [`study`] any scene. Every message names file and line, or
-//! the `--set` it comes from.
+//! [`load`] reads a scene of plane shear, [`study`] any scene. Every message names file and line,
+//! or the `--set` it comes from.
 //!
 //! ```
 //! use gshear_scene::{Source, load};
@@ -116,8 +116,8 @@ pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
     })
 }
 
-/// Returns what a scene must know of the file of a packing with these copies along the periodic axes.
-/// The file may have been read before, or by another rank.
+/// Returns what a scene must know of the file of a packing with these copies along the periodic
+/// axes. The file may have been read before, or by another rank.
 pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, [u32; 2]) -> Result<PackingFile, Failure>;
 
 /// [`load`], with `packing` called for the file of a packing, if the scene has one.

@@ -1,11 +1,13 @@
-//! A scene without walls: grains in a periodic box that is sheared quasi-statically (BO section III).
+//! A scene without walls: grains in a periodic box that is sheared quasi-statically (BO section
+//! III).
 
 use super::scene::{Bookkeeping, Sample, Sizes, TimeStep};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::{Contact, Law};
 use gshear_dem::state::{Cell, Sheared};
 
-/// Grains in a periodic sheared box, ready to be set up. Units are the user's own: SI, or BO's reduced ones.
+/// Grains in a periodic sheared box, ready to be set up. Units are the user's own: SI, or BO's
+/// reduced ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PeriodicScene {
     /// The name of the run.

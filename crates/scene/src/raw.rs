@@ -692,8 +692,8 @@ const fn names<T: Copy, const N: usize>(of: &[(&'static str, T); N]) -> [&'stati
     names
 }
 
-/// What the contact laws declare of the keys of a table. A key of several laws comes once, with what
-/// each of them says.
+/// What the contact laws declare of the keys of a table. A key of several laws comes once, with
+/// what each of them says.
 pub fn law_entries(table: &str) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
     for key in law_keys().filter(|key| key.table() == table) {

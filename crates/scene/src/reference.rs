@@ -182,8 +182,8 @@ fn quoted(names: &[&str]) -> String {
     names.join(", ")
 }
 
-/// The JSON schema (draft 2020-12) of a configuration. It has kinds and ranges of all keys; which of
-/// them exclude or require each other is checked by [`load`](crate::load) only.
+/// The JSON schema (draft 2020-12) of a configuration. It has kinds and ranges of all keys; which
+/// of them exclude or require each other is checked by [`load`](crate::load) only.
 pub fn json_schema() -> String {
     let mut properties = object(&TOP_KEYS);
     for table in TABLES.iter() {

@@ -41,7 +41,8 @@ pub struct Scene {
     pub analysis: Analysis,
     /// What changes speed, not results.
     pub bookkeeping: Bookkeeping,
-    /// The whole configuration as TOML with every default filled in: what `scene.toml` and `run.h5` hold.
+    /// The whole configuration as TOML with every default filled in: what `scene.toml` and `run.h5`
+    /// hold.
     pub toml: String,
 }
 
@@ -150,7 +151,8 @@ impl Sizes {
         }
     }
 
-    /// ⟨f(R)⟩, between `a` and `b` (m). Polynomials of third order are exact but for rounding where R is not normal.
+    /// ⟨f(R)⟩, between `a` and `b` (m). Polynomials of third order are exact but for rounding where
+    /// R is not normal.
     pub fn mean(&self, [a, b]: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
         match self {
             Sizes::Uniform => weighted(a, b, 2, f, |_| 1.0),
@@ -203,7 +205,8 @@ pub enum Origin {
     },
 }
 
-/// What a scene needs to know of the file of a packing. A checkpoint holds it, so that going on does not need the file.
+/// What a scene needs to know of the file of a packing. A checkpoint holds it, so that going on
+/// does not need the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackingFile {

@@ -1,5 +1,6 @@
-//! The checked scene as TOML again, with every default filled in: what the user chose stays as chosen, what follows from it
-//! stands in comments, so that reading it gives the same scene to the last bit.
+//! The checked scene as TOML again, with every default filled in: what the user chose stays as
+//! chosen, what follows from it stands in comments, so that reading it gives the same scene to the
+//! last bit.
 
 use std::fmt::Write;
 

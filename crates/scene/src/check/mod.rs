@@ -1,4 +1,4 @@
-//! From what was written to a scene in which nothing is optional any more.
+//! From the raw configuration to a scene in which nothing is optional.
 
 mod analysis;
 pub(crate) mod law;
@@ -21,8 +21,8 @@ use gshear_dem::system::ListSettings;
 pub(crate) use law::law_keys;
 use sample::SampleKeys;
 
-/// Checks every value by itself, then those that must agree, and derives what follows. `tables` says where each begins; `packing`
-/// is asked about the file of a packing, if the scene has one.
+/// Checks every value by itself, then those that must agree, and derives what follows. `tables`
+/// says where each begins; `packing` is called for the file of a packing, if the scene has one.
 pub(super) fn scene(
     raw: Raw,
     input: Input<'_>,
@@ -203,7 +203,8 @@ fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: &raw::Bookkeeping) -> Boo
     }
 }
 
-/// Values that are each within their bounds can still overflow together, such as a radius of 1e-200 m squared.
+/// Values that are each within their bounds can still overflow together, such as a radius of 1e-200
+/// m squared.
 fn check_range(c: &Checker<'_>, derived: &[(&str, f64)]) -> Result<(), Failure> {
     match derived.iter().find(|(_, x)| !x.is_normal()) {
         Some((name, x)) => Err(c.out_of_range(&format!(

@@ -357,7 +357,8 @@ fn unlike_packing(given: impl std::fmt::Display, of_file: impl std::fmt::Display
     format!("is {of_file} in the packing of sample.packing, found {given}; leave it out")
 }
 
-/// What the values of `[sample]` must be to each other; `height` (m) with the walls, `places` that cause it.
+/// Refuses a cell too small for its grains and walls. `height` (m) includes the walls; `places` are
+/// the keys that set the size.
 fn check_size(
     c: &mut Checker<'_>,
     raw: &raw::Sample,
