@@ -95,7 +95,7 @@ impl Fixture {
             ];
             series
                 .iter_mut()
-                // Nothing in the ledger of energy.
+                // Nothing in the energy budget.
                 .zip(row.into_iter().chain(std::iter::repeat(0.0)))
                 .for_each(|(column, value)| column.push(value));
         }

@@ -5,7 +5,7 @@ use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::Drive;
 use crate::failure::Failure;
-use crate::budget::Ledger;
+use crate::budget::EnergyBudget;
 use crate::kernel::PairForce;
 use crate::contact::model::PairModel;
 use crate::neighbour;
@@ -44,7 +44,7 @@ pub struct System<D: Dimension> {
     pub clock: Clock,
     pub team: Team<D>,
     /// Kept where it is asked for.
-    pub ledger: Option<Ledger>,
+    pub budget: Option<EnergyBudget>,
 }
 
 /// How long the list of pairs stays complete.
@@ -241,7 +241,7 @@ impl<D: Dimension> System<D> {
             kick_is_due: false,
             clock: Clock::default(),
             team: Team::new(of.threads)?,
-            ledger: None,
+            budget: None,
         })
     }
 

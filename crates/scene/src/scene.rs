@@ -319,7 +319,7 @@ pub struct Output {
     pub series_rows: u64,
     /// Lines on the terminal over the whole run.
     pub progress_lines: u64,
-    /// Whether a ledger of energy is kept.
+    /// Whether the time series has the energy budget.
     pub energy: bool,
 }
 

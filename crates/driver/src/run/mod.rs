@@ -17,7 +17,7 @@ use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_mpi_exchange::Parallel;
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
-use gshear_dem::budget::Kept;
+use gshear_dem::budget::SavedBudget;
 use crate::record::{self, Written};
 use gshear_scene::sample::Lattice;
 use gshear_scene::schedule::{Window, inertial_time, mean_mass};
@@ -84,9 +84,9 @@ pub struct Header {
     /// Rows of the scalars of frames.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub scalars: u64,
-    /// The ledger of energy, where one is kept.
-    #[serde(default)]
-    pub ledger: Option<Kept>,
+    /// With `output.energy`.
+    #[serde(default, alias = "ledger")]
+    pub energy_budget: Option<SavedBudget>,
     /// Of the file that the grains came from, which then is not needed any more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub packing: Option<PackingFile>,
@@ -154,7 +154,7 @@ struct State {
     contacts: Vec<ContactState>,
     /// Frames and rows written before, if this goes on with an earlier run.
     written: Option<Written>,
-    ledger: Option<Kept>,
+    energy_budget: Option<SavedBudget>,
     analysed: Option<FramePart>,
 }
 
@@ -277,7 +277,7 @@ impl<'a> Run<'a> {
             contacts: Vec::new(),
             slider: None,
             written: None,
-            ledger: None,
+            energy_budget: None,
             analysed: None,
         }
     }
@@ -316,7 +316,7 @@ impl<'a> Run<'a> {
                     rows: header.rows,
                     scalars: header.scalars,
                 }),
-                ledger: header.ledger,
+                energy_budget: header.energy_budget,
                 analysed: snapshot.analysed,
             },
         ))
@@ -354,7 +354,7 @@ impl<'a> Run<'a> {
             frames: of.written.frames,
             rows: of.written.rows,
             scalars: of.written.scalars,
-            ledger: system.ledger.as_ref().map(|l| l.keep(self.exchange)),
+            energy_budget: system.budget.as_ref().map(|b| b.save(self.exchange)),
             packing: match &self.scene.origin {
                 Origin::Insertion(_) => None,
                 Origin::Packing { file, .. } => Some(file.clone()),

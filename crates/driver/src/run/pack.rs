@@ -119,7 +119,7 @@ impl Run<'_> {
             slider: None,
             written: None,
             analysed: None,
-            ledger: None,
+            energy_budget: None,
         };
         Ok(Some((height, state)))
     }

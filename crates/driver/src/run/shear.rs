@@ -10,7 +10,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::drive::{GrainWalls, Slider};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::ContactForces;
-use gshear_dem::budget::Ledger;
+use gshear_dem::budget::EnergyBudget;
 use gshear_dem::observe::{self, Frame};
 use crate::record::{Recorder, Written};
 use gshear_scene::schedule::Schedule;
@@ -53,11 +53,11 @@ impl Run<'_> {
         let energy = scene.load.pressure * scene.sample.mean_section() * scene.mean_overlap();
         let frame = Frame::measure(exchange, &mut system, 2.0 * thickness, energy);
         if scene.output.energy {
-            let mut ledger = Ledger::new(system.grains().units, scene.sample.radius_max);
-            if let Some(kept) = &state.ledger {
-                ledger.resume(kept, exchange.rank());
+            let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
+            if let Some(saved) = &state.energy_budget {
+                budget.resume(saved, exchange.rank());
             }
-            system.ledger = Some(ledger);
+            system.budget = Some(budget);
         }
         self.terminal.shearing(scene, &schedule, first);
         let written = state.written.filter(|_| options.replay.is_none());
