@@ -92,10 +92,10 @@ fn neither_bookkeeping_nor_output_reaches_the_numbers() {
         let resumed = gshear_mpi(3, &at("part"), &[resume]);
         let found = [said(&stopped), digests(&resumed)].concat();
         assert_eq!(found, expected, "{dimension}, resumed");
-        let read = |name: &str, file: &str, columns: &[&str]| {
+        let read = |name: &str, file: &str, columns: &[gshear_dem::columns::Column]| {
             let run = PeriodicRun::open(&at(name).join(file), columns).expect("a file of the run");
-            let bits = |column: &&str| -> Vec<u64> {
-                run.column(column).iter().map(|x| x.to_bits()).collect()
+            let bits = |column: &gshear_dem::columns::Column| -> Vec<u64> {
+                run.column(column.name).iter().map(|x| x.to_bits()).collect()
             };
             columns.iter().map(bits).collect::<Vec<_>>()
         };

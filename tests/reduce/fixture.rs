@@ -257,7 +257,7 @@ impl Fixture {
         let observables = file.create_group("observables")?;
         let columns = SERIES_COLUMNS.iter().zip(&self.series);
         for (name, values) in columns {
-            let group = observables.create_group(name)?;
+            let group = observables.create_group(name.name)?;
             if *name == SERIES_COLUMNS[0] {
                 growing(&group, "step", &self.series_step)?;
                 let time = self.series_step.iter().map(|step| *step as f64 * TIME_STEP);

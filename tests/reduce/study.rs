@@ -59,7 +59,7 @@ fn the_scalars_of_every_frame_are_those_of_its_pair() {
     }
     for (k, name) in SCALAR_COLUMNS.iter().enumerate() {
         let wanted: Vec<f64> = rows.iter().map(|row| row[k]).collect();
-        assert_eq!(bits(&numbers(&found[*name])), bits(&wanted), "{name}");
+        assert_eq!(bits(&numbers(&found[name.name])), bits(&wanted), "{name}");
     }
     let once = std::fs::read(folder.path().join("regions.csv")).expect("the table");
     done(&["regions", &path, "--threads", "1"]);
@@ -173,7 +173,7 @@ fn scalars_that_the_run_has_computed_are_taken() {
     assert_eq!(found["step"], ["300", "400", "500"]);
     assert_eq!(numbers(&found["stress_ratio"]), fixture.series[1][3..6]);
     for (k, name) in SCALAR_COLUMNS.iter().enumerate() {
-        assert_eq!(numbers(&found[*name]), [0.25, 1.5 + k as f64, 7.0]);
+        assert_eq!(numbers(&found[name.name]), [0.25, 1.5 + k as f64, 7.0]);
     }
 }
 

@@ -162,7 +162,7 @@ pub fn energy_budget() -> Vec<Line> {
         let run = Run::open(folder.path()).expect("a run");
         let last = |name: &str| *run.series().column(name).last().expect("a row");
         let (left, work) = (last("energy_residual"), last("work_drive"));
-        let slid = last("lost_friction") + last("lost_rolling");
+        let slid = last("dissipated_friction") + last("dissipated_rolling");
         line(
             format!("220 disks at I = 4e-6 to γ = 2e-5, {done}"),
             "energy missing, over the work done: below 1e-6",

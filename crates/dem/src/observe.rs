@@ -169,10 +169,10 @@ pub fn series<D: Dimension>(
         elastic_rolling: energy.elastic[2],
         work_drive: energy.work_drive,
         work_load: energy.work_load,
-        lost_damping: energy.dissipated[dissipation::DAMPING],
-        lost_friction: energy.dissipated[dissipation::FRICTION],
-        lost_rolling: energy.dissipated[dissipation::ROLLING],
-        lost_stiffness: energy.dissipated[dissipation::STIFFNESS],
+        dissipated_damping: energy.dissipated[dissipation::DAMPING],
+        dissipated_friction: energy.dissipated[dissipation::FRICTION],
+        dissipated_rolling: energy.dissipated[dissipation::ROLLING],
+        dissipated_stiffness: energy.dissipated[dissipation::STIFFNESS],
         energy_residual: energy.residual,
     }
 }

@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::scalars::FrameSeries;
-use gshear_analysis::frame_scalars::SCALAR_COLUMNS;
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::Run;
 use gshear_store::text_writer;
@@ -22,7 +23,7 @@ pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
 fn table(series: &FrameSeries) -> String {
     let mut csv = format!(
         "frame,step,strain,stress_ratio,{}\n",
-        SCALAR_COLUMNS.join(",")
+        joined_names(&FrameScalars::COLUMNS, ",")
     );
     for (k, scalars) in series.scalars.iter().enumerate() {
         let (step, strain, tau) = (series.step[k], series.strain[k], series.tau[k]);

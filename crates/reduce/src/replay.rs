@@ -11,7 +11,7 @@ use gshear_store::run_reader::Run;
 use gshear_driver::record::RUN_FILE;
 use gshear_driver::run::{self, Header, Options, Stage, Start};
 use gshear_scene::schedule::Window;
-use gshear_dem::state::{SERIES_COLUMNS, Snapshot};
+use gshear_dem::state::{SeriesRow, Snapshot};
 
 /// What is to be computed again.
 #[derive(Debug, Clone, Copy)]
@@ -176,11 +176,11 @@ fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
         };
         rows += 1;
         let differs = |c: &usize| one.columns[*c][row].to_bits() != other.columns[*c][k].to_bits();
-        if let Some(c) = (0..SERIES_COLUMNS.len()).find(differs) {
+        if let Some(c) = (0..SeriesRow::COLUMNS.len()).find(differs) {
             different += 1;
             first.get_or_insert((
                 *step,
-                SERIES_COLUMNS[c],
+                SeriesRow::COLUMNS[c],
                 one.columns[c][row],
                 other.columns[c][k],
             ));

@@ -1,9 +1,10 @@
 //! `log.csv`: the time series as text.
 
 use super::collective::agree;
+use gshear_dem::columns::joined_names;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{SERIES_COLUMNS, SeriesRow};
+use gshear_dem::state::SeriesRow;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -68,10 +69,8 @@ impl Log {
             end += reader
                 .read_until(b'\n', &mut line)
                 .map_err(|e| unfit(e.to_string()))? as u64;
-            if row == 0 && line != format!("{}\n", header()).as_bytes() {
-                return Err(unfit(
-                    "its first line is not that of a log of this version".into(),
-                ));
+            if row == 0 {
+                check_header(&String::from_utf8_lossy(&line)).map_err(unfit)?;
             }
             if line.last() != Some(&b'\n') {
                 return Err(unfit(format!(
@@ -116,8 +115,32 @@ impl Log {
     }
 }
 
+const STEP_AND_TIME: &str = "step,time,";
+
 fn header() -> String {
-    format!("step,time,{}", SERIES_COLUMNS.join(","))
+    let columns = joined_names(&SeriesRow::COLUMNS, ",");
+    format!("{STEP_AND_TIME}{columns}")
+}
+
+/// Checks the first line of a log, in which renamed columns may have their former names.
+fn check_header(line: &str) -> Result<(), String> {
+    let Some(names) = line.trim_end().strip_prefix(STEP_AND_TIME) else {
+        return Err(format!("its first line must begin with {STEP_AND_TIME}"));
+    };
+    let mut names = names.split(',');
+    for column in SeriesRow::COLUMNS {
+        let found = names.next().unwrap_or("missing");
+        if column.stored_name(|name| name == found).is_none() {
+            return Err(format!(
+                "its first line lacks the column {column} (found: {found}); another version wrote it"
+            ));
+        }
+    }
+    names.next().map_or(Ok(()), |name| {
+        Err(format!(
+            "its column {name} would not be continued; another version wrote it"
+        ))
+    })
 }
 
 /// The shortest text that reads back to the same bits.
@@ -136,9 +159,9 @@ mod tests {
     use gshear_dem::domain::Solo;
 
     fn row(k: u64) -> SeriesRow {
-        let numbers: [f64; SERIES_COLUMNS.len()] =
+        let numbers: [f64; SeriesRow::COLUMNS.len()] =
             std::array::from_fn(|c| (k as f64 + 0.1) * 10f64.powi(4 * c as i32 - 20) / 3.0);
-        bytemuck::cast(numbers)
+        SeriesRow::from_columns(numbers)
     }
 
     fn text(path: &Path) -> String {
@@ -196,6 +219,25 @@ mod tests {
         (3..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
         drop(log);
         assert_eq!(text(&path), whole);
+    }
+
+    #[test]
+    fn former_names_are_continued_and_other_columns_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let open = |names: &str| {
+            std::fs::write(&path, format!("{names}\n")).unwrap();
+            Log::open_to_append(&Solo, &path, 0).map(drop)
+        };
+        let names = header();
+        assert!(open(&names).is_ok());
+        assert!(open(&names.replace("dissipated_", "lost_")).is_ok());
+        let refused = |names: &str| open(names).unwrap_err().to_string();
+        assert!(
+            refused(&names.replace("slip_rate", "rate")).contains("lacks the column slip_rate")
+        );
+        assert!(refused(&names[..names.rfind(',').unwrap()]).contains("energy_residual"));
+        assert!(refused(&format!("{names},more")).contains("column more"));
     }
 
     #[test]

@@ -17,7 +17,10 @@ use gshear_mpi_exchange::Parallel;
 use gshear_dem::failure::Failure;
 use gshear_store::collective::agree;
 use gshear_store::h5::Attribute;
-use gshear_store::columns::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE, SPECTRA_FILE};
+use gshear_dem::columns::Column;
+use gshear_store::columns::{
+    AQS_COLUMNS, AQS_FILE, AqsRow, NEWTONIAN_COLUMNS, NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE,
+};
 use gshear_store::provenance;
 use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
 use gshear_dem::kernel::ContactForces;
@@ -101,7 +104,7 @@ fn attributes<D: Dimension>(
 fn writer<D: Dimension>(
     exchange: &dyn Parallel,
     path: &Path,
-    series: &[&str],
+    series: &[Column],
     system: &mut System<D>,
     attributes: &[(&str, Attribute)],
 ) -> Result<TrajectoryWriter, Failure> {
@@ -169,26 +172,26 @@ impl Recorder {
         let of = |value: fn(&Eigenvalues) -> f64| row.eigenvalues.as_ref().map_or(nan, value);
         let imaginary = of(|e| e.greatest_pair().map_or(0.0, |pair| pair.lambda_i));
         let observed = &row.observed;
-        let columns: [f64; AQS_COLUMNS.len()] = [
-            row.strain,
-            row.offset,
-            observed.shear_stress,
-            observed.pressure,
-            observed.elastic_energy,
-            observed.contacts as f64,
-            observed.coordination,
-            observed.sliding_fraction,
-            row.residual,
-            row.found.factorisations as f64,
-            row.found.steps as f64,
-            f64::from(u8::from(row.found.fell_back)),
-            of(|e| e.pairs() as f64),
-            -imaginary,
-            imaginary,
-            of(|e| e.greatest_pair().map_or(f64::NAN, |pair| pair.lambda_r)),
-            of(Eigenvalues::least_real),
-            of(|e| e.zeros() as f64),
-        ];
+        let columns = AqsRow {
+            strain: row.strain,
+            image_offset: row.offset,
+            shear_stress: observed.shear_stress,
+            pressure: observed.pressure,
+            elastic_energy: observed.elastic_energy,
+            contacts: observed.contacts as f64,
+            coordination: observed.coordination,
+            sliding_fraction: observed.sliding_fraction,
+            residual: row.residual,
+            factorisations: row.found.factorisations as f64,
+            overdamped_steps: row.found.steps as f64,
+            fell_back: f64::from(u8::from(row.found.fell_back)),
+            pairs: of(|e| e.pairs() as f64),
+            imaginary_least: -imaginary,
+            imaginary_greatest: imaginary,
+            pair_real: of(|e| e.greatest_pair().map_or(f64::NAN, |pair| pair.lambda_r)),
+            least_real: of(Eigenvalues::least_real),
+            zero_modes: of(|e| e.zeros() as f64),
+        };
         self.trajectory.series(exchange, step, row.strain, &columns)
     }
 
@@ -327,15 +330,15 @@ impl NewtonianRecorder {
         observed: &Observed,
         moved: &Moved,
     ) -> Result<(), Failure> {
-        let columns: [f64; NEWTONIAN_COLUMNS.len()] = [
-            moved.msd,
-            moved.kinetic_energy,
-            observed.elastic_energy,
-            observed.shear_stress,
-            observed.pressure,
-            observed.contacts as f64,
-            observed.sliding_fraction,
-        ];
+        let columns = NewtonianRow {
+            msd: moved.msd,
+            kinetic_energy: moved.kinetic_energy,
+            elastic_energy: observed.elastic_energy,
+            shear_stress: observed.shear_stress,
+            pressure: observed.pressure,
+            contacts: observed.contacts as f64,
+            sliding_fraction: observed.sliding_fraction,
+        };
         self.trajectory.series(exchange, step, time, &columns)
     }
 

@@ -7,7 +7,8 @@ use plotters::style::RGBColor;
 use super::curves::{shade, stage_of};
 use super::studied::{Event, Size, Studied};
 use super::{Drawn, Figure, no_run};
-use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
+use gshear_dem::columns::joined_names;
+use gshear_analysis::frame_scalars::{FrameScalars};
 use gshear_analysis::spearman::Correlation;
 use crate::colour::CURVES;
 use crate::compose::grid_of;
@@ -149,7 +150,7 @@ fn panel(
 }
 
 fn table(run: &Studied, event: &Event) -> String {
-    let mut csv = format!("strain,stress_ratio,stage,{}\n", SCALAR_COLUMNS.join(","));
+    let mut csv = format!("strain,stress_ratio,stage,{}\n", joined_names(&FrameScalars::COLUMNS, ","));
     for row in event.stages.begin + 1..=event.stages.end {
         let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
         write!(csv, "{strain:?},{tau:?},{}", stage_of(event, row))
