@@ -90,8 +90,8 @@ pub fn advance<D: Dimension>(
     let (load, [due, stop]) = message.read(exchange, system, outside)?;
     system.list.due = due;
     system.kick_is_due = true;
-    if let Some(ledger) = &mut system.ledger {
-        ledger.push(-load.along, drive.slid());
+    if let Some(budget) = &mut system.budget {
+        budget.push(-load.along, drive.slid());
     }
     system.clock.end(Phase::Walls);
 
@@ -116,8 +116,8 @@ pub fn initial_forces<D: Dimension>(
     let mut message = Message::new(system, drive, outside, []);
     exchange.sum_during(&mut message.0, &mut || ());
     let (load, []) = message.read(exchange, system, outside)?;
-    if let Some(ledger) = &mut system.ledger {
-        ledger.push(-load.along, 0.0);
+    if let Some(budget) = &mut system.budget {
+        budget.push(-load.along, 0.0);
     }
     drive.start(load);
     Ok(())
@@ -211,7 +211,7 @@ fn add_forces<D: Dimension>(
         clock,
         list,
         team,
-        ledger,
+        budget,
         gravity,
         step: full_step,
         ..
@@ -230,8 +230,8 @@ fn add_forces<D: Dimension>(
         units: grains.units,
         cell: *cell,
         step,
-        counting: ledger.as_ref().map(|ledger| Counting {
-            unit: ledger.unit(),
+        counting: budget.as_ref().map(|budget| Counting {
+            unit: budget.unit(),
             step: *full_step,
         }),
     };
@@ -252,8 +252,8 @@ fn add_forces<D: Dimension>(
     team.gather(&mut grains.force);
     clock.end(Phase::Contacts);
 
-    if let Some(ledger) = ledger {
-        ledger.step(found.lost, found.uncounted);
+    if let Some(budget) = budget {
+        budget.step(found.dissipated, found.uncounted);
     }
     let pair = |at: Option<(usize, usize)>, why: fn(usize, usize) -> Outside| {
         at.map(|(block, lane)| why(block, lane))

@@ -1,6 +1,6 @@
 //! All that a rank holds between two steps, and the upkeep of its lists.
 
-use crate::budget::Ledger;
+use crate::budget::EnergyBudget;
 use crate::clock::Clock;
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
@@ -44,7 +44,7 @@ pub struct System<D: Dimension> {
     pub clock: Clock,
     pub team: Team<D>,
     /// Kept where it is asked for.
-    pub ledger: Option<Ledger>,
+    pub budget: Option<EnergyBudget>,
 }
 
 /// How long the list of pairs stays complete.
@@ -241,7 +241,7 @@ impl<D: Dimension> System<D> {
             kick_is_due: false,
             clock: Clock::default(),
             team: Team::new(of.threads)?,
-            ledger: None,
+            budget: None,
         })
     }
 

@@ -4,7 +4,7 @@ use super::collective::agree;
 use super::table::TableFile;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{SERIES_COLUMNS, SeriesRow};
+use gshear_dem::state::SeriesRow;
 use std::path::Path;
 
 /// Writes the log on rank 0; on the others it does nothing.
@@ -52,7 +52,8 @@ impl Log {
 }
 
 fn columns() -> Vec<&'static str> {
-    [&["step", "time"], &SERIES_COLUMNS[..]].concat()
+    let row = SeriesRow::COLUMNS.iter().map(|column| column.name);
+    ["step", "time"].into_iter().chain(row).collect()
 }
 
 /// The shortest text that reads back to the same bits.
@@ -71,9 +72,9 @@ mod tests {
     use gshear_dem::domain::Solo;
 
     fn row(k: u64) -> SeriesRow {
-        let numbers: [f64; SERIES_COLUMNS.len()] =
+        let numbers: [f64; SeriesRow::COLUMNS.len()] =
             std::array::from_fn(|c| (k as f64 + 0.1) * 10f64.powi(4 * c as i32 - 20) / 3.0);
-        bytemuck::cast(numbers)
+        SeriesRow::from_columns(numbers)
     }
 
     fn text(path: &Path) -> String {
@@ -131,6 +132,25 @@ mod tests {
         (3..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
         drop(log);
         assert_eq!(text(&path), whole);
+    }
+
+    #[test]
+    fn former_names_are_continued_and_other_columns_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let open = |names: &str| {
+            std::fs::write(&path, format!("{names}\n")).unwrap();
+            Log::open_to_append(&Solo, &path, 0).map(drop)
+        };
+        let names = header();
+        assert!(open(&names).is_ok());
+        assert!(open(&names.replace("dissipated_", "lost_")).is_ok());
+        let refused = |names: &str| open(names).unwrap_err().to_string();
+        assert!(
+            refused(&names.replace("slip_rate", "rate")).contains("lacks the column slip_rate")
+        );
+        assert!(refused(&names[..names.rfind(',').unwrap()]).contains("energy_residual"));
+        assert!(refused(&format!("{names},more")).contains("column more"));
     }
 
     #[test]
