@@ -20,6 +20,9 @@ const PROVENANCE: [&str; 7] = [
     "version",
 ];
 
+/// Components of a vector, as named in places.
+const PARTS: [&str; 3] = [" x", " y", " z"];
+
 /// Where two values differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Place {
@@ -255,7 +258,7 @@ fn parameters(a: &Run, b: &Run, found: &mut Comparison) {
         match (a.parameters().get(name), b.parameters().get(name)) {
             (Some(x), Some(y)) if x == y => {}
             (Some(x), Some(y)) if name == "digest" => {
-                found.unequal.push(format!("digest: {x} against {y}"))
+                found.unequal.push(format!("digest: {x} against {y}"));
             }
             (Some(_), Some(_)) if name == "scene" => found.asides.push("the scene".to_string()),
             (Some(x), Some(y)) => found.asides.push(format!("{name}: {x} against {y}")),
@@ -331,7 +334,6 @@ impl FrameFields {
     fn see(&mut self, t: usize, a: &FrameRecords, b: &FrameRecords) {
         self.step.see(a.step as f64, b.step as f64, Place::Frame(t));
         self.time.see(a.time, b.time, Place::Frame(t));
-        const PARTS: [&str; 3] = [" x", " y", " z"];
         let axes = self.dimension.axes();
         for (n, (a, b)) in a.grains.iter().zip(&b.grains).enumerate() {
             for (k, part) in PARTS.into_iter().enumerate().take(axes) {

@@ -24,6 +24,7 @@ const DENSE: usize = 3000;
 const MOST_DENSE: usize = 12_000;
 
 #[derive(Debug, clap::Args)]
+#[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub struct Options {
     /// A run.h5, the folder that holds one, or a checkpoint: K and M are made of its grains, contacts and law
     #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]

@@ -100,7 +100,7 @@ fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
     let v = problem.eigenvector(&w);
     let of_grain = |unknowns: &[faer::c64]| {
         let axes = &unknowns[..jacobian.axes];
-        axes.iter().map(|x| x.norm_sqr()).sum::<f64>()
+        axes.iter().map(faer::c64::norm_sqr).sum::<f64>()
     };
     let squares: Vec<f64> = v.chunks(jacobian.per_grain).map(of_grain).collect();
     let sum: f64 = squares.iter().sum();

@@ -382,14 +382,6 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         };
         Ok((list, list.range(rank)))
     };
-    fn piece<R: Record>(
-        file: &hdf5::File,
-        (list, mine): (IdBlocks, Range<u64>),
-        sum: String,
-    ) -> Result<Piece<R>, String> {
-        let records = read_records(file, list.grains, mine)?;
-        Ok(Piece { records, sum })
-    }
     let has = |sum: &str| names.iter().any(|n| n == sum);
     let grains = share("grains/id")?;
     Ok(Pieces {
@@ -418,4 +410,13 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
             false => None,
         },
     })
+}
+
+fn piece<R: Record>(
+    file: &hdf5::File,
+    (list, mine): (IdBlocks, Range<u64>),
+    sum: String,
+) -> Result<Piece<R>, String> {
+    let records = read_records(file, list.grains, mine)?;
+    Ok(Piece { records, sum })
 }

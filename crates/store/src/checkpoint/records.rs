@@ -139,32 +139,33 @@ pub(super) fn write_one<T: H5Type + Copy>(
     file.dataset::<T>(name, shape, None)?.write(slab, mine)
 }
 
+fn write_column<R: Record, T: H5Type + Copy>(
+    file: &H5File,
+    field: &Field<R, T>,
+    all: u64,
+    first: u64,
+    mine: &[R],
+) -> Result<(), Failure> {
+    let values: Vec<T> = mine.iter().flat_map(field.get).copied().collect();
+    let name = format!("{}/{}", R::GROUP, field.name);
+    let shape = [all as usize, field.width];
+    write_one(
+        file,
+        &name,
+        &shape[..if field.width == 1 { 1 } else { 2 }],
+        first,
+        &values,
+    )
+}
+
 pub(super) fn write_records<R: Record>(file: &H5File, outcome: &mut Outcome, stretch: &Stretch<R>) {
     let (all, first, mine) = (stretch.length, stretch.first, &stretch.records[..]);
     outcome.note(file.group(R::GROUP));
-    fn column<R: Record, T: H5Type + Copy>(
-        file: &H5File,
-        field: &Field<R, T>,
-        all: u64,
-        first: u64,
-        mine: &[R],
-    ) -> Result<(), Failure> {
-        let values: Vec<T> = mine.iter().flat_map(field.get).copied().collect();
-        let name = format!("{}/{}", R::GROUP, field.name);
-        let shape = [all as usize, field.width];
-        write_one(
-            file,
-            &name,
-            &shape[..if field.width == 1 { 1 } else { 2 }],
-            first,
-            &values,
-        )
-    }
     for field in R::integers() {
-        outcome.note(column(file, &field, all, first, mine));
+        outcome.note(write_column(file, &field, all, first, mine));
     }
     for field in R::numbers() {
-        outcome.note(column(file, &field, all, first, mine));
+        outcome.note(write_column(file, &field, all, first, mine));
     }
 }
 

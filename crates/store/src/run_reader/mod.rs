@@ -331,7 +331,7 @@ impl Run {
         if changes
             || self
                 .number("spring_stiffness")
-                .is_some_and(|k| k.is_finite())
+                .is_some_and(f64::is_finite)
         {
             return Ok(self.interpolated_strains());
         }

@@ -10,6 +10,8 @@ use super::source::{Source, one_line};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Sheared};
 
+const POSITION: &str = "particles/trajectory/position";
+
 /// The time series of a stage in a box, and where its grains were.
 pub struct PeriodicRun {
     path: PathBuf,
@@ -54,11 +56,10 @@ impl PeriodicRun {
         let rows = rows.unwrap_or(0);
         step.truncate(rows);
         time.truncate(rows);
-        columns
-            .values_mut()
-            .for_each(|column| column.truncate(rows));
+        for column in columns.values_mut() {
+            column.truncate(rows);
+        }
 
-        const POSITION: &str = "particles/trajectory/position";
         let mut frame_step: Vec<u64> = source.all(&format!("{POSITION}/step"))?;
         let mut frame_time: Vec<f64> = source.all(&format!("{POSITION}/time"))?;
         let grains: Vec<u32> = source.all("particles/trajectory/id")?;

@@ -121,7 +121,9 @@ impl<'a> Source<'a> {
         let rows = self.common_length(&lengths, finished, "rows")?;
         step.truncate(rows);
         time.truncate(rows);
-        columns.iter_mut().for_each(|column| column.truncate(rows));
+        for column in &mut columns {
+            column.truncate(rows);
+        }
         Ok(Series {
             step,
             time,
