@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use gshear_scene::Source;
 use gshear_dem::domain::Exchange;
-use gshear_mpi_exchange::World;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
-use gshear_store::collective::agree;
-use gshear_store::provenance;
 use gshear_driver::launch::{self, Sweep, Task};
 use gshear_driver::run::{Ending, Options};
+use gshear_mpi_exchange::World;
+use gshear_scene::Source;
+use gshear_store::collective::agree;
+use gshear_store::provenance;
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]

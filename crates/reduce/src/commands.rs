@@ -5,12 +5,12 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+use gshear_analysis as analysis;
 use gshear_analysis::regions::MinPoints;
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
-use gshear_report::lee_hurley::Choice;
-use gshear_analysis as analysis;
 use gshear_report as report;
+use gshear_report::lee_hurley::Choice;
+use gshear_store::run_reader::Run;
 
 use super::{
     compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum, study,

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use gshear_scene::Dimensions;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::{Cell, GrainSample};
+use gshear_driver::run::{Header, Stage};
+use gshear_scene::Dimensions;
 use gshear_scene::lammps_data::{self, Atom, DataFile};
 use gshear_store::run_reader::Run;
 use gshear_store::{checkpoint, provenance, text_writer};
-use gshear_driver::run::{Header, Stage};
-use gshear_dem::state::{Cell, GrainSample};
 
 /// Formats that a state can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

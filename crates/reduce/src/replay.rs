@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use super::commands::lost;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
+use gshear_dem::state::{SERIES_COLUMNS, Snapshot};
 use gshear_driver::record::RUN_FILE;
 use gshear_driver::run::{self, Header, Options, Stage, Start};
 use gshear_scene::schedule::Window;
-use gshear_dem::state::{SERIES_COLUMNS, Snapshot};
+use gshear_store::checkpoint;
+use gshear_store::run_reader::Run;
 
 /// What is to be computed again.
 #[derive(Debug, Clone, Copy)]

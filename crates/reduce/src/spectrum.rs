@@ -145,7 +145,10 @@ pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> 
     text_writer::write(&csv, &table(&spectrum, &columns.participation))?;
     let vectors = spectrum_writer::write(folder, &source, &problem, &columns)?;
     let svg = folder.join("spectrum.svg");
-    text_writer::write(&svg, &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues))?;
+    text_writer::write(
+        &svg,
+        &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues),
+    )?;
     for path in [csv, vectors, svg] {
         writeln!(output, "wrote {}", path.display()).map_err(lost)?;
     }

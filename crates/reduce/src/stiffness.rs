@@ -5,17 +5,17 @@ use std::path::Path;
 use super::commands::lost;
 use super::export::Which;
 use gshear_analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
-use gshear_scene::{Contact, Dimensions, Law, Scene, Source};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
-use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
+use gshear_dem::state::{Cell, ContactState, GrainState};
 use gshear_driver::periodic;
 use gshear_driver::run::{Header, Stage};
-use gshear_dem::state::{Cell, ContactState, GrainState};
+use gshear_scene::{Contact, Dimensions, Law, Scene, Source};
+use gshear_store::checkpoint;
+use gshear_store::run_reader::Run;
 use std::io::Write;
 
 /// Which frame is wanted.

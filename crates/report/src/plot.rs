@@ -364,8 +364,8 @@ impl Plot<'_> {
                 INK,
             );
         }
-        let right = self.layout.size[0] - 14.0;
-        self.vertical_text([right, f64::midpoint(top, bottom)], label);
+        let x = self.layout.size[0] - 14.0;
+        self.vertical_text([x, f64::midpoint(top, bottom)], label);
     }
 
     /// Writes a line of text above the axes, left aligned.

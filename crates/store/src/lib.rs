@@ -4,7 +4,10 @@ mod batch;
 pub mod checkpoint;
 pub mod collective;
 pub mod columns;
-#[allow(unsafe_code, reason = "collective transfers, which the `hdf5` crate lacks")]
+#[allow(
+    unsafe_code,
+    reason = "collective transfers, which the `hdf5` crate lacks"
+)]
 pub mod h5;
 mod layout;
 pub mod log;

@@ -5,11 +5,11 @@ mod records;
 use super::collective::{IdBlocks, Outcome, agree, records_of};
 use super::h5::{Attribute, H5File, Word};
 use gshear_dem::domain::total;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
     ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
 };
+use gshear_mpi_exchange::Parallel;
 use records::{Record, length, read_records, write_one, write_records};
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -14,9 +14,9 @@ use hdf5::Dataset;
 pub use self::periodic::{PeriodicRun, scene_of_finished};
 use self::source::{FOREIGN, Source};
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_scene::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Disks, SERIES_COLUMNS};
+use gshear_scene::Dimensions;
 
 /// An attribute of `parameters`.
 #[derive(Debug, Clone, PartialEq)]
@@ -328,11 +328,7 @@ impl Run {
     pub fn frame_strains(&self) -> Result<Vec<f64>, Failure> {
         let velocities = self.series.column("drive_velocity");
         let changes = velocities.windows(2).any(|pair| pair[0] != pair[1]);
-        if changes
-            || self
-                .number("spring_stiffness")
-                .is_some_and(f64::is_finite)
-        {
+        if changes || self.number("spring_stiffness").is_some_and(f64::is_finite) {
             return Ok(self.interpolated_strains());
         }
         let need = |name: &str| {
