@@ -1,4 +1,4 @@
-//! `phases`: the table of stick and slip phases.
+//! `phases`: writes the table of stick and slip phases.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -12,7 +12,8 @@ use gshear_store::text_writer;
 
 /// Writes `phases.csv` into `folder` and a summary to `output`.
 ///
-/// Errors: a folder or file that cannot be written.
+/// # Errors
+/// A folder or file that cannot be written.
 pub fn write(run: &Run, folder: &Path, output: &mut impl Write) -> Result<(), Failure> {
     let series = run.series();
     let found = phases::find(series.column("strain"), series.column("stress_ratio"));
@@ -22,7 +23,7 @@ pub fn write(run: &Run, folder: &Path, output: &mut impl Write) -> Result<(), Fa
     writeln!(output, "wrote {}", path.display()).map_err(lost)
 }
 
-/// A line a phase; numbers in shortest form that reads back to the same bits.
+/// Returns one line per phase. Numbers have the shortest form that reads back to the same bits.
 fn table(found: &[Phase], step: &[u64]) -> String {
     let mut csv = String::from(
         "phase,kind,length,start_row,end_row,start_step,end_step,start_strain,end_strain,t_p,t_p_strain,delta_tau_p\n",

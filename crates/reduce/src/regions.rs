@@ -1,4 +1,4 @@
-//! `regions`: the scalars of every frame, GR regions among them, as a table.
+//! `regions`: writes the table of the scalars of every frame, such as the number of GR regions.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -9,16 +9,17 @@ use gshear_dem::failure::Failure;
 use gshear_store::run_reader::Run;
 use gshear_store::text_writer;
 
-/// Writes `regions.csv` into `folder`: a line a frame. Returns the file.
+/// Writes `regions.csv` into `folder`, one line per frame. Returns its path.
 ///
-/// Errors: a run that will not do, a file that cannot be written.
+/// # Errors
+/// An unfit or damaged run, a file that cannot be written.
 pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
     let path = folder.join("regions.csv");
     text_writer::write(&path, &table(&FrameSeries::of(run)?))?;
     Ok(path)
 }
 
-/// Numbers in shortest form that reads back to the same bits.
+/// Numbers have the shortest form that reads back to the same bits.
 fn table(series: &FrameSeries) -> String {
     let mut csv = format!(
         "frame,step,strain,stress_ratio,{}\n",

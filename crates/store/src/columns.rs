@@ -1,11 +1,13 @@
 //! Names of the files of a run and of the columns of their time series.
 
+/// Strain steps of a run in a periodic box.
 pub const AQS_FILE: &str = "aqs.h5";
+/// Newton's equations of a run in a periodic box.
 pub const NEWTONIAN_FILE: &str = "newtonian.h5";
-/// Eigenvalues in time: a row each.
+/// Eigenvalues in time, one per row.
 pub const SPECTRA_FILE: &str = "spectra.csv";
 
-/// Columns of the time series of the strain steps; what was not asked for is not a number.
+/// Columns of the time series of the strain steps; NaN if not computed.
 pub const AQS_COLUMNS: [&str; 18] = [
     "strain",
     "image_offset",

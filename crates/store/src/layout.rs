@@ -1,4 +1,4 @@
-//! What lies where in `run.h5`: created anew, or opened to go on.
+//! Layout of `run.h5`: creates its datasets, or opens them to continue.
 
 use super::h5::{Attribute, Column, H5File, Slab};
 use gshear_dem::failure::Failure;
@@ -9,7 +9,7 @@ pub const PARTICLES: &str = "particles/trajectory";
 pub const BOX: &str = "particles/trajectory/box";
 const CONTACTS: &str = "connectivity/contacts";
 
-/// Elements of a frame in so many dimensions, and how many numbers a grain has in each.
+/// Names of the grain datasets in `axes` dimensions, and the numbers per grain in each.
 pub fn elements(axes: usize) -> [(&'static str, usize); 3] {
     let spins = if axes == 2 { 1 } else { 3 };
     [
@@ -19,7 +19,8 @@ pub fn elements(axes: usize) -> [(&'static str, usize); 3] {
     ]
 }
 
-/// What is stored of a contact as f64 in so many dimensions, and how many numbers of each.
+/// Names of the contact datasets of type f64 in `axes` dimensions, and the numbers per contact in
+/// each.
 pub fn forces(axes: usize) -> &'static [(&'static str, usize)] {
     match axes {
         2 => &[
@@ -40,12 +41,12 @@ pub fn forces(axes: usize) -> &'static [(&'static str, usize)] {
 
 /// Most frames in a chunk.
 pub const CHUNK_FRAMES: usize = 64;
-/// Bytes of a chunk of frames: enough to be written fast, little enough to be read for one frame.
+/// Bytes in a chunk of frames: large enough to write fast, small enough to read one frame.
 const CHUNK_BYTES: usize = 512 << 10;
-/// Entries in a chunk of what has one number a frame or row.
+/// Entries in a chunk of a dataset with one number per frame or row.
 pub const CHUNK_ROWS: usize = 1024;
 
-/// Whether the objects are new or there already.
+/// Whether to create the objects or to open existing ones.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Mode {
     Create,
@@ -54,26 +55,26 @@ pub enum Mode {
 
 /// The growing datasets of the file.
 pub struct Columns {
-    /// Dimensions.
+    /// Number of dimensions.
     pub axes: usize,
     pub step: Column<u64>,
     pub time: Column<f64>,
-    /// Of [`elements`].
+    /// One dataset per entry of [`elements`].
     pub values: Vec<Column<f64>>,
     pub offset: Column<u64>,
     pub i: Column<u32>,
     pub j: Column<u32>,
-    /// Of [`forces`].
+    /// One dataset per entry of [`forces`].
     pub forces: Vec<Column<f64>>,
     pub sliding: Column<u8>,
     pub row_step: Column<u64>,
     pub row_time: Column<f64>,
-    /// Of the time series, in the order of its columns.
+    /// Columns of the time series, in their order.
     pub observables: Vec<Column<f64>>,
 }
 
 impl Columns {
-    /// `series`: the columns of the time series. Collective.
+    /// Creates or opens the datasets. `series`: columns of the time series. Collective.
     pub fn new(
         file: &H5File,
         mode: Mode,
@@ -160,7 +161,7 @@ impl Columns {
     }
 }
 
-/// A dataset of one number an entry, without entries yet.
+/// A growing dataset with one number per entry, empty if new.
 fn growing<T: H5Type + Copy>(
     file: &H5File,
     mode: Mode,
@@ -173,7 +174,7 @@ fn growing<T: H5Type + Copy>(
     }
 }
 
-/// The same of `width` numbers an entry.
+/// A growing dataset with `width` numbers per entry.
 fn growing_wide(
     file: &H5File,
     mode: Mode,
@@ -189,7 +190,7 @@ fn growing_wide(
     }
 }
 
-/// [T][N][width], or [T][N] where a grain has one number.
+/// A growing dataset `[T][N][width]`, or `[T][N]` if `width` is 1.
 fn of_grains(
     file: &H5File,
     mode: Mode,
@@ -210,7 +211,7 @@ fn of_grains(
     }
 }
 
-/// Appends after `before` rows what every rank knows and rank 0 writes.
+/// Appends data that are the same on every rank after the first `before` rows; rank 0 writes them.
 pub fn by_root<T: H5Type + Copy>(
     root: bool,
     column: &mut Column<T>,
@@ -222,7 +223,8 @@ pub fn by_root<T: H5Type + Copy>(
     column.append(after, Slab::rows(before, mine.len() as u64, 1), mine)
 }
 
-/// The groups and attributes that make the file H5MD 1.1; `walls`: the box is bounded along its last axis. Collective.
+/// Writes the groups and attributes that H5MD 1.1 requires. `walls`: the box is bounded along its
+/// last axis. Collective.
 pub fn describe(file: &H5File, axes: usize, walls: bool) -> Result<(), Failure> {
     let name = env!("CARGO_PKG_NAME");
     for group in ["h5md", "h5md/author", "h5md/creator", BOX, PARAMETERS] {

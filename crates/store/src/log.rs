@@ -8,14 +8,17 @@ use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes the log on rank 0; on the others it does nothing.
+/// Writer of the log. Only rank 0 writes.
 pub struct Log {
     path: PathBuf,
     file: Option<BufWriter<File>>,
 }
 
 impl Log {
-    /// A new log in the place of whatever is there. Collective.
+    /// Creates the log, replacing an existing file. Collective.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn create(exchange: &dyn Exchange, path: &Path) -> Result<Self, Failure> {
         let created = (|| {
             let mut log = Log {
@@ -32,8 +35,11 @@ impl Log {
         agree(exchange, created)
     }
 
-    /// An existing log, to go on after its first `rows` rows; those beyond are cut off.
-    /// `Failure::Input` where the file has fewer rows, or is no log of ours. Collective.
+    /// Opens an existing log to continue after its first `rows` rows; later rows are removed.
+    /// Collective.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file has fewer rows or another header.
     pub fn open_to_append(
         exchange: &dyn Exchange,
         path: &Path,
@@ -55,7 +61,7 @@ impl Log {
     fn truncated(&self, rows: u64) -> Result<BufWriter<File>, Failure> {
         let unfit = |why: String| {
             Failure::input(format!(
-                "{}: cannot go on with this log: {why}",
+                "{}: cannot continue this log: {why}",
                 self.path.display()
             ))
         };
@@ -70,7 +76,7 @@ impl Log {
                 .map_err(|e| unfit(e.to_string()))? as u64;
             if row == 0 && line != format!("{}\n", header()).as_bytes() {
                 return Err(unfit(
-                    "its first line is not that of a log of this version".into(),
+                    "its first line is not the header of this version".into(),
                 ));
             }
             if line.last() != Some(&b'\n') {
@@ -84,7 +90,10 @@ impl Log {
         Ok(BufWriter::new(file))
     }
 
-    /// The next row. Not collective: a failure is rank 0's alone.
+    /// Writes the next row. Not collective: only rank 0 can fail.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn row(&mut self, step: u64, time: f64, row: &SeriesRow) -> Result<(), Failure> {
         if self.file.is_none() {
             return Ok(());
@@ -97,7 +106,10 @@ impl Log {
         self.line(&line)
     }
 
-    /// Hands the rows to the file system. Not collective: a failure is rank 0's alone.
+    /// Hands the rows to the file system. Not collective: only rank 0 can fail.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn flush(&mut self) -> Result<(), Failure> {
         let flushed = self.file.as_mut().map_or(Ok(()), Write::flush);
         flushed.map_err(|e| self.failure(&e))
@@ -120,7 +132,7 @@ fn header() -> String {
     format!("step,time,{}", SERIES_COLUMNS.join(","))
 }
 
-/// The shortest text that reads back to the same bits.
+/// Returns the shortest text that reads back to the same bits.
 pub fn shortest(value: f64) -> String {
     let (plain, scientific) = (value.to_string(), format!("{value:e}"));
     if scientific.len() < plain.len() {
@@ -190,7 +202,7 @@ mod tests {
             .collect();
         assert_eq!(third[2..], row(2).columns());
 
-        // As a killed program leaves it: rows too many, the last one torn.
+        // As left by a killed program: too many rows, the last one incomplete.
         std::fs::write(&path, format!("{whole}5,0.1")).unwrap();
         let mut log = Log::open_to_append(&Solo, &path, 3).unwrap();
         (3..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
@@ -204,7 +216,7 @@ mod tests {
         let path = folder.path().join("log.csv");
         let refuse = |rows| match Log::open_to_append(&Solo, &path, rows) {
             Err(Failure::Input(message)) => message,
-            _ => panic!("a log that does not fit was taken"),
+            _ => panic!("a log that does not fit was accepted"),
         };
         assert!(refuse(0).contains("log.csv"));
         std::fs::write(&path, "a,b\n1,2\n").unwrap();

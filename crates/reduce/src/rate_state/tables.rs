@@ -1,4 +1,5 @@
-//! The tables of `rate-state` and `rate-state.json`. Numbers in shortest form that reads back to the same bits.
+//! The tables of `rate-state` and `rate-state.json`. Numbers have the shortest form that reads back to
+//! the same bits.
 
 use std::fmt::Write as _;
 
@@ -7,7 +8,7 @@ use serde_json::{Value, json};
 use super::Reduction;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fitted};
 
-/// Names and texts of the files.
+/// Returns names and texts of the files.
 pub fn files(reduction: &Reduction) -> Vec<(String, String)> {
     let file = |name: &str, text: String| (name.to_string(), text);
     vec![
@@ -21,7 +22,7 @@ pub fn files(reduction: &Reduction) -> Vec<(String, String)> {
     ]
 }
 
-/// A number, or nothing where there is none.
+/// Formats a number; empty if it is not finite.
 fn cell(value: f64) -> String {
     if value.is_finite() {
         format!("{value:?}")
@@ -36,7 +37,7 @@ fn line(csv: &mut String, cells: &[String]) {
 
 const BOTH: [Evolution; 2] = [Evolution::Aging, Evolution::Slip];
 
-/// What a law makes of a number of the experiment.
+/// Returns a number of the experiment as predicted by a law.
 fn of_law(
     models: &[(Evolution, Experiment)],
     law: Evolution,

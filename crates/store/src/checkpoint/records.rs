@@ -1,4 +1,4 @@
-//! Records of a checkpoint and their fields, a dataset each.
+//! Records of a checkpoint and their fields, each of which is a dataset.
 
 use super::Stretch;
 use crate::collective::Outcome;
@@ -9,7 +9,7 @@ use gshear_dem::state::{ContactForce, ContactState, GrainPlace, GrainState, Trav
 use hdf5::H5Type;
 use std::ops::Range;
 
-/// A field of a record: its name, its numbers a record (1 or more), and how they are got and set.
+/// A field of a record: name, numbers per record, getter and setter.
 pub(super) struct Field<R, T> {
     name: &'static str,
     width: usize,
@@ -36,12 +36,12 @@ macro_rules! field {
     };
 }
 
-/// A record of a checkpoint and its fields, which are stored in a group as a dataset each.
+/// A record of a checkpoint. Its fields are stored as the datasets of one group.
 pub(super) trait Record: Pod {
     const GROUP: &'static str;
-    /// In words.
+    /// Name in messages.
     const NAME: &'static str;
-    /// The attribute with the checksum of all records.
+    /// Attribute with the checksum of all records.
     const CHECKSUM: &'static str;
     fn integers() -> Vec<Field<Self, u32>>;
     fn numbers() -> Vec<Field<Self, f64>>;
