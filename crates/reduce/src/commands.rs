@@ -152,8 +152,11 @@ pub enum Command {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
         /// Range of shear strain, as 0.1005..0.1006: from the first to the last row of the time series in it
-        #[arg(long, value_name = "A..B", value_parser = replay::strains)]
-        strain: Strains,
+        #[arg(long, value_name = "A..B", value_parser = replay::strains, required_unless_present = "time")]
+        strain: Option<Strains>,
+        /// Range of time of Newton's equations, for a run in a box; writes newtonian.h5 into the new folder
+        #[arg(long, value_name = "A..B", value_parser = replay::strains, conflicts_with = "strain")]
+        time: Option<Strains>,
         /// Steps between frames, from the first row on [default: one frame per row]
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
         every: Option<u64>,
@@ -268,9 +271,18 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
         Command::Replay {
             run,
             strain,
+            time,
             every,
             out,
         } => {
+            if let Some(time) = time {
+                let how = (*every, threads);
+                replay::newtonian(run, *time, how, out.as_deref(), output)?;
+                return Ok(0);
+            }
+            let Some(strain) = strain else {
+                return Err(Failure::input("replay: give --strain A..B or --time A..B"));
+            };
             let wanted = replay::Wanted {
                 strain: *strain,
                 every: *every,

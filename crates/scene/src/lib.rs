@@ -28,8 +28,8 @@ pub use periodic::*;
 pub use scene::*;
 pub use source::Source;
 
-use gshear_dem::failure::Failure;
 use crate::packing::Packing;
+use gshear_dem::failure::Failure;
 use source::Input;
 
 /// What a configuration asks for.
@@ -48,6 +48,14 @@ impl Study {
         }
     }
 
+    /// What must not reach the numbers.
+    pub fn bookkeeping(&self) -> &Bookkeeping {
+        match self {
+            Study::PlaneShear(scene) => &scene.bookkeeping,
+            Study::Periodic(scene) => &scene.bookkeeping,
+        }
+    }
+
     /// The whole configuration as TOML.
     pub fn toml(&self) -> &str {
         match self {
@@ -58,7 +66,7 @@ impl Study {
 }
 
 /// Tables of scenes between walls, and of those in a box.
-const OF_WALLS: [&str; 5] = ["load", "pack", "shear", "output", "analysis"];
+const OF_WALLS: [&str; 4] = ["load", "pack", "shear", "analysis"];
 const OF_A_BOX: [&str; 3] = ["relax", "aqs", "newtonian"];
 
 /// Reads the configuration of a plane-shear run, replaces values by the overrides (`key.path=value`, as of `--set`), checks it and

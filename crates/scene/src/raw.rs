@@ -321,20 +321,20 @@ pub const TOP_KEYS: &[&str] = &["title", "seed", "dimension"];
 /// Every table and its keys.
 pub static TABLES: LazyLock<Vec<(&'static str, Vec<&'static str>)>> = LazyLock::new(|| {
     vec![
-    ("material", Material::keys()),
-    ("contact", Contact::keys()),
-    ("sample", Sample::keys()),
-    ("load", Load::keys()),
-    ("time", Time::keys()),
-    ("pack", Pack::keys()),
-    ("shear", Shear::keys()),
-    ("output", Output::keys()),
-    ("box", BoxTable::keys()),
-    ("relax", Relax::keys()),
-    ("aqs", Aqs::keys()),
-    ("newtonian", Newtonian::keys()),
-    ("analysis", Analysis::keys()),
-    ("bookkeeping", Bookkeeping::keys()),
+        ("material", Material::keys()),
+        ("contact", Contact::keys()),
+        ("sample", Sample::keys()),
+        ("load", Load::keys()),
+        ("time", Time::keys()),
+        ("pack", Pack::keys()),
+        ("shear", Shear::keys()),
+        ("output", Output::keys()),
+        ("box", BoxTable::keys()),
+        ("relax", Relax::keys()),
+        ("aqs", Aqs::keys()),
+        ("newtonian", Newtonian::keys()),
+        ("analysis", Analysis::keys()),
+        ("bookkeeping", Bookkeeping::keys()),
     ]
 });
 

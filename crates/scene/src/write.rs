@@ -114,6 +114,8 @@ pub(super) fn periodic(scene: &PeriodicScene, force: bool) -> String {
         t.whole("frames", newtonian.frames);
         t.whole("spectra", newtonian.spectra);
     }
+    t.table("output");
+    t.line(&format!("keep_checkpoints = {}", scene.keep_checkpoints));
     bookkeeping(&mut t, &scene.bookkeeping);
     t.0
 }

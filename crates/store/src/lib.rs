@@ -7,7 +7,7 @@
 //! | [`checkpoint`] | writes and reads `checkpoint.h5`, with checksums |
 //! | [`log`] | writes `log.csv`, the time series as text |
 //! | [`reduced_writer`], [`spectrum_writer`] | write `reduced.h5` and `spectrum.h5` |
-//! | [`matrix_market`], [`text_writer`] | sparse matrices and small text files |
+//! | [`table`], [`matrix_market`], [`text_writer`] | CSV tables, sparse matrices, small text files |
 //! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
 //!
 //! Most files are written under a temporary name and renamed when complete. `run.h5`, `aqs.h5`,
@@ -48,5 +48,6 @@ pub mod reduced_writer;
 pub mod run_reader;
 mod scalar_columns;
 pub mod spectrum_writer;
+pub mod table;
 pub mod text_writer;
 pub mod trajectory;

@@ -1,18 +1,14 @@
 //! `log.csv`: the time series as text.
 
 use super::collective::agree;
+use super::table::TableFile;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{SERIES_COLUMNS, SeriesRow};
-use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Writer of the log. Only rank 0 writes.
-pub struct Log {
-    path: PathBuf,
-    file: Option<BufWriter<File>>,
-}
+pub struct Log(Option<TableFile>);
 
 impl Log {
     /// Creates the log, replacing an existing file. Collective.
@@ -20,19 +16,7 @@ impl Log {
     /// # Errors
     /// If the file cannot be written.
     pub fn create(exchange: &dyn Exchange, path: &Path) -> Result<Self, Failure> {
-        let created = (|| {
-            let mut log = Log {
-                path: path.into(),
-                file: None,
-            };
-            if exchange.rank() == 0 {
-                let file = File::create(path).map_err(|e| log.failure(&e))?;
-                log.file = Some(BufWriter::new(file));
-                log.line(&header())?;
-            }
-            Ok(log)
-        })();
-        agree(exchange, created)
+        Self::of(exchange, || TableFile::create(path, &columns()))
     }
 
     /// Opens an existing log to continue after its first `rows` rows; later rows are removed.
@@ -45,49 +29,17 @@ impl Log {
         path: &Path,
         rows: u64,
     ) -> Result<Self, Failure> {
-        let opened = (|| {
-            let mut log = Log {
-                path: path.into(),
-                file: None,
-            };
-            if exchange.rank() == 0 {
-                log.file = Some(log.truncated(rows)?);
-            }
-            Ok(log)
-        })();
-        agree(exchange, opened)
+        Self::of(exchange, || {
+            TableFile::open_to_append(path, &columns(), rows)
+        })
     }
 
-    fn truncated(&self, rows: u64) -> Result<BufWriter<File>, Failure> {
-        let unfit = |why: String| {
-            Failure::input(format!(
-                "{}: cannot continue this log: {why}",
-                self.path.display()
-            ))
-        };
-        let file = OpenOptions::new().read(true).append(true).open(&self.path);
-        let file = file.map_err(|e| unfit(e.to_string()))?;
-        let mut reader = BufReader::new(&file);
-        let (mut line, mut end) = (Vec::new(), 0);
-        for row in 0..=rows {
-            line.clear();
-            end += reader
-                .read_until(b'\n', &mut line)
-                .map_err(|e| unfit(e.to_string()))? as u64;
-            if row == 0 && line != format!("{}\n", header()).as_bytes() {
-                return Err(unfit(
-                    "its first line is not the header of this version".into(),
-                ));
-            }
-            if line.last() != Some(&b'\n') {
-                return Err(unfit(format!(
-                    "it has {} rows, the checkpoint counts {rows}",
-                    row.max(1) - 1
-                )));
-            }
-        }
-        file.set_len(end).map_err(|e| self.failure(&e))?;
-        Ok(BufWriter::new(file))
+    fn of(
+        exchange: &dyn Exchange,
+        open: impl FnOnce() -> Result<TableFile, Failure>,
+    ) -> Result<Self, Failure> {
+        let file = (exchange.rank() == 0).then(open).transpose();
+        agree(exchange, file.map(Log))
     }
 
     /// Writes the next row. Not collective: only rank 0 can fail.
@@ -95,15 +47,11 @@ impl Log {
     /// # Errors
     /// If the file cannot be written.
     pub fn row(&mut self, step: u64, time: f64, row: &SeriesRow) -> Result<(), Failure> {
-        if self.file.is_none() {
+        let Some(file) = &mut self.0 else {
             return Ok(());
-        }
-        let mut line = format!("{step},{}", shortest(time));
-        for value in row.columns() {
-            line.push(',');
-            line.push_str(&shortest(value));
-        }
-        self.line(&line)
+        };
+        let numbers = [time].into_iter().chain(row.columns());
+        file.row([step.to_string()].into_iter().chain(numbers.map(shortest)))
     }
 
     /// Hands the rows to the file system. Not collective: only rank 0 can fail.
@@ -111,25 +59,12 @@ impl Log {
     /// # Errors
     /// If the file cannot be written.
     pub fn flush(&mut self) -> Result<(), Failure> {
-        let flushed = self.file.as_mut().map_or(Ok(()), Write::flush);
-        flushed.map_err(|e| self.failure(&e))
-    }
-
-    fn line(&mut self, line: &str) -> Result<(), Failure> {
-        let written = self
-            .file
-            .as_mut()
-            .map_or(Ok(()), |file| writeln!(file, "{line}"));
-        written.map_err(|e| self.failure(&e))
-    }
-
-    fn failure(&self, error: &std::io::Error) -> Failure {
-        Failure::other(format!("{}: {error}", self.path.display()))
+        self.0.as_mut().map_or(Ok(()), TableFile::flush)
     }
 }
 
-fn header() -> String {
-    format!("step,time,{}", SERIES_COLUMNS.join(","))
+fn columns() -> Vec<&'static str> {
+    [&["step", "time"], &SERIES_COLUMNS[..]].concat()
 }
 
 /// Returns the shortest text that reads back to the same bits.

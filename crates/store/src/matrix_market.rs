@@ -1,9 +1,10 @@
 //! Reads and writes Matrix Market files (Boisvert, Pozo & Remington 1996, NISTIR 5935): sparse
 //! matrices as text.
 //!
-//! Why no crate: matrix-market-rs has had no release since 2023; nalgebra-sparse builds a parse tree
-//! of the whole file (hundreds of bytes per entry) and refuses integers where reals are expected.
-//! Neither names the line of an error.
+//! No crate fits. nalgebra-sparse 0.12 and sprs 0.11 refuse `integer` and `pattern` files for real
+//! numbers, and comments between entries; nalgebra-sparse needs 420 bytes per entry and names no line
+//! for an index out of range; sprs panics at such an index and never names a line. matrix-market-rs
+//! has had no release since 2023.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};

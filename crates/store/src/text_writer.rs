@@ -1,4 +1,7 @@
 //! Writes small text files, first as `.part`, so that a file with the final name is always complete.
+//!
+//! `NamedTempFile::persist` of tempfile would be no shorter, and a killed program would leave files with
+//! random names.
 
 use std::path::Path;
 

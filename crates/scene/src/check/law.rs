@@ -62,10 +62,7 @@ pub(super) fn check(
     let rolling_friction = key!(contact.rolling_friction);
     let rolling_damping = key!(contact.rolling_damping_ratio);
     let name = key!(contact.law);
-    let tables = [
-        ("material", material.of_laws),
-        ("contact", contact.of_laws),
-    ];
+    let tables = [("material", material.of_laws), ("contact", contact.of_laws)];
     let values = tables.into_iter().flat_map(|(table, given)| {
         given.into_iter().filter_map(move |(name, value)| {
             let key = law_keys().find(|key| key.table() == table && key.name() == name)?;
@@ -90,10 +87,9 @@ pub(super) fn check(
         (Dimensions::Three, _) => {
             Some("rolling resistance is between disks; with dimension = 3 there is none".into())
         }
-        (Dimensions::Two, false) => Some(format!(
-            "the law {:?} has no rolling resistance",
-            kind.name
-        )),
+        (Dimensions::Two, false) => {
+            Some(format!("the law {:?} has no rolling resistance", kind.name))
+        }
         (Dimensions::Two, true) => None,
     };
     if let Some(why) = why {

@@ -21,7 +21,7 @@ const FRACTION: Bounds = Bounds {
 };
 
 /// As `super::scene`.
-pub(in crate) fn scene(
+pub(crate) fn scene(
     raw: Raw,
     input: Input<'_>,
     tables: Vec<(String, usize)>,
@@ -48,6 +48,7 @@ pub(in crate) fn scene(
     let relax = relax(&mut c, raw.relax);
     let aqs = aqs(&mut c, raw.aqs);
     let newtonian = newtonian(&mut c, raw.newtonian);
+    let keep_checkpoints = output(&mut c, raw.output);
     let bookkeeping = super::check_bookkeeping(&mut c, raw.bookkeeping);
     c.settle()?;
 
@@ -91,11 +92,34 @@ pub(in crate) fn scene(
         relax,
         aqs,
         newtonian,
+        keep_checkpoints,
         bookkeeping,
         toml: String::new(),
     };
     scene.toml = write::periodic(&scene, force);
     Ok(scene)
+}
+
+/// Whether checkpoints are kept. Intervals of output are those of `[aqs]` and `[newtonian]`.
+fn output(c: &mut Checker<'_>, output: raw::Output) -> bool {
+    let why = "is for scenes with walls; a [box] has aqs.frame_every, newtonian.frames and newtonian.rows";
+    for key in [
+        key!(output.frame_strain),
+        key!(output.frame_start),
+        key!(output.series_strain),
+        key!(output.checkpoint_strain),
+    ] {
+        c.useless(&key, why);
+    }
+    for key in [
+        key!(output.frame_rows),
+        key!(output.series_rows),
+        key!(output.progress_lines),
+    ] {
+        c.useless(&key, why);
+    }
+    c.useless(&key!(output.energy), why);
+    c.flag(&key!(output.keep_checkpoints)).unwrap_or(false)
 }
 
 fn relax(c: &mut Checker<'_>, relax: raw::Relax) -> Relax {

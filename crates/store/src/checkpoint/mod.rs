@@ -23,7 +23,7 @@ const PART: &str = "checkpoint.h5.part";
 
 const FORMAT: &str = "gshear-checkpoint";
 /// Version of the format; a checkpoint of another version is refused.
-pub const VERSION: u64 = 3;
+pub const VERSION: u64 = 4;
 
 /// Returns the wrapping sum of the records' hashes, which depends neither on their order nor on the
 /// ranks that hold them.
@@ -202,17 +202,28 @@ fn replace(folder: &Path) -> Result<(), Failure> {
         .map_err(|error| Failure::other(format!("{}: cannot be renamed: {error}", new.display())))
 }
 
-/// Returns `checkpoint-<step>.h5`, the name of a kept checkpoint.
-pub fn kept_name(step: u64) -> String {
-    format!("checkpoint-{step}.h5")
+/// Stage whose kept checkpoints have only the step in their names.
+const MAIN_STAGE: &str = "shear";
+
+/// Returns the name of a kept checkpoint: `checkpoint-<step>.h5` for the shear,
+/// `checkpoint-<stage>-<step>.h5` for other stages.
+pub fn kept_name(stage: &str, step: u64) -> String {
+    format!("{}{step}.h5", kept_prefix(stage))
+}
+
+fn kept_prefix(stage: &str) -> String {
+    match stage {
+        MAIN_STAGE => "checkpoint-".into(),
+        _ => format!("checkpoint-{stage}-"),
+    }
 }
 
 /// Keeps the newest checkpoint of the folder under [`kept_name`] as well. To be called on one rank.
 ///
 /// # Errors
 /// [`Failure::Other`] if the file can be neither linked nor copied.
-pub fn keep(folder: &Path, step: u64) -> Result<(), Failure> {
-    let (newest, kept) = (folder.join(NAME), folder.join(kept_name(step)));
+pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<(), Failure> {
+    let (newest, kept) = (folder.join(NAME), folder.join(kept_name(stage, step)));
     let link = || -> std::io::Result<()> {
         // Linked as .part and renamed, which replaces an older one.
         let part = folder.join(PART);
@@ -224,11 +235,12 @@ pub fn keep(folder: &Path, step: u64) -> Result<(), Failure> {
     link().map_err(|e| Failure::other(format!("{}: cannot be kept: {e}", kept.display())))
 }
 
-/// Returns the kept checkpoints of a folder with their steps, sorted by step.
-pub fn kept(folder: &Path) -> Vec<(u64, PathBuf)> {
+/// Returns the kept checkpoints of a stage in a folder with their steps, sorted by step.
+pub fn kept(folder: &Path, stage: &str) -> Vec<(u64, PathBuf)> {
+    let prefix = kept_prefix(stage);
     let step = |path: &Path| -> Option<u64> {
         let name = path.file_name()?.to_str()?;
-        let step = name.strip_prefix("checkpoint-")?.strip_suffix(".h5")?;
+        let step = name.strip_prefix(&prefix)?.strip_suffix(".h5")?;
         step.parse().ok()
     };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
