@@ -105,7 +105,9 @@ fn run(drive: &[Segment], interval: f64, sigma: f64, seed: u64) -> Fixture {
 }
 
 fn column<'a>(fixture: &'a mut Fixture, name: &str) -> &'a mut Vec<f64> {
-    let at = SeriesRow::COLUMNS.iter().position(|column| column.name == name);
+    let at = SeriesRow::COLUMNS
+        .iter()
+        .position(|column| column.name == name);
     &mut fixture.series[at.expect("a column")]
 }
 

@@ -33,7 +33,6 @@ gshear_dem::columns! {
     }
 }
 
-
 impl FrameScalars {
     /// Scalars of a frame without an earlier one: all NaN.
     pub const UNDEFINED: FrameScalars =

@@ -103,6 +103,9 @@ pub fn advance<D: Dimension>(
 }
 
 /// Forces and the wall's acceleration at the start of a stage: nothing moves, no history advances.
+///
+/// # Errors
+/// An overlap outside the law, or a number that is not finite.
 pub fn initial_forces<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -147,9 +150,9 @@ impl<const K: usize> Message<K> {
         for (load, limbs) in load.iter().zip(message.chunks_mut(LIMBS + 1)) {
             load.write(limbs);
         }
-        message[Self::FAILED] = outside.is_some() as i64;
+        message[Self::FAILED] = i64::from(outside.is_some());
         for (to, yes) in message[Self::ANSWERS..].iter_mut().zip(questions) {
-            *to = yes as i64;
+            *to = i64::from(yes);
         }
         Self(message)
     }

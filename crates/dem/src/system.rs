@@ -309,6 +309,9 @@ impl<D: Dimension> System<D> {
     }
 
     /// Migrates, re-sorts, and lists the pairs anew.
+    ///
+    /// # Errors
+    /// Too many ranks: a slab must be wider than the cutoff.
     pub fn rebuild(
         &mut self,
         exchange: &dyn Exchange,
@@ -322,6 +325,9 @@ impl<D: Dimension> System<D> {
 
     /// Takes these grains and contacts, wherever they belong, as the whole state. Every contact must be with the ranks that
     /// have its grains.
+    ///
+    /// # Errors
+    /// Too many ranks: a slab must be wider than the cutoff.
     pub fn replace(
         &mut self,
         exchange: &dyn Exchange,
@@ -413,21 +419,20 @@ impl<D: Dimension> System<D> {
             Some(Outside::Number) => {
                 let bad = (0..self.grains.owned)
                     .find(|&g| !self.grains.fields(g).iter().all(|x| x.is_finite()));
-                match bad {
-                    Some(g) => format!(
+                if let Some(g) = bad {
+                    format!(
                         "the position or velocity of grain {} at {} is no number",
                         self.grains.id[g],
                         place(g)
-                    ),
-                    None => {
-                        let g = self.list.furthest(&self.grains, &self.cell);
-                        format!(
-                            "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
-                            self.grains.id[g],
-                            place(g),
-                            0.5 * self.list.skin
-                        )
-                    }
+                    )
+                } else {
+                    let g = self.list.furthest(&self.grains, &self.cell);
+                    format!(
+                        "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
+                        self.grains.id[g],
+                        place(g),
+                        0.5 * self.list.skin
+                    )
                 }
             }
         };

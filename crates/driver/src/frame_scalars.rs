@@ -4,9 +4,7 @@
 
 use crate::files::shapes;
 use bytemuck::Zeroable;
-use gshear_analysis::frame_scalars::{
-    FrameScalars, Scratch, Stressed, frame_scalars,
-};
+use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{
     ContactForce, ContactSample, Disks, Frame, FramePart, GrainPlace, GrainSample,

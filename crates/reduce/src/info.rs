@@ -1,4 +1,4 @@
-//! `info`: what is in a run, for people.
+//! `info`: prints the content of a run.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -9,9 +9,10 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::SeriesRow;
 use gshear_store::run_reader::Run;
 
-/// Prints what a run holds.
+/// Prints the content of a run.
 ///
-/// Errors: output that cannot be written, a run without the parameters that strain is computed from.
+/// # Errors
+/// Output that cannot be written, a run without the parameters that define its strain.
 pub fn print(run: &Run, output: &mut impl Write) -> Result<(), Failure> {
     output.write_all(describe(run)?.as_bytes()).map_err(lost)
 }
@@ -78,7 +79,7 @@ fn describe(run: &Run) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// How many, and from where to where.
+/// Returns the number of entries and the range of steps and strains.
 fn span(step: &[u64], strain: &[f64]) -> String {
     let count = step.len();
     match (step, strain) {

@@ -1,7 +1,8 @@
 //! Names of the files of a run in a periodic box, and the columns of their time series.
 
-
+/// Strain steps of a run in a periodic box.
 pub const AQS_FILE: &str = "aqs.h5";
+/// Newton's equations of a run in a periodic box.
 pub const NEWTONIAN_FILE: &str = "newtonian.h5";
 /// Eigenvalues in time, one per line.
 pub const SPECTRA_FILE: &str = "spectra.csv";
@@ -67,7 +68,6 @@ gshear_dem::columns! {
         sliding_fraction: "1",
     }
 }
-
 
 #[cfg(test)]
 mod tests {

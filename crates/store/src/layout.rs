@@ -1,4 +1,4 @@
-//! What lies where in `run.h5`: created anew, or opened to go on.
+//! Layout of `run.h5`: creates its datasets, or opens them to continue.
 
 use super::h5::{Attribute, Dataset, H5File, Slab};
 use gshear_dem::columns::Column;
@@ -11,7 +11,7 @@ pub const BOX: &str = "particles/trajectory/box";
 pub const OBSERVABLES: &str = "observables";
 const CONTACTS: &str = "connectivity/contacts";
 
-/// Elements of a frame in so many dimensions, and how many numbers a grain has in each.
+/// Names of the grain datasets in `axes` dimensions, and the numbers per grain in each.
 pub fn elements(axes: usize) -> [(&'static str, usize); 3] {
     let spins = if axes == 2 { 1 } else { 3 };
     [
@@ -21,7 +21,8 @@ pub fn elements(axes: usize) -> [(&'static str, usize); 3] {
     ]
 }
 
-/// What is stored of a contact as f64 in so many dimensions, and how many numbers of each.
+/// Names of the contact datasets of type f64 in `axes` dimensions, and the numbers per contact in
+/// each.
 pub fn forces(axes: usize) -> &'static [(&'static str, usize)] {
     match axes {
         2 => &[
@@ -42,12 +43,12 @@ pub fn forces(axes: usize) -> &'static [(&'static str, usize)] {
 
 /// Most frames in a chunk.
 pub const CHUNK_FRAMES: usize = 64;
-/// Bytes of a chunk of frames: enough to be written fast, little enough to be read for one frame.
+/// Bytes in a chunk of frames: large enough to write fast, small enough to read one frame.
 const CHUNK_BYTES: usize = 512 << 10;
-/// Entries in a chunk of what has one number a frame or row.
+/// Entries in a chunk of a dataset with one number per frame or row.
 pub const CHUNK_ROWS: usize = 1024;
 
-/// Whether the objects are new or there already.
+/// Whether to create the objects or to open existing ones.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Mode {
     Create,
@@ -166,7 +167,7 @@ impl Datasets {
     }
 }
 
-/// Name under which the file has a column in `group`; the present one if it has none. Collective.
+/// A growing dataset with one number per entry, empty if new.
 pub fn stored_name(file: &H5File, group: &str, column: &Column) -> &'static str {
     let stored = column.stored_name(|name| file.has(&format!("{group}/{name}")));
     stored.unwrap_or(column.name)
@@ -193,7 +194,7 @@ fn growing<T: H5Type + Copy>(
     }
 }
 
-/// The same of `width` numbers an entry.
+/// A growing dataset with `width` numbers per entry.
 fn growing_wide(
     file: &H5File,
     mode: Mode,
@@ -209,7 +210,7 @@ fn growing_wide(
     }
 }
 
-/// [T][N][width], or [T][N] where a grain has one number.
+/// A growing dataset `[T][N][width]`, or `[T][N]` if `width` is 1.
 fn of_grains(
     file: &H5File,
     mode: Mode,
@@ -230,7 +231,7 @@ fn of_grains(
     }
 }
 
-/// Appends after `before` rows what every rank knows and rank 0 writes.
+/// Appends data that are the same on every rank after the first `before` rows; rank 0 writes them.
 pub fn by_root<T: H5Type + Copy>(
     root: bool,
     column: &mut Dataset<T>,
@@ -242,8 +243,8 @@ pub fn by_root<T: H5Type + Copy>(
     column.append(after, Slab::rows(before, mine.len() as u64, 1), mine)
 }
 
-/// The groups and attributes that make the file H5MD 1.1; `walls`: the box is bounded along its last
-/// axis; `units`: columns have units, of the SI. Collective.
+/// Writes the groups and attributes that H5MD 1.1 requires. `walls`: the box is bounded along its
+/// last axis. Collective.
 pub fn describe(file: &H5File, axes: usize, walls: bool, units: bool) -> Result<(), Failure> {
     let name = "gshear-mpi";
     for group in ["h5md", "h5md/author", "h5md/creator", BOX, PARAMETERS] {

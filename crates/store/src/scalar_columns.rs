@@ -1,4 +1,4 @@
-//! The scalars of frames in `run.h5`: `observables/gshear/`, a row a frame.
+//! Scalars of frames in `run.h5`: `observables/gshear/`, one row per frame.
 
 use super::collective::Outcome;
 use super::h5::{Dataset, H5File};
@@ -6,10 +6,10 @@ use super::layout::{CHUNK_ROWS, by_root, set_unit, stored_name};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 
-/// Their group.
+/// Group of the scalars.
 pub const SCALARS: &str = "observables/gshear";
 
-/// Growing datasets of the scalars, and the rows that wait to be written.
+/// Datasets of the scalars, and the buffered rows.
 pub struct ScalarColumns {
     step: Dataset<u64>,
     values: Vec<Dataset<f64>>,
@@ -18,7 +18,8 @@ pub struct ScalarColumns {
 }
 
 impl ScalarColumns {
-    /// Those of the file after their first `rows` rows, or new ones where it has none. Collective.
+    /// Opens the datasets to continue after their first `rows` rows; creates them if the file has
+    /// none. Collective.
     pub fn new(file: &H5File, rows: u64) -> Result<Self, Failure> {
         let names = FrameScalars::COLUMNS.map(|column| stored_name(file, SCALARS, &column));
         let name = |n: usize, part: &str| format!("{SCALARS}/{}/{part}", names[n]);
@@ -56,7 +57,7 @@ impl ScalarColumns {
         Ok(columns)
     }
 
-    /// Rows so far, with those that wait to be written.
+    /// Returns the number of rows so far, buffered ones included.
     pub fn rows(&self) -> u64 {
         self.written + self.rows.len() as u64
     }
@@ -65,12 +66,12 @@ impl ScalarColumns {
         self.rows.len()
     }
 
-    /// The next rows, the same on every rank.
+    /// Buffers the next rows, which must be the same on every rank.
     pub fn push(&mut self, rows: &[(u64, FrameScalars)]) {
         self.rows.extend_from_slice(rows);
     }
 
-    /// What waits to the file, by rank 0. Collective.
+    /// Writes the buffered rows, by rank 0. Collective.
     pub fn write(&mut self, root: bool, outcome: &mut Outcome) {
         let rows = std::mem::take(&mut self.rows);
         if rows.is_empty() {

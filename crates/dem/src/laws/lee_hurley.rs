@@ -370,10 +370,10 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             y.store(&mut carry[Y]);
             rough_inverse(token, y).store(&mut carry[G]);
         }
-        for carry in carry[..blocks.motion.len()].iter_mut() {
+        for carry in &mut carry[..blocks.motion.len()] {
             near_root(token, load(&carry[Y]), load(&carry[G])).store(&mut carry[M]);
         }
-        for carry in carry[..blocks.motion.len()].iter_mut() {
+        for carry in &mut carry[..blocks.motion.len()] {
             let (m, per_m) = root(token, load(&carry[G]), load(&carry[M]));
             m.store(&mut carry[M]);
             per_m.store(&mut carry[PER_M]);

@@ -2,7 +2,6 @@
 
 use bytemuck::{Pod, Zeroable};
 
-
 /// A grain in a frame: wrapped position (m), velocity (m/s), angular velocity (rad/s); zeros for what two dimensions lack.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -86,4 +85,3 @@ crate::columns! {
         energy_residual: "1",
     }
 }
-

@@ -152,6 +152,8 @@ fn table(run: &Studied, event: &Event) -> String {
         .column("strain", |row| run.regime.strain[*row])
         .column("stress_ratio", |row| run.regime.tau[*row])
         .column("stage", |row| stage_of(event, *row))
-        .columns(FrameScalars::COLUMNS, |row| run.regime.scalars[*row].columns())
+        .columns(FrameScalars::COLUMNS, |row| {
+            run.regime.scalars[*row].columns()
+        })
         .csv()
 }

@@ -1,4 +1,4 @@
-//! Single objects of a file: that they are there, of the right shape, and what to say where they are not.
+//! Reads single objects of a file, checks their shape, and makes the messages about them.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -20,7 +20,7 @@ pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
 /// Longest fixed-length string attribute that is read; HDF5 itself allows no more than 64 KiB in an attribute.
 const TEXT: usize = 65_536;
 
-/// A file and how to speak of it.
+/// An open file and its path for messages.
 pub(super) struct Source<'a> {
     file: File,
     path: &'a Path,
@@ -51,7 +51,7 @@ impl<'a> Source<'a> {
             .map_err(|e| self.wrong(name, format!("cannot be opened: {}", one_line(&e))))
     }
 
-    /// HDF5 fails, rather than answers, where a group on the way is missing.
+    /// Checks every group of the path, because HDF5 fails if one of them is missing.
     pub(super) fn exists(&self, name: &str) -> bool {
         let ends = name
             .match_indices('/')
@@ -89,7 +89,7 @@ impl<'a> Source<'a> {
         Ok(values)
     }
 
-    /// A dataset whose first dimension is frames, or contacts, and the others as given.
+    /// Opens a dataset whose first dimension is frames or contacts and the others are `inner`.
     pub(super) fn frames(&self, name: &str, inner: &[usize]) -> Result<Dataset, Failure> {
         let dataset = self.dataset(name)?;
         let shape = dataset.shape();
@@ -134,7 +134,9 @@ impl<'a> Source<'a> {
         let rows = self.common_length(&lengths, finished, "rows")?;
         step.truncate(rows);
         time.truncate(rows);
-        columns.iter_mut().for_each(|column| column.truncate(rows));
+        for column in &mut columns {
+            column.truncate(rows);
+        }
         Ok(Series {
             step,
             time,
@@ -142,7 +144,7 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// The scalars of `observables/gshear/`, if there are any.
+    /// Reads the scalars of `observables/gshear/`, if there are any.
     pub(super) fn scalars(&self, finished: bool) -> Result<Option<StoredScalars>, Failure> {
         const GROUP: &str = "observables/gshear";
         if !self.exists(GROUP) {
@@ -162,7 +164,8 @@ impl<'a> Source<'a> {
         Ok(Some(StoredScalars { step, scalars }))
     }
 
-    /// A run that ended properly has all of equal length; one that was cut short may have begun a batch.
+    /// Returns the shortest length. In a finished run all must be equal; a run that was stopped may
+    /// have begun a batch.
     pub(super) fn common_length(
         &self,
         lengths: &[(&str, usize)],
@@ -266,7 +269,7 @@ fn open_file(path: &Path) -> Result<File, Failure> {
     })
 }
 
-/// What HDF5 says of an error: the outermost and the innermost reason, on one line.
+/// Returns the message of an HDF5 error on one line.
 pub(super) fn one_line(error: &hdf5::Error) -> String {
     error.to_string().replace('\n', " ")
 }
