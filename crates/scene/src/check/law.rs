@@ -118,7 +118,7 @@ pub(crate) fn law_keys() -> impl Iterator<Item = &'static keys::Key> {
 
 /// The laws that take a key.
 fn owners(key: &keys::Key) -> Vec<&'static str> {
-    let takes = |kind: &&LawKind| kind.keys.iter().any(|known| known.path == key.path);
+    let takes = |kind: &&&LawKind| kind.keys.iter().any(|known| known.path == key.path);
     LAWS.into_iter()
         .filter(takes)
         .map(|kind| kind.name)
@@ -137,7 +137,8 @@ fn choose(
     };
     let name = given.checker.text(law).unwrap_or_else(|| default.into());
     let Some(kind) = laws::kind(&name) else {
-        let names = quoted(&LAWS.map(|kind| kind.name), "and");
+        let names: Vec<&str> = LAWS.iter().map(|kind| kind.name).collect();
+        let names = quoted(&names, "and");
         given
             .checker
             .refuse(law, &format!("unknown law {name:?}; there are {names}"));

@@ -67,7 +67,7 @@ pub(super) fn scene(
     if collision_speed.is_some() && law.collision_time(1.0, 1.0).is_none() {
         c.refuse(
             &speed_key,
-            "is for the law \"hertz\", of which a collision's time depends on its speed; give time.step (s), or leave it out",
+            "is for laws whose collision time depends on the speed, such as \"hertz\"; give time.step (s), or leave it out",
         );
     }
     let pack = check_pack(&mut c, raw.pack, &sample);
