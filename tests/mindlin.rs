@@ -1,7 +1,7 @@
 //! The smoothed Mindlin law: values by hand, closed forms of an impact, energies, order in Δt.
 
 use bytemuck::Zeroable;
-use gshear_dem::contact::{Blocks, CARRY, ContactLaw, Motion, Response, loss};
+use gshear_dem::contact::{Blocks, CARRY, ContactLaw, Motion, Response, dissipation};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
