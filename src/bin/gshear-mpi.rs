@@ -80,40 +80,26 @@ fn choice(text: &str) -> Result<Choice, String> {
     }
 }
 
-/// 3h50m, 90s, 45 (minutes, as Slurm), 2:30:00.
+/// 45 (minutes) and 2:30:00, as Slurm; else as humantime: 3h50m, 90s.
 fn wall_time(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("{text:?} is no time; write 3h50m, 90s, 2:30:00, or minutes");
-    let seconds = |parts: &[&str], units: &[u64]| -> Option<u64> {
-        parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
+    let parts: Vec<&str> = text.split(':').collect();
+    let sum = |units: &[u64]| -> Option<Duration> {
+        let seconds = parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
             part.parse::<u64>()
                 .ok()?
                 .checked_mul(*unit)?
                 .checked_add(sum)
-        })
+        });
+        seconds.map(Duration::from_secs)
     };
-    let parts: Vec<&str> = text.split(':').collect();
-    let total = match parts.len() {
-        2 => seconds(&parts, &[60, 1]),
-        3 => seconds(&parts, &[3600, 60, 1]),
-        1 if text.bytes().all(|b| b.is_ascii_digit()) => seconds(&parts, &[60]),
-        1 => {
-            let mut rest = text;
-            let mut sum = Some(0u64);
-            for (letter, unit) in [('d', 86400), ('h', 3600), ('m', 60), ('s', 1)] {
-                if let Some((number, after)) = rest.split_once(letter) {
-                    rest = after;
-                    let part = seconds(&[number], &[unit]);
-                    sum = sum.zip(part).and_then(|(a, b)| a.checked_add(b));
-                }
-            }
-            sum.filter(|_| rest.is_empty())
-        }
-        _ => None,
+    let time = match parts.len() {
+        2 => sum(&[60, 1]),
+        3 => sum(&[3600, 60, 1]),
+        1 if text.bytes().all(|b| b.is_ascii_digit()) => sum(&[60]),
+        _ => humantime::parse_duration(text).ok(),
     };
-    total
-        .filter(|&s| s > 0)
-        .map(Duration::from_secs)
-        .ok_or_else(wrong)
+    time.filter(|time| !time.is_zero())
+        .ok_or_else(|| format!("{text:?} is no time; write 3h50m, 90s, 2:30:00, or minutes"))
 }
 
 fn main() -> ExitCode {

@@ -221,7 +221,7 @@ impl Terminal {
             100.0 * step as f64 / schedule.total as f64,
             schedule.strain(step),
             1e-6 * grains as f64 * done / seconds,
-            duration(left),
+            humantime::format_duration(Duration::from_secs(left as u64)),
         ));
         self.bar.set_position(step);
         self.bar
@@ -284,15 +284,6 @@ fn ranks(n: usize) -> String {
         "1 rank".into()
     } else {
         format!("{n} ranks")
-    }
-}
-
-fn duration(seconds: f64) -> String {
-    let s = seconds.max(0.0) as u64;
-    match s {
-        0..60 => format!("{s} s"),
-        60..3600 => format!("{} min {:02} s", s / 60, s % 60),
-        _ => format!("{} h {:02} min", s / 3600, s % 3600 / 60),
     }
 }
 

@@ -153,7 +153,7 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
             u64::MAX => None,
             _ => {
                 let path = run.options.out.join(SPECTRA_FILE);
-                Some(SpectraFile::open(exchange, path, lines)?)
+                Some(SpectraFile::open(exchange, &path, lines)?)
             }
         };
         let motion = match &resumed {
