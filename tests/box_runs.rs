@@ -65,7 +65,10 @@ fn a_stretch_of_newtons_equations_is_replayed() {
         }
     }
     assert!(compared >= 20, "{compared} frames of both");
-    assert!(again.frame_step.len() > compared, "denser than the stored ones");
+    assert!(
+        again.frame_step.len() > compared,
+        "denser than the stored ones"
+    );
 }
 
 /// A sweep over boxes: what is done is passed over, what was stopped goes on, to the same bits.
