@@ -16,11 +16,12 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test scaling bench accuracy stress peers million clean
+.PHONY: help deps build run test docs scaling bench accuracy stress peers million clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
 	@echo "make test      format, lints, every test of every crate, those through mpirun among them, and rustdoc"
+	@echo "make docs      write the table of keys in docs/config.md and docs/scene.schema.json"
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
 	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
 	@echo "make bench     benchmarks"
@@ -50,6 +51,10 @@ test: deps
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
 	cargo test --release --locked --workspace
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
+
+# From the declarations of the keys; a test says when it is due.
+docs:
+	cargo test --locked -p gshear-scene -- --ignored --exact reference::tests::write_the_reference
 
 scaling: build
 	@scripts/scaling

@@ -182,7 +182,7 @@ fn main() {
         "output.energy=false",
     ];
     let plain = ["output.checkpoint_strain=0.0", "output.energy=false"];
-    let ledger = [quiet[0], quiet[1]];
+    let budget = [quiet[0], quiet[1]];
 
     let default = pack(&folder, "default-1000", "plane-shear-2d.toml", &[], 0.01);
     let fast = [
@@ -243,9 +243,9 @@ fn main() {
     );
     default.pair(
         &folder,
-        "1 rank; without ledger, with it",
+        "1 rank; without the energy budget, with it",
         (1, &quiet),
-        (1, &ledger),
+        (1, &budget),
     );
     let frictionless = [
         quiet[0],

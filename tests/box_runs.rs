@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use common::{Outcome, gshear_mpi};
-use gshear_store::columns::{NEWTONIAN_COLUMNS, NEWTONIAN_FILE};
+use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
 use gshear_store::run_reader::PeriodicRun;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
@@ -23,7 +23,7 @@ fn done(outcome: &Outcome) -> &str {
 }
 
 fn positions(folder: &Path) -> PeriodicRun {
-    PeriodicRun::open(&folder.join(NEWTONIAN_FILE), &NEWTONIAN_COLUMNS).expect("a run")
+    PeriodicRun::open(&folder.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS).expect("a run")
 }
 
 /// A stretch of Newton's equations from the kept checkpoint: the same frames, to the last bit.

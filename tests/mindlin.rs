@@ -43,7 +43,7 @@ fn evaluate<D: Dimension>(
     deeper: f64,
     history: Vector,
     slip: Vector,
-) -> (f64, Vector, Vector, bool, [f64; loss::KINDS]) {
+) -> (f64, Vector, Vector, bool, [f64; dissipation::KINDS]) {
     let law = Mindlin::<D, true>::new(&SPRINGS, &contact(friction));
     let lanes = |v| Portable::splat(PortableToken, v);
     let row = |v: f64| Row([v; LANES]);
@@ -77,8 +77,8 @@ fn evaluate<D: Dimension>(
     for k in D::SPINS..3 {
         (tangential[k], after[k]) = (0.0, 0.0);
     }
-    let lost = r.lost.map(|row| row.0[3]);
-    (r.normal.0[3], tangential, after, r.sliding != 0, lost)
+    let dissipated = r.dissipated.map(|row| row.0[3]);
+    (r.normal.0[3], tangential, after, r.sliding != 0, dissipated)
 }
 
 fn close(found: f64, expected: f64) {
@@ -158,13 +158,13 @@ fn stored(overlap: f64, t: f64) -> f64 {
     2.0 / 7.0 * overlap.sqrt() * t * t * (0.5 + s / 3.0 - s * s / 4.0)
 }
 
-/// At constant δ nothing is lost before sliding, and then μF_n per length; under a t that stays what is stored changes with δ, which
+/// At constant δ nothing is dissipated before sliding, and then μF_n per length; under a t that stays what is stored changes with δ, which
 /// is the loss.
 #[test]
 fn energies_lost() {
     let legs = |steps: usize| {
         let n = steps as f64;
-        let mut lost = [0.0; 3];
+        let mut dissipated = [0.0; 3];
         let mut t = [0.0; 3];
         let mut leg = |part: usize, overlap: &dyn Fn(f64) -> f64, slip: f64| {
             for k in 1..=steps {
@@ -172,13 +172,13 @@ fn energies_lost() {
                 let slip = [slip / n, 0.0, 0.0];
                 let (_, _, after, _, of) = evaluate::<Two>(0.5, now, now - last, t, slip);
                 t = after;
-                lost[part] += of[loss::FRICTION] + of[loss::STIFFNESS];
+                dissipated[part] += of[dissipation::FRICTION] + of[dissipation::STIFFNESS];
             }
         };
         leg(0, &|_| 0.04, 0.05);
         leg(1, &|part| 0.04 + 0.02 * part, 0.0);
         leg(2, &|_| 0.06, 0.2);
-        lost
+        dissipated
     };
     let (coarse, fine) = (legs(200), legs(400));
     let sliding = 0.05 + 0.2 - 0.5 * 3.5 * 0.06;
@@ -188,7 +188,7 @@ fn energies_lost() {
         0.5 * 0.06f64.powf(1.5) * sliding,
     ];
     for k in 0..3 {
-        let errors = [coarse, fine].map(|lost| (lost[k] - expected[k]).abs());
+        let errors = [coarse, fine].map(|dissipated| (dissipated[k] - expected[k]).abs());
         assert!(errors[1] < 1e-5 * expected[2], "leg {k}: {errors:?}");
         assert!(
             errors[1] <= 0.3 * errors[0] || errors[1] < 1e-15,

@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::{Outcome, gshear_mpi};
-use gshear_store::columns::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE};
+use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow};
 use gshear_store::run_reader::PeriodicRun;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
@@ -92,8 +92,8 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
         columns.iter().map(bits).collect::<Vec<_>>()
     };
     for (file, columns) in [
-        (AQS_FILE, &AQS_COLUMNS[..]),
-        (NEWTONIAN_FILE, &NEWTONIAN_COLUMNS),
+        (AQS_FILE, &AqsRow::COLUMNS[..]),
+        (NEWTONIAN_FILE, &NewtonianRow::COLUMNS),
     ] {
         assert_eq!(
             read("part", file, columns),

@@ -1,4 +1,4 @@
-//! The balance of energy of a sheared sample: what the walls do, what is stored, what is lost.
+//! The balance of energy of a sheared sample: what the walls do, what is stored, what is dissipated.
 
 use gshear_dem::contact::ContactLaw;
 use gshear_dem::contact::stiffness::Stiffness;
@@ -65,7 +65,7 @@ fn state<C: ContactLaw<Space = Two> + Stiffness>(moving: &mut Moving<C>, modulus
             wall -= fx * u + fy * v;
         }
     }
-    let mut lost = 0.0;
+    let mut dissipated = 0.0;
     for at in contacts.touching() {
         let [a, b] = [at.i, at.j].map(|g| grains.fields(g));
         let (r_a, r_b) = (grains.radius[at.i], grains.radius[at.j]);
@@ -79,12 +79,12 @@ fn state<C: ContactLaw<Space = Two> + Stiffness>(moving: &mut Moving<C>, modulus
         let k_n = normal_stiffness(modulus, r_a, r_b, overlap);
         let normal = moving.samples.normal[at.block].0[at.lane];
         let tangential = moving.samples.tangential[at.block][0].0[at.lane];
-        lost += (normal - k_n * overlap) * v_n + tangential * v_t;
+        dissipated += (normal - k_n * overlap) * v_n + tangential * v_t;
         energy += stored(modulus, r_a + r_b, k_n, overlap);
     }
     State {
         energy,
-        power: lost + wall,
+        power: dissipated + wall,
         wall,
     }
 }

@@ -1,6 +1,6 @@
 //! What the program keeps to rounding: momentum, the balance of torques, a history without slip, bits of every level.
 
-use gshear_dem::budget::{Ledger, Sample};
+use gshear_dem::budget::{EnergyBudget, Sample};
 use gshear_dem::dimension::{Dimension, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -343,7 +343,7 @@ fn overlap_alone_does_not_change_the_tangential_force() {
     assert!(limited > 0 && held == 0.0);
 }
 
-/// The ledger of energy of the crowd, which is driven together and slides: what it lost is what its kinetic and elastic energy
+/// The energy budget of the crowd, which is driven together and slides: what it dissipated is what its kinetic and elastic energy
 /// lack, to a hundredth, and a quarter of Δt leaves less than half of the difference (of first order are the switches of regime).
 #[test]
 fn energy_is_accounted_for() {
@@ -362,7 +362,7 @@ fn energy_is_accounted_for() {
             Vec::new(),
             Some(&mut samples),
         );
-        system.ledger = Some(Ledger::new(system.grains().units, 1e-6));
+        system.budget = Some(EnergyBudget::new(system.grains().units, 1e-6));
         let mut drive = NoWalls;
         let entry = |system: &mut System<Two>, samples: &ContactForces| {
             let kinetic: f64 = system
@@ -374,8 +374,8 @@ fn energy_is_accounted_for() {
                     0.5 * m * (g.velocity[0].powi(2) + g.velocity[1].powi(2) + spin)
                 })
                 .sum();
-            let mut ledger = system.ledger.take().expect("a ledger");
-            let entry = ledger.entry(
+            let mut budget = system.budget.take().expect("a budget");
+            let balance = budget.balance(
                 &Solo,
                 system.level,
                 &law,
@@ -387,8 +387,11 @@ fn energy_is_accounted_for() {
                     kinetic,
                 },
             );
-            system.ledger = Some(ledger);
-            (kinetic + entry.elastic.iter().sum::<f64>(), entry.lost)
+            system.budget = Some(budget);
+            (
+                kinetic + balance.elastic.iter().sum::<f64>(),
+                balance.dissipated,
+            )
         };
         let (begin, _) = entry(&mut system, &samples);
         for _ in 0..parts * STEPS {
@@ -401,15 +404,15 @@ fn energy_is_accounted_for() {
             )
             .unwrap();
         }
-        let (end, lost) = entry(&mut system, &samples);
+        let (end, dissipated) = entry(&mut system, &samples);
         assert!(
-            lost[..3].iter().all(|&l| l > 1e-3 * begin),
-            "{lost:?} of {begin:e}"
+            dissipated[..3].iter().all(|&d| d > 1e-3 * begin),
+            "{dissipated:?} of {begin:e}"
         );
-        (begin - end - lost.iter().sum::<f64>()) / (begin - end)
+        (begin - end - dissipated.iter().sum::<f64>()) / (begin - end)
     };
     let (coarse, fine) = (residual(1), residual(4));
-    println!("missing of what was lost: {coarse:.2e}, with a quarter of the step {fine:.2e}");
+    println!("missing of what was dissipated: {coarse:.2e}, with a quarter of the step {fine:.2e}");
     assert!(coarse.abs() < 1e-2, "{coarse:e}");
     assert!(fine.abs() < coarse.abs() / 2.0, "{fine:e} of {coarse:e}");
 }

@@ -211,7 +211,7 @@ fn content(path: &Path, grains: u64) {
             .eq(contacts.iter().map(|c| c.sliding))
     );
 
-    for (c, name) in gshear_dem::state::SERIES_COLUMNS.iter().enumerate() {
+    for (c, name) in gshear_dem::state::SeriesRow::COLUMNS.iter().enumerate() {
         assert!(
             ids(&format!("observables/{name}/step"))
                 .into_iter()

@@ -68,8 +68,13 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
     writer.finish(world, &at_the_end())?;
 
     // Resumed from the middle of a batch.
-    let mut writer =
-        TrajectoryWriter::open_to_append(world, &path, &gshear_dem::state::SERIES_COLUMNS, 81, 55)?;
+    let mut writer = TrajectoryWriter::open_to_append(
+        world,
+        &path,
+        &gshear_dem::state::SeriesRow::COLUMNS,
+        81,
+        55,
+    )?;
     let mut log = Log::open_to_append(world, &csv, 55)?;
     assert_eq!((writer.frames(), writer.rows()), (81, 55));
     for t in 81..150 {

@@ -32,8 +32,12 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// this law has.
     fn to_state(&self, history: [f64; 3]) -> [f64; 3];
 
-    /// The history rows of what [`PairModel::to_state`] has made.
-    fn history_of(&self, state: [f64; 3]) -> [f64; 3];
+    /// The reverse of [`PairModel::to_state`].
+    #[expect(
+        clippy::wrong_self_convention,
+        reason = "depends on the law, and `to_state` is its reverse"
+    )]
+    fn from_state(&self, state: [f64; 3]) -> [f64; 3];
 
     /// Elastic energies (J; J/m in 2D) of the contacts of all blocks: normal, tangential, rolling.
     /// Arbitrary for lanes that do not touch. `overlap`: δ (m).
@@ -76,7 +80,7 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
         C::history_to_state(history)
     }
 
-    fn history_of(&self, state: [f64; 3]) -> [f64; 3] {
+    fn from_state(&self, state: [f64; 3]) -> [f64; 3] {
         C::history_from_state(state)
     }
 

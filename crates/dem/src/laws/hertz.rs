@@ -19,7 +19,7 @@ use super::keys::{
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, add_damping, loss, norm, portable_exp, portable_ln, scaled, vector,
+    Blocks, ContactLaw, add_damping, dissipation, norm, portable_exp, portable_ln, scaled, vector,
 };
 use crate::dimension::{Dimension, Dimensions, Three};
 use crate::kernel::PairForce;
@@ -312,7 +312,7 @@ impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -331,14 +331,15 @@ impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
             let normal = (root * (elastic - load(&p[DAMPING]) * v_n)).max(zero);
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                let lost = root.mul_add(elastic, -normal) * v_n;
-                lost.select(overlap.greater(zero), zero)
-                    .store(&mut response.lost[loss::DAMPING]);
+            if BUDGET {
+                let dissipated = root.mul_add(elastic, -normal) * v_n;
+                dissipated
+                    .select(overlap.greater(zero), zero)
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
-            self.rub::<L, LEDGER>(token, blocks);
+            self.rub::<L, BUDGET>(token, blocks);
         }
     }
 
@@ -374,7 +375,7 @@ impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
 impl<const FRICTION: bool> Hertz<FRICTION> {
     /// F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -417,7 +418,7 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
                 let after = spring.select(sliding, u[k]).select(touching, zero);
                 after.store(&mut history[k]);
             }
-            if LEDGER {
+            if BUDGET {
                 let after = vector(token, history, 3);
                 let earlier = load(&motion.overlap) + load(&motion.normal_increment);
                 let root_before = (earlier.max(zero) * load(&p[RADIUS])).sqrt();
@@ -430,8 +431,8 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
                         - root_before * Three::dot(&before, &before));
                 let stiffness = half_k * (root_before - root) * Three::dot(&before, &after);
                 let stiffness = stiffness.select(touching, zero);
-                stiffness.store(&mut response.lost[loss::STIFFNESS]);
-                (work - gained - stiffness).store(&mut response.lost[loss::FRICTION]);
+                stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
+                (work - gained - stiffness).store(&mut response.dissipated[dissipation::FRICTION]);
                 let viscous = scaled(&v_t, gamma_t * root);
                 let power = Three::dot(&viscous, &v_t).select(touching, zero);
                 add_damping(token, response, power);

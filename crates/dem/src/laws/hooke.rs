@@ -33,7 +33,7 @@ use super::keys::{
 use super::rolling::{self, Places, Rolling, roll};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, scaled, vector};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Mask, Row};
@@ -240,7 +240,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -255,10 +255,11 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                let lost = k_n.mul_add(overlap, -normal) * v_n;
-                lost.select(overlap.greater(zero), zero)
-                    .store(&mut response.lost[loss::DAMPING]);
+            if BUDGET {
+                let dissipated = k_n.mul_add(overlap, -normal) * v_n;
+                dissipated
+                    .select(overlap.greater(zero), zero)
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
@@ -286,12 +287,17 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 for k in 0..n {
                     (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);
                     let (before, after) = (before[k], f.elastic[k].select(touching, zero));
-                    if LEDGER {
+                    if BUDGET {
                         let per_k = c(1.0 / self.tangential_stiffness);
                         let gained = (after - before) * (after + before) * per_k;
-                        let lost = c(-0.5) * (before + after).mul_add(slip[k], gained);
-                        let sum = &mut response.lost[loss::FRICTION];
-                        if k == 0 { lost } else { load(sum) + lost }.store(sum);
+                        let dissipated = c(-0.5) * (before + after).mul_add(slip[k], gained);
+                        let sum = &mut response.dissipated[dissipation::FRICTION];
+                        if k == 0 {
+                            dissipated
+                        } else {
+                            load(sum) + dissipated
+                        }
+                        .store(sum);
                         let viscous = f.viscous[k].select(touching, zero);
                         add_damping(token, response, viscous * v_t[k]);
                     }
@@ -304,7 +310,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 parameters: (Self::PARAMETERS, PLAIN),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, LEDGER>(token, blocks, places);
+            roll::<L, BUDGET>(token, blocks, places);
         }
     }
 

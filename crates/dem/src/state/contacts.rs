@@ -83,7 +83,7 @@ impl Contacts {
                 geometry[1].0[lane] = radius[i as usize];
                 if let Some(history) = listed.history {
                     touching |= 1 << lane;
-                    let history = law.history_of(history);
+                    let history = law.from_state(history);
                     for (row, from) in self.history[first..].iter_mut().zip(history) {
                         row.0[lane] = from;
                     }
