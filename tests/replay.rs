@@ -297,7 +297,7 @@ fn what_cannot_be_replayed_is_refused() {
     for (arguments, wanted) in [
         (
             &["--strain=0.02..0.04"][..],
-            "there is no checkpoint before step",
+            "there is no checkpoint of the stage shear before step",
         ),
         (
             &["--strain=0.3..0.4"],

@@ -109,7 +109,7 @@ fn grains<D: Dimension>() -> Vec<GrainState> {
         };
         for axis in 0..D::UP {
             let place = (id / SIDE.pow(axis as u32) % SIDE) as f64;
-            state.position[axis] = (place + 0.1 + 0.05 * random()) * SPACING;
+            state.position[axis] = (place + 0.1 + 0.005 * random()) * SPACING;
         }
         state.position[D::UP] = layer as f64 * SPACING;
         if body == body::FREE {

@@ -15,6 +15,7 @@ use crate::files::Written;
 /// How far a run has come: the stage, and what it needs to resume.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "stage", rename_all = "kebab-case", deny_unknown_fields)]
+#[expect(clippy::large_enum_variant, reason = "a run has one header")]
 pub enum Header {
     /// Compression between smooth planes.
     Pack {
