@@ -5,6 +5,7 @@ use super::table::TableFile;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::SeriesRow;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 /// Writer of the log. Only rank 0 writes.
@@ -30,7 +31,7 @@ impl Log {
         rows: u64,
     ) -> Result<Self, Failure> {
         Self::of(exchange, || {
-            TableFile::open_to_append(path, &columns(), rows)
+            TableFile::open_to_append(path, &stored_columns(path)?, rows)
         })
     }
 
@@ -66,6 +67,39 @@ impl Log {
 fn columns() -> Vec<&'static str> {
     let row = SeriesRow::COLUMNS.iter().map(|column| column.name);
     ["step", "time"].into_iter().chain(row).collect()
+}
+
+/// The columns of an existing log, in which renamed ones may have their former names.
+fn stored_columns(path: &Path) -> Result<Vec<&'static str>, Failure> {
+    let unfit = |why: String| {
+        Failure::input(format!(
+            "{}: cannot go on with this log: {why}",
+            path.display()
+        ))
+    };
+    let mut line = String::new();
+    std::fs::File::open(path)
+        .and_then(|file| BufReader::new(file).read_line(&mut line))
+        .map_err(|e| unfit(e.to_string()))?;
+    let mut found = line.trim_end().split(',');
+    if (found.next(), found.next()) != (Some("step"), Some("time")) {
+        return Err(unfit("its first line must begin with step,time".into()));
+    }
+    let mut names = vec!["step", "time"];
+    for column in &SeriesRow::COLUMNS {
+        let name = found.next().unwrap_or("nothing");
+        names.push(column.stored_name(|known| known == name).ok_or_else(|| {
+            unfit(format!(
+                "it lacks the column {column} (found: {name}); another version wrote it"
+            ))
+        })?);
+    }
+    match found.next() {
+        None => Ok(names),
+        Some(name) => Err(unfit(format!(
+            "its column {name} would not be continued; another version wrote it"
+        ))),
+    }
 }
 
 /// Returns the shortest text that reads back to the same bits.
@@ -154,7 +188,7 @@ mod tests {
             std::fs::write(&path, format!("{names}\n")).unwrap();
             Log::open_to_append(&Solo, &path, 0).map(drop)
         };
-        let names = header();
+        let names = columns().join(",");
         assert!(open(&names).is_ok());
         assert!(open(&names.replace("dissipated_", "lost_")).is_ok());
         let refused = |names: &str| open(names).unwrap_err().to_string();
