@@ -5,12 +5,13 @@ mod common;
 use std::path::Path;
 
 use common::{Outcome, gshear_mpi};
+use gshear_dem::columns::Column;
 use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow};
 use gshear_store::run_reader::PeriodicRun;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
-fn run(folder: &Path, ranks: usize, more: &[gshear_dem::columns::Column]) -> Outcome {
+fn run(folder: &Path, ranks: usize, more: &[&str]) -> Outcome {
     let mut arguments = vec![SCENE.to_string()];
     arguments.extend(more.iter().map(|s| s.to_string()));
     gshear_mpi(ranks, folder, &arguments)
@@ -84,10 +85,13 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     let resumed = gshear_mpi(3, &at("part"), &[resume]);
     let found = [said(&stopped), digests(&resumed)].concat();
     assert_eq!(found, expected, "{dimension}, resumed");
-    let read = |name: &str, file: &str, columns: &[gshear_dem::columns::Column]| {
+    let read = |name: &str, file: &str, columns: &[Column]| {
         let run = PeriodicRun::open(&at(name).join(file), columns).expect("a file of the run");
-        let bits = |column: &&str| -> Vec<u64> {
-            run.column(column).iter().map(|x| x.to_bits()).collect()
+        let bits = |column: &Column| -> Vec<u64> {
+            run.column(column.name)
+                .iter()
+                .map(|x| x.to_bits())
+                .collect()
         };
         columns.iter().map(bits).collect::<Vec<_>>()
     };

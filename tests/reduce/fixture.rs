@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gshear_dem::state::{ContactSample, Disks, Frame, SeriesRow::COLUMNS};
+use gshear_dem::state::{ContactSample, Disks, Frame, SeriesRow};
 use hdf5::types::VarLenUnicode;
 use hdf5::{File, Group, H5Type, SimpleExtents};
 use ndarray::{Array1, Array2, Array3};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gshear_analysis::frame_scalars::{FrameScalars::COLUMNS, Scratch, Stressed, frame_scalars};
+use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
 use gshear_analysis::stress::ratio_on_top;
 use tempfile::TempDir;
 

@@ -73,6 +73,7 @@ gshear_dem::columns! {
 mod tests {
     use super::*;
     use gshear_analysis::frame_scalars::FrameScalars;
+    use gshear_dem::columns::Column;
     use gshear_dem::state::SeriesRow;
     use std::fmt::Write as _;
 
