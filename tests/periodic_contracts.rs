@@ -88,7 +88,10 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     let read = |name: &str, file: &str, columns: &[Column]| {
         let run = PeriodicRun::open(&at(name).join(file), columns).expect("a file of the run");
         let bits = |column: &Column| -> Vec<u64> {
-            run.column(column.name).iter().map(|x| x.to_bits()).collect()
+            run.column(column.name)
+                .iter()
+                .map(|x| x.to_bits())
+                .collect()
         };
         columns.iter().map(bits).collect::<Vec<_>>()
     };

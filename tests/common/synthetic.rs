@@ -40,7 +40,7 @@ pub fn shapes(grains: u64) -> Vec<GrainShape> {
 pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
     RunHeader {
         walls: true,
-        series: &gshear_dem::state::SeriesRow::COLUMNS,
+        series: &SeriesRow::COLUMNS,
         axes: 2,
         edges: [20.0, 15.5, 0.0],
         grains,
@@ -98,9 +98,9 @@ pub fn contact(t: u64, (i, j): (u32, u32)) -> ContactSample {
 }
 
 pub fn row(k: u64) -> SeriesRow {
-    bytemuck::cast::<[f64; gshear_dem::state::SeriesRow::COLUMNS.len()], _>(std::array::from_fn(
-        |c| number(k, c as u64, 8),
-    ))
+    bytemuck::cast::<[f64; SeriesRow::COLUMNS.len()], _>(std::array::from_fn(|c| {
+        number(k, c as u64, 8)
+    }))
 }
 
 /// All of a checkpoint at `t`, with contacts in order.

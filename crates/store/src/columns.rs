@@ -72,8 +72,8 @@ gshear_dem::columns! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gshear_dem::columns::Column;
     use gshear_analysis::frame_scalars::FrameScalars;
+    use gshear_dem::columns::Column;
     use gshear_dem::state::SeriesRow;
     use std::fmt::Write as _;
 
