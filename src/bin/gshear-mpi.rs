@@ -6,14 +6,15 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use gshear_scene::Source;
 use gshear_dem::domain::Exchange;
-use gshear_mpi_exchange::World;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
+use gshear_driver::launch::{self, Task};
+use gshear_driver::run::{Options, Outcome};
+use gshear_driver::sweep::Sweep;
+use gshear_mpi_exchange::World;
+use gshear_scene::Source;
 use gshear_store::collective::agree;
 use gshear_store::provenance;
-use gshear_driver::launch::{self, Sweep, Task};
-use gshear_driver::run::{Ending, Options};
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]
@@ -79,40 +80,26 @@ fn choice(text: &str) -> Result<Choice, String> {
     }
 }
 
-/// 3h50m, 90s, 45 (minutes, as Slurm), 2:30:00.
+/// 45 (minutes) and 2:30:00, as Slurm; else as humantime: 3h50m, 90s.
 fn wall_time(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("{text:?} is no time; write 3h50m, 90s, 2:30:00, or minutes");
-    let seconds = |parts: &[&str], units: &[u64]| -> Option<u64> {
-        parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
+    let parts: Vec<&str> = text.split(':').collect();
+    let sum = |units: &[u64]| -> Option<Duration> {
+        let seconds = parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
             part.parse::<u64>()
                 .ok()?
                 .checked_mul(*unit)?
                 .checked_add(sum)
-        })
+        });
+        seconds.map(Duration::from_secs)
     };
-    let parts: Vec<&str> = text.split(':').collect();
-    let total = match parts.len() {
-        2 => seconds(&parts, &[60, 1]),
-        3 => seconds(&parts, &[3600, 60, 1]),
-        1 if text.bytes().all(|b| b.is_ascii_digit()) => seconds(&parts, &[60]),
-        1 => {
-            let mut rest = text;
-            let mut sum = Some(0u64);
-            for (letter, unit) in [('d', 86400), ('h', 3600), ('m', 60), ('s', 1)] {
-                if let Some((number, after)) = rest.split_once(letter) {
-                    rest = after;
-                    let part = seconds(&[number], &[unit]);
-                    sum = sum.zip(part).and_then(|(a, b)| a.checked_add(b));
-                }
-            }
-            sum.filter(|_| rest.is_empty())
-        }
-        _ => None,
+    let time = match parts.len() {
+        2 => sum(&[60, 1]),
+        3 => sum(&[3600, 60, 1]),
+        1 if text.bytes().all(|b| b.is_ascii_digit()) => sum(&[60]),
+        _ => humantime::parse_duration(text).ok(),
     };
-    total
-        .filter(|&s| s > 0)
-        .map(Duration::from_secs)
-        .ok_or_else(wrong)
+    time.filter(|time| !time.is_zero())
+        .ok_or_else(|| format!("{text:?} is no time; write 3h50m, 90s, 2:30:00, or minutes"))
 }
 
 fn main() -> ExitCode {
@@ -129,8 +116,8 @@ fn main() -> ExitCode {
         }
     };
     let code = match go(&world, &arguments) {
-        Ok(Ending::Done) => 0,
-        Ok(Ending::Stopped) => STOPPED_EARLY,
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::Stopped) => STOPPED_EARLY,
         Err(failure) => {
             if speaks {
                 eprintln!("error: {failure}");
@@ -146,7 +133,7 @@ fn main() -> ExitCode {
     ExitCode::from(code as u8)
 }
 
-fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
+fn go(world: &World, arguments: &Arguments) -> Result<Outcome, Failure> {
     let mut options = Options {
         out: PathBuf::new(),
         stop_at: arguments.stop_at,
@@ -181,7 +168,7 @@ fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
     match choice {
-        Choice::List => sweep.list(world).map(|()| Ending::Done),
+        Choice::List => sweep.list(world).map(|()| Outcome::Done),
         Choice::All => sweep.all(world, &options),
         Choice::One(number) => sweep.one(world, number, &options),
     }
@@ -192,12 +179,12 @@ fn check_or_run(
     arguments: &Arguments,
     options: &Options,
     task: Task,
-) -> Result<Ending, Failure> {
+) -> Result<Outcome, Failure> {
     if arguments.check {
         if world.rank() == 0 {
             print!("{}", task.toml());
         }
-        return Ok(Ending::Done);
+        return Ok(Outcome::Done);
     }
     task.run(world, options)
 }

@@ -137,11 +137,9 @@ fn json(folder: &Path) -> Value {
 
 /// Rows of a table after its head, as cells.
 fn table(folder: &Path, name: &str) -> Vec<Vec<String>> {
-    let text = std::fs::read_to_string(folder.join(name)).expect("a table");
-    let cells = |line: &str| line.split(',').map(String::from).collect::<Vec<_>>();
-    let rows: Vec<Vec<String>> = text.lines().map(cells).collect();
-    assert!(rows.iter().all(|row| row.len() == rows[0].len()), "{name}");
-    rows[1..].to_vec()
+    let mut reader = csv::Reader::from_path(folder.join(name)).expect("a table");
+    let rows = reader.deserialize().collect::<Result<_, _>>();
+    rows.expect("rows as long as the header")
 }
 
 /// Each 95 % interval, twice as long to either side, holds the law: 1e-4 that a right one does not; and it is no longer than a share of it.

@@ -2,13 +2,13 @@
 
 use xxhash_rust::xxh3::xxh3_128;
 
+use crate::budget::{self, Entry};
 use crate::contact::loss;
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::GrainWalls;
 use crate::kernel::ContactForces;
-use crate::budget::{self, Entry};
 use crate::state::{Cell, ContactSample, GrainSample, SeriesRow, body};
 use crate::system::System;
 

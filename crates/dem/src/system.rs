@@ -1,13 +1,13 @@
 //! All that a rank holds between two steps, and the upkeep of its lists.
 
+use crate::budget::Ledger;
 use crate::clock::Clock;
+use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::Drive;
 use crate::failure::Failure;
-use crate::budget::Ledger;
 use crate::kernel::PairForce;
-use crate::contact::model::PairModel;
 use crate::neighbour;
 use crate::simd::{Lanes, Level, Work};
 use crate::state::{Cell, ContactState, Contacts, GrainState, Grains, Masses, Units, length};

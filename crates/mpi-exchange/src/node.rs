@@ -141,10 +141,7 @@ impl Node {
     /// Where `reaches` says no, or what is chosen is not among the records.
     pub fn send(&self, to: usize, records: &[f64], width: usize, chosen: &[u32]) {
         let direction = self.direction(self.rank, to).expect("a neighbour");
-        assert!(
-            chosen.len() * width <= MOST_NUMBERS,
-            "a message that fits"
-        );
+        assert!(chosen.len() * width <= MOST_NUMBERS, "a message that fits");
         let number = self.sent[direction].get() + 1;
         self.sent[direction].set(number);
         // SAFETY: the desk lives as long as the window. What is written is read by the neighbour only between `sent` reaching this
@@ -167,10 +164,7 @@ impl Node {
     /// Where `reaches` says no.
     pub fn receive(&self, from: usize, message: &mut [f64]) {
         let direction = self.direction(from, self.rank).expect("a neighbour");
-        assert!(
-            message.len() <= MOST_NUMBERS,
-            "a message that fits"
-        );
+        assert!(message.len() <= MOST_NUMBERS, "a message that fits");
         let number = self.had[direction].get() + 1;
         self.had[direction].set(number);
         // SAFETY: the desk lives as long as the window. The neighbour has written the message before `sent`, and writes no other

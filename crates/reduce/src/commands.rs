@@ -5,12 +5,12 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+use gshear_analysis as analysis;
 use gshear_analysis::regions::MinPoints;
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
-use gshear_report::lee_hurley::Choice;
-use gshear_analysis as analysis;
 use gshear_report as report;
+use gshear_report::lee_hurley::Choice;
+use gshear_store::run_reader::Run;
 
 use super::{
     compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum, study,
@@ -148,8 +148,11 @@ pub enum Command {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
         /// From the first to the last row of the time series in this stretch of shear strain, as 0.1005..0.1006
-        #[arg(long, value_name = "A..B", value_parser = replay::strains)]
-        strain: Strains,
+        #[arg(long, value_name = "A..B", value_parser = replay::strains, required_unless_present = "time")]
+        strain: Option<Strains>,
+        /// Of a run in a box: a stretch of the time of Newton's equations, into newtonian.h5 of the new folder
+        #[arg(long, value_name = "A..B", value_parser = replay::strains, conflicts_with = "strain")]
+        time: Option<Strains>,
         /// Steps between frames, from the first row on [default: a frame for every row]
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
         every: Option<u64>,
@@ -262,9 +265,18 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
         Command::Replay {
             run,
             strain,
+            time,
             every,
             out,
         } => {
+            if let Some(time) = time {
+                let how = (*every, threads);
+                replay::newtonian(run, *time, how, out.as_deref(), output)?;
+                return Ok(0);
+            }
+            let Some(strain) = strain else {
+                return Err(Failure::input("replay: give --strain A..B or --time A..B"));
+            };
             let wanted = replay::Wanted {
                 strain: *strain,
                 every: *every,

@@ -4,10 +4,10 @@ use std::cmp::Ordering;
 use std::fmt;
 use std::io::{self, Write};
 
-use gshear_scene::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
 use gshear_dem::state::{ContactSample, FrameRecords, SERIES_COLUMNS};
+use gshear_scene::Dimensions;
+use gshear_store::run_reader::Run;
 
 /// Parameters that say how, where and when a run was made, or how fast it was, and not what came out.
 const PROVENANCE: [&str; 7] = [

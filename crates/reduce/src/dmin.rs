@@ -9,12 +9,12 @@ use rayon::prelude::*;
 use super::pool::Pool;
 use gshear_analysis::dmin::NonAffine;
 use gshear_analysis::{event, rattlers};
-use gshear_scene::Dimensions;
 use gshear_dem::dimension::Three;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::FrameRecords;
+use gshear_scene::Dimensions;
 use gshear_store::reduced_writer::ReducedWriter;
 use gshear_store::run_reader::{Fields, Run};
-use gshear_dem::state::FrameRecords;
 
 /// Writes `reduced.h5` into `folder`; `radius` of the neighbourhood over r̄. Returns the file.
 ///

@@ -4,15 +4,16 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use gshear_scene::Dimensions;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::{Cell, GrainSample};
+use gshear_driver::header::Header;
+use gshear_scene::Dimensions;
+use gshear_scene::Study;
 use gshear_scene::lammps_data::{self, Atom, DataFile};
 use gshear_store::run_reader::Run;
 use gshear_store::{checkpoint, provenance, text_writer};
-use gshear_driver::run::{Header, Stage};
-use gshear_dem::state::{Cell, GrainSample};
 
 /// Formats that a state can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -178,10 +179,11 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
 fn of_checkpoint(path: &Path) -> Result<State, Failure> {
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
     let header = Header::read(&snapshot)?;
-    let scene = header.scene(path, toml, &[])?;
-    let stage = match header.stage {
-        Stage::Pack { .. } => "packing",
-        Stage::Shear { .. } => "shear",
+    let Study::PlaneShear(scene) = header.scene(path, toml, &[])? else {
+        return Err(Failure::input(format!(
+            "{}: is of a periodic box; only samples between walls are exported",
+            path.display()
+        )));
     };
     let grain = |g: &gshear_dem::state::GrainState| Grain {
         body: g.body,
@@ -192,7 +194,12 @@ fn of_checkpoint(path: &Path) -> Result<State, Failure> {
         angular_velocity: g.angular_velocity,
     };
     Ok(State {
-        title: format!("step {} of the {stage} in {}", header.step, path.display()),
+        title: format!(
+            "step {} of the {} in {}",
+            header.step(),
+            header.stage(),
+            path.display()
+        ),
         name: path
             .file_stem()
             .map_or("checkpoint".into(), |stem| stem.to_string_lossy().into()),

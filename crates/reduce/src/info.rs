@@ -5,8 +5,8 @@ use std::io::Write;
 
 use super::commands::lost;
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
 use gshear_dem::state::SERIES_COLUMNS;
+use gshear_store::run_reader::Run;
 
 /// Prints what a run holds.
 ///

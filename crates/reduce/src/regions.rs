@@ -1,12 +1,12 @@
 //! `regions`: the scalars of every frame, GR regions among them, as a table.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::scalars::FrameSeries;
 use gshear_analysis::frame_scalars::SCALAR_COLUMNS;
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::Run;
+use gshear_store::table::Table;
 use gshear_store::text_writer;
 
 /// Writes `regions.csv` into `folder`: a line a frame. Returns the file.
@@ -18,19 +18,12 @@ pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
     Ok(path)
 }
 
-/// Numbers in shortest form that reads back to the same bits.
 fn table(series: &FrameSeries) -> String {
-    let mut csv = format!(
-        "frame,step,strain,stress_ratio,{}\n",
-        SCALAR_COLUMNS.join(",")
-    );
-    for (k, scalars) in series.scalars.iter().enumerate() {
-        let (step, strain, tau) = (series.step[k], series.strain[k], series.tau[k]);
-        write!(csv, "{k},{step},{strain:?},{tau:?}").expect("a string grows");
-        for value in scalars.columns() {
-            write!(csv, ",{value:?}").expect("a string grows");
-        }
-        csv.push('\n');
-    }
-    csv
+    Table::of(0..series.scalars.len())
+        .column("frame", |k| *k)
+        .column("step", |k| series.step[*k])
+        .column("strain", |k| series.strain[*k])
+        .column("stress_ratio", |k| series.tau[*k])
+        .columns(SCALAR_COLUMNS, |k| series.scalars[*k].columns())
+        .csv()
 }

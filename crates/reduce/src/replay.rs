@@ -6,12 +6,15 @@ use std::path::{Path, PathBuf};
 use super::commands::lost;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
-use gshear_driver::record::RUN_FILE;
-use gshear_driver::run::{self, Header, Options, Stage, Start};
-use gshear_scene::schedule::Window;
 use gshear_dem::state::{SERIES_COLUMNS, Snapshot};
+use gshear_driver::files::RUN_FILE;
+use gshear_driver::header::Header;
+use gshear_driver::launch::{Start, Task};
+use gshear_driver::run::{Options, Outcome};
+use gshear_scene::schedule::Window;
+use gshear_store::checkpoint;
+use gshear_store::columns::{NEWTONIAN_COLUMNS, NEWTONIAN_FILE};
+use gshear_store::run_reader::{PeriodicRun, Run};
 
 /// What is to be computed again.
 #[derive(Debug, Clone, Copy)]
@@ -47,7 +50,7 @@ pub fn strains(text: &str) -> Result<[f64; 2], String> {
 
 /// Whether the run kept its checkpoints.
 pub fn can(run: &Run) -> bool {
-    !checkpoint::kept(run.folder()).is_empty()
+    !checkpoint::kept(run.folder(), "shear").is_empty()
 }
 
 /// Computes the stretch again and says what was found.
@@ -88,29 +91,17 @@ pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure
             out.display()
         )));
     }
-    let (path, toml, snapshot) = before(run, window.first)?;
-    let header = Header::read(&snapshot)?;
     let set = [
         "analysis.scalars=false",
         "output.keep_checkpoints=false",
         "output.progress_lines=0",
     ];
-    let scene = header.scene(&path, toml, &set.map(String::from))?;
-    let options = Options {
-        out: out.to_path_buf(),
-        threads: wanted.threads,
-        replay: Some(window),
-        ..Options::default()
-    };
-    let computed = run::Run::new(&Solo, &scene, &options)?.run(Start::Checkpoint(snapshot))?;
-    if computed == run::Ending::Stopped {
-        return Err(Failure::other("replay: stopped by a signal"));
-    }
+    let from = again(run.folder(), "shear", window, &set, (wanted.threads, out))?;
     let again = Run::open(&out.join(RUN_FILE))?;
     let rows = compare(run, &again)?;
     Ok(Replayed {
         run: again,
-        from: header.step,
+        from,
         rows,
     })
 }
@@ -139,18 +130,46 @@ fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
     })
 }
 
-/// The last checkpoint of the shear before this step, or of it where it is the first of all: its file, scene and state.
-fn before(run: &Run, step: u64) -> Result<(PathBuf, String, Snapshot), Failure> {
-    let folder = run.folder();
-    let mut candidates = checkpoint::kept(folder);
+/// Computes a window of a stage again, into the folder `out`, by so many threads. Returns the step of
+/// the checkpoint with which it began.
+fn again(
+    folder: &Path,
+    stage: &str,
+    window: Window,
+    set: &[&str],
+    (threads, out): (usize, &Path),
+) -> Result<u64, Failure> {
+    let (path, toml, snapshot) = before(folder, stage, window.first)?;
+    let header = Header::read(&snapshot)?;
+    let set: Vec<String> = set.iter().map(|s| (*s).into()).collect();
+    let task = Task {
+        study: header.scene(&path, toml, &set)?,
+        start: Start::Checkpoint(snapshot),
+    };
+    let options = Options {
+        out: out.to_path_buf(),
+        threads,
+        replay: Some(window),
+        ..Options::default()
+    };
+    match task.run(&Solo, &options)? {
+        Outcome::Done => Ok(header.step()),
+        Outcome::Stopped => Err(Failure::other("replay: stopped by a signal")),
+    }
+}
+
+/// The last checkpoint of a stage before this step, or at it if it is the first of all: its file,
+/// scene and state.
+fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Snapshot), Failure> {
+    let mut candidates = checkpoint::kept(folder, stage);
     for name in [checkpoint::PREVIOUS, checkpoint::NAME] {
         let path = folder.join(name);
         if !path.is_file() {
             continue;
         }
         let header = Header::read(&checkpoint::read(&Solo, &path)?.1)?;
-        if let Stage::Shear { .. } = header.stage {
-            candidates.push((header.step, path));
+        if header.stage() == stage {
+            candidates.push((header.step(), path));
         }
     }
     // The forces of a frame are those of its step, which has to be done again.
@@ -158,12 +177,88 @@ fn before(run: &Run, step: u64) -> Result<(PathBuf, String, Snapshot), Failure> 
     let best = candidates.iter().filter(fits).max_by_key(|(at, _)| *at);
     let Some((_, path)) = best else {
         return Err(Failure::input(format!(
-            "{}: there is no checkpoint before step {step}; a run with output.keep_checkpoints = true keeps them",
+            "{}: there is no checkpoint of the stage {stage} before step {step}; a run with output.keep_checkpoints = true keeps them",
             folder.display()
         )));
     };
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
     Ok((path.clone(), toml, snapshot))
+}
+
+/// Computes a stretch of Newton's equations in a box again, into `newtonian.h5` of the folder `out`,
+/// and says what was found. `time`: its two ends (s), as of the rows of `newtonian.h5`.
+///
+/// # Errors
+/// A stretch without rows or without a checkpoint before it; [`Failure::Numbers`] if the time series
+/// differs from the stored one.
+pub fn newtonian(
+    run: &Path,
+    time: [f64; 2],
+    (every, threads): (Option<u64>, usize),
+    out: Option<&Path>,
+    output: &mut impl Write,
+) -> Result<(), Failure> {
+    let folder = match run.is_dir() {
+        true => run,
+        false => run.parent().unwrap_or(Path::new(".")),
+    };
+    let default = folder.join(format!("replay-newtonian-{}-{}", time[0], time[1]));
+    let out = out.unwrap_or(&default);
+    if same_folder(out, folder) {
+        return Err(Failure::input(format!(
+            "{}: holds the run itself; give another folder with --out",
+            out.display()
+        )));
+    }
+    let path = folder.join(NEWTONIAN_FILE);
+    let stored = PeriodicRun::open(&path, &NEWTONIAN_COLUMNS)?;
+    let within = |row: &usize| stored.time[*row] >= time[0] && stored.time[*row] <= time[1];
+    let mut rows = (0..stored.time.len()).filter(within);
+    let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
+        return Err(Failure::input(format!(
+            "{}: has fewer than two rows between the times {} and {}; it goes from {:?} to {:?}",
+            path.display(),
+            time[0],
+            time[1],
+            stored.time.first().unwrap_or(&f64::NAN),
+            stored.time.last().unwrap_or(&f64::NAN),
+        )));
+    };
+    let window = Window {
+        first: stored.step[first],
+        last: stored.step[last],
+        every: every.unwrap_or_else(|| stored.step[first + 1] - stored.step[first]),
+    };
+    let set = ["output.keep_checkpoints=false", "newtonian.spectra=0"];
+    let from = again(folder, "newtonian", window, &set, (threads, out))?;
+    let computed = PeriodicRun::open(&out.join(NEWTONIAN_FILE), &NEWTONIAN_COLUMNS)?;
+    let mut same = 0;
+    for (k, step) in computed.step.iter().enumerate() {
+        let Ok(row) = stored.step.binary_search(step) else {
+            continue;
+        };
+        for name in NEWTONIAN_COLUMNS {
+            let (had, has) = (stored.column(name)[row], computed.column(name)[k]);
+            if had.to_bits() != has.to_bits() {
+                return Err(Failure::numbers(format!(
+                    "replay: at step {step}, {name} is {has:?} and was {had:?} in {}; another program or other values made that run",
+                    path.display()
+                )));
+            }
+        }
+        same += 1;
+    }
+    let frames = &computed.frame_step;
+    writeln!(
+        output,
+        "wrote {}: {} frames, steps {} to {}, from the checkpoint of step {from}; {same} rows of the time series equal those of {} to the last bit",
+        computed.path().display(),
+        frames.len(),
+        frames.first().copied().unwrap_or_default(),
+        frames.last().copied().unwrap_or_default(),
+        path.display()
+    )
+    .map_err(lost)
 }
 
 /// The number of rows that both have, all of them equal. Errors: none, or any that differs.

@@ -1,6 +1,5 @@
 //! `spectrum`: eigenvalues of K v = λ M v, of a run or of files.
 
-use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -16,6 +15,7 @@ use gshear_analysis::spectrum::{
 };
 use gshear_dem::failure::Failure;
 use gshear_store::spectrum_writer::{self, Columns};
+use gshear_store::table::Table;
 use gshear_store::{matrix_market, text_writer};
 
 /// Unknowns up to which --all-pairs takes the dense solver: 200 MB of vectors, a minute or two.
@@ -144,7 +144,10 @@ pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> 
     text_writer::write(&csv, &table(&spectrum, &columns.participation))?;
     let vectors = spectrum_writer::write(folder, &source, &problem, &columns)?;
     let svg = folder.join("spectrum.svg");
-    text_writer::write(&svg, &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues))?;
+    text_writer::write(
+        &svg,
+        &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues),
+    )?;
     for path in [csv, vectors, svg] {
         writeln!(output, "wrote {}", path.display()).map_err(lost)?;
     }
@@ -472,17 +475,14 @@ fn columns(problem: &Problem, spectrum: &Spectrum, grain: &[usize]) -> Columns {
     }
 }
 
-/// A line an eigenvalue; numbers in shortest form that reads back to the same bits.
+/// A line an eigenvalue.
 fn table(spectrum: &Spectrum, participation: &[f64]) -> String {
-    let mut csv = String::from("lambda_re,lambda_im,verdict,residual,condition,participation\n");
-    for (e, participation) in spectrum.eigenvalues.iter().zip(participation) {
-        let (re, im, verdict) = (e.value.re, e.value.im, e.verdict.name());
-        let (residual, condition) = (e.residual, e.condition);
-        writeln!(
-            csv,
-            "{re:?},{im:?},{verdict},{residual:?},{condition:?},{participation:?}"
-        )
-        .expect("a string grows");
-    }
-    csv
+    Table::of(spectrum.eigenvalues.iter().zip(participation))
+        .column("lambda_re", |(e, _)| e.value.re)
+        .column("lambda_im", |(e, _)| e.value.im)
+        .column("verdict", |(e, _)| e.verdict.name())
+        .column("residual", |(e, _)| e.residual)
+        .column("condition", |(e, _)| e.condition)
+        .column("participation", |(_, participation)| *participation)
+        .csv()
 }

@@ -5,17 +5,16 @@ use std::path::Path;
 use super::commands::lost;
 use super::export::Which;
 use gshear_analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
-use gshear_scene::{Contact, Dimensions, Law, Scene, Source};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
+use gshear_dem::state::{Cell, ContactState, GrainState};
+use gshear_driver::header::Header;
+use gshear_scene::{Contact, Dimensions, Law, Scene, Source, Study};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::Run;
-use gshear_driver::periodic;
-use gshear_driver::run::{Header, Stage};
-use gshear_dem::state::{Cell, ContactState, GrainState};
 use std::io::Write;
 
 /// Which frame is wanted.
@@ -129,35 +128,43 @@ fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> 
         )));
     }
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
-    if let Some(header) = periodic::Header::read(&snapshot) {
-        let scene = periodic::scene_of_checkpoint(path, toml, &[])?;
-        return Ok(Found {
-            law: scene.law.clone(),
-            contact: scene.contact,
-            dimension: scene.dimension,
-            cell: scene.sheared_cell(header.progress.offset),
-            grains: snapshot.grains,
-            contacts: snapshot.contacts,
-            what: format!(
-                "strain step {} in {}",
-                header.progress.steps,
-                path.display()
-            ),
-        });
-    }
     let header = Header::read(&snapshot)?;
-    let scene = header.scene(path, toml, &[])?;
-    match header.stage {
-        Stage::Shear { .. } => {}
-        Stage::Pack { .. } => {
-            return Err(Failure::input(format!(
-                "{}: the sample is still being packed, between planes whose contacts are not kept; take a checkpoint of the shear",
+    let study = header.scene(path, toml, &[])?;
+    let (grains, contacts) = (snapshot.grains, snapshot.contacts);
+    match (&header, study) {
+        (Header::Pack { .. }, _) => Err(Failure::input(format!(
+            "{}: the sample is still being packed, between planes whose contacts are not kept; take a checkpoint of the shear",
+            path.display()
+        ))),
+        (
+            Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
+            Study::Periodic(scene),
+        ) => {
+            let what = format!(
+                "{} step {} in {}",
+                header.stage(),
+                header.step(),
                 path.display()
-            )));
+            );
+            Ok(Found {
+                law: scene.law.clone(),
+                contact: scene.contact,
+                dimension: scene.dimension,
+                cell: scene.sheared_cell(progress.offset),
+                grains,
+                contacts,
+                what,
+            })
         }
+        (_, Study::PlaneShear(scene)) => {
+            let what = format!("step {} of the shear in {}", header.step(), path.display());
+            Ok(of_scene(&scene, grains, contacts, what))
+        }
+        (_, Study::Periodic(_)) => Err(Failure::input(format!(
+            "{}: a stage between walls, and the scene has a [box]",
+            path.display()
+        ))),
     }
-    let what = format!("step {} of the shear in {}", header.step, path.display());
-    Ok(of_scene(&scene, snapshot.grains, snapshot.contacts, what))
 }
 
 fn of_run(run: &Run, wanted: Wanted) -> Result<Found, Failure> {

@@ -8,10 +8,10 @@ use super::stiffness::Found;
 use gshear_analysis::jacobian::History;
 use gshear_analysis::spectrum::{Spectrum, Verdict};
 use gshear_dem::failure::Failure;
-use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
 use gshear_report::bonfanti;
 use gshear_report::lee_hurley::{self, Choice, Size, Studied, friction};
+use gshear_store::checkpoint;
+use gshear_store::run_reader::Run;
 
 /// Reduces the runs, one after the other, and writes the study of Lee & Hurley into `folder`. Returns the page.
 ///

@@ -22,9 +22,9 @@ use std::path::{Path, PathBuf};
 use self::map::View;
 use self::summary::{Event, Summary};
 use gshear_dem::failure::Failure;
+use gshear_dem::state::Disks;
 use gshear_store::run_reader::Run;
 use gshear_store::text_writer;
-use gshear_dem::state::Disks;
 
 /// A figure of the report: name of its file, caption in HTML, and SVG.
 struct Figure {

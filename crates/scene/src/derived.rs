@@ -2,11 +2,10 @@
 //! step. Of libm only roots and [`portable_ln`](gshear_dem::contact::portable_ln), since all of
 //! them reach the trajectory.
 
-
 use super::scene::Sample;
 use gshear_dem::contact::{portable_exp, portable_ln};
-use gshear_dem::laws::{Contact, Law, hooke};
 use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::laws::{Contact, Law, hooke};
 
 /// Last δ/(R1+R2) of the laws for two equal disks: of LH at a/R = 0.3, beyond which its tangential
 /// stiffness (A9) is outside its range; of the springs as `hooke` has it.

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use strsim::levenshtein;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -207,48 +208,19 @@ fn list<'a>(start: String, intro: &str, names: impl Iterator<Item = &'a &'a str>
     }
 }
 
-/// The name nearest by edit distance, if it is near enough to be a slip of the pen.
+/// The name nearest by Levenshtein's distance, if it is near enough to be a misspelling.
 fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
     let (distance, name) = names
         .iter()
-        .map(|name| (edit_distance(word, name), *name))
+        .map(|name| (levenshtein(word, name), *name))
         .min()?;
     (2 * distance <= word.chars().count().max(name.len())).then_some(name)
-}
-
-/// Levenshtein's distance: single characters inserted, deleted or replaced.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{Source, load, notes};
-
-    #[test]
-    fn edit_distances() {
-        for (a, b, d) in [
-            ("", "abc", 3),
-            ("kitten", "sitting", 3),
-            ("grains", "grains", 0),
-            ("grain", "grains", 1),
-        ] {
-            assert_eq!(edit_distance(a, b), d, "{a} {b}");
-            assert_eq!(edit_distance(b, a), d, "{b} {a}");
-        }
-    }
 
     #[test]
     fn a_far_name_is_not_suggested() {

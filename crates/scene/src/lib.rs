@@ -68,8 +68,8 @@ pub use periodic::*;
 pub use scene::*;
 pub use source::Source;
 
-use gshear_dem::failure::Failure;
 use crate::packing::Packing;
+use gshear_dem::failure::Failure;
 use source::Input;
 
 /// A scene of either kind.
@@ -90,6 +90,14 @@ impl Study {
         }
     }
 
+    /// What changes speed, not results.
+    pub fn bookkeeping(&self) -> &Bookkeeping {
+        match self {
+            Study::PlaneShear(scene) => &scene.bookkeeping,
+            Study::Periodic(scene) => &scene.bookkeeping,
+        }
+    }
+
     /// The whole configuration as TOML.
     pub fn toml(&self) -> &str {
         match self {
@@ -100,7 +108,7 @@ impl Study {
 }
 
 /// Tables of scenes between walls, and of those in a box.
-const OF_WALLS: [&str; 5] = ["load", "pack", "shear", "output", "analysis"];
+const OF_WALLS: [&str; 4] = ["load", "pack", "shear", "analysis"];
 const OF_A_BOX: [&str; 3] = ["relax", "aqs", "newtonian"];
 
 /// Reads the configuration of a plane-shear run, replaces values by the overrides
@@ -312,7 +320,8 @@ mod tests {
     /// Their sweep has the small scene among its runs.
     #[test]
     fn the_frictions_of_the_paper() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/lee-hurley-frictions.toml");
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/lee-hurley-frictions.toml");
         let source = Source::read(path).unwrap();
         let members = sweep::members(&source).unwrap().unwrap();
         assert_eq!(members.len(), 12);

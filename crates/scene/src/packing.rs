@@ -4,12 +4,12 @@ use std::path::Path;
 
 use bytemuck::Zeroable;
 
+use crate::lammps_data::{self, Atom, DataFile};
+use crate::sample::{columns, freeze_walls, stop_walls};
 use crate::{Dimensions, Origin, PackingFile, Scene, Walls};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::failure::Failure;
-use crate::lammps_data::{self, Atom, DataFile};
 use gshear_dem::neighbour::{self, Range, Window};
-use crate::sample::{columns, freeze_walls, stop_walls};
 use gshear_dem::state::{GrainState, Grains, body, length};
 
 /// Type of the grains of the bottom and of the top wall, where types say what is wall.

@@ -34,6 +34,8 @@ pub struct PeriodicScene {
     pub aqs: Aqs,
     /// `None`: the run ends with the last strain step.
     pub newtonian: Option<Newtonian>,
+    /// Whether every checkpoint is kept, so that stretches can be replayed.
+    pub keep_checkpoints: bool,
     /// What changes speed, not results.
     pub bookkeeping: Bookkeeping,
     /// The whole configuration as TOML with every default filled in.

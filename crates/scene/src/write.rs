@@ -131,6 +131,8 @@ pub(super) fn periodic(scene: &PeriodicScene, force: bool) -> String {
         t.whole(&keys.frames, newtonian.frames);
         t.whole(&keys.spectra, newtonian.spectra);
     }
+    let keys: raw::Output = t.table();
+    t.flag(&keys.keep_checkpoints, scene.keep_checkpoints);
     bookkeeping(&mut t, &scene.bookkeeping);
     t.0
 }

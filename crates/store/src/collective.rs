@@ -1,8 +1,8 @@
 //! What the ranks do together around a file: agree on failures, and bring records to the rank that writes them.
 
+use bytemuck::Pod;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
-use bytemuck::Pod;
 use std::ops::Range;
 
 /// The first failure, by rank, on every rank; else this rank's value. Collective.

@@ -1,8 +1,8 @@
 //! HDF5 written by all ranks together. The only unsafe code of the files: what the `hdf5` crate lacks are collective transfers.
 
 use super::collective::Outcome;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::failure::Failure;
+use gshear_mpi_exchange::Parallel;
 use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
 use hdf5_sys::h5::hsize_t;

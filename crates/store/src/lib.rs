@@ -13,5 +13,6 @@ pub mod reduced_writer;
 pub mod run_reader;
 mod scalar_columns;
 pub mod spectrum_writer;
+pub mod table;
 pub mod text_writer;
 pub mod trajectory;

@@ -1,35 +1,19 @@
 //! `log.csv`: the time series as text.
 
 use super::collective::agree;
+use super::table::TableFile;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{SERIES_COLUMNS, SeriesRow};
-use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Writes the log on rank 0; on the others it does nothing.
-pub struct Log {
-    path: PathBuf,
-    file: Option<BufWriter<File>>,
-}
+pub struct Log(Option<TableFile>);
 
 impl Log {
     /// A new log in the place of whatever is there. Collective.
     pub fn create(exchange: &dyn Exchange, path: &Path) -> Result<Self, Failure> {
-        let created = (|| {
-            let mut log = Log {
-                path: path.into(),
-                file: None,
-            };
-            if exchange.rank() == 0 {
-                let file = File::create(path).map_err(|e| log.failure(&e))?;
-                log.file = Some(BufWriter::new(file));
-                log.line(&header())?;
-            }
-            Ok(log)
-        })();
-        agree(exchange, created)
+        Self::of(exchange, || TableFile::create(path, &columns()))
     }
 
     /// An existing log, to go on after its first `rows` rows; those beyond are cut off.
@@ -39,85 +23,36 @@ impl Log {
         path: &Path,
         rows: u64,
     ) -> Result<Self, Failure> {
-        let opened = (|| {
-            let mut log = Log {
-                path: path.into(),
-                file: None,
-            };
-            if exchange.rank() == 0 {
-                log.file = Some(log.truncated(rows)?);
-            }
-            Ok(log)
-        })();
-        agree(exchange, opened)
+        Self::of(exchange, || {
+            TableFile::open_to_append(path, &columns(), rows)
+        })
     }
 
-    fn truncated(&self, rows: u64) -> Result<BufWriter<File>, Failure> {
-        let unfit = |why: String| {
-            Failure::input(format!(
-                "{}: cannot go on with this log: {why}",
-                self.path.display()
-            ))
-        };
-        let file = OpenOptions::new().read(true).append(true).open(&self.path);
-        let file = file.map_err(|e| unfit(e.to_string()))?;
-        let mut reader = BufReader::new(&file);
-        let (mut line, mut end) = (Vec::new(), 0);
-        for row in 0..=rows {
-            line.clear();
-            end += reader
-                .read_until(b'\n', &mut line)
-                .map_err(|e| unfit(e.to_string()))? as u64;
-            if row == 0 && line != format!("{}\n", header()).as_bytes() {
-                return Err(unfit(
-                    "its first line is not that of a log of this version".into(),
-                ));
-            }
-            if line.last() != Some(&b'\n') {
-                return Err(unfit(format!(
-                    "it has {} rows, the checkpoint counts {rows}",
-                    row.max(1) - 1
-                )));
-            }
-        }
-        file.set_len(end).map_err(|e| self.failure(&e))?;
-        Ok(BufWriter::new(file))
+    fn of(
+        exchange: &dyn Exchange,
+        open: impl FnOnce() -> Result<TableFile, Failure>,
+    ) -> Result<Self, Failure> {
+        let file = (exchange.rank() == 0).then(open).transpose();
+        agree(exchange, file.map(Log))
     }
 
     /// The next row. Not collective: a failure is rank 0's alone.
     pub fn row(&mut self, step: u64, time: f64, row: &SeriesRow) -> Result<(), Failure> {
-        if self.file.is_none() {
+        let Some(file) = &mut self.0 else {
             return Ok(());
-        }
-        let mut line = format!("{step},{}", shortest(time));
-        for value in row.columns() {
-            line.push(',');
-            line.push_str(&shortest(value));
-        }
-        self.line(&line)
+        };
+        let numbers = [time].into_iter().chain(row.columns());
+        file.row([step.to_string()].into_iter().chain(numbers.map(shortest)))
     }
 
     /// Hands the rows to the file system. Not collective: a failure is rank 0's alone.
     pub fn flush(&mut self) -> Result<(), Failure> {
-        let flushed = self.file.as_mut().map_or(Ok(()), Write::flush);
-        flushed.map_err(|e| self.failure(&e))
-    }
-
-    fn line(&mut self, line: &str) -> Result<(), Failure> {
-        let written = self
-            .file
-            .as_mut()
-            .map_or(Ok(()), |file| writeln!(file, "{line}"));
-        written.map_err(|e| self.failure(&e))
-    }
-
-    fn failure(&self, error: &std::io::Error) -> Failure {
-        Failure::other(format!("{}: {error}", self.path.display()))
+        self.0.as_mut().map_or(Ok(()), TableFile::flush)
     }
 }
 
-fn header() -> String {
-    format!("step,time,{}", SERIES_COLUMNS.join(","))
+fn columns() -> Vec<&'static str> {
+    [&["step", "time"], &SERIES_COLUMNS[..]].concat()
 }
 
 /// The shortest text that reads back to the same bits.

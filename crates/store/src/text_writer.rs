@@ -1,4 +1,6 @@
 //! Small text files: written beside, then renamed, so that a file of the name is always whole.
+//!
+//! Own code because `NamedTempFile::persist` of tempfile is no shorter, and a killed program would leave files of random names.
 
 use std::path::Path;
 

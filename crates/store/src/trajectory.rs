@@ -7,12 +7,12 @@ use super::layout::{
     BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, by_root, describe, forces,
 };
 use super::scalar_columns::ScalarColumns;
+use bytemuck::{Pod, Zeroable};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::domain::total;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, GrainSample};
-use bytemuck::{Pod, Zeroable};
+use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
 use std::path::Path;
 use std::time::Instant;

@@ -21,8 +21,8 @@ use crate::contact::{
 };
 use crate::dimension::{Dimension, Dimensions, Three};
 use crate::kernel::PairForce;
-use crate::state::Masses;
 use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
+use crate::state::Masses;
 
 /// The law as scenes name it.
 pub const KIND: LawKind = LawKind {
@@ -88,8 +88,7 @@ impl Spheres {
             let diameter = values.required(&IMPACT_DIAMETER);
             impact_damping(&spheres, e, speed, diameter)
         } else {
-            let why =
-                "says at what the restitution is measured, and normal_damping is given instead of it";
+            let why = "says at what the restitution is measured, and normal_damping is given instead of it";
             values.useless(&IMPACT_SPEED, why);
             values.useless(&IMPACT_DIAMETER, why);
             gamma_n
@@ -162,8 +161,16 @@ impl Constants for Spheres {
 
     fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
         vec![
-            ("normal stiffness k_n", Spheres::normal_stiffness(self), "Pa"),
-            ("tangential stiffness k_t", self.tangential_stiffness(), "Pa"),
+            (
+                "normal stiffness k_n",
+                Spheres::normal_stiffness(self),
+                "Pa",
+            ),
+            (
+                "tangential stiffness k_t",
+                self.tangential_stiffness(),
+                "Pa",
+            ),
             ("normal damping gamma_n", self.normal_damping, "1/(m s)"),
         ]
     }

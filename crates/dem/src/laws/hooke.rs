@@ -30,8 +30,8 @@ use crate::contact::stiffness::{Derivatives, Stiffness};
 use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
-use crate::state::Masses;
 use crate::simd::{Lanes, Mask, Row};
+use crate::state::Masses;
 
 /// The law as scenes name it.
 pub const KIND: LawKind = LawKind {
@@ -76,7 +76,11 @@ impl Springs {
 }
 
 /// k_n and k_t ≤ k_n, by default 2/7 of it.
-pub(super) fn read_stiffnesses(values: &mut dyn Values, normal: &Key, tangential: &Key) -> [f64; 2] {
+pub(super) fn read_stiffnesses(
+    values: &mut dyn Values,
+    normal: &Key,
+    tangential: &Key,
+) -> [f64; 2] {
     let k_n = values.required(normal);
     let k_t = values.number(tangential);
     if let Some(k_t) = k_t.filter(|&k_t| k_t > k_n) {

@@ -25,8 +25,8 @@ use crate::contact::stiffness::{Derivatives, Stiffness};
 use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
-use crate::state::Masses;
 use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
+use crate::state::Masses;
 
 /// The law as scenes name it.
 pub const KIND: LawKind = LawKind {

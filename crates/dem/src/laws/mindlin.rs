@@ -12,16 +12,14 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::hooke::read_stiffnesses;
-use super::keys::{
-    DENSITY, Key, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2, Values,
-};
+use super::keys::{DENSITY, Key, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2, Values};
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, Stiffness};
 use crate::contact::{Blocks, ContactLaw, loss, norm, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
-use crate::state::Masses;
 use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
+use crate::state::Masses;
 
 /// The law as scenes name it.
 pub const KIND: LawKind = LawKind {

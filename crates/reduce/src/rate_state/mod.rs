@@ -14,9 +14,9 @@ use gshear_analysis::rate_state::{
     modelled, stacks,
 };
 use gshear_dem::failure::Failure;
+use gshear_report::rate_state as figures;
 use gshear_store::run_reader::Run;
 use gshear_store::text_writer;
-use gshear_report::rate_state as figures;
 
 /// Evolution laws to fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -5,13 +5,13 @@ use super::studied::{Size, Stage, Step, Studied};
 use super::{Drawn, Figure, no_run};
 use plotters::style::RGBColor;
 
-use gshear_analysis::displacement::tension;
-use gshear_analysis::forces;
 use crate::colour::{CHANGE, FORCE, GREY, INK, PALE, SLIP, VIRIDIS, WALL, WHITE};
 use crate::compose::{gathered, grid_of};
 use crate::map::{self, View};
 use crate::plot::{Layout, Plot, figure};
 use crate::ticks;
+use gshear_analysis::displacement::tension;
+use gshear_analysis::forces;
 
 /// Width of the sample in a panel (px).
 const WIDTH: f64 = 235.0;

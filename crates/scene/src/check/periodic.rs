@@ -37,6 +37,7 @@ pub(crate) fn scene(
     let relax = relax(&mut c, &raw.relax);
     let aqs = aqs(&mut c, &raw.aqs);
     let newtonian = newtonian(&mut c, &raw.newtonian);
+    let keep_checkpoints = output(&mut c, &raw.output);
     let bookkeeping = super::check_bookkeeping(&mut c, &raw.bookkeeping);
     c.settle()?;
 
@@ -81,11 +82,34 @@ pub(crate) fn scene(
         relax,
         aqs,
         newtonian,
+        keep_checkpoints,
         bookkeeping,
         toml: String::new(),
     };
     scene.toml = write::periodic(&scene, force);
     Ok(scene)
+}
+
+/// Whether checkpoints are kept. Intervals of output are those of `[aqs]` and `[newtonian]`.
+fn output(c: &mut Checker<'_>, output: &raw::Output) -> bool {
+    let why = "applies to scenes with walls only; a [box] has aqs.frame_every, newtonian.frames and newtonian.rows";
+    for key in [
+        &output.frame_strain,
+        &output.frame_start,
+        &output.series_strain,
+        &output.checkpoint_strain,
+    ] {
+        c.useless(key, why);
+    }
+    for key in [
+        &output.frame_rows,
+        &output.series_rows,
+        &output.progress_lines,
+    ] {
+        c.useless(key, why);
+    }
+    c.useless(&output.energy, why);
+    c.flag_or_default(&output.keep_checkpoints)
 }
 
 fn relax(c: &mut Checker<'_>, relax: &raw::Relax) -> Relax {

@@ -5,11 +5,11 @@ mod records;
 use super::collective::{IdBlocks, Outcome, agree, records_of};
 use super::h5::{Attribute, H5File, Word};
 use gshear_dem::domain::total;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
     ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
 };
+use gshear_mpi_exchange::Parallel;
 use records::{Record, length, read_records, write_one, write_records};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ const PART: &str = "checkpoint.h5.part";
 
 const FORMAT: &str = "gshear-checkpoint";
 /// Changes with what a checkpoint holds.
-pub const VERSION: u64 = 3;
+pub const VERSION: u64 = 4;
 
 /// Wrapping sum of the hashes of the records: the same in whatever order and on whatever ranks they are.
 fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64 {
@@ -200,14 +200,24 @@ fn replace(folder: &Path) -> Result<(), Failure> {
     })
 }
 
-/// `checkpoint-<step>.h5`.
-pub fn kept_name(step: u64) -> String {
-    format!("checkpoint-{step}.h5")
+/// The stage whose kept checkpoints have its steps alone in their names.
+const MAIN_STAGE: &str = "shear";
+
+/// `checkpoint-<step>.h5` for the shear, `checkpoint-<stage>-<step>.h5` for other stages.
+pub fn kept_name(stage: &str, step: u64) -> String {
+    format!("{}{step}.h5", kept_prefix(stage))
+}
+
+fn kept_prefix(stage: &str) -> String {
+    match stage {
+        MAIN_STAGE => "checkpoint-".into(),
+        _ => format!("checkpoint-{stage}-"),
+    }
 }
 
 /// Keeps the folder's newest checkpoint under the name of its step as well. By one rank.
-pub fn keep(folder: &Path, step: u64) -> Result<(), Failure> {
-    let (newest, kept) = (folder.join(NAME), folder.join(kept_name(step)));
+pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<(), Failure> {
+    let (newest, kept) = (folder.join(NAME), folder.join(kept_name(stage, step)));
     let link = || -> std::io::Result<()> {
         // Beside, then renamed, in the place of one from before.
         let part = folder.join(PART);
@@ -219,11 +229,12 @@ pub fn keep(folder: &Path, step: u64) -> Result<(), Failure> {
     link().map_err(|e| Failure::other(format!("{}: cannot be kept: {e}", kept.display())))
 }
 
-/// The kept checkpoints of a folder, in the order of their steps.
-pub fn kept(folder: &Path) -> Vec<(u64, PathBuf)> {
+/// The kept checkpoints of a stage in a folder, in the order of their steps.
+pub fn kept(folder: &Path, stage: &str) -> Vec<(u64, PathBuf)> {
+    let prefix = kept_prefix(stage);
     let step = |path: &Path| -> Option<u64> {
         let name = path.file_name()?.to_str()?;
-        let step = name.strip_prefix("checkpoint-")?.strip_suffix(".h5")?;
+        let step = name.strip_prefix(&prefix)?.strip_suffix(".h5")?;
         step.parse().ok()
     };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();

@@ -1,11 +1,11 @@
 //! Records of a checkpoint and their fields, a dataset each.
 
 use super::Stretch;
-use gshear_dem::failure::Failure;
 use crate::collective::Outcome;
 use crate::h5::{H5File, Slab};
-use gshear_dem::state::{ContactForce, ContactState, GrainPlace, GrainState, Travel};
 use bytemuck::Pod;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactForce, ContactState, GrainPlace, GrainState, Travel};
 use hdf5::H5Type;
 use std::ops::Range;
 

@@ -7,9 +7,9 @@ use ndarray::{Ix1, Ix2, Ix3, s};
 
 use super::source::one_line;
 use super::{Fields, Run};
-use gshear_scene::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample};
+use gshear_scene::Dimensions;
 
 /// Contacts of some frames, as far as they were asked for.
 struct Columns {

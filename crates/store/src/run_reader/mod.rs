@@ -14,9 +14,9 @@ use hdf5::Dataset;
 pub use self::periodic::{PeriodicRun, scene_of_finished};
 use self::source::{FOREIGN, Source};
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_scene::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Disks, SERIES_COLUMNS};
+use gshear_scene::Dimensions;
 
 /// An attribute of `parameters`.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,16 +2,18 @@
 //!
 //! Frames are kept until there are intervals for every rank; then each rank is sent the frames of its share of them, in a row.
 
+use crate::files::shapes;
+use bytemuck::Zeroable;
 use gshear_analysis::frame_scalars::{
     FrameScalars, SCALAR_COLUMNS, Scratch, Stressed, frame_scalars,
 };
 use gshear_dem::dimension::Dimension;
+use gshear_dem::state::{
+    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPlace, GrainSample,
+};
+use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::{IdBlocks, gathered, records_of};
-use crate::record::shapes;
-use gshear_dem::state::{ContactForce, ContactSample, Disks, Frame, FramePart, GrainPlace, GrainSample};
-use gshear_dem::system::System;
-use bytemuck::Zeroable;
 
 /// Bytes of frames gathered before they are analysed, on each rank in the mean.
 const BATCH_BYTES: usize = 1 << 20;

@@ -1,16 +1,17 @@
 //! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
 
+use super::periodic::Snapshot;
 use super::spectrum::{Whole, newton_step};
-use super::{Held, PeriodicRun};
-use gshear_scene::Method;
-use gshear_dem::kernel::PairForce;
+use gshear_analysis::spectrum::Solver;
 use gshear_dem::dimension::Dimension;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
+use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{Cell, body};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
 use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::{Method, PeriodicScene, Relax};
 
 /// Factorisations of Newton's method, of which one or two are enough where the way is smooth.
 const MOST_FACTORISATIONS: u64 = 12;
@@ -23,7 +24,7 @@ const LOOK: u64 = 100;
 
 /// How an equilibrium was found.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Found {
+pub(crate) struct Equilibrium {
     /// Factorisations of K.
     pub factorisations: u64,
     /// Steps of overdamped dynamics.
@@ -35,23 +36,40 @@ pub(crate) struct Found {
 /// dr and dθ of a grain; zeros for what two dimensions lack.
 pub(super) type Move = [[f64; 3]; 2];
 
-impl PeriodicRun<'_> {
+/// Brings packings of a box to mechanical equilibrium.
+pub(super) struct Relaxation {
+    relax: Relax,
+    mean_diameter: f64,
+    /// Keeps the ordering of K's pattern from one factorisation to the next.
+    solver: Solver,
+}
+
+impl Relaxation {
+    pub fn new(scene: &PeriodicScene) -> Self {
+        Self {
+            relax: scene.relax,
+            mean_diameter: scene.sample.mean_diameter,
+            solver: Solver::default(),
+        }
+    }
+
     /// Brings the system, whose forces are those of its positions, to rest.
-    pub(super) fn relax<D: Dimension>(
-        &self,
+    pub fn relax<D: Dimension>(
+        &mut self,
+        exchange: &dyn Parallel,
         system: &mut System<D>,
         law: &dyn PairForce<D>,
-    ) -> Result<Found, Failure> {
-        let mut found = Found::default();
-        if self.scene.relax.method == Method::Newton {
-            let held = Held::of(system, law);
-            if self.newton(system, law, &mut found.factorisations)? {
+    ) -> Result<Equilibrium, Failure> {
+        let mut found = Equilibrium::default();
+        if self.relax.method == Method::Newton {
+            let before = Snapshot::of(system, law);
+            if self.newton(exchange, system, law, &mut found.factorisations)? {
                 return Ok(found);
             }
-            held.put_back(self.exchange, system, law)?;
+            before.put_back(exchange, system, law)?;
             found.fell_back = true;
         }
-        found.steps = self.overdamped(system, law)?;
+        found.steps = overdamped(&self.relax, exchange, system, law)?;
         Ok(found)
     }
 
@@ -59,17 +77,17 @@ impl PeriodicRun<'_> {
     /// anew only where the last factors do not serve any more. Returns whether it has come to rest, and no contact has opened and closed again
     /// on the way, which would have forgotten.
     fn newton<D: Dimension>(
-        &self,
+        &mut self,
+        exchange: &dyn Parallel,
         system: &mut System<D>,
         law: &dyn PairForce<D>,
         factorisations: &mut u64,
     ) -> Result<bool, Failure> {
-        let (exchange, tolerance) = (self.exchange, self.scene.relax.tolerance);
+        let tolerance = self.relax.tolerance;
         let before = Whole::gather(exchange, system, law);
-        let longest = LONGEST * self.scene.sample.mean_diameter;
+        let longest = LONGEST * self.mean_diameter;
         let mut opened = Vec::new();
         let mut left = residual(exchange, system, 0.0);
-        let mut solver = self.solver.borrow_mut();
         while left > tolerance {
             if *factorisations == MOST_FACTORISATIONS {
                 return Ok(false);
@@ -77,7 +95,7 @@ impl PeriodicRun<'_> {
             *factorisations += 1;
             let whole = Whole::gather(exchange, system, law);
             let tangent = whole.tangent(exchange, system, law);
-            let factors = tangent.as_ref().and_then(|t| t.factor(&mut solver));
+            let factors = tangent.as_ref().and_then(|t| t.factor(&mut self.solver));
             loop {
                 system.list.widen(2.5 * longest);
                 system.rebuild(exchange, law, &mut NoWalls)?;
@@ -110,41 +128,41 @@ impl PeriodicRun<'_> {
         let after = Whole::gather(exchange, system, law);
         Ok(!opened.into_iter().any(|pair| after.has(pair)))
     }
+}
 
-    /// BO's overdamped dynamics, until no force is greater than the tolerance. Returns its steps.
-    pub(super) fn overdamped<D: Dimension>(
-        &self,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
-    ) -> Result<u64, Failure> {
-        let (exchange, relax) = (self.exchange, &self.scene.relax);
-        let mut drive = Overdamped { drag: relax.drag };
-        system.rebuild(exchange, law, &mut drive)?;
-        initial_forces(exchange, system, law, &mut drive, None)?;
-        let mut steps = 0;
-        let mut left = residual(exchange, system, relax.drag);
-        while left > relax.tolerance {
-            if steps >= relax.max_steps {
-                return Err(Failure::numbers(format!(
-                    "not at rest after relax.max_steps = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
-                     relax.tolerance is {:.2e}",
-                    relax.tolerance
-                )));
-            }
-            for _ in 0..LOOK {
-                advance(exchange, system, law, &mut drive, StepRequest::default())?;
-            }
-            steps += LOOK;
-            left = residual(exchange, system, relax.drag);
-            if left.is_nan() {
-                return Err(Failure::numbers("a force is no number"));
-            }
+/// BO's overdamped dynamics, until no force is greater than the tolerance. Returns its steps.
+pub(super) fn overdamped<D: Dimension>(
+    relax: &Relax,
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+) -> Result<u64, Failure> {
+    let mut drive = Overdamped { drag: relax.drag };
+    system.rebuild(exchange, law, &mut drive)?;
+    initial_forces(exchange, system, law, &mut drive, None)?;
+    let mut steps = 0;
+    let mut left = residual(exchange, system, relax.drag);
+    while left > relax.tolerance {
+        if steps >= relax.max_steps {
+            return Err(Failure::numbers(format!(
+                "not at rest after relax.max_steps = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
+                 relax.tolerance is {:.2e}",
+                relax.tolerance
+            )));
         }
-        stop(system);
-        system.rebuild(exchange, law, &mut NoWalls)?;
-        initial_forces(exchange, system, law, &mut NoWalls, None)?;
-        Ok(steps)
+        for _ in 0..LOOK {
+            advance(exchange, system, law, &mut drive, StepRequest::default())?;
+        }
+        steps += LOOK;
+        left = residual(exchange, system, relax.drag);
+        if left.is_nan() {
+            return Err(Failure::numbers("a force is no number"));
+        }
     }
+    stop(system);
+    system.rebuild(exchange, law, &mut NoWalls)?;
+    initial_forces(exchange, system, law, &mut NoWalls, None)?;
+    Ok(steps)
 }
 
 /// The greatest |F|, and |T|/R, on a grain: of the contacts, and of the drag (1/time) that is among the forces. Collective.

@@ -5,15 +5,17 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Held, PeriodicRun};
-use gshear_scene::{PeriodicScene, Sizes};
-use gshear_dem::kernel::PairForce;
+use super::periodic::system;
+use super::relax::overdamped;
+use crate::run::{Run, State};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
-use gshear_scene::sample::radius;
+use gshear_dem::kernel::PairForce;
 use gshear_dem::state::GrainState;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_scene::sample::radius;
+use gshear_scene::{PeriodicScene, Sizes};
 
 /// Room of a lattice site, over the greatest diameter.
 const ROOM: f64 = 1.1;
@@ -23,54 +25,63 @@ const SHRINKING: f64 = 0.995;
 const SETTLING: u64 = 300;
 const DRAG: f64 = 0.02;
 
-impl PeriodicRun<'_> {
-    /// The packing at rest, without friction.
-    pub(super) fn prepare<D: Dimension>(&self, law: &dyn PairForce<D>) -> Result<Held, Failure> {
-        let (exchange, scene) = (self.exchange, self.scene);
-        let target = scene.sample.length;
-        let (mut length, mut grains) = insert(scene, exchange.rank(), exchange.size());
-        length = length.max(target);
-        loop {
-            let mut system = self.system::<D>(scene.cell(length))?;
-            system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
-            let mut drive = Overdamped {
-                drag: DRAG / system.step,
-            };
-            let in_stage = |e| in_preparation(e, length);
-            initial_forces(exchange, &mut system, law, &mut drive, None).map_err(in_stage)?;
-            // At the end until the waves of the last steps have died down, which a weak drag of the scene might not keep within the law.
-            let settling = if length == target {
-                10 * SETTLING
-            } else {
-                SETTLING
-            };
-            for _ in 0..settling {
-                advance(exchange, &mut system, law, &mut drive, StepRequest::default())
-                    .map_err(in_stage)?;
-            }
-            if length == target {
-                let steps = self.overdamped(&mut system, law).map_err(in_stage)?;
-                self.terminal.prepared(steps);
-                return Ok(Held::of(&mut system, law));
-            }
-            grains = system.grain_states();
-            let next = (SHRINKING * length).max(target);
-            let part = next / length;
-            for g in &mut grains {
-                for x in &mut g.position {
-                    *x *= part;
-                }
-                // Rounded up to the new period.
-                for x in g.position[..D::AXES]
-                    .iter_mut()
-                    .filter(|x| **x >= next)
-                {
-                    *x = 0.0;
-                }
-                (g.velocity, g.angular_velocity) = ([0.0; 3], [0.0; 3]);
-            }
-            length = next;
+/// The packing at rest, without friction.
+pub(super) fn prepare<D: Dimension>(
+    run: &Run<'_>,
+    scene: &PeriodicScene,
+    law: &dyn PairForce<D>,
+) -> Result<State, Failure> {
+    let exchange = run.exchange;
+    let target = scene.sample.length;
+    let (mut length, mut grains) = insert(scene, exchange.rank(), exchange.size());
+    length = length.max(target);
+    loop {
+        let mut system = system::<D>(run, scene, scene.cell(length))?;
+        system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
+        let mut drive = Overdamped {
+            drag: DRAG / system.step,
+        };
+        let in_stage = |e| in_preparation(e, length);
+        initial_forces(exchange, &mut system, law, &mut drive, None).map_err(in_stage)?;
+        // At the end until the waves of the last steps have died down, which a weak drag of the scene might not keep within the law.
+        let settling = if length == target {
+            10 * SETTLING
+        } else {
+            SETTLING
+        };
+        for _ in 0..settling {
+            advance(
+                exchange,
+                &mut system,
+                law,
+                &mut drive,
+                StepRequest::default(),
+            )
+            .map_err(in_stage)?;
         }
+        if length == target {
+            let steps = overdamped(&scene.relax, exchange, &mut system, law).map_err(in_stage)?;
+            run.terminal.prepared(steps);
+            return Ok(State {
+                grains: system.grain_states(),
+                contacts: system.contact_states(law),
+                ..State::default()
+            });
+        }
+        grains = system.grain_states();
+        let next = (SHRINKING * length).max(target);
+        let part = next / length;
+        for g in &mut grains {
+            for x in &mut g.position {
+                *x *= part;
+            }
+            // Rounded up to the new period.
+            for x in g.position[..D::AXES].iter_mut().filter(|x| **x >= next) {
+                *x = 0.0;
+            }
+            (g.velocity, g.angular_velocity) = ([0.0; 3], [0.0; 3]);
+        }
+        length = next;
     }
 }
 
@@ -142,9 +153,9 @@ fn large(scene: &PeriodicScene) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gshear_scene::{Dimensions, Source, Study, study};
     use gshear_dem::dimension::{Three, Two};
     use gshear_dem::state::length;
+    use gshear_scene::{Dimensions, Source, Study, study};
 
     fn scene(name: &str, sets: &[&str]) -> PeriodicScene {
         let path = format!("{}/../../configs/{name}", env!("CARGO_MANIFEST_DIR"));

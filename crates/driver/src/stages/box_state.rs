@@ -2,16 +2,16 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use gshear_dem::kernel::PairForce;
 use gshear_dem::dimension::Dimension;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::drive::NoWalls;
-use gshear_store::collective::gathered;
 use gshear_dem::kernel::ContactForces;
+use gshear_dem::kernel::PairForce;
 use gshear_dem::simd::Row;
 use gshear_dem::state::length;
 use gshear_dem::step::forces;
 use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_store::collective::gathered;
 
 /// Sums over the contacts of a packing.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -104,8 +104,7 @@ fn shares<D: Dimension>(
     );
     let own = contacts.touching().filter(|at| at.i < grains.owned);
     own.map(|at| {
-        let r = cell
-            .separation::<D>(grains.fields(at.i), grains.fields(at.j));
+        let r = cell.separation::<D>(grains.fields(at.i), grains.fields(at.j));
         let per_length = 1.0 / length(r);
         let normal = samples.normal[at.block].0[at.lane];
         let tangential = samples.tangential[at.block].map(|row| row.0[at.lane]);

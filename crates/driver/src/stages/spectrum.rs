@@ -4,17 +4,17 @@ use bytemuck::allocation::pod_collect_to_vec;
 use bytemuck::cast_slice;
 use faer::c64;
 
-use super::Pair;
-use super::equilibrium::Move;
+use super::relax::Move;
+use crate::header::Pair;
 use gshear_analysis::jacobian::{self, History, Jacobian};
 use gshear_analysis::spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
-use gshear_dem::kernel::PairForce;
 use gshear_dem::dimension::Dimension;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::failure::Failure;
-use gshear_store::collective::{agree, gathered};
+use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_store::collective::{agree, gathered};
 
 /// All grains by id, and all touching contacts by (i, j).
 pub(super) struct Whole {
