@@ -20,7 +20,7 @@ export MPIRUN
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
-	@echo "make test      format, lints and every test, those through mpirun among them"
+	@echo "make test      format, lints, every test of every crate, those through mpirun among them, and rustdoc"
 	@echo "make docs      write the table of keys in docs/config.md and docs/scene.schema.json"
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
 	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
@@ -48,8 +48,9 @@ run: build
 # All in the release profile: the tests run real programs, and one profile builds the dependencies once.
 test: deps
 	cargo fmt --check
-	cargo clippy --release --locked --all-targets -- -D warnings
-	cargo test --release --locked
+	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+	cargo test --release --locked --workspace
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
 
 # From the declarations of the keys; a test says when it is due.
 docs:
@@ -59,10 +60,10 @@ scaling: build
 	@scripts/scaling
 
 bench: deps
-	cargo bench --locked
+	cargo bench --locked --bench speed
 
 accuracy: deps
-	cargo run --release --locked --example accuracy
+	cargo bench --locked --bench accuracy -- measure
 
 stress: deps
 	cargo test --release --locked --test stress -- --ignored --exact --nocapture all_into_the_table

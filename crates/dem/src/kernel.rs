@@ -12,7 +12,7 @@ use std::ops::Range;
 
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
-use crate::contact::{CARRY, ContactLaw, Motion, Response, loss, store_vector, vector};
+use crate::contact::{CARRY, ContactLaw, Motion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{LANES, Lanes, Level, Mask, Row, Work, ask_for, inverse_sqrt};
 use crate::state::{Cell, Part, Units};
@@ -96,11 +96,11 @@ pub struct Pass<'a, D: Dimension> {
     pub step: f64,
     /// Filled where given.
     pub samples: Option<Samples<'a>>,
-    /// Where given, a ledger of energy is kept.
+    /// `Some` with an energy budget.
     pub counting: Option<Counting>,
 }
 
-/// How the ledger counts what the contacts lose.
+/// How the energy budget counts what the contacts dissipate.
 #[derive(Debug, Clone, Copy)]
 pub struct Counting {
     /// In whole multiples of this (J/m).
@@ -116,8 +116,8 @@ pub struct Found {
     pub outside: Option<(usize, usize)>,
     /// A pair whose force is too great to be rounded to the unit.
     pub too_strong: Option<(usize, usize)>,
-    /// Energies that the contacts lost of which this rank owns i, in [`Counting::unit`]s.
-    pub lost: [i128; loss::KINDS],
+    /// Energies dissipated by the contacts whose grain i this rank owns, in [`Counting::unit`]s.
+    pub dissipated: [i128; dissipation::KINDS],
     /// An energy was too great to be counted.
     pub uncounted: bool,
 }
@@ -127,7 +127,7 @@ impl Found {
         self.outside = self.outside.or(other.outside);
         self.too_strong = self.too_strong.or(other.too_strong);
         self.uncounted |= other.uncounted;
-        for (sum, more) in self.lost.iter_mut().zip(other.lost) {
+        for (sum, more) in self.dissipated.iter_mut().zip(other.dissipated) {
             *sum += more;
         }
         self
@@ -164,7 +164,7 @@ impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
 }
 
 /// One pass; blocks are counted from the first of the part.
-struct Blocks<'a, C: ContactLaw, const LEDGER: bool> {
+struct Blocks<'a, C: ContactLaw, const BUDGET: bool> {
     law: &'a C,
     pass: Pass<'a, C::Space>,
     scratch: &'a mut Scratch<C::Space>,
@@ -189,7 +189,8 @@ pub struct Scratch<D: Dimension> {
     direction: [[Row; 3]; CHUNK],
     carry: [[Row; CARRY]; CHUNK],
     response: [Response; CHUNK],
-    /// Block, lane and factor of the damping of pairs that have just come to touch, where a ledger is kept.
+    /// Block, lane and factor of the damping of pairs that have just come to touch, with an energy
+    /// budget.
     touched: Vec<(usize, usize, f64)>,
 }
 
@@ -207,7 +208,7 @@ impl<D: Dimension> Default for Scratch<D> {
     }
 }
 
-impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
+impl<C: ContactLaw, const BUDGET: bool> Work for Blocks<'_, C, BUDGET> {
     type Output = Found;
 
     /// Phases of short chains of operations each, so that the processor has several blocks under way.
@@ -232,15 +233,15 @@ impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
                 }
             }
             differ::<C, L>(token, pass, chunk.clone(), scratch);
-            let active = move_pairs::<C, L, LEDGER>(token, pass, chunk.clone(), scratch);
+            let active = move_pairs::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);
             // Behind it nothing touches or touched a step ago: what such pairs remember is nothing already.
             let chunk = first..first + active;
             if chunk.is_empty() {
                 continue;
             }
-            let outside = evaluate::<C, L, LEDGER>(token, law, pass, chunk.clone(), scratch);
+            let outside = evaluate::<C, L, BUDGET>(token, law, pass, chunk.clone(), scratch);
             found.outside = found.outside.or(outside);
-            if LEDGER {
+            if BUDGET {
                 account::<C, L>(token, pass, chunk.clone(), scratch, &mut found);
             }
             let too_strong = add::<C, L>(token, pass, chunk, scratch);
@@ -274,7 +275,7 @@ fn differ<C: ContactLaw, L: Lanes>(
 /// How the pairs move; in three dimensions the tangential part of their histories is turned with n. Returns the number of blocks up to
 /// the last in which a pair touches or touched a step ago.
 #[inline(always)]
-fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     token: L::Token,
     pass: &mut Pass<'_, C::Space>,
     chunk: Range<usize>,
@@ -288,7 +289,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
     let step = c(pass.step);
     let [slip_shift, turn_shift] = [pass.units.slip, Units::TURN].map(|u| c(Units::shift(u)));
     let contacts = &mut pass.part;
-    if LEDGER {
+    if BUDGET {
         scratch.touched.clear();
     }
     let blocks = contacts.geometry[chunk.clone()]
@@ -336,7 +337,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
         let v_n = C::Space::dot(&v, &n);
         v_n.store(&mut motion.normal_velocity);
         let half_normal = C::Space::dot(&half_v, &n);
-        if LEDGER {
+        if BUDGET {
             (half_normal * step).store(&mut motion.normal_increment);
         }
         if C::FRICTION {
@@ -398,7 +399,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
             let nearer = nearer.to_row();
             for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
                 let factor = first_touch(motion, lane, nearer.0[lane]);
-                if LEDGER {
+                if BUDGET {
                     scratch.touched.push((k, lane, factor));
                 }
             }
@@ -438,7 +439,7 @@ fn turn_with_normal<L: Lanes>(
 
 /// The law. Returns a pair whose overlap is outside it, if there is one.
 #[inline(always)]
-fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     token: L::Token,
     law: &C,
     pass: &mut Pass<'_, C::Space>,
@@ -447,7 +448,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
 ) -> Option<(usize, usize)> {
     let contacts = &mut pass.part;
     let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
-    law.evaluate::<L, LEDGER>(
+    law.evaluate::<L, BUDGET>(
         token,
         &mut crate::contact::Blocks {
             parameters: &contacts.parameters[rows(C::PARAMETERS)],
@@ -471,7 +472,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
 /// Energies below this many units are counted sixteen at a time.
 const MOST_UNITS: f64 = (1u64 << 50) as f64;
 
-/// What the contacts lost.
+/// Counts the energies that the contacts dissipated.
 #[inline(always)]
 fn account<C: ContactLaw, L: Lanes>(
     token: L::Token,
@@ -482,7 +483,7 @@ fn account<C: ContactLaw, L: Lanes>(
 ) {
     for &(k, lane, factor) in &scratch.touched {
         // Both the damping force and the velocity were scaled, and only the force is to be.
-        scratch.response[k].lost[loss::DAMPING].0[lane] /= factor;
+        scratch.response[k].dissipated[dissipation::DAMPING].0[lane] /= factor;
     }
     let load = |row: &Row| L::load(token, row);
     let c = |v| L::splat(token, v);
@@ -490,21 +491,21 @@ fn account<C: ContactLaw, L: Lanes>(
     let (unit, step) = pass.counting.map_or((1.0, 0.0), |c| (c.unit, c.step));
     let mine = chunk.end.min(part.mine.saturating_sub(part.first));
     let blocks = chunk.start..mine.max(chunk.start);
-    for kind in 0..loss::KINDS {
+    for kind in 0..dissipation::KINDS {
         let mut sums = L::no_counts(token);
         let per_unit = match kind {
-            loss::DAMPING => c(step / unit),
+            dissipation::DAMPING => c(step / unit),
             _ => c(1.0 / unit),
         };
         for response in &scratch.response[..blocks.len()] {
-            let units = load(&response.lost[kind]) * per_unit;
+            let units = load(&response.dissipated[kind]) * per_unit;
             let few = c(MOST_UNITS).greater(units.abs());
             if few.bits() != u16::MAX {
                 count_many(&units.to_row(), few.bits(), found, kind);
             }
             sums = units.select(few, c(0.0)).count(sums);
         }
-        found.lost[kind] += L::total(sums);
+        found.dissipated[kind] += L::total(sums);
     }
 }
 
@@ -514,7 +515,7 @@ fn count_many(units: &Row, few: u16, found: &mut Found, kind: usize) {
     for lane in (0..LANES).filter(|lane| few >> lane & 1 == 0) {
         let units = units.0[lane].round_ties_even();
         if units.abs() < 2f64.powi(100) {
-            found.lost[kind] += units as i128;
+            found.dissipated[kind] += units as i128;
         } else {
             found.uncounted = true;
         }

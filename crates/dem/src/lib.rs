@@ -2,6 +2,7 @@
 
 pub mod budget;
 pub mod clock;
+pub mod columns;
 pub mod contact;
 pub mod dimension;
 pub mod domain;

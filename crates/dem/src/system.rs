@@ -1,6 +1,6 @@
 //! All that a rank holds between two steps, and the upkeep of its lists.
 
-use crate::budget::Ledger;
+use crate::budget::EnergyBudget;
 use crate::clock::Clock;
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
@@ -44,7 +44,7 @@ pub struct System<D: Dimension> {
     pub clock: Clock,
     pub team: Team<D>,
     /// Kept where it is asked for.
-    pub ledger: Option<Ledger>,
+    pub budget: Option<EnergyBudget>,
 }
 
 /// How long the list of pairs stays complete.
@@ -241,7 +241,7 @@ impl<D: Dimension> System<D> {
             kick_is_due: false,
             clock: Clock::default(),
             team: Team::new(of.threads)?,
-            ledger: None,
+            budget: None,
         })
     }
 
@@ -309,6 +309,9 @@ impl<D: Dimension> System<D> {
     }
 
     /// Migrates, re-sorts, and lists the pairs anew.
+    ///
+    /// # Errors
+    /// Too many ranks: a slab must be wider than the cutoff.
     pub fn rebuild(
         &mut self,
         exchange: &dyn Exchange,
@@ -322,6 +325,9 @@ impl<D: Dimension> System<D> {
 
     /// Takes these grains and contacts, wherever they belong, as the whole state. Every contact must be with the ranks that
     /// have its grains.
+    ///
+    /// # Errors
+    /// Too many ranks: a slab must be wider than the cutoff.
     pub fn replace(
         &mut self,
         exchange: &dyn Exchange,
@@ -413,21 +419,20 @@ impl<D: Dimension> System<D> {
             Some(Outside::Number) => {
                 let bad = (0..self.grains.owned)
                     .find(|&g| !self.grains.fields(g).iter().all(|x| x.is_finite()));
-                match bad {
-                    Some(g) => format!(
+                if let Some(g) = bad {
+                    format!(
                         "the position or velocity of grain {} at {} is no number",
                         self.grains.id[g],
                         place(g)
-                    ),
-                    None => {
-                        let g = self.list.furthest(&self.grains, &self.cell);
-                        format!(
-                            "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
-                            self.grains.id[g],
-                            place(g),
-                            0.5 * self.list.skin
-                        )
-                    }
+                    )
+                } else {
+                    let g = self.list.furthest(&self.grains, &self.cell);
+                    format!(
+                        "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
+                        self.grains.id[g],
+                        place(g),
+                        0.5 * self.list.skin
+                    )
                 }
             }
         };

@@ -1,4 +1,4 @@
-//! `correlate`: the measures of every phase, and how they go with the change of τ, as tables.
+//! `correlate`: tables of statistics of every phase and their correlation with the change of τ.
 
 use std::path::{Path, PathBuf};
 
@@ -12,9 +12,11 @@ use gshear_store::run_reader::Run;
 use gshear_store::table::Table;
 use gshear_store::text_writer;
 
-/// Writes `measures.csv` and `correlations.csv` into `folder`, of what happens from γ = `onset` on. Returns the files.
+/// Writes `measures.csv` and `correlations.csv` of the phases from γ = `onset` on into `folder`.
+/// Returns the paths.
 ///
-/// Errors: a run that will not do, a file that cannot be written.
+/// # Errors
+/// An unfit or damaged run, a file that cannot be written.
 pub fn write(
     run: &Run,
     folder: &Path,
@@ -35,7 +37,7 @@ pub fn write(
     Ok(paths)
 }
 
-/// A line a phase.
+/// Returns one line per phase.
 fn measures(regime: &Regime) -> String {
     const QUANTITIES: [Quantity; 7] = [
         Quantity::DminMax,
@@ -55,14 +57,13 @@ fn measures(regime: &Regime) -> String {
         })
         .column("t_p", |(_, measured)| measured.phase.duration())
         .column("delta_tau_p", |(_, measured)| measured.phase.change)
-        .columns(
-            QUANTITIES.map(|quantity| quantity.name()),
-            |(_, measured)| QUANTITIES.map(|quantity| quantity.of(measured)),
-        )
+        .columns(QUANTITIES.map(Quantity::name), |(_, measured)| {
+            QUANTITIES.map(|quantity| quantity.of(measured))
+        })
         .csv()
 }
 
-/// A line a range of every correlation, insignificant ones too.
+/// Returns one line per range of every correlation, insignificant ones included.
 fn correlations(regime: &Regime, unit: f64) -> String {
     let mut rows: Vec<([&str; 4], Range, Correlation)> = Vec::new();
     let mut add = |head: [&'static str; 4], found: Vec<(Range, Correlation)>| {

@@ -1,4 +1,4 @@
-//! `phases`: the table of stick and slip phases.
+//! `phases`: writes the table of stick and slip phases.
 
 use std::io::Write;
 use std::path::Path;
@@ -12,7 +12,8 @@ use gshear_store::text_writer;
 
 /// Writes `phases.csv` into `folder` and a summary to `output`.
 ///
-/// Errors: a folder or file that cannot be written.
+/// # Errors
+/// A folder or file that cannot be written.
 pub fn write(run: &Run, folder: &Path, output: &mut impl Write) -> Result<(), Failure> {
     let series = run.series();
     let found = phases::find(series.column("strain"), series.column("stress_ratio"));
@@ -22,7 +23,7 @@ pub fn write(run: &Run, folder: &Path, output: &mut impl Write) -> Result<(), Fa
     writeln!(output, "wrote {}", path.display()).map_err(lost)
 }
 
-/// A line a phase.
+/// Returns one line per phase.
 fn table(found: &[Phase], step: &[u64]) -> String {
     Table::of(found.iter().enumerate())
         .column("phase", |(k, _)| *k)

@@ -1,17 +1,18 @@
-//! `regions`: the scalars of every frame, GR regions among them, as a table.
+//! `regions`: writes the table of the scalars of every frame, such as the number of GR regions.
 
 use std::path::{Path, PathBuf};
 
 use super::scalars::FrameSeries;
-use gshear_analysis::frame_scalars::SCALAR_COLUMNS;
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::Run;
 use gshear_store::table::Table;
 use gshear_store::text_writer;
 
-/// Writes `regions.csv` into `folder`: a line a frame. Returns the file.
+/// Writes `regions.csv` into `folder`, one line per frame. Returns its path.
 ///
-/// Errors: a run that will not do, a file that cannot be written.
+/// # Errors
+/// An unfit or damaged run, a file that cannot be written.
 pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
     let path = folder.join("regions.csv");
     text_writer::write(&path, &table(&FrameSeries::of(run)?))?;
@@ -24,6 +25,6 @@ fn table(series: &FrameSeries) -> String {
         .column("step", |k| series.step[*k])
         .column("strain", |k| series.strain[*k])
         .column("stress_ratio", |k| series.tau[*k])
-        .columns(SCALAR_COLUMNS, |k| series.scalars[*k].columns())
+        .columns(FrameScalars::COLUMNS, |k| series.scalars[*k].columns())
         .csv()
 }

@@ -1,4 +1,4 @@
-//! `replay`: a stretch of a run computed again, with frames, from the checkpoint before it.
+//! `replay`: computes a part of a run again, with frames, from the checkpoint before it.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -6,37 +6,41 @@ use std::path::{Path, PathBuf};
 use super::commands::lost;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{SERIES_COLUMNS, Snapshot};
+use gshear_dem::state::{SeriesRow, Snapshot};
 use gshear_driver::files::RUN_FILE;
 use gshear_driver::header::Header;
 use gshear_driver::launch::{Start, Task};
 use gshear_driver::run::{Options, Outcome};
 use gshear_scene::schedule::Window;
 use gshear_store::checkpoint;
-use gshear_store::columns::{NEWTONIAN_COLUMNS, NEWTONIAN_FILE};
+use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
 use gshear_store::run_reader::{PeriodicRun, Run};
 
-/// What is to be computed again.
+/// The part of a run to replay.
 #[derive(Debug, Clone, Copy)]
 pub struct Wanted {
-    /// γ at its two ends.
+    /// γ at both ends.
     pub strain: [f64; 2],
-    /// Steps between frames; `None`: as between rows of the time series.
+    /// Steps between frames; `None`: one frame per row of the time series.
     pub every: Option<u64>,
-    /// Threads that compute it; the numbers do not depend on them.
+    /// Number of threads; the results do not depend on it.
     pub threads: usize,
 }
 
-/// What was computed again: a run of that stretch, and how far its time series was compared.
+/// Result of a replay.
 pub struct Replayed {
+    /// The replayed part.
     pub run: Run,
-    /// Step of the checkpoint that it began with.
+    /// Step of the checkpoint that the replay started from.
     pub from: u64,
-    /// Rows of the time series, all of them equal to the last bit.
+    /// Number of rows of the time series compared, all equal to the last bit.
     pub rows: usize,
 }
 
-/// γ of both ends, from `A..B`.
+/// Parses `A..B`, γ at both ends.
+///
+/// # Errors
+/// A message if the text is not a range of finite strains with 0 ≤ A < B.
 pub fn strains(text: &str) -> Result<[f64; 2], String> {
     let wrong = || format!("{text:?} is no stretch of strain; write it as 0.1005..0.1006");
     let (from, to) = text.split_once("..").ok_or_else(wrong)?;
@@ -48,14 +52,15 @@ pub fn strains(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Whether the run kept its checkpoints.
+/// Returns whether the run kept checkpoints.
 pub fn can(run: &Run) -> bool {
     !checkpoint::kept(run.folder(), "shear").is_empty()
 }
 
-/// Computes the stretch again and says what was found.
+/// Replays a part of a run and prints a summary.
 ///
-/// Errors: as of [`window`].
+/// # Errors
+/// As [`window`].
 pub fn write(
     run: &Run,
     wanted: Wanted,
@@ -80,9 +85,11 @@ pub fn write(
     .map_err(lost)
 }
 
-/// Computes the stretch between the first and the last row of the time series in it again, into `out`/run.h5.
+/// Replays the run from the first to the last row of the time series in the range, into `out`/run.h5.
 ///
-/// Errors: a stretch without rows or without a checkpoint before it; `Failure::Numbers` where the time series is another one.
+/// # Errors
+/// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
+/// [`Failure::Numbers`] if the time series differs from the stored one.
 pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure> {
     let window = steps(run, wanted)?;
     if same_folder(out, run.folder()) {
@@ -106,7 +113,7 @@ pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure
     })
 }
 
-/// Steps of the first and the last row of the time series in the stretch.
+/// Returns the steps of the first and the last row of the time series in the range.
 fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
     let (series, [from, to]) = (run.series(), wanted.strain);
     let strain = series.column("strain");
@@ -130,8 +137,8 @@ fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
     })
 }
 
-/// Computes a window of a stage again, into the folder `out`, by so many threads. Returns the step of
-/// the checkpoint with which it began.
+/// Replays a window of a stage into the folder `out`. Returns the step of the checkpoint that the
+/// replay started from.
 fn again(
     folder: &Path,
     stage: &str,
@@ -158,7 +165,7 @@ fn again(
     }
 }
 
-/// The last checkpoint of a stage before this step, or at it if it is the first of all: its file,
+/// Reads the last checkpoint of a stage before `step`, or at `step` if that is 0. Returns its path,
 /// scene and state.
 fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Snapshot), Failure> {
     let mut candidates = checkpoint::kept(folder, stage);
@@ -172,7 +179,7 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Sna
             candidates.push((header.step(), path));
         }
     }
-    // The forces of a frame are those of its step, which has to be done again.
+    // The forces of a frame are computed in its step, so the checkpoint must be before it.
     let fits = |(at, _): &&(u64, PathBuf)| *at < step || *at == 0;
     let best = candidates.iter().filter(fits).max_by_key(|(at, _)| *at);
     let Some((_, path)) = best else {
@@ -185,12 +192,12 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Sna
     Ok((path.clone(), toml, snapshot))
 }
 
-/// Computes a stretch of Newton's equations in a box again, into `newtonian.h5` of the folder `out`,
-/// and says what was found. `time`: its two ends (s), as of the rows of `newtonian.h5`.
+/// Replays a part of Newton's equations in a box into `newtonian.h5` of the folder `out` and prints a
+/// summary. `time`: both ends (s), as in the rows of `newtonian.h5`.
 ///
 /// # Errors
-/// A stretch without rows or without a checkpoint before it; [`Failure::Numbers`] if the time series
-/// differs from the stored one.
+/// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
+/// [`Failure::Numbers`] if the time series differs from the stored one.
 pub fn newtonian(
     run: &Path,
     time: [f64; 2],
@@ -211,7 +218,7 @@ pub fn newtonian(
         )));
     }
     let path = folder.join(NEWTONIAN_FILE);
-    let stored = PeriodicRun::open(&path, &NEWTONIAN_COLUMNS)?;
+    let stored = PeriodicRun::open(&path, &NewtonianRow::COLUMNS)?;
     let within = |row: &usize| stored.time[*row] >= time[0] && stored.time[*row] <= time[1];
     let mut rows = (0..stored.time.len()).filter(within);
     let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
@@ -231,17 +238,17 @@ pub fn newtonian(
     };
     let set = ["output.keep_checkpoints=false", "newtonian.spectra=0"];
     let from = again(folder, "newtonian", window, &set, (threads, out))?;
-    let computed = PeriodicRun::open(&out.join(NEWTONIAN_FILE), &NEWTONIAN_COLUMNS)?;
+    let computed = PeriodicRun::open(&out.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)?;
     let mut same = 0;
     for (k, step) in computed.step.iter().enumerate() {
         let Ok(row) = stored.step.binary_search(step) else {
             continue;
         };
-        for name in NEWTONIAN_COLUMNS {
+        for name in NewtonianRow::COLUMNS.map(|column| column.name) {
             let (had, has) = (stored.column(name)[row], computed.column(name)[k]);
             if had.to_bits() != has.to_bits() {
                 return Err(Failure::numbers(format!(
-                    "replay: at step {step}, {name} is {has:?} and was {had:?} in {}; another program or other values made that run",
+                    "replay: at step {step}, {name} is {has:?} and was {had:?} in {}; the run was made by another version or with other values",
                     path.display()
                 )));
             }
@@ -261,7 +268,7 @@ pub fn newtonian(
     .map_err(lost)
 }
 
-/// The number of rows that both have, all of them equal. Errors: none, or any that differs.
+/// Returns the number of rows that both runs have. Fails if there are none or any differs.
 fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
     let (one, other) = (run.series(), again.series());
     let (mut rows, mut different, mut first) = (0, 0, None);
@@ -271,11 +278,11 @@ fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
         };
         rows += 1;
         let differs = |c: &usize| one.columns[*c][row].to_bits() != other.columns[*c][k].to_bits();
-        if let Some(c) = (0..SERIES_COLUMNS.len()).find(differs) {
+        if let Some(c) = (0..SeriesRow::COLUMNS.len()).find(differs) {
             different += 1;
             first.get_or_insert((
                 *step,
-                SERIES_COLUMNS[c],
+                SeriesRow::COLUMNS[c],
                 one.columns[c][row],
                 other.columns[c][k],
             ));
@@ -283,8 +290,8 @@ fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
     }
     if let Some((step, column, had, has)) = first {
         return Err(Failure::numbers(format!(
-            "replay: {different} of {rows} rows of the time series are not those of {}: first at step {step}, {column} is {has:?} \
-             and was {had:?}; another program or other values made that run ({} is left as it came out)",
+            "replay: {different} of {rows} rows of the time series differ from {}: first at step {step}, {column} is {has:?} \
+             and was {had:?}; the run was made by another version or with other values ({} is kept)",
             run.path().display(),
             again.path().display()
         )));

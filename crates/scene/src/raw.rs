@@ -540,8 +540,9 @@ table! {
         series_strain: Number { range: NOT_NEGATIVE, default: Some(1e-5) },
         /// Δγ between checkpoints; 0 is only at the end
         checkpoint_strain: Number { range: NOT_NEGATIVE, default: Some(0.02) },
-        /// keep every checkpoint of the shear (in a box: of the strain steps and Newton's equations)
-        /// as `checkpoint-<step>.h5`, from step 0 on, for `gshear-reduce replay`
+        /// keep every checkpoint of the shear as `checkpoint-<step>.h5`, from step 0 on, for
+        /// `gshear-reduce replay`; of a box as `checkpoint-aqs-<step>.h5` and
+        /// `checkpoint-newtonian-<step>.h5`
         keep_checkpoints: Flag { default: Some(false) },
         /// with a protocol: frames in each part; 0 is none
         frame_rows: Whole { range: FROM_ZERO, default: Some(0) },

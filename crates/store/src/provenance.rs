@@ -1,4 +1,4 @@
-//! Where a run came from: which program, on what, when.
+//! Provenance of a run: program, processor, time.
 
 use std::sync::OnceLock;
 use std::time::SystemTime;
@@ -15,12 +15,12 @@ pub fn set_git_commit(commit: &'static str) {
     COMMIT.get_or_init(|| commit);
 }
 
-/// The commit of [`set_git_commit`]; `unknown` without one.
+/// Returns the commit of [`set_git_commit`], or `unknown`.
 pub fn git_commit() -> &'static str {
     COMMIT.get().copied().unwrap_or("unknown")
 }
 
-/// Program, version and commit, as printed.
+/// Returns program, version and commit in one line, as printed.
 pub fn printed() -> String {
     let commit = git_commit();
     let commit = commit
@@ -30,7 +30,7 @@ pub fn printed() -> String {
     format!("gshear-mpi {VERSION} ({short}{})", commit.1)
 }
 
-/// Model name of this machine's processor, else `unknown`.
+/// Returns the model name of this machine's processor, or `unknown`.
 pub fn processor() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = text
@@ -39,7 +39,7 @@ pub fn processor() -> String {
     name.map_or("unknown", |(_, name)| name.trim()).to_string()
 }
 
-/// Now, in UTC, as `2026-11-21T09:19:05Z`.
+/// Returns the time now in UTC, as `2026-11-21T09:19:05Z`.
 pub fn now() -> String {
     humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
 }

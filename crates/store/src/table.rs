@@ -1,4 +1,4 @@
-//! Tables as CSV (RFC 4180): a line of column names, then a line a row.
+//! Tables as CSV (RFC 4180): a line of column names, then one line per row.
 
 use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
@@ -10,8 +10,9 @@ use serde::de::DeserializeOwned;
 
 use gshear_dem::failure::Failure;
 
-/// What a cell can hold. Numbers are in the shortest form that reads back to the same bits.
+/// A value that a cell can hold. Numbers have the shortest form that reads back to the same bits.
 pub trait Cell {
+    /// Returns the text of the cell, without quotes.
     fn text(&self) -> Cow<'_, str>;
 }
 
@@ -58,7 +59,7 @@ impl<C: Cell> Cell for Option<C> {
     }
 }
 
-/// A table that is made at once: rows, and the columns with what each says of a row.
+/// A table written as a whole: rows, and the columns as functions of a row.
 pub struct Table<'a, I: IntoIterator> {
     rows: I,
     names: StringRecord,
@@ -70,7 +71,7 @@ pub struct Table<'a, I: IntoIterator> {
 type Values<'a, R> = Box<dyn Fn(&R, &mut StringRecord) + 'a>;
 
 impl<'a, I: IntoIterator> Table<'a, I> {
-    /// A table without columns.
+    /// Creates a table without columns.
     pub fn of(rows: I) -> Self {
         Self {
             rows,
@@ -85,7 +86,7 @@ impl<'a, I: IntoIterator> Table<'a, I> {
         self.columns([name], move |row| [value(row)])
     }
 
-    /// Adds columns whose values come together, as many as there are names.
+    /// Adds several columns. `values` must return one value per name.
     pub fn columns<V: IntoIterator<Item: Cell>>(
         mut self,
         names: impl IntoIterator<Item: AsRef<str>>,
@@ -100,12 +101,16 @@ impl<'a, I: IntoIterator> Table<'a, I> {
         self
     }
 
-    /// Quotes every cell, not only where a comma, a quote or a line break makes it necessary.
+    /// Quotes every cell, not only those with a comma, a quote or a line break.
     pub fn quoted(mut self) -> Self {
         self.quotes = QuoteStyle::Always;
         self
     }
 
+    /// Returns the table as CSV.
+    ///
+    /// # Panics
+    /// If the number of values in a row differs from the number of names.
     pub fn csv(self) -> String {
         let columns = self.names.len();
         let mut writer = WriterBuilder::new()
@@ -126,7 +131,7 @@ impl<'a, I: IntoIterator> Table<'a, I> {
 
 const IN_MEMORY: &str = "a vector takes every record";
 
-/// A record with its line break.
+/// Formats a record with its line break.
 fn line(record: &StringRecord) -> Vec<u8> {
     let mut writer = Writer::from_writer(Vec::new());
     writer.write_record(record).expect(IN_MEMORY);
@@ -140,9 +145,10 @@ pub struct TableFile {
 }
 
 impl TableFile {
-    /// Creates a table without rows, replacing any file of the name.
+    /// Creates a table without rows, replacing an existing file.
     ///
-    /// Errors: `Failure::Other` if the file cannot be written.
+    /// # Errors
+    /// [`Failure::Other`] if the file cannot be written.
     pub fn create(path: &Path, names: &[&str]) -> Result<Self, Failure> {
         let file = File::create(path).map_err(|e| unwritten(path, e))?;
         let mut table = Self {
@@ -153,13 +159,14 @@ impl TableFile {
         Ok(table)
     }
 
-    /// Opens a table to continue it after its first `rows` rows; what follows them is cut off.
+    /// Opens a table to continue after its first `rows` rows; later rows are removed.
     ///
-    /// Errors: `Failure::Input` if the file has other columns or fewer rows.
+    /// # Errors
+    /// [`Failure::Input`] if the file has other columns or fewer rows.
     pub fn open_to_append(path: &Path, names: &[&str], rows: u64) -> Result<Self, Failure> {
         let unfit = |why: String| {
             Failure::input(format!(
-                "{}: cannot go on with this file: {why}",
+                "{}: cannot continue this file: {why}",
                 path.display()
             ))
         };
@@ -195,6 +202,9 @@ impl TableFile {
     }
 
     /// Appends a row.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if the file cannot be written.
     pub fn row(&mut self, cells: impl IntoIterator<Item: Cell>) -> Result<(), Failure> {
         let record: StringRecord = cells
             .into_iter()
@@ -205,6 +215,9 @@ impl TableFile {
     }
 
     /// Hands the rows to the file system.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if the file cannot be written.
     pub fn flush(&mut self) -> Result<(), Failure> {
         self.writer.flush().map_err(|e| unwritten(&self.path, e))
     }
@@ -214,9 +227,10 @@ fn unwritten(path: &Path, why: impl std::fmt::Display) -> Failure {
     Failure::other(format!("{}: cannot be written: {why}", path.display()))
 }
 
-/// Reads the rows of a table; columns are found by their names.
+/// Reads the rows of a table, columns by their names.
 ///
-/// Errors: `Failure::Input` with the line that does not fit.
+/// # Errors
+/// [`Failure::Input`] that names the line, if the file cannot be read or a row does not fit `R`.
 pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, Failure> {
     let unfit = |e: csv::Error| Failure::input(format!("{}: {e}", path.display()));
     let mut reader = csv::Reader::from_path(path).map_err(unfit)?;

@@ -15,7 +15,7 @@ pub struct Motion {
     pub overlap: Row,
     /// v_n of the full step, positive where the pair separates (m/s).
     pub normal_velocity: Row,
-    /// v_n(t + ½Δt) Δt (m); with a ledger only.
+    /// v_n(t + ½Δt) Δt (m); with an energy budget only.
     pub normal_increment: Row,
     /// v_t of the full step (m/s).
     pub tangential_velocity: Vector<Row>,
@@ -54,15 +54,16 @@ pub struct Blocks<'a> {
     pub response: &'a mut [Response],
 }
 
-/// Energy that contacts lose, as rows of [`Response::lost`].
-pub mod loss {
-    /// To all viscous parts: the power at the end of the step (W/m), where the others are what was lost in the step (J/m).
+/// Kinds of dissipated energy: the rows of [`Response::dissipated`].
+pub mod dissipation {
+    /// By all dampers: the power at the end of the step (W/m). The others are energies of the whole
+    /// step (J/m).
     pub const DAMPING: usize = 0;
-    /// To sliding.
+    /// By sliding.
     pub const FRICTION: usize = 1;
-    /// To rolling at its limit.
+    /// By rolling at its limit.
     pub const ROLLING: usize = 2;
-    /// To the change of a stiffness under a force that stays: what an incremental law loses, or gains.
+    /// By the change of a stiffness under a constant force: what an incremental law loses or gains.
     pub const STIFFNESS: usize = 3;
     pub const KINDS: usize = 4;
 }
@@ -80,8 +81,9 @@ pub struct Response {
     pub sliding: u16,
     /// Overlap outside the law.
     pub beyond: u16,
-    /// What [`loss`] says, where a ledger is kept: also of contacts that have just opened, and 0 elsewhere.
-    pub lost: [Row; loss::KINDS],
+    /// Of the kinds of [`dissipation`], with an energy budget: also for contacts that have just
+    /// opened, and 0 for pairs that do not touch.
+    pub dissipated: [Row; dissipation::KINDS],
 }
 
 impl Response {
@@ -91,7 +93,7 @@ impl Response {
         rolling: Row::ZERO,
         sliding: 0,
         beyond: 0,
-        lost: [Row::ZERO; loss::KINDS],
+        dissipated: [Row::ZERO; dissipation::KINDS],
     };
 }
 
@@ -116,8 +118,8 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     fn largest_force(&self, radius: f64) -> f64;
 
     /// The response of some blocks of contacts. Tangential forces and torques are filled in only by laws that have them.
-    /// With `LEDGER`, the energies lost, too.
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>);
+    /// With `BUDGET` also the dissipated energies.
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>);
 
     /// Elastic energies (J; J/m in 2D) of sixteen contacts: normal, tangential, rolling. Arbitrary where they do not touch.
     fn elastic_energies<L: Lanes>(
@@ -207,7 +209,7 @@ pub(crate) fn store_vector<L: Lanes>(v: &Vector<L>, rows: &mut [Row], n: usize) 
 /// Adds the power that a damper takes to that of the others.
 #[inline(always)]
 pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, power: L) {
-    let row = &mut response.lost[loss::DAMPING];
+    let row = &mut response.dissipated[dissipation::DAMPING];
     (L::load(token, row) + power).store(row);
 }
 

@@ -3,17 +3,23 @@
 //!
 //! Normal:
 //!
-//!     F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```text
+//! F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```
 //!
 //! Tangential: the history is the elastic force on i, in the tangent plane,
 //!
-//!     F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
+//! ```text
+//! F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
+//! ```
 //!
 //! cut to the limit μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
 //!
 //! Rolling, in 2D, as LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita & Oda):
 //!
-//!     M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
+//! ```text
+//! M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
+//! ```
 //!
 //! limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added (`rolling`), which `epsd2` lacks and η_r = 0 takes away.
 
@@ -27,7 +33,7 @@ use super::keys::{
 use super::rolling::{self, Places, Rolling, roll};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, scaled, vector};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Mask, Row};
@@ -234,7 +240,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -249,10 +255,11 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                let lost = k_n.mul_add(overlap, -normal) * v_n;
-                lost.select(overlap.greater(zero), zero)
-                    .store(&mut response.lost[loss::DAMPING]);
+            if BUDGET {
+                let dissipated = k_n.mul_add(overlap, -normal) * v_n;
+                dissipated
+                    .select(overlap.greater(zero), zero)
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
@@ -280,12 +287,17 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 for k in 0..n {
                     (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);
                     let (before, after) = (before[k], f.elastic[k].select(touching, zero));
-                    if LEDGER {
+                    if BUDGET {
                         let per_k = c(1.0 / self.tangential_stiffness);
                         let gained = (after - before) * (after + before) * per_k;
-                        let lost = c(-0.5) * (before + after).mul_add(slip[k], gained);
-                        let sum = &mut response.lost[loss::FRICTION];
-                        if k == 0 { lost } else { load(sum) + lost }.store(sum);
+                        let dissipated = c(-0.5) * (before + after).mul_add(slip[k], gained);
+                        let sum = &mut response.dissipated[dissipation::FRICTION];
+                        if k == 0 {
+                            dissipated
+                        } else {
+                            load(sum) + dissipated
+                        }
+                        .store(sum);
                         let viscous = f.viscous[k].select(touching, zero);
                         add_damping(token, response, viscous * v_t[k]);
                     }
@@ -298,7 +310,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 parameters: (Self::PARAMETERS, PLAIN),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, LEDGER>(token, blocks, places);
+            roll::<L, BUDGET>(token, blocks, places);
         }
     }
 

@@ -233,6 +233,15 @@ pub const TANGENTIAL_DAMPING: Key = Key::new(
     "tangential damping γ_t",
 )
 .default("γ_n/2");
+pub const TANGENTIAL_DAMPING_RATIO: Key = Key::new(
+    "contact.tangential_damping_ratio",
+    "gamma_t/gamma_n",
+    "",
+    "0.5",
+    NOT_NEGATIVE,
+    "tangential over normal damping, γ_t/γ_n",
+)
+.default("0.5");
 pub const IMPACT_SPEED: Key = Key::new(
     "contact.impact_speed",
     "the speed at which two equal spheres collide with that restitution",

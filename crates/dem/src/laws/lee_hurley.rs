@@ -2,12 +2,16 @@
 //!
 //! Normal (A1–A5): the implicit A2 in closed form. With y = δ/(4(R_1+R_2)) and ℓ = ln(16 R_1R_2/a²),
 //!
-//!     ℓ = L + ln(ℓ-1),  L = -ln y;   k_n = πE*/(ℓ-1);   a² = 16 R_1R_2 y/(ℓ-1);
-//!     F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```text
+//! ℓ = L + ln(ℓ-1),  L = -ln y;   k_n = πE*/(ℓ-1);   a² = 16 R_1R_2 y/(ℓ-1);
+//! F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```
 //!
 //! Tangential (A6–A12, A23): the history is the elastic force on i along t̂,
 //!
-//!     F_t^e ← F_t^e - ½(k_t' + k_t) v_t(t+½Δt) Δt,   k_t' that of the last step: second order in Δt,
+//! ```text
+//! F_t^e ← F_t^e - ½(k_t' + k_t) v_t(t+½Δt) Δt,   k_t' that of the last step: second order in Δt,
+//! ```
 //!
 //! set to the limit ±μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
 //!
@@ -22,7 +26,7 @@ use super::keys::{DAMPING_RATIO, DENSITY, POISSON_RATIO, RESTITUTION, Values, YO
 use super::rolling::{self, Places, Rolling, roll};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, portable_ln, scalar};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
@@ -284,17 +288,17 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        self.press::<L, LEDGER>(token, blocks);
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        self.press::<L, BUDGET>(token, blocks);
         if FRICTION {
-            self.rub::<L, LEDGER>(token, blocks);
+            self.rub::<L, BUDGET>(token, blocks);
         }
         if ROLLING {
             let places = Places {
                 parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, LEDGER>(token, blocks, places);
+            roll::<L, BUDGET>(token, blocks, places);
         }
     }
 
@@ -355,7 +359,7 @@ const ROOT_COMPLIANCE: usize = 3;
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     /// F_n; carries on m and √x.
     #[inline(always)]
-    fn press<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn press<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
@@ -366,10 +370,10 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             y.store(&mut carry[Y]);
             rough_inverse(token, y).store(&mut carry[G]);
         }
-        for carry in carry[..blocks.motion.len()].iter_mut() {
+        for carry in &mut carry[..blocks.motion.len()] {
             near_root(token, load(&carry[Y]), load(&carry[G])).store(&mut carry[M]);
         }
-        for carry in carry[..blocks.motion.len()].iter_mut() {
+        for carry in &mut carry[..blocks.motion.len()] {
             let (m, per_m) = root(token, load(&carry[G]), load(&carry[M]));
             m.store(&mut carry[M]);
             per_m.store(&mut carry[PER_M]);
@@ -388,11 +392,12 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
             let normal = k_n.mul_add(overlap, -(gamma_n * v_n)).max(c(0.0));
             normal.store(&mut response.normal);
-            if LEDGER {
+            if BUDGET {
                 let viscous = k_n.mul_add(overlap, -normal);
-                let lost = viscous * v_n;
-                lost.select(overlap.greater(c(0.0)), c(0.0))
-                    .store(&mut response.lost[loss::DAMPING]);
+                let dissipated = viscous * v_n;
+                dissipated
+                    .select(overlap.greater(c(0.0)), c(0.0))
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
             let beyond = if FRICTION {
                 let larger = load(&p[RATIO_I]).max(load(&p[RATIO_J]));
@@ -414,7 +419,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 
     /// F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -431,7 +436,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
                 of_j.mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2)),
             );
             inverse_sqrt(token, compliance).store(&mut carry[ROOT_COMPLIANCE]);
-            if LEDGER {
+            if BUDGET {
                 compliance.store(&mut carry[COMPLIANCE]);
             }
         }
@@ -458,18 +463,19 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             (elastic - viscous).store(&mut response.tangential[0]);
             response.sliding = f.at_limit.bits();
             let (before, after) = (load(&history[0]), elastic.select(touching, zero));
-            if LEDGER {
+            if BUDGET {
                 let work = c(-0.5) * (before + after) * load(&motion.tangential_increment[0]);
                 let (per_k, per_last) = (
                     load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness),
                     inverse(token, last),
                 );
                 let gained = c(0.5) * after * after * per_k - c(0.5) * before * before * per_last;
-                let lost = work - gained;
-                lost.select(f.at_limit, zero)
-                    .store(&mut response.lost[loss::FRICTION]);
-                zero.select(f.at_limit, lost)
-                    .store(&mut response.lost[loss::STIFFNESS]);
+                let dissipated = work - gained;
+                dissipated
+                    .select(f.at_limit, zero)
+                    .store(&mut response.dissipated[dissipation::FRICTION]);
+                zero.select(f.at_limit, dissipated)
+                    .store(&mut response.dissipated[dissipation::STIFFNESS]);
                 let viscous = viscous.select(touching, zero);
                 add_damping(token, response, viscous * v_t);
             }

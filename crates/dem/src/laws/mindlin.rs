@@ -1,12 +1,14 @@
 //! The smoothed Mindlin law of BO, between disks or spheres, without damping:
 //!
-//!     F_n = k_n δ^(3/2)                                                          (eq. 1)
-//!     F_t = -k_t √δ (1 + s - s²) t,   s = |t|/t*,   t* = μ (k_n/k_t) δ           (eqs 5, A4, A5)
+//! ```text
+//! F_n = k_n δ^(3/2)                                                          (eq. 1)
+//! F_t = -k_t √δ (1 + s - s²) t,   s = |t|/t*,   t* = μ (k_n/k_t) δ           (eqs 5, A4, A5)
+//! ```
 //!
 //! The history t (m) is the tangential displacement since the touch. F_t reaches Coulomb's limit μF_n at |t| = t* with no slope left;
 //! where |t| would be beyond, it is set back to t*, and the contact slides. (In the paper's eqs 5 and A4 t stands for |t|.)
 //!
-//! F_t has no potential: what δ does to it under a t that stays is a loss, or a gain, of energy.
+//! F_t has no potential: what δ does to it under a t that stays dissipates energy, or gains it.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -15,7 +17,7 @@ use super::hooke::read_stiffnesses;
 use super::keys::{DENSITY, Key, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2, Values};
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, loss, norm, vector};
+use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
@@ -175,7 +177,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         for (((p, motion), carry), response) in blocks
@@ -191,12 +193,12 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
             root.store(&mut carry[ROOT]);
             (c(self.normal_stiffness) * depth * root).store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                response.lost = [Row::ZERO; loss::KINDS];
+            if BUDGET {
+                response.dissipated = [Row::ZERO; dissipation::KINDS];
             }
         }
         if FRICTION {
-            self.rub::<L, LEDGER>(token, blocks);
+            self.rub::<L, BUDGET>(token, blocks);
         }
     }
 
@@ -266,7 +268,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
 
     /// F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let (zero, one) = (c(0.0), c(1.0));
@@ -299,7 +301,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 t[k] = t[k].select(touching, zero);
                 t[k].store(&mut history[k]);
             }
-            if LEDGER {
+            if BUDGET {
                 let earlier = (overlap + load(&motion.normal_increment)).max(c(NO_OVERLAP));
                 let root_before = earlier * inverse_sqrt(token, earlier);
                 let s_before = self.mobilised(token, earlier, &before);
@@ -312,11 +314,11 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 }
                 let gained = self.energy(token, root, s, &t)
                     - self.energy(token, root_before, s_before, &before);
-                let lost = work - gained;
+                let dissipated = work - gained;
                 // What opens has slid to nothing before.
-                let sticks = zero.select(sliding, lost).select(touching, zero);
-                sticks.store(&mut response.lost[loss::STIFFNESS]);
-                (lost - sticks).store(&mut response.lost[loss::FRICTION]);
+                let sticks = zero.select(sliding, dissipated).select(touching, zero);
+                sticks.store(&mut response.dissipated[dissipation::STIFFNESS]);
+                (dissipated - sticks).store(&mut response.dissipated[dissipation::FRICTION]);
             }
         }
     }

@@ -10,6 +10,7 @@ pub mod keys;
 pub mod lee_hurley;
 pub mod mindlin;
 pub mod rolling;
+pub mod tsuji;
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -20,11 +21,12 @@ use crate::kernel::PairForce;
 use crate::state::Masses;
 
 /// Every law that a scene can name.
-pub const LAWS: [&LawKind; 4] = [
+pub const LAWS: &[&LawKind] = &[
     &lee_hurley::KIND,
     &hooke::KIND,
     &hertz::KIND,
     &mindlin::KIND,
+    &tsuji::KIND,
 ];
 
 /// A contact law before its constants are known.
@@ -46,7 +48,7 @@ pub struct LawKind {
 
 /// The kind of this name.
 pub fn kind(name: &str) -> Option<&'static LawKind> {
-    LAWS.into_iter().find(|kind| kind.name == name)
+    LAWS.iter().copied().find(|kind| kind.name == name)
 }
 
 /// μ_s, μ_r and η_r: the limits of the contacts beside their springs.

@@ -1,4 +1,5 @@
-//! The tables of `rate-state` and `rate-state.json`. Numbers in shortest form that reads back to the same bits.
+//! The tables of `rate-state` and `rate-state.json`. Numbers have the shortest form that reads back to
+//! the same bits.
 
 use serde_json::{Value, json};
 
@@ -6,7 +7,7 @@ use super::Reduction;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fitted};
 use gshear_store::table::Table;
 
-/// Names and texts of the files.
+/// Returns names and texts of the files.
 pub fn files(reduction: &Reduction) -> Vec<(String, String)> {
     let file = |name: &str, text: String| (name.to_string(), text);
     vec![
@@ -20,14 +21,14 @@ pub fn files(reduction: &Reduction) -> Vec<(String, String)> {
     ]
 }
 
-/// A number, or an empty cell where there is none.
+/// Returns the number if it is finite; `None` is an empty cell.
 fn known(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
 const BOTH: [Evolution; 2] = [Evolution::Aging, Evolution::Slip];
 
-/// What the laws make of a number of the experiment.
+/// Returns a number of the experiment as predicted by the two laws.
 fn of_laws(
     models: &[(Evolution, Experiment)],
     number: impl Fn(&Experiment) -> Option<f64>,
@@ -38,7 +39,7 @@ fn of_laws(
     })
 }
 
-/// The experiments with their numbers.
+/// Returns the experiments with their indices.
 fn experiments(reduction: &Reduction) -> impl Iterator<Item = (usize, &Experiment)> {
     reduction.experiments.iter().enumerate()
 }

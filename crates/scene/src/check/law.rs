@@ -120,7 +120,7 @@ pub(crate) fn law_keys() -> impl Iterator<Item = &'static keys::Key> {
 
 /// The laws that take a key.
 fn owners(key: &keys::Key) -> Vec<&'static str> {
-    let takes = |kind: &&LawKind| kind.keys.iter().any(|known| known.path == key.path);
+    let takes = |kind: &&&LawKind| kind.keys.iter().any(|known| known.path == key.path);
     LAWS.into_iter()
         .filter(takes)
         .map(|kind| kind.name)

@@ -52,7 +52,7 @@ pub(super) fn scene(
     if collision_speed.is_some() && law.collision_time(1.0, 1.0).is_none() {
         c.refuse(
             &time.collision_speed,
-            "applies to the law \"hertz\" only, where the duration of a collision depends on its speed; give time.step (s), or leave it out",
+            "applies to laws whose collisions take a time that depends on their speed, such as \"hertz\"; give time.step (s), or leave it out",
         );
     }
     let pack = check_pack(&mut c, &raw.pack, &sample);

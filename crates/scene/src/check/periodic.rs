@@ -90,24 +90,17 @@ pub(crate) fn scene(
     Ok(scene)
 }
 
-/// Whether checkpoints are kept. Intervals of output are those of `[aqs]` and `[newtonian]`.
+/// Whether checkpoints are kept. The intervals of output of a box are those of `[aqs]` and
+/// `[newtonian]`.
 fn output(c: &mut Checker<'_>, output: &raw::Output) -> bool {
     let why = "applies to scenes with walls only; a [box] has aqs.frame_every, newtonian.frames and newtonian.rows";
-    for key in [
-        &output.frame_strain,
-        &output.frame_start,
-        &output.series_strain,
-        &output.checkpoint_strain,
-    ] {
-        c.useless(key, why);
-    }
-    for key in [
-        &output.frame_rows,
-        &output.series_rows,
-        &output.progress_lines,
-    ] {
-        c.useless(key, why);
-    }
+    c.useless(&output.frame_strain, why);
+    c.useless(&output.frame_start, why);
+    c.useless(&output.series_strain, why);
+    c.useless(&output.checkpoint_strain, why);
+    c.useless(&output.frame_rows, why);
+    c.useless(&output.series_rows, why);
+    c.useless(&output.progress_lines, why);
     c.useless(&output.energy, why);
     c.flag_or_default(&output.keep_checkpoints)
 }
