@@ -90,7 +90,7 @@ impl Study {
         }
     }
 
-    /// What must not reach the numbers.
+    /// What changes speed, not results.
     pub fn bookkeeping(&self) -> &Bookkeeping {
         match self {
             Study::PlaneShear(scene) => &scene.bookkeeping,

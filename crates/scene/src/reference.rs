@@ -368,6 +368,7 @@ mod tests {
             "contact.rolling_damping_ratio",
             "contact.damping_ratio",
             "contact.restitution",
+            "contact.tangential_damping_ratio",
             "sample.large_fraction",
             "sample.replicate",
             "load.stiffness_number",

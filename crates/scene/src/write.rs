@@ -459,6 +459,7 @@ mod tests {
         let of_hertz = [
             "normal_damping",
             "tangential_damping",
+            "tangential_damping_ratio",
             "impact_speed",
             "impact_diameter",
         ];
@@ -522,6 +523,7 @@ mod tests {
         reads_back(&scene);
         let not = [
             "damping_ratio",
+            "tangential_damping_ratio",
             "restitution",
             "impact_speed",
             "impact_diameter",
