@@ -51,10 +51,15 @@ pub struct Kept {
 /// The ledger of all ranks at a time (J/m).
 #[derive(Debug, Clone, Copy)]
 pub struct Entry {
+    /// Elastic energies of the contacts: normal, tangential, rolling.
     pub elastic: [f64; ELASTIC],
+    /// Work of the drive along x.
     pub work_drive: f64,
+    /// Work of the load on the top.
     pub work_load: f64,
+    /// Energy dissipated, by [`loss`].
     pub lost: [f64; loss::KINDS],
+    /// Work that is not found in the energies, over the sum of both works' magnitudes.
     pub residual: f64,
 }
 
@@ -188,6 +193,7 @@ impl Ledger {
 /// What the ledger looks at.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample<'a> {
+    /// The contacts of this rank.
     pub contacts: &'a Contacts,
     /// δ (m) of every block.
     pub overlap: &'a [Row],

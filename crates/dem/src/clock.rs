@@ -7,14 +7,21 @@ use crate::domain::Exchange;
 /// Phases of a step, in the order of `step::advance`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
+    /// Kicks, drift and the motion of the walls.
     Motion,
+    /// Waiting for the records of the ghosts.
     Exchange,
+    /// Contact forces.
     Contacts,
+    /// Forces on the walls and global sums.
     Walls,
+    /// Migration and a new list of pairs.
     Rebuild,
+    /// Frames, rows and checkpoints.
     Output,
 }
 
+/// All phases with their names in the table.
 pub const PHASES: [(Phase, &str); 6] = [
     (Phase::Motion, "motion"),
     (Phase::Exchange, "halo exchange"),
@@ -61,7 +68,8 @@ impl Clock {
         self.seconds[phase as usize] / self.steps.max(1) as f64
     }
 
-    /// A table of the phases: least, mean and greatest seconds over the ranks, and the share of the mean.
+    /// A table of the phases: least, mean and greatest seconds over the ranks, and the share of the
+    /// mean.
     pub fn table(&self, exchange: &dyn Exchange) -> String {
         let all: Vec<Vec<f64>> = exchange
             .gather(bytemuck::cast_slice(&self.seconds))

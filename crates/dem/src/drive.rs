@@ -10,16 +10,19 @@ use crate::protocol::Protocol;
 use crate::simd::Level;
 use crate::state::{CandidatePair, Cell, Contacts, Grains, body};
 
-/// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the grains' own Verlet scheme. SI units; per unit depth in 2D.
+/// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the Verlet scheme of the
+/// grains. SI units; per unit depth in 2D.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Piston {
     /// Upper boundary of the sample (m).
     pub height: f64,
     /// Full-step velocity upwards; between the kicks that of the half step (m/s).
     pub velocity: f64,
+    /// (m/s²)
     pub acceleration: f64,
+    /// m_w (kg; kg/m in 2D).
     pub mass: f64,
-    /// N, pressing down.
+    /// N, downwards (N; N/m in 2D).
     pub load: f64,
 }
 
@@ -40,14 +43,16 @@ impl Piston {
     }
 }
 
-/// The force of the grains on the body on top: upwards, and along x where that is asked for (N; N/m in 2D).
+/// The force of the grains on the top (N; N/m in 2D). The component along x is 0 unless requested.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Load {
+    /// Upwards, along the last axis.
     pub up: f64,
+    /// Along x.
     pub along: f64,
 }
 
-/// What bounds the grains and drives them, as the step sees it. The defaults are those of a scene
+/// The walls and the drag, as the time step calls them. The default methods are those of a scene
 /// without walls.
 pub trait Drive<D: Dimension> {
     /// c of translations and of rotations (1/s): grains are slowed by -c m v and -c I ω.
@@ -81,13 +86,16 @@ pub trait Drive<D: Dimension> {
     fn renumber(&mut self, _: Level, _: &Grains<D>, _skin: f64) {}
 }
 
-/// Smooth rigid planes at 0 and at the piston's height along the last axis, the upper one pressed by N.
+/// Smooth rigid planes at 0 and at the piston's height along the last axis, the upper one pressed
+/// by N.
 ///
-/// A smooth rigid plane is the plane of symmetry of a contact of two equal grains: each grain near it meets its mirror
-/// image, by the law of the grains without friction.
+/// A smooth rigid plane is the plane of symmetry of a contact of two equal grains: each grain near
+/// it touches its mirror image, by the law of the grains without friction.
 #[derive(Debug)]
 pub struct Planes<D: Dimension> {
+    /// The upper plane.
     pub piston: Piston,
+    /// The drag on grains and planes (1/s).
     pub drag: f64,
     law: Box<dyn PairForce<D>>,
     /// Grains near a plane, and whether it is the upper one.
@@ -99,6 +107,7 @@ pub struct Planes<D: Dimension> {
 }
 
 impl<D: Dimension> Planes<D> {
+    /// Planes that touch grains by `law`, which has no friction.
     pub fn new(law: Box<dyn PairForce<D>>, piston: Piston, drag: f64) -> Self {
         Self {
             piston,
@@ -123,7 +132,7 @@ impl<D: Dimension> Planes<D> {
 }
 
 impl<D: Dimension> Drive<D> for Planes<D> {
-    /// Spins as well: a grain that touches nothing would turn for ever, and the sample never be at rest.
+    /// Also on spins: a grain without contacts would otherwise never come to rest.
     fn drag(&self) -> Option<[f64; 2]> {
         Some([self.drag; 2])
     }
@@ -231,13 +240,15 @@ impl<D: Dimension> Drive<D> for Planes<D> {
     }
 }
 
-/// How the top is moved along x.
+/// The motion of the top along x.
 #[derive(Debug, Clone)]
 pub struct Slider {
-    /// How far the drive has been moved, and how fast it is, step by step.
+    /// Position and velocity of the drive, step by step.
     pub protocol: Protocol,
-    /// `None`: the top moves with the drive. Else the stiffness of the spring between them (N/m; Pa in 2D).
+    /// The stiffness of the spring between drive and top (N/m; Pa in 2D). `None`: the top moves
+    /// with the drive.
     pub spring: Option<f64>,
+    /// Position and velocity of the top.
     pub state: SliderState,
 }
 
@@ -250,13 +261,15 @@ pub struct SliderState {
     pub displacement: f64,
     /// Full-step velocity; between the kicks that of the half step (m/s).
     pub velocity: f64,
+    /// (m/s²)
     pub acceleration: f64,
     /// How far it moved in the last step (m).
     pub slid: f64,
 }
 
 impl Slider {
-    /// The drive moves by `protocol`; the top is at rest, or has the drive's velocity where no spring is between them.
+    /// A drive that follows `protocol`. The top starts at rest with a spring, and with the velocity
+    /// of the drive without one.
     pub fn new(protocol: Protocol, spring: Option<f64>) -> Self {
         let velocity = match spring {
             None => protocol.velocity(0),
@@ -299,19 +312,22 @@ impl Slider {
     }
 }
 
-/// Walls frozen out of the sample: the bottom fixed, the top rigid with constant load N, moved along x by a slider.
+/// Walls frozen out of the sample: the bottom fixed, the top rigid with constant load N, moved
+/// along x by a slider.
 #[derive(Debug)]
 pub struct GrainWalls {
+    /// The motion of the top upwards.
     pub piston: Piston,
+    /// The motion of the top along x.
     pub slider: Slider,
-    /// Whether the force along x is asked for in every step.
+    /// Whether the force along x is summed in every step.
     pub along: bool,
     /// Own grains of the top wall.
     pub top: Vec<u32>,
 }
 
 impl GrainWalls {
-    /// What of them belongs to the state.
+    /// The walls' part of the state that the digest covers.
     pub fn state(&self) -> [f64; 6] {
         let (piston, slider) = (&self.piston, &self.slider.state);
         [
@@ -335,7 +351,8 @@ impl GrainWalls {
         }
     }
 
-    /// As the plate moves now: also as the velocity of the half step, from which a second kick that is put off begins.
+    /// Gives the top grains the velocity of the plate, also as that of the half step, from which
+    /// the deferred second kick starts.
     fn impose_own<D: Dimension>(&self, grains: &mut Grains<D>) {
         let own = [self.slider.state.velocity, self.piston.velocity];
         self.impose(&[D::VELOCITY, D::HALF_VELOCITY], own, grains);

@@ -23,14 +23,17 @@ impl Failure {
         }
     }
 
+    /// Bad input.
     pub fn input(message: impl Into<String>) -> Self {
         Failure::Input(message.into())
     }
 
+    /// Numbers that failed.
     pub fn numbers(message: impl Into<String>) -> Self {
         Failure::Numbers(message.into())
     }
 
+    /// Any other failure.
     pub fn other(message: impl Into<String>) -> Self {
         Failure::Other(message.into())
     }

@@ -5,7 +5,8 @@ use std::marker::PhantomData;
 use crate::dimension::Dimension;
 use crate::state::{CandidatePair, Cell, Grains, body};
 
-/// The stretch of the periodic cell, by `Cell::along`, in which a rank has grains, its own and ghosts.
+/// The stretch of the periodic cell, by `Cell::along`, in which a rank has grains, its own and
+/// ghosts.
 #[derive(Debug, Clone, Copy)]
 pub struct Window {
     /// Start of the stretch (m); may be negative.
@@ -111,7 +112,8 @@ pub struct Bins<D: Dimension> {
 impl<D: Dimension> Bins<D> {
     /// Cells of at least `reach` (m) for these positions (m), which lie in the window.
     pub fn new(cell: Cell, window: Window, reach: f64, position: &[[f64; 3]]) -> Self {
-        // Slowest along x, of which there may be a window of the period; fastest along the last axis.
+        // Slowest along x, of which there may be a window of the period; fastest along the last
+        // axis.
         let mut axes = [Axis::open(0.0, 0.0, 1.0); 3];
         for (axis, cells) in axes[..D::UP].iter_mut().enumerate() {
             let period = cell.periods[axis];
@@ -173,11 +175,13 @@ impl<D: Dimension> Bins<D> {
         cells.fold(0, |index, (at, axis)| index * axis.count + at)
     }
 
-    /// Calls `found` once with each that may lie within the reach of x (m), what lies there included.
+    /// Calls `found` once with each that may lie within the reach of x (m), what lies there
+    /// included.
     #[inline]
     pub fn each_near(&self, x: &[f64; 3], mut found: impl FnMut(u32)) {
         let here = self.at(x);
-        // Cells that follow each other along the last axis have their members one after the other; round the period, all are taken.
+        // Cells that follow each other along the last axis have their members one after the other;
+        // round the period, all are taken.
         let column = self.axes[D::UP].near(here[D::UP]);
         let (bottom, top) = column.fold((usize::MAX, 0), |(a, b), k| (a.min(k), b.max(k)));
         let mut look = |mut place: [usize; 3]| {
@@ -197,8 +201,9 @@ impl<D: Dimension> Bins<D> {
     }
 }
 
-/// All pairs of local grains closer than R_i + R_j + skin, sorted by (lower id, higher id), each with the lower id first.
-/// Left out: pairs of two ghosts (their ranks have them), and of two wall grains (they do not move against each other).
+/// All pairs of local grains closer than R_i + R_j + skin, sorted by (lower id, higher id), each
+/// with the lower id first. Left out: pairs of two ghosts (their ranks have them), and of two wall
+/// grains (they do not move against each other).
 pub fn pairs<D: Dimension>(
     grains: &Grains<D>,
     cell: Cell,
@@ -254,7 +259,8 @@ mod tests {
     use crate::state::{GrainState, Masses, Sheared};
     use bytemuck::Zeroable;
 
-    /// Against all pairs, in narrow and wide cells, with ghosts; `offset` over L_x of a sheared cell.
+    /// Against all pairs, in narrow and wide cells, with ghosts; `offset` over L_x of a sheared
+    /// cell.
     fn compare<D: Dimension>(offset: Option<f64>) {
         for (length, width, count, owned) in [
             (2.5, 3.0, 12, 12),

@@ -1,4 +1,4 @@
-//! All that a rank holds between two steps, and the upkeep of its lists.
+//! The state of a rank between two steps, and the upkeep of its lists.
 
 use crate::clock::Clock;
 use crate::dimension::Dimension;
@@ -20,48 +20,58 @@ const FIRST_SKIN: f64 = 0.02;
 /// Steps for which a list of the best skin lasts: a rebuild costs about as much as ten steps.
 const BEST_LIFE: f64 = 400.0;
 
-/// Grains, contacts, slabs: the state and its bookkeeping.
+/// The grains and contacts of this rank, and the bookkeeping for them.
 #[derive(Debug)]
 pub struct System<D: Dimension> {
+    /// The instruction set.
     pub level: Level,
+    /// The cell.
     pub cell: Cell,
+    /// The masses of the grains.
     pub masses: Masses,
     /// Δt (s).
     pub step: f64,
     /// g (m/s²), against the last axis; 0 is none.
     pub gravity: f64,
-    /// Steps that are done, of the stage where there are stages.
+    /// Steps done in this stage.
     pub steps: u64,
-    /// For forces on walls.
+    /// Fixed-point numbers for sums of forces on walls.
     pub fixed: FixedPoint,
     pub(crate) grains: Grains<D>,
+    /// The candidate pairs and their histories.
     pub contacts: Contacts,
+    /// The slabs of the ranks.
     pub slabs: Slabs<D>,
+    /// How long the list of pairs remains complete.
     pub list: List,
-    /// The second kick of the last step is deferred: velocities are those of the half step. The next
-    /// step gives it with its own first kick; whoever looks at the grains before gets it first.
+    /// The second kick of the last step is deferred: velocities are those of the half step. The
+    /// next step gives it with its own first kick; the accessors of the grains give it before they
+    /// return.
     pub(crate) kick_is_due: bool,
+    /// The time spent in each phase.
     pub clock: Clock,
+    /// The threads of this rank.
     pub team: Team<D>,
-    /// Kept where it is asked for.
+    /// The energy budget, if it is kept.
     pub ledger: Option<Ledger>,
 }
 
-/// How long the list of pairs stays complete.
+/// How long the list of pairs remains complete.
 #[derive(Debug)]
 pub struct List {
     /// Greatest diameter (m).
     diameter: f64,
     /// Present skin (m): pairs are listed up to R_i + R_j + skin.
     skin: f64,
-    /// Least and greatest skin (m); equal where the skin is given.
+    /// Least and greatest skin (m); equal if the skin is given.
     range: [f64; 2],
     /// Rebuild at least every so many steps; 0 only when needed.
     every: u64,
     /// Step of the last rebuild.
     built: u64,
+    /// Number of rebuilds.
     pub rebuilds: u64,
-    /// To be rebuilt before the next step.
+    /// Whether the list must be rebuilt before the next step.
     pub due: bool,
     /// No grain has moved further since the last rebuild (m).
     bound: f64,
@@ -69,12 +79,13 @@ pub struct List {
     leaned: f64,
     /// Where the own grains were then.
     origin: Vec<[f64; 3]>,
-    /// A coordinate is no number, or a grain moved further than half a skin before the list could be rebuilt.
+    /// Whether a coordinate is NaN or a grain moved further than half a skin before a rebuild.
     pub unsound: bool,
 }
 
 impl List {
-    /// `exchange.size()` slabs must be wider than the interaction range, and so must the cell be across them.
+    /// `exchange.size()` slabs must be wider than the interaction range, and so must the cell be
+    /// across them.
     fn new(
         exchange: &dyn Exchange,
         bookkeeping: &ListSettings,
@@ -118,7 +129,8 @@ impl List {
         })
     }
 
-    /// Grains moved by up to `fastest` (m/s) for `step` (s). Returns whether the list must be rebuilt after this step.
+    /// Grains moved by up to `fastest` (m/s) for `step` (s). Returns whether the list must be
+    /// rebuilt after this step.
     pub fn moved<D: Dimension>(
         &mut self,
         fastest: f64,
@@ -128,7 +140,8 @@ impl List {
     ) -> bool {
         let leaning = step * cell.sheared.map_or(0.0, |s| s.velocity.abs());
         self.leaned += leaning;
-        // Half of it for a pair across the top, and all of it for a grain that went through it, whose way is measured wrongly by it.
+        // Half of it for a pair across the top, and all of it for a grain that went through it,
+        // whose way is measured wrongly by it.
         let more = 1.5 * self.leaned;
         let half = 0.5 * self.skin;
         self.bound += step * fastest + 1.5 * leaning;
@@ -167,11 +180,12 @@ impl List {
         })
     }
 
-    /// Of the next list, at least this skin (m).
+    /// Makes the skin of the next list at least this (m).
     pub fn widen(&mut self, skin: f64) {
         self.skin = self.skin.max(skin);
     }
 
+    /// Whether `bookkeeping.rebuild_every` requires a rebuild after this number of steps.
     pub fn forced(&self, steps: u64) -> bool {
         self.every > 0 && steps - self.built >= self.every
     }
@@ -180,7 +194,8 @@ impl List {
         self.diameter + self.skin
     }
 
-    /// A thicker skin where the list is rebuilt often, a thinner one where it lasts: pairs that do not touch cost time too.
+    /// Adapts the skin: thicker if rebuilds are frequent, thinner if they are rare, because pairs
+    /// that do not touch cost time, too.
     fn adapt(&mut self, steps: u64) {
         let lasted = steps - self.built;
         if self.rebuilds > 0 && self.every == 0 {
@@ -190,7 +205,7 @@ impl List {
     }
 }
 
-/// How the list of pairs is kept up. It changes the speed of a run and not its numbers.
+/// Settings of the list of pairs. They change the speed of a run and not its numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ListSettings {
     /// Skin of the neighbour list over d̄; `None` adapts it to how often the list is rebuilt.
@@ -199,26 +214,36 @@ pub struct ListSettings {
     pub rebuild_every: u64,
 }
 
-/// What a system is made of, without its grains. SI units.
+/// Parameters of a [`System`]. SI units.
 #[derive(Debug, Clone, Copy)]
 pub struct Setup {
+    /// The instruction set.
     pub level: Level,
+    /// Settings of the list of pairs.
     pub list: ListSettings,
+    /// The cell.
     pub cell: Cell,
+    /// The greatest radius of the grains (m).
     pub largest_radius: f64,
+    /// d̄ (m).
     pub mean_diameter: f64,
+    /// The masses of the grains.
     pub masses: Masses,
+    /// Δt (s).
     pub step: f64,
+    /// g (m/s²), against the last axis; 0 is none.
     pub gravity: f64,
-    /// Of forces on walls.
+    /// A typical force on a wall (N; N/m in 2D).
     pub typical_force: f64,
-    /// Inside this rank.
+    /// Threads of this rank.
     pub threads: usize,
 }
 
 impl<D: Dimension> System<D> {
+    /// A system without grains.
+    ///
     /// # Errors
-    /// The slabs would be too narrow, or there is no room for so many threads.
+    /// If the slabs would be too narrow, or the threads cannot be started.
     pub fn new(exchange: &dyn Exchange, of: Setup) -> Result<Self, Failure> {
         Ok(Self {
             level: of.level,
@@ -273,8 +298,8 @@ impl<D: Dimension> System<D> {
         self.grains.local()
     }
 
-    /// Gives the deferred second kick, if one is due: by the same operations as the next step would,
-    /// so to the same bits.
+    /// Gives the deferred second kick, if one is due: by the same operations as the next step
+    /// would, so to the same bits.
     pub(crate) fn finish_step(&mut self) {
         if std::mem::take(&mut self.kick_is_due) {
             let level = self.level;
@@ -291,7 +316,7 @@ impl<D: Dimension> System<D> {
             .collect()
     }
 
-    /// The touching contacts that this rank has, also those it shares.
+    /// The touching contacts of this rank, including those that another rank has as well.
     pub fn contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
         self.contacts
             .touching()
@@ -308,7 +333,7 @@ impl<D: Dimension> System<D> {
             .collect()
     }
 
-    /// Migrates, re-sorts, and lists the pairs anew.
+    /// Migrates grains, sorts them, and makes a new list of pairs.
     pub fn rebuild(
         &mut self,
         exchange: &dyn Exchange,
@@ -320,8 +345,8 @@ impl<D: Dimension> System<D> {
         self.replace(exchange, law, drive, grains, contacts)
     }
 
-    /// Takes these grains and contacts, wherever they belong, as the whole state. Every contact must be with the ranks that
-    /// have its grains.
+    /// Replaces the whole state by these grains and contacts, which may belong to any rank. Every
+    /// contact must be on the ranks that have its grains.
     pub fn replace(
         &mut self,
         exchange: &dyn Exchange,
@@ -366,7 +391,7 @@ impl<D: Dimension> System<D> {
         Ok(())
     }
 
-    /// One message, the same on every rank, of what was outside the law on some.
+    /// The failure that some ranks found, with the same message on all ranks; collective.
     pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
         let place = |g: usize| {
             let x = self.grains.fields(g)[..D::AXES].iter();
@@ -448,14 +473,15 @@ impl<D: Dimension> System<D> {
     }
 }
 
-/// Where the numbers failed, as this rank knows it.
+/// Where the numbers failed on this rank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outside {
     /// This grain overlaps a plane too much.
     Plane(usize),
     /// The contact in this block and lane overlaps too much.
     Pair(usize, usize),
-    /// The force of the contact in this block and lane is greater than any that the law should have.
+    /// The force of the contact in this block and lane is greater than any that the law should
+    /// have.
     Force(usize, usize),
     /// A position or velocity is no number, or a grain moved further than the list allows.
     Number,

@@ -1,19 +1,20 @@
-//! Sums over grains and ranks that do not depend on the order: fixed point, added as integers.
+//! Sums over grains and ranks that do not depend on the order: fixed-point numbers, added as
+//! integers.
 
 use super::Exchange;
 
 /// Integers that a fixed-point number takes in a reduction.
 pub const LIMBS: usize = 4;
 
-/// Fixed point with 2^-80 of a reference magnitude as its unit: each term is rounded to it (a function of the term alone),
-/// and sums of up to 2^46 times the reference are exact.
+/// Fixed-point numbers whose unit is 2^-80 of a reference magnitude. Each term is rounded to the
+/// unit, and sums of up to 2^46 times the reference are exact.
 #[derive(Debug, Clone, Copy)]
 pub struct FixedPoint {
     unit: f64,
     per_unit: f64,
 }
 
-/// A sum under way.
+/// A partial sum.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Accumulator {
     sum: i128,
@@ -32,6 +33,7 @@ impl FixedPoint {
         }
     }
 
+    /// Adds a term.
     pub fn add(&self, to: &mut Accumulator, term: f64) {
         let scaled = (term * self.per_unit).round_ties_even();
         if scaled.abs() < 2f64.powi(120) {

@@ -10,7 +10,8 @@ use crate::failure::Failure;
 use crate::neighbour::Window;
 use crate::state::{Cell, ContactState, GrainState, Grains};
 
-/// Columns of the histogram by which the cuts are balanced: for each of so many ranks, beyond which cuts get coarser.
+/// Columns of the histogram by which the cuts are balanced: for each of so many ranks, beyond which
+/// cuts get coarser.
 const BINS_OF_A_RANK: usize = 256;
 const MOST_RANKS_WITH_BINS: usize = 256;
 
@@ -22,7 +23,7 @@ const COST_OF_A_CONTACT: i64 = 6;
 pub struct Slabs<D: Dimension> {
     /// L_x (m).
     length: f64,
-    /// Slab r is [cuts[r], cuts[r + 1]).
+    /// Slab r is [`cuts[r]`, `cuts[r + 1]`) (m).
     pub cuts: Vec<f64>,
     links: Vec<Neighbour<D>>,
 }
@@ -38,7 +39,8 @@ struct Neighbour<D: Dimension> {
     ghosts: Range<usize>,
 }
 
-/// How many slabs wider than `reach` (m) a cell of `length` (m) holds; one rank needs room for nearest images.
+/// How many slabs wider than `reach` (m) a cell of `length` (m) holds; one rank needs room for
+/// nearest images.
 pub fn most_ranks(length: f64, reach: f64) -> usize {
     let slabs = (length / reach) as usize;
     if slabs as f64 * reach < length {
@@ -49,6 +51,7 @@ pub fn most_ranks(length: f64, reach: f64) -> usize {
 }
 
 impl<D: Dimension> Slabs<D> {
+    /// Slabs of equal width of a cell of this `length` (m) along x.
     pub fn new(exchange: &dyn Exchange, length: f64) -> Self {
         let size = exchange.size();
         Self {
@@ -66,8 +69,9 @@ impl<D: Dimension> Slabs<D> {
         self.cuts[1..slabs].partition_point(|&cut| cut <= x)
     }
 
-    /// `reach` (m): of the pairs in space. Moves the cuts to where the work with grains and contacts is balanced, then every grain, with the
-    /// contacts it has, to the rank that owns it. Returns this rank's grains by id, and all contacts of theirs (with others', too) by (i, j).
+    /// `reach` (m): of the pairs in space. Moves the cuts to where the work with grains and
+    /// contacts is balanced, then every grain, with the contacts it has, to the rank that owns it.
+    /// Returns this rank's grains by id, and all contacts of theirs (with others', too) by (i, j).
     pub fn redistribute(
         &mut self,
         exchange: &dyn Exchange,
@@ -173,7 +177,8 @@ impl<D: Dimension> Slabs<D> {
         Ok(())
     }
 
-    /// Finds the own grains within `reach` (m) of a neighbour's slab, and adds the neighbours' as ghosts.
+    /// Finds the own grains within `reach` (m) of a neighbour's slab, and adds the neighbours' as
+    /// ghosts.
     pub fn attach_ghosts(
         &mut self,
         exchange: &dyn Exchange,
@@ -216,8 +221,8 @@ impl<D: Dimension> Slabs<D> {
         }
     }
 
-    /// Sends the border grains' records and receives the ghosts', while `meanwhile` runs with the own ones. Of `record`, as many
-    /// as `owned` are own.
+    /// Sends the border grains' records and receives the ghosts', while `meanwhile` runs with the
+    /// own ones. Of `record`, as many as `owned` are own.
     pub fn exchange(
         &mut self,
         exchange: &dyn Exchange,

@@ -6,9 +6,13 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainSample {
+    /// Id.
     pub id: u64,
+    /// Wrapped position (m).
     pub position: [f64; 3],
+    /// Velocity (m/s).
     pub velocity: [f64; 3],
+    /// Angular velocity (rad/s).
     pub angular_velocity: [f64; 3],
 }
 
@@ -16,7 +20,9 @@ pub struct GrainSample {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ContactSample {
+    /// Lower id.
     pub i: u32,
+    /// Higher id.
     pub j: u32,
     /// F_n ≥ 0, repulsive, elastic and damping.
     pub normal_force: f64,
@@ -86,21 +92,29 @@ pub struct SeriesRow {
     pub wall_velocity: f64,
     /// Displacement of the top wall along x since the start of the shear (m), and its velocity (m/s).
     pub slip: f64,
+    /// Velocity of the top wall along x (m/s).
     pub slip_rate: f64,
     /// The same of what drives it: the far end of the spring, or the wall itself.
     pub drive_displacement: f64,
+    /// Velocity of the drive along x (m/s).
     pub drive_velocity: f64,
     /// The ledger of energy (J/m in 2D), not a number where none is kept. Elastic energy of the contacts.
     pub elastic_normal: f64,
+    /// Tangential elastic energy.
     pub elastic_tangential: f64,
+    /// Rolling elastic energy.
     pub elastic_rolling: f64,
     /// Work done on the sample since the shear began: by what drives the top along x, and by the load on it.
     pub work_drive: f64,
+    /// Work of the load on the top.
     pub work_load: f64,
     /// Lost since then: to damping, to sliding, to rolling at its limit, and to changes of k_t under a force that stays.
     pub lost_damping: f64,
+    /// Dissipated by sliding.
     pub lost_friction: f64,
+    /// Dissipated by rolling at its limit.
     pub lost_rolling: f64,
+    /// Dissipated by changes of k_t under a constant force.
     pub lost_stiffness: f64,
     /// What is missing of the work in the kinetic and elastic energies and the losses, over the sum of the magnitudes of both works.
     pub energy_residual: f64,
