@@ -1,7 +1,7 @@
 //! Impacts of spheres with the damping of Tsuji: against LAMMPS and the promised restitution, and
 //! their energy budget.
 
-use gshear_dem::budget::{Entry, Ledger, Sample};
+use gshear_dem::budget::{EnergyBalance, EnergyBudget, Sample};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -92,7 +92,7 @@ impl Impact {
         system
             .replace(&Solo, law.as_ref(), &mut NoWalls, grains, Vec::new())
             .expect("a list");
-        system.ledger = Some(Ledger::new(system.grains().units, RADII[1]));
+        system.budget = Some(EnergyBudget::new(system.grains().units, RADII[1]));
         let mut samples = ContactForces::default();
         let given = Some(&mut samples);
         initial_forces(&Solo, &mut system, law.as_ref(), &mut NoWalls, given).expect("sound");
@@ -120,14 +120,14 @@ impl Impact {
     }
 
     /// The energy budget, and the kinetic energy (J).
-    fn energies(&mut self) -> (Entry, f64) {
+    fn energies(&mut self) -> (EnergyBalance, f64) {
         let (level, masses) = (self.system.level, self.system.masses);
         let kinetic = self.system.grain_states().into_iter().map(|g| {
             let (speed, rim) = (norm(g.velocity), g.radius * norm(g.angular_velocity));
             0.5 * masses.of(Three::volume(g.radius)) * (speed * speed + 0.4 * rim * rim)
         });
         let kinetic = kinetic.sum();
-        let mut budget = self.system.ledger.take().expect("a budget");
+        let mut budget = self.system.budget.take().expect("a budget");
         let sample = Sample {
             contacts: &self.system.contacts,
             overlap: &self.samples.overlap,
@@ -135,8 +135,8 @@ impl Impact {
             height: 0.0,
             kinetic,
         };
-        let entry = budget.entry(&Solo, level, self.law.as_ref(), sample);
-        self.system.ledger = Some(budget);
+        let entry = budget.balance(&Solo, level, self.law.as_ref(), sample);
+        self.system.budget = Some(budget);
         (entry, kinetic)
     }
 }
@@ -174,8 +174,8 @@ fn the_energy_budget_closes() {
     impact.end();
     let (entry, after) = impact.energies();
     assert_eq!(entry.elastic, [0.0; 3]);
-    let lost = entry.lost.iter().sum::<f64>();
-    let [damping, friction, ..] = entry.lost;
+    let lost = entry.dissipated.iter().sum::<f64>();
+    let [damping, friction, ..] = entry.dissipated;
     assert!(damping > 0.1 * lost && friction > 0.1 * lost, "{entry:?}");
     let missing = before - after - lost;
     assert!(missing.abs() < 2e-6 * lost, "{missing:e} of {lost:e} J");

@@ -1,4 +1,4 @@
-//! The simulation: parse, run, exit code.
+//! `gshear-mpi`: parses the command line, runs the simulation, returns the exit code.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -6,14 +6,15 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use gshear_scene::Source;
 use gshear_dem::domain::Exchange;
-use gshear_mpi_exchange::World;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
+use gshear_driver::launch::{self, Task};
+use gshear_driver::run::{Options, Outcome};
+use gshear_driver::sweep::Sweep;
+use gshear_mpi_exchange::World;
+use gshear_scene::Source;
 use gshear_store::collective::agree;
 use gshear_store::provenance;
-use gshear_driver::launch::{self, Sweep, Task};
-use gshear_driver::run::{Ending, Options};
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]
@@ -21,50 +22,50 @@ use gshear_driver::run::{Ending, Options};
 #[command(after_help = "\
 Without CONFIG.toml the embedded default scene runs (configs/plane-shear-2d.toml, the fast version of Lee & Hurley).
 
-Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, checkpoint.h5 and the one before it, scene.toml.
-Of a sweep: the same in a folder below it for each run; --sweep passes over those that are done and goes on with those that stopped.
-Reduce them with gshear-reduce report.
+Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, the last two checkpoints, scene.toml. A sweep
+writes a folder for each run; --sweep skips runs that are done and resumes those that were stopped. Reduce results with
+gshear-reduce.
 
-Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint (signal, --walltime or --stop-at: go on
-with --resume); 1 anything else.
+Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint by a signal, --walltime or --stop-at
+(continue with --resume); 1 any other failure.
 
 SIGTERM, SIGINT, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
 struct Arguments {
-    /// The scene; see docs/config.md
+    /// Scene; see docs/config.md
     #[arg(value_name = "CONFIG.toml", conflicts_with = "resume")]
     config: Option<PathBuf>,
-    /// Folder of the results [default: out/<name of the config>; with --resume the checkpoint's folder]
+    /// Folder of the results [default: out/<name of the config>, with --resume the checkpoint's folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replaces a value of the scene, as in --set shear.strain=0.2; may be given many times
+    /// Replace a value of the scene, as in --set shear.strain=0.2; can be repeated
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     set: Vec<String>,
-    /// Goes on from a checkpoint, exactly, on any number of ranks
+    /// Resume from a checkpoint, to the same bits on any number of ranks
     #[arg(long, value_name = "CHECKPOINT")]
     resume: Option<PathBuf>,
-    /// Of a scene with [sweep]: lists its runs, or runs all of them one after the other, or the N-th, into folders of their own
+    /// With a scene that has [sweep]: list its runs, run all of them in turn, or run the N-th
     #[arg(long, value_name = "list|all|N", value_parser = choice, conflicts_with_all = ["resume", "check", "stop_at"])]
     sweep: Option<Choice>,
-    /// Checks the scene, prints it with every default filled in, and ends
+    /// Check the scene and print it with every default filled in
     #[arg(long)]
     check: bool,
-    /// Stops at a checkpoint after this time, such as 3h50m, 90s or 2:30:00
+    /// Stop at a checkpoint after this time: 3h50m, 90s, 2:30:00, or minutes
     #[arg(long, value_name = "TIME", value_parser = wall_time)]
     walltime: Option<Duration>,
-    /// Threads inside each rank, which pay for some 50,000 grains per rank and more
+    /// Threads per rank, worth it from about 50,000 grains per rank
     #[arg(long, value_name = "THREADS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     threads: u16,
-    /// Stops at a checkpoint after this step of the shear; of a box after so many strain steps, those of Newton's equations coming after them
+    /// Stop at a checkpoint after this step of the shear; in a box, steps of Newton's equations count after the strain steps
     #[arg(long, value_name = "STEP")]
     stop_at: Option<u64>,
 }
 
-/// Which runs of a sweep.
+/// Runs of a sweep to list or to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Choice {
     List,
     All,
-    /// From 1.
+    /// The run of this number, from 1 on.
     One(usize),
 }
 
@@ -74,45 +75,31 @@ fn choice(text: &str) -> Result<Choice, String> {
         ("all", _) => Ok(Choice::All),
         (_, Ok(number)) if number > 0 => Ok(Choice::One(number)),
         _ => Err(format!(
-            "{text:?} is none of list, all, and the number of a run from 1"
+            "{text:?} is none of list, all, and the number of a run, from 1 on"
         )),
     }
 }
 
-/// 3h50m, 90s, 45 (minutes, as Slurm), 2:30:00.
+/// Parses 45 (minutes) and 2:30:00 as Slurm does, and 3h50m or 90s as humantime does.
 fn wall_time(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("{text:?} is no time; write 3h50m, 90s, 2:30:00, or minutes");
-    let seconds = |parts: &[&str], units: &[u64]| -> Option<u64> {
-        parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
+    let parts: Vec<&str> = text.split(':').collect();
+    let sum = |units: &[u64]| -> Option<Duration> {
+        let seconds = parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
             part.parse::<u64>()
                 .ok()?
                 .checked_mul(*unit)?
                 .checked_add(sum)
-        })
+        });
+        seconds.map(Duration::from_secs)
     };
-    let parts: Vec<&str> = text.split(':').collect();
-    let total = match parts.len() {
-        2 => seconds(&parts, &[60, 1]),
-        3 => seconds(&parts, &[3600, 60, 1]),
-        1 if text.bytes().all(|b| b.is_ascii_digit()) => seconds(&parts, &[60]),
-        1 => {
-            let mut rest = text;
-            let mut sum = Some(0u64);
-            for (letter, unit) in [('d', 86400), ('h', 3600), ('m', 60), ('s', 1)] {
-                if let Some((number, after)) = rest.split_once(letter) {
-                    rest = after;
-                    let part = seconds(&[number], &[unit]);
-                    sum = sum.zip(part).and_then(|(a, b)| a.checked_add(b));
-                }
-            }
-            sum.filter(|_| rest.is_empty())
-        }
-        _ => None,
+    let time = match parts.len() {
+        2 => sum(&[60, 1]),
+        3 => sum(&[3600, 60, 1]),
+        1 if text.bytes().all(|b| b.is_ascii_digit()) => sum(&[60]),
+        _ => humantime::parse_duration(text).ok(),
     };
-    total
-        .filter(|&s| s > 0)
-        .map(Duration::from_secs)
-        .ok_or_else(wrong)
+    time.filter(|time| !time.is_zero())
+        .ok_or_else(|| format!("{text:?} is not a time; write 3h50m, 90s, 2:30:00, or minutes"))
 }
 
 fn main() -> ExitCode {
@@ -129,14 +116,14 @@ fn main() -> ExitCode {
         }
     };
     let code = match go(&world, &arguments) {
-        Ok(Ending::Done) => 0,
-        Ok(Ending::Stopped) => STOPPED_EARLY,
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::Stopped) => STOPPED_EARLY,
         Err(failure) => {
             if speaks {
                 eprintln!("error: {failure}");
             }
             if let (Failure::Other(_), true) = (&failure, world.size() > 1) {
-                // HDF5 would try to close a broken file while MPI ends, and might wait for ever.
+                // When MPI ends, HDF5 would try to close a broken file and could wait for ever.
                 world.barrier();
                 world.abort(failure.exit_code());
             }
@@ -146,7 +133,7 @@ fn main() -> ExitCode {
     ExitCode::from(code as u8)
 }
 
-fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
+fn go(world: &World, arguments: &Arguments) -> Result<Outcome, Failure> {
     let mut options = Options {
         out: PathBuf::new(),
         stop_at: arguments.stop_at,
@@ -161,6 +148,11 @@ fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
         return check_or_run(world, arguments, &options, task);
     }
     let source = read(world, arguments)?;
+    if world.rank() == 0 {
+        for note in gshear_scene::notes(&source, &arguments.set) {
+            eprintln!("note: {note}");
+        }
+    }
     let name = arguments
         .config
         .as_deref()
@@ -176,7 +168,7 @@ fn go(world: &World, arguments: &Arguments) -> Result<Ending, Failure> {
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
     match choice {
-        Choice::List => sweep.list(world).map(|()| Ending::Done),
+        Choice::List => sweep.list(world).map(|()| Outcome::Done),
         Choice::All => sweep.all(world, &options),
         Choice::One(number) => sweep.one(world, number, &options),
     }
@@ -187,17 +179,17 @@ fn check_or_run(
     arguments: &Arguments,
     options: &Options,
     task: Task,
-) -> Result<Ending, Failure> {
+) -> Result<Outcome, Failure> {
     if arguments.check {
         if world.rank() == 0 {
             print!("{}", task.toml());
         }
-        return Ok(Ending::Done);
+        return Ok(Outcome::Done);
     }
     task.run(world, options)
 }
 
-/// The configuration. One rank reads, so that all run the same scene.
+/// Reads the configuration on one rank, so that all ranks run the same scene.
 fn read(world: &World, arguments: &Arguments) -> Result<Source, Failure> {
     let read = match &arguments.config {
         Some(path) if world.rank() == 0 => Source::read(path),

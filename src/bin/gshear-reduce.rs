@@ -1,4 +1,4 @@
-//! `gshear-reduce`: reduces the runs of `gshear-mpi`. Parse, run, exit code.
+//! `gshear-reduce`: parses the command line, reduces runs of `gshear-mpi`, returns the exit code.
 
 use std::io::{BufWriter, stdout};
 use std::process::ExitCode;

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gshear::analysis::rate_state::{Evolution, Law, Segment, Slider};
-use gshear::state::SERIES_COLUMNS;
+use gshear_analysis::rate_state::{Evolution, Law, Segment, Slider};
+use gshear_dem::state::SeriesRow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
@@ -105,7 +105,9 @@ fn run(drive: &[Segment], interval: f64, sigma: f64, seed: u64) -> Fixture {
 }
 
 fn column<'a>(fixture: &'a mut Fixture, name: &str) -> &'a mut Vec<f64> {
-    let at = SERIES_COLUMNS.iter().position(|column| *column == name);
+    let at = SeriesRow::COLUMNS
+        .iter()
+        .position(|column| column.name == name);
     &mut fixture.series[at.expect("a column")]
 }
 
@@ -137,11 +139,9 @@ fn json(folder: &Path) -> Value {
 
 /// Rows of a table after its head, as cells.
 fn table(folder: &Path, name: &str) -> Vec<Vec<String>> {
-    let text = std::fs::read_to_string(folder.join(name)).expect("a table");
-    let cells = |line: &str| line.split(',').map(String::from).collect::<Vec<_>>();
-    let rows: Vec<Vec<String>> = text.lines().map(cells).collect();
-    assert!(rows.iter().all(|row| row.len() == rows[0].len()), "{name}");
-    rows[1..].to_vec()
+    let mut reader = csv::Reader::from_path(folder.join(name)).expect("a table");
+    let rows = reader.deserialize().collect::<Result<_, _>>();
+    rows.expect("rows as long as the header")
 }
 
 /// Each 95 % interval, twice as long to either side, holds the law: 1e-4 that a right one does not; and it is no longer than a share of it.

@@ -4,6 +4,36 @@
 //! Abbreviations: LH is Lee & Hurley (disks in plane shear), FR Ferdowsi & Rubin (spring-driven
 //! gouge), BO Bonfanti et al. (athermal quasi-static shear). `[L]` and `[N]` give the length of an
 //! array: L rows of a time series, N grains.
+//!
+//! | modules | quantities |
+//! | --- | --- |
+//! | [`phases`], [`stages`], [`measures`], [`correlate`] | stick and slip phases of τ, statistics per phase and their correlations |
+//! | [`displacement`], [`dmin`], [`event`], [`neighbourhood`] | D²min between two frames |
+//! | [`regions`], [`dbscan`], [`rattlers`] | regions of rearranging grains (GR regions) |
+//! | [`forces`], [`mod@stress`], [`frame_scalars`] | contact forces, stresses, scalars of a frame |
+//! | [`spearman`], [`student`], [`spread`], [`ranges`] | statistics |
+//! | [`rate_state`] | rate-and-state friction: steps, holds, fits |
+//! | [`jacobian`], [`spectrum`], [`growth`] | stiffness matrix K, its eigenvalues, growth of their modes |
+//!
+//! # Example
+//! Stick and slip phases of τ(γ), and the rank correlation of their durations and changes of τ:
+//!
+//! ```
+//! use gshear_analysis::phases::{self, Kind};
+//! use gshear_analysis::spearman::Spearman;
+//!
+//! let strain = [0.00, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06];
+//! let tau = [0.10, 0.15, 0.22, 0.18, 0.19, 0.21, 0.12];
+//! let found = phases::find(&strain, &tau);
+//! let kinds: Vec<Kind> = found.iter().map(|phase| phase.kind).collect();
+//! assert_eq!(kinds, [Kind::Stick, Kind::Slip, Kind::Stick, Kind::Slip]);
+//! assert_eq!(phases::largest_drop(&found).unwrap().end, 6);
+//!
+//! let pairs = found.iter().map(|phase| [phase.duration() as f64, phase.change]);
+//! let correlation = Spearman::default().of(pairs);
+//! assert_eq!(correlation.count, 4);
+//! assert!(correlation.rho > 0.8 && !correlation.is_significant());
+//! ```
 
 pub mod correlate;
 pub mod dbscan;

@@ -107,7 +107,9 @@ impl Cells {
                 let cell = row * self.columns + column;
                 let members =
                     &self.members[self.start[cell] as usize..self.start[cell + 1] as usize];
-                members.iter().for_each(|&n| found(n as usize));
+                for &n in members {
+                    found(n as usize);
+                }
             }
         }
     }
@@ -144,7 +146,7 @@ impl NearPairs {
             let places = self.found_at.iter().zip(position);
             places.fold(true, |stayed, (from, to)| {
                 let d = separation(length, *from, *to);
-                stayed & (d[0] * d[0] + d[1] * d[1] < 0.25 * skin * skin)
+                stayed && (d[0] * d[0] + d[1] * d[1] < 0.25 * skin * skin)
             })
         };
         let same =

@@ -53,6 +53,11 @@ impl Phase {
     pub fn is_long(&self) -> bool {
         self.duration() > LONG
     }
+
+    /// `long` or `short`, for tables.
+    pub fn length_name(&self) -> &'static str {
+        if self.is_long() { "long" } else { "short" }
+    }
 }
 
 /// Returns the phases of τ(γ), both `[L]`. The interval of the rows is the Δγ in which t_p is

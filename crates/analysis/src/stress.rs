@@ -26,7 +26,9 @@ pub fn tensors(grains: &Disks, frame: &Frame) -> Vec<[f64; 3]> {
     }
     for (stress, radius) in stress.iter_mut().zip(&grains.radius) {
         let scale = 1.0 / (std::f64::consts::PI * radius);
-        stress.iter_mut().for_each(|s| *s *= scale);
+        for s in stress {
+            *s *= scale;
+        }
     }
     stress
 }

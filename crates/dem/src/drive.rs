@@ -235,8 +235,14 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.record.resize(radius.len(), Zeroable::zeroed());
         self.force.clear();
         self.force.resize(radius.len(), Zeroable::zeroed());
-        self.contacts
-            .replace(level, self.law.as_ref(), &near, &[], (&id, &radius), radius.len());
+        self.contacts.replace(
+            level,
+            self.law.as_ref(),
+            &near,
+            &[],
+            (&id, &radius),
+            radius.len(),
+        );
     }
 }
 

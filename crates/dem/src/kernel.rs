@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
-use crate::contact::{CARRY, ContactLaw, Motion, Response, loss, store_vector, vector};
+use crate::contact::{CARRY, ContactLaw, Motion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{LANES, Lanes, Level, Mask, Row, Work, ask_for, inverse_sqrt};
 use crate::state::{Cell, Part, Units};
@@ -124,7 +124,7 @@ pub struct Found {
     /// A pair (block, lane) whose force is too great to be rounded to the unit.
     pub too_strong: Option<(usize, usize)>,
     /// Dissipation of the contacts whose grain i this rank owns, in [`Counting::unit`]s.
-    pub lost: [i128; loss::KINDS],
+    pub dissipated: [i128; dissipation::KINDS],
     /// Whether an energy was too great to be counted.
     pub uncounted: bool,
 }
@@ -135,7 +135,7 @@ impl Found {
         self.outside = self.outside.or(other.outside);
         self.too_strong = self.too_strong.or(other.too_strong);
         self.uncounted |= other.uncounted;
-        for (sum, more) in self.lost.iter_mut().zip(other.lost) {
+        for (sum, more) in self.dissipated.iter_mut().zip(other.dissipated) {
             *sum += more;
         }
         self
@@ -172,7 +172,7 @@ impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
 }
 
 /// One pass; blocks are numbered from the first of the part.
-struct Blocks<'a, C: ContactLaw, const LEDGER: bool> {
+struct Blocks<'a, C: ContactLaw, const BUDGET: bool> {
     law: &'a C,
     pass: Pass<'a, C::Space>,
     scratch: &'a mut Scratch<C::Space>,
@@ -218,7 +218,7 @@ impl<D: Dimension> Default for Scratch<D> {
     }
 }
 
-impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
+impl<C: ContactLaw, const BUDGET: bool> Work for Blocks<'_, C, BUDGET> {
     type Output = Found;
 
     /// Runs in phases with short chains of operations, so that the processor works on several
@@ -244,16 +244,16 @@ impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
                 }
             }
             differ::<C, L>(token, pass, chunk.clone(), scratch);
-            let active = move_pairs::<C, L, LEDGER>(token, pass, chunk.clone(), scratch);
+            let active = move_pairs::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);
             // In later blocks nothing touches or touched a step ago: their histories are zero
             // already.
             let chunk = first..first + active;
             if chunk.is_empty() {
                 continue;
             }
-            let outside = evaluate::<C, L, LEDGER>(token, law, pass, chunk.clone(), scratch);
+            let outside = evaluate::<C, L, BUDGET>(token, law, pass, chunk.clone(), scratch);
             found.outside = found.outside.or(outside);
-            if LEDGER {
+            if BUDGET {
                 account::<C, L>(token, pass, chunk.clone(), scratch, &mut found);
             }
             let too_strong = add::<C, L>(token, pass, chunk, scratch);
@@ -288,7 +288,7 @@ fn differ<C: ContactLaw, L: Lanes>(
 /// of their histories with n. Returns the number of blocks up to the last in which a pair touches
 /// or touched a step ago.
 #[inline(always)]
-fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     token: L::Token,
     pass: &mut Pass<'_, C::Space>,
     chunk: Range<usize>,
@@ -302,7 +302,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
     let step = c(pass.step);
     let [slip_shift, turn_shift] = [pass.units.slip, Units::TURN].map(|u| c(Units::shift(u)));
     let contacts = &mut pass.part;
-    if LEDGER {
+    if BUDGET {
         scratch.touched.clear();
     }
     let blocks = contacts.geometry[chunk.clone()]
@@ -351,7 +351,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
         let v_n = C::Space::dot(&v, &n);
         v_n.store(&mut motion.normal_velocity);
         let half_normal = C::Space::dot(&half_v, &n);
-        if LEDGER {
+        if BUDGET {
             (half_normal * step).store(&mut motion.normal_increment);
         }
         if C::FRICTION {
@@ -415,7 +415,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
             let nearer = nearer.to_row();
             for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
                 let factor = first_touch(motion, lane, nearer.0[lane]);
-                if LEDGER {
+                if BUDGET {
                     scratch.touched.push((k, lane, factor));
                 }
             }
@@ -456,7 +456,7 @@ fn turn_with_normal<L: Lanes>(
 
 /// Evaluates the law. Returns a pair whose overlap is outside the law, if there is one.
 #[inline(always)]
-fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     token: L::Token,
     law: &C,
     pass: &mut Pass<'_, C::Space>,
@@ -465,7 +465,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
 ) -> Option<(usize, usize)> {
     let contacts = &mut pass.part;
     let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
-    law.evaluate::<L, LEDGER>(
+    law.evaluate::<L, BUDGET>(
         token,
         &mut crate::contact::Blocks {
             parameters: &contacts.parameters[rows(C::PARAMETERS)],
@@ -501,7 +501,7 @@ fn account<C: ContactLaw, L: Lanes>(
     for &(k, lane, factor) in &scratch.touched {
         // Both the damping force and the velocity were scaled; the power needs only the force
         // scaled.
-        scratch.response[k].lost[loss::DAMPING].0[lane] /= factor;
+        scratch.response[k].dissipated[dissipation::DAMPING].0[lane] /= factor;
     }
     let load = |row: &Row| L::load(token, row);
     let c = |v| L::splat(token, v);
@@ -509,21 +509,21 @@ fn account<C: ContactLaw, L: Lanes>(
     let (unit, step) = pass.counting.map_or((1.0, 0.0), |c| (c.unit, c.step));
     let mine = chunk.end.min(part.mine.saturating_sub(part.first));
     let blocks = chunk.start..mine.max(chunk.start);
-    for kind in 0..loss::KINDS {
+    for kind in 0..dissipation::KINDS {
         let mut sums = L::no_counts(token);
         let per_unit = match kind {
-            loss::DAMPING => c(step / unit),
+            dissipation::DAMPING => c(step / unit),
             _ => c(1.0 / unit),
         };
         for response in &scratch.response[..blocks.len()] {
-            let units = load(&response.lost[kind]) * per_unit;
+            let units = load(&response.dissipated[kind]) * per_unit;
             let few = c(MOST_UNITS).greater(units.abs());
             if few.bits() != u16::MAX {
                 count_many(&units.to_row(), few.bits(), found, kind);
             }
             sums = units.select(few, c(0.0)).count(sums);
         }
-        found.lost[kind] += L::total(sums);
+        found.dissipated[kind] += L::total(sums);
     }
 }
 
@@ -533,7 +533,7 @@ fn count_many(units: &Row, few: u16, found: &mut Found, kind: usize) {
     for lane in (0..LANES).filter(|lane| few >> lane & 1 == 0) {
         let units = units.0[lane].round_ties_even();
         if units.abs() < 2f64.powi(100) {
-            found.lost[kind] += units as i128;
+            found.dissipated[kind] += units as i128;
         } else {
             found.uncounted = true;
         }

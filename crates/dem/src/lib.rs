@@ -147,10 +147,9 @@
 //! sum in f64 ([`domain::FixedPoint`]); no order that comes from the extent of a list or from a hash
 //! map.
 
-#![warn(missing_docs)]
-
 pub mod budget;
 pub mod clock;
+pub mod columns;
 pub mod contact;
 pub mod dimension;
 pub mod domain;

@@ -91,8 +91,8 @@ pub fn advance<D: Dimension>(
     let (load, [due, stop]) = message.read(exchange, system, outside)?;
     system.list.due = due;
     system.kick_is_due = true;
-    if let Some(ledger) = &mut system.ledger {
-        ledger.push(-load.along, drive.slid());
+    if let Some(budget) = &mut system.budget {
+        budget.push(-load.along, drive.slid());
     }
     system.clock.end(Phase::Walls);
 
@@ -105,6 +105,9 @@ pub fn advance<D: Dimension>(
 
 /// Computes the forces and the wall's acceleration at the start of a stage, without moving anything
 /// or advancing histories.
+///
+/// # Errors
+/// An overlap outside the law, or a number that is not finite.
 pub fn initial_forces<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -118,8 +121,8 @@ pub fn initial_forces<D: Dimension>(
     let mut message = Message::new(system, drive, outside, []);
     exchange.sum_during(&mut message.0, &mut || ());
     let (load, []) = message.read(exchange, system, outside)?;
-    if let Some(ledger) = &mut system.ledger {
-        ledger.push(-load.along, 0.0);
+    if let Some(budget) = &mut system.budget {
+        budget.push(-load.along, 0.0);
     }
     drive.start(load);
     Ok(())
@@ -149,9 +152,9 @@ impl<const K: usize> Message<K> {
         for (load, limbs) in load.iter().zip(message.chunks_mut(LIMBS + 1)) {
             load.write(limbs);
         }
-        message[Self::FAILED] = outside.is_some() as i64;
+        message[Self::FAILED] = i64::from(outside.is_some());
         for (to, yes) in message[Self::ANSWERS..].iter_mut().zip(questions) {
-            *to = yes as i64;
+            *to = i64::from(yes);
         }
         Self(message)
     }
@@ -213,7 +216,7 @@ fn add_forces<D: Dimension>(
         clock,
         list,
         team,
-        ledger,
+        budget,
         gravity,
         step: full_step,
         ..
@@ -232,8 +235,8 @@ fn add_forces<D: Dimension>(
         units: grains.units,
         cell: *cell,
         step,
-        counting: ledger.as_ref().map(|ledger| Counting {
-            unit: ledger.unit(),
+        counting: budget.as_ref().map(|budget| Counting {
+            unit: budget.unit(),
             step: *full_step,
         }),
     };
@@ -254,8 +257,8 @@ fn add_forces<D: Dimension>(
     team.gather(&mut grains.force);
     clock.end(Phase::Contacts);
 
-    if let Some(ledger) = ledger {
-        ledger.step(found.lost, found.uncounted);
+    if let Some(budget) = budget {
+        budget.step(found.dissipated, found.uncounted);
     }
     let pair = |at: Option<(usize, usize)>, why: fn(usize, usize) -> Outside| {
         at.map(|(block, lane)| why(block, lane))

@@ -1,13 +1,13 @@
 //! The state of a rank between two steps, and the upkeep of its lists.
 
+use crate::budget::EnergyBudget;
 use crate::clock::Clock;
+use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::Drive;
 use crate::failure::Failure;
-use crate::budget::Ledger;
 use crate::kernel::PairForce;
-use crate::contact::model::PairModel;
 use crate::neighbour;
 use crate::simd::{Lanes, Level, Work};
 use crate::state::{Cell, ContactState, Contacts, GrainState, Grains, Masses, Units, length};
@@ -53,7 +53,7 @@ pub struct System<D: Dimension> {
     /// The threads of this rank.
     pub team: Team<D>,
     /// The energy budget, if it is kept.
-    pub ledger: Option<Ledger>,
+    pub budget: Option<EnergyBudget>,
 }
 
 /// How long the list of pairs remains complete.
@@ -266,7 +266,7 @@ impl<D: Dimension> System<D> {
             kick_is_due: false,
             clock: Clock::default(),
             team: Team::new(of.threads)?,
-            ledger: None,
+            budget: None,
         })
     }
 
@@ -334,6 +334,9 @@ impl<D: Dimension> System<D> {
     }
 
     /// Migrates grains, sorts them, and makes a new list of pairs.
+    ///
+    /// # Errors
+    /// Too many ranks: a slab must be wider than the cutoff.
     pub fn rebuild(
         &mut self,
         exchange: &dyn Exchange,
@@ -347,6 +350,9 @@ impl<D: Dimension> System<D> {
 
     /// Replaces the whole state by these grains and contacts, which may belong to any rank. Every
     /// contact must be on the ranks that have its grains.
+    ///
+    /// # Errors
+    /// Too many ranks: a slab must be wider than the cutoff.
     pub fn replace(
         &mut self,
         exchange: &dyn Exchange,
@@ -438,21 +444,20 @@ impl<D: Dimension> System<D> {
             Some(Outside::Number) => {
                 let bad = (0..self.grains.owned)
                     .find(|&g| !self.grains.fields(g).iter().all(|x| x.is_finite()));
-                match bad {
-                    Some(g) => format!(
+                if let Some(g) = bad {
+                    format!(
                         "the position or velocity of grain {} at {} is no number",
                         self.grains.id[g],
                         place(g)
-                    ),
-                    None => {
-                        let g = self.list.furthest(&self.grains, &self.cell);
-                        format!(
-                            "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
-                            self.grains.id[g],
-                            place(g),
-                            0.5 * self.list.skin
-                        )
-                    }
+                    )
+                } else {
+                    let g = self.list.furthest(&self.grains, &self.cell);
+                    format!(
+                        "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
+                        self.grains.id[g],
+                        place(g),
+                        0.5 * self.list.skin
+                    )
                 }
             }
         };

@@ -150,7 +150,7 @@ impl<D: Dimension> Team<D> {
                 let (samples_before, samples_after) = samples.map(|s| s.split(own)).unzip();
                 (part, samples) = (before, samples_before);
                 scope.spawn(move |_| {
-                    *found = pass(after, &mut other.force, samples_after, &mut other.scratch)
+                    *found = pass(after, &mut other.force, samples_after, &mut other.scratch);
                 });
             }
             here[0] = pass(part, force, samples, &mut self.scratch);

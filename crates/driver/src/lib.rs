@@ -1,8 +1,15 @@
-//! Runs of gshear-mpi: stages, files, terminal, sweeps.
+//! Runs of gshear-mpi: a program of stages, from a scene or a checkpoint to the last file.
+//!
+//! A scene between walls is packed and sheared; a periodic box is prepared, strained quasi-statically
+//! and, if the scene asks for it, moved by Newton's equations. Each of these is a [`stages::Stage`];
+//! stops, signals, wall time, checkpoints and the terminal are in [`run`], once for all of them.
 
+pub mod files;
+mod frame_scalars;
+pub mod header;
 pub mod launch;
-pub mod periodic;
-pub mod record;
 pub mod run;
-pub mod signals;
-pub mod terminal;
+mod signals;
+pub mod stages;
+pub mod sweep;
+mod terminal;

@@ -6,19 +6,20 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::header::{Birth, Progress};
+use crate::stages::StrainRow;
 use gshear_dem::clock::Phase;
-use gshear_scene::{
-    Dimensions, Drive as SceneDrive, Law, Motion, Origin, PeriodicScene, Scene, Walls,
-};
 use gshear_dem::dimension::Dimension;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::drive::Piston;
-use gshear_store::provenance;
-use crate::periodic::{Birth, Progress, strain};
-use gshear_scene::schedule::Schedule;
 use gshear_dem::simd::Level;
 use gshear_dem::state::SeriesRow;
 use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::schedule::Schedule;
+use gshear_scene::{
+    Dimensions, Drive as SceneDrive, Law, Motion, Origin, PeriodicScene, Scene, Walls,
+};
+use gshear_store::provenance;
 
 /// Lines of progress, and a bar where there is a terminal.
 pub struct Terminal {
@@ -220,7 +221,7 @@ impl Terminal {
             100.0 * step as f64 / schedule.total as f64,
             schedule.strain(step),
             1e-6 * grains as f64 * done / seconds,
-            duration(left),
+            humantime::format_duration(Duration::from_secs(left as u64)),
         ));
         self.bar.set_position(step);
         self.bar
@@ -286,15 +287,6 @@ fn ranks(n: usize) -> String {
     }
 }
 
-fn duration(seconds: f64) -> String {
-    let s = seconds.max(0.0) as u64;
-    match s {
-        0..60 => format!("{s} s"),
-        60..3600 => format!("{} min {:02} s", s / 60, s % 60),
-        _ => format!("{} h {:02} min", s / 3600, s % 3600 / 60),
-    }
-}
-
 /// Of runs in a periodic box.
 impl Terminal {
     pub fn periodic_header(&self, exchange: &dyn Parallel, scene: &PeriodicScene, level: Level) {
@@ -323,7 +315,7 @@ impl Terminal {
         ));
     }
 
-    pub(crate) fn strain_step(&self, step: u64, row: &strain::Row) {
+    pub(crate) fn strain_step(&self, step: u64, row: &StrainRow) {
         let observed = &row.observed;
         let pairs = match &row.eigenvalues {
             None => String::new(),

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 
 use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::*;
+use mpi::traits::{AsRaw, Communicator, CommunicatorCollectives};
 
 /// Most numbers of a sum.
 pub const MOST_TERMS: usize = 15;
@@ -81,7 +81,7 @@ impl Node {
                 ffi::RSMPI_INFO_NULL,
                 communicator.as_raw(),
                 (&raw mut own).cast(),
-                &mut window,
+                &raw mut window,
             );
             for (k, &rank) in ranks.iter().enumerate() {
                 let (mut size, mut unit) = (0, 0);
@@ -89,8 +89,8 @@ impl Node {
                 ffi::MPI_Win_shared_query(
                     window,
                     k as i32,
-                    &mut size,
-                    &mut unit,
+                    &raw mut size,
+                    &raw mut unit,
                     (&raw mut begin).cast(),
                 );
                 assert!(size as usize >= room, "the window holds a desk");
@@ -141,10 +141,7 @@ impl Node {
     /// Where `reaches` says no, or what is chosen is not among the records.
     pub fn send(&self, to: usize, records: &[f64], width: usize, chosen: &[u32]) {
         let direction = self.direction(self.rank, to).expect("a neighbour");
-        assert!(
-            chosen.len() * width <= MOST_NUMBERS,
-            "a message that fits"
-        );
+        assert!(chosen.len() * width <= MOST_NUMBERS, "a message that fits");
         let number = self.sent[direction].get() + 1;
         self.sent[direction].set(number);
         // SAFETY: the desk lives as long as the window. What is written is read by the neighbour only between `sent` reaching this
@@ -167,10 +164,7 @@ impl Node {
     /// Where `reaches` says no.
     pub fn receive(&self, from: usize, message: &mut [f64]) {
         let direction = self.direction(from, self.rank).expect("a neighbour");
-        assert!(
-            message.len() <= MOST_NUMBERS,
-            "a message that fits"
-        );
+        assert!(message.len() <= MOST_NUMBERS, "a message that fits");
         let number = self.had[direction].get() + 1;
         self.had[direction].set(number);
         // SAFETY: the desk lives as long as the window. The neighbour has written the message before `sent`, and writes no other
@@ -223,7 +217,7 @@ impl Drop for Node {
     fn drop(&mut self) {
         // SAFETY: the window was made in `new` and is freed once, by all ranks of the node.
         unsafe {
-            ffi::MPI_Win_free(&mut self.window);
+            ffi::MPI_Win_free(&raw mut self.window);
         }
     }
 }

@@ -9,7 +9,9 @@ use mpi::collective::SystemOperation;
 use mpi::datatype::{Partition, PartitionMut};
 use mpi::environment::Universe;
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::*;
+use mpi::traits::{
+    AsRaw, Communicator, CommunicatorCollectives, Destination, Equivalence, Root, Source,
+};
 
 /// All ranks of the job. Dropping it ends MPI, so every file opened with its communicator must be closed before.
 pub struct World {
@@ -38,6 +40,9 @@ impl World {
     /// Starts MPI, under mpirun or as a single rank without it. To be called first thing in `main`, while there is one thread, and once.
     ///
     /// From here on a panic on any rank prints its message and ends the whole job with exit code 1; otherwise the others would wait for ever.
+    ///
+    /// # Panics
+    /// If MPI has been started before.
     pub fn start() -> World {
         for (name, value) in OPEN_MPI {
             if std::env::var_os(name).is_none() {

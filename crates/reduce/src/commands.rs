@@ -1,49 +1,51 @@
-//! The command line, and which command does what.
+//! The command line, and the function that runs each command.
 
 use std::io::Write;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+use gshear_analysis as analysis;
 use gshear_analysis::regions::MinPoints;
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
-use gshear_report::lee_hurley::Choice;
-use gshear_analysis as analysis;
 use gshear_report as report;
+use gshear_report::lee_hurley::Choice;
+use gshear_store::run_reader::Run;
 
 use super::{
     compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum, study,
 };
 
-/// Reduces the runs of gshear-mpi: what is in them, D²min, stick and slip phases, and a report with figures.
+/// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
 ///
-/// RUN is a run.h5 or the folder that holds one. Runs that were stopped early are read as far as they go.
+/// RUN is a run.h5 or the folder that holds one. A run that was stopped early is read up to its last complete row and frame.
 ///
-/// Exit codes: 0 done; 1 the runs differ (compare), or anything not named here; 2 bad input (file or arguments); 3 the numbers
-/// failed (a replay that differs).
+/// Exit codes: 0 done; 1 the runs differ (compare), or any other failure; 2 bad input (file or arguments); 3 the numbers failed
+/// (no convergence, a replay that differs).
 #[derive(Debug, Parser)]
 #[command(name = "gshear-reduce", version, max_term_width = 100)]
 pub struct Arguments {
-    /// Threads that work on frames [default: one per core]
+    /// Number of threads [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
+    /// What to do.
     #[command(subcommand)]
     pub command: Command,
 }
 
+/// The commands and their options.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Show what is in a run
+    /// Show the content of a run
     Info {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
     },
     /// Compare two runs field by field, to the last bit
     ///
-    /// Prints for every field how many values differ, the largest absolute and relative difference and where it is.
-    /// NaN equals NaN. Frames are compared one by one in their order, contacts by their ids.
-    /// Exit code 0 where all is equal, 1 where anything differs.
+    /// Prints for each field the number of values that differ, and the largest absolute and relative difference with its place.
+    /// NaN equals NaN. Frames and rows are compared in their order, contacts by their ids.
+    /// Exit code 0 if everything is equal, 1 if anything differs.
     Compare {
         /// A run.h5, or the folder that holds one
         a: PathBuf,
@@ -52,21 +54,21 @@ pub enum Command {
     },
     /// Write D²min between consecutive frames into reduced.h5 (Lee & Hurley, appendix B)
     ///
-    /// Dataset dmin/value[frame][grain] in m²; NaN in frame 0, for rattlers of the earlier frame, and where fewer than
-    /// two neighbours or neighbours on one line leave it undefined.
+    /// Dataset dmin/value[frame][grain] in m². NaN in frame 0, for rattlers of the earlier frame, and for grains with fewer than
+    /// two neighbours or with all neighbours on one line.
     Dmin {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
         /// Folder to write into [default: the run's]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Radius of the neighbourhood in mean radii of the grains
+        /// Radius of the neighbourhood in mean radii
         #[arg(long, value_name = "R", default_value_t = analysis::dmin::RADIUS, allow_negative_numbers = true)]
         radius: f64,
     },
-    /// Write a table of the stick and slip phases of τ into phases.csv
+    /// Write the stick and slip phases of τ into phases.csv
     ///
-    /// Phases are the maximal monotone runs of τ in the time series, whose interval is the Δγ that t_p is counted in.
+    /// A phase is a maximal monotone stretch of τ in the time series. Durations t_p are counted in intervals Δγ of the series.
     Phases {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
@@ -74,11 +76,11 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Write a table of the scalars of every frame into regions.csv: GR regions, gD²min, contact angles (Lee & Hurley, section 3)
+    /// Write the scalars of every frame into regions.csv: GR regions, gD²min, contact angles (Lee & Hurley, section 3)
     ///
-    /// A line a frame, each between it and the frame before: the greatest D²min and the mean of the greatest tenth (m²), the number
-    /// of GR regions in both readings of DBSCAN's minPts (1 and 2, the point itself counted), Spearman's rho of |Δσ_p| with D²min
-    /// and its p, mean and median contact angle in GR regions (rad).
+    /// One line per frame, from the frame before it to this one: the greatest D²min and the mean of the greatest tenth (m²), the
+    /// number of GR regions for minPts = 1 and 2 of DBSCAN (the point itself counted), Spearman's rho of |Δσ_p| with D²min and its
+    /// p, mean and median contact angle in GR regions (rad).
     Regions {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
@@ -86,10 +88,10 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Write what happened in every phase and how it goes with the change of τ (Lee & Hurley, section 3.3)
+    /// Write statistics of every phase and their correlation with the change of τ (Lee & Hurley, section 3.3)
     ///
-    /// measures.csv: a line a phase, with the measures of equations 1 to 4. correlations.csv: Spearman's rho and its two-sided p in
-    /// half-decades of Δτ, Δτ_p and D²min. Phases are those of τ at the frames, whose interval is the Δγ that t_p is counted in.
+    /// measures.csv: one line per phase, with the measures of equations 1 to 4. correlations.csv: Spearman's rho and its two-sided
+    /// p in half-decades of Δτ, Δτ_p and D²min. Phases are those of τ at the frames; t_p is counted in intervals of the frames.
     Correlate {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
@@ -99,92 +101,97 @@ pub enum Command {
         /// Shear strain at which the stick-slip regime begins
         #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
         from: f64,
-        /// Points within reach that make a core point of DBSCAN, the point itself counted: 1, or 2, by which a grain alone is noise
+        /// minPts of DBSCAN, the point itself counted: with 1 a single grain is a region, with 2 it is noise
         #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
         min_points: u8,
     },
-    /// Write one state of a run in a format of other programs
+    /// Write a frame or a checkpoint in the format of another program
     ///
-    /// lammps-data and liggghts-data: a data file of atom_style sphere; types are 1 free grains, 2 bottom wall, 3 top wall, and
-    /// the density is such that the program gives each grain the mass that the disk has per metre of depth. sample.packing
-    /// reads either back.
+    /// lammps-data and liggghts-data are data files of atom_style sphere. Types: 1 free grains, 2 bottom wall, 3 top wall. In 2D
+    /// the density gives each grain the mass of the disk per metre of depth. sample.packing reads both formats.
     Export {
         /// A run.h5, the folder that holds one, or a checkpoint
         run: PathBuf,
+        /// Format of the file
         #[arg(long, value_enum)]
         format: export::Format,
-        /// last, or the number of a frame, from 0 on [default: last]
+        /// Frame: its number, from 0 on, or last [default: last]
         #[arg(long, value_name = "N")]
         frame: Option<export::Which>,
-        /// File to write [default: frame-N.data or checkpoint.data beside the run]
+        /// File to write [default: frame-N.data or checkpoint.data in the folder of the run]
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
-    /// Fit rate-and-state friction to runs under a spring: velocity steps and slide-hold-slide
+    /// Fit rate-and-state friction to spring-driven runs: velocity steps and slide-hold-slide tests
     ///
-    /// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ among them. Writes the mean series, tables of
-    /// segments, steps, holds and fits (CSV), rate-state.json, and figures. Intervals are of 95 %.
+    /// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ between realisations. Writes the mean
+    /// series, tables of segments, steps, holds and fits (CSV), rate-state.json, and figures. Intervals are of 95 %.
     RateState {
-        /// Each a run.h5, or the folder that holds one
+        /// A run.h5, or the folder that holds one; several are realisations or further protocols
         #[arg(required = true, value_name = "RUN")]
         runs: Vec<PathBuf>,
-        /// Evolution of the state to fit
+        /// Evolution law to fit
         #[arg(long, value_enum, default_value_t = rate_state::Laws::Both)]
         law: rate_state::Laws,
         /// Folder to write into [default: the first run's folder + /rate-state]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Eigenvalues of K v = λ M v, of matrix files: spectrum.csv, spectrum.h5 with the eigenvectors, spectrum.svg
+    /// Compute eigenvalues of K v = λ M v, of a run or of matrix files
     ///
-    /// K is real and sparse, M a diagonal. Without --dense or --all-pairs: those nearest the shift, by shift-invert. A pair is evidence
-    /// only where the verdict says pair; doubtful ones may be the work of rounding (docs/spectrum.md).
+    /// K is real and sparse, M diagonal. Without --dense, --all-pairs or --unstable: the eigenvalues nearest the shift, by
+    /// shift-invert. Trust a pair only if its verdict is pair; doubtful pairs may be rounding errors (docs/spectrum.md). Writes
+    /// spectrum.csv, spectrum.h5 with the eigenvectors, and spectrum.svg.
     Spectrum(spectrum::Options),
-    /// Compute a stretch of a run again, with frames, from the checkpoint before it: run.h5 in a folder of its own
+    /// Compute a part of a run again, with frames, from the checkpoint before it
     ///
-    /// The run must have kept its checkpoints (output.keep_checkpoints); what lies after its last one or two is there in any case.
-    /// Its time series from the checkpoint on is compared with the one stored, to the last bit: exit code 3 where it differs.
+    /// Writes a run.h5 into a folder of its own. The run must have kept its checkpoints (output.keep_checkpoints); otherwise only
+    /// its end, from the last two checkpoints on, can be replayed. The time series is compared with the stored one, to the last bit:
+    /// exit code 3 if it differs.
     Replay {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
-        /// From the first to the last row of the time series in this stretch of shear strain, as 0.1005..0.1006
-        #[arg(long, value_name = "A..B", value_parser = replay::strains)]
-        strain: Strains,
-        /// Steps between frames, from the first row on [default: a frame for every row]
+        /// Range of shear strain, as 0.1005..0.1006: from the first to the last row of the time series in it
+        #[arg(long, value_name = "A..B", value_parser = replay::strains, required_unless_present = "time")]
+        strain: Option<Strains>,
+        /// Range of time of Newton's equations, for a run in a box; writes newtonian.h5 into the new folder
+        #[arg(long, value_name = "A..B", value_parser = replay::strains, conflicts_with = "strain")]
+        time: Option<Strains>,
+        /// Steps between frames, from the first row on [default: one frame per row]
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
         every: Option<u64>,
         /// Folder to write into [default: the run's folder + /replay-A-B]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Write a report: index.html with all figures in it, the figures as SVG, summary.json
+    /// Write a report: index.html with all figures, the figures as SVG, summary.json
     ///
-    /// With --study lee-hurley instead, of one run or of several: every figure of Lee & Hurley that rests on data, under its number,
-    /// as fig-NN.svg with fig-NN.csv; the paper's numbers beside ours in numbers.csv; the largest drops in drops.csv; index.html that
-    /// shows them. Frames around the largest drop that are missing are replayed where checkpoints were kept. Samples of more
-    /// than 2,236 disks count as the paper's large one. The series of the phases is τ at the frames.
+    /// --study lee-hurley takes one or several runs. It writes every figure of Lee & Hurley that shows data, under its number, as
+    /// fig-NN.svg with fig-NN.csv; the paper's numbers next to ours in numbers.csv; the largest drops in drops.csv; and index.html
+    /// with all of them. Missing frames around the largest drop are replayed if checkpoints were kept. A sample of more than 2,236
+    /// disks is compared with the paper's large one. Phases are those of τ at the frames.
     ///
-    /// With --study bonfanti, of the folder of one run in a periodic box: figures 1 to 5 of Bonfanti et al. with their data.
+    /// --study bonfanti takes the folder of one run in a periodic box. It writes figures 1 to 5 of Bonfanti et al. with their data.
     Report {
-        /// A run.h5, or the folder that holds one; several for a study
+        /// A run.h5, or the folder that holds one; several with --study lee-hurley
         #[arg(required = true, value_name = "RUN")]
         runs: Vec<PathBuf>,
-        /// Folder to write into [default: the first run's folder + /report, or + /lee-hurley]
+        /// Folder to write into [default: the first run's folder + /report, /lee-hurley or /bonfanti]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Repeat a published study
         #[arg(long, value_enum)]
         study: Option<Study>,
-        /// Shear strain at which the stick-slip regime of a study begins [default: the paper's, 0.022 small and 0.054 large]
+        /// Shear strain at which the stick-slip regime begins [default: the paper's: 0.022 small, 0.054 large sample]
         #[arg(long, value_name = "STRAIN", requires = "study")]
         from: Option<f64>,
-        /// Points within reach that make a core point of DBSCAN, as for correlate
+        /// minPts of DBSCAN, as for correlate
         #[arg(long, value_name = "N", default_value_t = 1, requires = "study", value_parser = clap::value_parser!(u8).range(1..=2))]
         min_points: u8,
     },
 }
 
-/// γ of both ends of a stretch.
+/// γ at both ends of a range.
 type Strains = [f64; 2];
 
 /// A study that can be repeated.
@@ -192,20 +199,22 @@ type Strains = [f64; 2];
 pub enum Study {
     /// Lee & Hurley: microscopic dynamics of rearrangement and stick-slip
     LeeHurley,
-    /// Bonfanti et al.: oscillatory instabilities, of the folder of a run in a periodic box
+    /// Bonfanti et al.: oscillatory instabilities in a periodic box
     Bonfanti,
 }
 
-/// Does what the command line asks for; what it finds goes to `output`.
+/// Runs the command and prints to `output`. Returns the exit code: 0, or 1 if `compare` has found a
+/// difference.
 ///
-/// Returns the exit code: 0, or 1 where `compare` found a difference. Errors: bad files, or output that cannot be written.
+/// # Errors
+/// Bad files, numbers that fail, output that cannot be written.
 pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> {
     if let Some(threads) = arguments.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
         pool.build_global()
             .map_err(|e| Failure::other(format!("threads: {e}")))?;
     }
-    // Of a single run that is computed again.
+    // Threads of a replay.
     let threads = arguments.threads.map_or(1, usize::from);
     match &arguments.command {
         Command::Info { run } => info::print(&Run::open(run)?, output)?,
@@ -262,9 +271,18 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
         Command::Replay {
             run,
             strain,
+            time,
             every,
             out,
         } => {
+            if let Some(time) = time {
+                let how = (*every, threads);
+                replay::newtonian(run, *time, how, out.as_deref(), output)?;
+                return Ok(0);
+            }
+            let Some(strain) = strain else {
+                return Err(Failure::input("replay: give --strain A..B or --time A..B"));
+            };
             let wanted = replay::Wanted {
                 strain: *strain,
                 every: *every,
@@ -317,7 +335,7 @@ fn reading(min_points: u8) -> MinPoints {
     }
 }
 
-/// Output that could not be written, to a terminal or a pipe.
+/// Returns the failure of output that could not be written to a terminal or a pipe.
 pub(super) fn lost(error: std::io::Error) -> Failure {
     Failure::other(format!("standard output: {error}"))
 }

@@ -1,15 +1,15 @@
-//! `compare`: two runs field by field, to the last bit.
+//! `compare`: compares two runs field by field, to the last bit.
 
 use std::cmp::Ordering;
 use std::fmt;
 use std::io::{self, Write};
 
-use gshear_scene::Dimensions;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactSample, FrameRecords, SeriesRow};
+use gshear_scene::Dimensions;
 use gshear_store::run_reader::Run;
-use gshear_dem::state::{ContactSample, FrameRecords, SERIES_COLUMNS};
 
-/// Parameters that say how, where and when a run was made, or how fast it was, and not what came out.
+/// Parameters that describe how, where and when a run was made, not its results.
 const PROVENANCE: [&str; 7] = [
     "git_commit",
     "processor",
@@ -20,16 +20,23 @@ const PROVENANCE: [&str; 7] = [
     "version",
 ];
 
+/// Components of a vector, as named in places.
+const PARTS: [&str; 3] = [" x", " y", " z"];
+
 /// Where two values differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Place {
+    /// No place, as for a number of the whole run.
     Nowhere,
+    /// Grain.
     Grain(usize),
+    /// Row of the time series.
     Row(usize),
+    /// Frame.
     Frame(usize),
     /// Frame, grain, component.
     GrainOf(usize, usize, &'static str),
-    /// Frame, ids.
+    /// Frame, ids of the grains.
     ContactOf(usize, u32, u32),
 }
 
@@ -46,19 +53,24 @@ impl fmt::Display for Place {
     }
 }
 
-/// What was found of one field. Differences with NaN on one side only are infinite.
+/// Comparison of one field. A difference with NaN on one side only is infinite.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
+    /// Name of the field.
     pub name: String,
+    /// Number of values compared.
     pub compared: u64,
-    /// Values that are not the same bits (NaN equals NaN).
+    /// Number of values with different bits (NaN equals NaN).
     pub differing: u64,
     /// First difference in the order of the file.
     pub first: Place,
+    /// Largest |a - b|.
     pub absolute: f64,
+    /// Place of the largest |a - b|.
     pub absolute_at: Place,
     /// Largest |a - b|/max(|a|, |b|).
     pub relative: f64,
+    /// Place of the largest |a - b|/max(|a|, |b|).
     pub relative_at: Place,
 }
 
@@ -95,7 +107,7 @@ impl Field {
             }
         };
         let absolute = finite((a - b).abs());
-        // Zeros of either sign differ by their bits only.
+        // Zeros of different sign differ only in their bits.
         let relative = if absolute == 0.0 {
             0.0
         } else {
@@ -113,20 +125,24 @@ impl Field {
 /// The result of a comparison.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Comparison {
+    /// Fields compared value by value.
     pub fields: Vec<Field>,
     /// Differing numbers of frames, rows, grains; differing digests.
     pub unequal: Vec<String>,
-    /// Differences that say nothing of the results.
+    /// Differences in parameters that do not count as results.
     pub asides: Vec<String>,
 }
 
 impl Comparison {
-    /// Whether the runs hold the same results to the last bit.
+    /// Returns whether the runs hold the same results, to the last bit.
     pub fn equal(&self) -> bool {
         self.unequal.is_empty() && self.fields.iter().all(|field| field.differing == 0)
     }
 
-    /// Prints a line a field, then what cannot be compared value by value.
+    /// Prints one line per field, then the other differences.
+    ///
+    /// # Errors
+    /// If `output` cannot be written.
     pub fn print(&self, output: &mut impl Write) -> io::Result<()> {
         let head = [
             "field",
@@ -188,9 +204,10 @@ impl Comparison {
     }
 }
 
-/// Compares everything that two runs hold. Frames and rows are taken in their order, contacts by their ids.
+/// Compares the whole content of two runs: frames and rows in their order, contacts by their ids.
 ///
-/// Errors: a file that turns out damaged while it is read.
+/// # Errors
+/// [`Failure::Input`] if a file is damaged.
 pub fn runs(a: &Run, b: &Run) -> Result<Comparison, Failure> {
     let mut found = Comparison::default();
     parameters(a, b, &mut found);
@@ -236,9 +253,9 @@ pub fn runs(a: &Run, b: &Run) -> Result<Comparison, Failure> {
         time.see(x.time[row], y.time[row], Place::Row(row));
     }
     found.fields.extend([step, time]);
-    for name in SERIES_COLUMNS {
-        let mut field = Field::new(name);
-        let pairs = x.column(name).iter().zip(y.column(name));
+    for column in SeriesRow::COLUMNS {
+        let mut field = Field::new(column.name);
+        let pairs = x.column(column.name).iter().zip(y.column(column.name));
         pairs
             .enumerate()
             .for_each(|(row, (a, b))| field.see(*a, *b, Place::Row(row)));
@@ -255,7 +272,7 @@ fn parameters(a: &Run, b: &Run, found: &mut Comparison) {
         match (a.parameters().get(name), b.parameters().get(name)) {
             (Some(x), Some(y)) if x == y => {}
             (Some(x), Some(y)) if name == "digest" => {
-                found.unequal.push(format!("digest: {x} against {y}"))
+                found.unequal.push(format!("digest: {x} against {y}"));
             }
             (Some(_), Some(_)) if name == "scene" => found.asides.push("the scene".to_string()),
             (Some(x), Some(y)) => found.asides.push(format!("{name}: {x} against {y}")),
@@ -267,13 +284,13 @@ fn parameters(a: &Run, b: &Run, found: &mut Comparison) {
                 .push(format!("{name}: only in {}", b.path().display())),
         }
     }
-    // What was asked for comes before what always differs from run to run.
+    // Settings come before parameters that differ between any two runs.
     found
         .asides
         .sort_by_key(|line| PROVENANCE.iter().any(|name| line.starts_with(name)));
 }
 
-/// The fields of frames, read in blocks.
+/// Compares the fields of frames, read in blocks.
 fn frames_of(a: &Run, b: &Run, frames: usize) -> Result<Vec<Field>, Failure> {
     let mut fields = FrameFields::new(a.dimension());
     let length = a.block_length().min(b.block_length());
@@ -287,7 +304,7 @@ fn frames_of(a: &Run, b: &Run, frames: usize) -> Result<Vec<Field>, Failure> {
     Ok(fields.into_fields())
 }
 
-/// Of a contact a number, or a vector across it, of which disks have the first component alone.
+/// A field of a contact: name, whether it is a tangential vector (one component in 2D), getter.
 type ContactField = (&'static str, bool, fn(&ContactSample) -> [f64; 3]);
 
 const CONTACT_FIELDS: [ContactField; 6] = [
@@ -306,7 +323,7 @@ struct FrameFields {
     position: Field,
     velocity: Field,
     angular_velocity: Field,
-    /// A contact that only one of the two has.
+    /// Whether a contact is in both runs.
     pairs: Field,
     contacts: Vec<Field>,
 }
@@ -331,7 +348,6 @@ impl FrameFields {
     fn see(&mut self, t: usize, a: &FrameRecords, b: &FrameRecords) {
         self.step.see(a.step as f64, b.step as f64, Place::Frame(t));
         self.time.see(a.time, b.time, Place::Frame(t));
-        const PARTS: [&str; 3] = [" x", " y", " z"];
         let axes = self.dimension.axes();
         for (n, (a, b)) in a.grains.iter().zip(&b.grains).enumerate() {
             for (k, part) in PARTS.into_iter().enumerate().take(axes) {

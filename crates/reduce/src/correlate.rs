@@ -1,6 +1,5 @@
-//! `correlate`: the measures of every phase, and how they go with the change of τ, as tables.
+//! `correlate`: tables of statistics of every phase and their correlation with the change of τ.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::scalars::FrameSeries;
@@ -10,11 +9,14 @@ use gshear_analysis::regions::MinPoints;
 use gshear_analysis::spearman::Correlation;
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::Run;
+use gshear_store::table::Table;
 use gshear_store::text_writer;
 
-/// Writes `measures.csv` and `correlations.csv` into `folder`, of what happens from γ = `onset` on. Returns the files.
+/// Writes `measures.csv` and `correlations.csv` of the phases from γ = `onset` on into `folder`.
+/// Returns the paths.
 ///
-/// Errors: a run that will not do, a file that cannot be written.
+/// # Errors
+/// An unfit or damaged run, a file that cannot be written.
 pub fn write(
     run: &Run,
     folder: &Path,
@@ -35,7 +37,7 @@ pub fn write(
     Ok(paths)
 }
 
-/// A line a phase.
+/// Returns one line per phase.
 fn measures(regime: &Regime) -> String {
     const QUANTITIES: [Quantity; 7] = [
         Quantity::DminMax,
@@ -46,40 +48,26 @@ fn measures(regime: &Regime) -> String {
         Quantity::AngleMean,
         Quantity::AngleMedian,
     ];
-    let mut csv = String::from("phase,kind,length,start_strain,end_strain,t_p,delta_tau_p");
-    for quantity in QUANTITIES {
-        csv += ",";
-        csv += quantity.name();
-    }
-    csv.push('\n');
-    for (k, measured) in regime.phases.iter().enumerate() {
-        let phase = &measured.phase;
-        let length = if phase.is_long() { "long" } else { "short" };
-        let (kind, [from, to]) = (phase.kind.name(), phase.strain);
-        let (duration, change) = (phase.duration(), phase.change);
-        write!(
-            csv,
-            "{k},{kind},{length},{from:?},{to:?},{duration},{change:?}"
-        )
-        .expect("a string grows");
-        for quantity in QUANTITIES {
-            write!(csv, ",{:?}", quantity.of(measured)).expect("a string grows");
-        }
-        csv.push('\n');
-    }
-    csv
+    Table::of(regime.phases.iter().enumerate())
+        .column("phase", |(k, _)| *k)
+        .column("kind", |(_, measured)| measured.phase.kind.name())
+        .column("length", |(_, measured)| measured.phase.length_name())
+        .columns(["start_strain", "end_strain"], |(_, measured)| {
+            measured.phase.strain
+        })
+        .column("t_p", |(_, measured)| measured.phase.duration())
+        .column("delta_tau_p", |(_, measured)| measured.phase.change)
+        .columns(QUANTITIES.map(Quantity::name), |(_, measured)| {
+            QUANTITIES.map(|quantity| quantity.of(measured))
+        })
+        .csv()
 }
 
-/// A line a range of every correlation, insignificant ones too.
+/// Returns one line per range of every correlation, insignificant ones included.
 fn correlations(regime: &Regime, unit: f64) -> String {
-    let mut csv = String::from("of,with,over,range_of,from,to,pairs,rho,p\n");
-    let mut add = |head: [&str; 4], found: Vec<(Range, Correlation)>| {
-        for (range, correlation) in found {
-            let Correlation { rho, p, count } = correlation;
-            let (head, nearer, farther) = (head.join(","), range.nearer, range.farther);
-            writeln!(csv, "{head},{nearer:?},{farther:?},{count},{rho:?},{p:?}")
-                .expect("a string grows");
-        }
+    let mut rows: Vec<([&str; 4], Range, Correlation)> = Vec::new();
+    let mut add = |head: [&'static str; 4], found: Vec<(Range, Correlation)>| {
+        rows.extend(found.into_iter().map(|(range, c)| (head, range, c)));
     };
     for subject in SUBJECTS {
         let head = match subject {
@@ -100,5 +88,12 @@ fn correlations(regime: &Regime, unit: f64) -> String {
             add(["delta_tau_p", quantity.name(), "long", name], found);
         }
     }
-    csv
+    Table::of(rows)
+        .columns(["of", "with", "over", "range_of"], |(head, ..)| *head)
+        .column("from", |(_, range, _)| range.nearer)
+        .column("to", |(_, range, _)| range.farther)
+        .column("pairs", |(.., correlation)| correlation.count)
+        .column("rho", |(.., correlation)| correlation.rho)
+        .column("p", |(.., correlation)| correlation.p)
+        .csv()
 }

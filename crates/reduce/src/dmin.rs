@@ -1,4 +1,4 @@
-//! `dmin`: D²min between consecutive frames, into `reduced.h5`.
+//! `dmin`: writes D²min between consecutive frames into `reduced.h5`.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -9,17 +9,18 @@ use rayon::prelude::*;
 use super::pool::Pool;
 use gshear_analysis::dmin::NonAffine;
 use gshear_analysis::{event, rattlers};
-use gshear_scene::Dimensions;
 use gshear_dem::dimension::Three;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::FrameRecords;
+use gshear_scene::Dimensions;
 use gshear_store::reduced_writer::ReducedWriter;
 use gshear_store::run_reader::{Fields, Run};
-use gshear_dem::state::FrameRecords;
 
-/// Writes `reduced.h5` into `folder`; `radius` of the neighbourhood over r̄. Returns the file.
+/// Writes `reduced.h5` into `folder` and returns its path. `radius`: radius of the neighbourhood over
+/// r̄. Memory holds two blocks of frames, whatever their number.
 ///
-/// Memory holds one block of frames, whatever their number.
-/// Errors: a radius that is not positive, a damaged run, a file that cannot be written.
+/// # Errors
+/// A radius that is not positive, a damaged run, a file that cannot be written.
 pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> {
     if !(radius.is_finite() && radius > 0.0) {
         return Err(Failure::input(format!(
@@ -72,7 +73,7 @@ pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> 
     writer.finish()
 }
 
-/// Writes a row of what `value` makes of each two frames that follow one another, with a buffer of its own on each thread.
+/// Writes one row per pair of consecutive frames, computed by `value` with a buffer per thread.
 fn each_pair<F: Send + Sync, B>(
     run: &Run,
     writer: &ReducedWriter,
@@ -87,13 +88,14 @@ fn each_pair<F: Send + Sync, B>(
         let mut values = Array2::zeros((frames.len() - 1, n));
         let next = first + values.nrows();
         let work = |values: &mut Array2<f64>| {
-            // Without grains the rows have no elements to hand out.
+            // Chunks of zero elements would panic.
             if n == 0 {
                 return;
             }
             let values = values.as_slice_mut().expect("in standard layout");
             let pairs = values.par_chunks_exact_mut(n).zip(frames.par_windows(2));
-            // Frames that follow one another share what a buffer found, as long as there are enough for all threads.
+            // Consecutive frames share the neighbour lists of a buffer; chunks stay small enough to
+            // keep all threads busy.
             let together = (frames.len() / (4 * rayon::current_num_threads())).clamp(1, 8);
             pairs
                 .with_min_len(together)
@@ -101,7 +103,7 @@ fn each_pair<F: Send + Sync, B>(
                     value(buffer, &pair[0], &pair[1], row);
                 });
         };
-        // The next block is read while the processor is busy with this one.
+        // Reads the next block during the computation.
         let (following, ()) = rayon::join(|| block(next), || work(&mut values));
         if values.nrows() > 0 {
             writer.dmin(first, values.view())?;

@@ -1,25 +1,25 @@
-//! `export`: one state of a run in a format of other programs.
+//! `export`: writes a frame or a checkpoint in the format of another program.
 
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use gshear_scene::Dimensions;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::{Cell, GrainSample};
+use gshear_driver::header::Header;
 use gshear_scene::lammps_data::{self, Atom, DataFile};
+use gshear_scene::{Dimensions, Study};
 use gshear_store::run_reader::Run;
 use gshear_store::{checkpoint, provenance, text_writer};
-use gshear_driver::run::{Header, Stage};
-use gshear_dem::state::{Cell, GrainSample};
 
-/// Formats that a state can be written in.
+/// Format of the exported file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
     /// LAMMPS data file of atom_style sphere
     LammpsData,
-    /// The same for LIGGGHTS, which takes the density for that of a disk
+    /// The same for LIGGGHTS, which takes the density as that of a disk in 2D
     LiggghtsData,
 }
 
@@ -46,11 +46,12 @@ impl Format {
     }
 }
 
-/// Which frame of a run.
+/// A frame of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Which {
+    /// The last frame.
     Last,
-    /// From 0 on.
+    /// The frame of this number, from 0 on.
     Number(usize),
 }
 
@@ -69,9 +70,10 @@ impl std::str::FromStr for Which {
 }
 
 impl Which {
-    /// Its number.
+    /// Returns its number.
     ///
-    /// Errors: the run has no such frame.
+    /// # Errors
+    /// [`Failure::Input`] if the run has no such frame.
     pub(super) fn of(self, run: &Run) -> Result<usize, Failure> {
         let frames = run.frames();
         let asked = match self {
@@ -91,11 +93,11 @@ impl Which {
     }
 }
 
-/// Grains by id, as far as any format wants them. SI units.
+/// State to export, in SI units; grains by id.
 struct State {
-    /// What it is of, on one line.
+    /// Origin of the state, on one line.
     title: String,
-    /// Name of its file without extension.
+    /// File name without extension.
     name: String,
     cell: Cell,
     dimension: Dimensions,
@@ -113,9 +115,11 @@ struct Grain {
     angular_velocity: [f64; 3],
 }
 
-/// Writes a state of `run`, a run or a checkpoint, to `out` or beside it. Returns the file.
+/// Writes a state of `run`, which is a run or a checkpoint, to `out` or into the folder of the run.
+/// Returns the path.
 ///
-/// Errors: a frame that is not there, a damaged file, a file that cannot be written.
+/// # Errors
+/// A missing frame, a damaged file, a file that cannot be written.
 pub fn write(
     run: &Path,
     format: Format,
@@ -178,10 +182,11 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
 fn of_checkpoint(path: &Path) -> Result<State, Failure> {
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
     let header = Header::read(&snapshot)?;
-    let scene = header.scene(path, toml, &[])?;
-    let stage = match header.stage {
-        Stage::Pack { .. } => "packing",
-        Stage::Shear { .. } => "shear",
+    let Study::PlaneShear(scene) = header.scene(path, toml, &[])? else {
+        return Err(Failure::input(format!(
+            "{}: is of a periodic box; only samples between walls are exported",
+            path.display()
+        )));
     };
     let grain = |g: &gshear_dem::state::GrainState| Grain {
         body: g.body,
@@ -192,7 +197,12 @@ fn of_checkpoint(path: &Path) -> Result<State, Failure> {
         angular_velocity: g.angular_velocity,
     };
     Ok(State {
-        title: format!("step {} of the {stage} in {}", header.step, path.display()),
+        title: format!(
+            "step {} of the {} in {}",
+            header.step(),
+            header.stage(),
+            path.display()
+        ),
         name: path
             .file_stem()
             .map_or("checkpoint".into(), |stem| stem.to_string_lossy().into()),
@@ -202,17 +212,18 @@ fn of_checkpoint(path: &Path) -> Result<State, Failure> {
     })
 }
 
-/// What the column `density` of a data file means.
+/// Comments in the file on the column `density`.
 const SPHERES: [&str; 2] = [
-    "density is that of a sphere with the mass which the disk has per metre of depth: density pi d^3/6 = rho pi d^2/4. So forces and",
+    "density is that of a sphere with the mass of the disk per metre of depth: density pi d^3/6 = rho pi d^2/4. Forces and",
     "stiffnesses are per metre of depth; fix nve/sphere with disc gives the disk's moment of inertia, too.",
 ];
 const DISKS: [&str; 2] = [
-    "density is that of the disk: LIGGGHTS makes pi d^2/4 density of it where dimension is 2, the mass per metre of depth. So forces and",
+    "density is that of the disk: with dimension 2 LIGGGHTS computes the mass per metre of depth, pi d^2/4 density. Forces and",
     "stiffnesses are per metre of depth; fix nve/sphere takes the disk's moment of inertia in 2 dimensions.",
 ];
 
-/// A data file of `program`, which makes each grain's mass of its density by this volume of a radius (m).
+/// Returns a data file of `program`, which computes a grain's mass as density times `volume` of its
+/// radius (m).
 fn data_file(
     state: &State,
     program: &str,

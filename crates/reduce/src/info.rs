@@ -1,16 +1,18 @@
-//! `info`: what is in a run, for people.
+//! `info`: prints the content of a run.
 
 use std::fmt::Write as _;
 use std::io::Write;
 
 use super::commands::lost;
+use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::SeriesRow;
 use gshear_store::run_reader::Run;
-use gshear_dem::state::SERIES_COLUMNS;
 
-/// Prints what a run holds.
+/// Prints the content of a run.
 ///
-/// Errors: output that cannot be written, a run without the parameters that strain is computed from.
+/// # Errors
+/// Output that cannot be written, a run without the parameters that define its strain.
 pub fn print(run: &Run, output: &mut impl Write) -> Result<(), Failure> {
     output.write_all(describe(run)?.as_bytes()).map_err(lost)
 }
@@ -59,7 +61,7 @@ fn describe(run: &Run) -> Result<String, Failure> {
     }
     let series = run.series();
     lines.push(("series", span(&series.step, series.column("strain"))));
-    lines.push(("columns", SERIES_COLUMNS.join(", ")));
+    lines.push(("columns", joined_names(&SeriesRow::COLUMNS, ", ")));
 
     let mut text = String::new();
     for (name, value) in lines {
@@ -77,7 +79,7 @@ fn describe(run: &Run) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// How many, and from where to where.
+/// Returns the number of entries and the range of steps and strains.
 fn span(step: &[u64], strain: &[f64]) -> String {
     let count = step.len();
     match (step, strain) {

@@ -1,6 +1,5 @@
-//! `phases`: the table of stick and slip phases.
+//! `phases`: writes the table of stick and slip phases.
 
-use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
@@ -8,11 +7,13 @@ use super::commands::lost;
 use gshear_analysis::phases::{self, Kind, Phase};
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::Run;
+use gshear_store::table::Table;
 use gshear_store::text_writer;
 
 /// Writes `phases.csv` into `folder` and a summary to `output`.
 ///
-/// Errors: a folder or file that cannot be written.
+/// # Errors
+/// A folder or file that cannot be written.
 pub fn write(run: &Run, folder: &Path, output: &mut impl Write) -> Result<(), Failure> {
     let series = run.series();
     let found = phases::find(series.column("strain"), series.column("stress_ratio"));
@@ -22,24 +23,21 @@ pub fn write(run: &Run, folder: &Path, output: &mut impl Write) -> Result<(), Fa
     writeln!(output, "wrote {}", path.display()).map_err(lost)
 }
 
-/// A line a phase; numbers in shortest form that reads back to the same bits.
+/// Returns one line per phase.
 fn table(found: &[Phase], step: &[u64]) -> String {
-    let mut csv = String::from(
-        "phase,kind,length,start_row,end_row,start_step,end_step,start_strain,end_strain,t_p,t_p_strain,delta_tau_p\n",
-    );
-    for (k, phase) in found.iter().enumerate() {
-        let length = if phase.is_long() { "long" } else { "short" };
-        let (kind, [from, to]) = (phase.kind.name(), phase.strain);
-        let (start, end, duration) = (phase.start, phase.end, phase.duration());
-        let (first, last) = (step[start], step[end]);
-        let (strain, change) = (phase.duration_strain(), phase.change);
-        writeln!(
-            csv,
-            "{k},{kind},{length},{start},{end},{first},{last},{from:?},{to:?},{duration},{strain:?},{change:?}"
-        )
-        .expect("a string grows");
-    }
-    csv
+    Table::of(found.iter().enumerate())
+        .column("phase", |(k, _)| *k)
+        .column("kind", |(_, phase)| phase.kind.name())
+        .column("length", |(_, phase)| phase.length_name())
+        .column("start_row", |(_, phase)| phase.start)
+        .column("end_row", |(_, phase)| phase.end)
+        .column("start_step", |(_, phase)| step[phase.start])
+        .column("end_step", |(_, phase)| step[phase.end])
+        .columns(["start_strain", "end_strain"], |(_, phase)| phase.strain)
+        .column("t_p", |(_, phase)| phase.duration())
+        .column("t_p_strain", |(_, phase)| phase.duration_strain())
+        .column("delta_tau_p", |(_, phase)| phase.change)
+        .csv()
 }
 
 fn summary(found: &[Phase], output: &mut impl Write) -> std::io::Result<()> {

@@ -1,20 +1,21 @@
-//! Buffers that are lent to pieces of work and taken back: what they hold, such as lists of near grains, serves the next piece.
+//! A pool of buffers for parallel tasks. A task inherits the content of a returned buffer, such as
+//! lists of near grains.
 
 use std::mem::take;
 use std::sync::{Mutex, PoisonError};
 
-/// As many buffers as were ever lent at a time.
+/// Returned buffers; their number grows to the largest number lent at a time.
 #[derive(Debug, Default)]
 pub struct Pool<T>(Mutex<Vec<T>>);
 
-/// A buffer on loan; goes back when it is dropped.
+/// A borrowed buffer, returned to the pool when dropped.
 pub struct Lent<'a, T: Default> {
     pool: &'a Pool<T>,
     pub buffer: T,
 }
 
 impl<T: Default> Pool<T> {
-    /// One that was used before, or a new one.
+    /// Lends a returned buffer, or a new one.
     pub fn lend(&self) -> Lent<'_, T> {
         let used = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
         Lent {

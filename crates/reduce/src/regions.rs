@@ -1,36 +1,30 @@
-//! `regions`: the scalars of every frame, GR regions among them, as a table.
+//! `regions`: writes the table of the scalars of every frame, such as the number of GR regions.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::scalars::FrameSeries;
-use gshear_analysis::frame_scalars::SCALAR_COLUMNS;
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::Run;
+use gshear_store::table::Table;
 use gshear_store::text_writer;
 
-/// Writes `regions.csv` into `folder`: a line a frame. Returns the file.
+/// Writes `regions.csv` into `folder`, one line per frame. Returns its path.
 ///
-/// Errors: a run that will not do, a file that cannot be written.
+/// # Errors
+/// An unfit or damaged run, a file that cannot be written.
 pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
     let path = folder.join("regions.csv");
     text_writer::write(&path, &table(&FrameSeries::of(run)?))?;
     Ok(path)
 }
 
-/// Numbers in shortest form that reads back to the same bits.
 fn table(series: &FrameSeries) -> String {
-    let mut csv = format!(
-        "frame,step,strain,stress_ratio,{}\n",
-        SCALAR_COLUMNS.join(",")
-    );
-    for (k, scalars) in series.scalars.iter().enumerate() {
-        let (step, strain, tau) = (series.step[k], series.strain[k], series.tau[k]);
-        write!(csv, "{k},{step},{strain:?},{tau:?}").expect("a string grows");
-        for value in scalars.columns() {
-            write!(csv, ",{value:?}").expect("a string grows");
-        }
-        csv.push('\n');
-    }
-    csv
+    Table::of(0..series.scalars.len())
+        .column("frame", |k| *k)
+        .column("step", |k| series.step[*k])
+        .column("strain", |k| series.strain[*k])
+        .column("stress_ratio", |k| series.tau[*k])
+        .columns(FrameScalars::COLUMNS, |k| series.scalars[*k].columns())
+        .csv()
 }

@@ -1,4 +1,4 @@
-//! `replay`: a stretch of a run computed again, with frames, from the checkpoint before it.
+//! `replay`: computes a part of a run again, with frames, from the checkpoint before it.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -6,34 +6,41 @@ use std::path::{Path, PathBuf};
 use super::commands::lost;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
-use gshear_driver::record::RUN_FILE;
-use gshear_driver::run::{self, Header, Options, Stage, Start};
+use gshear_dem::state::{SeriesRow, Snapshot};
+use gshear_driver::files::RUN_FILE;
+use gshear_driver::header::Header;
+use gshear_driver::launch::{Start, Task};
+use gshear_driver::run::{Options, Outcome};
 use gshear_scene::schedule::Window;
-use gshear_dem::state::{SERIES_COLUMNS, Snapshot};
+use gshear_store::checkpoint;
+use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
+use gshear_store::run_reader::{PeriodicRun, Run};
 
-/// What is to be computed again.
+/// The part of a run to replay.
 #[derive(Debug, Clone, Copy)]
 pub struct Wanted {
-    /// γ at its two ends.
+    /// γ at both ends.
     pub strain: [f64; 2],
-    /// Steps between frames; `None`: as between rows of the time series.
+    /// Steps between frames; `None`: one frame per row of the time series.
     pub every: Option<u64>,
-    /// Threads that compute it; the numbers do not depend on them.
+    /// Number of threads; the results do not depend on it.
     pub threads: usize,
 }
 
-/// What was computed again: a run of that stretch, and how far its time series was compared.
+/// Result of a replay.
 pub struct Replayed {
+    /// The replayed part.
     pub run: Run,
-    /// Step of the checkpoint that it began with.
+    /// Step of the checkpoint that the replay started from.
     pub from: u64,
-    /// Rows of the time series, all of them equal to the last bit.
+    /// Number of rows of the time series compared, all equal to the last bit.
     pub rows: usize,
 }
 
-/// γ of both ends, from `A..B`.
+/// Parses `A..B`, γ at both ends.
+///
+/// # Errors
+/// A message if the text is not a range of finite strains with 0 ≤ A < B.
 pub fn strains(text: &str) -> Result<[f64; 2], String> {
     let wrong = || format!("{text:?} is no stretch of strain; write it as 0.1005..0.1006");
     let (from, to) = text.split_once("..").ok_or_else(wrong)?;
@@ -45,14 +52,15 @@ pub fn strains(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Whether the run kept its checkpoints.
+/// Returns whether the run kept checkpoints.
 pub fn can(run: &Run) -> bool {
-    !checkpoint::kept(run.folder()).is_empty()
+    !checkpoint::kept(run.folder(), "shear").is_empty()
 }
 
-/// Computes the stretch again and says what was found.
+/// Replays a part of a run and prints a summary.
 ///
-/// Errors: as of [`window`].
+/// # Errors
+/// As [`window`].
 pub fn write(
     run: &Run,
     wanted: Wanted,
@@ -77,9 +85,11 @@ pub fn write(
     .map_err(lost)
 }
 
-/// Computes the stretch between the first and the last row of the time series in it again, into `out`/run.h5.
+/// Replays the run from the first to the last row of the time series in the range, into `out`/run.h5.
 ///
-/// Errors: a stretch without rows or without a checkpoint before it; `Failure::Numbers` where the time series is another one.
+/// # Errors
+/// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
+/// [`Failure::Numbers`] if the time series differs from the stored one.
 pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure> {
     let window = steps(run, wanted)?;
     if same_folder(out, run.folder()) {
@@ -88,34 +98,22 @@ pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure
             out.display()
         )));
     }
-    let (path, toml, snapshot) = before(run, window.first)?;
-    let header = Header::read(&snapshot)?;
     let set = [
         "analysis.scalars=false",
         "output.keep_checkpoints=false",
         "output.progress_lines=0",
     ];
-    let scene = header.scene(&path, toml, &set.map(String::from))?;
-    let options = Options {
-        out: out.to_path_buf(),
-        threads: wanted.threads,
-        replay: Some(window),
-        ..Options::default()
-    };
-    let computed = run::Run::new(&Solo, &scene, &options)?.run(Start::Checkpoint(snapshot))?;
-    if computed == run::Ending::Stopped {
-        return Err(Failure::other("replay: stopped by a signal"));
-    }
+    let from = again(run.folder(), "shear", window, &set, (wanted.threads, out))?;
     let again = Run::open(&out.join(RUN_FILE))?;
     let rows = compare(run, &again)?;
     Ok(Replayed {
         run: again,
-        from: header.step,
+        from,
         rows,
     })
 }
 
-/// Steps of the first and the last row of the time series in the stretch.
+/// Returns the steps of the first and the last row of the time series in the range.
 fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
     let (series, [from, to]) = (run.series(), wanted.strain);
     let strain = series.column("strain");
@@ -139,26 +137,54 @@ fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
     })
 }
 
-/// The last checkpoint of the shear before this step, or of it where it is the first of all: its file, scene and state.
-fn before(run: &Run, step: u64) -> Result<(PathBuf, String, Snapshot), Failure> {
-    let folder = run.folder();
-    let mut candidates = checkpoint::kept(folder);
+/// Replays a window of a stage into the folder `out`. Returns the step of the checkpoint that the
+/// replay started from.
+fn again(
+    folder: &Path,
+    stage: &str,
+    window: Window,
+    set: &[&str],
+    (threads, out): (usize, &Path),
+) -> Result<u64, Failure> {
+    let (path, toml, snapshot) = before(folder, stage, window.first)?;
+    let header = Header::read(&snapshot)?;
+    let set: Vec<String> = set.iter().map(|s| (*s).into()).collect();
+    let task = Task {
+        study: header.scene(&path, toml, &set)?,
+        start: Start::Checkpoint(snapshot),
+    };
+    let options = Options {
+        out: out.to_path_buf(),
+        threads,
+        replay: Some(window),
+        ..Options::default()
+    };
+    match task.run(&Solo, &options)? {
+        Outcome::Done => Ok(header.step()),
+        Outcome::Stopped => Err(Failure::other("replay: stopped by a signal")),
+    }
+}
+
+/// Reads the last checkpoint of a stage before `step`, or at `step` if that is 0. Returns its path,
+/// scene and state.
+fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Snapshot), Failure> {
+    let mut candidates = checkpoint::kept(folder, stage);
     for name in [checkpoint::PREVIOUS, checkpoint::NAME] {
         let path = folder.join(name);
         if !path.is_file() {
             continue;
         }
         let header = Header::read(&checkpoint::read(&Solo, &path)?.1)?;
-        if let Stage::Shear { .. } = header.stage {
-            candidates.push((header.step, path));
+        if header.stage() == stage {
+            candidates.push((header.step(), path));
         }
     }
-    // The forces of a frame are those of its step, which has to be done again.
+    // The forces of a frame are computed in its step, so the checkpoint must be before it.
     let fits = |(at, _): &&(u64, PathBuf)| *at < step || *at == 0;
     let best = candidates.iter().filter(fits).max_by_key(|(at, _)| *at);
     let Some((_, path)) = best else {
         return Err(Failure::input(format!(
-            "{}: there is no checkpoint before step {step}; a run with output.keep_checkpoints = true keeps them",
+            "{}: there is no checkpoint of the stage {stage} before step {step}; a run with output.keep_checkpoints = true keeps them",
             folder.display()
         )));
     };
@@ -166,7 +192,83 @@ fn before(run: &Run, step: u64) -> Result<(PathBuf, String, Snapshot), Failure> 
     Ok((path.clone(), toml, snapshot))
 }
 
-/// The number of rows that both have, all of them equal. Errors: none, or any that differs.
+/// Replays a part of Newton's equations in a box into `newtonian.h5` of the folder `out` and prints a
+/// summary. `time`: both ends (s), as in the rows of `newtonian.h5`.
+///
+/// # Errors
+/// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
+/// [`Failure::Numbers`] if the time series differs from the stored one.
+pub fn newtonian(
+    run: &Path,
+    time: [f64; 2],
+    (every, threads): (Option<u64>, usize),
+    out: Option<&Path>,
+    output: &mut impl Write,
+) -> Result<(), Failure> {
+    let folder = match run.is_dir() {
+        true => run,
+        false => run.parent().unwrap_or(Path::new(".")),
+    };
+    let default = folder.join(format!("replay-newtonian-{}-{}", time[0], time[1]));
+    let out = out.unwrap_or(&default);
+    if same_folder(out, folder) {
+        return Err(Failure::input(format!(
+            "{}: holds the run itself; give another folder with --out",
+            out.display()
+        )));
+    }
+    let path = folder.join(NEWTONIAN_FILE);
+    let stored = PeriodicRun::open(&path, &NewtonianRow::COLUMNS)?;
+    let within = |row: &usize| stored.time[*row] >= time[0] && stored.time[*row] <= time[1];
+    let mut rows = (0..stored.time.len()).filter(within);
+    let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
+        return Err(Failure::input(format!(
+            "{}: has fewer than two rows between the times {} and {}; it goes from {:?} to {:?}",
+            path.display(),
+            time[0],
+            time[1],
+            stored.time.first().unwrap_or(&f64::NAN),
+            stored.time.last().unwrap_or(&f64::NAN),
+        )));
+    };
+    let window = Window {
+        first: stored.step[first],
+        last: stored.step[last],
+        every: every.unwrap_or_else(|| stored.step[first + 1] - stored.step[first]),
+    };
+    let set = ["output.keep_checkpoints=false", "newtonian.spectra=0"];
+    let from = again(folder, "newtonian", window, &set, (threads, out))?;
+    let computed = PeriodicRun::open(&out.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)?;
+    let mut same = 0;
+    for (k, step) in computed.step.iter().enumerate() {
+        let Ok(row) = stored.step.binary_search(step) else {
+            continue;
+        };
+        for name in NewtonianRow::COLUMNS.map(|column| column.name) {
+            let (had, has) = (stored.column(name)[row], computed.column(name)[k]);
+            if had.to_bits() != has.to_bits() {
+                return Err(Failure::numbers(format!(
+                    "replay: at step {step}, {name} is {has:?} and was {had:?} in {}; the run was made by another version or with other values",
+                    path.display()
+                )));
+            }
+        }
+        same += 1;
+    }
+    let frames = &computed.frame_step;
+    writeln!(
+        output,
+        "wrote {}: {} frames, steps {} to {}, from the checkpoint of step {from}; {same} rows of the time series equal those of {} to the last bit",
+        computed.path().display(),
+        frames.len(),
+        frames.first().copied().unwrap_or_default(),
+        frames.last().copied().unwrap_or_default(),
+        path.display()
+    )
+    .map_err(lost)
+}
+
+/// Returns the number of rows that both runs have. Fails if there are none or any differs.
 fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
     let (one, other) = (run.series(), again.series());
     let (mut rows, mut different, mut first) = (0, 0, None);
@@ -176,11 +278,11 @@ fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
         };
         rows += 1;
         let differs = |c: &usize| one.columns[*c][row].to_bits() != other.columns[*c][k].to_bits();
-        if let Some(c) = (0..SERIES_COLUMNS.len()).find(differs) {
+        if let Some(c) = (0..SeriesRow::COLUMNS.len()).find(differs) {
             different += 1;
             first.get_or_insert((
                 *step,
-                SERIES_COLUMNS[c],
+                SeriesRow::COLUMNS[c],
                 one.columns[c][row],
                 other.columns[c][k],
             ));
@@ -188,8 +290,8 @@ fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
     }
     if let Some((step, column, had, has)) = first {
         return Err(Failure::numbers(format!(
-            "replay: {different} of {rows} rows of the time series are not those of {}: first at step {step}, {column} is {has:?} \
-             and was {had:?}; another program or other values made that run ({} is left as it came out)",
+            "replay: {different} of {rows} rows of the time series differ from {}: first at step {step}, {column} is {has:?} \
+             and was {had:?}; the run was made by another version or with other values ({} is kept)",
             run.path().display(),
             again.path().display()
         )));

@@ -1,4 +1,4 @@
-//! The scalars of all frames of a run, with γ and τ: what the statistics over phases are made of.
+//! The scalars of all frames of a run, with γ and τ: the input of statistics over phases.
 
 use rayon::prelude::*;
 
@@ -8,25 +8,28 @@ use gshear_analysis::stress::ratio_on_top;
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::{Fields, Run, StoredScalars};
 
-/// One row for every frame, or for every interval that the run itself has looked at.
+/// Scalars of frames: one row per frame, or per interval for which the run has computed them.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FrameSeries {
-    /// [L] steps since the start of the shear.
+    /// `[L]` Steps since the start of the shear.
     pub step: Vec<u64>,
-    /// [L] γ.
+    /// `[L]` γ.
     pub strain: Vec<f64>,
-    /// [L] τ.
+    /// `[L]` τ.
     pub tau: Vec<f64>,
-    /// [L] row k between the rows k-1 and k; undefined in row 0.
+    /// `[L]` Scalars between the rows k-1 and k; undefined in row 0.
     pub scalars: Vec<FrameScalars>,
 }
 
 impl FrameSeries {
-    /// From `observables/gshear/` where the run has it, else from the frames.
+    /// Reads the scalars of `observables/gshear/` if the run has them; otherwise computes them from
+    /// the frames.
     ///
-    /// τ is that of the time series where it has a row for every frame; else it is summed from the contacts of the frames, which
-    /// is the same but for rounding.
-    /// Errors: a damaged run; scalars of the run at a step without a row.
+    /// τ is taken from the time series if it has a row for every frame. Otherwise it is summed over
+    /// the contacts of the frames, which agrees within rounding.
+    ///
+    /// # Errors
+    /// A damaged run; a stored scalar without its row in the time series.
     pub fn of(run: &Run) -> Result<Self, Failure> {
         match run.stored_scalars() {
             Some(stored) => Self::stored(run, stored),
@@ -39,7 +42,7 @@ impl FrameSeries {
         let strain = column_at(run, "strain", &stored.step);
         let (Some(tau), Some(strain)) = (tau, strain) else {
             return Err(Failure::input(format!(
-                "{}: observables/gshear: not every step is one of the time series, from which τ comes",
+                "{}: observables/gshear: a step has no row in the time series, which τ is taken from",
                 run.path().display()
             )));
         };
@@ -51,7 +54,10 @@ impl FrameSeries {
         })
     }
 
-    /// From the frames alone.
+    /// Computes the scalars from the frames.
+    ///
+    /// # Errors
+    /// A damaged run.
     pub fn of_frames(run: &Run) -> Result<Self, Failure> {
         let strain = match column_at(run, "strain", run.frame_steps()) {
             Some(strain) => strain,
@@ -67,14 +73,15 @@ impl FrameSeries {
     }
 }
 
-/// A column of the time series at the given steps; `None` where one of them has no row.
+/// Returns a column of the time series at the given steps; `None` if one of them has no row.
 fn column_at(run: &Run, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
     let (rows, values) = (&run.series().step, run.series().column(name));
     let value = |step: &u64| rows.binary_search(step).ok().map(|row| values[row]);
     steps.iter().map(value).collect()
 }
 
-/// τ and the scalars of every frame, [T]. Memory holds two blocks of frames, whatever their number.
+/// Returns τ and the scalars of every frame, `[T]`. Memory holds two blocks of frames, whatever their
+/// number.
 fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
     let mut rows = Vec::with_capacity(run.frames());
     let (grains, pool) = (run.grains(), Pool::default());
@@ -89,7 +96,7 @@ fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
     }
     while rows.len() < run.frames() {
         let next = rows.len() - 1 + frames.len();
-        // The next block is read while the processor is busy with this one.
+        // Reads the next block during the computation.
         let (following, found) = rayon::join(
             || read(next),
             || -> Vec<(f64, FrameScalars)> {

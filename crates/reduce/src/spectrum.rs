@@ -1,6 +1,5 @@
-//! `spectrum`: eigenvalues of K v = λ M v, of a run or of files.
+//! `spectrum`: computes eigenvalues of K v = λ M v, of a run or of matrix files.
 
-use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -16,61 +15,64 @@ use gshear_analysis::spectrum::{
 };
 use gshear_dem::failure::Failure;
 use gshear_store::spectrum_writer::{self, Columns};
+use gshear_store::table::Table;
 use gshear_store::{matrix_market, text_writer};
 
-/// Unknowns up to which --all-pairs takes the dense solver: 200 MB of vectors, a minute or two.
+/// Unknowns up to which --all-pairs uses the dense solver: 200 MB of vectors, one to two minutes.
 const DENSE: usize = 3000;
 /// Unknowns above which --dense is refused: memory grows with the square, time with the cube.
 const MOST_DENSE: usize = 12_000;
 
+/// Options of the command.
 #[derive(Debug, clap::Args)]
+#[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub struct Options {
-    /// A run.h5, the folder that holds one, or a checkpoint: K and M are made of its grains, contacts and law
+    /// A run.h5, the folder that holds one, or a checkpoint, from which K and M are assembled
     #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]
     run: Option<PathBuf>,
-    /// Frame of the run: its number, or last [default: last]
+    /// Frame of the run: its number, from 0 on, or last [default: last]
     #[arg(long, value_name = "K", requires = "run")]
     frame: Option<Which>,
     /// The frame nearest to this shear strain
     #[arg(long, value_name = "GAMMA", requires = "run", conflicts_with = "frame")]
     strain: Option<f64>,
-    /// The matrix J of the appendix of Bonfanti et al., whose histories do not turn with the contacts, instead of K
+    /// Use the matrix J of the appendix of Bonfanti et al., in which histories do not turn with the contacts, not K
     #[arg(long, requires = "run")]
     paper_form: bool,
-    /// Write K to this file, M beside it as .mass.mtx, and the translations as .null.mtx
+    /// Write K to this file, M to .mass.mtx and the translations to .null.mtx beside it
     #[arg(long, value_name = "K.mtx", requires = "run")]
     export_matrix: Option<PathBuf>,
-    /// K as Matrix Market file, instead of a run: real, square, of any symmetry
+    /// K as a Matrix Market file, without a run: real, square, any symmetry
     #[arg(long, value_name = "K.mtx")]
     matrix: Option<PathBuf>,
-    /// M as Matrix Market file: diagonal and positive [default: the identity]
+    /// M as a Matrix Market file: diagonal, positive [default: the identity]
     #[arg(long, value_name = "M.mtx", requires = "matrix")]
     mass: Option<PathBuf>,
-    /// Null vectors of K and of its transpose (translations), a column each: set apart before the iteration starts
+    /// Null vectors of K and of its transpose (translations), one per column, which are projected out
     #[arg(long, value_name = "N.mtx", requires = "matrix")]
     null: Option<PathBuf>,
-    /// Eigenvalues nearest to this are wanted
+    /// Compute the eigenvalues nearest to this number
     #[arg(long, value_name = "RE[,IM]", default_value = "0", allow_hyphen_values = true, value_parser = shift)]
     shift: c64,
-    /// How many; with --all-pairs, how many per shift
+    /// Number of eigenvalues; with --all-pairs per shift, with --unstable at most [default: 20, 100, 100]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     count: Option<u32>,
-    /// All eigenvalues, and a count of the complex pairs by the winding of det(K - zM) to check that none is missing
+    /// Compute all eigenvalues, and count the complex pairs by the winding of det(K - zM) to check that none is missing
     #[arg(long, conflicts_with = "shift")]
     all_pairs: bool,
-    /// All eigenvalues, by the QR algorithm on the dense matrix
+    /// Compute all eigenvalues by the QR algorithm on the dense matrix
     #[arg(long, conflicts_with_all = ["shift", "count"])]
     dense: bool,
-    /// What Newton's equations amplify fastest: complex pairs and negative eigenvalues, without factors. --count: no more than so many [default: 100]
+    /// Compute the modes that grow fastest under Newton's equations: complex pairs and negative eigenvalues, without factorisation
     #[arg(long, conflicts_with_all = ["shift", "all_pairs", "dense"])]
     unstable: bool,
-    /// With --unstable: all pairs with |Im λ| of this times ‖A‖ and more
+    /// With --unstable: smallest |Im λ| over ‖A‖ of the pairs that must be found
     #[arg(long, value_name = "F", requires = "unstable", default_value_t = 1e-3, value_parser = resolution)]
     resolution: f64,
-    /// No left eigenvectors: half the time, and conditions that are lower bounds only
+    /// Skip left eigenvectors: half the time, but conditions are only lower bounds
     #[arg(long, conflicts_with_all = ["all_pairs", "dense", "unstable"])]
     right_only: bool,
-    /// Unknowns per grain, for the participation ratio: neighbours in the matrix
+    /// Number of consecutive unknowns per grain, for the participation ratio
     #[arg(long, value_name = "D", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     group: u16,
     /// Folder to write into [default: that of the run or matrix]
@@ -95,14 +97,15 @@ fn resolution(text: &str) -> Result<f64, String> {
     let value = text.parse::<f64>().ok();
     let fit = value.filter(|value| *value > f64::EPSILON.sqrt() && *value < 1.0);
     fit.ok_or(format!(
-        "{text}: must be a number between {:.1e}, below which rounding may make pairs, and 1",
+        "{text}: must be a number between {:.1e} and 1; below, pairs may be rounding errors",
         f64::EPSILON.sqrt()
     ))
 }
 
-/// Writes `spectrum.csv`, `spectrum.h5`, `spectrum.svg`, and what was found to `output`.
+/// Writes `spectrum.csv`, `spectrum.h5` and `spectrum.svg`, and prints a summary to `output`.
 ///
-/// Errors: bad matrices; an iteration that does not converge; files that cannot be written.
+/// # Errors
+/// Bad matrices, an iteration that does not converge, files that cannot be written.
 pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> {
     let Asked {
         problem,
@@ -116,7 +119,7 @@ pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> 
     faer::set_global_parallelism(par);
     writeln!(
         output,
-        "{} unknowns, ‖A‖ = {:.6e}; set apart: {} of no stiffness, {} given null vectors",
+        "{} unknowns, ‖A‖ = {:.6e}; projected out: {} without stiffness, {} null vectors",
         problem.unknowns(),
         problem.norm(),
         problem.rattling(),
@@ -144,14 +147,17 @@ pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> 
     text_writer::write(&csv, &table(&spectrum, &columns.participation))?;
     let vectors = spectrum_writer::write(folder, &source, &problem, &columns)?;
     let svg = folder.join("spectrum.svg");
-    text_writer::write(&svg, &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues))?;
+    text_writer::write(
+        &svg,
+        &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues),
+    )?;
     for path in [csv, vectors, svg] {
         writeln!(output, "wrote {}", path.display()).map_err(lost)?;
     }
     Ok(())
 }
 
-/// What is to be solved, and where it comes from.
+/// The eigenvalue problem and its origin.
 struct Asked {
     problem: Problem,
     source: PathBuf,
@@ -179,7 +185,7 @@ fn of_run(run: &Path, options: &Options, output: &mut impl Write) -> Result<Aske
     let made = stiffness::of(run, wanted, options.paper_form, output)?;
     let jacobian = &made.jacobian;
     let n = jacobian.unknowns();
-    // J has its masses in it, and null vectors of its own.
+    // J contains the masses and has other null vectors.
     let (k, mass, null) = match &made.paper {
         Some(j) => (j, vec![1.0; n], Mat::zeros(n, 0)),
         None => (&jacobian.k, jacobian.mass.clone(), jacobian.translations()),
@@ -274,7 +280,7 @@ fn solve(
     let n = problem.size();
     if options.dense && n > MOST_DENSE {
         return Err(Failure::input(format!(
-            "--dense: {n} unknowns, must be {MOST_DENSE} or fewer; --all-pairs or --shift work on the sparse matrix"
+            "--dense: {n} unknowns, must be {MOST_DENSE} or fewer; use --all-pairs or --shift, which work on the sparse matrix"
         )));
     }
     if options.dense || n < 3 {
@@ -340,12 +346,12 @@ fn all_pairs(
     match winding(problem, symbolic, strip, &known, par) {
         Ok(count) => writeln!(
             output,
-            "pairs over the limit of trust: {inside} found, {} by the winding of the determinant ({} factorisations)",
+            "pairs above the limit of trust: {inside} found, {} counted by the winding of the determinant ({} factorisations)",
             count.eigenvalues, count.factorisations
         ),
         Err(Uncounted { at }) => writeln!(
             output,
-            "pairs over the limit of trust: {inside} found; not counted: an eigenvalue lies on the contour at {at:.3e}"
+            "pairs above the limit of trust: {inside} found; not counted, because an eigenvalue lies on the contour at {at:.3e}"
         ),
     }
     .map_err(lost)?;
@@ -371,9 +377,9 @@ fn amplified(
         found.degrees,
         found.products,
         match found.complete {
-            true => format!("all with {within} are here, and what grows as fast"),
+            true => format!("complete: all modes with {within}, or that grow as fast"),
             false => format!(
-                "those that grow fastest; with {within} there may be more: give a greater --count"
+                "the fastest-growing modes; there may be more with {within}: increase --count"
             ),
         }
     )
@@ -383,9 +389,11 @@ fn amplified(
 
 fn unsolved(failed: Failed) -> Failure {
     Failure::numbers(match failed {
-        Failed::Factors => "K - σM is singular at the shift and all round it".to_string(),
+        Failed::Factors => {
+            "K - σM is singular at the shift and near it: choose another --shift".to_string()
+        }
         Failed::Stalled(stalled) => format!(
-            "the iteration has stalled with {} eigenvalues converged: another --shift or another --count may do",
+            "the iteration has stalled with {} eigenvalues converged: try another --shift or --count",
             stalled.converged
         ),
     })
@@ -406,7 +414,7 @@ fn tell(found: &Nearest, wished: c64, output: &mut impl Write) -> std::io::Resul
     )
 }
 
-/// Brings every residual to [`RESIDUAL`], or says of how many it could not.
+/// Refines residuals above [`RESIDUAL`] and prints how many remain above it.
 fn refine(
     spectrum: &mut Spectrum,
     problem: &Problem,
@@ -472,17 +480,14 @@ fn columns(problem: &Problem, spectrum: &Spectrum, grain: &[usize]) -> Columns {
     }
 }
 
-/// A line an eigenvalue; numbers in shortest form that reads back to the same bits.
+/// Returns one line per eigenvalue.
 fn table(spectrum: &Spectrum, participation: &[f64]) -> String {
-    let mut csv = String::from("lambda_re,lambda_im,verdict,residual,condition,participation\n");
-    for (e, participation) in spectrum.eigenvalues.iter().zip(participation) {
-        let (re, im, verdict) = (e.value.re, e.value.im, e.verdict.name());
-        let (residual, condition) = (e.residual, e.condition);
-        writeln!(
-            csv,
-            "{re:?},{im:?},{verdict},{residual:?},{condition:?},{participation:?}"
-        )
-        .expect("a string grows");
-    }
-    csv
+    Table::of(spectrum.eigenvalues.iter().zip(participation))
+        .column("lambda_re", |(e, _)| e.value.re)
+        .column("lambda_im", |(e, _)| e.value.im)
+        .column("verdict", |(e, _)| e.verdict.name())
+        .column("residual", |(e, _)| e.residual)
+        .column("condition", |(e, _)| e.condition)
+        .column("participation", |(_, participation)| *participation)
+        .csv()
 }

@@ -1,50 +1,57 @@
-//! K and M of a frame of a run, or of a checkpoint.
+//! Assembles K and M of a frame or a checkpoint.
 
 use std::path::Path;
 
 use super::commands::lost;
 use super::export::Which;
 use gshear_analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
-use gshear_scene::{Contact, Dimensions, Law, Scene, Source};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
+use gshear_dem::state::{Cell, ContactState, GrainState};
+use gshear_driver::header::Header;
+use gshear_scene::{Contact, Dimensions, Law, Scene, Source, Study};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::Run;
-use gshear_driver::periodic;
-use gshear_driver::run::{Header, Stage};
-use gshear_dem::state::{Cell, ContactState, GrainState};
 use std::io::Write;
 
-/// Which frame is wanted.
+/// The frame to take.
 #[derive(Debug, Clone, Copy)]
 pub enum Wanted {
+    /// The last frame, or one by number.
     Frame(Which),
-    /// The one nearest to this shear strain.
+    /// The frame nearest to this shear strain.
     Strain(f64),
 }
 
-/// K, and J of the paper where that was asked for.
+/// K, and the paper's J if wanted.
 pub struct Stiffness {
+    /// K and M.
     pub jacobian: Jacobian,
+    /// J in the form of the paper's appendix.
     pub paper: Option<faer::sparse::SparseColMat<usize, f64>>,
 }
 
-/// A state, and what K of it needs to know.
+/// A state with its law and cell, from which K is assembled.
 pub struct Found {
     law: Law,
     contact: Contact,
     dimension: Dimensions,
     cell: Cell,
+    /// Grains by id.
     pub grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
     what: String,
 }
 
 impl Found {
-    /// Errors: a file that is damaged, or neither a run nor a checkpoint; a frame that is not there; a sample that is still being packed.
+    /// Reads a state from a run.h5, the folder that holds one, or a checkpoint.
+    ///
+    /// # Errors
+    /// A damaged file, a file that is neither a run nor a checkpoint, a missing frame, a checkpoint of
+    /// the packing stage.
     pub fn read(path: &Path, wanted: Option<Wanted>) -> Result<Self, Failure> {
         if checkpoint::is_checkpoint(path) {
             return of_checkpoint(path, wanted);
@@ -53,6 +60,7 @@ impl Found {
         of_run(&Run::open(path)?, wanted)
     }
 
+    /// Assembles K and M.
     pub fn jacobian(&self, history: History) -> Jacobian {
         let state = State {
             grains: &self.grains,
@@ -66,16 +74,18 @@ impl Found {
         }
     }
 
-    /// The law of the run, chosen as the run chooses it.
+    /// Returns the contact law, as the run itself chooses it.
     fn force<D: LawSpace>(&self) -> Box<dyn PairForce<D>> {
         D::pair_force(&self.law, &self.contact)
             .expect("a law of this dimension, as the scene was checked")
     }
 }
 
-/// K of a run.h5, the folder that holds one, or a checkpoint; with `paper` that of histories that do not turn. Says what it is of.
+/// Assembles K of a run.h5, the folder that holds one, or a checkpoint, and prints its origin. With
+/// `paper` the contact histories do not turn with the contacts.
 ///
-/// Errors: as of [`Found::read`].
+/// # Errors
+/// As [`Found::read`].
 pub fn of(
     path: &Path,
     wanted: Option<Wanted>,
@@ -129,35 +139,43 @@ fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> 
         )));
     }
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
-    if let Some(header) = periodic::Header::read(&snapshot) {
-        let scene = periodic::scene_of_checkpoint(path, toml, &[])?;
-        return Ok(Found {
-            law: scene.law.clone(),
-            contact: scene.contact,
-            dimension: scene.dimension,
-            cell: scene.sheared_cell(header.progress.offset),
-            grains: snapshot.grains,
-            contacts: snapshot.contacts,
-            what: format!(
-                "strain step {} in {}",
-                header.progress.steps,
-                path.display()
-            ),
-        });
-    }
     let header = Header::read(&snapshot)?;
-    let scene = header.scene(path, toml, &[])?;
-    match header.stage {
-        Stage::Shear { .. } => {}
-        Stage::Pack { .. } => {
-            return Err(Failure::input(format!(
-                "{}: the sample is still being packed, between planes whose contacts are not kept; take a checkpoint of the shear",
+    let study = header.scene(path, toml, &[])?;
+    let (grains, contacts) = (snapshot.grains, snapshot.contacts);
+    match (&header, study) {
+        (Header::Pack { .. }, _) => Err(Failure::input(format!(
+            "{}: a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",
+            path.display()
+        ))),
+        (
+            Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
+            Study::Periodic(scene),
+        ) => {
+            let what = format!(
+                "{} step {} in {}",
+                header.stage(),
+                header.step(),
                 path.display()
-            )));
+            );
+            Ok(Found {
+                law: scene.law.clone(),
+                contact: scene.contact,
+                dimension: scene.dimension,
+                cell: scene.sheared_cell(progress.offset),
+                grains,
+                contacts,
+                what,
+            })
         }
+        (_, Study::PlaneShear(scene)) => {
+            let what = format!("step {} of the shear in {}", header.step(), path.display());
+            Ok(of_scene(&scene, grains, contacts, what))
+        }
+        (_, Study::Periodic(_)) => Err(Failure::input(format!(
+            "{}: the checkpoint is of a stage between walls, but its scene has a [box]",
+            path.display()
+        ))),
     }
-    let what = format!("step {} of the shear in {}", header.step, path.display());
-    Ok(of_scene(&scene, snapshot.grains, snapshot.contacts, what))
 }
 
 fn of_run(run: &Run, wanted: Wanted) -> Result<Found, Failure> {

@@ -1,4 +1,4 @@
-//! `report --study`: a published study repeated on our runs.
+//! `report --study`: repeats a published study on our runs.
 
 use std::path::{Path, PathBuf};
 
@@ -8,24 +8,26 @@ use super::stiffness::Found;
 use gshear_analysis::jacobian::History;
 use gshear_analysis::spectrum::{Spectrum, Verdict};
 use gshear_dem::failure::Failure;
-use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
 use gshear_report::bonfanti;
 use gshear_report::lee_hurley::{self, Choice, Size, Studied, friction};
+use gshear_store::checkpoint;
+use gshear_store::run_reader::Run;
 
-/// Reduces the runs, one after the other, and writes the study of Lee & Hurley into `folder`. Returns the page.
+/// Reduces the runs one after the other and writes the study of Lee & Hurley into `folder`. Returns
+/// the path of the page.
 ///
-/// Where the frames around the largest drop of a run are missing, and it kept its checkpoints, they are computed again by so many
-/// `threads` into `folder`/replay-K.
+/// If the frames around the largest drop of a run are missing and checkpoints were kept, `threads`
+/// threads replay them into `folder`/replay-K.
 ///
-/// Errors: a run that will not do, a replay that comes out different, files that cannot be written.
+/// # Errors
+/// An unfit run, a replay that differs, files that cannot be written.
 pub fn lee_hurley(
     paths: &[PathBuf],
     folder: &Path,
     choice: Choice,
     threads: usize,
 ) -> Result<PathBuf, Failure> {
-    // All of them are opened before the work begins, so that a wrong name is noticed at once.
+    // Opens all runs first, so that a wrong name is reported at once.
     let runs: Vec<Run> = paths
         .iter()
         .map(|path| Run::open(path))
@@ -57,9 +59,10 @@ pub fn lee_hurley(
     lee_hurley::write(&studied, folder)
 }
 
-/// Writes the study of Bonfanti et al. of the run in a folder. Returns the page.
+/// Writes the study of Bonfanti et al. on the run in a folder. Returns the path of the page.
 ///
-/// Errors: more than one run, files that are missing or damaged, files that cannot be written.
+/// # Errors
+/// More than one run, missing or damaged files, files that cannot be written.
 pub fn bonfanti(runs: &[PathBuf], folder: Option<&Path>) -> Result<PathBuf, Failure> {
     let [run] = runs else {
         return Err(Failure::input(format!(
@@ -76,10 +79,11 @@ pub fn bonfanti(runs: &[PathBuf], folder: Option<&Path>) -> Result<PathBuf, Fail
     bonfanti::write(run, folder.unwrap_or(&beside), foretold.as_deref())
 }
 
-/// Unknowns up to which the growing pair is sought among all eigenvalues.
+/// Largest number of unknowns for which the growing pair is computed, from all eigenvalues.
 const MOST_UNKNOWNS: usize = 3000;
 
-/// Of the complex pair of the greatest imaginary part, |v|² of each grain's translation, [N], scaled to a sum of 1. `None` without a pair.
+/// Returns |v|² of each grain's translation, `[N]`, scaled to a sum of 1, for the complex pair with the
+/// greatest imaginary part; `None` without a pair.
 fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
     let jacobian = Found::read(checkpoint, None)?.jacobian(History::Turned);
     if jacobian.unknowns() > MOST_UNKNOWNS {
@@ -100,7 +104,7 @@ fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
     let v = problem.eigenvector(&w);
     let of_grain = |unknowns: &[faer::c64]| {
         let axes = &unknowns[..jacobian.axes];
-        axes.iter().map(|x| x.norm_sqr()).sum::<f64>()
+        axes.iter().map(faer::c64::norm_sqr).sum::<f64>()
     };
     let squares: Vec<f64> = v.chunks(jacobian.per_grain).map(of_grain).collect();
     let sum: f64 = squares.iter().sum();

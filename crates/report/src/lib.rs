@@ -2,6 +2,19 @@
 //!
 //! [`write()`] makes the report of a single run. [`lee_hurley`] and [`bonfanti`] draw the figures
 //! of those papers from our runs, [`rate_state`] those of slide-hold-slide and velocity-step tests.
+//! Figures are made of [`plot`] (axes, lines, markers), [`colour`] and [`ticks`].
+//!
+//! # Example
+//! Write the report of a run, as `gshear-reduce report` does:
+//!
+//! ```no_run
+//! use gshear_store::run_reader::Run;
+//!
+//! let run = Run::open("out/plane-shear-2d".as_ref())?;
+//! let page = gshear_report::write(&run, &run.folder().join("report"))?;
+//! println!("open {}", page.display());
+//! # Ok::<(), gshear_dem::failure::Failure>(())
+//! ```
 
 pub mod bonfanti;
 pub mod colour;
@@ -22,9 +35,9 @@ use std::path::{Path, PathBuf};
 use self::map::View;
 use self::summary::{Event, Summary};
 use gshear_dem::failure::Failure;
+use gshear_dem::state::Disks;
 use gshear_store::run_reader::Run;
 use gshear_store::text_writer;
-use gshear_dem::state::Disks;
 
 /// A figure of the report: name of its file, caption in HTML, and SVG.
 struct Figure {

@@ -145,7 +145,9 @@ pub fn force_changes(
         .iter()
         .fold(0.0, |most: f64, change| most.max(change.abs()));
     let greatest = if greatest > 0.0 { greatest } else { 1.0 };
-    changes.iter_mut().for_each(|change| *change /= greatest);
+    for change in &mut changes {
+        *change /= greatest;
+    }
     map(view, |plot| {
         background(plot, grains, later, view);
         lines(plot, grains, later, view, &changes, 0.0, |share| {

@@ -142,7 +142,7 @@ fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
     format!("<table>\n{}</table>\n", rows.collect::<String>())
 }
 
-/// Escapes text for HTML.
+/// Text between tags. Own code because three replacements are not worth a crate.
 pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")

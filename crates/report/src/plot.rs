@@ -1,5 +1,10 @@
 //! A pair of axes to draw on, with the SVG backend of plotters.
 
+#![allow(
+    clippy::missing_panics_doc,
+    reason = "drawing into a string does not fail"
+)]
+
 use plotters::backend::{DrawingBackend, SVGBackend};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform, IntoFont, RGBColor, ShapeStyle, TextStyle};
@@ -317,9 +322,9 @@ impl Plot<'_> {
                 INK,
             );
         }
-        let below = [(left + right) / 2.0, bottom + 30.0];
+        let below = [f64::midpoint(left, right), bottom + 30.0];
         self.text(below, x_label, FONT + 1.0, (HPos::Center, VPos::Top), INK);
-        self.vertical_text([16.0, (top + bottom) / 2.0], y_label);
+        self.vertical_text([16.0, f64::midpoint(top, bottom)], y_label);
     }
 
     /// Draws colour samples and their names in a row above the axes, from the left.
@@ -359,7 +364,8 @@ impl Plot<'_> {
                 INK,
             );
         }
-        self.vertical_text([self.layout.size[0] - 14.0, (top + bottom) / 2.0], label);
+        let x = self.layout.size[0] - 14.0;
+        self.vertical_text([x, f64::midpoint(top, bottom)], label);
     }
 
     /// Writes a line of text above the axes, left aligned.
@@ -384,7 +390,7 @@ impl Plot<'_> {
     /// Writes text in the middle of axes without data.
     pub fn empty_note(&mut self, text: &str) {
         let [[left, top], [right, bottom]] = self.frame();
-        let middle = [(left + right) / 2.0, (top + bottom) / 2.0];
+        let middle = [f64::midpoint(left, right), f64::midpoint(top, bottom)];
         self.text(middle, text, FONT + 1.0, (HPos::Center, VPos::Center), GREY);
     }
 

@@ -86,8 +86,9 @@ pub fn around(
         let rows: Vec<usize> = rows.collect();
         draw(plot, &percent, tau, &rows, INK, 1.4);
         if rows.len() <= 150 {
-            rows.iter()
-                .for_each(|&row| plot.disk([percent[row], tau[row]], 2.2, INK, None));
+            for &row in &rows {
+                plot.disk([percent[row], tau[row]], 2.2, INK, None);
+            }
         }
         for strain in frames.into_iter().flatten() {
             plot.vertical_line(100.0 * strain, INK);

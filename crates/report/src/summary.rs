@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 use gshear_analysis::dmin::{NonAffine, RADIUS};
 use gshear_analysis::phases::{self, Kind, Phase};
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::{Parameter, Run};
 use gshear_dem::state::{Disks, Frame};
+use gshear_store::run_reader::{Parameter, Run};
 
 /// Mean and population standard deviation (divided by the number of values).
 #[derive(Debug, Clone, Copy, PartialEq)]

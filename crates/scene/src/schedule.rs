@@ -131,6 +131,11 @@ impl Schedule {
         self
     }
 
+    /// The stretch that is computed again, if it is one.
+    pub fn window(&self) -> Option<Window> {
+        self.window
+    }
+
     /// γ of the drive after so many steps.
     pub fn strain(&self, step: u64) -> f64 {
         self.protocol.position(step) / self.height
@@ -212,7 +217,10 @@ mod tests {
         assert!((whole.series as f64 * per_step - 1e-5).abs() <= 0.5 * per_step);
         // Ten rows, rounded once.
         assert_eq!(whole.frames, 10 * whole.series);
-        assert!((schedule.inertial_number(&scene, schedule.protocol.velocity(0)) / 2e-4 - 1.0).abs() < 1e-14);
+        assert!(
+            (schedule.inertial_number(&scene, schedule.protocol.velocity(0)) / 2e-4 - 1.0).abs()
+                < 1e-14
+        );
         assert!(schedule.frame_due(0) && schedule.frame_due(3 * whole.frames));
         assert!(!schedule.frame_due(3 * whole.frames + 1));
     }

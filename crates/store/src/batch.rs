@@ -1,12 +1,13 @@
-//! A batch of frames on its way from the ranks that have the grains to those that write them.
+//! Moves a batch of frames from the ranks that own the grains to the ranks that write them.
 
 use super::collective::{IdBlocks, records_of};
 use super::layout::{elements, forces};
 use gshear_dem::state::{ContactSample, GrainSample};
 use std::ops::Range;
 
-/// Who writes what of a batch. In the order of the file, by frame and then by id, every rank has one stretch, which in a
-/// dataset of grains is also one box: whole frames where there are as many as ranks, else a block of the ids of one frame.
+/// Assigns the parts of a batch to the ranks. Each rank writes one contiguous stretch in the order
+/// of the file (by frame, then by id), which is also one box of a dataset of grains: whole frames
+/// if there are at least as many frames as ranks, otherwise a block of ids of one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Shares {
     pub frames: u64,
@@ -30,7 +31,7 @@ impl Shares {
         })
     }
 
-    /// Where there are more ranks than frames: the ranks of one frame, as the first of them and the blocks of the ids.
+    /// With more ranks than frames: the first rank of a frame, and the blocks of ids of its ranks.
     fn of_frame(&self, frame: u64) -> (u64, IdBlocks) {
         let first = |f: u64| (f * self.ranks).div_ceil(self.frames);
         let ranks = first(frame + 1) - first(frame);
@@ -59,7 +60,7 @@ impl Shares {
     }
 }
 
-/// This rank's part of the frames that wait to be written.
+/// This rank's part of the buffered frames.
 #[derive(Default)]
 pub struct Frames {
     pub step: Vec<u64>,
@@ -97,7 +98,8 @@ impl Frames {
         self.contacts.clear();
     }
 
-    /// To each rank, of each frame that it has a share in: how many grains and contacts, the grains, the contacts.
+    /// Returns a message to each rank. For every frame in the rank's share it holds the numbers of
+    /// grains and contacts, the grains, and the contacts.
     pub fn messages(&self, shares: &Shares) -> Vec<Vec<u8>> {
         let mut messages = vec![Vec::new(); shares.ranks as usize];
         let add = |message: &mut Vec<u8>, grains: &[GrainSample], contacts: &[ContactSample]| {
@@ -130,21 +132,22 @@ impl Frames {
     }
 }
 
-/// A share of a batch, as columns.
+/// One rank's share of a batch, as columns.
 pub struct Part {
-    /// Of [`elements`], [f][n][width] of the share's frames and ids.
+    /// One array per entry of [`elements`], `[frame][id][width]` over the share.
     pub values: [Vec<f64>; 3],
-    /// Contacts of each of the share's frames.
+    /// Number of contacts of each frame of the share.
     pub counts: Vec<i64>,
     pub i: Vec<u32>,
     pub j: Vec<u32>,
-    /// Of [`forces`].
+    /// One array per entry of [`forces`].
     pub forces: Vec<Vec<f64>>,
     pub sliding: Vec<u8>,
 }
 
 impl Part {
-    /// From one message of each rank. Panics where a grain is missing, or anything comes twice: a fault of the program.
+    /// Assembles the share from one message of each rank. Panics if a grain is missing or anything
+    /// occurs twice, which is a bug.
     pub fn assemble(messages: &[Vec<u8>], share: &Share, axes: usize) -> Part {
         let (frames, block) = (length(&share.frames) as usize, length(&share.ids) as usize);
         let mut part = Part {
@@ -187,7 +190,7 @@ impl Part {
             order.clear();
             let key = |c: &ContactSample| u64::from(c.i) << 32 | u64::from(c.j);
             order.extend(found.iter().map(key).zip(0..));
-            // Stable, as that sort merges the runs in which the ranks' contacts come.
+            // The stable sort merges the sorted runs that the ranks send.
             order.sort_by_key(|&(key, _)| key);
             if let Some(twice) = order.windows(2).find(|w| w[0].0 == w[1].0) {
                 panic!(
@@ -201,7 +204,7 @@ impl Part {
         part
     }
 
-    /// One frame's contacts, in order.
+    /// Appends the contacts of one frame, in order.
     fn push<'a>(
         &mut self,
         contacts: impl ExactSizeIterator<Item = &'a ContactSample>,
@@ -229,7 +232,7 @@ impl Part {
     }
 }
 
-/// The next so many bytes.
+/// Splits off the next `length` bytes.
 fn take<'a>(bytes: &mut &'a [u8], length: usize) -> &'a [u8] {
     let (now, later) = bytes.split_at(length);
     *bytes = later;

@@ -1,11 +1,15 @@
-//! What the ranks do together around a file: agree on failures, and bring records to the rank that writes them.
+//! Collective operations around a file: agreement on failures, and redistribution of records to the
+//! ranks that write them.
 
+use bytemuck::Pod;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
-use bytemuck::Pod;
 use std::ops::Range;
 
-/// The first failure, by rank, on every rank; else this rank's value. Collective.
+/// Makes all ranks fail together. Returns this rank's value if no rank has failed. Collective.
+///
+/// # Errors
+/// The failure of the lowest rank that has failed, on every rank.
 pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T, Failure> {
     let mine = match &result {
         Ok(_) => Vec::new(),
@@ -33,45 +37,53 @@ pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T
     }
 }
 
-/// The first failure of a sequence of collective calls. A rank that left such a sequence early would leave the others waiting,
-/// so failures are noted and the sequence goes on.
+/// The first failure in a sequence of collective calls. The other ranks would wait for a rank that
+/// leaves the sequence early, so every rank notes its failures and continues.
 #[derive(Default)]
 pub struct Outcome(Option<Failure>);
 
 impl Outcome {
+    /// Stores the failure of a call, unless an earlier call has failed already.
     pub fn note(&mut self, result: Result<(), Failure>) {
         if let Err(failure) = result {
             self.0.get_or_insert(failure);
         }
     }
 
-    /// Collective.
+    /// Ends the sequence. Collective.
+    ///
+    /// # Errors
+    /// As [`agree`].
     pub fn agree(self, exchange: &dyn Exchange) -> Result<(), Failure> {
         agree(exchange, self.0.map_or(Ok(()), Err))
     }
 }
 
-/// Ids 0 … grains-1 in equal blocks: rank r of P holds [r N/P, (r+1) N/P).
+/// Equal blocks of the ids 0 … N-1: rank r of P holds r N/P ≤ id < (r+1) N/P, rounded down.
 #[derive(Debug, Clone, Copy)]
 pub struct IdBlocks {
+    /// Number of ids N.
     pub grains: u64,
+    /// Number of ranks P.
     pub ranks: u64,
 }
 
 impl IdBlocks {
+    /// Returns the ids of a rank.
     pub fn range(&self, rank: usize) -> Range<u64> {
         let start =
             |r: u64| (u128::from(r) * u128::from(self.grains) / u128::from(self.ranks)) as u64;
         start(rank as u64)..start(rank as u64 + 1)
     }
 
-    /// The rank whose block has this id, which must be below `grains`.
+    /// Returns the rank that holds `id`, which must be below `grains`.
     pub fn holder(&self, id: u32) -> usize {
         debug_assert!(u64::from(id) < self.grains);
         (((u64::from(id) + 1) * self.ranks - 1) / self.grains) as usize
     }
 
-    /// Every record to the rank that holds its id; they come grouped by the rank they came from. Collective.
+    /// Sends every record to the rank that holds its id. The received records are grouped by sender.
+    /// Collective.
     pub fn redistribute<T: Pod>(
         &self,
         exchange: &dyn Exchange,
@@ -90,7 +102,7 @@ impl IdBlocks {
     }
 }
 
-/// Everybody's records in the order of `key`, on every rank. Collective.
+/// Returns the records of all ranks on every rank, sorted by `key`. Collective.
 pub fn gathered<R: Pod, K: Ord>(exchange: &dyn Exchange, own: &[R], key: fn(&R) -> K) -> Vec<R> {
     let all = exchange.gather(bytemuck::cast_slice(own));
     let mut all: Vec<R> = all.iter().flat_map(|bytes| records_of(bytes)).collect();
@@ -98,7 +110,7 @@ pub fn gathered<R: Pod, K: Ord>(exchange: &dyn Exchange, own: &[R], key: fn(&R) 
     all
 }
 
-/// The records in these bytes, wherever in memory they begin.
+/// Reads records from bytes of any alignment.
 pub fn records_of<T: Pod>(bytes: &[u8]) -> impl Iterator<Item = T> {
     let pieces = bytes.chunks_exact(size_of::<T>());
     debug_assert!(pieces.remainder().is_empty());

@@ -1,8 +1,9 @@
-//! HDF5 written by all ranks together. The only unsafe code of the files: what the `hdf5` crate lacks are collective transfers.
+//! HDF5 files written by all ranks together. The `hdf5` crate has no collective transfers, so this
+//! module calls the C library for them; it holds the only unsafe code of this crate.
 
 use super::collective::Outcome;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::failure::Failure;
+use gshear_mpi_exchange::Parallel;
 use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
 use hdf5_sys::h5::hsize_t;
@@ -18,13 +19,19 @@ use std::rc::Rc;
 /// The value of an attribute.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Attribute {
+    /// Text of any length.
     Text(String),
+    /// List of texts.
     Texts(Vec<String>),
-    /// At most 32 ASCII characters, of fixed length: kept within the object's own checksum.
+    /// At most 32 ASCII characters, of fixed length: covered by the object's own checksum.
     Word(String),
+    /// Number.
     Number(f64),
+    /// List of numbers.
     Numbers(Vec<f64>),
+    /// Count.
     Count(u64),
+    /// List of integers.
     Integers(Vec<i32>),
 }
 
@@ -58,14 +65,15 @@ impl From<Vec<f64>> for Attribute {
     }
 }
 
-/// A fixed-length text of an attribute.
+/// Fixed-length text of an attribute.
 pub type Word = FixedAscii<32>;
 
 struct Context {
     path: PathBuf,
-    /// How raw data travel: collectively where there are several ranks.
+    /// Transfer properties: collective if there are several ranks.
     transfer: PropertyList,
-    /// Whether a call has failed. The file is then left as it is: to close it the ranks would wait for each other in vain.
+    /// Whether a call has failed. The file is then not closed, because closing it is collective and
+    /// could wait for ever.
     failed: Cell<bool>,
 }
 
@@ -77,22 +85,30 @@ impl Context {
     }
 }
 
-/// A file open for writing on all ranks. Every call is collective, with the same arguments on every rank but the data.
+/// A file open for writing on all ranks. Every call is collective; all arguments but the data must be
+/// the same on every rank.
 ///
-/// After a failure nothing more is written, nor is the file closed, and a job of several ranks should end by
-/// [`World::abort`](gshear_dem::domain::World::abort): in ending MPI, HDF5 would try to close it still.
+/// After a failure nothing more is written and the file is not closed. A job of several ranks should
+/// then end by [`World::abort`](gshear_mpi_exchange::World::abort), because HDF5 would try to close
+/// the file when MPI ends.
 pub struct H5File {
     file: hdf5::File,
     context: Rc<Context>,
 }
 
 impl H5File {
-    /// A new file in the place of whatever is there.
+    /// Creates a file, replacing an existing one.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn create(path: &Path, communicator: Option<MPI_Comm>) -> Result<Self, Failure> {
         Self::open_as(path, communicator, hdf5::OpenMode::Create, "create")
     }
 
-    /// An existing file.
+    /// Opens an existing file for writing.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn open(path: &Path, communicator: Option<MPI_Comm>) -> Result<Self, Failure> {
         Self::open_as(path, communicator, hdf5::OpenMode::ReadWrite, "open")
     }
@@ -112,8 +128,8 @@ impl H5File {
                     access.mpio(communicator, None);
                     access.all_coll_metadata_ops(true).coll_metadata_write(true);
                 }
-                // Since 1.8 most of a file's structure carries checksums. Since 1.10 a file that a killed program left open cannot be
-                // opened any more, and neither can one that is being written, which would forbid to resume.
+                // Format 1.8 has checksums on most of the file's structure. Format 1.10 would refuse to
+                // open a file left open by a killed program, which could then not be resumed.
                 access.libver_v18()
             })
             .open_as(path, mode)
@@ -129,39 +145,49 @@ impl H5File {
         })
     }
 
-    /// A group, with those it lies in.
+    /// Creates a group and its missing parents.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn group(&self, name: &str) -> Result<(), Failure> {
         let made = self.file.create_group(name);
         made.map(drop)
             .map_err(|e| self.context.failure(name, "create", &e))
     }
 
-    /// Whether there is an object of this name, in groups that are there.
+    /// Returns whether an object of this name exists. Its group must exist.
     pub fn has(&self, name: &str) -> bool {
         self.file.link_exists(name)
     }
 
-    /// What to say where rows that were written before are missing.
+    /// Returns the failure of an object that holds fewer rows than the checkpoint says.
     pub fn lacks(&self, name: &str, rows: u64) -> Failure {
         Failure::input(format!(
-            "{}: cannot go on with this file: {name} holds less than the {rows} rows that the checkpoint counts",
+            "{}: cannot continue this file: {name} holds fewer than the {rows} rows of the checkpoint",
             self.context.path.display()
         ))
     }
 
-    /// A second name for an object.
+    /// Adds a second name for an object.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn link(&self, target: &str, name: &str) -> Result<(), Failure> {
         let made = self.file.link_hard(target, name);
         made.map_err(|e| self.context.failure(name, "link", &e))
     }
 
-    /// A dataset of `shape`, of fixed size and contiguous; `chunk` makes it grow along its first dimension.
+    /// Creates a dataset of `shape`: contiguous and of fixed size, or, with `chunk`, growing along
+    /// its first dimension.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn dataset<T: H5Type>(
         &self,
         name: &str,
         shape: &[usize],
         chunk: Option<&[usize]>,
-    ) -> Result<Column<T>, Failure> {
+    ) -> Result<Dataset<T>, Failure> {
         use hdf5::dataset::{AllocTime, FillTime};
         use hdf5::{Extent, SimpleExtents};
         let fixed = |&n: &usize| Extent::fixed(n);
@@ -179,7 +205,8 @@ impl H5File {
                     .shape(SimpleExtents::from_vec(extents.collect()))
                     .chunk(chunk.to_vec())
                     .fill_time(FillTime::Never)
-                    // A file of one rank may be gone on with on many, which can only write to chunks that are there already.
+                    // Several ranks may continue a file of one rank; they can write only to
+                    // allocated chunks.
                     .alloc_time(Some(AllocTime::Early))
                     .create(name)
             }
@@ -188,8 +215,11 @@ impl H5File {
         self.column(name, dataset)
     }
 
-    /// An existing dataset.
-    pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Column<T>, Failure> {
+    /// Opens an existing dataset.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
+    pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Dataset<T>, Failure> {
         let dataset = self.file.dataset(name);
         self.column(
             name,
@@ -197,9 +227,9 @@ impl H5File {
         )
     }
 
-    fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Column<T>, Failure> {
+    fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Dataset<T>, Failure> {
         let datatype = Datatype::from_type::<T>();
-        Ok(Column {
+        Ok(Dataset {
             datatype: datatype.map_err(|e| self.context.failure(name, "describe", &e))?,
             shape: dataset.shape(),
             dataset,
@@ -209,40 +239,22 @@ impl H5File {
         })
     }
 
-    /// An attribute of an object, in the place of one of that name.
+    /// Writes an attribute of an object, replacing one of the same name.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn attribute(&self, object: &str, name: &str, value: &Attribute) -> Result<(), Failure> {
-        let set = || -> hdf5::Result<()> {
-            let location = self.location(object)?;
-            if location.attr_names()?.iter().any(|n| n == name) {
-                location.delete_attr(name)?;
-            }
-            let text = |text: &String| -> hdf5::Result<VarLenUnicode> {
-                text.parse().map_err(|e| hdf5::Error::from(format!("{e}")))
-            };
-            match value {
-                Attribute::Text(value) => put(&location, name, text(value)?),
-                Attribute::Word(value) => {
-                    let word =
-                        Word::from_ascii(value).map_err(|e| hdf5::Error::from(format!("{e}")))?;
-                    put(&location, name, word)
-                }
-                Attribute::Number(value) => put(&location, name, *value),
-                Attribute::Count(value) => put(&location, name, *value),
-                Attribute::Numbers(values) => put_all(&location, name, values),
-                Attribute::Integers(values) => put_all(&location, name, values),
-                Attribute::Texts(values) => {
-                    let values: hdf5::Result<Vec<_>> = values.iter().map(text).collect();
-                    put_all(&location, name, &values?)
-                }
-            }
-        };
+        let set = || set_attribute(&self.location(object)?, name, value);
         set().map_err(|e| {
             self.context
                 .failure(&format!("{object}@{name}"), "write", &e)
         })
     }
 
-    /// Takes an attribute away, if there is one.
+    /// Removes an attribute if it exists.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn remove_attribute(&self, object: &str, name: &str) -> Result<(), Failure> {
         let remove = || -> hdf5::Result<()> {
             let location = self.location(object)?;
@@ -266,14 +278,21 @@ impl H5File {
         Ok((*group).clone())
     }
 
-    /// Everything to the file system.
+    /// Writes all buffers to the file system.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn flush(&self) -> Result<(), Failure> {
         self.file
             .flush()
             .map_err(|e| self.context.failure("/", "flush", &e))
     }
 
-    /// Agrees on the failures of the calls so far. Where there are any, every rank leaves the file as it is.
+    /// Agrees on the failures of the calls so far. After a failure on any rank, no rank closes the
+    /// file.
+    ///
+    /// # Errors
+    /// As [`agree`](super::collective::agree).
     pub fn agree(&self, exchange: &dyn Parallel, outcome: Outcome) -> Result<(), Failure> {
         let agreed = outcome.agree(exchange);
         if agreed.is_err() {
@@ -282,7 +301,10 @@ impl H5File {
         agreed
     }
 
-    /// Columns of it must be gone.
+    /// Closes the file. Its columns must have been dropped.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn close(self) -> Result<(), Failure> {
         let file = self.file.clone();
         let context = self.context.clone();
@@ -294,16 +316,40 @@ impl H5File {
 impl Drop for H5File {
     fn drop(&mut self) {
         if self.context.failed.get() {
-            // One reference more than is ever given back keeps it open.
+            // A reference that is never released keeps the file open.
             std::mem::forget(self.file.clone());
         }
     }
 }
 
-impl<T> Drop for Column<T> {
+impl<T> Drop for Dataset<T> {
     fn drop(&mut self) {
         if self.context.failed.get() {
             std::mem::forget(self.dataset.clone());
+        }
+    }
+}
+
+fn set_attribute(location: &Location, name: &str, value: &Attribute) -> hdf5::Result<()> {
+    if location.attr_names()?.iter().any(|n| n == name) {
+        location.delete_attr(name)?;
+    }
+    let text = |text: &String| -> hdf5::Result<VarLenUnicode> {
+        text.parse().map_err(|e| hdf5::Error::from(format!("{e}")))
+    };
+    match value {
+        Attribute::Text(value) => put(location, name, text(value)?),
+        Attribute::Word(value) => {
+            let word = Word::from_ascii(value).map_err(|e| hdf5::Error::from(format!("{e}")))?;
+            put(location, name, word)
+        }
+        Attribute::Number(value) => put(location, name, *value),
+        Attribute::Count(value) => put(location, name, *value),
+        Attribute::Numbers(values) => put_all(location, name, values),
+        Attribute::Integers(values) => put_all(location, name, values),
+        Attribute::Texts(values) => {
+            let values: hdf5::Result<Vec<_>> = values.iter().map(text).collect();
+            put_all(location, name, &values?)
         }
     }
 }
@@ -319,28 +365,31 @@ fn put_all<T: H5Type>(location: &Location, name: &str, values: &[T]) -> hdf5::Re
 
 fn transfer(collective: bool) -> hdf5::Result<PropertyList> {
     hdf5::sync::sync(|| {
-        // SAFETY: the class is a constant of the library, which `sync` has started.
+        // SAFETY: the class is a constant of the library, which `sync` has initialised.
         let id = hdf5::h5check(unsafe { h5p::H5Pcreate(*h5p::H5P_CLS_DATASET_XFER) })?;
-        // SAFETY: the id is new, of a property list, and nobody else closes it.
+        // SAFETY: the id is that of a new property list, which only `list` closes.
         let list: PropertyList = unsafe { hdf5::from_id(id) }?;
         if collective {
             let mode = h5p::H5FD_mpio_xfer_t::H5FD_MPIO_COLLECTIVE;
-            // SAFETY: the list is one of transfer properties and alive.
+            // SAFETY: the list holds transfer properties and is open.
             hdf5::h5check(unsafe { h5p::H5Pset_dxpl_mpio(list.id(), mode) })?;
         }
         Ok(list)
     })
 }
 
-/// A box of a dataset of one to three dimensions: `start` and `count` along each, of which those beyond the dataset's are not read.
+/// A box in a dataset of one to three dimensions. Entries beyond the dataset's dimensions are
+/// ignored.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slab {
+    /// First index along each dimension.
     pub start: [u64; 3],
+    /// Number of indices along each dimension.
     pub count: [u64; 3],
 }
 
 impl Slab {
-    /// Rows [start, start + count) with all that is in them, `width` along the second dimension.
+    /// Returns the slab of `count` whole rows from `start` on; `width`: length of a row.
     pub fn rows(start: u64, count: u64, width: u64) -> Self {
         Slab {
             start: [start, 0, 0],
@@ -350,7 +399,7 @@ impl Slab {
 }
 
 /// A dataset of an [`H5File`].
-pub struct Column<T> {
+pub struct Dataset<T> {
     dataset: hdf5::Dataset,
     datatype: Datatype,
     shape: Vec<usize>,
@@ -359,9 +408,20 @@ pub struct Column<T> {
     element: PhantomData<T>,
 }
 
-impl<T: H5Type + Copy> Column<T> {
+impl<T: H5Type + Copy> Dataset<T> {
     pub fn rows(&self) -> u64 {
         self.shape[0] as u64
+    }
+
+    /// Sets the number of rows. Collective.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
+    pub fn attribute(&self, name: &str, value: &Attribute) -> Result<(), Failure> {
+        set_attribute(&self.dataset, name, value).map_err(|e| {
+            let object = format!("{}@{name}", self.name);
+            self.context.failure(&object, "write", &e)
+        })
     }
 
     /// A new number of rows. Collective.
@@ -374,7 +434,13 @@ impl<T: H5Type + Copy> Column<T> {
         done.map_err(|e| self.context.failure(&self.name, "resize", &e))
     }
 
-    /// This rank's part: `slab`, which may be empty, of which `data` are the values in order. Collective.
+    /// Writes this rank's part: the values `data` of `slab`, which may be empty. Collective.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
+    ///
+    /// # Panics
+    /// If `data` and `slab` differ in size, or the dataset has more than three dimensions.
     pub fn write(&self, slab: Slab, data: &[T]) -> Result<(), Failure> {
         let dimensions = self.shape.len();
         assert!((1..=3).contains(&dimensions), "one to three dimensions");
@@ -386,7 +452,7 @@ impl<T: H5Type + Copy> Column<T> {
             "{}: as many values as places",
             self.name
         );
-        // Of the same shape as the slab, without which HDF5 maps values to places one by one.
+        // The same shape as the slab: otherwise HDF5 maps values to places one by one.
         let shape: Vec<usize> = count.iter().map(|&n| n.max(1) as usize).collect();
         let write = || -> hdf5::Result<()> {
             let (place, memory) = (self.dataset.space()?, Dataspace::try_new(shape)?);
@@ -399,7 +465,8 @@ impl<T: H5Type + Copy> Column<T> {
                 let (memory, place) = (memory.id(), place.id());
                 let transfer = self.context.transfer.id();
                 let data = data.as_ptr().cast();
-                // SAFETY: the ids are alive; `datatype` describes T, and `memory` selects all of `data`, as many as `place` does.
+                // SAFETY: the ids are open; `datatype` describes T; `memory` selects all of `data`, and
+                // `place` selects as many elements.
                 let written =
                     unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
                 hdf5::h5check(written).map(drop)
@@ -408,25 +475,29 @@ impl<T: H5Type + Copy> Column<T> {
         write().map_err(|e| self.context.failure(&self.name, "write", &e))
     }
 
-    /// A new number of rows, and this rank's part of them. Collective.
+    /// Sets the number of rows and writes this rank's part of them. Collective.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
     pub fn append(&mut self, rows: u64, slab: Slab, data: &[T]) -> Result<(), Failure> {
-        // The write is made in any case: others wait for it.
+        // Written even after a failure, because the other ranks wait for it.
         let resized = self.resize(rows);
         let written = self.write(slab, data);
         resized.and(written)
     }
 }
 
-/// The slab in a dataspace; nothing where there is nothing in it.
+/// Selects the slab in a dataspace; nothing if the slab is empty.
 fn select(space: hid_t, slab: Slab, dimensions: usize) -> hdf5::Result<()> {
     if slab.count[..dimensions].contains(&0) {
-        // SAFETY: the caller's dataspace is alive.
+        // SAFETY: the caller's dataspace is open.
         return hdf5::h5check(unsafe { h5s::H5Sselect_none(space) }).map(drop);
     }
     let set = h5s::H5S_seloper_t::H5S_SELECT_SET;
     let (start, count): ([hsize_t; 3], [hsize_t; 3]) = (slab.start, slab.count);
     let (start, count, one) = (start.as_ptr(), count.as_ptr(), std::ptr::null());
-    // SAFETY: `start` and `count` have at least as many entries as the dataspace has dimensions; null stride and block mean 1.
+    // SAFETY: `start` and `count` have at least as many entries as the dataspace has dimensions; a
+    // null stride or block means 1.
     let selected = unsafe { h5s::H5Sselect_hyperslab(space, set, start, one, count, one) };
     hdf5::h5check(selected).map(drop)
 }

@@ -1,9 +1,44 @@
-//! Files: trajectory, checkpoint, log, what says where a run came from, and what is read back and reduced.
+//! Files of gshear-mpi: writes and reads runs, checkpoints, logs and reduced results.
+//!
+//! | module | file |
+//! | --- | --- |
+//! | [`trajectory`] | writes `run.h5`: frames and time series (H5MD), by all ranks together |
+//! | [`run_reader`] | reads `run.h5`, and `aqs.h5` and `newtonian.h5` of periodic boxes |
+//! | [`checkpoint`] | writes and reads `checkpoint.h5`, with checksums |
+//! | [`log`] | writes `log.csv`, the time series as text |
+//! | [`reduced_writer`], [`spectrum_writer`] | write `reduced.h5` and `spectrum.h5` |
+//! | [`table`], [`matrix_market`], [`text_writer`] | CSV tables, sparse matrices, small text files |
+//! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
+//!
+//! Most files are written under a temporary name and renamed when complete. `run.h5`, `aqs.h5`,
+//! `newtonian.h5` and `log.csv` grow during a run; a resumed run truncates them to the rows and frames
+//! that its checkpoint counts. `docs/file-formats.md` describes the content of every file.
+//!
+//! # Example
+//! Print the stress ratio of a run and the number of contacts in its last frame:
+//!
+//! ```no_run
+//! use gshear_store::run_reader::Run;
+//!
+//! let run = Run::open("out/plane-shear-2d".as_ref())?;
+//! let series = run.series();
+//! for (strain, tau) in series.column("strain").iter().zip(series.column("stress_ratio")) {
+//!     println!("{strain} {tau}");
+//! }
+//! if let Some(last) = run.frames().checked_sub(1) {
+//!     println!("{} contacts", run.frame(last)?.contacts.len());
+//! }
+//! # Ok::<(), gshear_dem::failure::Failure>(())
+//! ```
 
 mod batch;
 pub mod checkpoint;
 pub mod collective;
 pub mod columns;
+#[allow(
+    unsafe_code,
+    reason = "collective transfers, which the `hdf5` crate lacks"
+)]
 pub mod h5;
 mod layout;
 pub mod log;
@@ -13,5 +48,6 @@ pub mod reduced_writer;
 pub mod run_reader;
 mod scalar_columns;
 pub mod spectrum_writer;
+pub mod table;
 pub mod text_writer;
 pub mod trajectory;

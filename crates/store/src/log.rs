@@ -1,126 +1,74 @@
 //! `log.csv`: the time series as text.
 
 use super::collective::agree;
+use super::table::TableFile;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{SERIES_COLUMNS, SeriesRow};
-use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use gshear_dem::state::SeriesRow;
+use std::path::Path;
 
-/// Writes the log on rank 0; on the others it does nothing.
-pub struct Log {
-    path: PathBuf,
-    file: Option<BufWriter<File>>,
-}
+/// Writer of the log. Only rank 0 writes.
+pub struct Log(Option<TableFile>);
 
 impl Log {
-    /// A new log in the place of whatever is there. Collective.
+    /// Creates the log, replacing an existing file. Collective.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn create(exchange: &dyn Exchange, path: &Path) -> Result<Self, Failure> {
-        let created = (|| {
-            let mut log = Log {
-                path: path.into(),
-                file: None,
-            };
-            if exchange.rank() == 0 {
-                let file = File::create(path).map_err(|e| log.failure(&e))?;
-                log.file = Some(BufWriter::new(file));
-                log.line(&header())?;
-            }
-            Ok(log)
-        })();
-        agree(exchange, created)
+        Self::of(exchange, || TableFile::create(path, &columns()))
     }
 
-    /// An existing log, to go on after its first `rows` rows; those beyond are cut off.
-    /// `Failure::Input` where the file has fewer rows, or is no log of ours. Collective.
+    /// Opens an existing log to continue after its first `rows` rows; later rows are removed.
+    /// Collective.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file has fewer rows or another header.
     pub fn open_to_append(
         exchange: &dyn Exchange,
         path: &Path,
         rows: u64,
     ) -> Result<Self, Failure> {
-        let opened = (|| {
-            let mut log = Log {
-                path: path.into(),
-                file: None,
-            };
-            if exchange.rank() == 0 {
-                log.file = Some(log.truncated(rows)?);
-            }
-            Ok(log)
-        })();
-        agree(exchange, opened)
+        Self::of(exchange, || {
+            TableFile::open_to_append(path, &columns(), rows)
+        })
     }
 
-    fn truncated(&self, rows: u64) -> Result<BufWriter<File>, Failure> {
-        let unfit = |why: String| {
-            Failure::input(format!(
-                "{}: cannot go on with this log: {why}",
-                self.path.display()
-            ))
-        };
-        let file = OpenOptions::new().read(true).append(true).open(&self.path);
-        let file = file.map_err(|e| unfit(e.to_string()))?;
-        let mut reader = BufReader::new(&file);
-        let (mut line, mut end) = (Vec::new(), 0);
-        for row in 0..=rows {
-            line.clear();
-            end += reader
-                .read_until(b'\n', &mut line)
-                .map_err(|e| unfit(e.to_string()))? as u64;
-            if row == 0 && line != format!("{}\n", header()).as_bytes() {
-                return Err(unfit(
-                    "its first line is not that of a log of this version".into(),
-                ));
-            }
-            if line.last() != Some(&b'\n') {
-                return Err(unfit(format!(
-                    "it has {} rows, the checkpoint counts {rows}",
-                    row.max(1) - 1
-                )));
-            }
-        }
-        file.set_len(end).map_err(|e| self.failure(&e))?;
-        Ok(BufWriter::new(file))
+    fn of(
+        exchange: &dyn Exchange,
+        open: impl FnOnce() -> Result<TableFile, Failure>,
+    ) -> Result<Self, Failure> {
+        let file = (exchange.rank() == 0).then(open).transpose();
+        agree(exchange, file.map(Log))
     }
 
-    /// The next row. Not collective: a failure is rank 0's alone.
+    /// Writes the next row. Not collective: only rank 0 can fail.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn row(&mut self, step: u64, time: f64, row: &SeriesRow) -> Result<(), Failure> {
-        if self.file.is_none() {
+        let Some(file) = &mut self.0 else {
             return Ok(());
-        }
-        let mut line = format!("{step},{}", shortest(time));
-        for value in row.columns() {
-            line.push(',');
-            line.push_str(&shortest(value));
-        }
-        self.line(&line)
+        };
+        let numbers = [time].into_iter().chain(row.columns());
+        file.row([step.to_string()].into_iter().chain(numbers.map(shortest)))
     }
 
-    /// Hands the rows to the file system. Not collective: a failure is rank 0's alone.
+    /// Hands the rows to the file system. Not collective: only rank 0 can fail.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn flush(&mut self) -> Result<(), Failure> {
-        let flushed = self.file.as_mut().map_or(Ok(()), Write::flush);
-        flushed.map_err(|e| self.failure(&e))
-    }
-
-    fn line(&mut self, line: &str) -> Result<(), Failure> {
-        let written = self
-            .file
-            .as_mut()
-            .map_or(Ok(()), |file| writeln!(file, "{line}"));
-        written.map_err(|e| self.failure(&e))
-    }
-
-    fn failure(&self, error: &std::io::Error) -> Failure {
-        Failure::other(format!("{}: {error}", self.path.display()))
+        self.0.as_mut().map_or(Ok(()), TableFile::flush)
     }
 }
 
-fn header() -> String {
-    format!("step,time,{}", SERIES_COLUMNS.join(","))
+fn columns() -> Vec<&'static str> {
+    let row = SeriesRow::COLUMNS.iter().map(|column| column.name);
+    ["step", "time"].into_iter().chain(row).collect()
 }
 
-/// The shortest text that reads back to the same bits.
+/// Returns the shortest text that reads back to the same bits.
 pub fn shortest(value: f64) -> String {
     let (plain, scientific) = (value.to_string(), format!("{value:e}"));
     if scientific.len() < plain.len() {
@@ -136,9 +84,9 @@ mod tests {
     use gshear_dem::domain::Solo;
 
     fn row(k: u64) -> SeriesRow {
-        let numbers: [f64; SERIES_COLUMNS.len()] =
+        let numbers: [f64; SeriesRow::COLUMNS.len()] =
             std::array::from_fn(|c| (k as f64 + 0.1) * 10f64.powi(4 * c as i32 - 20) / 3.0);
-        bytemuck::cast(numbers)
+        SeriesRow::from_columns(numbers)
     }
 
     fn text(path: &Path) -> String {
@@ -190,7 +138,7 @@ mod tests {
             .collect();
         assert_eq!(third[2..], row(2).columns());
 
-        // As a killed program leaves it: rows too many, the last one torn.
+        // As left by a killed program: too many rows, the last one incomplete.
         std::fs::write(&path, format!("{whole}5,0.1")).unwrap();
         let mut log = Log::open_to_append(&Solo, &path, 3).unwrap();
         (3..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
@@ -199,12 +147,31 @@ mod tests {
     }
 
     #[test]
+    fn former_names_are_continued_and_other_columns_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let open = |names: &str| {
+            std::fs::write(&path, format!("{names}\n")).unwrap();
+            Log::open_to_append(&Solo, &path, 0).map(drop)
+        };
+        let names = header();
+        assert!(open(&names).is_ok());
+        assert!(open(&names.replace("dissipated_", "lost_")).is_ok());
+        let refused = |names: &str| open(names).unwrap_err().to_string();
+        assert!(
+            refused(&names.replace("slip_rate", "rate")).contains("lacks the column slip_rate")
+        );
+        assert!(refused(&names[..names.rfind(',').unwrap()]).contains("energy_residual"));
+        assert!(refused(&format!("{names},more")).contains("column more"));
+    }
+
+    #[test]
     fn refuses_a_log_that_does_not_fit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
         let refuse = |rows| match Log::open_to_append(&Solo, &path, rows) {
             Err(Failure::Input(message)) => message,
-            _ => panic!("a log that does not fit was taken"),
+            _ => panic!("a log that does not fit was accepted"),
         };
         assert!(refuse(0).contains("log.csv"));
         std::fs::write(&path, "a,b\n1,2\n").unwrap();

@@ -1,7 +1,10 @@
-//! Matrix Market files (Boisvert, Pozo & Remington 1996, NISTIR 5935): sparse matrices as text.
+//! Reads and writes Matrix Market files (Boisvert, Pozo & Remington 1996, NISTIR 5935): sparse
+//! matrices as text.
 //!
-//! Of the crates, matrix-market-rs has had no release since 2023, and nalgebra-sparse builds a parse tree of the whole file (hundreds of bytes per
-//! entry) and refuses integers for reals; neither names the line that is wrong.
+//! No crate fits. nalgebra-sparse 0.12 and sprs 0.11 refuse `integer` and `pattern` files for real
+//! numbers, and comments between entries; nalgebra-sparse needs 420 bytes per entry and names no line
+//! for an index out of range; sprs panics at such an index and never names a line. matrix-market-rs
+//! has had no release since 2023.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
@@ -12,7 +15,7 @@ use faer::sparse::{SparseColMat, Triplet};
 
 use gshear_dem::failure::Failure;
 
-/// How the entries of a file make a matrix.
+/// Symmetry of the matrix, of which a file stores only one triangle.
 #[derive(Clone, Copy, PartialEq)]
 enum Symmetry {
     General,
@@ -20,16 +23,18 @@ enum Symmetry {
     Skew,
 }
 
-/// What the first line announces.
+/// The first line of a file.
 struct Header {
     coordinate: bool,
     pattern: bool,
     symmetry: Symmetry,
 }
 
-/// Reads a real, integer or pattern matrix, `coordinate` or `array`, whatever its symmetry. Entries given more than once are added.
+/// Reads a real, integer or pattern matrix in `coordinate` or `array` format, of any symmetry.
+/// Repeated entries are added.
 ///
-/// Errors: a file that cannot be read, or is not such a matrix; the message names the line.
+/// # Errors
+/// [`Failure::Input`] that names the line, if the file cannot be read or holds no such matrix.
 pub fn read(path: &Path) -> Result<SparseColMat<usize, f64>, Failure> {
     let file = File::open(path)
         .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
@@ -47,7 +52,11 @@ pub fn read(path: &Path) -> Result<SparseColMat<usize, f64>, Failure> {
     }
 }
 
-/// Writes a matrix as `coordinate real general`, numbers in shortest form that reads back to the same bits: beside, then renamed.
+/// Writes a matrix as `coordinate real general`. Numbers have the shortest form that reads back to
+/// the same bits.
+///
+/// # Errors
+/// [`Failure::Other`] if the file cannot be written.
 pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failure> {
     let part = path.with_added_extension("part");
     let save = || -> std::io::Result<()> {

@@ -1,4 +1,5 @@
-//! Writes `reduced.h5` (docs/file-formats.md): beside, then renamed, so that a file of this name is always whole.
+//! Writes `reduced.h5` (docs/file-formats.md), first as `reduced.h5.part`, so that a file with the
+//! final name is always complete.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use ndarray::{ArrayView2, s};
 
 use gshear_dem::failure::Failure;
 
-/// A `reduced.h5` in the making.
+/// Writer of `reduced.h5`.
 pub struct ReducedWriter {
     path: PathBuf,
     part: PathBuf,
@@ -17,14 +18,16 @@ pub struct ReducedWriter {
 }
 
 impl ReducedWriter {
-    /// Begins `dmin/value` [T][N] and writes `dmin/strain` [T] as `reduced.h5.part` in `folder`, which is made if missing.
+    /// Creates `reduced.h5.part` in `folder`, which is created if missing, with an empty `dmin/value`
+    /// `[T][N]` and `dmin/strain` `[T]`.
     ///
-    /// Errors: `Failure::Other` where the folder or the file cannot be written.
+    /// # Errors
+    /// [`Failure::Other`] if the folder or the file cannot be written.
     pub fn create(folder: &Path, strain: &[f64], grains: usize) -> Result<Self, Failure> {
         let path = folder.join("reduced.h5");
         let part = folder.join("reduced.h5.part");
         std::fs::create_dir_all(folder)
-            .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", folder.display())))?;
+            .map_err(|e| Failure::other(format!("{}: cannot be created: {e}", folder.display())))?;
         let make = || -> hdf5::Result<(File, Dataset)> {
             let file = File::create(&part)?;
             let group = file.create_group("dmin")?;
@@ -47,7 +50,10 @@ impl ReducedWriter {
         })
     }
 
-    /// A text attribute of the file.
+    /// Writes a text attribute of the file.
+    ///
+    /// # Errors
+    /// If the file cannot be written, or the text holds a zero character.
     pub fn text(&self, name: &str, value: &str) -> Result<(), Failure> {
         let text: VarLenUnicode = value
             .parse()
@@ -55,7 +61,10 @@ impl ReducedWriter {
         self.attribute(name, &text)
     }
 
-    /// A number as attribute of the file.
+    /// Writes a numeric attribute of the file.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn number(&self, name: &str, value: f64) -> Result<(), Failure> {
         self.attribute(name, &value)
     }
@@ -65,7 +74,10 @@ impl ReducedWriter {
         write().map_err(|e| cannot_write(&self.part, &e))
     }
 
-    /// D²min [frames][N] (m²) of frames from `first` on.
+    /// Writes D²min `[frames][N]` (m²) from frame `first` on.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn dmin(&self, first: usize, values: ArrayView2<f64>) -> Result<(), Failure> {
         let rows = s![first..first + values.nrows(), ..];
         self.dmin
@@ -73,7 +85,10 @@ impl ReducedWriter {
             .map_err(|e| cannot_write(&self.part, &e))
     }
 
-    /// Closes the file and gives it its name, which is returned.
+    /// Closes the file and gives it its final name. Returns its path.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn finish(self) -> Result<PathBuf, Failure> {
         let ReducedWriter {
             path,

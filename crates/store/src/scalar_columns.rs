@@ -1,34 +1,38 @@
-//! The scalars of frames in `run.h5`: `observables/gshear/`, a row a frame.
+//! Scalars of frames in `run.h5`: `observables/gshear/`, one row per frame.
 
 use super::collective::Outcome;
-use super::h5::{Column, H5File};
-use super::layout::{CHUNK_ROWS, by_root};
-use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
+use super::h5::{Dataset, H5File};
+use super::layout::{CHUNK_ROWS, by_root, set_unit, stored_name};
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 
-/// Their group.
+/// Group of the scalars.
 pub const SCALARS: &str = "observables/gshear";
 
-/// Growing datasets of the scalars, and the rows that wait to be written.
+/// Datasets of the scalars, and the buffered rows.
 pub struct ScalarColumns {
-    step: Column<u64>,
-    values: Vec<Column<f64>>,
+    step: Dataset<u64>,
+    values: Vec<Dataset<f64>>,
     rows: Vec<(u64, FrameScalars)>,
     written: u64,
 }
 
 impl ScalarColumns {
-    /// Those of the file after their first `rows` rows, or new ones where it has none. Collective.
+    /// Opens the datasets to continue after their first `rows` rows; creates them if the file has
+    /// none. Collective.
     pub fn new(file: &H5File, rows: u64) -> Result<Self, Failure> {
-        let name = |n: usize, part: &str| format!("{SCALARS}/{}/{part}", SCALAR_COLUMNS[n]);
-        let all = 0..SCALAR_COLUMNS.len();
+        let names = FrameScalars::COLUMNS.map(|column| stored_name(file, SCALARS, &column));
+        let name = |n: usize, part: &str| format!("{SCALARS}/{}/{part}", names[n]);
+        let all = 0..names.len();
         if !file.has(SCALARS) {
             if rows > 0 {
                 return Err(file.lacks(SCALARS, rows));
             }
             for n in all.clone() {
-                file.group(&format!("{SCALARS}/{}", SCALAR_COLUMNS[n]))?;
-                file.dataset::<f64>(&name(n, "value"), &[0], Some(&[CHUNK_ROWS]))?;
+                file.group(&format!("{SCALARS}/{}", names[n]))?;
+                let values = file.dataset(&name(n, "value"), &[0], Some(&[CHUNK_ROWS]))?;
+                // Scalars of frames exist for disks alone.
+                set_unit(&values, &FrameScalars::COLUMNS[n], 2)?;
                 match n {
                     0 => drop(file.dataset::<u64>(&name(0, "step"), &[0], Some(&[CHUNK_ROWS]))?),
                     n => file.link(
@@ -53,7 +57,7 @@ impl ScalarColumns {
         Ok(columns)
     }
 
-    /// Rows so far, with those that wait to be written.
+    /// Returns the number of rows so far, buffered ones included.
     pub fn rows(&self) -> u64 {
         self.written + self.rows.len() as u64
     }
@@ -62,12 +66,12 @@ impl ScalarColumns {
         self.rows.len()
     }
 
-    /// The next rows, the same on every rank.
+    /// Buffers the next rows, which must be the same on every rank.
     pub fn push(&mut self, rows: &[(u64, FrameScalars)]) {
         self.rows.extend_from_slice(rows);
     }
 
-    /// What waits to the file, by rank 0. Collective.
+    /// Writes the buffered rows, by rank 0. Collective.
     pub fn write(&mut self, root: bool, outcome: &mut Outcome) {
         let rows = std::mem::take(&mut self.rows);
         if rows.is_empty() {

@@ -1,4 +1,5 @@
-//! Writes `spectrum.h5` (docs/file-formats.md): beside, then renamed, so that a file of this name is always whole.
+//! Writes `spectrum.h5` (docs/file-formats.md), first as `spectrum.h5.part`, so that a file with the
+//! final name is always complete.
 
 use std::path::{Path, PathBuf};
 
@@ -9,17 +10,20 @@ use ndarray::Array3;
 use gshear_analysis::spectrum::{Eigenvalue, Problem};
 use gshear_dem::failure::Failure;
 
-/// What is written, k eigenvalues long.
+/// Columns of the file, one entry per eigenvalue; k of them.
 pub struct Columns {
+    /// Eigenvalues with residual, condition and verdict.
     pub eigenvalues: Vec<Eigenvalue>,
+    /// Participation ratios of the eigenvectors.
     pub participation: Vec<f64>,
-    /// v [k][unknowns][2], real and imaginary parts.
+    /// Eigenvectors `[k][unknowns][2]`, real and imaginary parts.
     pub vectors: Array3<f64>,
 }
 
-/// Writes `spectrum.h5` into `folder` and returns its path; `matrix` is where K comes from.
+/// Writes `spectrum.h5` into `folder` and returns its path. `matrix`: file that K comes from.
 ///
-/// Errors: `Failure::Other` where it cannot be written.
+/// # Errors
+/// [`Failure::Other`] if the file cannot be written.
 pub fn write(
     folder: &Path,
     matrix: &Path,

@@ -1,12 +1,16 @@
-//! Small text files: written beside, then renamed, so that a file of the name is always whole.
+//! Writes small text files, first as `.part`, so that a file with the final name is always complete.
+//!
+//! `NamedTempFile::persist` of tempfile would be no shorter, and a killed program would leave files with
+//! random names.
 
 use std::path::Path;
 
 use gshear_dem::failure::Failure;
 
-/// Writes a file and, where missing, its folder.
+/// Writes a text file; creates its folder if missing.
 ///
-/// Errors: `Failure::Other` that names what cannot be written.
+/// # Errors
+/// [`Failure::Other`] if the folder or the file cannot be written.
 pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     let mut part = path.as_os_str().to_owned();
     part.push(".part");

@@ -1,65 +1,73 @@
-//! The writer of `run.h5`: frames and time series, written by all ranks together, many at once.
+//! The writer of `run.h5`: frames and time series, written by all ranks together in batches.
 
 use super::batch::{Frames, Part, Shares, length};
 use super::collective::{IdBlocks, Outcome, agree, records_of};
 use super::h5::{Attribute, H5File, Slab};
 use super::layout::{
-    BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, by_root, describe, forces,
+    BOX, CHUNK_FRAMES, Datasets, Mode, OBSERVABLES, PARAMETERS, PARTICLES, by_root, describe,
+    forces,
 };
-use super::scalar_columns::ScalarColumns;
+use super::scalar_columns::{SCALARS, ScalarColumns};
+use bytemuck::{Pod, Zeroable};
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
 use gshear_dem::domain::total;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, GrainSample};
-use bytemuck::{Pod, Zeroable};
+use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
 use std::path::Path;
 use std::time::Instant;
 
-/// What never changes of a grain. `body`: 0 free, 1 bottom wall, 2 top wall; R (m), m (kg, in 2D kg/m).
+/// The constant properties of a grain.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainShape {
+    /// Number of the grain, 0 … N-1.
     pub id: u32,
+    /// 0 free, 1 bottom wall, 2 top wall.
     pub body: u32,
+    /// R (m).
     pub radius: f64,
+    /// m (kg; kg/m in 2D).
     pub mass: f64,
 }
 
-/// What `run.h5` holds from the start.
+/// Content of `run.h5` from the start of the run.
 #[derive(Debug, Clone, Copy)]
 pub struct RunHeader<'a> {
+    /// Number of dimensions.
     pub axes: usize,
     /// Whether the box is bounded along its last axis.
     pub walls: bool,
     /// Columns of the time series.
-    pub series: &'a [&'a str],
+    pub series: &'a [Column],
     /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
     pub edges: [f64; 3],
-    /// This rank's grains; together the ranks have the ids 0 … N-1, each once.
+    /// This rank's grains; together the ranks hold each of the ids 0 … N-1 once.
     pub grains: &'a [GrainShape],
-    /// Attributes of `parameters`; those of rank 0 are written.
+    /// Attributes of `parameters`; rank 0's are written.
     pub attributes: &'a [(&'a str, Attribute)],
 }
 
-/// Attributes that belong to a run that has ended.
+/// Attributes written only when a run ends.
 const AT_THE_END: [&str; 3] = ["digest", "speed", "rank_map"];
-/// Bytes of frames gathered before they are written, over all ranks.
+/// Bytes of frames buffered before they are written, over all ranks.
 const BATCH_BYTES: usize = 16 << 20;
-/// Rows of the time series gathered before they are written.
+/// Rows of the time series buffered before they are written.
 const BATCH_ROWS: usize = 1024;
-/// Written batches reach the disk at least as often, if frames come as often.
+/// Longest time between flushes to disk (s), if batches come as often.
 const FLUSH_SECONDS: f64 = 2.0;
 
-/// `run.h5`, open for writing. What is in it does not depend on the number of ranks. Every call is collective.
+/// `run.h5`, open for writing. Its content does not depend on the number of ranks. Every call is
+/// collective.
 pub struct TrajectoryWriter {
-    columns: Columns,
+    columns: Datasets,
     /// Where the run computes scalars of frames.
     scalars: Option<ScalarColumns>,
     file: H5File,
     blocks: IdBlocks,
-    /// Frames of a batch.
+    /// Number of frames in a batch.
     batch: usize,
     frames: Frames,
     rows: Vec<(u64, f64, Vec<f64>)>,
@@ -70,7 +78,10 @@ pub struct TrajectoryWriter {
 }
 
 impl TrajectoryWriter {
-    /// A new file in the place of whatever is there.
+    /// Creates the file, replacing an existing one.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn create(
         exchange: &dyn Parallel,
         path: &Path,
@@ -88,16 +99,19 @@ impl TrajectoryWriter {
         };
         let created = (|| {
             let file = H5File::create(path, exchange.communicator())?;
-            describe(&file, header.axes, header.walls)?;
+            // Scenes of a periodic box may use any consistent set of units.
+            let units = header.walls;
+            describe(&file, header.axes, header.walls, units)?;
             for (name, value) in &attributes {
                 file.attribute(PARAMETERS, name, value)?;
             }
-            let columns = Columns::new(
+            let columns = Datasets::new(
                 &file,
                 Mode::Create,
                 grains as usize,
                 header.axes,
                 header.series,
+                units,
             )?;
             Ok((file, columns))
         })();
@@ -107,19 +121,23 @@ impl TrajectoryWriter {
         Ok(writer)
     }
 
-    /// An existing file with these columns of the time series, to go on after its first `frames` frames and `rows` rows; what it holds beyond them is cut off.
-    /// `Failure::Input` where the file is none of a run, or holds less.
+    /// Opens an existing file to continue after its first `frames` frames and `rows` rows; later ones
+    /// are removed. `series`: columns of the time series.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is not a `run.h5` or holds less.
     pub fn open_to_append(
         exchange: &dyn Parallel,
         path: &Path,
-        series: &[&str],
+        series: &[Column],
         frames: u64,
         rows: u64,
     ) -> Result<Self, Failure> {
-        // Looked at by one rank alone, as a failure within a collective call may leave the others waiting.
+        // Only one rank inspects the file: after a failure in a collective call the others could wait
+        // for ever.
         let mut extent = Vec::new();
         let looked = match exchange.rank() {
-            0 => inspect(path, series[0], frames, rows).map(|e| extent = e.to_vec()),
+            0 => inspect(path, series, frames, rows).map(|e| extent = e.to_vec()),
             _ => Ok(()),
         };
         agree(exchange, looked)?;
@@ -135,7 +153,8 @@ impl TrajectoryWriter {
         };
         let opened = (|| {
             let file = H5File::open(path, exchange.communicator())?;
-            let columns = Columns::new(&file, Mode::Open, grains as usize, axes as usize, series)?;
+            let (grains, axes) = (grains as usize, axes as usize);
+            let columns = Datasets::new(&file, Mode::Open, grains, axes, series, false)?;
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, opened)?;
@@ -175,7 +194,7 @@ impl TrajectoryWriter {
         Ok(writer)
     }
 
-    fn new(file: H5File, columns: Columns, blocks: IdBlocks) -> Self {
+    fn new(file: H5File, columns: Datasets, blocks: IdBlocks) -> Self {
         // About two contacts a grain.
         let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
         TrajectoryWriter {
@@ -227,18 +246,22 @@ impl TrajectoryWriter {
         self.flush_file(exchange)
     }
 
-    /// Frames so far, with those that wait to be written.
+    /// Returns the number of frames so far, buffered ones included.
     pub fn frames(&self) -> u64 {
         self.frames_written + self.frames.len() as u64
     }
 
-    /// Rows of the time series so far, with those that wait to be written.
+    /// Returns the number of rows of the time series so far, buffered ones included.
     pub fn rows(&self) -> u64 {
         self.rows_written + self.rows.len() as u64
     }
 
-    /// The next frame: this rank's grains, and the contacts whose lower id is one of them, in any order.
-    /// Over the ranks every grain and every contact comes once. Few calls send anything: frames are written in batches.
+    /// Adds the next frame: this rank's grains, and the contacts whose lower id is one of them, in any
+    /// order. Together the ranks must give each grain and each contact once. Frames are buffered and
+    /// written in batches, so few calls communicate.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn frame(
         &mut self,
         exchange: &dyn Parallel,
@@ -254,7 +277,10 @@ impl TrajectoryWriter {
         self.write_frames(exchange)
     }
 
-    /// The next row of the time series, the same on every rank.
+    /// Adds the next row of the time series, which must be the same on every rank.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn series(
         &mut self,
         exchange: &dyn Parallel,
@@ -269,20 +295,29 @@ impl TrajectoryWriter {
         self.write_rows(exchange)
     }
 
-    /// From here on scalars of frames are written, after the first `rows` rows that the file has of them.
+    /// Starts to write scalars of frames after the first `rows` rows in the file.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file holds fewer rows; [`Failure::Other`] if it cannot be written.
     pub fn begin_scalars(&mut self, exchange: &dyn Parallel, rows: u64) -> Result<(), Failure> {
         let scalars = ScalarColumns::new(&self.file, rows);
         self.scalars = Some(agree(exchange, scalars)?);
         Ok(())
     }
 
-    /// Rows of scalars so far, with those that wait to be written; 0 where none are.
+    /// Returns the number of rows of scalars so far, buffered ones included; 0 without scalars.
     pub fn scalar_rows(&self) -> u64 {
         self.scalars.as_ref().map_or(0, ScalarColumns::rows)
     }
 
-    /// The next scalars, the same on every rank, of steps whose rows of the time series were given before. Panics before
-    /// [`Self::begin_scalars`].
+    /// Adds rows of scalars, which must be the same on every rank. The rows of the time series of
+    /// their steps must have been added.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    ///
+    /// # Panics
+    /// Before [`Self::begin_scalars`].
     pub fn scalars(
         &mut self,
         exchange: &dyn Parallel,
@@ -296,14 +331,22 @@ impl TrajectoryWriter {
         self.write_rows(exchange)
     }
 
-    /// Everything to the file, so that it can be read, and gone on with, whatever happens to the program.
+    /// Writes all buffers to disk, so that the file can be read and continued even if the program is
+    /// killed.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
         self.flush_file(exchange)
     }
 
-    /// Writes what waits, then the attributes of `parameters` known only at the end (those of rank 0), and closes the file.
+    /// Writes all buffers and the attributes of `parameters` known only at the end (rank 0's), and
+    /// closes the file.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn finish(
         mut self,
         exchange: &dyn Parallel,
@@ -338,7 +381,7 @@ impl TrajectoryWriter {
         let part = Part::assemble(&messages, &share, self.columns.axes);
         drop(messages);
 
-        // Shares follow each other in the order of the file, so a rank's contacts are one stretch of it.
+        // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
         let mut counts = vec![0; count as usize];
         let first = share.frames.start as usize;
         counts[first..first + part.counts.len()].copy_from_slice(&part.counts);
@@ -382,9 +425,10 @@ impl TrajectoryWriter {
         self.flush_now_and_then(exchange)
     }
 
-    /// Waiting for the disk after every batch would double the cost of fast runs' frames.
+    /// Flushes if the last flush was long ago. A flush after every batch would double the cost of
+    /// frames in fast runs.
     fn flush_now_and_then(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        // The ranks' clocks differ, and all must do the same.
+        // The ranks' clocks differ, but all ranks must decide alike.
         if exchange.maximum(self.flushed.elapsed().as_secs_f64()) < FLUSH_SECONDS {
             return Ok(());
         }
@@ -425,7 +469,7 @@ impl TrajectoryWriter {
     }
 }
 
-/// Rank 0's attributes, on every rank: HDF5 wants the same from all.
+/// Returns rank 0's attributes on every rank, because HDF5 requires equal arguments.
 fn shared(
     exchange: &dyn Parallel,
     attributes: Vec<(String, Attribute)>,
@@ -435,7 +479,7 @@ fn shared(
         .expect("attributes are texts and finite numbers")
 }
 
-/// A dataset of one dimension and fixed size, written once.
+/// Writes a one-dimensional dataset of fixed size.
 fn fixed<T: H5Type + Copy>(
     file: &H5File,
     name: &str,
@@ -446,15 +490,21 @@ fn fixed<T: H5Type + Copy>(
     file.dataset::<T>(name, &[size], None)?.write(slab, data)
 }
 
-/// `first` of the columns of the time series. N, the number of contacts in the first `frames` frames, and the dimensions, of a file that is ours and long enough.
-fn inspect(path: &Path, first: &str, frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
+/// Checks that a file can be continued. Returns N, the number of contacts in the first `frames` frames,
+/// and the number of dimensions. `first`: first column of the time series.
+const ANOTHER: &str =
+    "another version wrote the file: resume with that version or into another folder (--out)";
+
+/// Returns N, the number of contacts in the first `frames` frames, and the dimensions of a file that
+/// has these columns of the time series and is long enough.
+fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
     let name = path.display();
     if !path.is_file() {
         return Err(Failure::input(format!(
-            "{name}: there is no such file to go on with"
+            "{name}: there is no such file to continue"
         )));
     }
-    let unfit = |why: String| Failure::input(format!("{name}: cannot go on with this file: {why}"));
+    let unfit = |why: String| Failure::input(format!("{name}: cannot continue this file: {why}"));
     let read = || -> hdf5::Result<Result<[u64; 3], Failure>> {
         let file = hdf5::File::open(path)?;
         file.group(PARAMETERS)?.attr("scene")?;
@@ -466,9 +516,27 @@ fn inspect(path: &Path, first: &str, frames: u64, rows: u64) -> Result<[u64; 3],
         let [_, grains, 3] = position.shape()[..] else {
             return Ok(Err(unfit("position/value is not [T][N][3]".into())));
         };
+        let mut others = file.group(OBSERVABLES)?.member_names()?;
+        let mut first = None;
+        for column in series {
+            let place = column
+                .stored_name(|name| others.iter().any(|other| other == name))
+                .and_then(|name| others.iter().position(|other| other == name));
+            let Some(place) = place else {
+                return Ok(Err(unfit(format!("it has no column {column}; {ANOTHER}"))));
+            };
+            let name = others.swap_remove(place);
+            first.get_or_insert(name);
+        }
+        others.retain(|name| format!("{OBSERVABLES}/{name}") != SCALARS);
+        if let Some(name) = others.first() {
+            let why = format!("its column {name} would not be continued; {ANOTHER}");
+            return Ok(Err(unfit(why)));
+        }
+        let first = first.expect("the time series has a column");
         let (has_frames, has_rows) = (
             length("connectivity/contacts/offset")?,
-            length(&format!("observables/{first}/step"))?,
+            length(&format!("{OBSERVABLES}/{first}/step"))?,
         );
         if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
             return Ok(Err(unfit(format!(
@@ -489,4 +557,130 @@ fn inspect(path: &Path, first: &str, frames: u64, rows: u64) -> Result<[u64; 3],
             "it is not the run.h5 of a run, or damaged ({error})"
         )))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run_reader::Run;
+    use gshear_dem::domain::Solo;
+    use gshear_dem::state::SeriesRow;
+
+    fn row(k: u64) -> SeriesRow {
+        SeriesRow::from_columns(std::array::from_fn(|c| (100 * k + c as u64) as f64))
+    }
+
+    /// A file with the rows `0..rows` and one frame of one grain.
+    fn create(path: &Path, rows: u64) {
+        let grains = [GrainShape {
+            id: 0,
+            body: 0,
+            radius: 1.0,
+            mass: 1.0,
+        }];
+        let header = RunHeader {
+            axes: 2,
+            walls: true,
+            series: &SeriesRow::COLUMNS,
+            edges: [2.0, 3.0, 0.0],
+            grains: &grains,
+            attributes: &[("scene", "seed = 1".into())],
+        };
+        let mut writer = TrajectoryWriter::create(&Solo, path, &header).unwrap();
+        let grain = GrainSample::zeroed();
+        writer.frame(&Solo, 0, 0.0, &[grain], &[]).unwrap();
+        (0..rows).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
+        writer.finish(&Solo, &[]).unwrap();
+    }
+
+    /// Gives columns other names, or takes them away (`None`).
+    fn rename(path: &Path, names: &[(&str, Option<&str>)]) {
+        let group = hdf5::File::open_rw(path)
+            .unwrap()
+            .group(OBSERVABLES)
+            .unwrap();
+        for (from, to) in names {
+            match to {
+                Some(to) => group.relink(from, to).unwrap(),
+                None => group.unlink(from).unwrap(),
+            }
+        }
+    }
+
+    fn append(path: &Path, frames: u64, rows: u64) -> Result<TrajectoryWriter, Failure> {
+        TrajectoryWriter::open_to_append(&Solo, path, &SeriesRow::COLUMNS, frames, rows)
+    }
+
+    #[test]
+    fn files_with_former_names_are_read_and_continued() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        create(&path, 3);
+        let formers: Vec<_> = SeriesRow::COLUMNS
+            .iter()
+            .filter_map(|column| Some((column.name, Some(column.former?))))
+            .collect();
+        rename(&path, &formers);
+        let mut writer = append(&path, 1, 2).unwrap();
+        (2..5).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
+        writer.finish(&Solo, &[]).unwrap();
+
+        let run = Run::open(&path).unwrap();
+        assert_eq!(run.series().step, [0, 1, 2, 3, 4]);
+        for (c, column) in SeriesRow::COLUMNS.iter().enumerate() {
+            let values: Vec<f64> = (0..5).map(|k| row(k).columns()[c]).collect();
+            assert_eq!(run.series().column(column.name), values, "{column}");
+        }
+        let file = hdf5::File::open(&path).unwrap();
+        for (present, former) in formers {
+            assert!(file.link_exists(&format!("{OBSERVABLES}/{}", former.unwrap())));
+            assert!(!file.link_exists(&format!("{OBSERVABLES}/{present}")));
+        }
+    }
+
+    #[test]
+    fn a_file_of_other_columns_is_not_continued() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |from: &str, to: Option<&str>| {
+            let path = folder.path().join("run.h5");
+            create(&path, 3);
+            rename(&path, &[(from, to)]);
+            match append(&path, 1, 3) {
+                Err(Failure::Input(message)) => message,
+                _ => panic!("not refused"),
+            }
+        };
+        assert!(refused("slip_rate", None).contains("no column slip_rate"));
+        assert!(refused("strain", None).contains("no column strain"));
+        assert!(refused("slip", Some("offset")).contains("no column slip;"));
+        let path = folder.path().join("run.h5");
+        create(&path, 3);
+        let group = hdf5::File::open_rw(&path)
+            .unwrap()
+            .group(OBSERVABLES)
+            .unwrap();
+        group.create_group("temperature").unwrap();
+        group.create_group("gshear").unwrap();
+        drop(group);
+        let message = append(&path, 1, 3).err().unwrap().to_string();
+        assert!(message.contains("its column temperature"), "{message}");
+    }
+
+    #[test]
+    fn values_have_units_per_unit_depth() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        create(&path, 1);
+        let file = hdf5::File::open(&path).unwrap();
+        let unit = |name: &str| {
+            let values = file
+                .dataset(&format!("{OBSERVABLES}/{name}/value"))
+                .unwrap();
+            let unit = values.attr("unit").ok()?;
+            Some(unit.read_scalar::<crate::h5::Word>().unwrap().to_string())
+        };
+        assert_eq!(unit("slip_rate").as_deref(), Some("m s-1"));
+        assert_eq!(unit("work_load").as_deref(), Some("J m-1"));
+        assert_eq!(unit("strain"), None);
+    }
 }

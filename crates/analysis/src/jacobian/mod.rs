@@ -13,10 +13,10 @@ use faer::Mat;
 use faer::sparse::SparseColMat;
 
 use super::spectrum::{Problem, Unfit};
+use contact::Contact;
 use gshear_dem::contact::stiffness::Stiffness;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, body, length};
-use contact::Contact;
 use pattern::Pattern;
 
 pub use paper::paper_form;

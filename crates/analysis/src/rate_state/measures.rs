@@ -131,12 +131,18 @@ pub fn steps(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<St
     let of = |segment: usize| {
         let (before, after) = (steady[segment - 1]?, steady[segment]?);
         let up = after.velocity > before.velocity;
-        let Extreme { extreme, error, .. } = peaks.extreme(record, segment, up)?;
+        let extreme = peaks.extreme(record, segment, up)?;
         Some(Step {
             segment,
             velocities: [before.velocity, after.velocity],
-            direct: [extreme - before.friction, before.error.hypot(error)],
-            evolution: [extreme - after.friction, after.error.hypot(error)],
+            direct: [
+                extreme.friction - before.friction,
+                before.error.hypot(extreme.error),
+            ],
+            evolution: [
+                extreme.friction - after.friction,
+                after.error.hypot(extreme.error),
+            ],
             net: [
                 after.friction - before.friction,
                 before.error.hypot(after.error),
@@ -160,9 +166,9 @@ pub fn holds(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Ho
             let found = peaks.extreme(record, after, true)?;
             Some(Reslide {
                 velocity: drive.velocity,
-                peak: found.extreme,
+                peak: found.friction,
                 slip_at_peak: found.slip - record.slip[rows.end - 1],
-                healing: found.extreme - before.friction,
+                healing: found.friction - before.friction,
                 error: before.error.hypot(found.error),
             })
         };
@@ -178,7 +184,8 @@ pub fn holds(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Ho
 }
 
 struct Extreme {
-    extreme: f64,
+    /// μ there.
+    friction: f64,
     /// Slip there (m).
     slip: f64,
     /// Standard deviation of means over as many rows.
@@ -215,7 +222,7 @@ impl Peaks {
         let centre = of_rest.iter().sum::<f64>() / count;
         let square: f64 = of_rest.iter().map(|m| (m - centre) * (m - centre)).sum();
         Some(Extreme {
-            extreme,
+            friction: extreme,
             slip: record.slip[half.start + at + length / 2],
             error: (square / (count - 1.0).max(1.0)).sqrt(),
         })

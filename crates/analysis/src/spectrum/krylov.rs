@@ -3,7 +3,7 @@
 
 use faer::linalg::matmul::matmul;
 use faer::reborrow::{Reborrow, ReborrowMut};
-use faer::{Accum, Mat, MatMut, MatRef, Par};
+use faer::{Accum, Mat, MatMut, MatRef, Par, c64};
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -240,7 +240,7 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         // Rounding scales with the norm of the operator, which exceeds its eigenvalues if it is
         // non-normal.
         let rounding = 2.0 * f64::EPSILON * square.norm();
-        let schur = Schur::ordered(square, |value| value.norm())?;
+        let schur = Schur::ordered(square, c64::norm)?;
         let mut coupling = coupling * &schur.q;
         let mut converged = 0;
         let mut at_floor = false;

@@ -8,7 +8,7 @@ use faer::linalg::triangular_solve::{
     solve_unit_upper_triangular_in_place, solve_upper_triangular_in_place,
 };
 use faer::reborrow::{Reborrow, ReborrowMut};
-use faer::{Accum, MatMut, MatRef, Par, c64};
+use faer::{Accum, MatMut, MatRef, Par, Spec, c64};
 
 use super::scalar::Scalar;
 use super::symbolic::{Front, Symbolic};
@@ -227,7 +227,7 @@ impl<T: Scalar> Factor<T> {
             width,
             width,
             par,
-            Default::default(),
+            Spec::default(),
         ));
         let (info, _) = lu_in_place(
             square.rb_mut(),
@@ -235,7 +235,7 @@ impl<T: Scalar> Factor<T> {
             &mut inverse,
             par,
             MemStack::new(&mut memory),
-            Default::default(),
+            Spec::default(),
         );
         let mut scratch = vec![T::of(0.0); width];
         for column in rows.chunks_exact_mut(width) {

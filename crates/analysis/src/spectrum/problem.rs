@@ -119,6 +119,9 @@ impl Problem {
     ///
     /// # Errors
     /// [`Unfit`] if K, M or the null vectors are invalid.
+    ///
+    /// # Panics
+    /// If there is no memory for A.
     pub fn new(
         k: &SparseColMat<usize, f64>,
         mass: &[f64],
@@ -255,8 +258,10 @@ impl Problem {
         for ((&at, value), root) in self.active.iter().zip(w).zip(&self.root_mass) {
             v[at] = *value / *root;
         }
-        let norm = v.iter().map(|v| v.norm_sqr()).sum::<f64>().sqrt();
-        v.iter_mut().for_each(|v| *v /= norm);
+        let norm = v.iter().map(c64::norm_sqr).sum::<f64>().sqrt();
+        for v in &mut v {
+            *v /= norm;
+        }
         v
     }
 

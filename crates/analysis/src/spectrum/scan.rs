@@ -26,6 +26,9 @@ pub struct Scan {
 /// Returns a rectangle that holds all eigenvalues (Bendixson 1902): Re λ lies between the extreme
 /// eigenvalues of (A + Aᵀ)/2, and |Im λ| is at most the largest of (A - Aᵀ)/2. Those are bounded by
 /// Gershgorin's circles, so the rectangle is safe but seldom tight.
+///
+/// # Panics
+/// If there is no memory for Aᵀ.
 pub fn bendixson(problem: &Problem) -> Rectangle {
     let n = problem.size();
     let a = problem.matrix();

@@ -46,6 +46,9 @@ impl Solver {
     ///
     /// # Errors
     /// [`Singular`] if a pivot vanishes in spite of the shift.
+    ///
+    /// # Panics
+    /// If there is no memory for the pattern.
     pub fn factor<'a>(&'a mut self, problem: &'a Problem) -> Result<Factors<'a>, Singular> {
         let pattern = problem.matrix().symbolic();
         let same = self.made.as_ref().is_some_and(|(made, _)| {

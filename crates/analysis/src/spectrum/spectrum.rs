@@ -4,7 +4,7 @@ use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::evd::{ComputeEigenvectors, evd_real, evd_scratch};
 use faer::linalg::solvers::DenseSolveCore;
-use faer::{Mat, MatRef, Par, c64};
+use faer::{Mat, MatRef, Par, Spec, c64};
 
 use super::lu::Lu;
 use super::problem::{Problem, ZERO};
@@ -104,7 +104,7 @@ impl Spectrum {
         let (values, vectors) = eigen(&small);
         let right = widened(right.as_ref()) * normalised(vectors);
         let left = left.map(|left| widened(left.as_ref()));
-        let left = left.as_ref().map_or(right.as_ref(), |left| left.as_ref());
+        let left = left.as_ref().map_or(right.as_ref(), Mat::as_ref);
         Spectrum::with_vectors(problem, values, right.clone(), dual(left, right.as_ref()))
     }
 
@@ -124,7 +124,7 @@ impl Spectrum {
             ComputeEigenvectors::No,
             ComputeEigenvectors::No,
             Par::Seq,
-            Default::default(),
+            Spec::default(),
         );
         evd_real(
             problem.matrix().to_dense().as_ref(),
@@ -134,7 +134,7 @@ impl Spectrum {
             None,
             Par::Seq,
             MemStack::new(&mut MemBuffer::new(scratch)),
-            Default::default(),
+            Spec::default(),
         )
         .expect("the QR algorithm converges");
         let value = |k: usize| c64::new(re[k], im[k]);

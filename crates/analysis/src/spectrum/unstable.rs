@@ -70,6 +70,9 @@ pub struct Unstable {
 ///
 /// # Errors
 /// [`Stalled`] if Krylov–Schur does not converge.
+///
+/// # Panics
+/// If there is no memory for Aᵀ.
 pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> {
     let n = problem.size();
     let end = MARGIN * problem.norm();
@@ -95,7 +98,7 @@ pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> 
         if found.degrees.last() != Some(&degree) {
             found.degrees.push(degree);
         }
-        let every = known.projection_interval(&found.spectrum, end, degree);
+        let every = projection_interval(&found.spectrum, end, degree);
         let mut filter = |of: &Rows, known: &Known, x: MatMut<'_, f64>| {
             found.products += degree * x.ncols();
             of.filter(problem, known, degree, every, sought.par, x);
@@ -155,20 +158,6 @@ impl Known {
             right: self.left.clone(),
             left: self.right.clone(),
         }
-    }
-
-    /// Number of steps of the recurrence after which the rounding error in the known modes must be
-    /// projected out again.
-    fn projection_interval(&self, spectrum: &Spectrum, end: f64, degree: usize) -> usize {
-        let growth = |value: faer::c64| {
-            let x = 2.0 * value / end - 1.0;
-            // |x + √(x² - 1)|, the greater of two reciprocal numbers.
-            let grown = (x + (x * x - 1.0).sqrt()).norm();
-            grown.max(1.0 / grown).ln()
-        };
-        let values = spectrum.eigenvalues.iter().map(|e| growth(e.value));
-        let fastest = values.fold(0.0, f64::max);
-        ((REGROWTH.ln() / fastest) as usize).clamp(1, degree)
     }
 
     /// (LᵀR)⁻¹, for the projection 1 - R (LᵀR)⁻¹ Lᵀ.
@@ -275,13 +264,27 @@ impl Rows {
                 first,
                 now,
                 before,
-            })
+            });
         };
         match par {
             Par::Seq => work((0, before)),
-            _ => before.par_chunks_mut(ROWS).enumerate().for_each(work),
+            Par::Rayon(_) => before.par_chunks_mut(ROWS).enumerate().for_each(work),
         }
     }
+}
+
+/// Number of steps of the recurrence after which the rounding error in the known modes must be
+/// projected out again.
+fn projection_interval(spectrum: &Spectrum, end: f64, degree: usize) -> usize {
+    let growth = |value: faer::c64| {
+        let x = 2.0 * value / end - 1.0;
+        // |x + √(x² - 1)|, the greater of two reciprocal numbers.
+        let grown = (x + (x * x - 1.0).sqrt()).norm();
+        grown.max(1.0 / grown).ln()
+    };
+    let values = spectrum.eigenvalues.iter().map(|e| growth(e.value));
+    let fastest = values.fold(0.0, f64::max);
+    ((REGROWTH.ln() / fastest) as usize).clamp(1, degree)
 }
 
 /// One step of the recurrence over some rows.

@@ -63,8 +63,8 @@ pub struct Blocks<'a> {
     pub response: &'a mut [Response],
 }
 
-/// Kinds of dissipation: the rows of [`Response::lost`].
-pub mod loss {
+/// Kinds of dissipation: the rows of [`Response::dissipated`].
+pub mod dissipation {
     /// By dampers: the power at the end of the step (W; W/m in 2D). The other kinds are energies
     /// dissipated in the step (J; J/m in 2D).
     pub const DAMPING: usize = 0;
@@ -92,9 +92,9 @@ pub struct Response {
     pub sliding: u16,
     /// Lanes with an overlap outside the law.
     pub beyond: u16,
-    /// Dissipation by [`loss`], if an energy budget is kept; also of contacts that have just
+    /// Dissipation by [`dissipation`], if an energy budget is kept; also of contacts that have just
     /// opened, and 0 elsewhere.
-    pub lost: [Row; loss::KINDS],
+    pub dissipated: [Row; dissipation::KINDS],
 }
 
 impl Response {
@@ -105,7 +105,7 @@ impl Response {
         rolling: Row::ZERO,
         sliding: 0,
         beyond: 0,
-        lost: [Row::ZERO; loss::KINDS],
+        dissipated: [Row::ZERO; dissipation::KINDS],
     };
 }
 
@@ -132,8 +132,8 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     fn largest_force(&self, radius: f64) -> f64;
 
     /// Computes the response of some blocks of contacts and updates their histories. Only laws that
-    /// have tangential forces and torques set them. With `LEDGER`, also computes the dissipation.
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>);
+    /// have tangential forces and torques set them. With `BUDGET`, also computes the dissipation.
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>);
 
     /// Elastic energies (J; J/m in 2D) of sixteen contacts: normal, tangential, rolling. Arbitrary
     /// where the pair does not touch.
@@ -221,10 +221,10 @@ pub(crate) fn store_vector<L: Lanes>(v: &Vector<L>, rows: &mut [Row], n: usize) 
     }
 }
 
-/// Adds the power of a damper to [`loss::DAMPING`].
+/// Adds the power of a damper to [`dissipation::DAMPING`].
 #[inline(always)]
 pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, power: L) {
-    let row = &mut response.lost[loss::DAMPING];
+    let row = &mut response.dissipated[dissipation::DAMPING];
     (L::load(token, row) + power).store(row);
 }
 

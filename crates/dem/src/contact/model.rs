@@ -31,6 +31,10 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     fn to_state(&self, history: [f64; 3]) -> [f64; 3];
 
     /// The reverse of [`PairModel::to_state`].
+    #[expect(
+        clippy::wrong_self_convention,
+        reason = "depends on the law, and `to_state` is its reverse"
+    )]
     fn from_state(&self, state: [f64; 3]) -> [f64; 3];
 
     /// Elastic energies (J; J/m in 2D) of the contacts of all blocks: normal, tangential, rolling.

@@ -85,7 +85,7 @@ impl Accumulator {
     pub fn write(&self, to: &mut [i64]) {
         for (k, limb) in to[..LIMBS].iter_mut().enumerate() {
             *limb = if k + 1 < LIMBS {
-                (self.sum >> (32 * k)) as u32 as i64
+                i64::from((self.sum >> (32 * k)) as u32)
             } else {
                 (self.sum >> (32 * k)) as i64
             };
@@ -98,7 +98,7 @@ impl Accumulator {
         let sum = from[..LIMBS]
             .iter()
             .enumerate()
-            .map(|(k, &limb)| (limb as i128) << (32 * k))
+            .map(|(k, &limb)| i128::from(limb) << (32 * k))
             .sum();
         Self {
             sum,

@@ -72,6 +72,9 @@ impl<D: Dimension> Slabs<D> {
     /// `reach` (m): of the pairs in space. Moves the cuts to where the work with grains and
     /// contacts is balanced, then every grain, with the contacts it has, to the rank that owns it.
     /// Returns this rank's grains by id, and all contacts of theirs (with others', too) by (i, j).
+    ///
+    /// # Errors
+    /// Too many ranks: a slab must be wider than the cutoff.
     pub fn redistribute(
         &mut self,
         exchange: &dyn Exchange,

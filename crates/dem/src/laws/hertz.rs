@@ -23,12 +23,12 @@ use super::keys::{
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, add_damping, loss, norm, portable_exp, portable_ln, scaled, vector,
+    Blocks, ContactLaw, add_damping, dissipation, norm, portable_exp, portable_ln, scaled, vector,
 };
 use crate::dimension::{Dimension, Dimensions, Three};
 use crate::kernel::PairForce;
-use crate::state::Masses;
 use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
+use crate::state::Masses;
 
 /// The law as scenes name it.
 pub const KIND: LawKind = LawKind {
@@ -100,8 +100,7 @@ impl Spheres {
             let diameter = values.required(&IMPACT_DIAMETER);
             impact_damping(&spheres, e, speed, diameter)
         } else {
-            let why =
-                "says at what the restitution is measured, and normal_damping is given instead of it";
+            let why = "says at what the restitution is measured, and normal_damping is given instead of it";
             values.useless(&IMPACT_SPEED, why);
             values.useless(&IMPACT_DIAMETER, why);
             gamma_n
@@ -174,8 +173,16 @@ impl Constants for Spheres {
 
     fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
         vec![
-            ("normal stiffness k_n", Spheres::normal_stiffness(self), "Pa"),
-            ("tangential stiffness k_t", self.tangential_stiffness(), "Pa"),
+            (
+                "normal stiffness k_n",
+                Spheres::normal_stiffness(self),
+                "Pa",
+            ),
+            (
+                "tangential stiffness k_t",
+                self.tangential_stiffness(),
+                "Pa",
+            ),
             ("normal damping gamma_n", self.normal_damping, "1/(m s)"),
         ]
     }
@@ -359,7 +366,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -379,14 +386,15 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
             let normal = (root * (elastic - damping * v_n)).max(zero);
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                let lost = root.mul_add(elastic, -normal) * v_n;
-                lost.select(overlap.greater(zero), zero)
-                    .store(&mut response.lost[loss::DAMPING]);
+            if BUDGET {
+                let dissipated = root.mul_add(elastic, -normal) * v_n;
+                dissipated
+                    .select(overlap.greater(zero), zero)
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
-            self.rub::<L, LEDGER>(token, blocks);
+            self.rub::<L, BUDGET>(token, blocks);
         }
     }
 
@@ -422,7 +430,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
 impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
     /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -466,7 +474,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                 let after = spring.select(sliding, u[k]).select(touching, zero);
                 after.store(&mut history[k]);
             }
-            if LEDGER {
+            if BUDGET {
                 let after = vector(token, history, 3);
                 let earlier = load(&motion.overlap) + load(&motion.normal_increment);
                 let root_before = (earlier.max(zero) * load(&p[RADIUS])).sqrt();
@@ -479,8 +487,8 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                         - root_before * Three::dot(&before, &before));
                 let stiffness = half_k * (root_before - root) * Three::dot(&before, &after);
                 let stiffness = stiffness.select(touching, zero);
-                stiffness.store(&mut response.lost[loss::STIFFNESS]);
-                (work - gained - stiffness).store(&mut response.lost[loss::FRICTION]);
+                stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
+                (work - gained - stiffness).store(&mut response.dissipated[dissipation::FRICTION]);
                 let viscous = scaled(&v_t, gamma_t * root);
                 let power = Three::dot(&viscous, &v_t).select(touching, zero);
                 add_damping(token, response, power);

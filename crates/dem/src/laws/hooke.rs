@@ -35,11 +35,11 @@ use super::keys::{
 use super::rolling::{self, Places, Rolling, roll};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, scaled, vector};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
-use crate::state::Masses;
 use crate::simd::{Lanes, Mask, Row};
+use crate::state::Masses;
 
 /// The law as scenes name it.
 pub const KIND: LawKind = LawKind {
@@ -85,7 +85,11 @@ impl Springs {
 }
 
 /// Reads k_n and k_t; k_t is at most k_n, and 2/7 of it by default.
-pub(super) fn read_stiffnesses(values: &mut dyn Values, normal: &Key, tangential: &Key) -> [f64; 2] {
+pub(super) fn read_stiffnesses(
+    values: &mut dyn Values,
+    normal: &Key,
+    tangential: &Key,
+) -> [f64; 2] {
     let k_n = values.required(normal);
     let k_t = values.number(tangential);
     if let Some(k_t) = k_t.filter(|&k_t| k_t > k_n) {
@@ -241,7 +245,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -256,10 +260,11 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                let lost = k_n.mul_add(overlap, -normal) * v_n;
-                lost.select(overlap.greater(zero), zero)
-                    .store(&mut response.lost[loss::DAMPING]);
+            if BUDGET {
+                let dissipated = k_n.mul_add(overlap, -normal) * v_n;
+                dissipated
+                    .select(overlap.greater(zero), zero)
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
@@ -287,12 +292,17 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 for k in 0..n {
                     (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);
                     let (before, after) = (before[k], f.elastic[k].select(touching, zero));
-                    if LEDGER {
+                    if BUDGET {
                         let per_k = c(1.0 / self.tangential_stiffness);
                         let gained = (after - before) * (after + before) * per_k;
-                        let lost = c(-0.5) * (before + after).mul_add(slip[k], gained);
-                        let sum = &mut response.lost[loss::FRICTION];
-                        if k == 0 { lost } else { load(sum) + lost }.store(sum);
+                        let dissipated = c(-0.5) * (before + after).mul_add(slip[k], gained);
+                        let sum = &mut response.dissipated[dissipation::FRICTION];
+                        if k == 0 {
+                            dissipated
+                        } else {
+                            load(sum) + dissipated
+                        }
+                        .store(sum);
                         let viscous = f.viscous[k].select(touching, zero);
                         add_damping(token, response, viscous * v_t[k]);
                     }
@@ -305,7 +315,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 parameters: (Self::PARAMETERS, PLAIN),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, LEDGER>(token, blocks, places);
+            roll::<L, BUDGET>(token, blocks, places);
         }
     }
 

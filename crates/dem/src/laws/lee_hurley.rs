@@ -29,11 +29,11 @@ use super::keys::{DAMPING_RATIO, DENSITY, POISSON_RATIO, RESTITUTION, Values, YO
 use super::rolling::{self, Places, Rolling, roll};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, portable_ln, scalar};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
-use crate::state::Masses;
 use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
+use crate::state::Masses;
 
 /// The law as scenes name it.
 pub const KIND: LawKind = LawKind {
@@ -294,17 +294,17 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        self.press::<L, LEDGER>(token, blocks);
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        self.press::<L, BUDGET>(token, blocks);
         if FRICTION {
-            self.rub::<L, LEDGER>(token, blocks);
+            self.rub::<L, BUDGET>(token, blocks);
         }
         if ROLLING {
             let places = Places {
                 parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, LEDGER>(token, blocks, places);
+            roll::<L, BUDGET>(token, blocks, places);
         }
     }
 
@@ -366,7 +366,7 @@ const ROOT_COMPLIANCE: usize = 3;
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     /// Computes F_n; carries m and √x.
     #[inline(always)]
-    fn press<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn press<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
@@ -377,10 +377,10 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             y.store(&mut carry[Y]);
             rough_inverse(token, y).store(&mut carry[G]);
         }
-        for carry in carry[..blocks.motion.len()].iter_mut() {
+        for carry in &mut carry[..blocks.motion.len()] {
             near_root(token, load(&carry[Y]), load(&carry[G])).store(&mut carry[M]);
         }
-        for carry in carry[..blocks.motion.len()].iter_mut() {
+        for carry in &mut carry[..blocks.motion.len()] {
             let (m, per_m) = root(token, load(&carry[G]), load(&carry[M]));
             m.store(&mut carry[M]);
             per_m.store(&mut carry[PER_M]);
@@ -399,11 +399,12 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
             let normal = k_n.mul_add(overlap, -(gamma_n * v_n)).max(c(0.0));
             normal.store(&mut response.normal);
-            if LEDGER {
+            if BUDGET {
                 let viscous = k_n.mul_add(overlap, -normal);
-                let lost = viscous * v_n;
-                lost.select(overlap.greater(c(0.0)), c(0.0))
-                    .store(&mut response.lost[loss::DAMPING]);
+                let dissipated = viscous * v_n;
+                dissipated
+                    .select(overlap.greater(c(0.0)), c(0.0))
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
             let beyond = if FRICTION {
                 let larger = load(&p[RATIO_I]).max(load(&p[RATIO_J]));
@@ -425,7 +426,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 
     /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -442,7 +443,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
                 of_j.mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2)),
             );
             inverse_sqrt(token, compliance).store(&mut carry[ROOT_COMPLIANCE]);
-            if LEDGER {
+            if BUDGET {
                 compliance.store(&mut carry[COMPLIANCE]);
             }
         }
@@ -469,18 +470,19 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             (elastic - viscous).store(&mut response.tangential[0]);
             response.sliding = f.at_limit.bits();
             let (before, after) = (load(&history[0]), elastic.select(touching, zero));
-            if LEDGER {
+            if BUDGET {
                 let work = c(-0.5) * (before + after) * load(&motion.tangential_increment[0]);
                 let (per_k, per_last) = (
                     load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness),
                     inverse(token, last),
                 );
                 let gained = c(0.5) * after * after * per_k - c(0.5) * before * before * per_last;
-                let lost = work - gained;
-                lost.select(f.at_limit, zero)
-                    .store(&mut response.lost[loss::FRICTION]);
-                zero.select(f.at_limit, lost)
-                    .store(&mut response.lost[loss::STIFFNESS]);
+                let dissipated = work - gained;
+                dissipated
+                    .select(f.at_limit, zero)
+                    .store(&mut response.dissipated[dissipation::FRICTION]);
+                zero.select(f.at_limit, dissipated)
+                    .store(&mut response.dissipated[dissipation::STIFFNESS]);
                 let viscous = viscous.select(touching, zero);
                 add_damping(token, response, viscous * v_t);
             }

@@ -15,16 +15,14 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::hooke::read_stiffnesses;
-use super::keys::{
-    DENSITY, Key, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2, Values,
-};
+use super::keys::{DENSITY, Key, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2, Values};
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, loss, norm, vector};
+use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
-use crate::state::Masses;
 use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
+use crate::state::Masses;
 
 /// The law as scenes name it.
 pub const KIND: LawKind = LawKind {
@@ -182,7 +180,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         for (((p, motion), carry), response) in blocks
@@ -198,12 +196,12 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
             root.store(&mut carry[ROOT]);
             (c(self.normal_stiffness) * depth * root).store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                response.lost = [Row::ZERO; loss::KINDS];
+            if BUDGET {
+                response.dissipated = [Row::ZERO; dissipation::KINDS];
             }
         }
         if FRICTION {
-            self.rub::<L, LEDGER>(token, blocks);
+            self.rub::<L, BUDGET>(token, blocks);
         }
     }
 
@@ -273,7 +271,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
 
     /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let (zero, one) = (c(0.0), c(1.0));
@@ -306,7 +304,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 t[k] = t[k].select(touching, zero);
                 t[k].store(&mut history[k]);
             }
-            if LEDGER {
+            if BUDGET {
                 let earlier = (overlap + load(&motion.normal_increment)).max(c(NO_OVERLAP));
                 let root_before = earlier * inverse_sqrt(token, earlier);
                 let s_before = self.mobilised(token, earlier, &before);
@@ -319,11 +317,11 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 }
                 let gained = self.energy(token, root, s, &t)
                     - self.energy(token, root_before, s_before, &before);
-                let lost = work - gained;
+                let dissipated = work - gained;
                 // A contact that opens has slid until t was zero.
-                let sticks = zero.select(sliding, lost).select(touching, zero);
-                sticks.store(&mut response.lost[loss::STIFFNESS]);
-                (lost - sticks).store(&mut response.lost[loss::FRICTION]);
+                let sticks = zero.select(sliding, dissipated).select(touching, zero);
+                sticks.store(&mut response.dissipated[dissipation::STIFFNESS]);
+                (dissipated - sticks).store(&mut response.dissipated[dissipation::FRICTION]);
             }
         }
     }

@@ -9,7 +9,7 @@
 //! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the moments of inertia I + mR² about
 //! the contact (LH A22).
 
-use crate::contact::{Blocks, Limited, add_damping, loss};
+use crate::contact::{Blocks, Limited, add_damping, dissipation};
 use crate::simd::{Lanes, Row, inverse};
 
 /// Rows of [`Rolling::parameters`].
@@ -64,7 +64,7 @@ impl Rolling {
 
 /// Computes M; F_n must be set.
 #[inline(always)]
-pub fn roll<L: Lanes, const LEDGER: bool>(
+pub fn roll<L: Lanes, const BUDGET: bool>(
     token: L::Token,
     blocks: &mut Blocks<'_>,
     places: Places,
@@ -88,10 +88,11 @@ pub fn roll<L: Lanes, const LEDGER: bool>(
         let (elastic, viscous) = (m.elastic[0], m.viscous[0]);
         (elastic - viscous).store(&mut response.rolling);
         let (before, after) = (load(&history[place]), elastic.select(touching, zero));
-        if LEDGER {
+        if BUDGET {
             let work = (before + after) * load(&motion.rolling_increment);
             let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
-            (L::splat(token, -0.5) * (work + gained)).store(&mut response.lost[loss::ROLLING]);
+            (L::splat(token, -0.5) * (work + gained))
+                .store(&mut response.dissipated[dissipation::ROLLING]);
             let viscous = viscous.select(touching, zero);
             add_damping(token, response, viscous * speed);
         }

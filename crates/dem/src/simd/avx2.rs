@@ -1,5 +1,6 @@
 //! AVX2 with FMA: four registers.
 
+#[expect(clippy::wildcard_imports, reason = "dozens of intrinsics")]
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -278,7 +279,7 @@ impl Lanes for Avx2 {
             // SAFETY: sums exist only where a token was shown; four i64 are written from each pointer.
             unsafe { _mm256_storeu_si256(all.as_mut_ptr().add(4 * k).cast(), sum) }
         }
-        all.iter().map(|&k| k as i128).sum()
+        all.iter().copied().map(i128::from).sum()
     }
 
     #[inline(always)]

@@ -1,5 +1,6 @@
 //! AVX-512 (F and DQ): two registers, so that two chains of operations are always under way.
 
+#[expect(clippy::wildcard_imports, reason = "dozens of intrinsics")]
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -269,7 +270,7 @@ impl Lanes for Avx512 {
             // SAFETY: sums exist only where a token was shown; eight i64 are written from each pointer.
             unsafe { _mm512_storeu_si512(all.as_mut_ptr().add(8 * k).cast(), sum) }
         }
-        all.iter().map(|&k| k as i128).sum()
+        all.iter().copied().map(i128::from).sum()
     }
 
     #[inline(always)]

@@ -5,6 +5,11 @@
 //!
 //! Soundness: a value of [`Avx512`] or [`Avx2`] can only be made from its token, and a token only by asking the processor.
 
+#![allow(
+    unsafe_code,
+    reason = "intrinsics of the instruction sets and prefetching"
+)]
+
 mod avx2;
 mod avx512;
 mod math;

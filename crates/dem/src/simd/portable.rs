@@ -187,7 +187,7 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn total(sums: [i64; LANES]) -> i128 {
-        sums.iter().map(|&k| k as i128).sum()
+        sums.iter().copied().map(i128::from).sum()
     }
 
     #[inline(always)]

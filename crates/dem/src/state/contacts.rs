@@ -63,7 +63,8 @@ impl Contacts {
     ) {
         let own = |g: u32| (g as usize) < owned;
         let group = |of_i: bool, of_j: bool| {
-            let kind = |near: &&CandidatePair| own(near.grains[0]) == of_i && own(near.grains[1]) == of_j;
+            let kind =
+                |near: &&CandidatePair| own(near.grains[0]) == of_i && own(near.grains[1]) == of_j;
             in_order(near.iter().filter(kind), remembered, id)
         };
         let groups = [group(true, true), group(true, false), group(false, true)];

@@ -1,4 +1,4 @@
-//! `rate-state`: velocity steps and slide-hold-slide tests, and the rate-and-state parameters that fit them.
+//! `rate-state`: reduces velocity steps and slide-hold-slide tests, and fits rate-and-state parameters.
 
 mod read;
 mod tables;
@@ -14,15 +14,18 @@ use gshear_analysis::rate_state::{
     modelled, stacks,
 };
 use gshear_dem::failure::Failure;
+use gshear_report::rate_state as figures;
 use gshear_store::run_reader::Run;
 use gshear_store::text_writer;
-use gshear_report::rate_state as figures;
 
 /// Evolution laws to fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Laws {
+    /// Aging law (Dieterich)
     Aging,
+    /// Slip law (Ruina)
     Slip,
+    /// Both laws
     Both,
 }
 
@@ -36,22 +39,23 @@ impl Laws {
     }
 }
 
-/// Experiments, fits, and what the fits to everything make of the experiments.
+/// Experiments, fits, and the experiments as predicted by the fits to all data.
 struct Reduction {
-    /// [experiments] the runs of each.
+    /// `[experiments]` Runs of each.
     runs: Vec<Vec<String>>,
     experiments: Vec<Experiment>,
-    /// Of all runs together.
+    /// Stacks over all runs.
     stacks: Vec<Stack>,
     fitted: Vec<Fitted>,
-    /// [experiments] by law.
+    /// `[experiments]` Predictions by law.
     models: Vec<Vec<(Evolution, Experiment)>>,
 }
 
-/// Reduces runs, realisations of one protocol or of several, and writes the tables, the numbers and the figures into `folder`.
+/// Reduces runs, which are realisations of one or several protocols, and writes tables, numbers and
+/// figures into `folder`. If a law cannot be fitted, the tables give the reason.
 ///
-/// Errors: runs that are no spring-slider tests, one run given twice; a folder or file that cannot be written. No fit of a law to
-/// all of the data is no error: the tables say why.
+/// # Errors
+/// Runs that are not spring-slider tests, a run given twice, files that cannot be written.
 pub fn write(
     runs: &[Run],
     laws: Laws,
@@ -128,7 +132,7 @@ impl Reduction {
     }
 }
 
-/// What people want to know first.
+/// Prints the main results.
 fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()> {
     for (k, (experiment, runs)) in reduction
         .experiments

@@ -1,16 +1,17 @@
-//! What `rate-state` takes from a run: the one place that knows the names of its columns and keys.
+//! Reads the record of an experiment from a run. Only this module knows the names of columns and keys.
 
 use gshear_analysis::rate_state::{Record, of_drive};
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::Run;
 
-/// Fewest rows of the time series in a segment.
+/// Smallest number of rows of the time series in a segment.
 const FEWEST_ROWS: usize = 20;
 
-/// The record of a run under a spring, from its first slide on.
+/// Returns the record of a spring-driven run, from its first slide on. A last segment with too few
+/// rows, as in a run that was stopped, is left out.
 ///
-/// The last segment is left out where it ends before it has rows enough, as in a run that was stopped.
-/// Errors: no spring, no such columns, nothing but one velocity, segments with too few rows.
+/// # Errors
+/// No spring, no velocity step or hold, segments with too few rows.
 pub fn record(run: &Run) -> Result<Record, Failure> {
     let wrong = |what: String| Failure::input(format!("{}: {what}", run.path().display()));
     let spring = run.number("spring_stiffness").ok_or_else(|| {
@@ -29,7 +30,7 @@ pub fn record(run: &Run) -> Result<Record, Failure> {
         "drive_displacement",
     ]
     .map(|name| run.series().column(name).to_vec());
-    // Rows in which the slider touches nothing have no friction.
+    // Friction is undefined in rows in which the slider touches nothing.
     let whole: Vec<bool> = (0..time.len())
         .map(|row| columns.iter().all(|column| column[row].is_finite()))
         .collect();
@@ -47,7 +48,7 @@ pub fn record(run: &Run) -> Result<Record, Failure> {
     let force = normal.iter().sum::<f64>() / normal.len().max(1) as f64;
     if !time.is_empty() && (force.is_nan() || force <= 0.0) {
         return Err(wrong(format!(
-            "observables/normal_force: its mean is {force:e} N; a slider is pressed on the sample"
+            "observables/normal_force: its mean is {force:e} N, must be positive: the slider must press on the sample"
         )));
     }
     let record = Record {
@@ -62,11 +63,11 @@ pub fn record(run: &Run) -> Result<Record, Failure> {
     tested(&record).map_err(wrong)
 }
 
-/// The record from its first slide on, with rows enough in all of at least two segments.
+/// Cuts the record to start at its first slide, and checks the number of segments and of their rows.
 fn tested(record: &Record) -> Result<Record, String> {
     let Some(first) = record.drive.iter().position(|segment| !segment.is_hold()) else {
         return Err(
-            "observables/drive_velocity: nothing slides: there is no velocity above 0".into(),
+            "observables/drive_velocity: no velocity is above 0; rate-state needs a run that slides".into(),
         );
     };
     let mut end = record.drive.len();

@@ -1,13 +1,13 @@
-//! The tables of `rate-state` and `rate-state.json`. Numbers in shortest form that reads back to the same bits.
-
-use std::fmt::Write as _;
+//! The tables of `rate-state` and `rate-state.json`. Numbers have the shortest form that reads back to
+//! the same bits.
 
 use serde_json::{Value, json};
 
 use super::Reduction;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fitted};
+use gshear_store::table::Table;
 
-/// Names and texts of the files.
+/// Returns names and texts of the files.
 pub fn files(reduction: &Reduction) -> Vec<(String, String)> {
     let file = |name: &str, text: String| (name.to_string(), text);
     vec![
@@ -21,162 +21,184 @@ pub fn files(reduction: &Reduction) -> Vec<(String, String)> {
     ]
 }
 
-/// A number, or nothing where there is none.
-fn cell(value: f64) -> String {
-    if value.is_finite() {
-        format!("{value:?}")
-    } else {
-        String::new()
-    }
-}
-
-fn line(csv: &mut String, cells: &[String]) {
-    writeln!(csv, "{}", cells.join(",")).expect("a string grows");
+/// Returns the number if it is finite; `None` is an empty cell.
+fn known(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
 }
 
 const BOTH: [Evolution; 2] = [Evolution::Aging, Evolution::Slip];
 
-/// What a law makes of a number of the experiment.
-fn of_law(
+/// Returns a number of the experiment as predicted by the two laws.
+fn of_laws(
     models: &[(Evolution, Experiment)],
-    law: Evolution,
     number: impl Fn(&Experiment) -> Option<f64>,
-) -> String {
-    let model = models.iter().find(|(of, _)| *of == law);
-    cell(model.and_then(|(_, e)| number(e)).unwrap_or(f64::NAN))
+) -> [Option<f64>; 2] {
+    BOTH.map(|law| {
+        let model = models.iter().find(|(of, _)| *of == law);
+        model.and_then(|(_, e)| number(e)).and_then(known)
+    })
+}
+
+/// Returns the experiments with their indices.
+fn experiments(reduction: &Reduction) -> impl Iterator<Item = (usize, &Experiment)> {
+    reduction.experiments.iter().enumerate()
 }
 
 fn series(reduction: &Reduction) -> String {
-    let mut csv = String::from("experiment,segment,time,slip,mu,two_sigma,mu_aging,mu_slip\n");
-    for (k, experiment) in reduction.experiments.iter().enumerate() {
-        let (record, models) = (&experiment.record, &reduction.models[k]);
-        for segment in 0..record.drive.len() {
-            for row in record.rows(segment) {
-                let mut cells = vec![k.to_string(), segment.to_string()];
-                let numbers = [
-                    record.time[row],
-                    record.slip[row],
-                    record.friction[row],
-                    2.0 * record.deviation[row],
-                ];
-                cells.extend(numbers.map(cell));
-                cells.extend(BOTH.map(|law| of_law(models, law, |e| Some(e.record.friction[row]))));
-                line(&mut csv, &cells);
-            }
-        }
-    }
-    csv
+    let rows = experiments(reduction).flat_map(|(k, experiment)| {
+        let record = &experiment.record;
+        let segments = 0..record.drive.len();
+        segments.flat_map(move |segment| {
+            let rows = record.rows(segment);
+            rows.map(move |row| (k, record, segment, row))
+        })
+    });
+    Table::of(rows)
+        .column("experiment", |(k, ..)| *k)
+        .column("segment", |(.., segment, _)| *segment)
+        .column("time", |(_, record, _, row)| known(record.time[*row]))
+        .column("slip", |(_, record, _, row)| known(record.slip[*row]))
+        .column("mu", |(_, record, _, row)| known(record.friction[*row]))
+        .column("two_sigma", |(_, record, _, row)| {
+            known(2.0 * record.deviation[*row])
+        })
+        .columns(["mu_aging", "mu_slip"], |(k, .., row)| {
+            of_laws(&reduction.models[*k], |e| Some(e.record.friction[*row]))
+        })
+        .csv()
 }
 
 fn segments(reduction: &Reduction) -> String {
-    let mut csv =
-        String::from("experiment,segment,drive_velocity,duration,rows,slip,mu_ss,error\n");
-    for (k, experiment) in reduction.experiments.iter().enumerate() {
-        let record = &experiment.record;
-        for (segment, drive) in record.drive.iter().enumerate() {
-            let rows = record.rows(segment);
-            let slip = record.slip[rows.end - 1] - record.slip[rows.start];
-            let steady = experiment.steady[segment];
-            let [mean, error] = steady.map_or([f64::NAN; 2], |s| [s.friction, s.error]);
-            let mut cells = vec![k.to_string(), segment.to_string()];
-            cells.extend([drive.velocity, drive.duration].map(cell));
-            cells.push(rows.len().to_string());
-            cells.extend([slip, mean, error].map(cell));
-            line(&mut csv, &cells);
-        }
-    }
-    csv
+    let rows = experiments(reduction).flat_map(|(k, experiment)| {
+        let drive = experiment.record.drive.iter().enumerate();
+        drive.map(move |(segment, drive)| (k, experiment, segment, drive))
+    });
+    Table::of(rows)
+        .column("experiment", |(k, ..)| *k)
+        .column("segment", |(.., segment, _)| *segment)
+        .column("drive_velocity", |(.., drive)| known(drive.velocity))
+        .column("duration", |(.., drive)| known(drive.duration))
+        .column("rows", |(_, experiment, segment, _)| {
+            experiment.record.rows(*segment).len()
+        })
+        .column("slip", |(_, experiment, segment, _)| {
+            let (slip, rows) = (&experiment.record.slip, experiment.record.rows(*segment));
+            known(slip[rows.end - 1] - slip[rows.start])
+        })
+        .columns(["mu_ss", "error"], |(_, experiment, segment, _)| {
+            let steady = experiment.steady[*segment];
+            [steady.map(|s| s.friction), steady.map(|s| s.error)].map(|x| x.and_then(known))
+        })
+        .csv()
 }
 
 fn steps(reduction: &Reduction) -> String {
-    let mut csv = String::from(
-        "experiment,segment,velocity_before,velocity_after,direct,direct_error,evolution,evolution_error,net,net_error,direct_aging,direct_slip\n",
-    );
-    for (k, experiment) in reduction.experiments.iter().enumerate() {
-        for (n, step) in experiment.steps.iter().enumerate() {
-            let mut cells = vec![k.to_string(), step.segment.to_string()];
-            let numbers = [step.velocities, step.direct, step.evolution, step.net];
-            cells.extend(numbers.into_iter().flatten().map(cell));
-            let direct = |e: &Experiment| Some(e.steps.get(n)?.direct[0]);
-            cells.extend(BOTH.map(|law| of_law(&reduction.models[k], law, direct)));
-            line(&mut csv, &cells);
-        }
-    }
-    csv
+    let rows = experiments(reduction).flat_map(|(k, experiment)| {
+        let steps = experiment.steps.iter().enumerate();
+        steps.map(move |(n, step)| (k, n, step))
+    });
+    Table::of(rows)
+        .column("experiment", |(k, ..)| *k)
+        .column("segment", |(.., step)| step.segment)
+        .columns(["velocity_before", "velocity_after"], |(.., step)| {
+            step.velocities.map(known)
+        })
+        .columns(["direct", "direct_error"], |(.., step)| {
+            step.direct.map(known)
+        })
+        .columns(["evolution", "evolution_error"], |(.., step)| {
+            step.evolution.map(known)
+        })
+        .columns(["net", "net_error"], |(.., step)| step.net.map(known))
+        .columns(["direct_aging", "direct_slip"], |(k, n, _)| {
+            of_laws(&reduction.models[*k], |e| Some(e.steps.get(*n)?.direct[0]))
+        })
+        .csv()
 }
 
 fn after_steps(reduction: &Reduction) -> String {
-    let mut csv =
-        String::from("velocity_before,velocity_after,slip_from,slip_to,steps,change,error\n");
-    for stack in &reduction.stacks {
-        for piece in &stack.pieces {
-            let mut cells: Vec<String> = stack.velocities.map(cell).to_vec();
-            cells.extend(piece.slip.map(cell));
-            cells.push(piece.steps.to_string());
-            cells.extend([piece.change, piece.error].map(cell));
-            line(&mut csv, &cells);
-        }
-    }
-    csv
+    let rows = reduction
+        .stacks
+        .iter()
+        .flat_map(|stack| stack.pieces.iter().map(move |piece| (stack, piece)));
+    Table::of(rows)
+        .columns(["velocity_before", "velocity_after"], |(stack, _)| {
+            stack.velocities.map(known)
+        })
+        .columns(["slip_from", "slip_to"], |(_, piece)| piece.slip.map(known))
+        .column("steps", |(_, piece)| piece.steps)
+        .column("change", |(_, piece)| known(piece.change))
+        .column("error", |(_, piece)| known(piece.error))
+        .csv()
 }
 
 fn holds(reduction: &Reduction) -> String {
-    let mut csv = String::from(
-        "experiment,segment,velocity_before,t_hold,relaxation,velocity_after,peak,slip_at_peak,healing,error,healing_aging,healing_slip\n",
-    );
-    for (k, experiment) in reduction.experiments.iter().enumerate() {
-        for (n, hold) in experiment.holds.iter().enumerate() {
-            let mut cells = vec![k.to_string(), hold.segment.to_string()];
-            cells.extend([hold.before, hold.duration, hold.relaxation].map(cell));
-            let after = hold.reslide.map_or([f64::NAN; 5], |r| {
-                [r.velocity, r.peak, r.slip_at_peak, r.healing, r.error]
-            });
-            cells.extend(after.map(cell));
-            let healing = |e: &Experiment| Some(e.holds.get(n)?.reslide?.healing);
-            cells.extend(BOTH.map(|law| of_law(&reduction.models[k], law, healing)));
-            line(&mut csv, &cells);
-        }
-    }
-    csv
+    let rows = experiments(reduction).flat_map(|(k, experiment)| {
+        let holds = experiment.holds.iter().enumerate();
+        holds.map(move |(n, hold)| (k, n, hold))
+    });
+    Table::of(rows)
+        .column("experiment", |(k, ..)| *k)
+        .column("segment", |(.., hold)| hold.segment)
+        .column("velocity_before", |(.., hold)| known(hold.before))
+        .column("t_hold", |(.., hold)| known(hold.duration))
+        .column("relaxation", |(.., hold)| known(hold.relaxation))
+        .column("velocity_after", |(.., hold)| known(hold.reslide?.velocity))
+        .column("peak", |(.., hold)| known(hold.reslide?.peak))
+        .column("slip_at_peak", |(.., hold)| {
+            known(hold.reslide?.slip_at_peak)
+        })
+        .column("healing", |(.., hold)| known(hold.reslide?.healing))
+        .column("error", |(.., hold)| known(hold.reslide?.error))
+        .columns(["healing_aging", "healing_slip"], |(k, n, _)| {
+            of_laws(&reduction.models[*k], |e| {
+                Some(e.holds.get(*n)?.reslide?.healing)
+            })
+        })
+        .csv()
 }
 
 fn fits(reduction: &Reduction) -> String {
-    let mut csv = String::from("fit,experiment,first_segment,last_segment,law");
-    for name in ["a", "b", "a_minus_b", "d_c", "mu_star"] {
-        write!(csv, ",{name},{name}_low,{name}_high").expect("a string grows");
-    }
-    csv += ",v_star,rms,effective_values,chi_squared,why_none\n";
-    for fitted in &reduction.fitted {
-        let event = fitted
-            .event
-            .as_ref()
-            .map_or(vec![String::new(); 3], |(k, range)| {
-                [*k, range.start, range.end - 1]
-                    .map(|n| n.to_string())
-                    .to_vec()
-            });
-        for ((law, fit), chi) in fitted.fits.iter().zip(&fitted.chi_squared) {
-            let mut cells = vec![fitted.name.to_string()];
-            cells.extend(event.clone());
-            cells.push(law.name().to_string());
+    let rows = reduction.fitted.iter().flat_map(|fitted| {
+        let fits = fitted.fits.iter().zip(&fitted.chi_squared);
+        fits.map(move |((law, fit), chi)| (fitted, law, fit, chi))
+    });
+    let estimates = ["a", "b", "a_minus_b", "d_c", "mu_star"]
+        .map(|name| ["", "_low", "_high"].map(|end| format!("{name}{end}")));
+    Table::of(rows)
+        .column("fit", |(fitted, ..)| fitted.name)
+        .columns(
+            ["experiment", "first_segment", "last_segment"],
+            |(fitted, ..)| match &fitted.event {
+                Some((k, range)) => [*k, range.start, range.end - 1].map(Some),
+                None => [None; 3],
+            },
+        )
+        .column("law", |(_, law, ..)| law.name())
+        .columns(estimates.into_iter().flatten(), |(_, _, fit, _)| {
             match fit {
-                Ok(fit) => {
-                    for (_, e) in fit.estimates() {
-                        cells.extend([e.value, e.interval[0], e.interval[1]].map(cell));
-                    }
-                    let chi = chi.unwrap_or(f64::NAN);
-                    cells.extend([fit.law.v_star, fit.rms, fit.effective, chi].map(cell));
-                    cells.push(String::new());
-                }
-                Err(why) => {
-                    cells.extend(vec![String::new(); 19]);
-                    cells.push(format!("\"{}\"", why.replace('"', "'")));
-                }
+                Ok(fit) => fit
+                    .estimates()
+                    .map(|(_, e)| [e.value, e.interval[0], e.interval[1]].map(known)),
+                Err(_) => [[None; 3]; 5],
             }
-            line(&mut csv, &cells);
-        }
-    }
-    csv
+            .into_iter()
+            .flatten()
+        })
+        .columns(
+            ["v_star", "rms", "effective_values"],
+            |(_, _, fit, _)| match fit {
+                Ok(fit) => [fit.law.v_star, fit.rms, fit.effective].map(known),
+                Err(_) => [None; 3],
+            },
+        )
+        .column("chi_squared", |(_, _, fit, chi)| {
+            fit.as_ref().ok().and(**chi).and_then(known)
+        })
+        .column("why_none", |(_, _, fit, _)| {
+            fit.as_ref().err().map(String::as_str)
+        })
+        .csv()
 }
 
 fn json(reduction: &Reduction) -> Value {

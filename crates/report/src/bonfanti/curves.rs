@@ -1,17 +1,16 @@
 //! The curves of BO's figures 1 to 5, and figure 6 on the slip that follows.
 
-use std::fmt::Write as _;
-
 use plotters::style::RGBColor;
 
-use super::Drawn;
-use gshear_analysis::growth::Growth;
-use gshear_store::run_reader::PeriodicRun;
+use super::{Drawn, Eigenvalue};
 use crate::colour::{CURVES, GREY, INK, SLIP, STICK};
 use crate::compose::grid_of;
 use crate::plot::{Layout, figure};
 use crate::stress::{decimate, padded};
 use crate::ticks;
+use gshear_analysis::growth::Growth;
+use gshear_store::run_reader::PeriodicRun;
+use gshear_store::table::Table;
 
 const WIDE: Layout = Layout {
     size: [900.0, 400.0],
@@ -88,15 +87,12 @@ fn scientific(range: [f64; 2], wanted: usize) -> Vec<ticks::Tick> {
     ticks.into_iter().map(of).collect()
 }
 
-/// CSV of columns, cut to the shortest one.
-fn rows(header: &str, columns: &[&[f64]]) -> String {
-    let mut csv = format!("{header}\n");
-    let length = columns.iter().map(|column| column.len()).min().unwrap_or(0);
-    for row in 0..length {
-        let line: Vec<String> = columns.iter().map(|c| format!("{:?}", c[row])).collect();
-        writeln!(csv, "{}", line.join(",")).expect("writing to a string cannot fail");
-    }
-    csv
+fn rows(columns: &[(&str, &[f64])]) -> String {
+    let length = columns.iter().map(|(_, column)| column.len()).min();
+    let names = columns.iter().map(|(name, _)| name);
+    Table::of(0..length.unwrap_or(0))
+        .columns(names, |&row| columns.iter().map(move |(_, c)| c[row]))
+        .csv()
 }
 
 fn zipped(x: &[f64], y: &[f64]) -> Vec<[f64; 2]> {
@@ -121,16 +117,17 @@ pub fn imaginary(run: &PeriodicRun) -> Result<Drawn, &'static str> {
     ];
     Ok(Drawn {
         svg: panel(WIDE, "", ["strain γ", "Im λ"], false, &lines),
-        csv: rows(
-            "strain,imaginary_least,imaginary_greatest",
-            &[strain, least, greatest],
-        ),
+        csv: rows(&[
+            ("strain", strain),
+            ("imaginary_least", least),
+            ("imaginary_greatest", greatest),
+        ]),
     })
 }
 
-/// Draws figure 2 from rows of `[time, real, imaginary]`.
-pub fn spectra(rows: &[[f64; 3]]) -> Drawn {
-    let points: Vec<[f64; 2]> = rows.iter().map(|row| [row[0], row[2]]).collect();
+/// Figure 2.
+pub(super) fn spectra(rows: &[Eigenvalue]) -> Drawn {
+    let points: Vec<[f64; 2]> = rows.iter().map(|row| [row.time, row.imaginary]).collect();
     let x = padded(points.iter().map(|p| p[0]), 0.01);
     let y = padded(points.iter().map(|p| p[1]), 0.06);
     let svg = figure(WIDE, x, y, |plot| {
@@ -153,10 +150,11 @@ pub fn spectra(rows: &[[f64; 3]]) -> Drawn {
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, "time", "Im λ");
     });
-    let mut csv = String::from("time,real,imaginary\n");
-    for [time, real, imaginary] in rows {
-        writeln!(csv, "{time:?},{real:?},{imaginary:?}").expect("writing to a string cannot fail");
-    }
+    let csv = Table::of(rows)
+        .column("time", |row| row.time)
+        .column("real", |row| row.real)
+        .column("imaginary", |row| row.imaginary)
+        .csv();
     Drawn { svg, csv }
 }
 
@@ -216,7 +214,7 @@ pub fn growth(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
     }
     Drawn {
         svg: grid_of(1, &panels),
-        csv: rows("time,msd", &[&run.time, msd]),
+        csv: rows(&[("time", &run.time), ("msd", msd)]),
     }
 }
 
@@ -257,16 +255,14 @@ pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'st
         .flat_map(|&grain| (0..end).map(move |frame| (frame, grain)))
         .map(|(frame, grain)| length(moved(frame, grain)))
         .fold(0.0, f64::max);
-    let mut csv = String::from("time,grain,x,y,z\n");
+    let mut rows = Vec::new();
     let mut lines = Vec::new();
     for (k, &grain) in grains.iter().enumerate() {
         let mut points = Vec::new();
         for frame in 0..end {
-            let [x, y, z] = moved(frame, grain).map(|x| x / greatest);
-            points.push([x, y]);
-            let time = run.frame_time[frame];
-            writeln!(csv, "{time:?},{grain},{x:?},{y:?},{z:?}")
-                .expect("writing to a string cannot fail");
+            let place = moved(frame, grain).map(|x| x / greatest);
+            points.push([place[0], place[1]]);
+            rows.push((run.frame_time[frame], grain, place));
         }
         lines.push(Line {
             points,
@@ -277,7 +273,11 @@ pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'st
     let labels = ["Δx over the greatest", "Δy over the greatest"];
     Ok(Drawn {
         svg: panel(SQUARE, "", labels, false, &lines),
-        csv,
+        csv: Table::of(rows)
+            .column("time", |(time, ..)| *time)
+            .column("grain", |(_, grain, _)| *grain)
+            .columns(["x", "y", "z"], |(.., place)| *place)
+            .csv(),
     })
 }
 
@@ -308,7 +308,7 @@ pub fn slip(mode_weight: &[f64], dmin: &[f64]) -> Drawn {
     });
     Drawn {
         svg,
-        csv: rows("eigenvector_square,dmin", &[mode_weight, dmin]),
+        csv: rows(&[("eigenvector_square", mode_weight), ("dmin", dmin)]),
     }
 }
 
@@ -337,6 +337,6 @@ pub fn stress(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
     }
     Drawn {
         svg: grid_of(1, &panels),
-        csv: rows("time,shear_stress", &[&run.time, stress]),
+        csv: rows(&[("time", &run.time), ("shear_stress", stress)]),
     }
 }

@@ -3,17 +3,17 @@
 
 mod curves;
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use crate::page::escape;
 use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
+use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
 use gshear_store::run_reader::PeriodicRun;
+use gshear_store::table::{self, Table};
 use gshear_store::text_writer;
-use gshear_store::columns::{AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE, SPECTRA_FILE};
-use crate::page::escape;
 
 /// Limit of the linear regime: mean square displacement over the square of the mean diameter.
 const LINEAR: f64 = 1e-11;
@@ -22,14 +22,21 @@ const LINEAR: f64 = 1e-11;
 struct Studied {
     strain: PeriodicRun,
     newtonian: Option<PeriodicRun>,
-    /// `[time, real, imaginary]` of eigenvalues.
-    spectra: Vec<[f64; 3]>,
+    spectra: Vec<Eigenvalue>,
     growth: Option<Growth>,
     /// |v|² in the growing pair, and D²min of the slip that follows it, `[N]` each.
     slip: Option<[Vec<f64>; 2]>,
 }
 
-/// A figure with its number in the paper; without data, the reason.
+/// A row of `spectra.csv`.
+#[derive(serde::Deserialize)]
+struct Eigenvalue {
+    time: f64,
+    real: f64,
+    imaginary: f64,
+}
+
+/// A figure under the paper's number, or why there is none.
 struct Figure {
     number: u8,
     caption: &'static str,
@@ -65,11 +72,12 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
             text_writer::write(&folder.join(name + ".csv"), &drawn.csv)?;
         }
     }
-    let mut csv = String::from("statement,paper,ours\n");
-    for number in &numbers {
-        let line = [number.what, number.paper, &number.ours].map(|text| format!("\"{text}\""));
-        writeln!(csv, "{}", line.join(",")).expect("writing to a string cannot fail");
-    }
+    let csv = Table::of(&numbers)
+        .column("statement", |number| number.what)
+        .column("paper", |number| number.paper)
+        .column("ours", |number| &number.ours)
+        .quoted()
+        .csv();
     text_writer::write(&folder.join("numbers.csv"), &csv)?;
     let page = folder.join("index.html");
     text_writer::write(&page, &html(&studied, &numbers, &figures))?;
@@ -78,15 +86,15 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
 
 impl Studied {
     fn read(run: &Path, mode_weight: Option<&[f64]>) -> Result<Self, Failure> {
-        let strain = PeriodicRun::open(&run.join(AQS_FILE), &AQS_COLUMNS)?;
+        let strain = PeriodicRun::open(&run.join(AQS_FILE), &AqsRow::COLUMNS)?;
         let path = run.join(NEWTONIAN_FILE);
         let newtonian = match path.exists() {
-            true => Some(PeriodicRun::open(&path, &NEWTONIAN_COLUMNS)?),
+            true => Some(PeriodicRun::open(&path, &NewtonianRow::COLUMNS)?),
             false => None,
         };
         let path = run.join(SPECTRA_FILE);
         let spectra = match path.exists() {
-            true => read_spectra(&path)?,
+            true => table::read(&path)?,
             false => Vec::new(),
         };
         let growth = newtonian.as_ref().and_then(|run| {
@@ -242,28 +250,6 @@ fn dmin_of(run: &PeriodicRun) -> Option<Vec<f64>> {
         true => event::non_affine::<Two>(run.cell(), first, last, radius, |_| true),
         false => event::non_affine::<Three>(run.cell(), first, last, radius, |_| true),
     })
-}
-
-/// `[time, real, imaginary]` of the rows of `spectra.csv`.
-fn read_spectra(path: &Path) -> Result<Vec<[f64; 3]>, Failure> {
-    let wrong = |line: usize, what: &str| {
-        Failure::input(format!("{}, line {line}: {what}", path.display()))
-    };
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
-    let rows = text.lines().enumerate().skip(1);
-    rows.map(|(k, line)| {
-        let mut numbers = line.split(',').take(3).map(|x| x.parse::<f64>().ok());
-        let mut next = || numbers.next().flatten();
-        match (next(), next(), next()) {
-            (Some(time), Some(real), Some(imaginary)) => Ok([time, real, imaginary]),
-            _ => Err(wrong(
-                k + 1,
-                "must begin with three numbers: time, real and imaginary part",
-            )),
-        }
-    })
-    .collect()
 }
 
 fn html(studied: &Studied, numbers: &[Number], figures: &[Figure]) -> String {

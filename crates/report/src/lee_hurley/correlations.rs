@@ -1,19 +1,18 @@
 //! Spearman's coefficients by range: figures 9, 10, 11, 13, 22, 23 and 25.
 
-use std::fmt::Write as _;
-
 use plotters::style::RGBColor;
 
 use super::ensemble::Family;
 use super::studied::{Size, Studied};
 use super::{Drawn, Figure, no_run};
-use gshear_analysis::correlate::{Length, Quantity, Subject};
-use gshear_analysis::ranges::Range;
-use gshear_analysis::spearman::Correlation;
 use crate::colour::{CURVES, PALE};
 use crate::compose::grid_of;
 use crate::plot::{Layout, Marker, figure};
 use crate::ticks::{self, Tick};
+use gshear_analysis::correlate::{Length, Quantity, Subject};
+use gshear_analysis::ranges::Range;
+use gshear_analysis::spearman::Correlation;
+use gshear_store::table::Table;
 
 use Length::{All, Long, Short};
 use Quantity::{AngleMean, AngleMedian, DminMax, DminSum, Duration, RegionsLeast, TopMax, TopSum};
@@ -181,7 +180,16 @@ pub fn key(subject: Subject) -> [&'static str; 2] {
     }
 }
 
-const HEADER: &str = "panel,run,of,with,over,range_of,from,to,pairs,rho,p\n";
+/// Coefficients of a panel and run, for a table.
+struct Found<'a> {
+    panel: char,
+    run: &'a Studied,
+    of: &'static str,
+    with: &'static str,
+    over: &'static str,
+    range_of: String,
+    points: Vec<(Range, Correlation)>,
+}
 
 fn letter(k: usize) -> char {
     char::from(b'a' + k as u8)
@@ -194,13 +202,13 @@ fn by_stress(
     panels: &[(&str, Vec<Subject>)],
     caption: String,
 ) -> Figure {
-    let mut csv = String::from(HEADER);
+    let mut found = Vec::new();
     let mut drawn = Vec::new();
     for (k, (title, subjects)) in panels.iter().enumerate() {
         let mut curves = Vec::new();
         for (c, subject) in subjects.iter().enumerate() {
             let points = run.regime.correlate(*subject);
-            add(&mut csv, letter(k), run, *subject, &points);
+            found.push(found_by_stress(letter(k), run, *subject, &points));
             let alone = matches!(subject, Subject::Phase(Duration, _));
             let name = if alone {
                 format!("t_{{p}}, {}", key(*subject)[1])
@@ -219,19 +227,19 @@ fn by_stress(
         number,
         caption,
         svg,
-        data: vec![(".csv", csv)],
+        data: vec![(".csv", table(&found))],
     }
 }
 
 /// Draws the ten panels with a curve per run.
 fn compared(number: u8, runs: &[&Studied], caption: String) -> Figure {
-    let mut csv = String::from(HEADER);
+    let mut found = Vec::new();
     let mut drawn = Vec::new();
     for (k, subject) in PANELS.into_iter().enumerate() {
         let mut curves = Vec::new();
         for (c, run) in runs.iter().enumerate() {
             let points = run.regime.correlate(subject);
-            add(&mut csv, letter(k), run, subject, &points);
+            found.push(found_by_stress(letter(k), run, subject, &points));
             curves.push(curve(c, run.typeset_label(), points));
         }
         drawn.push(panel_of_stress(&title(k, subject), &curves));
@@ -241,7 +249,7 @@ fn compared(number: u8, runs: &[&Studied], caption: String) -> Figure {
         number,
         caption,
         svg,
-        data: vec![(".csv", csv)],
+        data: vec![(".csv", table(&found))],
     }
 }
 
@@ -277,52 +285,66 @@ fn title(k: usize, subject: Subject) -> String {
     }
 }
 
-fn add(
-    csv: &mut String,
+fn found_by_stress<'a>(
     panel: char,
-    run: &Studied,
+    run: &'a Studied,
     subject: Subject,
     points: &[(Range, Correlation)],
-) {
+) -> Found<'a> {
     let [with, over] = key(subject);
     let of = if over == "intervals" {
         "delta_tau"
     } else {
         "delta_tau_p"
     };
-    lines(
-        csv,
-        &format!("{panel},{},{of},{with},{over},{of}", run.label),
-        points,
-    );
+    Found {
+        panel,
+        run,
+        of,
+        with,
+        over,
+        range_of: of.into(),
+        points: points.to_vec(),
+    }
 }
 
-fn lines(csv: &mut String, head: &str, points: &[(Range, Correlation)]) {
-    for (range, found) in points {
-        let (from, to) = (range.nearer, range.farther);
-        let Correlation { rho, p, count } = found;
-        writeln!(csv, "{head},{from:?},{to:?},{count},{rho:?},{p:?}")
-            .expect("writing to a string cannot fail");
-    }
+fn table(found: &[Found]) -> String {
+    let rows = found
+        .iter()
+        .flat_map(|found| found.points.iter().map(move |point| (found, point)));
+    Table::of(rows)
+        .column("panel", |(found, _)| found.panel)
+        .column("run", |(found, _)| &found.run.label)
+        .column("of", |(found, _)| found.of)
+        .column("with", |(found, _)| found.with)
+        .column("over", |(found, _)| found.over)
+        .column("range_of", |(found, _)| &found.range_of)
+        .column("from", |(_, (range, _))| range.nearer)
+        .column("to", |(_, (range, _))| range.farther)
+        .column("pairs", |(_, (_, correlation))| correlation.count)
+        .column("rho", |(_, (_, correlation))| correlation.rho)
+        .column("p", |(_, (_, correlation))| correlation.p)
+        .csv()
 }
 
 /// Draws two panels, by mg_t10%D²min and by sg_t10%D²min.
 fn by_measure(number: u8, run: &Studied, quantities: &[Quantity], caption: String) -> Figure {
     let unit = run.grains.mean_radius().powi(2);
-    let mut csv = String::from(HEADER);
+    let mut found = Vec::new();
     let mut drawn = Vec::new();
     for (k, by) in [TopMax, TopSum].into_iter().enumerate() {
         let mut curves = Vec::new();
         for (c, quantity) in quantities.iter().enumerate() {
             let points = run.regime.correlate_by(by, unit, *quantity);
-            let range_of = format!("{}_over_mean_radius_squared", by.name());
-            let head = format!(
-                "{},{},delta_tau_p,{},long,{range_of}",
-                letter(k),
-                run.label,
-                quantity.name()
-            );
-            lines(&mut csv, &head, &points);
+            found.push(Found {
+                panel: letter(k),
+                run,
+                of: "delta_tau_p",
+                with: quantity.name(),
+                over: "long",
+                range_of: format!("{}_over_mean_radius_squared", by.name()),
+                points: points.clone(),
+            });
             curves.push(curve(c, quantity.symbol().into(), points));
         }
         let title = format!("({}) Δτ_{{p}}, long phases", letter(k));
@@ -337,7 +359,7 @@ fn by_measure(number: u8, run: &Studied, quantities: &[Quantity], caption: Strin
         number,
         caption,
         svg,
-        data: vec![(".csv", csv)],
+        data: vec![(".csv", table(&found))],
     }
 }
 

@@ -1,13 +1,12 @@
 //! τ(γ): figures 2, 12, 14 and 24.
 
-use std::fmt::Write as _;
-
 use super::studied::{Event, Size, Stage, Studied};
 use super::{Drawn, Figure, no_run};
 use crate::colour::{CURVES, GREY, INK, STAGES};
 use crate::compose::grid_of;
 use crate::plot::{Layout, Plot, figure};
 use crate::{stress, ticks};
+use gshear_store::table::Table;
 
 const WIDE: Layout = Layout {
     size: [900.0, 380.0],
@@ -20,10 +19,8 @@ const Y_LABEL: &str = "shear stress ratio τ = S/N";
 pub fn whole_and_event(number: u8, run: Option<&Studied>) -> Drawn {
     let run = run.ok_or_else(|| no_run(number, Size::Small))?;
     let mut panels = vec![several("(a)", &[run])];
-    let mut csv = table(&[run]);
     if let Some(event) = &run.event {
         panels.push(around("(b)", run, event));
-        csv += &event_table(run, event);
     }
     Ok(Figure {
         number,
@@ -34,7 +31,7 @@ pub fn whole_and_event(number: u8, run: Option<&Studied>) -> Drawn {
             of_steps(run)
         ),
         svg: grid_of(1, &panels),
-        data: vec![(".csv", csv)],
+        data: vec![(".csv", table(&[run], Some(run)))],
     })
 }
 
@@ -50,7 +47,7 @@ pub fn of_frictions(number: u8, size: Size, runs: &[&Studied]) -> Drawn {
             size.name()
         ),
         svg: several("", runs),
-        data: vec![(".csv", table(runs))],
+        data: vec![(".csv", table(runs, None))],
     })
 }
 
@@ -59,10 +56,8 @@ pub fn of_sizes(number: u8, small: Option<&Studied>, large: Option<&Studied>) ->
     let large = large.ok_or_else(|| no_run(number, Size::Large))?;
     let runs: Vec<&Studied> = small.into_iter().chain([large]).collect();
     let mut panels = vec![several("(a)", &runs)];
-    let mut csv = table(&runs);
     if let Some(event) = &large.event {
         panels.push(around("(b)", large, event));
-        csv += &event_table(large, event);
     }
     Ok(Figure {
         number,
@@ -72,7 +67,7 @@ pub fn of_sizes(number: u8, small: Option<&Studied>, large: Option<&Studied>) ->
             of_steps(large)
         ),
         svg: grid_of(1, &panels),
-        data: vec![(".csv", csv)],
+        data: vec![(".csv", table(&runs, Some(large)))],
     })
 }
 
@@ -163,30 +158,32 @@ pub fn shade(plot: &mut Plot, run: &Studied, event: &Event) {
     }
 }
 
-/// CSV of panel (a): every row of the time series.
-fn table(runs: &[&Studied]) -> String {
-    let mut csv = String::from("panel,run,strain,stress_ratio,stage,step\n");
-    for run in runs {
-        for (strain, tau) in run.strain.iter().zip(&run.tau) {
-            writeln!(csv, "a,{},{strain:?},{tau:?},,", run.label)
-                .expect("writing to a string cannot fail");
-        }
-    }
-    csv
-}
-
-/// CSV of panel (b): the rows around the drop. A row has the stage of the interval that it ends.
-fn event_table(run: &Studied, event: &Event) -> String {
-    let mut csv = String::new();
-    for row in event.stages.begin..=event.stages.end {
-        let stage = stage_of(event, row);
-        let step = event.steps.iter().find(|step| step.row == row);
-        let step = step.map_or(String::new(), |step| step.number.to_string());
-        let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
-        writeln!(csv, "b,{},{strain:?},{tau:?},{stage},{step}", run.label)
-            .expect("writing to a string cannot fail");
-    }
-    csv
+/// Panel a: every row of the time series of `runs`. Panel b: the rows around the largest drop of `with_event`; the stage is
+/// that of the interval which a row ends.
+fn table(runs: &[&Studied], with_event: Option<&Studied>) -> String {
+    let whole = runs.iter().flat_map(|run| {
+        let curve = run.strain.iter().zip(&run.tau);
+        curve.map(|(strain, tau)| ("a", *run, *strain, *tau, None, None))
+    });
+    let events = with_event
+        .into_iter()
+        .filter_map(|run| Some((run, run.event.as_ref()?)));
+    let around = events.flat_map(|(run, event)| {
+        (event.stages.begin..=event.stages.end).map(move |row| {
+            let step = event.steps.iter().find(|step| step.row == row);
+            let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
+            let stage = stage_of(event, row);
+            ("b", run, strain, tau, Some(stage), step.map(|s| s.number))
+        })
+    });
+    Table::of(whole.chain(around))
+        .column("panel", |(panel, ..)| *panel)
+        .column("run", |(_, run, ..)| &run.label)
+        .column("strain", |(_, _, strain, ..)| *strain)
+        .column("stress_ratio", |(_, _, _, tau, ..)| *tau)
+        .column("stage", |(.., stage, _)| *stage)
+        .column("step", |(.., step)| *step)
+        .csv()
 }
 
 /// Returns the name of the stage that contains the interval ending at a row.

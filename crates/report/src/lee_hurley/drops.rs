@@ -1,9 +1,8 @@
 //! The largest drops of τ, with the time steps to replay them from.
 
-use std::fmt::Write as _;
-
 use super::studied::Studied;
 use gshear_analysis::phases::{Kind, Phase};
+use gshear_store::table::Table;
 
 /// Number of drops listed per run.
 const LISTED: usize = 20;
@@ -21,26 +20,19 @@ fn largest(run: &Studied) -> Vec<Phase> {
 
 /// Returns the content of `drops.csv`, one line per drop.
 pub fn csv(runs: &[Studied]) -> String {
-    let mut csv =
-        String::from("run,rank,start_step,end_step,start_strain,end_strain,t_p,delta_tau_p\n");
-    for run in runs {
-        for (k, slip) in largest(run).iter().enumerate() {
-            let [from, to] = slip.strain;
-            let steps = [slip.start, slip.end].map(|row| run.step[row]);
-            writeln!(
-                csv,
-                "{},{},{},{},{from:?},{to:?},{},{:?}",
-                run.label,
-                k + 1,
-                steps[0],
-                steps[1],
-                slip.duration(),
-                slip.change
-            )
-            .expect("writing to a string cannot fail");
-        }
-    }
-    csv
+    let rows = runs.iter().flat_map(|run| {
+        let slips = largest(run).into_iter().zip(1usize..);
+        slips.map(move |(slip, rank)| (run, rank, slip))
+    });
+    Table::of(rows)
+        .column("run", |(run, ..)| &run.label)
+        .column("rank", |(_, rank, _)| *rank)
+        .column("start_step", |(run, _, slip)| run.step[slip.start])
+        .column("end_step", |(run, _, slip)| run.step[slip.end])
+        .columns(["start_strain", "end_strain"], |(.., slip)| slip.strain)
+        .column("t_p", |(.., slip)| slip.duration())
+        .column("delta_tau_p", |(.., slip)| slip.change)
+        .csv()
 }
 
 /// Returns the drops after the largest one as text.

@@ -1,7 +1,5 @@
 //! Means and scatter over runs that differ in their seeds only.
 
-use std::fmt::Write as _;
-
 use super::correlations::{key, seeds};
 use super::studied::{Size, Studied};
 use gshear_analysis::correlate::{SUBJECTS, Subject};
@@ -9,6 +7,7 @@ use gshear_analysis::phases::Kind;
 use gshear_analysis::ranges::Range;
 use gshear_analysis::spearman::Correlation;
 use gshear_analysis::spread::Spread;
+use gshear_store::table::Table;
 
 /// Runs of one scene with different seeds, each seed once, in the order given.
 pub struct Family<'a> {
@@ -107,53 +106,43 @@ impl Family<'_> {
 
 /// Returns the content of `ensemble.csv`: mean and standard error of the numbers of each family.
 pub fn numbers_csv(families: &[Family]) -> String {
-    let mut csv = String::from("runs_of,what,runs,mean,error,least,greatest\n");
-    for family in families {
-        for (what, s) in family.numbers() {
-            writeln!(
-                csv,
-                "{},{what},{},{:?},{:?},{:?},{:?}",
-                family.label(),
-                s.count,
-                s.mean,
-                s.error,
-                s.least,
-                s.greatest
-            )
-            .expect("writing to a string cannot fail");
-        }
-    }
-    csv
+    let rows = families.iter().flat_map(|family| {
+        let numbers = family.numbers().into_iter();
+        numbers.map(move |(what, spread)| (family.label(), what, spread))
+    });
+    Table::of(rows)
+        .column("runs_of", |(label, ..)| *label)
+        .column("what", |(_, what, _)| *what)
+        .column("runs", |(.., spread)| spread.count)
+        .column("mean", |(.., spread)| spread.mean)
+        .column("error", |(.., spread)| spread.error)
+        .column("least", |(.., spread)| spread.least)
+        .column("greatest", |(.., spread)| spread.greatest)
+        .csv()
 }
 
 /// Returns the content of `ensemble-correlations.csv`: mean and standard error of ρ in every range.
 pub fn correlations_csv(families: &[Family]) -> String {
-    let mut csv = String::from(
-        "runs_of,with,over,from,to,runs,least_pairs,rho_mean,rho_error,rho_least,rho_greatest,p_median\n",
-    );
-    for family in families {
-        for subject in SUBJECTS {
-            let [with, over] = key(subject);
-            for (range, mean, s) in family.correlate(subject) {
-                writeln!(
-                    csv,
-                    "{},{with},{over},{:?},{:?},{},{},{:?},{:?},{:?},{:?},{:?}",
-                    family.label(),
-                    range.nearer,
-                    range.farther,
-                    s.count,
-                    mean.count,
-                    s.mean,
-                    s.error,
-                    s.least,
-                    s.greatest,
-                    mean.p
-                )
-                .expect("writing to a string cannot fail");
-            }
-        }
-    }
-    csv
+    let subjects = families
+        .iter()
+        .flat_map(|family| SUBJECTS.map(|subject| (family, subject)));
+    let rows = subjects.flat_map(|(family, subject)| {
+        let found = family.correlate(subject).into_iter();
+        found.map(move |(range, mean, spread)| (family.label(), subject, range, mean, spread))
+    });
+    Table::of(rows)
+        .column("runs_of", |(label, ..)| *label)
+        .columns(["with", "over"], |(_, subject, ..)| key(*subject))
+        .column("from", |(_, _, range, ..)| range.nearer)
+        .column("to", |(_, _, range, ..)| range.farther)
+        .column("runs", |(.., spread)| spread.count)
+        .column("least_pairs", |(.., mean, _)| mean.count)
+        .column("rho_mean", |(.., spread)| spread.mean)
+        .column("rho_error", |(.., spread)| spread.error)
+        .column("rho_least", |(.., spread)| spread.least)
+        .column("rho_greatest", |(.., spread)| spread.greatest)
+        .column("p_median", |(.., mean, _)| mean.p)
+        .csv()
 }
 
 /// Draws the panels of figures 13 and 25 with means and standard errors, one figure per size of the

@@ -1,18 +1,17 @@
 //! The scalars of the frames around the largest drop: figures 8 and 21.
 
-use std::fmt::Write as _;
-
 use plotters::style::RGBColor;
 
 use super::curves::{shade, stage_of};
 use super::studied::{Event, Size, Studied};
 use super::{Drawn, Figure, no_run};
-use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
-use gshear_analysis::spearman::Correlation;
 use crate::colour::CURVES;
 use crate::compose::grid_of;
 use crate::plot::{Layout, figure as plotted};
 use crate::{stress, ticks};
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_analysis::spearman::Correlation;
+use gshear_store::table::Table;
 
 const PANEL: Layout = Layout {
     size: [560.0, 330.0],
@@ -149,15 +148,12 @@ fn panel(
 }
 
 fn table(run: &Studied, event: &Event) -> String {
-    let mut csv = format!("strain,stress_ratio,stage,{}\n", SCALAR_COLUMNS.join(","));
-    for row in event.stages.begin + 1..=event.stages.end {
-        let (strain, tau) = (run.regime.strain[row], run.regime.tau[row]);
-        write!(csv, "{strain:?},{tau:?},{}", stage_of(event, row))
-            .expect("writing to a string cannot fail");
-        for value in run.regime.scalars[row].columns() {
-            write!(csv, ",{value:?}").expect("writing to a string cannot fail");
-        }
-        csv.push('\n');
-    }
-    csv
+    Table::of(event.stages.begin + 1..=event.stages.end)
+        .column("strain", |row| run.regime.strain[*row])
+        .column("stress_ratio", |row| run.regime.tau[*row])
+        .column("stage", |row| stage_of(event, *row))
+        .columns(FrameScalars::COLUMNS, |row| {
+            run.regime.scalars[*row].columns()
+        })
+        .csv()
 }

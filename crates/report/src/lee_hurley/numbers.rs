@@ -1,12 +1,11 @@
 //! The paper's numbers and statements next to those of our runs.
 
-use std::fmt::Write as _;
-
 use super::drops;
 use super::studied::{Size, Studied};
 use gshear_analysis::correlate::{CONFIGURATIONS, Length, Quantity, Subject};
 use gshear_analysis::ranges::Range;
 use gshear_analysis::spearman::Correlation;
+use gshear_store::table::Table;
 
 use Length::{All, Long, Short};
 use Quantity::{DminMax, DminSum, Duration, TopMax, TopSum};
@@ -36,19 +35,13 @@ pub fn of(runs: &[Studied]) -> Vec<Number> {
 
 /// Returns the content of `numbers.csv`.
 pub fn csv(numbers: &[Number]) -> String {
-    let mut csv = String::from("run,what,paper,ours\n");
-    for Number {
-        run,
-        what,
-        paper,
-        ours,
-    } in numbers
-    {
-        let quoted =
-            [run, what, paper, ours].map(|text| format!("\"{}\"", text.replace('"', "\"\"")));
-        writeln!(csv, "{}", quoted.join(",")).expect("writing to a string cannot fail");
-    }
-    csv
+    Table::of(numbers)
+        .column("run", |number| &number.run)
+        .column("what", |number| &number.what)
+        .column("paper", |number| &number.paper)
+        .column("ours", |number| &number.ours)
+        .quoted()
+        .csv()
 }
 
 fn of_run(run: &Studied) -> Vec<Number> {

@@ -5,13 +5,13 @@ use super::studied::{Size, Stage, Step, Studied};
 use super::{Drawn, Figure, no_run};
 use plotters::style::RGBColor;
 
-use gshear_analysis::displacement::tension;
-use gshear_analysis::forces;
 use crate::colour::{CHANGE, FORCE, GREY, INK, PALE, SLIP, VIRIDIS, WALL, WHITE};
 use crate::compose::{gathered, grid_of};
 use crate::map::{self, View};
 use crate::plot::{Layout, Plot, figure};
 use crate::ticks;
+use gshear_analysis::displacement::tension;
+use gshear_analysis::forces;
 
 /// Width of the sample in a panel (px).
 const WIDTH: f64 = 235.0;
@@ -312,11 +312,15 @@ fn dmin(run: &Studied, step: &Step, view: View, levels: &Levels) -> String {
         let (defined, undefined): (Vec<usize>, Vec<usize>) =
             order.into_iter().partition(|n| step.dmin[*n].is_finite());
         // A white disk on a grey one draws an outline.
-        undefined.iter().for_each(|n| draw(*n, 0.0, GREY));
-        undefined.iter().for_each(|n| draw(*n, 0.5, WHITE));
-        defined
-            .iter()
-            .for_each(|n| draw(*n, 0.0, VIRIDIS.at(share(*n))));
+        for n in &undefined {
+            draw(*n, 0.0, GREY);
+        }
+        for n in undefined {
+            draw(n, 0.5, WHITE);
+        }
+        for n in defined {
+            draw(n, 0.0, VIRIDIS.at(share(n)));
+        }
     })
 }
 

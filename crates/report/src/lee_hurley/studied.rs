@@ -6,8 +6,8 @@ use gshear_analysis::regions::MinPoints;
 use gshear_analysis::stages::Stages;
 use gshear_analysis::{displacement, phases};
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::{Fields, Run};
 use gshear_dem::state::{Disks, Frame};
+use gshear_store::run_reader::{Fields, Run};
 
 /// The paper's sample that a run is compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,11 +5,11 @@ use std::ops::Range;
 use plotters::style::RGBColor;
 
 use super::View;
-use gshear_analysis::rate_state::{Evolution, Experiment};
 use crate::colour::{AGING_LAW, FORCE, SLIP_LAW};
 use crate::plot::{Layout, Plot, figure};
 use crate::stress::{decimate, padded};
 use crate::ticks::{self, Tick};
+use gshear_analysis::rate_state::{Evolution, Experiment};
 
 pub(super) const LAYOUT: Layout = Layout {
     size: [900.0, 460.0],

@@ -2,11 +2,11 @@
 
 use super::curve::{LAYOUT, colour_of, law_legend};
 use super::{View, all_holds, short};
-use gshear_analysis::rate_state::{Evolution, Experiment, Healing, Hold};
 use crate::colour::{GREY, INK};
 use crate::plot::figure;
 use crate::stress::padded;
 use crate::ticks::{self, Tick};
+use gshear_analysis::rate_state::{Evolution, Experiment, Healing, Hold};
 
 /// Draws Δμ against ln t_hold: measured with ±2 standard errors, the fitted line, and the laws.
 pub(super) fn healing(views: &[View]) -> Option<String> {

@@ -1,31 +1,32 @@
-//! `checkpoint.h5`: the whole state of a run, checked by sums when it is read.
+//! `checkpoint.h5`: the whole state of a run, verified by checksums when it is read.
 
 mod records;
 
 use super::collective::{IdBlocks, Outcome, agree, records_of};
 use super::h5::{Attribute, H5File, Word};
 use gshear_dem::domain::total;
-use gshear_mpi_exchange::Parallel;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
     ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
 };
+use gshear_mpi_exchange::Parallel;
 use records::{Record, length, read_records, write_one, write_records};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// The newest checkpoint of a run's folder.
+/// File name of the newest checkpoint.
 pub const NAME: &str = "checkpoint.h5";
-/// The one before it.
+/// File name of the checkpoint before it.
 pub const PREVIOUS: &str = "checkpoint.previous.h5";
 const PART: &str = "checkpoint.h5.part";
 
 const FORMAT: &str = "gshear-checkpoint";
-/// Changes with what a checkpoint holds.
-pub const VERSION: u64 = 3;
+/// Version of the format; a checkpoint of another version is refused.
+pub const VERSION: u64 = 4;
 
-/// Wrapping sum of the hashes of the records: the same in whatever order and on whatever ranks they are.
+/// Returns the wrapping sum of the records' hashes, which depends neither on their order nor on the
+/// ranks that hold them.
 fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64 {
     let hashes = records.iter().map(|r| xxh3_64(bytemuck::bytes_of(r)));
     total(exchange, hashes.fold(0, u64::wrapping_add))
@@ -35,7 +36,8 @@ fn hex(sum: u64) -> String {
     format!("{sum:016x}")
 }
 
-/// The contacts of a checkpoint that has been read, with every rank that has read one of their grains: they come with the first.
+/// Returns the contacts of a checkpoint that has been read, on every rank that holds one of the two
+/// grains. [`read`] returns them on the rank of the first grain only. Collective.
 pub fn to_both_holders(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<ContactState> {
     let blocks = IdBlocks {
         grains: total(exchange, snapshot.grains.len() as u64),
@@ -54,8 +56,12 @@ pub fn to_both_holders(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Cont
     contacts.collect()
 }
 
-/// Writes the folder's `checkpoint.h5`, keeping the one that is there as `checkpoint.previous.h5`.
-/// Together the ranks have the grains 0 … N-1 and every contact once, in any order. Collective.
+/// Writes `checkpoint.h5` into the folder; an existing one becomes `checkpoint.previous.h5`.
+/// Together the ranks must hold each of the grains 0 … N-1 and each contact once, in any order.
+/// Collective.
+///
+/// # Errors
+/// [`Failure::Other`] if a file cannot be written or renamed.
 pub fn write(
     exchange: &dyn Parallel,
     folder: &Path,
@@ -77,7 +83,7 @@ pub fn write(
     let travels = snapshot.travels.as_ref();
     let travels = travels.map(|travels| of_grains(exchange, blocks, travels, |g| g.id));
 
-    // The texts of rank 0: HDF5 wants the same from all.
+    // Rank 0's texts on every rank, because HDF5 requires equal arguments.
     let header = exchange.broadcast(snapshot.header.clone().into_bytes());
     let scene = exchange.broadcast(scene_toml.to_owned().into_bytes());
     let sum = |sum: u64| Attribute::Word(hex(sum));
@@ -137,16 +143,16 @@ pub fn write(
     agree(exchange, moved)
 }
 
-/// A rank's stretch of a list.
+/// One rank's stretch of a list.
 struct Stretch<R> {
-    /// Of the whole list.
+    /// Length of the whole list.
     length: u64,
-    /// Before the stretch.
+    /// Number of records before the stretch.
     first: u64,
     records: Vec<R>,
 }
 
-/// Of the grains 0 … N-1, an even block. Collective.
+/// Returns this rank's block of the grains 0 … N-1, by id. Collective.
 fn of_grains<R: Record>(
     exchange: &dyn Parallel,
     blocks: IdBlocks,
@@ -165,7 +171,7 @@ fn of_grains<R: Record>(
     }
 }
 
-/// Of the contacts in the order of their ids, those whose lower id is in an even block. Collective.
+/// Returns the contacts whose lower id is in this rank's block, sorted by their ids. Collective.
 fn of_contacts<R: Record>(
     exchange: &dyn Parallel,
     blocks: IdBlocks,
@@ -181,7 +187,7 @@ fn of_contacts<R: Record>(
     }
 }
 
-/// Puts the new checkpoint in the place of the old one, at no moment without a whole one.
+/// Gives the new checkpoint its name. A complete checkpoint exists at every moment.
 fn replace(folder: &Path) -> Result<(), Failure> {
     let (new, old, part) = (folder.join(NAME), folder.join(PREVIOUS), folder.join(PART));
     let renamed = || -> std::io::Result<()> {
@@ -192,38 +198,49 @@ fn replace(folder: &Path) -> Result<(), Failure> {
         std::fs::rename(&part, &new)?;
         std::fs::File::open(folder)?.sync_all()
     };
-    renamed().map_err(|error| {
-        Failure::other(format!(
-            "{}: cannot put it in place: {error}",
-            new.display()
-        ))
-    })
+    renamed()
+        .map_err(|error| Failure::other(format!("{}: cannot be renamed: {error}", new.display())))
 }
 
-/// `checkpoint-<step>.h5`.
-pub fn kept_name(step: u64) -> String {
-    format!("checkpoint-{step}.h5")
+/// Stage whose kept checkpoints have only the step in their names.
+const MAIN_STAGE: &str = "shear";
+
+/// Returns the name of a kept checkpoint: `checkpoint-<step>.h5` for the shear,
+/// `checkpoint-<stage>-<step>.h5` for other stages.
+pub fn kept_name(stage: &str, step: u64) -> String {
+    format!("{}{step}.h5", kept_prefix(stage))
 }
 
-/// Keeps the folder's newest checkpoint under the name of its step as well. By one rank.
-pub fn keep(folder: &Path, step: u64) -> Result<(), Failure> {
-    let (newest, kept) = (folder.join(NAME), folder.join(kept_name(step)));
+fn kept_prefix(stage: &str) -> String {
+    match stage {
+        MAIN_STAGE => "checkpoint-".into(),
+        _ => format!("checkpoint-{stage}-"),
+    }
+}
+
+/// Keeps the newest checkpoint of the folder under [`kept_name`] as well. To be called on one rank.
+///
+/// # Errors
+/// [`Failure::Other`] if the file can be neither linked nor copied.
+pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<(), Failure> {
+    let (newest, kept) = (folder.join(NAME), folder.join(kept_name(stage, step)));
     let link = || -> std::io::Result<()> {
-        // Beside, then renamed, in the place of one from before.
+        // Linked as .part and renamed, which replaces an older one.
         let part = folder.join(PART);
         let _ = std::fs::remove_file(&part);
-        // Not every file system has second names.
+        // Not every file system has hard links.
         std::fs::hard_link(&newest, &part).or_else(|_| std::fs::copy(&newest, &part).map(drop))?;
         std::fs::rename(&part, &kept)
     };
     link().map_err(|e| Failure::other(format!("{}: cannot be kept: {e}", kept.display())))
 }
 
-/// The kept checkpoints of a folder, in the order of their steps.
-pub fn kept(folder: &Path) -> Vec<(u64, PathBuf)> {
+/// Returns the kept checkpoints of a stage in a folder with their steps, sorted by step.
+pub fn kept(folder: &Path, stage: &str) -> Vec<(u64, PathBuf)> {
+    let prefix = kept_prefix(stage);
     let step = |path: &Path| -> Option<u64> {
         let name = path.file_name()?.to_str()?;
-        let step = name.strip_prefix("checkpoint-")?.strip_suffix(".h5")?;
+        let step = name.strip_prefix(&prefix)?.strip_suffix(".h5")?;
         step.parse().ok()
     };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -234,17 +251,21 @@ pub fn kept(folder: &Path) -> Vec<(u64, PathBuf)> {
     found
 }
 
-/// Whether a file says of itself that it is a checkpoint.
+/// Returns whether a file is marked as a checkpoint.
 pub fn is_checkpoint(path: &Path) -> bool {
     hdf5::silence_errors(true);
     path.is_file() && hdf5::File::open(path).is_ok_and(|file| file.attr("format").is_ok())
 }
 
-/// The scene and this rank's part of a checkpoint: an even block of the ids, and the contacts whose lower id is in it, in order.
-/// `Failure::Input`, the same on every rank, where the file is missing, damaged, or none of ours. Collective.
+/// Reads a checkpoint. Returns the scene as TOML and this rank's part of the state: a block of the
+/// grains by id, and the contacts whose lower id is in the block, sorted by their ids. Collective.
+///
+/// # Errors
+/// [`Failure::Input`], the same on every rank, if the file is missing, damaged or not a checkpoint.
 pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), Failure> {
     let bad = |why: String| Failure::input(format!("{}: {why}", path.display()));
-    // By each rank for itself, through the plain driver: what fails on one alone then leaves nobody waiting.
+    // Each rank reads for itself with the serial driver, so that a failure on one rank does not make
+    // the others wait.
     let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
     let pieces = agree(exchange, pieces)?;
 
@@ -277,7 +298,7 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
     ))
 }
 
-/// What must be right of the pieces of all ranks; every rank comes to the same.
+/// Checks the pieces of all ranks, with the same result on every rank.
 struct Checked<'a> {
     exchange: &'a dyn Parallel,
     blocks: IdBlocks,
@@ -306,7 +327,7 @@ impl Checked<'_> {
     fn all<R: Record>(&self, piece: &Piece<R>, ordered: bool) -> Result<(), String> {
         if hex(checksum(self.exchange, &piece.records)) != piece.sum {
             return Err(format!(
-                "damaged: the checksum of its {} is not the one stored",
+                "damaged: the checksum of its {} differs from the stored one",
                 R::NAME
             ));
         }
@@ -330,7 +351,7 @@ struct Pieces {
     travels: Option<Piece<Travel>>,
 }
 
-/// An even share of a list, whichever ids it is of, and the checksum that is stored of the list.
+/// One rank's share of a list, whatever its ids, and the stored checksum of the whole list.
 struct Piece<R> {
     records: Vec<R>,
     sum: String,
@@ -369,10 +390,10 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         let bytes = bytes.map_err(|e| format!("damaged: {name} ({e})"))?;
         if hex(xxh3_64(&bytes)) != word(&format!("checksum_{name}"))? {
             return Err(format!(
-                "damaged: the checksum of its {name} is not the one stored"
+                "damaged: the checksum of its {name} differs from the stored one"
             ));
         }
-        String::from_utf8(bytes).map_err(|_| format!("damaged: {name} is no text"))
+        String::from_utf8(bytes).map_err(|_| format!("damaged: {name} is not text"))
     };
     let (header, scene) = (text("header")?, text("scene")?);
     let share = |name: &str| -> Result<(IdBlocks, Range<u64>), String> {
@@ -382,14 +403,6 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         };
         Ok((list, list.range(rank)))
     };
-    fn piece<R: Record>(
-        file: &hdf5::File,
-        (list, mine): (IdBlocks, Range<u64>),
-        sum: String,
-    ) -> Result<Piece<R>, String> {
-        let records = read_records(file, list.grains, mine)?;
-        Ok(Piece { records, sum })
-    }
     let has = |sum: &str| names.iter().any(|n| n == sum);
     let grains = share("grains/id")?;
     Ok(Pieces {
@@ -418,4 +431,13 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
             false => None,
         },
     })
+}
+
+fn piece<R: Record>(
+    file: &hdf5::File,
+    (list, mine): (IdBlocks, Range<u64>),
+    sum: String,
+) -> Result<Piece<R>, String> {
+    let records = read_records(file, list.grains, mine)?;
+    Ok(Piece { records, sum })
 }

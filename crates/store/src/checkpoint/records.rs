@@ -1,15 +1,15 @@
-//! Records of a checkpoint and their fields, a dataset each.
+//! Records of a checkpoint and their fields, each of which is a dataset.
 
 use super::Stretch;
-use gshear_dem::failure::Failure;
 use crate::collective::Outcome;
 use crate::h5::{H5File, Slab};
-use gshear_dem::state::{ContactForce, ContactState, GrainPlace, GrainState, Travel};
 use bytemuck::Pod;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactForce, ContactState, GrainPlace, GrainState, Travel};
 use hdf5::H5Type;
 use std::ops::Range;
 
-/// A field of a record: its name, its numbers a record (1 or more), and how they are got and set.
+/// A field of a record: name, numbers per record, getter and setter.
 pub(super) struct Field<R, T> {
     name: &'static str,
     width: usize,
@@ -36,12 +36,12 @@ macro_rules! field {
     };
 }
 
-/// A record of a checkpoint and its fields, which are stored in a group as a dataset each.
+/// A record of a checkpoint. Its fields are stored as the datasets of one group.
 pub(super) trait Record: Pod {
     const GROUP: &'static str;
-    /// In words.
+    /// Name in messages.
     const NAME: &'static str;
-    /// The attribute with the checksum of all records.
+    /// Attribute with the checksum of all records.
     const CHECKSUM: &'static str;
     fn integers() -> Vec<Field<Self, u32>>;
     fn numbers() -> Vec<Field<Self, f64>>;
@@ -139,32 +139,33 @@ pub(super) fn write_one<T: H5Type + Copy>(
     file.dataset::<T>(name, shape, None)?.write(slab, mine)
 }
 
+fn write_column<R: Record, T: H5Type + Copy>(
+    file: &H5File,
+    field: &Field<R, T>,
+    all: u64,
+    first: u64,
+    mine: &[R],
+) -> Result<(), Failure> {
+    let values: Vec<T> = mine.iter().flat_map(field.get).copied().collect();
+    let name = format!("{}/{}", R::GROUP, field.name);
+    let shape = [all as usize, field.width];
+    write_one(
+        file,
+        &name,
+        &shape[..if field.width == 1 { 1 } else { 2 }],
+        first,
+        &values,
+    )
+}
+
 pub(super) fn write_records<R: Record>(file: &H5File, outcome: &mut Outcome, stretch: &Stretch<R>) {
     let (all, first, mine) = (stretch.length, stretch.first, &stretch.records[..]);
     outcome.note(file.group(R::GROUP));
-    fn column<R: Record, T: H5Type + Copy>(
-        file: &H5File,
-        field: &Field<R, T>,
-        all: u64,
-        first: u64,
-        mine: &[R],
-    ) -> Result<(), Failure> {
-        let values: Vec<T> = mine.iter().flat_map(field.get).copied().collect();
-        let name = format!("{}/{}", R::GROUP, field.name);
-        let shape = [all as usize, field.width];
-        write_one(
-            file,
-            &name,
-            &shape[..if field.width == 1 { 1 } else { 2 }],
-            first,
-            &values,
-        )
-    }
     for field in R::integers() {
-        outcome.note(column(file, &field, all, first, mine));
+        outcome.note(write_column(file, &field, all, first, mine));
     }
     for field in R::numbers() {
-        outcome.note(column(file, &field, all, first, mine));
+        outcome.note(write_column(file, &field, all, first, mine));
     }
 }
 

@@ -7,13 +7,13 @@ use ndarray::{Ix1, Ix2, Ix3, s};
 
 use super::source::one_line;
 use super::{Fields, Run};
-use gshear_scene::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample};
+use gshear_scene::Dimensions;
 
-/// Contacts of some frames, as far as they were asked for.
+/// Contacts of some frames, as far as they were read.
 struct Columns {
-    /// Row of the first of them.
+    /// Row of the first contact.
     first: usize,
     i: Vec<u32>,
     j: Vec<u32>,
@@ -45,7 +45,10 @@ impl Columns {
 }
 
 impl Run {
-    /// The frames of a range within 0 … T, whatever they are of.
+    /// Reads the frames of a range within 0 … T, of disks or spheres.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is damaged.
     pub fn records(&self, range: Range<usize>) -> Result<Vec<FrameRecords>, Failure> {
         let mut position = self.vectors(&self.position, &range)?.into_iter();
         let mut velocity = self.vectors(&self.velocity, &range)?.into_iter();
@@ -75,7 +78,7 @@ impl Run {
         Ok(range.map(frame).collect())
     }
 
-    /// Of all grains of frames, one after the other, from a dataset [T][N][3].
+    /// Reads a dataset `[T][N][3]` for some frames, all grains of a frame after the other.
     fn vectors(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
         let values = dataset
             .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
@@ -84,7 +87,7 @@ impl Run {
         Ok(values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
     }
 
-    /// [..][N] ω of disks.
+    /// Reads ω of disks, `[frames][N]`.
     fn spins(&self, range: &Range<usize>) -> Result<Vec<Vec<f64>>, Failure> {
         let values = self
             .angular_velocity
@@ -93,21 +96,30 @@ impl Run {
         Ok(values.outer_iter().map(|frame| frame.to_vec()).collect())
     }
 
-    /// Frame t < T.
+    /// Reads frame t < T of disks.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is damaged or the grains are spheres.
     pub fn frame(&self, t: usize) -> Result<Frame, Failure> {
         Ok(self.block(t..t + 1)?.swap_remove(0))
     }
 
-    /// The frames of a range within 0 … T.
+    /// Reads the frames of a range within 0 … T, of disks.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is damaged or the grains are spheres.
     pub fn block(&self, range: Range<usize>) -> Result<Vec<Frame>, Failure> {
         self.block_of(range, Fields::All)
     }
 
-    /// The frames of a range within 0 … T, as far as `fields` go.
+    /// Reads the given fields of the frames of a range within 0 … T, of disks.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is damaged or the grains are spheres.
     pub fn block_of(&self, range: Range<usize>, fields: Fields) -> Result<Vec<Frame>, Failure> {
         if self.dimension == Dimensions::Three {
             return Err(Failure::input(format!(
-                "{}: this is of disks only; of the frames of spheres there are dmin, compare and export, and their time series",
+                "{}: this command needs disks; for spheres use dmin, compare or export, or commands on the time series",
                 self.path.display()
             )));
         }
@@ -131,7 +143,7 @@ impl Run {
         Ok(range.map(frame).collect())
     }
 
-    /// x and y of a dataset [T][N][3], of which z must be 0.
+    /// Reads x and y from a dataset `[T][N][3]`; z must be 0.
     fn planar(
         &self,
         dataset: &Dataset,
@@ -163,8 +175,8 @@ impl Run {
         Ok(frames)
     }
 
-    /// How many frames to read at a time so that a block stays near 16 MiB: memory of that size is used again, where the
-    /// system would clear every page of a larger one anew.
+    /// Returns how many frames to read at a time so that a block stays near 16 MiB. The allocator
+    /// reuses memory of this size; for larger blocks the system would clear every page again.
     pub fn block_length(&self) -> usize {
         let frames = self.frames().max(1);
         let contacts = self.offset.last().map_or(0, |all| *all as usize) / frames;
@@ -173,7 +185,7 @@ impl Run {
         ((16 << 20) / bytes.max(1)).clamp(1, 512)
     }
 
-    /// Rows of the contacts of frames.
+    /// Returns the rows of the contacts of some frames.
     fn rows(&self, frames: Range<usize>) -> Range<usize> {
         self.offset[frames.start] as usize..self.offset[frames.end] as usize
     }
@@ -181,7 +193,7 @@ impl Run {
     fn contacts(&self, frames: &Range<usize>, fields: Fields) -> Result<Columns, Failure> {
         let rows = self.rows(frames.clone());
         let columns = &self.contacts;
-        // No rows of what is not asked for.
+        // No rows of fields that are not wanted.
         let rows_from = |least: Fields| if fields >= least { rows.clone() } else { 0..0 };
         let (forces, others) = (rows_from(Fields::Forces), rows_from(Fields::All));
         let contacts = Columns {
@@ -202,7 +214,7 @@ impl Run {
         Ok(contacts)
     }
 
-    /// Ids of the contacts from row `first` on.
+    /// Checks the ids of contacts; `first`: row of the first one.
     pub(super) fn check_pairs(&self, i: &[u32], j: &[u32], first: usize) -> Result<(), Failure> {
         let n = self.grains.count();
         match (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
@@ -217,7 +229,7 @@ impl Run {
         }
     }
 
-    /// A column of tangential vectors: of disks [M], of spheres [M][3].
+    /// Reads a column of tangential vectors: `[M]` for disks, `[M][3]` for spheres.
     fn tangential(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
         if self.dimension == Dimensions::Two {
             let along = self.column::<f64>(dataset, rows)?;

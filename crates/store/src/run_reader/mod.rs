@@ -1,4 +1,5 @@
-//! Reads `run.h5` (docs/file-formats.md): serially, by blocks of frames, so that memory does not grow with the run.
+//! Reads `run.h5` (docs/file-formats.md) serially, by blocks of frames, so that memory does not grow
+//! with the length of the run.
 
 mod frames;
 mod periodic;
@@ -14,16 +15,20 @@ use hdf5::Dataset;
 pub use self::periodic::{PeriodicRun, scene_of_finished};
 use self::source::{FOREIGN, Source};
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_scene::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, Disks, SERIES_COLUMNS};
+use gshear_dem::state::{Cell, Disks, SeriesRow};
+use gshear_scene::Dimensions;
 
 /// An attribute of `parameters`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Parameter {
+    /// Text.
     Text(String),
+    /// Integer.
     Integer(i64),
+    /// Number.
     Number(f64),
+    /// List of numbers.
     Numbers(Vec<f64>),
 }
 
@@ -38,56 +43,60 @@ impl fmt::Display for Parameter {
     }
 }
 
-/// The time series; L rows, as far as every column goes.
+/// The time series: L rows, as many as every column has.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Series {
-    /// [L] steps since the start of the shear.
+    /// `[L]` Steps since the start of the shear.
     pub step: Vec<u64>,
-    /// [L] (s).
+    /// `[L]` Time (s).
     pub time: Vec<f64>,
-    /// [columns of `SERIES_COLUMNS`][L].
+    /// `[columns of SERIES_COLUMNS][L]` Values.
     pub columns: Vec<Vec<f64>>,
 }
 
 impl Series {
-    /// A column of `SERIES_COLUMNS`, [L]. Panics on any other name.
+    /// Returns a column of [`SERIES_COLUMNS`], `[L]`.
+    ///
+    /// # Panics
+    /// On any other name.
     pub fn column(&self, name: &str) -> &[f64] {
-        let at = SERIES_COLUMNS.iter().position(|column| *column == name);
+        let mut columns = SeriesRow::COLUMNS.iter();
+        let at = columns.position(|column| column.name == name);
         &self.columns[at.unwrap_or_else(|| panic!("{name} is no column of the time series"))]
     }
 
-    /// L.
+    /// Returns the number of rows L.
     pub fn rows(&self) -> usize {
         self.step.len()
     }
 }
 
-/// What is read of a frame.
-///
-/// What is not read of the grains is left empty, what is not read of the contacts is 0.
+/// Which fields of a frame are read. Other fields of the grains are left empty, other fields of the
+/// contacts are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 pub enum Fields {
-    /// Positions and the ids of the contacts: enough for D²min.
+    /// Positions and ids of the contacts: enough for D²min.
     Pairs,
     /// The forces as well: enough for the scalars of a frame.
     Forces,
+    /// Everything.
     All,
 }
 
-/// Scalars that the run itself has computed, `observables/gshear/`; row k between the rows k-1 and k.
+/// Scalars computed by the run itself, `observables/gshear/`; row k is between the rows k-1 and k.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredScalars {
-    /// [L] steps since the start of the shear.
+    /// `[L]` Steps since the start of the shear.
     pub step: Vec<u64>,
-    /// [L].
+    /// `[L]` Scalars.
     pub scalars: Vec<FrameScalars>,
 }
 
-/// An open `run.h5`. What is small is read on opening; frames are read on demand.
+/// An open `run.h5`. Frames are read on demand, everything else on opening.
 pub struct Run {
     path: PathBuf,
     grains: Disks,
-    /// Of the box at the start of the shear (m): L_x and height, of spheres L_x, L_y and height.
+    /// Box at the start of the shear (m): L_x, height in 2D; L_x, L_y, height in 3D.
     edges: [f64; 3],
     dimension: Dimensions,
     parameters: BTreeMap<String, Parameter>,
@@ -116,8 +125,11 @@ struct ContactColumns {
 impl Run {
     /// Opens a run: a `run.h5`, or the folder that holds one.
     ///
-    /// A run that was stopped early is read as far as every one of its datasets goes.
-    /// Errors: `Failure::Input` that names the file and the object that is missing, damaged or of the wrong shape.
+    /// A run that was stopped early is read as far as all of its datasets go.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the wrong
+    /// shape.
     pub fn open(run: &Path) -> Result<Self, Failure> {
         let path = if run.is_dir() {
             run.join("run.h5")
@@ -233,12 +245,12 @@ impl Run {
         })
     }
 
-    /// The file.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The folder of the file.
+    /// Returns the folder of the file.
     pub fn folder(&self) -> &Path {
         match self.path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -246,20 +258,22 @@ impl Run {
         }
     }
 
+    /// Returns radii, bodies and masses of the grains.
     pub fn grains(&self) -> &Disks {
         &self.grains
     }
 
-    /// Height of the box at the start of the shear (m).
+    /// Returns the height of the box at the start of the shear (m).
     pub fn height(&self) -> f64 {
         self.edges[self.dimension.axes() - 1]
     }
 
+    /// Returns the number of dimensions.
     pub fn dimension(&self) -> Dimensions {
         self.dimension
     }
 
-    /// The periodic cell.
+    /// Returns the periodic cell.
     pub fn cell(&self) -> Cell {
         Cell::between_walls(match self.dimension {
             Dimensions::Two => [self.edges[0], f64::INFINITY],
@@ -267,21 +281,22 @@ impl Run {
         })
     }
 
+    /// Returns the time series.
     pub fn series(&self) -> &Series {
         &self.series
     }
 
-    /// `None` where the run computed no scalars of frames.
+    /// Returns the scalars of frames; `None` if the run computed none.
     pub fn stored_scalars(&self) -> Option<&StoredScalars> {
         self.scalars.as_ref()
     }
 
-    /// All attributes of `parameters`, by name.
+    /// Returns all attributes of `parameters`, by name.
     pub fn parameters(&self) -> &BTreeMap<String, Parameter> {
         &self.parameters
     }
 
-    /// A parameter that is text; `None` where it is missing.
+    /// Returns a parameter that is text; `None` if it is missing.
     pub fn text(&self, name: &str) -> Option<&str> {
         match self.parameters.get(name) {
             Some(Parameter::Text(text)) => Some(text),
@@ -289,7 +304,7 @@ impl Run {
         }
     }
 
-    /// A parameter that is a number; `None` where it is missing.
+    /// Returns a parameter that is a number; `None` if it is missing.
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.parameters.get(name) {
             Some(Parameter::Number(value)) => Some(*value),
@@ -298,41 +313,40 @@ impl Run {
         }
     }
 
-    /// The scene as TOML, every default filled in.
+    /// Returns the scene as TOML, every default filled in.
     pub fn scene(&self) -> &str {
         self.text("scene").unwrap_or_default()
     }
 
-    /// Digest of the last state; `None` where the run was stopped early.
+    /// Returns the digest of the last state; `None` if the run was stopped early.
     pub fn digest(&self) -> Option<&str> {
         self.text("digest")
     }
 
-    /// T.
+    /// Returns the number of frames T.
     pub fn frames(&self) -> usize {
         self.step.len()
     }
 
-    /// [T] steps of the frames.
+    /// Returns the steps of the frames, `[T]`.
     pub fn frame_steps(&self) -> &[u64] {
         &self.step
     }
 
-    /// [T+1] first contact of each frame, as far as whole frames go.
+    /// Returns the row of the first contact of each frame, `[T+1]`.
     pub fn contact_offsets(&self) -> &[u64] {
         &self.offset
     }
 
-    /// [T] γ of the frames: V t/H where the wall moves at the constant velocity V; where a spring or a protocol moves it, on straight
-    /// lines between the rows of the time series.
+    /// Returns γ of the frames, `[T]`: V t/H if the wall moves at the constant velocity V; if a spring
+    /// or a protocol moves it, interpolated between the rows of the time series.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if a parameter is missing.
     pub fn frame_strains(&self) -> Result<Vec<f64>, Failure> {
         let velocities = self.series.column("drive_velocity");
         let changes = velocities.windows(2).any(|pair| pair[0] != pair[1]);
-        if changes
-            || self
-                .number("spring_stiffness")
-                .is_some_and(|k| k.is_finite())
-        {
+        if changes || self.number("spring_stiffness").is_some_and(f64::is_finite) {
             return Ok(self.interpolated_strains());
         }
         let need = |name: &str| {
@@ -366,7 +380,7 @@ impl Run {
 }
 
 impl ContactColumns {
-    /// Rows that every column has.
+    /// Number of rows that every column has.
     fn shortest(&self) -> u64 {
         let columns = [
             &self.i,

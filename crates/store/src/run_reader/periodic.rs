@@ -1,4 +1,4 @@
-//! `aqs.h5` and `newtonian.h5`, the files of runs in a periodic box.
+//! Reads `aqs.h5` and `newtonian.h5`, the files of runs in a periodic box.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,44 +7,46 @@ use ndarray::{Ix3, s};
 
 use super::Parameter;
 use super::source::{Source, one_line};
+use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Sheared};
 
-/// The time series of a stage in a box, and where its grains were.
+const POSITION: &str = "particles/trajectory/position";
+
+/// Time series and positions of a stage in a periodic box: L rows, T frames.
 pub struct PeriodicRun {
     path: PathBuf,
     parameters: BTreeMap<String, Parameter>,
-    /// [L] strain steps, or steps.
+    /// `[L]` Strain steps, or time steps.
     pub step: Vec<u64>,
-    /// [L] strain, or time.
+    /// `[L]` Strain, or time (s).
     pub time: Vec<f64>,
-    columns: BTreeMap<String, Vec<f64>>,
+    columns: BTreeMap<&'static str, Vec<f64>>,
     /// [T].
     pub frame_step: Vec<u64>,
+    /// `[T]` Strain or time of the frames.
     pub frame_time: Vec<f64>,
-    /// [T][N] positions.
+    /// `[T][N]` Positions (m).
     pub positions: Vec<Vec<[f64; 3]>>,
-    /// [N].
+    /// `[N]` Radii (m).
     pub radius: Vec<f64>,
     edges: Vec<f64>,
 }
 
 impl PeriodicRun {
-    /// Opens one of the files, with these columns of its time series.
+    /// Reads one of the files, with these columns of its time series.
     ///
-    /// Errors: `Failure::Input` that names the file and the object that is missing or damaged.
-    pub fn open(path: &Path, columns: &[&str]) -> Result<Self, Failure> {
+    /// # Errors
+    /// [`Failure::Input`] that names the file and the object that is missing or damaged.
+    pub fn open(path: &Path, columns: &[Column]) -> Result<Self, Failure> {
         hdf5::silence_errors(true);
         let source = Source::open(path)?;
-        let read = |name: &&str| -> Result<(String, Vec<f64>), Failure> {
-            let values = source.all(&format!("observables/{name}/value"))?;
-            Ok((name.to_string(), values))
-        };
-        let mut columns: BTreeMap<String, Vec<f64>> =
-            columns.iter().map(read).collect::<Result<_, _>>()?;
-        let first = columns.keys().next().cloned().unwrap_or_default();
-        let mut step: Vec<u64> = source.all(&format!("observables/{first}/step"))?;
-        let mut time: Vec<f64> = source.all(&format!("observables/{first}/time"))?;
+        const GROUP: &str = "observables";
+        let mut step: Vec<u64> = source.column(GROUP, &columns[0], "step")?;
+        let mut time: Vec<f64> = source.column(GROUP, &columns[0], "time")?;
+        let read = |column: &Column| Ok((column.name, source.column(GROUP, column, "value")?));
+        let mut columns: BTreeMap<&str, Vec<f64>> =
+            columns.iter().map(read).collect::<Result<_, Failure>>()?;
         // A file that is being written may be longer in some columns.
         let rows = columns
             .values()
@@ -54,11 +56,10 @@ impl PeriodicRun {
         let rows = rows.unwrap_or(0);
         step.truncate(rows);
         time.truncate(rows);
-        columns
-            .values_mut()
-            .for_each(|column| column.truncate(rows));
+        for column in columns.values_mut() {
+            column.truncate(rows);
+        }
 
-        const POSITION: &str = "particles/trajectory/position";
         let mut frame_step: Vec<u64> = source.all(&format!("{POSITION}/step"))?;
         let mut frame_time: Vec<f64> = source.all(&format!("{POSITION}/time"))?;
         let grains: Vec<u32> = source.all("particles/trajectory/id")?;
@@ -90,21 +91,26 @@ impl PeriodicRun {
         })
     }
 
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// A column that was asked for, [L]. Panics on any other name.
+    /// Returns a column that was given to [`PeriodicRun::open`], `[L]`.
+    ///
+    /// # Panics
+    /// On any other name.
     pub fn column(&self, name: &str) -> &[f64] {
         let column = self.columns.get(name);
-        column.unwrap_or_else(|| panic!("{name} is no column that was asked for"))
+        column.unwrap_or_else(|| panic!("{name} is not a column that was read"))
     }
 
+    /// Returns whether the grains are disks.
     pub fn is_planar(&self) -> bool {
         self.number("dimension") == Some(2.0)
     }
 
-    /// The box of a stage in which it is not sheared any more.
+    /// Returns the cell of a stage that shears it no further.
     pub fn cell(&self) -> Cell {
         let (width, height) = match self.is_planar() {
             true => (f64::INFINITY, self.edges[1]),
@@ -120,7 +126,7 @@ impl PeriodicRun {
         }
     }
 
-    /// A number among the parameters.
+    /// Returns a parameter that is a number; `None` if it is missing.
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.parameters.get(name)? {
             Parameter::Number(value) => Some(*value),
@@ -129,7 +135,7 @@ impl PeriodicRun {
         }
     }
 
-    /// A text among the parameters.
+    /// Returns a parameter that is text; `None` if it is missing.
     pub fn text(&self, name: &str) -> Option<&str> {
         match self.parameters.get(name)? {
             Parameter::Text(text) => Some(text),
@@ -138,7 +144,10 @@ impl PeriodicRun {
     }
 }
 
-/// The scene of a file of a run, if it has ended. `Failure::Input` where it is none.
+/// Returns the scene of a run that has ended, `None` if it has not.
+///
+/// # Errors
+/// [`Failure::Input`] if the file is not of a run.
 pub fn scene_of_finished(path: &Path) -> Result<Option<String>, Failure> {
     hdf5::silence_errors(true);
     let parameters = Source::open(path)?.parameters()?;

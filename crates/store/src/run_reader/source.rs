@@ -1,4 +1,4 @@
-//! Single objects of a file: that they are there, of the right shape, and what to say where they are not.
+//! Reads single objects of a file, checks their shape, and makes the messages about them.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,9 +9,10 @@ use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenU
 use hdf5::{Dataset, File, H5Type, Location};
 
 use super::{Parameter, Series, StoredScalars};
-use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::SERIES_COLUMNS;
+use gshear_dem::state::SeriesRow;
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
@@ -19,7 +20,7 @@ pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
 /// Longest fixed-length string attribute that is read; HDF5 itself allows no more than 64 KiB in an attribute.
 const TEXT: usize = 65_536;
 
-/// A file and how to speak of it.
+/// An open file and its path for messages.
 pub(super) struct Source<'a> {
     file: File,
     path: &'a Path,
@@ -50,7 +51,7 @@ impl<'a> Source<'a> {
             .map_err(|e| self.wrong(name, format!("cannot be opened: {}", one_line(&e))))
     }
 
-    /// HDF5 fails, rather than answers, where a group on the way is missing.
+    /// Checks every group of the path, because HDF5 fails if one of them is missing.
     pub(super) fn exists(&self, name: &str) -> bool {
         let ends = name
             .match_indices('/')
@@ -88,7 +89,7 @@ impl<'a> Source<'a> {
         Ok(values)
     }
 
-    /// A dataset whose first dimension is frames, or contacts, and the others as given.
+    /// Opens a dataset whose first dimension is frames or contacts and the others are `inner`.
     pub(super) fn frames(&self, name: &str, inner: &[usize]) -> Result<Dataset, Failure> {
         let dataset = self.dataset(name)?;
         let shape = dataset.shape();
@@ -101,27 +102,41 @@ impl<'a> Source<'a> {
         Ok(dataset)
     }
 
+    /// A dataset of a column's group, under the present or the former name of the column.
+    pub(super) fn column<T: H5Type>(
+        &self,
+        group: &str,
+        column: &Column,
+        part: &str,
+    ) -> Result<Vec<T>, Failure> {
+        let stored = column.stored_name(|name| self.exists(&format!("{group}/{name}")));
+        let name = stored.unwrap_or(column.name);
+        self.all(&format!("{group}/{name}/{part}"))
+    }
+
     pub(super) fn series(&self, finished: bool) -> Result<Series, Failure> {
-        let first = SERIES_COLUMNS[0];
-        let mut step: Vec<u64> = self.all(&format!("observables/{first}/step"))?;
-        let mut time: Vec<f64> = self.all(&format!("observables/{first}/time"))?;
-        let read = |column: &&str| self.all(&format!("observables/{column}/value"));
-        let mut columns: Vec<Vec<f64>> =
-            SERIES_COLUMNS.iter().map(read).collect::<Result<_, _>>()?;
+        const GROUP: &str = "observables";
+        let names = SeriesRow::COLUMNS;
+        let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
+        let mut time: Vec<f64> = self.column(GROUP, &names[0], "time")?;
+        let read = |column: &Column| self.column(GROUP, column, "value");
+        let mut columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
         let mut lengths = vec![
             ("observables/strain/step", step.len()),
             ("observables/strain/time", time.len()),
         ];
         lengths.extend(
-            SERIES_COLUMNS
+            names
                 .iter()
                 .zip(&columns)
-                .map(|(name, column)| (*name, column.len())),
+                .map(|(column, values)| (column.name, values.len())),
         );
         let rows = self.common_length(&lengths, finished, "rows")?;
         step.truncate(rows);
         time.truncate(rows);
-        columns.iter_mut().for_each(|column| column.truncate(rows));
+        for column in &mut columns {
+            column.truncate(rows);
+        }
         Ok(Series {
             step,
             time,
@@ -129,18 +144,18 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// The scalars of `observables/gshear/`, if there are any.
+    /// Reads the scalars of `observables/gshear/`, if there are any.
     pub(super) fn scalars(&self, finished: bool) -> Result<Option<StoredScalars>, Failure> {
         const GROUP: &str = "observables/gshear";
         if !self.exists(GROUP) {
             return Ok(None);
         }
-        let first = SCALAR_COLUMNS[0];
-        let mut step: Vec<u64> = self.all(&format!("{GROUP}/{first}/step"))?;
-        let read = |column: &&str| self.all(&format!("{GROUP}/{column}/value"));
-        let columns: Vec<Vec<f64>> = SCALAR_COLUMNS.iter().map(read).collect::<Result<_, _>>()?;
-        let names = SCALAR_COLUMNS.iter().copied();
-        let mut lengths: Vec<_> = names.zip(columns.iter().map(Vec::len)).collect();
+        let names = FrameScalars::COLUMNS;
+        let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
+        let read = |column: &Column| self.column(GROUP, column, "value");
+        let columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
+        let lengths = columns.iter().map(Vec::len);
+        let mut lengths: Vec<_> = names.iter().map(|c| c.name).zip(lengths).collect();
         lengths.push(("observables/gshear/dmin_greatest/step", step.len()));
         let rows = self.common_length(&lengths, finished, "rows")?;
         step.truncate(rows);
@@ -149,7 +164,8 @@ impl<'a> Source<'a> {
         Ok(Some(StoredScalars { step, scalars }))
     }
 
-    /// A run that ended properly has all of equal length; one that was cut short may have begun a batch.
+    /// Returns the shortest length. In a finished run all must be equal; a run that was stopped may
+    /// have begun a batch.
     pub(super) fn common_length(
         &self,
         lengths: &[(&str, usize)],
@@ -253,7 +269,7 @@ fn open_file(path: &Path) -> Result<File, Failure> {
     })
 }
 
-/// What HDF5 says of an error: the outermost and the innermost reason, on one line.
+/// Returns the message of an HDF5 error on one line.
 pub(super) fn one_line(error: &hdf5::Error) -> String {
     error.to_string().replace('\n', " ")
 }

@@ -1,4 +1,4 @@
-//! One frame as a checkpoint has it: of disks or of spheres.
+//! Reads one frame in the form of a checkpoint, of disks or spheres.
 
 use bytemuck::Zeroable;
 use ndarray::{Ix2, Ix3, s};
@@ -8,8 +8,11 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactState, GrainState};
 
 impl Run {
-    /// Positions, radii and bodies of all grains, by id, and the contacts with their histories, of frame t < T. Velocities, forces, and
-    /// k_t of the last step are 0.
+    /// Reads positions, radii and bodies of all grains, by id, and the contacts with their histories,
+    /// of frame t < T. Velocities and forces are 0.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is damaged.
     pub fn state(&self, t: usize) -> Result<(Vec<GrainState>, Vec<ContactState>), Failure> {
         let position = self
             .position

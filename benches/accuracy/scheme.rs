@@ -1,0 +1,91 @@
+//! What the dampers are given: the scheme of this program, and that of LAMMPS, for comparison.
+
+use gshear_dem::dimension::{Dimension, Two};
+use gshear_dem::domain::{Accumulator, FixedPoint};
+use gshear_dem::drive::{Drive, Load};
+use gshear_dem::simd::Level;
+use gshear_dem::state::{Cell, Grains};
+
+/// The velocity that the dampers of a contact take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dampers {
+    /// That of the full step, predicted: the program as it is.
+    FullStep,
+    /// That of the half step, as LAMMPS and others do.
+    HalfStep,
+}
+
+impl Dampers {
+    pub const BOTH: [Self; 2] = [Self::FullStep, Self::HalfStep];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FullStep => "this program",
+            Self::HalfStep => "half-step dampers",
+        }
+    }
+}
+
+/// Walls, and dampers of either kind: what the program predicts is put back to the velocities of the half step.
+pub struct Damped<D> {
+    pub walls: D,
+    pub dampers: Dampers,
+}
+
+impl<D: Drive<Two>> Drive<Two> for Damped<D> {
+    fn drag(&self) -> Option<[f64; 2]> {
+        self.walls.drag()
+    }
+
+    fn speed(&self) -> f64 {
+        self.walls.speed()
+    }
+
+    fn start(&mut self, load: Load) {
+        self.walls.start(load);
+    }
+
+    fn drift(&mut self, step: f64, grains: &mut Grains<Two>) {
+        self.walls.drift(step, grains);
+    }
+
+    fn predict(&mut self, step: f64, grains: &mut Grains<Two>) {
+        self.walls.predict(step, grains);
+        if self.dampers == Dampers::HalfStep {
+            for record in &mut grains.record {
+                let r = Two::fields_mut(record);
+                r.copy_within(
+                    Two::HALF_VELOCITY..Two::HALF_VELOCITY + Two::AXES,
+                    Two::VELOCITY,
+                );
+                r.copy_within(Two::HALF_SPIN..Two::HALF_SPIN + Two::SPINS, Two::SPIN);
+            }
+        }
+    }
+
+    fn forces(
+        &mut self,
+        level: Level,
+        cell: Cell,
+        step: f64,
+        grains: &mut Grains<Two>,
+    ) -> Option<usize> {
+        self.walls.forces(level, cell, step, grains)
+    }
+
+    fn load(&self, grains: &Grains<Two>, fixed: &FixedPoint, to: &mut [Accumulator; 2]) {
+        self.walls.load(grains, fixed, to);
+    }
+
+    fn kick(&mut self, step: f64, load: Load, grains: &mut Grains<Two>) {
+        self.walls.kick(step, load, grains);
+    }
+
+    fn slid(&self) -> f64 {
+        self.walls.slid()
+    }
+
+    fn renumber(&mut self, level: Level, grains: &Grains<Two>, skin: f64) {
+        self.walls.renumber(level, grains, skin);
+    }
+}

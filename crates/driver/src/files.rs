@@ -1,0 +1,259 @@
+//! What a stage writes into the run's folder: a file of frames and time series, `log.csv`, `scene.toml`.
+
+use std::path::Path;
+
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
+use gshear_dem::dimension::Dimension;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactSample, GrainSample, SeriesRow};
+use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_store::collective::agree;
+use gshear_store::h5::Attribute;
+use gshear_store::log::Log;
+use gshear_store::provenance;
+use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
+use serde::{Deserialize, Serialize};
+
+use crate::run::Run;
+
+/// The file of the shear.
+pub const RUN_FILE: &str = "run.h5";
+/// Its time series as text.
+pub const LOG_FILE: &str = "log.csv";
+/// The scene with every default filled in.
+pub const SCENE_FILE: &str = "scene.toml";
+
+/// The files of a stage. Every call is collective.
+pub struct Files {
+    trajectory: TrajectoryWriter,
+    log: Option<Log>,
+    /// What failed of the log since the last flush.
+    log_state: Result<(), Failure>,
+    /// Rows of scalars before, if none are computed now.
+    scalars_before: u64,
+    resumed: bool,
+}
+
+/// What a stage writes.
+pub struct Format<'a> {
+    /// The name of the file of frames and time series.
+    pub name: &'a str,
+    /// Columns of the time series.
+    pub columns: &'a [Column],
+    /// Whether the box is bounded along its last axis.
+    pub walls: bool,
+    /// Height of the box (m).
+    pub height: f64,
+    /// Attributes beside those of every run.
+    pub attributes: Vec<(&'static str, Attribute)>,
+    /// Whether there is a log.
+    pub log: bool,
+    /// Whether the run computes scalars of frames.
+    pub scalars: bool,
+}
+
+/// How much the files of a stage hold.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Written {
+    /// Frames.
+    pub frames: u64,
+    /// Rows of the time series.
+    pub rows: u64,
+    /// Rows of the scalars of frames.
+    #[serde(default)]
+    pub scalars: u64,
+}
+
+impl Files {
+    /// Opens the files of the run that resumes, cut back to what was `written` at its checkpoint; new
+    /// files if there are none, or nothing was written.
+    ///
+    /// # Errors
+    /// Files that cannot be made, or are not those of this run.
+    pub fn open<D: Dimension>(
+        run: &Run<'_>,
+        system: &mut System<D>,
+        format: &Format<'_>,
+        written: Option<Written>,
+    ) -> Result<Self, Failure> {
+        let (exchange, out) = (run.exchange, &run.options.out);
+        folder(exchange, out)?;
+        let (path, log) = (out.join(format.name), out.join(LOG_FILE));
+        let there = exchange.broadcast(vec![u8::from(path.exists())])[0] == 1;
+        let mut files = match written.filter(|_| there) {
+            Some(Written {
+                frames,
+                rows,
+                scalars,
+            }) => Self {
+                trajectory: TrajectoryWriter::open_to_append(
+                    exchange,
+                    &path,
+                    format.columns,
+                    frames,
+                    rows,
+                )?,
+                log: match format.log {
+                    true => Some(Log::open_to_append(exchange, &log, rows)?),
+                    false => None,
+                },
+                log_state: Ok(()),
+                scalars_before: scalars,
+                resumed: true,
+            },
+            None => Self::create(run, system, format)?,
+        };
+        if format.scalars {
+            let before = std::mem::take(&mut files.scalars_before);
+            files.trajectory.begin_scalars(exchange, before)?;
+        }
+        Ok(files)
+    }
+
+    fn create<D: Dimension>(
+        run: &Run<'_>,
+        system: &mut System<D>,
+        format: &Format<'_>,
+    ) -> Result<Self, Failure> {
+        let (exchange, out) = (run.exchange, &run.options.out);
+        let wrote = if exchange.rank() == 0 {
+            let path = out.join(SCENE_FILE);
+            std::fs::write(&path, run.toml)
+                .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
+        } else {
+            Ok(())
+        };
+        agree(exchange, wrote)?;
+        let mut attributes = vec![
+            ("scene", Attribute::Text(run.toml.into())),
+            ("version", Attribute::Text(provenance::VERSION.into())),
+            (
+                "git_commit",
+                Attribute::Text(provenance::git_commit().into()),
+            ),
+            ("ranks", Attribute::Count(exchange.size() as u64)),
+            ("processor", Attribute::Text(provenance::processor())),
+            ("started", Attribute::Text(provenance::now())),
+            ("time_step", Attribute::Number(system.step)),
+            ("dimension", Attribute::Count(D::AXES as u64)),
+        ];
+        attributes.extend(format.attributes.iter().cloned());
+        // L_x, height and nothing; in three dimensions L_x, L_y and height.
+        let mut edges = [0.0; 3];
+        edges[..D::UP].copy_from_slice(&system.cell.periods[..D::UP]);
+        edges[D::UP] = format.height;
+        let header = RunHeader {
+            axes: D::AXES,
+            walls: format.walls,
+            series: format.columns,
+            edges,
+            grains: &shapes(system),
+            attributes: &attributes,
+        };
+        Ok(Self {
+            trajectory: TrajectoryWriter::create(exchange, &out.join(format.name), &header)?,
+            log: match format.log {
+                true => Some(Log::create(exchange, &out.join(LOG_FILE))?),
+                false => None,
+            },
+            log_state: Ok(()),
+            scalars_before: 0,
+            resumed: false,
+        })
+    }
+
+    /// Whether the files are those of the run that resumes.
+    pub fn resumed(&self) -> bool {
+        self.resumed
+    }
+
+    /// The next row of the time series, the same on every rank.
+    pub fn series(
+        &mut self,
+        exchange: &dyn Parallel,
+        step: u64,
+        time: f64,
+        row: &impl AsRef<[f64]>,
+    ) -> Result<(), Failure> {
+        self.trajectory.series(exchange, step, time, row)
+    }
+
+    /// The same row in the log.
+    pub fn log(&mut self, step: u64, time: f64, row: &SeriesRow) {
+        // A failure of the log is rank 0's alone: all learn of it at the next flush.
+        if let (Some(log), Ok(())) = (&mut self.log, &self.log_state) {
+            self.log_state = log.row(step, time, row);
+        }
+    }
+
+    /// The next frame: this rank's grains, and the contacts whose first grain it owns.
+    pub fn frame(
+        &mut self,
+        exchange: &dyn Parallel,
+        step: u64,
+        time: f64,
+        (grains, contacts): (&[GrainSample], &[ContactSample]),
+    ) -> Result<(), Failure> {
+        self.trajectory
+            .frame(exchange, step, time, grains, contacts)
+    }
+
+    /// The next scalars of frames, the same on every rank.
+    pub fn scalars(
+        &mut self,
+        exchange: &dyn Parallel,
+        rows: &[(u64, FrameScalars)],
+    ) -> Result<(), Failure> {
+        self.trajectory.scalars(exchange, rows)
+    }
+
+    /// Brings everything to the files. Returns what they hold.
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<Written, Failure> {
+        self.trajectory.flush(exchange)?;
+        let log = self.log.as_mut();
+        let logged = std::mem::replace(&mut self.log_state, Ok(()))
+            .and_then(|()| log.map_or(Ok(()), Log::flush));
+        agree(exchange, logged)?;
+        Ok(Written {
+            frames: self.trajectory.frames(),
+            rows: self.trajectory.rows(),
+            scalars: self.scalars_before + self.trajectory.scalar_rows(),
+        })
+    }
+
+    /// Closes the files; `attributes` are those of a stage that is done.
+    pub fn finish(
+        mut self,
+        exchange: &dyn Parallel,
+        attributes: &[(&str, Attribute)],
+    ) -> Result<(), Failure> {
+        self.flush(exchange)?;
+        self.trajectory.finish(exchange, attributes)
+    }
+}
+
+/// What never changes of this rank's grains.
+pub fn shapes<D: Dimension>(system: &mut System<D>) -> Vec<GrainShape> {
+    let grains = system.grains();
+    let shape = |g: usize| GrainShape {
+        id: grains.id[g],
+        body: grains.body[g],
+        radius: grains.radius[g],
+        mass: grains.mass[g],
+    };
+    (0..grains.owned).map(shape).collect()
+}
+
+/// Makes the folder of the results, if it is missing; collective.
+pub fn folder(exchange: &dyn Parallel, out: &Path) -> Result<(), Failure> {
+    let made = if exchange.rank() == 0 {
+        std::fs::create_dir_all(out)
+            .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))
+    } else {
+        Ok(())
+    };
+    agree(exchange, made)
+}

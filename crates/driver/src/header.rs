@@ -1,0 +1,162 @@
+//! What a checkpoint says about the run beside grains and contacts.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use gshear_dem::budget::SavedBudget;
+use gshear_dem::drive::{Piston, SliderState};
+use gshear_dem::failure::Failure;
+use gshear_dem::state::Snapshot;
+use gshear_scene::{PackingFile, Source, Study};
+
+use crate::files::Written;
+
+/// How far a run has come: the stage, and what it needs to resume.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "stage", rename_all = "kebab-case", deny_unknown_fields)]
+#[expect(clippy::large_enum_variant, reason = "a run has one header")]
+pub enum Header {
+    /// Compression between smooth planes.
+    Pack {
+        /// Steps done.
+        step: u64,
+        piston: Piston,
+        /// Drag (1/s).
+        drag: f64,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        packing: Option<PackingFile>,
+    },
+    /// Shear between walls.
+    Shear {
+        step: u64,
+        piston: Piston,
+        /// `None` before the first step.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        slider: Option<SliderState>,
+        /// H (m).
+        height: f64,
+        written: Written,
+        /// The energy budget, if the scene has one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        energy_budget: Option<SavedBudget>,
+        /// The file that the grains came from; resuming does not read it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        packing: Option<PackingFile>,
+    },
+    /// Strain steps of a periodic box.
+    Aqs {
+        progress: Progress,
+        written: Written,
+    },
+    /// Newton's equations in a periodic box.
+    Newtonian {
+        step: u64,
+        /// Of the strain steps before.
+        progress: Progress,
+        written: Written,
+        /// Lines of the file of eigenvalues.
+        lines: u64,
+    },
+}
+
+impl Header {
+    /// The header of a checkpoint.
+    ///
+    /// # Errors
+    /// A header of another version of this program.
+    pub fn read(snapshot: &Snapshot) -> Result<Self, Failure> {
+        serde_json::from_str(&snapshot.header)
+            .map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))
+    }
+
+    /// The name of the stage.
+    pub fn stage(&self) -> &'static str {
+        match self {
+            Header::Pack { .. } => "pack",
+            Header::Shear { .. } => "shear",
+            Header::Aqs { .. } => "aqs",
+            Header::Newtonian { .. } => "newtonian",
+        }
+    }
+
+    /// Steps of the stage that are done.
+    pub fn step(&self) -> u64 {
+        match self {
+            Header::Pack { step, .. }
+            | Header::Shear { step, .. }
+            | Header::Newtonian { step, .. } => *step,
+            Header::Aqs { progress, .. } => progress.steps,
+        }
+    }
+
+    fn packing(&self) -> Option<&PackingFile> {
+        match self {
+            Header::Pack { packing, .. } | Header::Shear { packing, .. } => packing.as_ref(),
+            Header::Aqs { .. } | Header::Newtonian { .. } => None,
+        }
+    }
+
+    /// The scene of a checkpoint (`name` in messages, `toml` its text) with overrides, without reading
+    /// the file that the grains may have come from.
+    ///
+    /// # Errors
+    /// An override that contradicts the scene, or changes its grains.
+    pub fn scene(&self, name: &Path, toml: String, set: &[String]) -> Result<Study, Failure> {
+        let source = Source::new(format!("{} (its scene)", name.display()), toml);
+        gshear_scene::study(&source, set, &mut |path, copies| {
+            let same = |file: &&PackingFile| file.path == path && file.replicate == copies;
+            let known = self.packing().filter(same);
+            known.cloned().ok_or_else(|| {
+                Failure::input("the grains are those of the checkpoint; leave it as it was")
+            })
+        })
+    }
+}
+
+/// How far the strain steps have come.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Progress {
+    /// Strain steps that are done.
+    pub steps: u64,
+    /// Lees–Edwards offset: displacement of the image above along x.
+    pub offset: f64,
+    /// Of the first complex pair, if it has been born.
+    pub birth: Option<Birth>,
+    /// Complex pairs after the last strain step.
+    pub pairs: u64,
+    /// The pair of the greatest |Im λ|.
+    pub pair: Option<Pair>,
+    /// Strain steps that fell back to overdamped dynamics.
+    pub fell_back: u64,
+}
+
+/// The strains between which the first complex pair is born: the last without and the first with it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Birth {
+    pub before: f64,
+    pub after: f64,
+}
+
+/// A complex pair λ_r ± iλ_i, and ω_r ± iω_i = √λ (BO eq. 8).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pair {
+    pub lambda_r: f64,
+    pub lambda_i: f64,
+    pub omega_r: f64,
+    pub omega_i: f64,
+}
+
+impl Pair {
+    /// The pair λ_r ± i|λ_i|.
+    pub fn new(lambda_r: f64, lambda_i: f64) -> Self {
+        let lambda_i = lambda_i.abs();
+        let root = faer::c64::new(lambda_r, lambda_i).sqrt();
+        Self {
+            lambda_r,
+            lambda_i,
+            omega_r: root.re,
+            omega_i: root.im,
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! One run: who takes part, where its files go, and the loop over the steps of a stage.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use gshear_dem::failure::Failure;
+use gshear_dem::simd::Level;
+use gshear_dem::state::{ContactState, FramePart, GrainState, Snapshot, Travel};
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::Bookkeeping;
+use gshear_scene::schedule::Window;
+use gshear_store::checkpoint;
+use gshear_store::collective::agree;
+
+use crate::files;
+use crate::header::Header;
+use crate::signals::Signals;
+use crate::stages::{Save, Stage};
+use crate::terminal::Terminal;
+
+/// What the command line says beside the scene.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// Stop with a checkpoint after this step, as [`Stage::count`] counts it.
+    pub stop_at: Option<u64>,
+    /// Stop with a checkpoint after this time.
+    pub wall_time: Option<Duration>,
+    /// Threads inside each rank.
+    pub threads: usize,
+    /// Compute only the stretch from the checkpoint to the end of this window, silently and into new
+    /// files.
+    pub replay: Option<Window>,
+}
+
+/// How a run ended that did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// All its stages are done.
+    Done,
+    /// At a checkpoint, before the last step.
+    Stopped,
+}
+
+/// This rank's part of a state with which a stage begins or resumes.
+#[derive(Debug, Clone, Default)]
+pub struct State {
+    /// The grains, on any rank.
+    pub grains: Vec<GrainState>,
+    /// The contacts, each on the ranks that have its grains.
+    pub contacts: Vec<ContactState>,
+    /// The last frame whose scalars were computed.
+    pub analysed: Option<FramePart>,
+    /// Displacements since the stage began.
+    pub travels: Option<Vec<Travel>>,
+}
+
+impl State {
+    /// The state of a checkpoint; collective.
+    pub fn restore(exchange: &dyn Parallel, snapshot: Snapshot) -> Self {
+        let contacts = checkpoint::to_both_holders(exchange, &snapshot);
+        Self {
+            grains: snapshot.grains,
+            contacts,
+            analysed: snapshot.analysed,
+            travels: snapshot.travels,
+        }
+    }
+}
+
+/// Checkpoints of stages without a schedule of their own are written at this interval (s).
+const CHECKPOINT_INTERVAL: f64 = 60.0;
+
+/// One run.
+pub struct Run<'a> {
+    /// The ranks.
+    pub exchange: &'a dyn Parallel,
+    /// What the command line says.
+    pub options: &'a Options,
+    /// The scene as TOML, every default filled in.
+    pub toml: &'a str,
+    /// The instruction set of the kernel.
+    pub level: Level,
+    pub(crate) terminal: Terminal,
+    signals: Signals,
+    started: Instant,
+    saved: Instant,
+}
+
+impl<'a> Run<'a> {
+    /// # Errors
+    /// This processor lacks the instruction set, or signals cannot be caught.
+    pub fn new(
+        exchange: &'a dyn Parallel,
+        toml: &'a str,
+        bookkeeping: &Bookkeeping,
+        options: &'a Options,
+    ) -> Result<Self, Failure> {
+        let name = bookkeeping.simd;
+        let level = Level::named(name)
+            .ok_or_else(|| Failure::input(format!("this processor has no {name}")))?;
+        let now = Instant::now();
+        Ok(Self {
+            exchange,
+            options,
+            toml,
+            level,
+            terminal: Terminal::new(exchange.rank() == 0 && options.replay.is_none()),
+            signals: Signals::catch()?,
+            started: now,
+            saved: now,
+        })
+    }
+
+    /// Takes the steps of a stage until it is done or the run is stopped; with `begins` from its first
+    /// one on. Collective.
+    ///
+    /// # Errors
+    /// What fails in a step, with the stage's name before it, or in a file.
+    pub(crate) fn drive(
+        &mut self,
+        stage: &mut dyn Stage,
+        begins: bool,
+    ) -> Result<Outcome, Failure> {
+        let name = stage.name();
+        if begins {
+            stage.begin(self).map_err(|e| in_stage(e, name))?;
+            stage.record(self)?;
+        }
+        while !stage.is_done() {
+            let last = self.options.stop_at;
+            let last = last.is_some() && stage.count() == last;
+            let stop = stage.step(self, last).map_err(|e| in_stage(e, name))?;
+            stage.record(self).map_err(|e| in_stage(e, name))?;
+            let stopped = stop && !stage.is_done();
+            let due = match stage.save_due() {
+                Save::No => stopped,
+                Save::Now => true,
+                Save::IfOld => stopped || self.last_checkpoint_is_old(),
+            };
+            if due {
+                self.save(stage)?;
+            }
+            stage.progress(self);
+            if stopped {
+                self.terminal
+                    .stopped(&self.options.out, name, stage.steps());
+                return Ok(Outcome::Stopped);
+            }
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// Whether this rank was asked to stop, by a signal or the wall time.
+    pub(crate) fn asked_to_stop(&self) -> bool {
+        let wall_time = self.options.wall_time;
+        self.signals.received()
+            || (self.exchange.rank() == 0 && wall_time.is_some_and(|t| self.started.elapsed() >= t))
+    }
+
+    /// The same decision on every rank, as their clocks differ; collective.
+    fn last_checkpoint_is_old(&self) -> bool {
+        self.exchange.maximum(self.saved.elapsed().as_secs_f64()) > CHECKPOINT_INTERVAL
+    }
+
+    fn save(&mut self, stage: &mut dyn Stage) -> Result<(), Failure> {
+        let checkpoint = stage.checkpoint(self)?;
+        self.save_as(checkpoint)
+    }
+
+    /// Writes a checkpoint; collective.
+    pub(crate) fn save_as(&mut self, checkpoint: Checkpoint) -> Result<(), Failure> {
+        let Checkpoint {
+            header,
+            state,
+            keep,
+        } = checkpoint;
+        self.saved = Instant::now();
+        let (exchange, out) = (self.exchange, &self.options.out);
+        files::folder(exchange, out)?;
+        let snapshot = Snapshot {
+            header: serde_json::to_string(&header).expect("a header of finite numbers"),
+            grains: state.grains,
+            contacts: state.contacts,
+            analysed: state.analysed,
+            travels: state.travels,
+        };
+        checkpoint::write(exchange, out, self.toml, &snapshot)?;
+        let kept = match (keep, exchange.rank()) {
+            (true, 0) => checkpoint::keep(out, header.stage(), header.step()),
+            _ => Ok(()),
+        };
+        agree(exchange, kept)
+    }
+}
+
+/// What a stage hands over to be saved: each contact on the rank that has its first grain.
+pub struct Checkpoint {
+    /// How far the run has come.
+    pub header: Header,
+    /// This rank's part of the state.
+    pub state: State,
+    /// Keep it under the name of its step, too.
+    pub keep: bool,
+}
+
+fn in_stage(failure: Failure, stage: &str) -> Failure {
+    match failure {
+        Failure::Numbers(m) => Failure::Numbers(format!("{stage}, {m}")),
+        other => other,
+    }
+}

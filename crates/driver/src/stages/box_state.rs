@@ -1,0 +1,138 @@
+//! What is measured of a packing in a box: sums over all contacts in one order, so that they do not depend on the ranks.
+
+use bytemuck::{Pod, Zeroable};
+
+use gshear_dem::dimension::Dimension;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::ContactForces;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::simd::Row;
+use gshear_dem::state::length;
+use gshear_dem::step::forces;
+use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_store::collective::gathered;
+
+/// Sums over the contacts of a packing.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Observed {
+    /// σ_xz (σ_xy in 2D): -(1/V) Σ r^x F^z over the contacts (BO section IV).
+    pub shear_stress: f64,
+    /// A D-th of the trace of (1/V) Σ r F.
+    pub pressure: f64,
+    /// Of normal and tangential springs.
+    pub elastic_energy: f64,
+    pub contacts: u64,
+    pub coordination: f64,
+    /// Contacts at the Coulomb limit over all.
+    pub sliding_fraction: f64,
+}
+
+/// One contact's part in the sums.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Share {
+    i: u32,
+    j: u32,
+    /// r^x F^z and r·F.
+    shear: f64,
+    pressure: f64,
+    energy: f64,
+    sliding: f64,
+}
+
+/// Of the system as it is, at rest or not. Collective.
+pub(super) fn observe<D: Dimension>(
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+    samples: &mut ContactForces,
+    grains: u32,
+) -> Observed {
+    // What the grains feel and the contacts remember is put back: a pass without a step, too, projects histories anew on their planes,
+    // which changes their last bits.
+    let felt = system.grains().force.clone();
+    let remembered = system.contacts.history.clone();
+    let outside = forces(
+        exchange,
+        system,
+        law,
+        &mut NoWalls,
+        0.0,
+        Some(&mut *samples),
+    );
+    debug_assert!(outside.is_none());
+    system.grains_mut().force = felt;
+    system.contacts.history = remembered;
+    let shares = shares(system, law, samples);
+    let all = gathered(exchange, &shares, |c| (c.i, c.j));
+    let sum = |of: fn(&Share) -> f64| all.iter().map(of).sum::<f64>();
+    let height = system.cell.sheared.map_or(f64::NAN, |s| s.height);
+    let base: f64 = system.cell.periods[..D::UP].iter().product();
+    let volume = base * height;
+    let count = all.len() as f64;
+    Observed {
+        shear_stress: -sum(|c| c.shear) / volume,
+        pressure: sum(|c| c.pressure) / (D::AXES as f64 * volume),
+        elastic_energy: sum(|c| c.energy),
+        contacts: all.len() as u64,
+        coordination: 2.0 * count / f64::from(grains),
+        sliding_fraction: if all.is_empty() {
+            0.0
+        } else {
+            sum(|c| c.sliding) / count
+        },
+    }
+}
+
+/// Of the contacts whose first grain is this rank's.
+fn shares<D: Dimension>(
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+    samples: &ContactForces,
+) -> Vec<Share> {
+    let (level, cell) = (system.level, system.cell);
+    let (grains, contacts) = system.grains_and_contacts();
+    let (axes, up) = (D::AXES, D::UP);
+    let mut energies = vec![[Row::ZERO; 3]; contacts.mine];
+    law.energies(
+        level,
+        &contacts.parameters,
+        &contacts.history,
+        &samples.overlap,
+        &mut energies,
+    );
+    let own = contacts.touching().filter(|at| at.i < grains.owned);
+    own.map(|at| {
+        let r = cell.separation::<D>(grains.fields(at.i), grains.fields(at.j));
+        let per_length = 1.0 / length(r);
+        let normal = samples.normal[at.block].0[at.lane];
+        let tangential = samples.tangential[at.block].map(|row| row.0[at.lane]);
+        let across = match axes {
+            // Along t̂ = ẑ × n.
+            2 => [
+                -r[1] * per_length * tangential[0],
+                r[0] * per_length * tangential[0],
+                0.0,
+            ],
+            _ => tangential,
+        };
+        let mut force = [0.0; 3];
+        for axis in 0..axes {
+            force[axis] = normal * r[axis] * per_length;
+            if law.has_friction() {
+                force[axis] += across[axis];
+            }
+        }
+        let energy = |k: usize| energies[at.block][k].0[at.lane];
+        Share {
+            i: grains.id[at.i],
+            j: grains.id[at.j],
+            shear: r[0] * force[up],
+            pressure: (0..axes).map(|axis| r[axis] * force[axis]).sum(),
+            energy: energy(0) + energy(1),
+            sliding: f64::from(samples.sliding[at.block] >> at.lane & 1),
+        }
+    })
+    .collect()
+}

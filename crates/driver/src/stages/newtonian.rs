@@ -1,0 +1,463 @@
+//! Newton's equations from the last state at rest: the growth of a complex pair (BO section IV).
+
+use bytemuck::{Pod, Zeroable};
+
+use gshear_dem::clock::Phase;
+use gshear_dem::dimension::Dimension;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::observe::{digest, frame};
+use gshear_dem::state::{GrainState, Travel};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::PeriodicScene;
+use gshear_scene::schedule::Window;
+use gshear_store::collective::gathered;
+use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
+use gshear_store::h5::Attribute;
+
+use super::box_state::observe;
+use super::spectra_file::SpectraFile;
+use super::spectrum::Whole;
+use super::{Save, Stage};
+use crate::files::{Files, Format, Written};
+use crate::header::{Header, Pair, Progress};
+use crate::run::{Checkpoint, Run, State};
+
+/// Without a pair, its growth time is taken to be so many steps.
+const STEPS_WITHOUT_A_PAIR: f64 = 1000.0;
+
+/// The motion of a box by Newton's equations.
+pub(super) struct Newtonian<'a, D: Dimension> {
+    scene: &'a PeriodicScene,
+    law: &'a dyn PairForce<D>,
+    system: System<D>,
+    motion: Motion,
+    files: Files,
+    spectra: Option<SpectraFile>,
+    /// Of the strain steps before.
+    progress: Progress,
+    samples: ContactForces,
+    step: u64,
+    due: Due,
+}
+
+/// A stage that resumes.
+pub(super) struct Resumed {
+    /// Steps done.
+    pub step: u64,
+    pub written: Written,
+    /// Lines of the file of eigenvalues.
+    pub lines: u64,
+    pub travels: Vec<Travel>,
+}
+
+/// Which steps are written; a number of steps that never comes is never.
+struct Due {
+    /// All steps.
+    steps: u64,
+    rows: u64,
+    frames: u64,
+    spectra: u64,
+    dense: Option<Dense>,
+    /// Frames of a stretch that is computed again.
+    window: Option<Window>,
+}
+
+impl Due {
+    fn new(of: &gshear_scene::Newtonian, pair: Option<&Pair>, step: f64) -> Self {
+        let steps = match pair {
+            Some(pair) => (of.growth_times / pair.omega_i / step).ceil(),
+            None => (of.growth_times * STEPS_WITHOUT_A_PAIR).ceil(),
+        } as u64;
+        let every = |count: u64| match count {
+            0 => u64::MAX,
+            count => (steps / count).max(1),
+        };
+        let dense = pair.map(|pair| Dense::new(pair, steps, step));
+        let frames = match (pair, every(of.frames)) {
+            (Some(pair), wanted) if wanted != u64::MAX => strobe(pair, wanted, step),
+            (_, wanted) => wanted,
+        };
+        // All rows lie at multiples of the dense ones' interval, so that none is between two of them.
+        let grid = dense.as_ref().map_or(1, |dense| dense.every);
+        Self {
+            steps,
+            rows: every(of.rows).div_ceil(grid).saturating_mul(grid),
+            frames,
+            spectra: every(of.spectra),
+            dense,
+            window: None,
+        }
+    }
+
+    /// Only the stretch to the end of a window, with its frames.
+    fn of_window(mut self, window: Window) -> Self {
+        self.steps = self.steps.min(window.last);
+        self.spectra = u64::MAX;
+        self.window = Some(window);
+        self
+    }
+
+    fn row(&self, step: u64) -> bool {
+        let dense = self.dense.as_ref();
+        step.is_multiple_of(self.rows) || dense.is_some_and(|dense| dense.due(step))
+    }
+
+    fn frame(&self, step: u64) -> bool {
+        match self.window {
+            Some(Window { first, every, .. }) => {
+                step >= first && (step - first).is_multiple_of(every)
+            }
+            None => step.is_multiple_of(self.frames),
+        }
+    }
+
+    fn spectrum(&self, step: u64) -> bool {
+        self.spectra != u64::MAX && step.is_multiple_of(self.spectra)
+    }
+}
+
+impl<'a, D: Dimension> Newtonian<'a, D> {
+    pub fn new(
+        run: &Run<'_>,
+        scene: &'a PeriodicScene,
+        of: &gshear_scene::Newtonian,
+        law: &'a dyn PairForce<D>,
+        mut system: System<D>,
+        progress: Progress,
+        resumed: Option<Resumed>,
+    ) -> Result<Self, Failure> {
+        let exchange = run.exchange;
+        let mut due = Due::new(of, progress.pair.as_ref(), system.step);
+        if let Some(window) = run.options.replay {
+            due = due.of_window(window);
+        }
+        run.terminal.newtonian(due.steps, system.step);
+        let format = Format {
+            name: NEWTONIAN_FILE,
+            columns: &NewtonianRow::COLUMNS,
+            walls: false,
+            height: system.cell.sheared.map_or(0.0, |s| s.height),
+            attributes: attributes(scene, &progress),
+            log: false,
+            scalars: false,
+        };
+        let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
+        let written = goes_on.map(|r| r.written);
+        let lines = goes_on.map(|r| r.lines);
+        let files = Files::open(run, &mut system, &format, written)?;
+        let spectra = match due.spectra {
+            u64::MAX => None,
+            _ => {
+                let path = run.options.out.join(SPECTRA_FILE);
+                Some(SpectraFile::open(exchange, &path, lines)?)
+            }
+        };
+        let motion = match &resumed {
+            Some(resumed) => Motion::resume(exchange, &mut system, &resumed.travels),
+            None => {
+                system.rebuild(exchange, law, &mut NoWalls)?;
+                Motion::begin(&mut system)
+            }
+        };
+        Ok(Self {
+            scene,
+            law,
+            system,
+            motion,
+            files,
+            spectra,
+            progress,
+            samples: ContactForces::default(),
+            step: resumed.map_or(0, |r| r.step),
+            due,
+        })
+    }
+
+    /// Closes the file of the stage, which is done.
+    pub fn finish(mut self, run: &Run<'_>) -> Result<(), Failure> {
+        let offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
+        let digest = digest(
+            run.exchange,
+            &mut self.system,
+            self.law,
+            &offset.to_le_bytes(),
+            self.step,
+        );
+        if let Some(spectra) = &mut self.spectra {
+            spectra.flush(run.exchange)?;
+        }
+        let attributes = [("digest", Attribute::Text(digest.clone()))];
+        self.files.finish(run.exchange, &attributes)?;
+        run.terminal.moved(&digest, &run.options.out);
+        Ok(())
+    }
+}
+
+impl<D: Dimension> Stage for Newtonian<'_, D> {
+    fn name(&self) -> &'static str {
+        "newtonian"
+    }
+
+    fn steps(&self) -> u64 {
+        self.step
+    }
+
+    /// Behind the strain steps.
+    fn count(&self) -> Option<u64> {
+        Some(self.progress.steps + self.step + 1)
+    }
+
+    fn is_done(&self) -> bool {
+        self.step >= self.due.steps
+    }
+
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        if self.scene.keep_checkpoints && run.options.replay.is_none() {
+            // A window before the first checkpoint is replayed from it.
+            let checkpoint = self.checkpoint(run)?;
+            run.save_as(checkpoint)?;
+        }
+        initial_forces(run.exchange, &mut self.system, self.law, &mut NoWalls, None)
+    }
+
+    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
+        let request = StepRequest {
+            samples: None,
+            stop: stop || run.asked_to_stop(),
+        };
+        let (exchange, system) = (run.exchange, &mut self.system);
+        let stop = advance(exchange, system, self.law, &mut NoWalls, request)?;
+        self.motion.turn(exchange, system);
+        self.step += 1;
+        Ok(stop)
+    }
+
+    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        let (exchange, step) = (run.exchange, self.step);
+        let time = step as f64 * self.system.step;
+        let (row, frame_due) = (self.due.row(step), self.due.frame(step));
+        if row || frame_due {
+            let observed = observe(
+                exchange,
+                &mut self.system,
+                self.law,
+                &mut self.samples,
+                self.scene.sample.grains,
+            );
+            if row {
+                let moved = self.motion.measure(exchange, &mut self.system);
+                let row = NewtonianRow {
+                    msd: moved.msd,
+                    kinetic_energy: moved.kinetic_energy,
+                    elastic_energy: observed.elastic_energy,
+                    shear_stress: observed.shear_stress,
+                    pressure: observed.pressure,
+                    contacts: observed.contacts as f64,
+                    sliding_fraction: observed.sliding_fraction,
+                };
+                self.files.series(exchange, step, time, &row)?;
+            }
+            if frame_due {
+                let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);
+                self.files
+                    .frame(exchange, step, time, (&grains, &contacts))?;
+            }
+        }
+        if self.due.spectrum(step) {
+            let whole = Whole::gather(exchange, &mut self.system, self.law);
+            let found = whole.eigenvalues::<D>(exchange, &mut self.system, self.law)?;
+            if let Some(spectra) = &mut self.spectra {
+                spectra.write(exchange, time, &found)?;
+            }
+        }
+        self.system.clock.end(Phase::Output);
+        Ok(())
+    }
+
+    fn save_due(&self) -> Save {
+        match self.due.row(self.step) && self.due.window.is_none() {
+            true => Save::IfOld,
+            false => Save::No,
+        }
+    }
+
+    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+        let written = self.files.flush(run.exchange)?;
+        let lines = match &mut self.spectra {
+            Some(spectra) => spectra.flush(run.exchange)?,
+            None => 0,
+        };
+        Ok(Checkpoint {
+            header: Header::Newtonian {
+                step: self.step,
+                progress: self.progress,
+                written,
+                lines,
+            },
+            state: State {
+                grains: self.system.grain_states(),
+                contacts: self.system.own_contact_states(self.law),
+                analysed: None,
+                travels: Some(self.motion.travels.clone()),
+            },
+            keep: self.scene.keep_checkpoints,
+        })
+    }
+}
+
+/// Attributes of the file.
+fn attributes(scene: &PeriodicScene, progress: &Progress) -> Vec<(&'static str, Attribute)> {
+    let number = Attribute::Number;
+    let strain = scene.aqs.strain_step * progress.steps as f64;
+    let mut attributes = vec![
+        ("mean_diameter", number(scene.sample.mean_diameter)),
+        ("strain", number(strain)),
+        ("image_offset", number(progress.offset)),
+    ];
+    if let Some(pair) = &progress.pair {
+        attributes.extend([
+            ("lambda_r", number(pair.lambda_r)),
+            ("lambda_i", number(pair.lambda_i)),
+            ("omega_r", number(pair.omega_r)),
+            ("omega_i", number(pair.omega_i)),
+        ]);
+    }
+    attributes
+}
+
+/// Steps between frames, about as many as `wanted`, but a 24th of a period of the pair more than whole ones: frame by frame, the
+/// oscillation is seen slowed down.
+fn strobe(pair: &Pair, wanted: u64, step: f64) -> u64 {
+    let period = std::f64::consts::TAU / pair.omega_r / step;
+    let whole = (wanted as f64 / period).round();
+    ((whole + 1.0 / 24.0) * period).round().max(1.0) as u64
+}
+
+/// Two stretches in which rows lie so densely that they show the oscillation of the pair.
+struct Dense {
+    begins: [u64; 2],
+    length: u64,
+    every: u64,
+}
+
+impl Dense {
+    /// Where they begin, over the whole stage; periods of the mean square displacement, π/ω_r, in each; rows in each period.
+    const BEGINS: [f64; 2] = [0.5, 0.7];
+    const PERIODS: f64 = 20.0;
+    const ROWS: f64 = 16.0;
+
+    fn new(pair: &Pair, steps: u64, step: f64) -> Self {
+        let period = std::f64::consts::PI / pair.omega_r / step;
+        let every = ((period / Self::ROWS) as u64).max(1);
+        Self {
+            begins: Self::BEGINS.map(|part| (part * steps as f64) as u64 / every * every),
+            length: (Self::PERIODS * period) as u64,
+            every,
+        }
+    }
+
+    fn due(&self, step: u64) -> bool {
+        let of = |begin: u64| {
+            let since = step.checked_sub(begin);
+            since.is_some_and(|since| since <= self.length && since % self.every == 0)
+        };
+        self.begins.into_iter().any(of)
+    }
+}
+
+/// How the grains have moved since the start.
+struct Motion {
+    /// Of the own grains, in their order.
+    travels: Vec<Travel>,
+    /// Rebuilds of the list, at which grains change hands.
+    rebuilds: u64,
+}
+
+/// Sums over the grains.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Moved {
+    pub id: u64,
+    /// Mean of |Δr|² + R² |Δθ|² (BO eq. 10).
+    pub msd: f64,
+    pub kinetic_energy: f64,
+}
+
+impl Motion {
+    fn begin<D: Dimension>(system: &mut System<D>) -> Self {
+        let at_rest = |g: &GrainState| Travel {
+            id: g.id,
+            body: g.body,
+            start: g.position,
+            angle: [0.0; 3],
+        };
+        Self {
+            travels: system.grain_states().iter().map(at_rest).collect(),
+            rebuilds: system.list.rebuilds,
+        }
+    }
+
+    /// From all grains' travels, over the ranks in any order.
+    fn resume<D: Dimension>(
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+        travels: &[Travel],
+    ) -> Self {
+        let all = gathered(exchange, travels, |travel| travel.id);
+        let grains = system.grains();
+        let own = grains.id[..grains.owned].iter();
+        Self {
+            travels: own.map(|&id| all[id as usize]).collect(),
+            rebuilds: system.list.rebuilds,
+        }
+    }
+
+    /// The turns of the step that is done.
+    fn turn<D: Dimension>(&mut self, exchange: &dyn Parallel, system: &mut System<D>) {
+        if self.rebuilds != system.list.rebuilds {
+            *self = Self::resume(exchange, system, &self.travels);
+        }
+        let step = system.step;
+        let grains = system.grains();
+        for (g, travel) in self.travels.iter_mut().enumerate() {
+            let fields = grains.fields(g);
+            for k in 0..D::SPINS {
+                travel.angle[k] += step * fields[D::HALF_SPIN + k];
+            }
+        }
+    }
+
+    fn measure<D: Dimension>(&self, exchange: &dyn Parallel, system: &mut System<D>) -> Moved {
+        let cell = system.cell;
+        let grains = system.grains();
+        let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
+        let own: Vec<Moved> = self
+            .travels
+            .iter()
+            .enumerate()
+            .map(|(g, travel)| {
+                let (fields, radius) = (grains.fields(g), grains.radius[g]);
+                let moved = square(&cell.separation::<D>(fields, &travel.start));
+                let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
+                let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
+                Moved {
+                    id: travel.id.into(),
+                    msd: moved + radius * radius * square(&travel.angle),
+                    kinetic_energy: 0.5
+                        * grains.mass[g]
+                        * (velocity + D::INERTIA * radius * radius * spin),
+                }
+            })
+            .collect();
+        let all = gathered(exchange, &own, |moved| moved.id);
+        Moved {
+            id: 0,
+            msd: all.iter().map(|m| m.msd).sum::<f64>() / all.len() as f64,
+            kinetic_energy: all.iter().map(|m| m.kinetic_energy).sum(),
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Compression of a sample between smooth planes until it is at rest.
+
+use gshear_dem::clock::Phase;
+use gshear_dem::dimension::Dimension;
+use gshear_dem::domain::Accumulator;
+use gshear_dem::drive::{Piston, Planes};
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::observe::{self, Frame};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::System;
+use gshear_scene::Scene;
+use gshear_scene::sample::freeze_walls;
+use gshear_scene::schedule::inertial_time;
+
+use super::walls::{self, DRAG_RESTING};
+use super::{Save, Stage};
+use crate::header::Header;
+use crate::run::{Checkpoint, Run, State};
+
+/// Steps between two looks at whether the sample is at rest.
+const LOOK: u64 = 1000;
+/// Steps between checkpoints.
+const PACK_CHECKPOINT: u64 = 500_000;
+
+/// The sample between its planes.
+pub(super) struct Pack<'a, D: Dimension> {
+    scene: &'a Scene,
+    law: Box<dyn PairForce<D>>,
+    system: System<D>,
+    drive: Planes<D>,
+    step: u64,
+    /// P d̄ δ̄, and what measures energies.
+    unit: f64,
+    energy: Frame,
+    at_rest: bool,
+}
+
+impl<'a, D: Dimension> Pack<'a, D> {
+    /// The sample after `step` steps; `plane` is the law of the planes.
+    pub fn new(
+        run: &Run<'_>,
+        scene: &'a Scene,
+        [law, plane]: [Box<dyn PairForce<D>>; 2],
+        (step, piston, drag): (u64, Piston, f64),
+        state: State,
+    ) -> Result<Self, Failure> {
+        let mut system = walls::system(run, scene)?;
+        system.steps = step;
+        let mut drive = Planes::new(plane, piston, drag);
+        system.replace(
+            run.exchange,
+            law.as_ref(),
+            &mut drive,
+            state.grains,
+            state.contacts,
+        )?;
+        let mean_force = scene.load.pressure * scene.sample.mean_section();
+        let unit = mean_force * scene.mean_overlap();
+        Ok(Self {
+            energy: Frame::measure(run.exchange, &mut system, 0.0, unit),
+            scene,
+            law,
+            system,
+            drive,
+            step,
+            unit,
+            at_rest: false,
+        })
+    }
+
+    /// Freezes the walls out of the sample at rest. Returns the top, and the state for the shear.
+    pub fn finish(mut self, run: &Run<'_>) -> (Piston, State) {
+        let sample = &self.scene.sample;
+        let contacts = self.system.contact_states(self.law.as_ref());
+        let mut grains = self.system.grain_states();
+        let planes = [0.0, self.drive.piston.height];
+        freeze_walls(&mut grains, D::UP, planes, sample.mean_diameter);
+        let piston = Piston {
+            velocity: 0.0,
+            acceleration: 0.0,
+            mass: walls::mass_of_top(run, self.scene, &grains),
+            ..self.drive.piston
+        };
+        run.terminal
+            .packed(self.step, walls::height_between(self.scene, &piston));
+        let state = State {
+            grains,
+            contacts,
+            ..State::default()
+        };
+        (piston, state)
+    }
+}
+
+impl<D: Dimension> Stage for Pack<'_, D> {
+    fn name(&self) -> &'static str {
+        "packing"
+    }
+
+    fn steps(&self) -> u64 {
+        self.step
+    }
+
+    fn count(&self) -> Option<u64> {
+        None
+    }
+
+    fn is_done(&self) -> bool {
+        self.at_rest
+    }
+
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        let law = self.law.as_ref();
+        initial_forces(run.exchange, &mut self.system, law, &mut self.drive, None)
+    }
+
+    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
+        let request = StepRequest {
+            samples: None,
+            stop: stop || run.asked_to_stop(),
+        };
+        let law = self.law.as_ref();
+        let stop = advance(
+            run.exchange,
+            &mut self.system,
+            law,
+            &mut self.drive,
+            request,
+        )?;
+        self.step += 1;
+        Ok(stop)
+    }
+
+    /// Every so many steps: more load when the bottom feels it, and whether the sample is at rest.
+    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        if self.step == 0 || !self.step.is_multiple_of(LOOK) {
+            return Ok(());
+        }
+        let (scene, exchange) = (self.scene, run.exchange);
+        let (load, tolerance) = (&scene.load, scene.pack.tolerance);
+        let grains = f64::from(scene.sample.grains);
+        let kinetic = observe::kinetic_energy(exchange, &mut self.system, &self.energy.energy);
+        let mut carried = Accumulator::default();
+        self.drive.load_on(false, &self.system.fixed, &mut carried);
+        let [carried] = self.system.fixed.total(exchange, [carried]);
+        let pressing = self.drive.piston.load;
+        let carried = carried / pressing;
+        let per_grain = kinetic / (self.unit * grains);
+        run.terminal
+            .packing(self.step, &self.drive.piston, per_grain);
+        // The bottom feels the load only when the sample is compressed all through.
+        if carried > 0.5 {
+            self.drive.piston.load = (2.0 * pressing).min(load.normal_force);
+            // In inertial times of the load as it is.
+            let part = self.drive.piston.load / load.normal_force;
+            self.drive.drag = DRAG_RESTING / inertial_time(scene) * part.sqrt();
+        }
+        let loaded = pressing == load.normal_force;
+        // The energy of a wave goes with the square of its pressure.
+        let balance = tolerance.sqrt().max(1e-3);
+        let energy_at_rest = tolerance * self.unit * grains;
+        if loaded && kinetic < energy_at_rest && (carried - 1.0).abs() < balance {
+            self.at_rest = true;
+        } else if self.step >= scene.pack.max_steps {
+            return Err(Failure::numbers(format!(
+                "not at rest after pack.max_steps = {} steps: the kinetic energy per grain is {per_grain:.1e} P d δ, \
+                 pack.tolerance is {tolerance:.1e}; allow more steps or a greater tolerance",
+                self.step,
+            )));
+        }
+        self.system.clock.end(Phase::Output);
+        Ok(())
+    }
+
+    fn save_due(&self) -> Save {
+        match !self.at_rest && self.step.is_multiple_of(PACK_CHECKPOINT) {
+            true => Save::Now,
+            false => Save::No,
+        }
+    }
+
+    fn checkpoint(&mut self, _: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+        Ok(Checkpoint {
+            header: Header::Pack {
+                step: self.step,
+                piston: self.drive.piston,
+                drag: self.drive.drag,
+                packing: walls::packing_file(self.scene),
+            },
+            state: State {
+                grains: self.system.grain_states(),
+                contacts: self.system.own_contact_states(self.law.as_ref()),
+                ..State::default()
+            },
+            keep: false,
+        })
+    }
+}

@@ -1,0 +1,162 @@
+//! A periodic sheared box (BO section III): prepared without friction, strained step by step to
+//! mechanical equilibrium, then moved by Newton's equations.
+
+use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::drive::NoWalls;
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::laws::{Contact, LawSpace};
+use gshear_dem::state::{Cell, ContactState, GrainState};
+use gshear_dem::system::{Setup, System};
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::{Dimensions, PeriodicScene};
+
+use super::newtonian::{Newtonian, Resumed};
+use super::prepare;
+use super::strain::Strain;
+use super::walls::force;
+use crate::header::Header;
+use crate::launch::Start;
+use crate::run::{Outcome, Run, State};
+
+/// Runs the scene from `start` to its last step; collective.
+pub fn run(run: &mut Run<'_>, scene: &PeriodicScene, start: Start) -> Result<Outcome, Failure> {
+    run.terminal.periodic_header(run.exchange, scene, run.level);
+    match scene.dimension {
+        Dimensions::Two => stages::<Two>(run, scene, start),
+        Dimensions::Three => stages::<Three>(run, scene, start),
+    }
+}
+
+fn stages<D: LawSpace>(
+    run: &mut Run<'_>,
+    scene: &PeriodicScene,
+    start: Start,
+) -> Result<Outcome, Failure> {
+    let law = force::<D>(&scene.law, scene.contact);
+    let law = law.as_ref();
+    let (header, state) = match start {
+        Start::Checkpoint(snapshot) => {
+            let header = Header::read(&snapshot)?;
+            (Some(header), State::restore(run.exchange, snapshot))
+        }
+        _ => {
+            let smooth = Contact {
+                friction: 0.0,
+                rolling_friction: 0.0,
+                ..scene.contact
+            };
+            let smooth = force::<D>(&scene.law, smooth);
+            (None, prepare::prepare(run, scene, smooth.as_ref())?)
+        }
+    };
+    let (progress, written) = match &header {
+        None => (Default::default(), None),
+        Some(Header::Aqs { progress, written }) => (*progress, Some(*written)),
+        Some(Header::Newtonian { progress, .. }) => (*progress, None),
+        Some(Header::Pack { .. } | Header::Shear { .. }) => {
+            return Err(Failure::input("the checkpoint is not of a periodic box"));
+        }
+    };
+    let travels = state.travels.clone();
+    let mut system = system::<D>(run, scene, scene.sheared_cell(progress.offset))?;
+    // With the forces of the state: to compute them anew is not what a run without a stop does.
+    let cell = system.cell;
+    Snapshot { cell, state }.put_back(run.exchange, &mut system, law)?;
+
+    let mut resumed = None;
+    let (mut system, progress) = if let Some(Header::Newtonian {
+        step,
+        written,
+        lines,
+        ..
+    }) = header
+    {
+        resumed = Some(Resumed {
+            step,
+            written,
+            lines,
+            travels: travels.unwrap_or_default(),
+        });
+        (system, progress)
+    } else {
+        let begins = written.is_none();
+        let mut strain = Strain::new(run, scene, law, system, progress, written)?;
+        let outcome = run.drive(&mut strain, begins)?;
+        let (system, progress) = strain.finish(run, outcome == Outcome::Done)?;
+        if outcome == Outcome::Stopped {
+            return Ok(outcome);
+        }
+        (system, progress)
+    };
+    let Some(newtonian) = &scene.newtonian else {
+        return Ok(Outcome::Done);
+    };
+    let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
+    system.clock = Default::default();
+    let mut stage = Newtonian::new(run, scene, newtonian, law, system, progress, resumed)?;
+    let outcome = run.drive(&mut stage, begins)?;
+    if outcome == Outcome::Done {
+        stage.finish(run)?;
+    }
+    Ok(outcome)
+}
+
+/// The system of the scene in a cell, without its grains.
+pub(super) fn system<D: Dimension>(
+    run: &Run<'_>,
+    scene: &PeriodicScene,
+    cell: Cell,
+) -> Result<System<D>, Failure> {
+    let sample = &scene.sample;
+    let radius = 0.5 * sample.mean_diameter;
+    let overlap = 0.01 * sample.mean_diameter;
+    let setup = Setup {
+        level: run.level,
+        list: scene.bookkeeping.list,
+        cell,
+        largest_radius: sample.radius_max,
+        mean_diameter: sample.mean_diameter,
+        masses: scene.law.masses(),
+        step: scene.time_step.step,
+        gravity: 0.0,
+        typical_force: scene.law.normal_stiffness(radius, radius, overlap) * overlap,
+        threads: run.options.threads,
+    };
+    System::new(run.exchange, setup)
+}
+
+/// The state at rest, this rank's part of it, to go back to.
+#[derive(Debug, Clone)]
+pub(super) struct Snapshot {
+    cell: Cell,
+    state: State,
+}
+
+impl Snapshot {
+    pub fn of<D: Dimension>(system: &mut System<D>, law: &dyn PairForce<D>) -> Self {
+        let (grains, contacts): (Vec<GrainState>, Vec<ContactState>) =
+            (system.grain_states(), system.contact_states(law));
+        Self {
+            cell: system.cell,
+            state: State {
+                grains,
+                contacts,
+                ..State::default()
+            },
+        }
+    }
+
+    pub fn put_back<D: Dimension>(
+        self,
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+        law: &dyn PairForce<D>,
+    ) -> Result<(), Failure> {
+        system.cell = self.cell;
+        let State {
+            grains, contacts, ..
+        } = self.state;
+        system.replace(exchange, law, &mut NoWalls, grains, contacts)
+    }
+}

@@ -1,0 +1,245 @@
+//! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
+
+use super::periodic::Snapshot;
+use super::spectrum::{Whole, newton_step};
+use gshear_analysis::spectrum::Solver;
+use gshear_dem::dimension::Dimension;
+use gshear_dem::drive::{NoWalls, Overdamped};
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::state::{Cell, body};
+use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
+use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::{Method, PeriodicScene, Relax};
+
+/// Factorisations of Newton's method, of which one or two are enough where the way is smooth.
+const MOST_FACTORISATIONS: u64 = 12;
+/// Factors serve as long as a step leaves less than this of the residual.
+const SERVING: f64 = 0.1;
+/// A step of it may move no grain further, over d̄: beyond, the way is not smooth.
+pub(super) const LONGEST: f64 = 0.02;
+/// Overdamped dynamics is looked at every so many steps.
+const LOOK: u64 = 100;
+
+/// How an equilibrium was found.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Equilibrium {
+    /// Factorisations of K.
+    pub factorisations: u64,
+    /// Steps of overdamped dynamics.
+    pub steps: u64,
+    /// Newton's method was tried and did not do.
+    pub fell_back: bool,
+}
+
+/// dr and dθ of a grain; zeros for what two dimensions lack.
+pub(super) type Move = [[f64; 3]; 2];
+
+/// Brings packings of a box to mechanical equilibrium.
+pub(super) struct Relaxation {
+    relax: Relax,
+    mean_diameter: f64,
+    /// Keeps the ordering of K's pattern from one factorisation to the next.
+    solver: Solver,
+}
+
+impl Relaxation {
+    pub fn new(scene: &PeriodicScene) -> Self {
+        Self {
+            relax: scene.relax,
+            mean_diameter: scene.sample.mean_diameter,
+            solver: Solver::default(),
+        }
+    }
+
+    /// Brings the system, whose forces are those of its positions, to rest.
+    pub fn relax<D: Dimension>(
+        &mut self,
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+        law: &dyn PairForce<D>,
+    ) -> Result<Equilibrium, Failure> {
+        let mut found = Equilibrium::default();
+        if self.relax.method == Method::Newton {
+            let before = Snapshot::of(system, law);
+            if self.newton(exchange, system, law, &mut found.factorisations)? {
+                return Ok(found);
+            }
+            before.put_back(exchange, system, law)?;
+            found.fell_back = true;
+        }
+        found.steps = overdamped(&self.relax, exchange, system, law)?;
+        Ok(found)
+    }
+
+    /// Newton's method on the forces as the histories follow the displacements: each step is one step of the dynamics. K is factorised
+    /// anew only where the last factors do not serve any more. Returns whether it has come to rest, and no contact has opened and closed again
+    /// on the way, which would have forgotten.
+    fn newton<D: Dimension>(
+        &mut self,
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+        law: &dyn PairForce<D>,
+        factorisations: &mut u64,
+    ) -> Result<bool, Failure> {
+        let tolerance = self.relax.tolerance;
+        let before = Whole::gather(exchange, system, law);
+        let longest = LONGEST * self.mean_diameter;
+        let mut opened = Vec::new();
+        let mut left = residual(exchange, system, 0.0);
+        while left > tolerance {
+            if *factorisations == MOST_FACTORISATIONS {
+                return Ok(false);
+            }
+            *factorisations += 1;
+            let whole = Whole::gather(exchange, system, law);
+            let tangent = whole.tangent(exchange, system, law);
+            let factors = tangent.as_ref().and_then(|t| t.factor(&mut self.solver));
+            loop {
+                system.list.widen(2.5 * longest);
+                system.rebuild(exchange, law, &mut NoWalls)?;
+                let tangent = tangent.as_ref().zip(factors.as_ref());
+                let Some(moves) = newton_step(exchange, system, tangent) else {
+                    return Ok(false);
+                };
+                let furthest = moves
+                    .iter()
+                    .map(|[way, _]| way.iter().map(|x| x * x).sum::<f64>());
+                let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
+                let smooth = furthest < longest;
+                if !smooth || !displace(exchange, system, law, &moves, 0.0)? {
+                    return Ok(false);
+                }
+                let now = residual(exchange, system, 0.0);
+                opened.extend(Whole::gather(exchange, system, law).opened_since(&before));
+                // NaN is no progress.
+                let falls = now < left;
+                if !falls {
+                    return Ok(false);
+                }
+                let serves = now < SERVING * left;
+                left = now;
+                if left <= tolerance || !serves {
+                    break;
+                }
+            }
+        }
+        let after = Whole::gather(exchange, system, law);
+        Ok(!opened.into_iter().any(|pair| after.has(pair)))
+    }
+}
+
+/// BO's overdamped dynamics, until no force is greater than the tolerance. Returns its steps.
+pub(super) fn overdamped<D: Dimension>(
+    relax: &Relax,
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+) -> Result<u64, Failure> {
+    let mut drive = Overdamped { drag: relax.drag };
+    system.rebuild(exchange, law, &mut drive)?;
+    initial_forces(exchange, system, law, &mut drive, None)?;
+    let mut steps = 0;
+    let mut left = residual(exchange, system, relax.drag);
+    while left > relax.tolerance {
+        if steps >= relax.max_steps {
+            return Err(Failure::numbers(format!(
+                "not at rest after relax.max_steps = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
+                 relax.tolerance is {:.2e}",
+                relax.tolerance
+            )));
+        }
+        for _ in 0..LOOK {
+            advance(exchange, system, law, &mut drive, StepRequest::default())?;
+        }
+        steps += LOOK;
+        left = residual(exchange, system, relax.drag);
+        if left.is_nan() {
+            return Err(Failure::numbers("a force is no number"));
+        }
+    }
+    stop(system);
+    system.rebuild(exchange, law, &mut NoWalls)?;
+    initial_forces(exchange, system, law, &mut NoWalls, None)?;
+    Ok(steps)
+}
+
+/// The greatest |F|, and |T|/R, on a grain: of the contacts, and of the drag (1/time) that is among the forces. Collective.
+pub(super) fn residual<D: Dimension>(
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    drag: f64,
+) -> f64 {
+    let grains = system.grains();
+    let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let mut greatest = 0.0f64;
+    for g in (0..grains.owned).filter(|&g| grains.body[g] == body::FREE) {
+        let (force, fields) = (&grains.force[g][..], grains.fields(g));
+        let mut contacts = [0.0; 3];
+        let mut slowing = [0.0; 3];
+        for axis in 0..D::AXES {
+            slowing[axis] = drag * grains.mass[g] * fields[D::VELOCITY + axis];
+            contacts[axis] = force[axis] + slowing[axis];
+        }
+        let torque = length(&force[D::TORQUE..D::TORQUE + D::SPINS]) / grains.radius[g];
+        for x in [length(&contacts), length(&slowing), torque] {
+            greatest = if x > greatest || x.is_nan() {
+                x
+            } else {
+                greatest
+            };
+        }
+    }
+    exchange.maximum(greatest)
+}
+
+/// Takes all velocities away.
+pub(super) fn stop<D: Dimension>(system: &mut System<D>) {
+    for g in 0..system.owned() {
+        system.grains_mut().fields_mut(g)[D::VELOCITY..D::SPIN + D::SPINS].fill(0.0);
+    }
+}
+
+/// Moves the own grains, and the images above by `shear` along x, in one step after which all are at rest again: contacts remember
+/// what they remember of a step of the dynamics. The list must be new, and wide enough. Returns whether the law holds there.
+pub(super) fn displace<D: Dimension>(
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+    moves: &[Move],
+    shear: f64,
+) -> Result<bool, Failure> {
+    let (axes, spins) = (D::AXES, D::SPINS);
+    let step = system.step;
+    if let Some(sheared) = &mut system.cell.sheared {
+        sheared.velocity = shear / step;
+    }
+    system.cell.shear(shear);
+    let cell = system.cell;
+    for (g, [way, turn]) in moves.iter().enumerate() {
+        let fields = system.grains_mut().fields_mut(g);
+        for axis in 0..axes {
+            fields[D::HALF_VELOCITY + axis] = way[axis] / step;
+            let x = fields[axis] + way[axis];
+            fields[axis] = match cell.periods.get(axis) {
+                Some(&period) if axis < D::UP && !(0.0..period).contains(&x) => {
+                    Cell::wrapped(x, period)
+                }
+                _ => x,
+            };
+        }
+        for k in 0..spins {
+            fields[D::HALF_SPIN + k] = turn[3 - spins + k] / step;
+        }
+        cell.wrap_up::<D>(fields);
+    }
+    let outside = forces(exchange, system, law, &mut NoWalls, step, None);
+    stop(system);
+    if let Some(sheared) = &mut system.cell.sheared {
+        sheared.velocity = 0.0;
+    }
+    // At rest, without the dampers.
+    let outside = outside.or(forces(exchange, system, law, &mut NoWalls, 0.0, None));
+    Ok(exchange.maximum(f64::from(u8::from(outside.is_some()))) == 0.0)
+}

@@ -1,0 +1,351 @@
+//! Shear of the sample between walls frozen out of it.
+
+use std::time::Instant;
+
+use gshear_dem::budget::{EnergyBudget, SavedBudget};
+use gshear_dem::clock::Phase;
+use gshear_dem::dimension::Dimension;
+use gshear_dem::drive::{GrainWalls, Piston, Slider, SliderState};
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::observe::{self, Frame};
+use gshear_dem::state::{SeriesRow, body};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::System;
+use gshear_scene::Scene;
+use gshear_scene::schedule::Schedule;
+use gshear_store::h5::Attribute;
+
+use super::walls;
+use super::{Save, Stage};
+use crate::files::{Files, Format, RUN_FILE, Written};
+use crate::frame_scalars::Analysis;
+use crate::header::Header;
+use crate::run::{Checkpoint, Run, State};
+
+/// The sheared sample, and what is written of it.
+pub(super) struct Shear<'a, D: Dimension> {
+    scene: &'a Scene,
+    law: Box<dyn PairForce<D>>,
+    schedule: Schedule,
+    system: System<D>,
+    walls: GrainWalls,
+    /// What the time series needs to know of the whole sample.
+    frame: Frame,
+    files: Files,
+    analysis: Option<Analysis>,
+    samples: ContactForces,
+    step: u64,
+    first: u64,
+    started: Instant,
+}
+
+/// What a shear begins with, or resumes.
+pub(super) struct From {
+    /// Steps done.
+    pub step: u64,
+    /// H (m).
+    pub height: f64,
+    pub piston: Piston,
+    /// `None` before the first step.
+    pub slider: Option<SliderState>,
+    pub written: Option<Written>,
+    pub energy_budget: Option<SavedBudget>,
+}
+
+impl<'a, D: Dimension> Shear<'a, D> {
+    /// The sample, and its files opened.
+    pub fn new(
+        run: &mut Run<'_>,
+        scene: &'a Scene,
+        law: Box<dyn PairForce<D>>,
+        from: From,
+        mut state: State,
+    ) -> Result<Self, Failure> {
+        let exchange = run.exchange;
+        let mut schedule = Schedule::new(scene, from.height);
+        if let Some(window) = run.options.replay {
+            schedule = schedule.of_window(window);
+        }
+        let mut system = walls::system(run, scene)?;
+        system.steps = from.step;
+        let spring = scene.shear.spring.map(|spring| spring.stiffness);
+        let mut walls = GrainWalls {
+            piston: from.piston,
+            slider: Slider::new(schedule.protocol.clone(), spring),
+            along: spring.is_some() || scene.output.energy,
+            top: Vec::new(),
+        };
+        if let Some(slider) = from.slider {
+            walls.slider.state = slider;
+        }
+        if from.step == 0 {
+            for g in state.grains.iter_mut().filter(|g| g.body == body::TOP) {
+                g.velocity = [walls.slider.state.velocity, 0.0, 0.0];
+            }
+        }
+        system.replace(
+            exchange,
+            law.as_ref(),
+            &mut walls,
+            state.grains,
+            state.contacts,
+        )?;
+        let thickness = scene.sample.mean_diameter;
+        let energy = scene.load.pressure * scene.sample.mean_section() * scene.mean_overlap();
+        let frame = Frame::measure(exchange, &mut system, 2.0 * thickness, energy);
+        if scene.output.energy {
+            let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
+            if let Some(saved) = &from.energy_budget {
+                budget.resume(saved, exchange.rank());
+            }
+            system.budget = Some(budget);
+        }
+        run.terminal.shearing(scene, &schedule, from.step);
+        let written = from.written.filter(|_| run.options.replay.is_none());
+        let format = Format {
+            name: RUN_FILE,
+            columns: &SeriesRow::COLUMNS,
+            walls: true,
+            height: schedule.height,
+            attributes: attributes(scene, &schedule),
+            log: true,
+            scalars: scene.analysis.scalars,
+        };
+        let files = Files::open(run, &mut system, &format, written)?;
+        // Scalars of new files begin with a frame that has none before it.
+        let before = state.analysed.filter(|_| files.resumed());
+        let analysis = match scene.analysis.scalars {
+            true => Some(Analysis::new(exchange, &mut system, before)),
+            false => None,
+        };
+        Ok(Self {
+            scene,
+            law,
+            schedule,
+            system,
+            walls,
+            frame,
+            files,
+            analysis,
+            samples: ContactForces::default(),
+            step: from.step,
+            first: from.step,
+            started: Instant::now(),
+        })
+    }
+
+    /// Closes the files; with `complete` they say that the run is done.
+    pub fn finish(mut self, run: &Run<'_>, complete: bool) -> Result<(), Failure> {
+        let exchange = run.exchange;
+        let seconds = exchange.maximum(self.started.elapsed().as_secs_f64());
+        let done = f64::from(self.scene.sample.grains) * (self.step - self.first) as f64;
+        let rate = done / seconds / exchange.size() as f64;
+        let walls = self.walls.state();
+        let digest = observe::digest(
+            exchange,
+            &mut self.system,
+            self.law.as_ref(),
+            bytemuck::cast_slice(&walls),
+            self.step,
+        );
+        let attributes = [
+            ("digest", Attribute::Text(digest.clone())),
+            ("speed", Attribute::Number(rate)),
+            (
+                "rank_map",
+                Attribute::Numbers(self.system.slabs.cuts.clone()),
+            ),
+        ];
+        let known = if complete { &attributes[..] } else { &[] };
+        self.files.finish(exchange, known)?;
+        let phases = self.system.clock.table(exchange);
+        run.terminal.end(
+            exchange,
+            &mut self.system,
+            &phases,
+            rate,
+            &digest,
+            &run.options.out,
+        );
+        Ok(())
+    }
+
+    /// Where something is due after the step `next`: rows, frames, frames to be analysed.
+    fn due(&self, next: u64) -> [bool; 3] {
+        [
+            self.schedule.series_due(next),
+            self.schedule.frame_due(next),
+            self.schedule.analysis_due(next),
+        ]
+    }
+
+    fn header(&self, run: &Run<'_>, written: Written) -> Header {
+        Header::Shear {
+            step: self.step,
+            piston: self.walls.piston,
+            slider: (self.step > 0).then_some(self.walls.slider.state),
+            height: self.schedule.height,
+            written,
+            energy_budget: self.system.budget.as_ref().map(|b| b.save(run.exchange)),
+            packing: walls::packing_file(self.scene),
+        }
+    }
+
+    fn state(&mut self) -> State {
+        State {
+            grains: self.system.grain_states(),
+            contacts: self.system.own_contact_states(self.law.as_ref()),
+            analysed: self.analysis.as_ref().and_then(Analysis::last).cloned(),
+            travels: None,
+        }
+    }
+}
+
+impl<D: Dimension> Stage for Shear<'_, D> {
+    fn name(&self) -> &'static str {
+        "shear"
+    }
+
+    fn steps(&self) -> u64 {
+        self.step
+    }
+
+    fn count(&self) -> Option<u64> {
+        Some(self.step + 1)
+    }
+
+    fn is_done(&self) -> bool {
+        self.step >= self.schedule.total
+    }
+
+    /// The state before the first step is looked at as well.
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        if self.scene.output.keep_checkpoints && run.options.replay.is_none() {
+            // The packed sample: a window before the first checkpoint is replayed from it.
+            run.save_as(Checkpoint {
+                header: self.header(run, Written::default()),
+                state: self.state(),
+                keep: true,
+            })?;
+        }
+        let samples = Some(&mut self.samples);
+        let law = self.law.as_ref();
+        initial_forces(
+            run.exchange,
+            &mut self.system,
+            law,
+            &mut self.walls,
+            samples,
+        )
+    }
+
+    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
+        let sampled = self.due(self.step + 1).contains(&true);
+        let request = StepRequest {
+            samples: sampled.then_some(&mut self.samples),
+            stop: stop || run.asked_to_stop(),
+        };
+        let law = self.law.as_ref();
+        let stop = advance(
+            run.exchange,
+            &mut self.system,
+            law,
+            &mut self.walls,
+            request,
+        )?;
+        self.step += 1;
+        Ok(stop)
+    }
+
+    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        let (exchange, step) = (run.exchange, self.step);
+        let [series, frames, analysed] = self.due(step);
+        let time = self.schedule.time(step);
+        if series {
+            let row = observe::series(
+                exchange,
+                self.law.as_ref(),
+                &mut self.system,
+                &self.samples,
+                &self.walls,
+                &self.frame,
+                self.schedule.height,
+            );
+            self.files.series(exchange, step, time, &row)?;
+            self.files.log(step, time, &row);
+            run.terminal.latest(&row);
+        }
+        if frames || analysed {
+            let (grains, contacts) =
+                observe::frame(&mut self.system, self.law.as_ref(), &self.samples);
+            if frames {
+                self.files
+                    .frame(exchange, step, time, (&grains, &contacts))?;
+            }
+            if let (Some(analysis), true) = (&mut self.analysis, analysed) {
+                let rows = analysis.frame(exchange, step, &grains, &contacts);
+                self.files.scalars(exchange, &rows)?;
+            }
+        }
+        self.system.clock.end(Phase::Output);
+        Ok(())
+    }
+
+    fn save_due(&self) -> Save {
+        let ends = self.is_done() && self.schedule.window().is_none();
+        match self.schedule.checkpoint_due(self.step) || ends {
+            true => Save::Now,
+            false => Save::No,
+        }
+    }
+
+    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+        if let Some(analysis) = &mut self.analysis {
+            let rows = analysis.flush(run.exchange);
+            self.files.scalars(run.exchange, &rows)?;
+        }
+        let written = self.files.flush(run.exchange)?;
+        Ok(Checkpoint {
+            header: self.header(run, written),
+            state: self.state(),
+            keep: self.scene.output.keep_checkpoints,
+        })
+    }
+
+    fn progress(&mut self, run: &mut Run<'_>) {
+        self.system.clock.end(Phase::Output);
+        if self.schedule.progress_due(self.step) {
+            let grains = self.scene.sample.grains;
+            let elapsed = self.started.elapsed();
+            run.terminal
+                .progress(&self.schedule, grains, self.first, self.step, elapsed);
+        }
+    }
+}
+
+/// Attributes of the file. What is one number for a run at one speed is that of the first part of a
+/// protocol.
+fn attributes(scene: &Scene, schedule: &Schedule) -> Vec<(&'static str, Attribute)> {
+    let velocity = schedule.protocol.velocity(0);
+    let frames = schedule.intervals[0].frames;
+    let frame_strain = velocity * (frames as f64 * schedule.step) / schedule.height;
+    let number = Attribute::Number;
+    let mut attributes = vec![
+        ("frame_strain", number(frame_strain)),
+        ("steps_per_frame", Attribute::Count(frames)),
+        (
+            "inertial_number",
+            number(schedule.inertial_number(scene, velocity)),
+        ),
+        ("stiffness_number", number(scene.load.stiffness_number)),
+        ("wall_speed", number(velocity)),
+        ("normal_force", number(scene.load.normal_force)),
+        ("pressure", number(scene.load.pressure)),
+        ("height_start", number(schedule.height)),
+    ];
+    if let Some(spring) = scene.shear.spring {
+        attributes.push(("spring_stiffness", number(spring.stiffness)));
+    }
+    attributes
+}

@@ -1,0 +1,60 @@
+//! `spectra.csv`: eigenvalues in time.
+
+use std::path::Path;
+
+use gshear_dem::failure::Failure;
+use gshear_mpi_exchange::Parallel;
+use gshear_store::collective::agree;
+use gshear_store::table::{Cell, TableFile};
+
+use super::spectrum::Eigenvalues;
+
+const COLUMNS: [&str; 4] = ["time", "real", "imaginary", "verdict"];
+
+/// The file, which rank 0 writes. Every call is collective.
+pub(super) struct SpectraFile {
+    file: Option<TableFile>,
+    rows: u64,
+}
+
+impl SpectraFile {
+    /// A new file, or the one that is there with its first `rows` rows.
+    pub fn open(exchange: &dyn Parallel, path: &Path, rows: Option<u64>) -> Result<Self, Failure> {
+        let opened = match (exchange.rank(), rows) {
+            (0, None) => TableFile::create(path, &COLUMNS).map(Some),
+            (0, Some(rows)) => TableFile::open_to_append(path, &COLUMNS, rows).map(Some),
+            _ => Ok(None),
+        };
+        Ok(Self {
+            file: agree(exchange, opened)?,
+            rows: rows.unwrap_or(0),
+        })
+    }
+
+    /// Appends all eigenvalues at a time.
+    pub fn write(
+        &mut self,
+        exchange: &dyn Parallel,
+        time: f64,
+        eigenvalues: &Eigenvalues,
+    ) -> Result<(), Failure> {
+        self.rows += eigenvalues.all().count() as u64;
+        let wrote = match &mut self.file {
+            None => Ok(()),
+            Some(file) => eigenvalues.all().try_for_each(|(value, verdict)| {
+                let cells: [&dyn Cell; 4] = [&time, &value.re, &value.im, &verdict.name()];
+                file.row(cells.map(|cell| cell.text().into_owned()))
+            }),
+        };
+        agree(exchange, wrote)
+    }
+
+    /// Brings all rows to the file. Returns their number.
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<u64, Failure> {
+        agree(
+            exchange,
+            self.file.as_mut().map_or(Ok(()), TableFile::flush),
+        )?;
+        Ok(self.rows)
+    }
+}

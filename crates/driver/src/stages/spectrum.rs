@@ -1,0 +1,201 @@
+//! The whole packing on one rank: K of it, Newton's step by it, and its eigenvalues.
+
+use bytemuck::allocation::pod_collect_to_vec;
+use bytemuck::cast_slice;
+use faer::c64;
+
+use super::relax::Move;
+use crate::header::Pair;
+use gshear_analysis::jacobian::{self, History, Jacobian};
+use gshear_analysis::spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
+use gshear_dem::dimension::Dimension;
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::state::{ContactState, GrainState};
+use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_store::collective::{agree, gathered};
+
+/// All grains by id, and all touching contacts by (i, j).
+pub(super) struct Whole {
+    pub grains: Vec<GrainState>,
+    pub contacts: Vec<ContactState>,
+}
+
+impl Whole {
+    /// Collective; on every rank.
+    pub fn gather<D: Dimension>(
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+        law: &dyn PairForce<D>,
+    ) -> Self {
+        let contacts = system.own_contact_states(law);
+        Self {
+            grains: gathered(exchange, &system.grain_states(), |g| g.id),
+            contacts: gathered(exchange, &contacts, |c| (c.i, c.j)),
+        }
+    }
+
+    /// The contacts of `other` that have opened.
+    pub fn opened_since(&self, other: &Self) -> Vec<(u32, u32)> {
+        let pairs = other.contacts.iter().map(|c| (c.i, c.j));
+        pairs.filter(|&pair| !self.has(pair)).collect()
+    }
+
+    pub fn has(&self, pair: (u32, u32)) -> bool {
+        let found = self.contacts.binary_search_by_key(&pair, |c| (c.i, c.j));
+        found.is_ok()
+    }
+}
+
+impl Whole {
+    fn jacobian<D: Dimension>(&self, system: &mut System<D>, law: &dyn PairForce<D>) -> Jacobian {
+        let state = jacobian::State {
+            grains: &self.grains,
+            contacts: &self.contacts,
+            cell: system.cell,
+            masses: system.masses,
+        };
+        jacobian::assemble::<D>(state, law, History::Turned)
+    }
+
+    /// K, on rank 0; `None` on the others, and where it is no matrix of finite numbers.
+    pub fn tangent<D: Dimension>(
+        &self,
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+        law: &dyn PairForce<D>,
+    ) -> Option<Tangent> {
+        if exchange.rank() != 0 {
+            return None;
+        }
+        let jacobian = self.jacobian(system, law);
+        let problem = jacobian.problem().ok()?;
+        Some(Tangent { jacobian, problem })
+    }
+
+    /// All eigenvalues of K v = λ M v; on every rank. Rank 0 finds them; collective.
+    ///
+    /// # Errors
+    /// K is no matrix of finite numbers.
+    pub fn eigenvalues<D: Dimension>(
+        &self,
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+        law: &dyn PairForce<D>,
+    ) -> Result<Eigenvalues, Failure> {
+        let found = match exchange.rank() {
+            0 => self.spectrum(system, law),
+            _ => Ok(Vec::new()),
+        };
+        let found = agree(exchange, found)?;
+        let bytes = exchange.broadcast(cast_slice(&found).to_vec());
+        let read = |[re, im, verdict]: [f64; 3]| (c64::new(re, im), Verdict::ALL[verdict as usize]);
+        let all = pod_collect_to_vec::<u8, [f64; 3]>(&bytes);
+        Ok(Eigenvalues {
+            all: all.into_iter().map(read).collect(),
+        })
+    }
+
+    /// Real and imaginary part, and the place of the verdict among all.
+    fn spectrum<D: Dimension>(
+        &self,
+        system: &mut System<D>,
+        law: &dyn PairForce<D>,
+    ) -> Result<Vec<[f64; 3]>, Failure> {
+        let jacobian = self.jacobian(system, law);
+        let unfit = |why| Failure::numbers(format!("the stiffness matrix: {why}"));
+        let problem = jacobian.problem().map_err(unfit)?;
+        let row = |value: c64| {
+            let verdict = Verdict::of_value(value, problem.norm());
+            let place = Verdict::ALL.iter().position(|known| *known == verdict);
+            [value.re, value.im, place.unwrap_or(0) as f64]
+        };
+        Ok(Spectrum::values(&problem).into_iter().map(row).collect())
+    }
+}
+
+/// K of a packing, for Newton's method.
+pub(super) struct Tangent {
+    jacobian: Jacobian,
+    problem: Problem,
+}
+
+impl Tangent {
+    /// `None` where a pivot vanishes.
+    pub fn factor<'a>(&'a self, solver: &'a mut Solver) -> Option<Factors<'a>> {
+        solver.factor(&self.problem).ok()
+    }
+
+    /// dq of K dq = F, without zero modes, of all grains by id.
+    fn solve(&self, factors: &Factors<'_>, grains: &[GrainState]) -> Vec<Move> {
+        let force = self.jacobian.unknowns_of(|id| {
+            let g = &grains[id as usize];
+            [g.force, g.torque]
+        });
+        let moved = factors.solve(&force).x;
+        let mut moves = vec![[[0.0; 3]; 2]; grains.len()];
+        for (id, by) in self.jacobian.by_grain(&moved) {
+            moves[id as usize] = by;
+        }
+        moves
+    }
+}
+
+/// Newton's step of the own grains; `None` where there are no factors. Rank 0 has them and solves, so that all move by the same bits;
+/// collective.
+pub(super) fn newton_step<D: Dimension>(
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    tangent: Option<(&Tangent, &Factors<'_>)>,
+) -> Option<Vec<Move>> {
+    let grains = gathered(exchange, &system.grain_states(), |g| g.id);
+    let solved = tangent.map_or_else(Vec::new, |(of, factors)| of.solve(factors, &grains));
+    let bytes = exchange.broadcast(cast_slice(&solved).to_vec());
+    let moves: Vec<Move> = pod_collect_to_vec(&bytes);
+    let grains = system.grains();
+    let own = &grains.id[..grains.owned];
+    (!moves.is_empty()).then(|| own.iter().map(|&id| moves[id as usize]).collect())
+}
+
+/// All eigenvalues of a packing, with what they are evidence of.
+pub(crate) struct Eigenvalues {
+    all: Vec<(c64, Verdict)>,
+}
+
+impl Eigenvalues {
+    pub fn all(&self) -> impl Iterator<Item = (c64, Verdict)> + '_ {
+        self.all.iter().copied()
+    }
+
+    /// Those above the real axis.
+    fn upper(&self) -> impl Iterator<Item = c64> + '_ {
+        let upper = |(value, verdict): &(c64, Verdict)| *verdict == Verdict::Pair && value.im > 0.0;
+        self.all().filter(upper).map(|(value, _)| value)
+    }
+
+    /// Number of complex pairs.
+    pub fn pairs(&self) -> u64 {
+        self.upper().count() as u64
+    }
+
+    /// The pair of the greatest |Im λ|.
+    pub fn greatest_pair(&self) -> Option<Pair> {
+        let greatest = self.upper().max_by(|a, b| a.im.total_cmp(&b.im));
+        greatest.map(|value| Pair::new(value.re, value.im))
+    }
+
+    /// The least real part of what is not zero.
+    pub fn least_real(&self) -> f64 {
+        let real = self.all().filter(|(_, verdict)| *verdict != Verdict::Zero);
+        real.map(|(value, _)| value.re)
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Zero modes.
+    pub fn zeros(&self) -> u64 {
+        self.all()
+            .filter(|(_, verdict)| *verdict == Verdict::Zero)
+            .count() as u64
+    }
+}

@@ -1,0 +1,303 @@
+//! Athermal quasi-static shear: strain steps, each brought to mechanical equilibrium, and the birth of
+//! the first complex pair.
+
+use gshear_dem::dimension::Dimension;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::observe::{digest, frame};
+use gshear_dem::system::System;
+use gshear_scene::PeriodicScene;
+use gshear_store::columns::{AQS_FILE, AqsRow};
+use gshear_store::h5::Attribute;
+
+use super::box_state::{Observed, observe};
+use super::periodic::Snapshot;
+use super::relax::{Equilibrium, LONGEST, Relaxation, displace, residual};
+use super::spectrum::{Eigenvalues, Whole};
+use super::{Save, Stage};
+use crate::files::{Files, Format, Written};
+use crate::header::{Birth, Header, Progress};
+use crate::run::{Checkpoint, Run, State};
+
+/// The strain steps of a box.
+pub(super) struct Strain<'a, D: Dimension> {
+    scene: &'a PeriodicScene,
+    law: &'a dyn PairForce<D>,
+    system: System<D>,
+    relaxation: Relaxation,
+    files: Files,
+    progress: Progress,
+    samples: ContactForces,
+    /// The state before the last strain step, and how its equilibrium was found.
+    before: Option<(Snapshot, Progress)>,
+    found: Equilibrium,
+}
+
+impl<'a, D: Dimension> Strain<'a, D> {
+    pub fn new(
+        run: &Run<'_>,
+        scene: &'a PeriodicScene,
+        law: &'a dyn PairForce<D>,
+        mut system: System<D>,
+        progress: Progress,
+        written: Option<Written>,
+    ) -> Result<Self, Failure> {
+        let format = Format {
+            name: AQS_FILE,
+            columns: &AqsRow::COLUMNS,
+            walls: false,
+            height: system.cell.sheared.map_or(0.0, |s| s.height),
+            attributes: vec![(
+                "mean_diameter",
+                Attribute::Number(scene.sample.mean_diameter),
+            )],
+            log: false,
+            scalars: false,
+        };
+        Ok(Self {
+            files: Files::open(run, &mut system, &format, written)?,
+            relaxation: Relaxation::new(scene),
+            scene,
+            law,
+            system,
+            progress,
+            samples: ContactForces::default(),
+            before: None,
+            found: Equilibrium::default(),
+        })
+    }
+
+    /// Closes the file; with `complete` it says that the strain steps are done.
+    pub fn finish(
+        mut self,
+        run: &Run<'_>,
+        complete: bool,
+    ) -> Result<(System<D>, Progress), Failure> {
+        let (exchange, progress) = (run.exchange, self.progress);
+        let offset = progress.offset.to_le_bytes();
+        let digest = digest(
+            exchange,
+            &mut self.system,
+            self.law,
+            &offset,
+            progress.steps,
+        );
+        let mut attributes = vec![
+            ("digest", Attribute::Text(digest.clone())),
+            ("fell_back", Attribute::Count(progress.fell_back)),
+        ];
+        if let Some(birth) = &progress.birth {
+            attributes.push(("birth_before", Attribute::Number(birth.before)));
+            attributes.push(("birth_after", Attribute::Number(birth.after)));
+        }
+        let known = if complete { &attributes[..] } else { &[] };
+        self.files.finish(exchange, known)?;
+        if complete {
+            run.terminal.strained(&progress, &digest);
+        }
+        Ok((self.system, progress))
+    }
+
+    /// Whether the pair is such that the strain steps end.
+    fn has_grown(&self) -> bool {
+        let until = self.scene.aqs.until_imaginary;
+        let great = |pair: crate::header::Pair| pair.lambda_i >= until;
+        until > 0.0 && self.progress.pairs == 1 && self.progress.pair.is_some_and(great)
+    }
+
+    /// One strain step by `by`, brought to rest.
+    fn strain(&mut self, run: &Run<'_>, by: f64) -> Result<Equilibrium, Failure> {
+        let (exchange, system) = (run.exchange, &mut self.system);
+        let height = system.cell.sheared.map_or(0.0, |s| s.height);
+        let longest = LONGEST * self.scene.sample.mean_diameter;
+        let parts = (by * height / longest).ceil().max(1.0);
+        for _ in 0..parts as u64 {
+            system.list.widen(4.0 * longest);
+            system.rebuild(exchange, self.law, &mut NoWalls)?;
+            let part = by / parts;
+            let grains = system.grains();
+            let affine = |g: usize| [[part * grains.fields(g)[D::UP], 0.0, 0.0], [0.0; 3]];
+            let moves: Vec<_> = (0..grains.owned).map(affine).collect();
+            if !displace(exchange, system, self.law, &moves, part * height)? {
+                return Err(system.explain(exchange, None));
+            }
+        }
+        self.relaxation.relax(exchange, system, self.law)
+    }
+
+    fn eigenvalues(&mut self, run: &Run<'_>) -> Result<Eigenvalues, Failure> {
+        let whole = Whole::gather(run.exchange, &mut self.system, self.law);
+        whole.eigenvalues::<D>(run.exchange, &mut self.system, self.law)
+    }
+
+    /// By bisection between the states before and after a strain step, from the state before it.
+    fn birth(&mut self, run: &Run<'_>, mut before: Snapshot, steps: u64) -> Result<Birth, Failure> {
+        let aqs = self.scene.aqs;
+        let start = aqs.strain_step * steps as f64;
+        let (mut low, mut high) = (0.0, aqs.strain_step);
+        while high - low > aqs.birth_precision {
+            let middle = 0.5 * (low + high);
+            before
+                .clone()
+                .put_back(run.exchange, &mut self.system, self.law)?;
+            self.strain(run, middle - low)?;
+            if self.eigenvalues(run)?.pairs() > 0 {
+                high = middle;
+            } else {
+                low = middle;
+                before = Snapshot::of(&mut self.system, self.law);
+            }
+        }
+        Ok(Birth {
+            before: start + low,
+            after: start + high,
+        })
+    }
+}
+
+impl<D: Dimension> Stage for Strain<'_, D> {
+    fn name(&self) -> &'static str {
+        "aqs"
+    }
+
+    fn steps(&self) -> u64 {
+        self.progress.steps
+    }
+
+    fn count(&self) -> Option<u64> {
+        Some(self.progress.steps + 1)
+    }
+
+    fn is_done(&self) -> bool {
+        self.progress.steps >= self.scene.aqs.steps || self.has_grown()
+    }
+
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        self.found = self
+            .relaxation
+            .relax(run.exchange, &mut self.system, self.law)?;
+        Ok(())
+    }
+
+    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
+        let before = Snapshot::of(&mut self.system, self.law);
+        self.before = Some((before, self.progress));
+        self.found = self.strain(run, self.scene.aqs.strain_step)?;
+        let progress = &mut self.progress;
+        progress.steps += 1;
+        progress.offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
+        progress.fell_back += u64::from(self.found.fell_back);
+        // A step takes long: what was asked for meanwhile counts.
+        let stop = stop || run.asked_to_stop();
+        Ok(run.exchange.maximum(f64::from(u8::from(stop))) > 0.0)
+    }
+
+    /// Measures the packing, and looks for the birth of a pair if the step has brought one.
+    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        let (exchange, scene) = (run.exchange, self.scene);
+        let observed = observe(
+            exchange,
+            &mut self.system,
+            self.law,
+            &mut self.samples,
+            scene.sample.grains,
+        );
+        let eigenvalues = match scene.aqs.spectrum {
+            true => Some(self.eigenvalues(run)?),
+            false => None,
+        };
+        if let Some(found) = &eigenvalues {
+            (self.progress.pairs, self.progress.pair) = (found.pairs(), found.greatest_pair());
+        }
+        let step = self.progress.steps;
+        let row = Row {
+            strain: scene.aqs.strain_step * step as f64,
+            offset: self.progress.offset,
+            observed,
+            found: self.found,
+            residual: residual(exchange, &mut self.system, 0.0),
+            eigenvalues,
+        };
+        self.files
+            .series(exchange, step, row.strain, &row.columns())?;
+        run.terminal.strain_step(step, &row);
+        let every = scene.aqs.frame_every;
+        if every > 0 && step.is_multiple_of(every) {
+            let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);
+            self.files
+                .frame(exchange, step, step as f64, (&grains, &contacts))?;
+        }
+        let Some((before, of)) = self.before.take() else {
+            return Ok(());
+        };
+        if of.birth.is_none() && self.progress.pairs > 0 {
+            let after = Snapshot::of(&mut self.system, self.law);
+            let birth = self.birth(run, before, of.steps)?;
+            self.progress.birth = Some(birth);
+            run.terminal.born(&birth);
+            after.put_back(exchange, &mut self.system, self.law)?;
+        }
+        Ok(())
+    }
+
+    fn save_due(&self) -> Save {
+        match self.is_done() {
+            true => Save::Now,
+            false => Save::IfOld,
+        }
+    }
+
+    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+        Ok(Checkpoint {
+            header: Header::Aqs {
+                progress: self.progress,
+                written: self.files.flush(run.exchange)?,
+            },
+            state: State {
+                grains: self.system.grain_states(),
+                contacts: self.system.own_contact_states(self.law),
+                ..State::default()
+            },
+            keep: self.scene.keep_checkpoints,
+        })
+    }
+}
+
+/// What is found after a strain step.
+pub(crate) struct Row {
+    pub strain: f64,
+    pub offset: f64,
+    pub observed: Observed,
+    pub found: Equilibrium,
+    pub residual: f64,
+    pub eigenvalues: Option<Eigenvalues>,
+}
+
+impl Row {
+    fn columns(&self) -> AqsRow {
+        let of = |value: fn(&Eigenvalues) -> f64| self.eigenvalues.as_ref().map_or(f64::NAN, value);
+        let imaginary = of(|e| e.greatest_pair().map_or(0.0, |pair| pair.lambda_i));
+        let observed = &self.observed;
+        AqsRow {
+            strain: self.strain,
+            image_offset: self.offset,
+            shear_stress: observed.shear_stress,
+            pressure: observed.pressure,
+            elastic_energy: observed.elastic_energy,
+            contacts: observed.contacts as f64,
+            coordination: observed.coordination,
+            sliding_fraction: observed.sliding_fraction,
+            residual: self.residual,
+            factorisations: self.found.factorisations as f64,
+            overdamped_steps: self.found.steps as f64,
+            fell_back: f64::from(u8::from(self.found.fell_back)),
+            pairs: of(|e| e.pairs() as f64),
+            imaginary_least: -imaginary,
+            imaginary_greatest: imaginary,
+            pair_real: of(|e| e.greatest_pair().map_or(f64::NAN, |pair| pair.lambda_r)),
+            least_real: of(Eigenvalues::least_real),
+            zero_modes: of(|e| e.zeros() as f64),
+        }
+    }
+}

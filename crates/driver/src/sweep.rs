@@ -1,0 +1,194 @@
+//! The runs of a sweep, one by one.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use gshear_dem::failure::Failure;
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::Source;
+use gshear_scene::sweep::Member;
+use gshear_store::checkpoint;
+use gshear_store::collective::agree;
+use gshear_store::run_reader;
+
+use crate::launch::{Task, from_checkpoint, from_the_start};
+use crate::run::{Options, Outcome};
+
+/// The runs of a configuration with a sweep.
+pub struct Sweep<'a> {
+    pub source: Source,
+    pub members: Vec<Member>,
+    /// `--set`, of all runs.
+    pub set: &'a [String],
+    /// The folder with those of the runs.
+    pub out: PathBuf,
+}
+
+/// How far a run of a sweep has come.
+#[derive(Debug, Clone, PartialEq)]
+enum Progress {
+    New,
+    /// With this checkpoint.
+    Stopped(PathBuf),
+    Done,
+}
+
+impl<'a> Sweep<'a> {
+    /// Errors: a configuration without a sweep, or with a wrong one; a `--set` of a key of the sweep.
+    pub fn new(source: &Source, set: &'a [String], out: PathBuf) -> Result<Self, Failure> {
+        let Some(members) = gshear_scene::sweep::members(source)? else {
+            return Err(Failure::input(format!(
+                "{}: has no [sweep]; leave out --sweep, or give lists of values, see docs/config.md",
+                source.name()
+            )));
+        };
+        let key = |set: &str| set.split('=').next().unwrap_or_default().trim().to_string();
+        let swept: Vec<String> = members[0].set.iter().map(|set| key(set)).collect();
+        if let Some(set) = set.iter().find(|set| swept.contains(&key(set))) {
+            return Err(Failure::input(format!(
+                "--set {set}: {} is a key of the sweep; leave it out of one of the two",
+                key(set)
+            )));
+        }
+        Ok(Sweep {
+            source: source.of_member(),
+            members,
+            set,
+            out,
+        })
+    }
+
+    /// Says what the runs are, by rank 0. Errors: a scene of one of them that will not do. Collective.
+    pub fn list(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        for (k, member) in self.members.iter().enumerate() {
+            let task = from_the_start(exchange, &self.source, &self.values(member))?;
+            let state = match self.progress(exchange, member, &task)? {
+                Progress::New => "new",
+                Progress::Stopped(_) => "stopped",
+                Progress::Done => "done",
+            };
+            say(
+                exchange,
+                &format!("{:>4}  {state:<8}{}", k + 1, member.name),
+            );
+        }
+        Ok(())
+    }
+
+    /// One of the runs, from 1: from its start or its checkpoint, if it is not done. Collective.
+    pub fn one(
+        &self,
+        exchange: &dyn Parallel,
+        number: usize,
+        options: &Options,
+    ) -> Result<Outcome, Failure> {
+        let member = number.checked_sub(1).and_then(|k| self.members.get(k));
+        let Some(member) = member else {
+            return Err(Failure::input(format!(
+                "--sweep {number}: there are the runs 1 to {}",
+                self.members.len()
+            )));
+        };
+        let task = from_the_start(exchange, &self.source, &self.values(member))?;
+        let task = match self.progress(exchange, member, &task)? {
+            Progress::Done => {
+                say(exchange, &format!("sweep: {} is done", member.name));
+                return Ok(Outcome::Done);
+            }
+            Progress::Stopped(path) => from_checkpoint(exchange, &path, &[])?,
+            Progress::New => task,
+        };
+        let all = self.members.len();
+        say(
+            exchange,
+            &format!("sweep: run {number} of {all}, {}", member.name),
+        );
+        let options = Options {
+            out: self.out.join(&member.name),
+            ..options.clone()
+        };
+        task.run(exchange, &options)
+    }
+
+    /// All of the runs, one after the other, until one is stopped. One whose numbers fail is told, and the others are run all
+    /// the same. Collective.
+    pub fn all(&self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
+        let begun = Instant::now();
+        // Scenes that will not do are told before hours have passed.
+        for member in &self.members {
+            from_the_start(exchange, &self.source, &self.values(member))?;
+        }
+        let mut failed = Vec::new();
+        for (k, member) in self.members.iter().enumerate() {
+            let left = |time: Duration| time.saturating_sub(begun.elapsed());
+            let options = Options {
+                wall_time: options.wall_time.map(left),
+                ..options.clone()
+            };
+            match self.one(exchange, k + 1, &options) {
+                Ok(Outcome::Done) => {}
+                Err(Failure::Numbers(what)) => {
+                    say(exchange, &format!("sweep: {} failed: {what}", member.name));
+                    failed.push(format!("{}: {what}", member.name));
+                }
+                other => return other,
+            }
+        }
+        match failed.first() {
+            None => Ok(Outcome::Done),
+            Some(first) => Err(Failure::numbers(format!(
+                "{} of {} runs of the sweep failed, first {first}",
+                failed.len(),
+                self.members.len()
+            ))),
+        }
+    }
+
+    /// The values of a run, those of `--set` among them.
+    pub fn values(&self, member: &Member) -> Vec<String> {
+        member.set.iter().chain(self.set).cloned().collect()
+    }
+
+    /// What is in the run's folder. Errors: a run of another scene. Collective.
+    fn progress(
+        &self,
+        exchange: &dyn Parallel,
+        member: &Member,
+        task: &Task,
+    ) -> Result<Progress, Failure> {
+        let folder = self.out.join(&member.name);
+        let [run, newest] = [task.last_file(), checkpoint::NAME].map(|name| folder.join(name));
+        let there = [u8::from(run.exists()), u8::from(newest.exists())];
+        let there = exchange.broadcast(there.to_vec());
+        let same = |toml: &str| match toml == task.toml() {
+            true => Ok(()),
+            false => Err(Failure::input(format!(
+                "{}: holds a run of another scene (its scene.toml is not what --check prints now); give another --out",
+                folder.display()
+            ))),
+        };
+        if there[0] == 1 {
+            let read = match exchange.rank() {
+                0 => run_reader::scene_of_finished(&run)
+                    .map(|scene| scene.map_or_else(Vec::new, String::into_bytes)),
+                _ => Ok(Vec::new()),
+            };
+            let toml = exchange.broadcast(agree(exchange, read)?);
+            if !toml.is_empty() {
+                same(&String::from_utf8_lossy(&toml))?;
+                return Ok(Progress::Done);
+            }
+        }
+        if there[1] == 0 {
+            return Ok(Progress::New);
+        }
+        same(&checkpoint::read(exchange, &newest)?.0)?;
+        Ok(Progress::Stopped(newest))
+    }
+}
+
+fn say(exchange: &dyn Parallel, line: &str) {
+    if exchange.rank() == 0 {
+        println!("{line}");
+    }
+}

@@ -1,0 +1,284 @@
+//! Tables as CSV (RFC 4180): a line of column names, then one line per row.
+
+use std::borrow::Cow;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+
+use csv::{QuoteStyle, StringRecord, Writer, WriterBuilder};
+use serde::de::DeserializeOwned;
+
+use gshear_dem::failure::Failure;
+
+/// A value that a cell can hold. Numbers have the shortest form that reads back to the same bits.
+pub trait Cell {
+    /// Returns the text of the cell, without quotes.
+    fn text(&self) -> Cow<'_, str>;
+}
+
+impl Cell for str {
+    fn text(&self) -> Cow<'_, str> {
+        self.into()
+    }
+}
+
+impl Cell for String {
+    fn text(&self) -> Cow<'_, str> {
+        self.into()
+    }
+}
+
+impl Cell for f64 {
+    fn text(&self) -> Cow<'_, str> {
+        format!("{self:?}").into()
+    }
+}
+
+macro_rules! cells_by_display {
+    ($($kind:ty)*) => {$(
+        impl Cell for $kind {
+            fn text(&self) -> Cow<'_, str> {
+                self.to_string().into()
+            }
+        }
+    )*};
+}
+
+cells_by_display!(char u8 u32 u64 usize);
+
+impl<C: Cell + ?Sized> Cell for &C {
+    fn text(&self) -> Cow<'_, str> {
+        (**self).text()
+    }
+}
+
+/// `None` is an empty cell.
+impl<C: Cell> Cell for Option<C> {
+    fn text(&self) -> Cow<'_, str> {
+        self.as_ref().map_or("".into(), Cell::text)
+    }
+}
+
+/// A table written as a whole: rows, and the columns as functions of a row.
+pub struct Table<'a, I: IntoIterator> {
+    rows: I,
+    names: StringRecord,
+    values: Vec<Values<'a, I::Item>>,
+    quotes: QuoteStyle,
+}
+
+/// Appends the cells of some columns to a record.
+type Values<'a, R> = Box<dyn Fn(&R, &mut StringRecord) + 'a>;
+
+impl<'a, I: IntoIterator> Table<'a, I> {
+    /// Creates a table without columns.
+    pub fn of(rows: I) -> Self {
+        Self {
+            rows,
+            names: StringRecord::new(),
+            values: Vec::new(),
+            quotes: QuoteStyle::Necessary,
+        }
+    }
+
+    /// Adds a column.
+    pub fn column<C: Cell>(self, name: &str, value: impl Fn(&I::Item) -> C + 'a) -> Self {
+        self.columns([name], move |row| [value(row)])
+    }
+
+    /// Adds several columns. `values` must return one value per name.
+    pub fn columns<V: IntoIterator<Item: Cell>>(
+        mut self,
+        names: impl IntoIterator<Item: AsRef<str>>,
+        values: impl Fn(&I::Item) -> V + 'a,
+    ) -> Self {
+        self.names.extend(names);
+        self.values.push(Box::new(move |row, record| {
+            for value in values(row) {
+                record.push_field(&value.text());
+            }
+        }));
+        self
+    }
+
+    /// Quotes every cell, not only those with a comma, a quote or a line break.
+    pub fn quoted(mut self) -> Self {
+        self.quotes = QuoteStyle::Always;
+        self
+    }
+
+    /// Returns the table as CSV.
+    ///
+    /// # Panics
+    /// If the number of values in a row differs from the number of names.
+    pub fn csv(self) -> String {
+        let columns = self.names.len();
+        let mut writer = WriterBuilder::new()
+            .quote_style(self.quotes)
+            .from_writer(line(&self.names));
+        let mut record = StringRecord::new();
+        for row in self.rows {
+            record.clear();
+            self.values
+                .iter()
+                .for_each(|values| values(&row, &mut record));
+            assert_eq!(record.len(), columns, "one value for each name");
+            writer.write_record(&record).expect(IN_MEMORY);
+        }
+        String::from_utf8(writer.into_inner().expect(IN_MEMORY)).expect("cells are UTF-8")
+    }
+}
+
+const IN_MEMORY: &str = "a vector takes every record";
+
+/// Formats a record with its line break.
+fn line(record: &StringRecord) -> Vec<u8> {
+    let mut writer = Writer::from_writer(Vec::new());
+    writer.write_record(record).expect(IN_MEMORY);
+    writer.into_inner().expect(IN_MEMORY)
+}
+
+/// A table that grows in its file, row by row.
+pub struct TableFile {
+    path: PathBuf,
+    writer: Writer<File>,
+}
+
+impl TableFile {
+    /// Creates a table without rows, replacing an existing file.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if the file cannot be written.
+    pub fn create(path: &Path, names: &[&str]) -> Result<Self, Failure> {
+        let file = File::create(path).map_err(|e| unwritten(path, e))?;
+        let mut table = Self {
+            path: path.into(),
+            writer: Writer::from_writer(file),
+        };
+        table.row(names)?;
+        Ok(table)
+    }
+
+    /// Opens a table to continue after its first `rows` rows; later rows are removed.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file has other columns or fewer rows.
+    pub fn open_to_append(path: &Path, names: &[&str], rows: u64) -> Result<Self, Failure> {
+        let unfit = |why: String| {
+            Failure::input(format!(
+                "{}: cannot continue this file: {why}",
+                path.display()
+            ))
+        };
+        let file = OpenOptions::new().read(true).append(true).open(path);
+        let file = file.map_err(|e| unfit(e.to_string()))?;
+        let names = line(&StringRecord::from(names));
+        let mut reader = BufReader::new(&file);
+        let (mut text, mut end) = (Vec::new(), 0);
+        for row in 0..=rows {
+            text.clear();
+            end += reader
+                .read_until(b'\n', &mut text)
+                .map_err(|e| unfit(e.to_string()))? as u64;
+            if row == 0 && text != names {
+                let names = String::from_utf8_lossy(&names);
+                return Err(unfit(format!(
+                    "its first line must be {}",
+                    names.trim_end()
+                )));
+            }
+            if text.last() != Some(&b'\n') {
+                return Err(unfit(format!(
+                    "it has {} rows, the checkpoint counts {rows}",
+                    row - 1
+                )));
+            }
+        }
+        file.set_len(end).map_err(|e| unwritten(path, e))?;
+        Ok(Self {
+            path: path.into(),
+            writer: Writer::from_writer(file),
+        })
+    }
+
+    /// Appends a row.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if the file cannot be written.
+    pub fn row(&mut self, cells: impl IntoIterator<Item: Cell>) -> Result<(), Failure> {
+        let record: StringRecord = cells
+            .into_iter()
+            .map(|cell| cell.text().into_owned())
+            .collect();
+        let written = self.writer.write_record(&record);
+        written.map_err(|e| unwritten(&self.path, e))
+    }
+
+    /// Hands the rows to the file system.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if the file cannot be written.
+    pub fn flush(&mut self) -> Result<(), Failure> {
+        self.writer.flush().map_err(|e| unwritten(&self.path, e))
+    }
+}
+
+fn unwritten(path: &Path, why: impl std::fmt::Display) -> Failure {
+    Failure::other(format!("{}: cannot be written: {why}", path.display()))
+}
+
+/// Reads the rows of a table, columns by their names.
+///
+/// # Errors
+/// [`Failure::Input`] that names the line, if the file cannot be read or a row does not fit `R`.
+pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, Failure> {
+    let unfit = |e: csv::Error| Failure::input(format!("{}: {e}", path.display()));
+    let mut reader = csv::Reader::from_path(path).map_err(unfit)?;
+    reader.deserialize().map(|row| row.map_err(unfit)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_quoted_where_necessary() {
+        let rows = [("plain", 0.1, Some(1)), ("a, \"b\"", 1e-300, None)];
+        let table = || {
+            Table::of(rows)
+                .column("text", |row| row.0)
+                .columns(["number", "twice"], |row| [row.1, 2.0 * row.1])
+                .column("count", |row| row.2.map(|count: u32| count))
+        };
+        assert_eq!(
+            table().csv(),
+            "text,number,twice,count\nplain,0.1,0.2,1\n\"a, \"\"b\"\"\",1e-300,2e-300,\n"
+        );
+        assert!(table().quoted().csv().contains("\n\"plain\",\"0.1\","));
+    }
+
+    #[test]
+    fn reads_columns_by_name_and_names_a_wrong_line() {
+        #[derive(Debug, PartialEq, serde::Deserialize)]
+        struct Row {
+            b: f64,
+            a: String,
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            super::read::<Row>(&path).map_err(|e| e.to_string())
+        };
+        let row = Row {
+            b: 0.1,
+            a: "x, y".into(),
+        };
+        assert_eq!(read("a,c,b\n\"x, y\",,0.1\n"), Ok(vec![row]));
+        let wrong = read("a,b\nx,1\ny,z\n").unwrap_err();
+        assert!(
+            wrong.contains("table.csv") && wrong.contains("line: 3"),
+            "{wrong}"
+        );
+    }
+}

@@ -1,0 +1,215 @@
+//! Writes made-up frames, rows and checkpoints from the ranks it is started on.
+
+use std::path::Path;
+use std::time::Instant;
+
+use gshear_dem::domain::Exchange;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{
+    ContactSample, ContactState, FramePart, GrainSample, GrainState, Snapshot,
+};
+use gshear_mpi_exchange::World;
+use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
+use gshear_store::{checkpoint, log::Log};
+
+use crate::common::synthetic::*;
+
+/// `FOLDER GRAINS` writes, `damaged CHECKPOINT` reads what it must refuse, `time FOLDER` measures.
+pub fn run(arguments: &[String]) {
+    let world = World::start();
+    let [first, second] = arguments else {
+        panic!("two arguments")
+    };
+    match first.as_str() {
+        "time" => time(&world, Path::new(second)).unwrap(),
+        "damaged" => damaged(&world, Path::new(second)),
+        _ => write(&world, Path::new(first), second.parse().unwrap()).unwrap(),
+    }
+}
+
+fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
+    let mine = |t: u64, id: u64| owner(t, id, world.size()) == world.rank();
+    let mut shapes = shapes(grains);
+    shapes.retain(|g| mine(0, u64::from(g.id)));
+    // What follows differs between the ranks and must not be written: rank 0's counts.
+    let mut attributes = attributes();
+    if world.rank() > 0 {
+        attributes[0].1 = "another".into();
+    }
+    let header = RunHeader {
+        attributes: &attributes,
+        ..header(&shapes)
+    };
+    let (path, csv) = (folder.join("run.h5"), folder.join("log.csv"));
+    let mut writer = TrajectoryWriter::create(world, &path, &header)?;
+    let mut log = Log::create(world, &csv)?;
+    let frame = |writer: &mut TrajectoryWriter, t: u64| {
+        let of_rank: Vec<GrainSample> = (0..grains)
+            .rev()
+            .filter(|&id| mine(t, id))
+            .map(|id| grain(t, id))
+            .collect();
+        let pairs = pairs(t, grains)
+            .into_iter()
+            .rev()
+            .filter(|p| mine(t, u64::from(p.0)));
+        let contacts: Vec<ContactSample> = pairs.map(|p| contact(t, p)).collect();
+        writer.frame(world, 10 * t, t as f64 * 0.1, &of_rank, &contacts)
+    };
+    for t in 0..100 {
+        frame(&mut writer, t)?;
+        writer.series(world, 5 * t, 0.05 * t as f64, &row(t))?;
+        log.row(5 * t, 0.05 * t as f64, &row(t))?;
+        if t == 30 {
+            writer.flush(world)?;
+        }
+    }
+    log.flush()?;
+    writer.finish(world, &at_the_end())?;
+
+    // Resumed from the middle of a batch.
+    let mut writer = TrajectoryWriter::open_to_append(
+        world,
+        &path,
+        &gshear_dem::state::SeriesRow::COLUMNS,
+        81,
+        55,
+    )?;
+    let mut log = Log::open_to_append(world, &csv, 55)?;
+    assert_eq!((writer.frames(), writer.rows()), (81, 55));
+    for t in 81..150 {
+        frame(&mut writer, t)?;
+    }
+    for k in 55..1200 {
+        writer.series(world, 5 * k, 0.05 * k as f64, &row(k))?;
+        log.row(5 * k, 0.05 * k as f64, &row(k))?;
+    }
+    assert_eq!((writer.frames(), writer.rows()), (150, 1200));
+    log.flush()?;
+    writer.finish(world, &at_the_end())?;
+
+    for t in [5, 6] {
+        let mut part = snapshot(t, grains);
+        part.grains.retain(|g| mine(t, u64::from(g.id)));
+        part.contacts.retain(|c| mine(t, u64::from(c.i)));
+        part.grains.reverse();
+        if let Some(frame) = &mut part.analysed {
+            frame.grains.retain(|g| mine(t, u64::from(g.id)));
+            frame.contacts.retain(|c| mine(t, u64::from(c.i)));
+        }
+        if let Some(travels) = &mut part.travels {
+            travels.retain(|g| mine(t, u64::from(g.id)));
+        }
+        checkpoint::write(world, folder, "seed = 1\n", &part)?;
+    }
+    let (scene, part) = checkpoint::read(world, &folder.join(checkpoint::NAME))?;
+    assert_eq!(scene, "seed = 1\n");
+    let whole = Snapshot {
+        header: part.header,
+        grains: together(world, &part.grains),
+        contacts: together(world, &part.contacts),
+        analysed: part.analysed.map(|frame| FramePart {
+            grains: together(world, &frame.grains),
+            contacts: together(world, &frame.contacts),
+        }),
+        travels: part.travels.map(|travels| together(world, &travels)),
+    };
+    assert_eq!(whole, snapshot(6, grains));
+    Ok(())
+}
+
+fn together<T: bytemuck::Pod>(world: &World, part: &[T]) -> Vec<T> {
+    let all = world.gather(bytemuck::cast_slice(part)).concat();
+    all.chunks_exact(size_of::<T>())
+        .map(bytemuck::pod_read_unaligned)
+        .collect()
+}
+
+/// Every rank must come to the same message, which rank 0 prints.
+fn damaged(world: &World, path: &Path) {
+    let message = checkpoint::read(world, path).unwrap_err();
+    assert!(matches!(message, Failure::Input(_)));
+    let all = world.gather(message.to_string().as_bytes());
+    assert!(all.iter().all(|m| *m == all[0]));
+    if world.rank() == 0 {
+        println!("{message}");
+    }
+}
+
+/// Cost of frames, rows and checkpoints.
+fn time(world: &World, folder: &Path) -> Result<(), Failure> {
+    let print = |what: &str, microseconds: f64| {
+        if world.rank() == 0 {
+            println!("{what}: {microseconds:.1} us");
+        }
+    };
+    for (grains, frames) in [(1_000u64, 2560u64), (20_000, 160)] {
+        // Slabs: each rank has a stretch of the ids, and grains near its ends change rank.
+        let mine = |id: u64| {
+            (id * 97 % grains / 8 + id) * world.size() as u64 / (grains + grains / 8)
+                == world.rank() as u64
+        };
+        let of_rank: Vec<GrainSample> = (0..grains)
+            .filter(|&id| mine(id))
+            .map(|id| grain(1, id))
+            .collect();
+        let pairs = (0..grains as u32 - 2).flat_map(|i| (1..=2).map(move |k| (i, i + k)));
+        let pairs = pairs.filter(|p| mine(u64::from(p.0)) && (p.1 - p.0 == 1 || p.0 % 10 < 3));
+        let contacts: Vec<ContactSample> = pairs.map(|p| contact(1, p)).collect();
+        let mut shapes = shapes(grains);
+        shapes.retain(|g| mine(u64::from(g.id)));
+        world.barrier();
+        let start = Instant::now();
+        let mut writer =
+            TrajectoryWriter::create(world, &folder.join("time.h5"), &header(&shapes))?;
+        print(
+            &format!("{grains} grains: create"),
+            start.elapsed().as_secs_f64() * 1e6,
+        );
+        world.barrier();
+        let start = Instant::now();
+        for t in 0..frames {
+            writer.frame(world, t, t as f64, &of_rank, &contacts)?;
+        }
+        print(
+            "  frame",
+            start.elapsed().as_secs_f64() / frames as f64 * 1e6,
+        );
+        let start = Instant::now();
+        for k in 0..4096 {
+            writer.series(world, k, k as f64, &row(k))?;
+        }
+        print("  row", start.elapsed().as_secs_f64() / 4096.0 * 1e6);
+        let start = Instant::now();
+        writer.finish(world, &at_the_end())?;
+        print("  finish", start.elapsed().as_secs_f64() * 1e6);
+        let mut part = snapshot(1, 1);
+        part.grains = shapes
+            .iter()
+            .map(|g| GrainState {
+                id: g.id,
+                ..part.grains[0]
+            })
+            .collect();
+        part.contacts = contacts
+            .iter()
+            .map(|c| ContactState {
+                i: c.i,
+                j: c.j,
+                history: [1.0; 3],
+            })
+            .collect();
+        let start = Instant::now();
+        for _ in 0..4 {
+            checkpoint::write(world, folder, "seed = 1\n", &part)?;
+        }
+        print(
+            "  checkpoint write",
+            start.elapsed().as_secs_f64() / 4.0 * 1e6,
+        );
+        let start = Instant::now();
+        checkpoint::read(world, &folder.join(checkpoint::NAME))?;
+        print("  checkpoint read", start.elapsed().as_secs_f64() * 1e6);
+    }
+    Ok(())
+}
