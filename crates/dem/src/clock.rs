@@ -1,4 +1,4 @@
-//! Where the time of a run goes.
+//! The time spent in each phase of a step.
 
 use std::time::Instant;
 
@@ -50,20 +50,20 @@ impl Default for Clock {
 }
 
 impl Clock {
-    /// A step begins. What follows belongs to no phase until the next `end`.
+    /// Begins a step: the time before this call belongs to no phase.
     pub fn start(&mut self) {
         self.steps += 1;
         self.since = Instant::now();
     }
 
-    /// What was since the last call belongs to `phase`.
+    /// Adds the time since the last call to `phase`.
     pub fn end(&mut self, phase: Phase) {
         let now = Instant::now();
         self.seconds[phase as usize] += (now - self.since).as_secs_f64();
         self.since = now;
     }
 
-    /// Seconds of a phase in a step on this rank, in the mean.
+    /// Mean seconds per step in a phase on this rank.
     pub fn per_step(&self, phase: Phase) -> f64 {
         self.seconds[phase as usize] / self.steps.max(1) as f64
     }

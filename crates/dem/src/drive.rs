@@ -1,4 +1,4 @@
-//! The walls and what moves them: smooth planes while packing, frozen grains while shearing.
+//! The walls and their drive: smooth planes during packing, frozen grains during shear.
 
 use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
@@ -32,7 +32,7 @@ impl Piston {
         self.height += step * self.velocity;
     }
 
-    /// The velocity of the full step, as far as the last acceleration tells.
+    /// The velocity of the full step, predicted from the last acceleration.
     fn predicted(&self, step: f64) -> f64 {
         self.velocity + 0.5 * step * self.acceleration
     }
@@ -55,7 +55,7 @@ pub struct Load {
 /// The walls and the drag, as the time step calls them. The default methods are those of a scene
 /// without walls.
 pub trait Drive<D: Dimension> {
-    /// c of translations and of rotations (1/s): grains are slowed by -c m v and -c I ω.
+    /// The drag c (1/s) on translations and on rotations: forces -c m v and torques -c I ω.
     fn drag(&self) -> Option<[f64; 2]> {
         None
     }
@@ -63,11 +63,11 @@ pub trait Drive<D: Dimension> {
     fn speed(&self) -> f64 {
         0.0
     }
-    /// Before the first step, under the forces of the grains.
+    /// Computes the accelerations before the first step.
     fn start(&mut self, _: Load) {}
     /// First half kick and drift of the walls.
     fn drift(&mut self, _step: f64, _: &mut Grains<D>) {}
-    /// After the grains' drift: the wall grains' predicted velocities.
+    /// Gives the wall grains their predicted velocities, after the drift.
     fn predict(&mut self, _step: f64, _: &mut Grains<D>) {}
     /// Adds forces of the walls on the grains that are not contacts between grains. Returns a grain
     /// whose overlap is outside the law.
@@ -261,7 +261,7 @@ pub struct Slider {
 /// The top along x since the start of the shear. SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SliderState {
-    /// Steps that are done.
+    /// Steps done.
     pub step: u64,
     /// x (m).
     pub displacement: f64,
@@ -309,7 +309,7 @@ impl Slider {
         self.state.velocity + 0.5 * step * self.state.acceleration
     }
 
-    /// By the grains' force along x, and that of the spring.
+    /// Computes the acceleration by the force of the grains along x and by the spring.
     fn accelerate(&mut self, force: f64, mass: f64) {
         if let Some(stiffness) = self.spring {
             let stretch = self.protocol.position(self.state.step) - self.state.displacement;
@@ -318,8 +318,8 @@ impl Slider {
     }
 }
 
-/// Walls frozen out of the sample: the bottom fixed, the top rigid with constant load N, moved
-/// along x by a slider.
+/// Walls of frozen grains: the bottom is fixed; the top is rigid, with a constant load N, and a
+/// slider moves it along x.
 #[derive(Debug)]
 pub struct GrainWalls {
     /// The motion of the top upwards.
@@ -328,7 +328,7 @@ pub struct GrainWalls {
     pub slider: Slider,
     /// Whether the force along x is summed in every step.
     pub along: bool,
-    /// Own grains of the top wall.
+    /// Owned grains of the top wall.
     pub top: Vec<u32>,
 }
 
@@ -346,7 +346,7 @@ impl GrainWalls {
         ]
     }
 
-    /// Gives the grains of the top these velocities, of the fields that begin `at`.
+    /// Gives the grains of the top these velocities, in the fields that begin at `at`.
     fn impose<D: Dimension>(&self, at: &[usize], [along, up]: [f64; 2], grains: &mut Grains<D>) {
         for &g in &self.top {
             let r = grains.fields_mut(g as usize);

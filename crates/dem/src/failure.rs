@@ -1,11 +1,12 @@
-//! The ways a program can end badly, and the exit code of each.
+//! Failures of the programs and their exit codes.
 
 use std::fmt;
 
-/// Why a run, or a reduction, cannot go on. Printed once, as `error: …`.
+/// The reason why a run or a reduction ends early. Printed once, as `error: …`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Failure {
-    /// Bad input: configuration, file or arguments. Says what, where, and what would be right.
+    /// Bad input: configuration, file or arguments. The message says what is wrong, where, and what
+    /// would be right.
     Input(String),
     /// The numbers failed: overlap outside the law, NaN, no convergence.
     Numbers(String),

@@ -110,7 +110,8 @@
 //! | [`neighbour`] | cells and the half list of candidate pairs |
 //! | [`domain`] | exchange between ranks, slabs, exact sums |
 //! | [`drive`], [`protocol`] | walls and the drive |
-//! | [`observe`], [`budget`], [`clock`] | rows, frames and digest; energy budget; time per phase |
+//! | [`observe`], [`columns`](mod@columns) | rows, frames and the digest; columns of tables |
+//! | [`budget`], [`clock`] | energy budget; time per phase |
 //! | [`failure`] | failures and exit codes |
 //!
 //! # Papers and equation labels
@@ -143,9 +144,9 @@
 //!    place.
 //!
 //! In this crate they mean: no fast-math; fused multiply-adds only where written (`mul_add`); no
-//! function of the system's mathematical library in anything that a trajectory depends on; no global
-//! sum in f64 ([`domain::FixedPoint`]); no order that comes from the extent of a list or from a hash
-//! map.
+//! function of the system's mathematical library in anything that a trajectory depends on; no
+//! global sum in f64 ([`domain::FixedPoint`]); no order that comes from the extent of a list or
+//! from a hash map.
 
 pub mod budget;
 pub mod clock;

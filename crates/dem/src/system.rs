@@ -13,11 +13,11 @@ use crate::simd::{Lanes, Level, Work};
 use crate::state::{Cell, ContactState, Contacts, GrainState, Grains, Masses, Units, length};
 use crate::threads::{Own, Team};
 
-/// Skins over d̄ between which an adaptive one stays.
+/// Bounds of an adaptive skin over d̄.
 const THINNEST_SKIN: f64 = 0.002;
 const THICKEST_SKIN: f64 = 0.4;
 const FIRST_SKIN: f64 = 0.02;
-/// Steps for which a list of the best skin lasts: a rebuild costs about as much as ten steps.
+/// Steps between rebuilds with the best skin: a rebuild costs about as much as ten steps.
 const BEST_LIFE: f64 = 400.0;
 
 /// The grains and contacts of this rank, and the bookkeeping for them.
@@ -65,7 +65,7 @@ pub struct List {
     skin: f64,
     /// Least and greatest skin (m); equal if the skin is given.
     range: [f64; 2],
-    /// Rebuild at least every so many steps; 0 only when needed.
+    /// Greatest number of steps between rebuilds; 0 for no limit.
     every: u64,
     /// Step of the last rebuild.
     built: u64,
@@ -73,19 +73,19 @@ pub struct List {
     pub rebuilds: u64,
     /// Whether the list must be rebuilt before the next step.
     pub due: bool,
-    /// No grain has moved further since the last rebuild (m).
+    /// Upper bound of the displacements since the last rebuild (m).
     bound: f64,
     /// How far the images above have moved since then (m).
     leaned: f64,
-    /// Where the own grains were then.
+    /// Positions of the owned grains at the last rebuild.
     origin: Vec<[f64; 3]>,
     /// Whether a coordinate is NaN or a grain moved further than half a skin before a rebuild.
     pub unsound: bool,
 }
 
 impl List {
-    /// `exchange.size()` slabs must be wider than the interaction range, and so must the cell be
-    /// across them.
+    /// Fails unless each of `exchange.size()` slabs, and the cell along the other axes, is wider
+    /// than the cutoff.
     fn new(
         exchange: &dyn Exchange,
         bookkeeping: &ListSettings,
@@ -140,12 +140,12 @@ impl List {
     ) -> bool {
         let leaning = step * cell.sheared.map_or(0.0, |s| s.velocity.abs());
         self.leaned += leaning;
-        // Half of it for a pair across the top, and all of it for a grain that went through it,
-        // whose way is measured wrongly by it.
+        // Half of it for a pair across the top, and all of it for a grain that was wrapped there,
+        // whose displacement is measured with this error.
         let more = 1.5 * self.leaned;
         let half = 0.5 * self.skin;
         self.bound += step * fastest + 1.5 * leaning;
-        // The next step may be faster, if not twice as fast.
+        // The next step may be up to twice as fast.
         let margin = 2.0 * step * fastest + 1.5 * leaning;
         if self.bound + margin > half {
             let exact = self.displacement(grains, cell) + more;
@@ -153,18 +153,18 @@ impl List {
             self.unsound = exact.is_nan() || exact > half;
         }
         self.unsound |= fastest.is_nan();
-        // Rebuild a little early rather than look at every grain in every step.
+        // Slightly early, which avoids looking at every grain in every step.
         self.bound + margin > 0.9 * half
     }
 
-    /// How far the own grain that moved most has moved (m).
+    /// The greatest displacement of an owned grain (m).
     fn displacement<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> f64 {
         self.squares(grains, cell)
             .fold(0.0, |a: f64, b| if b > a { b } else { a })
             .sqrt()
     }
 
-    /// The own grain that moved most; there is one.
+    /// The owned grain that moved furthest; there must be one.
     fn furthest<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> usize {
         let squares = self.squares(grains, cell).enumerate();
         squares
@@ -172,7 +172,7 @@ impl List {
             .0
     }
 
-    /// Squared displacements of the own grains (m²).
+    /// Squared displacements of the owned grains (m²).
     fn squares<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> impl Iterator<Item = f64> {
         self.origin.iter().zip(&grains.record).map(move |(o, r)| {
             let moved = cell.separation::<D>(D::fields(r), o);
@@ -208,9 +208,9 @@ impl List {
 /// Settings of the list of pairs. They change the speed of a run and not its numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ListSettings {
-    /// Skin of the neighbour list over d̄; `None` adapts it to how often the list is rebuilt.
+    /// Skin over d̄; `None` adapts it to the frequency of rebuilds.
     pub skin: Option<f64>,
-    /// Rebuild at least every so many steps; 0 only when needed.
+    /// Greatest number of steps between rebuilds; 0 for no limit.
     pub rebuild_every: u64,
 }
 
@@ -298,8 +298,8 @@ impl<D: Dimension> System<D> {
         self.grains.local()
     }
 
-    /// Gives the deferred second kick, if one is due: by the same operations as the next step
-    /// would, so to the same bits.
+    /// Gives the deferred second kick, if it is due, by the same operations as the next step would,
+    /// so with the same bits.
     pub(crate) fn finish_step(&mut self) {
         if std::mem::take(&mut self.kick_is_due) {
             let level = self.level;
@@ -308,7 +308,7 @@ impl<D: Dimension> System<D> {
         }
     }
 
-    /// This rank's grains.
+    /// The states of the owned grains.
     pub fn grain_states(&mut self) -> Vec<GrainState> {
         self.finish_step();
         (0..self.grains.owned)
@@ -488,11 +488,11 @@ pub enum Outside {
     /// The force of the contact in this block and lane is greater than any that the law should
     /// have.
     Force(usize, usize),
-    /// A position or velocity is no number, or a grain moved further than the list allows.
+    /// A position or velocity is NaN, or a grain moved further than the list allows.
     Number,
 }
 
-/// v(t+Δt), in place of the predicted one.
+/// Replaces the predicted v(t+Δt) by that of the second kick.
 struct SecondKick<'a, D: Dimension>(Own<'a, D>);
 
 impl<D: Dimension> Work for SecondKick<'_, D> {

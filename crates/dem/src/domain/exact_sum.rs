@@ -3,7 +3,7 @@
 
 use super::Exchange;
 
-/// Integers that a fixed-point number takes in a reduction.
+/// Number of integers that represent a fixed-point number in a reduction.
 pub const LIMBS: usize = 4;
 
 /// Fixed-point numbers whose unit is 2^-80 of a reference magnitude. Each term is rounded to the
@@ -18,12 +18,12 @@ pub struct FixedPoint {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Accumulator {
     sum: i128,
-    /// Terms that are no finite number or far beyond the reference.
+    /// Number of terms that are not finite or too large.
     outside: i64,
 }
 
 impl FixedPoint {
-    /// `reference`: a typical magnitude of the terms, positive.
+    /// Fixed-point numbers for terms of this typical magnitude, which is positive.
     pub fn new(reference: f64) -> Self {
         let exponent = (reference.to_bits() >> 52) as i32 - 1023;
         let power = |e: i32| f64::from_bits(((e.clamp(-1022, 1023) + 1023) as u64) << 52);
@@ -43,7 +43,7 @@ impl FixedPoint {
         }
     }
 
-    /// The sum, correctly rounded; NaN where a term was out of range.
+    /// The sum, correctly rounded; NaN if a term was out of range.
     pub fn value(&self, of: Accumulator) -> f64 {
         if of.outside == 0 {
             of.sum as f64 * self.unit
@@ -81,7 +81,7 @@ impl From<Accumulator> for i128 {
 }
 
 impl Accumulator {
-    /// As `LIMBS + 1` integers that may be added over ranks.
+    /// Writes the sum as `LIMBS + 1` integers that can be added over the ranks.
     pub fn write(&self, to: &mut [i64]) {
         for (k, limb) in to[..LIMBS].iter_mut().enumerate() {
             *limb = if k + 1 < LIMBS {
@@ -93,7 +93,7 @@ impl Accumulator {
         to[LIMBS] = self.outside;
     }
 
-    /// Of added integers.
+    /// The sum from added integers.
     pub fn read(from: &[i64]) -> Self {
         let sum = from[..LIMBS]
             .iter()

@@ -9,8 +9,8 @@ pub use exact_sum::{Accumulator, FixedPoint, LIMBS};
 pub use slabs::{Slabs, most_ranks};
 pub use solo::Solo;
 
-/// One neighbour's halo messages in a step: the records that this rank sends and the place of those
-/// that it receives. Records are `width` numbers each.
+/// The halo messages of a step with one neighbour: the records to send, and room for those to
+/// receive. Records are `width` numbers each.
 pub struct Link<'a> {
     /// The neighbour.
     pub rank: usize,
@@ -18,9 +18,9 @@ pub struct Link<'a> {
     pub width: usize,
     /// This rank's records.
     pub records: &'a [f64],
-    /// The records to send, by their place.
+    /// Indices of the records to send.
     pub chosen: &'a [u32],
-    /// Room for the chosen records, for an exchange that has to copy them.
+    /// Room for a copy of the chosen records.
     pub buffer: &'a mut [f64],
     /// Receives the neighbour's records.
     pub receive: &'a mut [f64],
@@ -49,13 +49,13 @@ pub trait Exchange {
     fn maximum(&self, value: f64) -> f64;
     /// The bytes of all ranks, by rank, on every rank.
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>>;
-    /// Rank 0's bytes, on every rank.
+    /// The bytes of rank 0, on every rank.
     fn broadcast(&self, bytes: Vec<u8>) -> Vec<u8>;
     /// Waits for all ranks.
     fn barrier(&self);
 }
 
-/// Sum of one count over the ranks.
+/// The sum of a count over the ranks.
 pub fn total(exchange: &dyn Exchange, value: u64) -> u64 {
     let mut one = [value as i64];
     exchange.sum(&mut one);

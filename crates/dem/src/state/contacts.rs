@@ -1,4 +1,4 @@
-//! The canonical half list and what the contacts remember, in blocks of sixteen pairs.
+//! The half list of candidate pairs and the histories of contacts, in blocks of sixteen pairs.
 
 use std::ops::Range;
 
