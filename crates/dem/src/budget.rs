@@ -54,10 +54,15 @@ pub struct SavedBudget {
 /// The energies of all ranks at one step (J; J/m in 2D).
 #[derive(Debug, Clone, Copy)]
 pub struct EnergyBalance {
+    /// Elastic energies of the contacts: normal, tangential, rolling.
     pub elastic: [f64; ELASTIC],
+    /// Work of the drive along x.
     pub work_drive: f64,
+    /// Work of the load on the top.
     pub work_load: f64,
+    /// Energy dissipated, by [`dissipation`].
     pub dissipated: [f64; dissipation::KINDS],
+    /// Work that is not found in the energies, over the sum of both works' magnitudes.
     pub residual: f64,
 }
 
@@ -198,6 +203,7 @@ impl EnergyBudget {
 /// The state of the sample that the energy budget needs.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample<'a> {
+    /// The contacts of this rank.
     pub contacts: &'a Contacts,
     /// δ (m) of every block.
     pub overlap: &'a [Row],

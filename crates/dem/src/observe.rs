@@ -19,6 +19,7 @@ pub struct Frame {
     pub walls: f64,
     /// Volume of the free grains (m³; area, m², in 2D).
     pub free_volume: f64,
+    /// The number of free grains.
     pub free_grains: u64,
     /// For energies (J/m).
     pub energy: FixedPoint,

@@ -1,4 +1,4 @@
-//! Spheres: Hertz and Mindlin with viscous damping and Coulomb friction (FR eqs 1–2), LAMMPS' `gran/hertz/history` with the paper's k_t.
+//! Spheres: Hertz and Mindlin with viscoelastic damping and Coulomb friction (FR eqs 1 and 2).
 //!
 //! With the overlap δ and R* = R_i R_j/(R_i+R_j), m* = m_i m_j/(m_i+m_j),
 //!
@@ -7,8 +7,10 @@
 //! F_t = -√(δR*) (k_t u + m*γ_t v_t),          k_t = 2E/((1+ν)(2-ν))
 //! ```
 //!
-//! The history u (m) is the tangential displacement since the touch. Where |F_t| would be beyond μF_n, it is cut to the limit, and u
-//! is set back so that spring and damper together give just that force.
+//! The history u (m) is the tangential displacement since the touch. If |F_t| exceeds μF_n, it is
+//! cut to that limit, and u is set back so that spring and damper together give the limit.
+//!
+//! This is LAMMPS' `gran/hertz/history` with `limit_damping` and the k_t of FR.
 
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -57,8 +59,9 @@ pub struct Spheres {
     pub poisson_ratio: f64,
     /// ρ (kg/m³).
     pub density: f64,
-    /// γ_n and γ_t (1/(m s)).
+    /// γ_n (1/(m s)).
     pub normal_damping: f64,
+    /// γ_t (1/(m s)).
     pub tangential_damping: f64,
 }
 
@@ -142,8 +145,8 @@ impl Constants for Spheres {
         }
     }
 
-    /// Damped with [`PACKING_RESTITUTION`] at the speed √(P/ρ) of the loose sample's collapse: a gas
-    /// of spheres that lose little when they collide takes long to settle.
+    /// Damped for a restitution of 0.3 at the speed √(P/ρ) of the collapsing loose sample, unless
+    /// the damping is already stronger: a gas of weakly damped spheres takes long to settle.
     fn while_packing(&self, mean_diameter: f64, pressure: f64) -> Option<Arc<dyn Constants>> {
         let speed = (pressure / self.density).sqrt();
         let damping = impact_damping(self, PACKING_RESTITUTION, speed, mean_diameter);
@@ -154,13 +157,13 @@ impl Constants for Spheres {
         }))
     }
 
-    /// 2.9432 (5m*/(4k_n √R*))^(2/5) v^(-1/5).
+    /// 2.9433 (5m*/(4k_n √R*))^(2/5) v^(-1/5).
     fn collision_time(&self, radius: f64, speed: f64) -> Option<f64> {
         let mass = 0.5 * self.density * Three::volume(radius);
         let reduced = 0.5 * radius;
         let k_n = Spheres::normal_stiffness(self);
         let deepest = two_fifths(1.25 * mass * speed * speed / (k_n * reduced.sqrt()));
-        // ∫ dx/√(1 - x^(5/2)) from 0 to 1, twice.
+        // 2 ∫ dx/√(1 - x^(5/2)) from 0 to 1.
         Some(2.943_275_194_3 * deepest / speed)
     }
 
@@ -192,9 +195,11 @@ impl Constants for Spheres {
     }
 }
 
-/// γ_n (1/(m s)) with which two equal spheres of this diameter (m) that meet at this speed (m/s) part with a restitution e.
+/// The γ_n (1/(m s)) for which two equal spheres of this diameter (m) that collide at this speed
+/// (m/s) have this restitution.
 ///
-/// With δ = vT x, t = T s, T^(5/2) = m*/(k_n √(R* v)) the impact is x'' = -max(0, √x (x + β x')), β = γ_n √(R* v T) T.
+/// With δ = vT x, t = T s and T^(5/2) = m*/(k_n √(R* v)), the impact is x'' = -max(0, √x (x + β
+/// x')) with β = γ_n √(R* v T) T.
 pub fn impact_damping(spheres: &Spheres, restitution: f64, speed: f64, diameter: f64) -> f64 {
     let radius = 0.25 * diameter;
     let mass = 0.5 * spheres.density * Three::volume(0.5 * diameter);
@@ -234,7 +239,7 @@ fn restitution_of(beta: f64) -> f64 {
 pub(super) fn impact(force: impl Fn(f64, f64) -> f64) -> f64 {
     let force = |x: f64, v: f64| -force(x.max(0.0), v).max(0.0);
     let (mut x, mut v) = (0.0, 1.0);
-    // Contact lasts about 3.2 without damping, and longer with it.
+    // The contact lasts about 3.2 without damping, and longer with it.
     let h = 1e-3;
     for _ in 0..200_000 {
         let (k1, a1) = (v, force(x, v));
@@ -250,8 +255,8 @@ pub(super) fn impact(force: impl Fn(f64, f64) -> f64) -> f64 {
     -v
 }
 
-/// Largest δ/(R_1+R_2) of two equal spheres: far beyond where Hertz' theory holds, but no further than other laws go. For unequal ones
-/// it is this part of the smaller one's diameter.
+/// Largest δ/(R_1+R_2) of two equal spheres; of two unequal spheres the largest δ over the diameter
+/// of the smaller one. Hertz' theory fails long before; the other laws have about the same bound.
 pub const LARGEST_OVERLAP: f64 = super::hooke::LARGEST_OVERLAP;
 
 /// How the dampers of Hertzian contacts depend on the overlap.
@@ -282,7 +287,7 @@ impl Damper for Viscoelastic {
 /// Constants of the law, the same for all contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hertz<const FRICTION: bool, D = Viscoelastic> {
-    /// k_n, k_t (Pa).
+    /// k_n and k_t (Pa).
     normal_stiffness: f64,
     tangential_stiffness: f64,
     /// The constant of the normal damper: γ_n (1/(m s)) of a viscoelastic one.
@@ -331,10 +336,10 @@ const DAMPING: usize = 1;
 /// Largest overlap (m).
 const LARGEST: usize = 2;
 
-// Place in what is carried: √(δR*).
+// Place in the carried rows: √(δR*).
 const ROOT: usize = 0;
 
-/// Square of a length (m²) that is as good as none.
+/// Lower bound of δR* (m²), also for pairs that do not touch.
 const NO_AREA: f64 = 1e-290;
 
 impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
@@ -393,7 +398,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
         }
     }
 
-    /// F = √R* k_n δ^(3/2) over δ gives (2/5) √R* k_n δ^(5/2); tangential ½ k_t √(δR*) u².
+    /// Normal: the integral of √R* k_n δ^(3/2), (2/5) √R* k_n δ^(5/2). Tangential: ½ k_t √(δR*) u².
     #[inline(always)]
     fn elastic_energies<L: Lanes>(
         &self,
@@ -423,7 +428,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
 }
 
 impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
-    /// F_t.
+    /// Computes F_t.
     #[inline(always)]
     fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
@@ -459,7 +464,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             let limit = c(self.friction) * load(&response.normal);
             let sliding = (root * length).greater(limit);
             response.sliding = sliding.bits();
-            // √(δR*) where the contact sticks.
+            // √(δR*) if the contact sticks.
             let factor = (limit * per_length).select(sliding, root);
             let part = factor * inverse(token, root);
             for k in 0..3 {
@@ -492,7 +497,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
     }
 }
 
-/// F_t = -√(δR*) k_t u grows with the root of δ under a u that stays; at the limit it is -μF_n u/|u|.
+/// At constant u, F_t = -√(δR*) k_t u grows with √δ; at the limit F_t = -μF_n u/|u|.
 impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
     fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
         let [r_i, r_j] = radii;

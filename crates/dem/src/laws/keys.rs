@@ -109,6 +109,7 @@ pub struct Key {
     pub unit: &'static str,
     /// A value as an example.
     pub example: &'static str,
+    /// The range of its values.
     pub bounds: Bounds,
     /// What it is, for the documentation.
     pub doc: &'static str,
@@ -156,6 +157,7 @@ impl Key {
     }
 }
 
+/// E.
 pub const YOUNG_MODULUS: Key = Key::new(
     "material.young_modulus",
     "E",
@@ -164,6 +166,7 @@ pub const YOUNG_MODULUS: Key = Key::new(
     POSITIVE,
     "Young's modulus E of the grains",
 );
+/// ν.
 pub const POISSON_RATIO: Key = Key::new(
     "material.poisson_ratio",
     "nu",
@@ -172,6 +175,7 @@ pub const POISSON_RATIO: Key = Key::new(
     POISSON,
     "Poisson's ratio ν of the grains",
 );
+/// ρ.
 pub const DENSITY: Key = Key::new(
     "material.density",
     "rho",
@@ -180,6 +184,7 @@ pub const DENSITY: Key = Key::new(
     POSITIVE,
     "density ρ of the grains",
 );
+/// m.
 pub const MASS: Key = Key::new(
     "material.mass",
     "m",
@@ -188,6 +193,7 @@ pub const MASS: Key = Key::new(
     POSITIVE,
     "mass m of every grain, whatever its size, instead of ρ",
 );
+/// k_n of a linear spring.
 pub const NORMAL_STIFFNESS: Key = Key::new(
     "contact.normal_stiffness",
     "k_n",
@@ -196,6 +202,7 @@ pub const NORMAL_STIFFNESS: Key = Key::new(
     POSITIVE,
     "normal stiffness k_n",
 );
+/// k_t of a linear spring.
 pub const TANGENTIAL_STIFFNESS: Key = Key::new(
     "contact.tangential_stiffness",
     "k_t",
@@ -205,17 +212,19 @@ pub const TANGENTIAL_STIFFNESS: Key = Key::new(
     "tangential stiffness k_t, at most k_n",
 )
 .default("(2/7) k_n");
-/// Springs of F = k δ^(3/2).
+/// k_n of a spring F = k δ^(3/2).
 pub const NORMAL_STIFFNESS_3_2: Key = Key {
     unit: "N/m^1.5, in 2D N/m^2.5",
     example: "1e10",
     ..NORMAL_STIFFNESS
 };
+/// k_t of a spring F = k δ^(1/2) t.
 pub const TANGENTIAL_STIFFNESS_3_2: Key = Key {
     unit: "N/m^1.5, in 2D N/m^2.5",
     example: "3e9",
     ..TANGENTIAL_STIFFNESS
 };
+/// γ_n.
 pub const NORMAL_DAMPING: Key = Key::new(
     "contact.normal_damping",
     "gamma_n",
@@ -224,6 +233,7 @@ pub const NORMAL_DAMPING: Key = Key::new(
     NOT_NEGATIVE,
     "normal damping γ_n",
 );
+/// γ_t.
 pub const TANGENTIAL_DAMPING: Key = Key::new(
     "contact.tangential_damping",
     "gamma_t",
@@ -233,6 +243,7 @@ pub const TANGENTIAL_DAMPING: Key = Key::new(
     "tangential damping γ_t",
 )
 .default("γ_n/2");
+/// γ_t/γ_n.
 pub const TANGENTIAL_DAMPING_RATIO: Key = Key::new(
     "contact.tangential_damping_ratio",
     "gamma_t/gamma_n",
@@ -242,6 +253,7 @@ pub const TANGENTIAL_DAMPING_RATIO: Key = Key::new(
     "tangential over normal damping, γ_t/γ_n",
 )
 .default("0.5");
+/// The speed of an impact.
 pub const IMPACT_SPEED: Key = Key::new(
     "contact.impact_speed",
     "the speed at which two equal spheres collide with that restitution",
@@ -250,6 +262,7 @@ pub const IMPACT_SPEED: Key = Key::new(
     POSITIVE,
     "with `restitution`: the speed at which two equal spheres collide with that restitution",
 );
+/// The diameter of the colliding spheres.
 pub const IMPACT_DIAMETER: Key = Key::new(
     "contact.impact_diameter",
     "the diameter of those spheres",
@@ -258,6 +271,7 @@ pub const IMPACT_DIAMETER: Key = Key::new(
     POSITIVE,
     "with `impact_speed`: the diameter of those spheres",
 );
+/// α.
 pub const DAMPING_RATIO: Key = Key::new(
     "contact.damping_ratio",
     "alpha",
@@ -266,6 +280,7 @@ pub const DAMPING_RATIO: Key = Key::new(
     BELOW_ONE,
     "normal and tangential damping ratio α",
 );
+/// e.
 pub const RESTITUTION: Key = Key::new(
     "contact.restitution",
     "e",
@@ -281,8 +296,8 @@ pub trait Values {
     fn number(&mut self, key: &Key) -> Option<f64>;
     /// A number that must be given; NaN if it is not.
     fn required(&mut self, key: &Key) -> f64;
-    /// Ways to give one quantity, of which exactly one must be given. Returns its place; `what` names
-    /// the ways.
+    /// Ways to give one quantity, of which exactly one must be given. Returns its place; `what`
+    /// names the ways.
     fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize;
     /// Refuses a key that means nothing beside the others.
     fn useless(&mut self, key: &Key, why: &str);

@@ -1,10 +1,13 @@
-//! Rolling resistance of type C (Ai et al. 2011; LH A13–A22): a spring of torque between the two rotations, and a damper,
+//! Rolling resistance of type C (Ai et al. 2011; LH A13 to A22): a torsional spring between the two
+//! rotations, and a damper,
 //!
 //! ```text
-//! M^k ← M^k - k_r Δθ_r,  limited to μ_r R_r F_n;  below the limit -C_r (ω_i-ω_j) is added,  C_r = 2η_r√(I_r k_r)
+//! M^k ← M^k - k_r Δθ_r,  |M^k| ≤ μ_r R_r F_n,  M = M^k - C_r (ω_i-ω_j) below that limit
+//! C_r = 2η_r√(I_r k_r)
 //! ```
 //!
-//! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the disks' inertia I + mR² about the contact (A22).
+//! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the moments of inertia I + mR² about
+//! the contact (LH A22).
 
 use crate::contact::{Blocks, Limited, add_damping, dissipation};
 use crate::simd::{Lanes, Row, inverse};
@@ -25,10 +28,12 @@ pub struct Rolling {
     pub damping_ratio: f64,
 }
 
-/// Where a law has what rolling needs: rows per block of parameters and of history, and the first of its own among them.
+/// Where a law keeps the rows of rolling resistance.
 #[derive(Debug, Clone, Copy)]
 pub struct Places {
+    /// Rows of parameters per block, and the first row of rolling among them.
     pub parameters: (usize, usize),
+    /// Rows of histories per block, and the row of rolling among them.
     pub history: (usize, usize),
 }
 
@@ -39,7 +44,7 @@ impl Rolling {
         (self.stiffness * r_r * r_r, self.friction * r_r)
     }
 
-    /// k_r, C_r and μ_r R_r.
+    /// Computes k_r, C_r and μ_r R_r.
     #[inline(always)]
     pub fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
         let c = |v| L::splat(token, v);
@@ -57,7 +62,7 @@ impl Rolling {
     }
 }
 
-/// M, after F_n and F_t.
+/// Computes M; F_n must be set.
 #[inline(always)]
 pub fn roll<L: Lanes, const BUDGET: bool>(
     token: L::Token,

@@ -15,9 +15,10 @@
 //! α = 1.2728 - 4.2783 e + 11.087 e² - 22.348 e³ + 27.467 e⁴ - 18.022 e⁵ + 4.8218 e⁶
 //! ```
 //!
-//! This is LAMMPS' `pair_style granular` with `hertz/material E e ν`, `tangential mindlin NULL x μ`,
-//! `damping tsuji` and `limit_damping`. In Tsuji's α the mass is that of one of two equal spheres,
-//! 2 m*; versions of LAMMPS up to 2025 take m*, so their α is smaller by √2.
+//! This is LAMMPS' `pair_style granular` with `hertz/material E e ν`,
+//! `tangential mindlin NULL x μ`, `damping tsuji` and `limit_damping`. In Tsuji's α the mass is
+//! that of one of two equal spheres, 2 m*; versions of LAMMPS up to 2025 take m*, so their α is
+//! smaller by √2.
 //!
 //! e is the restitution of spheres that may pull. Because F_n ≥ 0, they part a little faster:
 //! e = 0.5 gives 0.55, 0.9 gives 0.902.

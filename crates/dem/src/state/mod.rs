@@ -1,4 +1,4 @@
-//! Grains, contacts, walls and the cell: what a run consists of between two steps.
+//! Grains, contacts, the cell, and the records of frames and checkpoints.
 
 mod cell;
 mod contacts;

@@ -6,9 +6,13 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainSample {
+    /// Id.
     pub id: u64,
+    /// Wrapped position (m).
     pub position: [f64; 3],
+    /// Velocity (m/s).
     pub velocity: [f64; 3],
+    /// Angular velocity (rad/s).
     pub angular_velocity: [f64; 3],
 }
 
@@ -16,7 +20,9 @@ pub struct GrainSample {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ContactSample {
+    /// Lower id.
     pub i: u32,
+    /// Higher id.
     pub j: u32,
     /// F_n ≥ 0, repulsive, elastic and damping.
     pub normal_force: f64,
