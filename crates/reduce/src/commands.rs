@@ -54,7 +54,7 @@ pub enum Command {
     },
     /// Write D²min between consecutive frames into reduced.h5 (Lee & Hurley, appendix B)
     ///
-    /// Dataset dmin/value[frame][grain] in m². NaN in frame 0, for rattlers of the earlier frame, and for grains with fewer than
+    /// Dataset dmin/value, by frame and grain, in m². NaN in frame 0, for rattlers of the earlier frame, and for grains with fewer than
     /// two neighbours or with all neighbours on one line.
     Dmin {
         /// A run.h5, or the folder that holds one
