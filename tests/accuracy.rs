@@ -89,7 +89,7 @@ fn over_fractions(coarsest: f64, measure: impl Fn(f64, f64) -> f64) -> [f64; 5] 
         let sum: f64 = (0..SAMPLES)
             .map(|k| {
                 let spread = (0.618 * k as f64).fract();
-                let step = coarsest / (1 << h) as f64 * (0.95 + 0.1 * spread);
+                let step = coarsest / f64::from(1 << h) * (0.95 + 0.1 * spread);
                 measure(step, k as f64 / SAMPLES as f64)
             })
             .sum();

@@ -88,7 +88,11 @@ fn a_flipped_bit_in_any_dataset_is_named() {
         for dataset in file.group(group).unwrap().datasets().unwrap() {
             let start = dataset.offset().unwrap() as usize;
             let end = start + dataset.size() * dataset.dtype().unwrap().size();
-            places.extend([(start, part), ((start + end) / 2, part), (end - 1, part)]);
+            places.extend([
+                (start, part),
+                (usize::midpoint(start, end), part),
+                (end - 1, part),
+            ]);
         }
     }
     drop(file);

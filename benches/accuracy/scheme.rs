@@ -58,7 +58,7 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
                     Two::HALF_VELOCITY..Two::HALF_VELOCITY + Two::AXES,
                     Two::VELOCITY,
                 );
-                r.copy_within(Two::HALF_SPIN..Two::HALF_SPIN + Two::SPINS, Two::SPIN);
+                r.copy_within(Two::HALF_SPIN..=Two::HALF_SPIN, Two::SPIN);
             }
         }
     }

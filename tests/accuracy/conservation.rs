@@ -328,14 +328,14 @@ fn overlap_alone_does_not_change_the_tangential_force() {
         (force, LAW.friction * samples.normal[0].0[0])
     };
     for k in 0..100 {
-        let (force, limit) = visit(1e-3 * (1.0 + 0.05 * k as f64), -1.0);
+        let (force, limit) = visit(1e-3 * (1.0 + 0.05 * f64::from(k)), -1.0);
         assert_eq!(force, history[0]);
         assert!(limit > force);
     }
     let mut held = history[0];
     let mut limited = 0;
     for k in (0..100).rev() {
-        let (force, limit) = visit(6e-5 * k as f64 + 1e-6, 1.0);
+        let (force, limit) = visit(6e-5 * f64::from(k) + 1e-6, 1.0);
         assert_eq!(force, held.min(limit));
         limited += u32::from(force < held);
         held = force;

@@ -144,7 +144,8 @@ pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
 /// Only one test of a file at a time: ranks that wait for each other spin.
 pub fn alone() -> std::sync::MutexGuard<'static, ()> {
     static ONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
-    ONE.lock().unwrap_or_else(|e| e.into_inner())
+    ONE.lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 /// All datasets of two runs' `run.h5` are the same, to the last bit.

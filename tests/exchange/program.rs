@@ -179,7 +179,7 @@ fn time(world: &World) {
             println!(
                 "halo of 2 x {} B each way: {:.2} us",
                 length * 4,
-                start.elapsed().as_secs_f64() / n as f64 * 1e6
+                start.elapsed().as_secs_f64() / f64::from(n) * 1e6
             );
         }
     }
@@ -190,7 +190,7 @@ fn time(world: &World) {
     if rank == 0 {
         println!(
             "sum of 8 numbers: {:.2} us",
-            start.elapsed().as_secs_f64() / n as f64 * 1e6
+            start.elapsed().as_secs_f64() / f64::from(n) * 1e6
         );
     }
 }

@@ -12,7 +12,9 @@ use gshear_mpi_exchange::World;
 use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
 use gshear_store::{checkpoint, log::Log};
 
-use crate::common::synthetic::*;
+use crate::common::synthetic::{
+    at_the_end, attributes, contact, grain, header, owner, pairs, row, shapes, snapshot,
+};
 
 /// `FOLDER GRAINS` writes, `damaged CHECKPOINT` reads what it must refuse, `time FOLDER` measures.
 pub fn run(arguments: &[String]) {

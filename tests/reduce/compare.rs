@@ -73,7 +73,7 @@ fn compare_finds_what_is_missing() {
     assert_eq!(differing(&told), ["contacts 1"]);
     let told = difference(|run| {
         run.series_step.truncate(40);
-        run.series.iter_mut().for_each(|column| column.truncate(40))
+        run.series.iter_mut().for_each(|column| column.truncate(40));
     });
     assert!(
         told.contains("rows of the time series: 51 against 40"),

@@ -114,7 +114,7 @@ pub fn sliding_loss() -> Vec<Line> {
                 .fold(0.0, f64::max);
             line(
                 format!("an impact at {degrees}° with μ_s = {FRICTION}, sliding throughout, at the default Δt"),
-                format!("the impulses of sliding take {:.4} of the energy", expected),
+                format!("the impulses of sliding take {expected:.4} of the energy"),
                 format!(
                     "{:.4} to {:.4}",
                     -found.iter().fold(f64::MIN, |a, &b| a.max(b)),

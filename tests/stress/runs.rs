@@ -22,7 +22,10 @@ fn run(folder: &Path, set: &[String]) -> Outcome {
 }
 
 fn sets(values: &[&str]) -> Vec<String> {
-    values.iter().map(|v| v.to_string()).collect()
+    values
+        .iter()
+        .map(std::string::ToString::to_string)
+        .collect()
 }
 
 /// The one line of a failure.

@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn long_is_more_than_three_intervals() {
         let tau = [0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0, -1.0, 0.0];
-        let strain: Vec<f64> = (0..9).map(|k| 0.5 * k as f64).collect();
+        let strain: Vec<f64> = (0..9).map(|k| 0.5 * f64::from(k)).collect();
         let found = find(&strain, &tau);
         let lengths: Vec<_> = found
             .iter()

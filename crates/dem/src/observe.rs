@@ -105,9 +105,9 @@ pub fn series<D: Dimension>(
     // Contacts, sliding contacts, and the ends of contacts that are at free grains.
     let mut counts = [0i64; 3];
     for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
-        let free = |g: usize| (grains.body[g] == body::FREE) as i64;
+        let free = |g: usize| i64::from(grains.body[g] == body::FREE);
         counts[0] += 1;
-        counts[1] += (samples.sliding[at.block] >> at.lane & 1) as i64;
+        counts[1] += i64::from(samples.sliding[at.block] >> at.lane & 1);
         counts[2] += free(at.i) + free(at.j);
     }
 
@@ -192,7 +192,7 @@ pub fn frame<D: Dimension>(
         .map(|g| {
             let state = system.grains.state(g);
             GrainSample {
-                id: state.id as u64,
+                id: u64::from(state.id),
                 position: state.position,
                 velocity: state.velocity,
                 angular_velocity: state.angular_velocity,
@@ -216,7 +216,7 @@ pub fn frame<D: Dimension>(
                 tangential_history: tangential(state.history),
                 rolling_history: if planar { state.history[2] } else { 0.0 },
                 overlap: samples.overlap[at.block].0[at.lane],
-                sliding: (samples.sliding[at.block] >> at.lane & 1) as u64,
+                sliding: u64::from(samples.sliding[at.block] >> at.lane & 1),
             }
         })
         .collect();

@@ -171,6 +171,9 @@ impl Files {
     }
 
     /// The next row of the time series, the same on every rank.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn series(
         &mut self,
         exchange: &dyn Parallel,
@@ -190,6 +193,9 @@ impl Files {
     }
 
     /// The next frame: this rank's grains, and the contacts whose first grain it owns.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn frame(
         &mut self,
         exchange: &dyn Parallel,
@@ -202,6 +208,9 @@ impl Files {
     }
 
     /// The next scalars of frames, the same on every rank.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn scalars(
         &mut self,
         exchange: &dyn Parallel,
@@ -211,6 +220,9 @@ impl Files {
     }
 
     /// Brings everything to the files. Returns what they hold.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<Written, Failure> {
         self.trajectory.flush(exchange)?;
         let log = self.log.as_mut();
@@ -225,6 +237,9 @@ impl Files {
     }
 
     /// Closes the files; `attributes` are those of a stage that is done.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn finish(
         mut self,
         exchange: &dyn Parallel,
@@ -248,6 +263,9 @@ pub fn shapes<D: Dimension>(system: &mut System<D>) -> Vec<GrainShape> {
 }
 
 /// Makes the folder of the results, if it is missing; collective.
+///
+/// # Errors
+/// A folder that cannot be made.
 pub fn folder(exchange: &dyn Parallel, out: &Path) -> Result<(), Failure> {
     let made = if exchange.rank() == 0 {
         std::fs::create_dir_all(out)

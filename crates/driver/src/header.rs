@@ -21,21 +21,26 @@ pub enum Header {
     Pack {
         /// Steps done.
         step: u64,
+        /// The top.
         piston: Piston,
         /// Drag (1/s).
         drag: f64,
+        /// The file that the grains came from; resuming does not read it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         packing: Option<PackingFile>,
     },
     /// Shear between walls.
     Shear {
+        /// Steps done.
         step: u64,
+        /// The top.
         piston: Piston,
         /// `None` before the first step.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         slider: Option<SliderState>,
         /// H (m).
         height: f64,
+        /// What the files hold.
         written: Written,
         /// The energy budget, if the scene has one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -46,14 +51,18 @@ pub enum Header {
     },
     /// Strain steps of a periodic box.
     Aqs {
+        /// How far the strain steps have come.
         progress: Progress,
+        /// What the files hold.
         written: Written,
     },
     /// Newton's equations in a periodic box.
     Newtonian {
+        /// Steps done.
         step: u64,
         /// Of the strain steps before.
         progress: Progress,
+        /// What the files hold.
         written: Written,
         /// Lines of the file of eigenvalues.
         lines: u64,
@@ -134,16 +143,22 @@ pub struct Progress {
 /// The strains between which the first complex pair is born: the last without and the first with it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Birth {
+    /// γ of the last state without a pair.
     pub before: f64,
+    /// γ of the first state with one.
     pub after: f64,
 }
 
 /// A complex pair λ_r ± iλ_i, and ω_r ± iω_i = √λ (BO eq. 8).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
+    /// Real part of λ.
     pub lambda_r: f64,
+    /// |Im λ|.
     pub lambda_i: f64,
+    /// Real part of √λ.
     pub omega_r: f64,
+    /// Imaginary part of √λ: the growth rate.
     pub omega_i: f64,
 }
 

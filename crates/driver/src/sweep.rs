@@ -16,7 +16,9 @@ use crate::run::{Options, Outcome};
 
 /// The runs of a configuration with a sweep.
 pub struct Sweep<'a> {
+    /// The configuration, without its sweep.
     pub source: Source,
+    /// The runs, in their order.
     pub members: Vec<Member>,
     /// `--set`, of all runs.
     pub set: &'a [String],

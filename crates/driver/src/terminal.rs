@@ -220,7 +220,7 @@ impl Terminal {
             "{:5.1} % step {step} strain {:.5}{stress} | {:.1} million grain-steps/s, {} left",
             100.0 * step as f64 / schedule.total as f64,
             schedule.strain(step),
-            1e-6 * grains as f64 * done / seconds,
+            1e-6 * f64::from(grains) * done / seconds,
             humantime::format_duration(Duration::from_secs(left as u64)),
         ));
         self.bar.set_position(step);

@@ -67,18 +67,17 @@ impl<'a> Checker<'a> {
 
     /// Notes that a table lacks what it must have.
     pub fn lacks(&mut self, table: &str, what: &str) {
-        let problem = match self.tables.iter().find(|(name, _)| name == table) {
-            Some((_, at)) => (
+        let problem = if let Some((_, at)) = self.tables.iter().find(|(name, _)| name == table) {
+            (
                 *at,
                 format!("{}: [{table}] lacks {what}", self.input.place(*at)),
-            ),
-            None => {
-                let name = self.input.source.name();
-                (
-                    usize::MAX,
-                    format!("{name}: [{table}] is missing; it must have {what}"),
-                )
-            }
+            )
+        } else {
+            let name = self.input.source.name();
+            (
+                usize::MAX,
+                format!("{name}: [{table}] is missing; it must have {what}"),
+            )
         };
         self.problems.push(problem);
     }
@@ -206,12 +205,11 @@ impl<'a> Checker<'a> {
             }
             self.refuse(keys[second], &text);
         }
-        match given.first() {
-            Some((_, k)) => *k,
-            None => {
-                self.lacks(keys[0].declared.table(), what);
-                0
-            }
+        if let Some((_, k)) = given.first() {
+            *k
+        } else {
+            self.lacks(keys[0].declared.table(), what);
+            0
         }
     }
 

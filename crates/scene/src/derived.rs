@@ -297,13 +297,13 @@ mod tests {
     #[test]
     fn step_limit_is_below_that_of_a_triangular_lattice() {
         let directions: Vec<[f64; 2]> = (0..6)
-            .map(|k| (k as f64 * PI / 3.0).sin_cos())
+            .map(|k| (f64::from(k) * PI / 3.0).sin_cos())
             .map(|(s, c)| [c, s])
             .collect();
         let mut greatest = 0.0_f64;
         for i in 0..60 {
             for j in 0..60 {
-                let q = [i as f64 * PI / 15.0, j as f64 * PI / 15.0];
+                let q = [f64::from(i) * PI / 15.0, f64::from(j) * PI / 15.0];
                 let mut d = [0.0; 3];
                 for e in &directions {
                     let w = 1.0 - (q[0] * e[0] + q[1] * e[1]).cos();

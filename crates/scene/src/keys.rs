@@ -81,12 +81,12 @@ fn find<'a>(keys: &'a [Entry], name: &str) -> Option<&'a Entry> {
 /// belong.
 pub(super) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), Failure> {
     let mut problems = Vec::new();
-    for (key, value) in tree.iter() {
+    for (key, value) in tree {
         let name: &str = key.get_ref();
         let offset = key.span().start;
         match (keys_of(name), value.get_ref()) {
             (Some(keys), DeValue::Table(table)) => {
-                for (inner, _) in table.iter() {
+                for (inner, _) in table {
                     let inner_name: &str = inner.get_ref();
                     if find(keys, inner_name).is_none() {
                         let what = unknown_key(name, inner_name);

@@ -241,7 +241,7 @@ fn refuse_others(tree: &DeTable<'_>, input: &Input<'_>, boxed: bool) -> Result<(
 /// Where each value begins, and its key's path.
 fn paths(tree: &DeTable<'_>) -> Vec<(usize, String)> {
     let mut all = Vec::new();
-    for (key, value) in tree.iter() {
+    for (key, value) in tree {
         match value.get_ref().as_table() {
             Some(table) => all.extend(
                 table

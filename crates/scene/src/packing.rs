@@ -40,6 +40,7 @@ fn replicated(mut data: DataFile, copies: [u32; 2]) -> DataFile {
 pub struct Packing {
     /// What messages call the file.
     name: String,
+    /// What a scene needs to know of the file.
     pub file: PackingFile,
     /// Sorted column after column, from the bottom to the top of each, which is the order of the ids to come.
     atoms: Vec<Atom>,
@@ -132,7 +133,7 @@ impl Packing {
         let periods = data.bounds.map(|[low, high]| high - low);
         let mut widths = [f64::INFINITY; 2];
         for axis in 0..up {
-            widths[axis] = periods[axis] / columns(periods[axis], radius_max) as f64;
+            widths[axis] = periods[axis] / f64::from(columns(periods[axis], radius_max));
         }
         let column = |a: &Atom| [0, 1].map(|axis| (a.position[axis] / widths[axis]) as u32);
         atoms.sort_by(|a, b| {
@@ -207,7 +208,7 @@ impl Packing {
         if scene.pack.skip {
             match walls {
                 Walls::Layers => {
-                    freeze_walls(&mut grains, up, self.file.edges, self.file.mean_diameter)
+                    freeze_walls(&mut grains, up, self.file.edges, self.file.mean_diameter);
                 }
                 Walls::Types => self.walls_by_type(&mut grains, up)?,
             }
@@ -325,7 +326,7 @@ mod tests {
         ";
         let data = lammps_data::parse("f", &edit(TEXT.into()))?;
         let packing = Packing::new("f", Path::new(FILE), data, [1, 1])?;
-        let sets: Vec<String> = sets.iter().map(|s| s.to_string()).collect();
+        let sets: Vec<String> = sets.iter().map(std::string::ToString::to_string).collect();
         let scene = crate::load_with(&Source::new("s", text), &sets, &mut |_, _| {
             Ok(packing.file.clone())
         })?;

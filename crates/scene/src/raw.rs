@@ -703,7 +703,7 @@ pub fn law_entries(table: &str) -> Vec<Entry> {
             continue;
         }
         let laws: Vec<_> = LAWS
-            .into_iter()
+            .iter()
             .filter_map(|kind| {
                 let own = kind.keys.iter().find(|own| own.path == key.path)?;
                 Some((kind.name, own.unit))

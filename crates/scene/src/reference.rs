@@ -171,7 +171,7 @@ fn allowed(entry: &Entry) -> String {
 /// The names of the laws that exist in a dimension.
 fn laws(dimension: Dimensions) -> Vec<&'static str> {
     let exist = LAWS
-        .into_iter()
+        .iter()
         .filter(|kind| kind.dimensions.contains(&dimension));
     exist.map(|kind| kind.name).collect()
 }

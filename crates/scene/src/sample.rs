@@ -81,7 +81,7 @@ impl<'a> Lattice<'a> {
         let mut bottom = 0.0;
         let grain = |id| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
-            random.set_stream(id as u64);
+            random.set_stream(u64::from(id));
             let mut uniform = || random.random::<f64>();
             let radius = radius(self.sample, self.sizes, &mut uniform);
             let mut position = [0.0; 3];

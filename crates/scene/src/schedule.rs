@@ -10,11 +10,13 @@ pub struct Schedule {
     pub step: f64,
     /// H (m): height of the sheared layer at the start, to which strains refer.
     pub height: f64,
+    /// How the drive moves.
     pub protocol: Protocol,
     /// One for each segment of the protocol.
     pub intervals: Vec<Intervals>,
     /// Steps of the stage.
     pub total: u64,
+    /// Step of the first frame.
     pub first_frame: u64,
     /// First frame that is analysed.
     pub first_analysis: u64,
@@ -27,18 +29,24 @@ pub struct Schedule {
 /// A stretch of the shear that is computed again: frames of the steps `first`, `first` + `every`, … up to `last`, where it ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
+    /// Step of the first frame.
     pub first: u64,
+    /// The last step.
     pub last: u64,
+    /// Steps between frames.
     pub every: u64,
 }
 
 /// What is written during a segment of the protocol: every so many steps; 0 is never.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Intervals {
+    /// Frames.
     pub frames: u64,
     /// Frames whose scalars are computed.
     pub analysis: u64,
+    /// Rows of the time series.
     pub series: u64,
+    /// Checkpoints.
     pub checkpoints: u64,
 }
 
@@ -55,6 +63,7 @@ pub fn mean_mass(scene: &Scene) -> f64 {
 }
 
 impl Schedule {
+    /// The schedule of a scene whose sheared layer is `height` (m) high at the start.
     pub fn new(scene: &Scene, height: f64) -> Self {
         let step = scene.time_step.step;
         let output = &scene.output;
@@ -151,6 +160,7 @@ impl Schedule {
         velocity / self.height * inertial_time(scene)
     }
 
+    /// Whether a frame is written after so many steps.
     pub fn frame_due(&self, step: u64) -> bool {
         if let Some(window) = self.window {
             return step >= window.first && due(window.every, step - window.first);
@@ -158,18 +168,22 @@ impl Schedule {
         step >= self.first_frame && self.due(|s| s.frames, step, self.first_frame)
     }
 
+    /// Whether the scalars of a frame are computed after so many steps.
     pub fn analysis_due(&self, step: u64) -> bool {
         step >= self.first_analysis && self.due(|s| s.analysis, step, self.first_analysis)
     }
 
+    /// Whether the time series gets a row after so many steps.
     pub fn series_due(&self, step: u64) -> bool {
         self.due(|s| s.series, step, 0)
     }
 
+    /// Whether the terminal gets a line after so many steps.
     pub fn progress_due(&self, step: u64) -> bool {
         due(self.progress, step)
     }
 
+    /// Whether a checkpoint is written after so many steps.
     pub fn checkpoint_due(&self, step: u64) -> bool {
         step > 0 && self.due(|s| s.checkpoints, step, 0)
     }

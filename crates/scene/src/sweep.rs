@@ -121,7 +121,7 @@ fn leaves<'a, 'b>(
     above: &str,
     found: &mut Vec<(usize, String, &'b Spanned<DeValue<'a>>)>,
 ) {
-    for (key, value) in table.iter() {
+    for (key, value) in table {
         let path = match above {
             "" => key.get_ref().to_string(),
             above => format!("{above}.{}", key.get_ref()),

@@ -268,7 +268,7 @@ mod tests {
         let path = folder.path().join("table.csv");
         let read = |text: &str| {
             std::fs::write(&path, text).unwrap();
-            super::read::<Row>(&path).map_err(|e| e.to_string())
+            read::<Row>(&path).map_err(|e| e.to_string())
         };
         let row = Row {
             b: 0.1,

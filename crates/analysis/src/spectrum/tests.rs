@@ -256,7 +256,7 @@ fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
 
 #[test]
 fn planted_pairs_are_found_and_counted() {
-    let mut blocks: Vec<(f64, f64)> = (0..80).map(|k| (0.03 + 0.05 * k as f64, 0.0)).collect();
+    let mut blocks: Vec<(f64, f64)> = (0..80).map(|k| (0.03 + 0.05 * f64::from(k), 0.0)).collect();
     // Wide pairs, one with |Im λ| = 10⁻⁶ ‖A‖, and a double one.
     let pairs = [
         (0.31, 0.5),
@@ -319,7 +319,7 @@ fn amplified(problem: &Problem, resolution: f64, most: usize) -> Unstable {
 /// drown the slowest.
 #[test]
 fn what_grows_is_found_among_what_does_not() {
-    let mut blocks: Vec<(f64, f64)> = (0..800).map(|k| (0.005 * k as f64, 0.0)).collect();
+    let mut blocks: Vec<(f64, f64)> = (0..800).map(|k| (0.005 * f64::from(k), 0.0)).collect();
     let growing = [
         (0.31, 0.9),
         (1.0, 0.02),
@@ -478,7 +478,7 @@ fn zero_modes_are_set_apart() {
 #[test]
 fn eigenvalues_of_high_multiplicity_are_all_found() {
     let blocks: Vec<(f64, f64)> = (0..60)
-        .map(|k| (if k < 9 { 1.0 } else { 1.5 + k as f64 }, 0.0))
+        .map(|k| (if k < 9 { 1.0 } else { 1.5 + f64::from(k) }, 0.0))
         .collect();
     let (k, exact) = planted(&blocks, 80, 13);
     let problem = problem(&k);

@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn any_order_and_any_partition_gives_the_same_bits() {
         let terms: Vec<f64> = (0..1000)
-            .map(|k| ((k * 7919 % 1000) as f64 - 499.5) * 1.37e-3 * 1.01f64.powi(k % 700))
+            .map(|k| (f64::from(k * 7919 % 1000) - 499.5) * 1.37e-3 * 1.01f64.powi(k % 700))
             .collect();
         let fixed = FixedPoint::new(0.02);
         let sum = |order: &mut dyn Iterator<Item = &f64>| {

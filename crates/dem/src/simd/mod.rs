@@ -407,10 +407,10 @@ mod tests {
             lanes.store(&mut row);
             bits.extend(row.0.map(f64::to_bits));
         }
-        let mut sums: Vec<Quad> = (0..20).map(|k| Quad([0.1 * k as f64; 4])).collect();
+        let mut sums: Vec<Quad> = (0..20).map(|k| Quad([0.1 * f64::from(k); 4])).collect();
         L::add_quads([x, y, x + y, x - y], &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
-        let mut sums: Vec<Oct> = (0..20).map(|k| Oct([0.1 * k as f64; 8])).collect();
+        let mut sums: Vec<Oct> = (0..20).map(|k| Oct([0.1 * f64::from(k); 8])).collect();
         let terms = [[x, y, x + y], [x - y, x * y, -x], [y, -y, y - x]];
         L::add_octs(terms, &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
@@ -419,7 +419,9 @@ mod tests {
             .select(L::splat(token, 1e15).greater(x), y);
         let sums = small.count((-small).mul_add(y, x).count(L::no_counts(token)));
         bits.push(L::total(small.count(sums)) as u64);
-        bits.push(x.greater(y).and(x.greater(L::splat(token, 0.0))).bits() as u64);
+        bits.push(u64::from(
+            x.greater(y).and(x.greater(L::splat(token, 0.0))).bits(),
+        ));
         bits
     }
 

@@ -45,19 +45,31 @@ pub trait Stage {
     fn is_done(&self) -> bool;
 
     /// Before the first step: forces of the initial state. Not called when a stage resumes.
+    ///
+    /// # Errors
+    /// Numbers that fail.
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
 
     /// Takes one step. `stop`: a stop is asked for after it, beside signals and wall time. Returns
     /// whether the run stops, the same on every rank.
+    ///
+    /// # Errors
+    /// Numbers that fail.
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure>;
 
     /// Writes what is due after the last step.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
 
     /// When the state after the last step is saved.
     fn save_due(&self) -> Save;
 
     /// Brings the files up to date and hands over the state.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure>;
 
     /// Reports to the terminal.

@@ -149,19 +149,17 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
         let written = goes_on.map(|r| r.written);
         let lines = goes_on.map(|r| r.lines);
         let files = Files::open(run, &mut system, &format, written)?;
-        let spectra = match due.spectra {
-            u64::MAX => None,
-            _ => {
-                let path = run.options.out.join(SPECTRA_FILE);
-                Some(SpectraFile::open(exchange, &path, lines)?)
-            }
+        let spectra = if due.spectra == u64::MAX {
+            None
+        } else {
+            let path = run.options.out.join(SPECTRA_FILE);
+            Some(SpectraFile::open(exchange, &path, lines)?)
         };
-        let motion = match &resumed {
-            Some(resumed) => Motion::resume(exchange, &mut system, &resumed.travels),
-            None => {
-                system.rebuild(exchange, law, &mut NoWalls)?;
-                Motion::begin(&mut system)
-            }
+        let motion = if let Some(resumed) = &resumed {
+            Motion::resume(exchange, &mut system, &resumed.travels)
+        } else {
+            system.rebuild(exchange, law, &mut NoWalls)?;
+            Motion::begin(&mut system)
         };
         Ok(Self {
             scene,

@@ -20,6 +20,9 @@ use crate::launch::Start;
 use crate::run::{Outcome, Run, State};
 
 /// Runs the scene from `start` to its last step; collective.
+///
+/// # Errors
+/// Numbers that fail, or a file that cannot be written.
 pub fn run(run: &mut Run<'_>, scene: &PeriodicScene, start: Start) -> Result<Outcome, Failure> {
     run.terminal.periodic_header(run.exchange, scene, run.level);
     match scene.dimension {
@@ -35,20 +38,17 @@ fn stages<D: LawSpace>(
 ) -> Result<Outcome, Failure> {
     let law = force::<D>(&scene.law, scene.contact);
     let law = law.as_ref();
-    let (header, state) = match start {
-        Start::Checkpoint(snapshot) => {
-            let header = Header::read(&snapshot)?;
-            (Some(header), State::restore(run.exchange, snapshot))
-        }
-        _ => {
-            let smooth = Contact {
-                friction: 0.0,
-                rolling_friction: 0.0,
-                ..scene.contact
-            };
-            let smooth = force::<D>(&scene.law, smooth);
-            (None, prepare::prepare(run, scene, smooth.as_ref())?)
-        }
+    let (header, state) = if let Start::Checkpoint(snapshot) = start {
+        let header = Header::read(&snapshot)?;
+        (Some(header), State::restore(run.exchange, snapshot))
+    } else {
+        let smooth = Contact {
+            friction: 0.0,
+            rolling_friction: 0.0,
+            ..scene.contact
+        };
+        let smooth = force::<D>(&scene.law, smooth);
+        (None, prepare::prepare(run, scene, smooth.as_ref())?)
     };
     let (progress, written) = match &header {
         None => (Default::default(), None),

@@ -27,6 +27,9 @@ pub(super) const DRAG_RESTING: f64 = 1.0;
 const BEARS_ALL: [f64; 2] = [1e3, 1e4];
 
 /// Runs the scene from `start` to its last step; collective.
+///
+/// # Errors
+/// Numbers that fail, or a file that cannot be written.
 pub fn run(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result<Outcome, Failure> {
     run.terminal.header(run.exchange, scene, run.level);
     match scene.dimension {

@@ -2,7 +2,7 @@
 
 use super::Checker;
 use crate::raw::{self, show};
-use crate::scene::*;
+use crate::scene::{Analysis, Dimensions, Motion, Output, Shear};
 
 pub(super) fn check(
     c: &mut Checker<'_>,

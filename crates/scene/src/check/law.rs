@@ -115,16 +115,13 @@ const UNKNOWN: lee_hurley::Material = lee_hurley::Material {
 
 /// The keys of all laws, some more than once.
 pub(crate) fn law_keys() -> impl Iterator<Item = &'static keys::Key> {
-    LAWS.into_iter().flat_map(|kind| kind.keys.iter().copied())
+    LAWS.iter().flat_map(|kind| kind.keys.iter().copied())
 }
 
 /// The laws that take a key.
 fn owners(key: &keys::Key) -> Vec<&'static str> {
     let takes = |kind: &&&LawKind| kind.keys.iter().any(|known| known.path == key.path);
-    LAWS.into_iter()
-        .filter(takes)
-        .map(|kind| kind.name)
-        .collect()
+    LAWS.iter().filter(takes).map(|kind| kind.name).collect()
 }
 
 /// The law of this name, `None` if it is unknown; refuses what only other laws take.
@@ -134,14 +131,14 @@ fn choose(
     law: &Key<raw::Text>,
 ) -> Option<&'static LawKind> {
     let default = match dimension {
-        Dimensions::Two => laws::lee_hurley::KIND.name,
+        Dimensions::Two => lee_hurley::KIND.name,
         Dimensions::Three => laws::hertz::KIND.name,
     };
     let name = given.checker.choice_or(law, default)?;
     let kind = laws::kind(name)?;
     if !kind.dimensions.contains(&dimension) {
         let others: Vec<&str> = LAWS
-            .into_iter()
+            .iter()
             .filter(|kind| kind.dimensions.contains(&dimension))
             .map(|kind| kind.name)
             .collect();

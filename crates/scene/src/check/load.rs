@@ -4,7 +4,7 @@ use super::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::key::Key;
 use crate::raw::{self, Number, show};
-use crate::scene::*;
+use crate::scene::{Law, Load, Sample};
 use crate::write::LoadChoice;
 use gshear_dem::failure::Failure;
 

@@ -12,7 +12,7 @@ use super::checker::Checker;
 use super::derived;
 use super::key::Key;
 use super::raw::{self, Number, Raw, show};
-use super::scene::*;
+use super::scene::{Bookkeeping, Dimensions, Law, Pack, Scene, StepChoice, TimeStep, Walls};
 use super::source::Input;
 use super::write;
 use gshear_dem::failure::Failure;

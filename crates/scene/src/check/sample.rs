@@ -5,7 +5,7 @@ use crate::ReadPacking;
 use crate::derived::{self, LEAST_HEIGHT};
 use crate::key::Key;
 use crate::raw::{self, Number, Numbers, Text, show};
-use crate::scene::*;
+use crate::scene::{Dimensions, Origin, Sample, Sizes, Walls};
 use gshear_dem::failure::Failure;
 
 /// The keys of `[sample]`, each checked by itself.

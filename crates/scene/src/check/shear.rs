@@ -3,7 +3,7 @@
 use super::Checker;
 use crate::key::Key;
 use crate::raw::{self, Parts, show};
-use crate::scene::*;
+use crate::scene::{Drive, Load, Motion, Output, Part, Sample, Shear, Spring};
 
 pub(super) fn check(c: &mut Checker<'_>, shear: raw::Shear) -> Shear {
     let raw::Shear {

@@ -91,7 +91,7 @@ fn chi_squared_tells_the_law() {
         let record = disturbed(&synthetic(&law(evolution), &drive, 2e-3), 5, 1e-3, 3.0);
         let windows = [Window::of(&record, 0..4)];
         let fits = BOTH.map(|e| fit(&windows, e).expect("a fit"));
-        let best = if fits[0].rms < fits[1].rms { 0 } else { 1 };
+        let best = usize::from(fits[0].rms >= fits[1].rms);
         assert_eq!(BOTH[best], evolution);
         let [of_best, of_other] =
             [best, 1 - best].map(|k| chi_squared(&windows, &fits[k], &fits[best]));
