@@ -16,11 +16,12 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test scaling bench accuracy stress peers million clean
+.PHONY: help deps build run test docs scaling bench accuracy stress peers million clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
-	@echo "make test      format, lints and every test, those through mpirun among them"
+	@echo "make test      format, lints, every test of every crate, those through mpirun among them, and rustdoc"
+	@echo "make docs      write the table of keys in docs/config.md and docs/scene.schema.json"
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
 	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
 	@echo "make bench     benchmarks"
@@ -47,17 +48,22 @@ run: build
 # All in the release profile: the tests run real programs, and one profile builds the dependencies once.
 test: deps
 	cargo fmt --check
-	cargo clippy --release --locked --all-targets -- -D warnings
-	cargo test --release --locked
+	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+	cargo test --release --locked --workspace
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
+
+# From the declarations of the keys; a test says when it is due.
+docs:
+	cargo test --locked -p gshear-scene -- --ignored --exact reference::tests::write_the_reference
 
 scaling: build
 	@scripts/scaling
 
 bench: deps
-	cargo bench --locked
+	cargo bench --locked --bench speed
 
 accuracy: deps
-	cargo run --release --locked --example accuracy
+	cargo bench --locked --bench accuracy -- measure
 
 stress: deps
 	cargo test --release --locked --test stress -- --ignored --exact --nocapture all_into_the_table

@@ -65,7 +65,7 @@ fn run(command: &mut Command, ranks: usize, accepted: i32) -> Said {
 /// Packs a scene on two ranks, unless it was packed before. `set` belongs to the scene.
 fn pack(folder: &Path, name: &'static str, config: &str, set: &[&str], strain: f64) -> Packed {
     // What was packed for another format of checkpoints cannot be gone on with.
-    let format = gshear::io::checkpoint::VERSION;
+    let format = gshear_store::checkpoint::VERSION;
     let out = folder.join(format!("{name}-{format}"));
     let checkpoint = out.join("checkpoint.h5");
     if !checkpoint.exists() {
@@ -182,7 +182,7 @@ fn main() {
         "output.energy=false",
     ];
     let plain = ["output.checkpoint_strain=0.0", "output.energy=false"];
-    let ledger = [quiet[0], quiet[1]];
+    let budget = [quiet[0], quiet[1]];
 
     let default = pack(&folder, "default-1000", "plane-shear-2d.toml", &[], 0.01);
     let fast = [
@@ -192,7 +192,7 @@ fn main() {
     ];
     let five = pack(&folder, "large-5000", "lee-hurley-large.toml", &fast, 0.003);
 
-    let processor = gshear::io::provenance::processor();
+    let processor = gshear_store::provenance::processor();
     println!(
         "{} repetitions, medians; million grain-steps per second of all ranks; {processor}",
         if large { FEW_REPETITIONS } else { REPETITIONS }
@@ -243,9 +243,9 @@ fn main() {
     );
     default.pair(
         &folder,
-        "1 rank; without ledger, with it",
+        "1 rank; without the energy budget, with it",
         (1, &quiet),
-        (1, &ledger),
+        (1, &budget),
     );
     let frictionless = [
         quiet[0],

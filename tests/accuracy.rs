@@ -1,5 +1,5 @@
 //! The program against the law integrated independently: orders of convergence, errors, restitution, energy, momentum.
-//! `docs/accuracy.md` has the measured tables; `cargo run --release --example accuracy` prints them.
+//! `docs/accuracy.md` has the measured tables; `make accuracy` prints them.
 
 #[path = "accuracy/conservation.rs"]
 mod conservation;

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use gshear::config::{Source, load};
-use gshear::failure::Failure;
+use gshear_dem::failure::Failure;
+use gshear_scene::{Source, load};
 
 /// Where the bad inputs lie. Each file's first line is `# expect: ` and the whole message, without the folder.
 const BAD_INPUTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/bad_input");

@@ -3,10 +3,10 @@
 mod common;
 
 use common::synthetic::snapshot;
-use gshear::domain::Solo;
-use gshear::failure::Failure;
-use gshear::io::checkpoint::{NAME, PREVIOUS, VERSION, read, write};
-use gshear::state::Snapshot;
+use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::Snapshot;
+use gshear_store::checkpoint::{NAME, PREVIOUS, VERSION, read, write};
 use std::path::Path;
 
 const SCENE: &str = "seed = 1 # µ\n";

@@ -1,17 +1,18 @@
 //! Spheres in contact: against LAMMPS, closed forms, and themselves at smaller steps.
 
 use bytemuck::Zeroable;
-use gshear::config::{Bookkeeping, Contact, Spheres};
-use gshear::contact::hertz::Hertz;
-use gshear::contact::{Blocks, CARRY, ContactLaw, Motion, Response};
-use gshear::dimension::{Dimension, Three};
-use gshear::domain::Solo;
-use gshear::drive::NoWalls;
-use gshear::kernel::ContactForces;
-use gshear::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
-use gshear::state::{Cell, ContactState, GrainState, Masses};
-use gshear::step::{Wanted, advance, forces, initial_forces};
-use gshear::system::{Setup, System};
+use gshear_dem::contact::{Blocks, CARRY, ContactLaw, Motion, Response};
+use gshear_dem::dimension::{Dimension, Three};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::ContactForces;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::hertz::Hertz;
+use gshear_dem::laws::hertz::Spheres;
+use gshear_dem::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
+use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
+use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
 
 type Law = Hertz<true>;
 type Vector = [f64; 3];
@@ -28,7 +29,6 @@ fn contact(friction: f64) -> Contact {
     Contact {
         friction,
         rolling_friction: 0.0,
-        damping_ratio: 0.0,
         rolling_damping_ratio: 0.0,
     }
 }
@@ -71,10 +71,9 @@ impl Spin {
         let largest = grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
         let setup = Setup {
             level: Level::detect(),
-            bookkeeping: &Bookkeeping {
+            list: ListSettings {
                 skin: Some(0.1),
                 rebuild_every: 0,
-                simd: "auto",
             },
             cell: Cell::between_walls([20.0 * largest; 2]),
             largest_radius: largest,
@@ -100,7 +99,7 @@ impl Spin {
     }
 
     fn advance(&mut self) {
-        let wanted = Wanted::sampled(&mut self.samples);
+        let wanted = StepRequest::sampled(&mut self.samples);
         advance(&Solo, &mut self.system, &self.law, &mut NoWalls, wanted).expect("sound");
     }
 
@@ -135,7 +134,7 @@ fn glass_spheres_collide_as_hertz_says() {
     let (mut greatest, mut steps, mut nearest) = (0.0f64, 0, f64::INFINITY);
     loop {
         pair.advance();
-        let [a, b] = [0, 1].map(|g| pair.system.grains.state(g).position[0]);
+        let [a, b] = [0, 1].map(|g| pair.system.grains().state(g).position[0]);
         nearest = nearest.min(b - a);
         greatest = greatest.max(pair.force());
         if b - a > 2.0 * RADIUS {
@@ -174,7 +173,7 @@ fn gross_slip_in_any_direction() {
     let mut pair = Spin::new(&stiff, FRICTION, 2e-10, grains, Vec::new());
     (0..100_000).for_each(|_| pair.advance());
     assert_eq!(pair.force(), 0.0);
-    let end = pair.system.grains.state(0);
+    let end = pair.system.grains().state(0);
     assert!((dot(end.velocity, n) / v_n - 1.0).abs() < 2e-3);
     // The spring has to be loaded first, and n turns by a milliradian.
     let lost = v_t - dot(end.velocity, t);
@@ -222,7 +221,7 @@ fn history_turns_with_the_contact() {
         for k in 1..=steps {
             for (g, sign) in [(0, 1.0), (1, -1.0)] {
                 let (now, last) = (place(k, sign), place(k - 1, sign));
-                let r = pair.system.grains.fields_mut(g);
+                let r = pair.system.grains_mut().fields_mut(g);
                 r[..3].copy_from_slice(&now);
                 let v = map(now, last, |a, b| (a - b) / step);
                 r[Three::HALF_VELOCITY..Three::HALF_VELOCITY + 3].copy_from_slice(&v);
@@ -233,7 +232,7 @@ fn history_turns_with_the_contact() {
             let outside = forces(&Solo, &mut pair.system, &pair.law, &mut NoWalls, step, None);
             assert_eq!(outside, None);
         }
-        let after = pair.system.contact_states::<Law>()[0].history;
+        let after = pair.system.contact_states(&pair.law)[0].history;
         norm(map(after, u, |a, b| a - b)) / norm(u)
     };
     let errors = [200, 400, 800].map(error);
@@ -273,7 +272,7 @@ fn motion_in_contact_is_of_second_order() {
         ];
         let mut pair = Spin::new(&damped, 1e3, 1e-5 / steps as f64, grains, Vec::new());
         (0..steps).for_each(|_| pair.advance());
-        pair.system.grains.state(0)
+        pair.system.grains().state(0)
     };
     let reference = end(6400);
     let errors = [100, 200, 400].map(|steps| {

@@ -3,16 +3,17 @@
 use std::f64::consts::PI;
 
 use bytemuck::Zeroable;
-use gshear::config::{Bookkeeping, Contact, Springs};
-use gshear::contact::hooke::Hooke;
-use gshear::dimension::Two;
-use gshear::domain::Solo;
-use gshear::drive::NoWalls;
-use gshear::kernel::ContactForces;
-use gshear::simd::Level;
-use gshear::state::{Cell, ContactState, GrainState, Masses};
-use gshear::step::{Wanted, advance, initial_forces};
-use gshear::system::{Setup, System};
+use gshear_dem::dimension::Two;
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::ContactForces;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::hooke::Hooke;
+use gshear_dem::laws::hooke::Springs;
+use gshear_dem::simd::Level;
+use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
 
 type Law = Hooke<Two, true, true>;
 
@@ -20,11 +21,11 @@ const SPRINGS: Springs = Springs {
     normal_stiffness: 1e6,
     tangential_stiffness: 0.4e6,
     density: 2500.0,
+    damping_ratio: 0.15,
 };
 const CONTACT: Contact = Contact {
     friction: 0.5,
     rolling_friction: 0.3,
-    damping_ratio: 0.15,
     rolling_damping_ratio: 0.2,
 };
 const RADII: [f64; 2] = [0.7e-3, 1e-3];
@@ -40,6 +41,8 @@ fn reduced_mass() -> f64 {
 /// Two disks, 1 at the origin and 0 at `angle` from it, overlapping by `overlap` (m): 0 at rest and 1 moving towards it at
 /// `approach` and sideways at `sideways` (m/s) along -t̂, with these spins (rad/s).
 struct Impact {
+    /// α.
+    damping_ratio: f64,
     contact: Contact,
     angle: f64,
     overlap: f64,
@@ -68,7 +71,11 @@ impl Impact {
         const LENGTH: f64 = 20e-3;
         // Away from the seam.
         const CENTRE: f64 = 10e-3;
-        let law = Law::new(&SPRINGS, &self.contact);
+        let springs = Springs {
+            damping_ratio: self.damping_ratio,
+            ..SPRINGS
+        };
+        let law = Law::new(&springs, &self.contact);
         let n = [self.angle.cos(), self.angle.sin()];
         let distance = RADII[0] + RADII[1] - self.overlap;
         let grain = |id: u32, position: [f64; 2], [u, v]: [f64; 2]| GrainState {
@@ -92,14 +99,13 @@ impl Impact {
             j: 1,
             history: [self.history[0], 0.0, self.history[1]],
         }];
-        let bookkeeping = Bookkeeping {
+        let list = ListSettings {
             skin: Some(0.1),
             rebuild_every: 0,
-            simd: "auto",
         };
         let setup = Setup {
             level: Level::detect(),
-            bookkeeping: &bookkeeping,
+            list,
             cell: Cell::between_walls([LENGTH, f64::INFINITY]),
             largest_radius: RADII[1],
             mean_diameter: 1.7e-3,
@@ -117,7 +123,7 @@ impl Impact {
         initial_forces(&Solo, &mut system, &law, &mut drive, None).expect("sound forces");
         let mut samples = ContactForces::default();
         for k in 1.. {
-            let wanted = Wanted::sampled(&mut samples);
+            let wanted = StepRequest::sampled(&mut samples);
             advance(&Solo, &mut system, &law, &mut drive, wanted).expect("a sound step");
             let mut state = [0.0; 10];
             for (to, g) in state.chunks_mut(5).zip(system.grain_states()) {
@@ -150,10 +156,8 @@ fn oscillator(damping_ratio: f64) -> [f64; 3] {
 
 fn head_on(damping_ratio: f64, overlap: f64) -> Impact {
     Impact {
-        contact: Contact {
-            damping_ratio,
-            ..CONTACT
-        },
+        damping_ratio,
+        contact: CONTACT,
         angle: 0.8,
         overlap,
         approach: 0.1,
@@ -201,7 +205,7 @@ fn an_impact_is_a_damped_half_sine() {
 #[test]
 fn restitution_gives_the_damping_ratio() {
     for restitution in [0.5, 0.9, 0.99] {
-        let alpha = gshear::config::derived::damping_ratio(restitution);
+        let alpha = gshear_dem::laws::damping::damping_ratio(restitution);
         let [free, ..] = oscillator(alpha);
         let step = 1e-3 / free;
         let mut last = 0.0;
@@ -252,6 +256,7 @@ fn the_normal_spring_is_second_order() {
 #[test]
 fn friction_and_rolling_are_second_order() {
     let sticking = Impact {
+        damping_ratio: SPRINGS.damping_ratio,
         contact: Contact {
             friction: 50.0,
             rolling_friction: 50.0,
@@ -274,7 +279,7 @@ fn friction_and_rolling_are_second_order() {
         history: [-1e9, -1e9],
         ..sticking
     };
-    let [free, ..] = oscillator(CONTACT.damping_ratio);
+    let [free, ..] = oscillator(SPRINGS.damping_ratio);
     for (name, impact) in [("sticking", sticking), ("sliding", sliding)] {
         let time = 1.8 / free;
         let [a, b, c] = [400, 800, 1600].map(|steps| impact.after(time, steps));
@@ -291,12 +296,11 @@ fn gross_slip_turns_the_disks() {
     let impact = Impact {
         approach: 0.02,
         sideways: 0.1,
-        // Undamped, so that F_t is at its limit from the first step on.
         contact: Contact {
             rolling_friction: 0.0,
-            damping_ratio: 0.0,
             ..CONTACT
         },
+        // Undamped, so that F_t is at its limit from the first step on.
         ..head_on(0.0, 1e-9)
     };
     let [free, ..] = oscillator(0.0);

@@ -2,29 +2,32 @@
 
 use bytemuck::Zeroable;
 use faer::Mat;
-use gshear::analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
-use gshear::analysis::spectrum::{Problem, Solver, Spectrum};
-use gshear::config::{Bookkeeping, Contact, Material, MindlinSprings, Spheres, Springs};
-use gshear::contact::ContactLaw;
-use gshear::contact::hertz::Hertz;
-use gshear::contact::hooke::Hooke;
-use gshear::contact::lee_hurley::LeeHurley;
-use gshear::contact::mindlin::Mindlin;
-use gshear::contact::stiffness::Stiffness;
-use gshear::dimension::{Dimension, Three, Two};
-use gshear::domain::Solo;
-use gshear::drive::NoWalls;
-use gshear::simd::Level;
-use gshear::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
-use gshear::step::{forces, initial_forces};
-use gshear::system::{Setup, System};
+use gshear_analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
+use gshear_analysis::spectrum::{Problem, Solver, Spectrum};
+use gshear_dem::contact::ContactLaw;
+use gshear_dem::contact::stiffness::Stiffness;
+use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::hertz::Hertz;
+use gshear_dem::laws::hertz::Spheres;
+use gshear_dem::laws::hooke::Hooke;
+use gshear_dem::laws::hooke::Springs;
+use gshear_dem::laws::lee_hurley::LeeHurley;
+use gshear_dem::laws::lee_hurley::Material;
+use gshear_dem::laws::mindlin::Mindlin;
+use gshear_dem::laws::mindlin::MindlinSprings;
+use gshear_dem::simd::Level;
+use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
+use gshear_dem::step::{forces, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
 
 type Vector = [f64; 3];
 
 const CONTACT: Contact = Contact {
     friction: 0.4,
     rolling_friction: 0.1,
-    damping_ratio: 0.2,
     rolling_damping_ratio: 0.3,
 };
 const PLAIN: Contact = Contact {
@@ -127,7 +130,7 @@ struct Case<C> {
 }
 
 /// Forces and torques on all grains where the `k`-th unknown of `grain` has moved by h in one step.
-fn moved<C: ContactLaw>(
+fn moved<C: ContactLaw + Stiffness>(
     system: &mut System<C::Space>,
     law: &C,
     (grain, k): (usize, usize),
@@ -135,8 +138,8 @@ fn moved<C: ContactLaw>(
 ) -> Vec<f64> {
     const STEP: f64 = 0.5;
     let history = system.contacts.history.clone();
-    let record = system.grains.record[grain];
-    let fields = system.grains.fields_mut(grain);
+    let record = system.grains().record[grain];
+    let fields = system.grains_mut().fields_mut(grain);
     if k < C::Space::AXES {
         fields[k] += h;
         fields[C::Space::HALF_VELOCITY + k] = h / STEP;
@@ -146,10 +149,10 @@ fn moved<C: ContactLaw>(
     let outside = forces(&Solo, system, law, &mut NoWalls, STEP, None);
     assert_eq!(outside, None);
     let per_grain = C::Space::AXES + C::Space::SPINS;
-    let found = system.grains.force.iter();
+    let found = system.grains().force.iter();
     let found = found.flat_map(|f| f[..per_grain].to_vec()).collect();
     system.contacts.history = history;
-    system.grains.record[grain] = record;
+    system.grains_mut().record[grain] = record;
     found
 }
 
@@ -184,10 +187,9 @@ fn build<C: ContactLaw + Stiffness>(
     let contacts = contacts.collect();
     let setup = Setup {
         level: Level::detect(),
-        bookkeeping: &Bookkeeping {
+        list: ListSettings {
             skin: Some(0.1),
             rebuild_every: 0,
-            simd: "auto",
         },
         cell: packing.cell,
         largest_radius: 0.53,
@@ -216,7 +218,7 @@ fn build<C: ContactLaw + Stiffness>(
             scale(C::HISTORY - 1, 14.0);
         }
     }
-    let (grains, contacts) = (system.grain_states(), system.contact_states::<C>());
+    let (grains, contacts) = (system.grain_states(), system.contact_states(&case.law));
     let state = State {
         grains: &grains,
         contacts: &contacts,
@@ -232,7 +234,7 @@ fn agrees<C: ContactLaw + Stiffness>(case: &Case<C>) {
     const H: f64 = 2e-5;
     let (mut system, jacobian) = build(case, History::Turned);
     let per_grain = jacobian.per_grain;
-    assert_eq!(jacobian.unknowns(), per_grain * (system.grains.owned - 2));
+    assert_eq!(jacobian.unknowns(), per_grain * (system.grains().owned - 2));
     assert!(jacobian.contacts > 30);
     assert_eq!(jacobian.sliding > 5, C::FRICTION);
     let k = jacobian.k.to_dense();
@@ -244,7 +246,7 @@ fn agrees<C: ContactLaw + Stiffness>(case: &Case<C>) {
         let unknown = (grain, column % per_grain);
         let [a, b, c, d] =
             [-2.0, -1.0, 1.0, 2.0].map(|part| moved(&mut system, &case.law, unknown, part * H));
-        for g in 0..system.grains.owned {
+        for g in 0..system.grains().owned {
             let Some(row) = place(g) else { continue };
             for f in 0..per_grain {
                 let at = g * per_grain + f;
@@ -261,6 +263,7 @@ const SPRINGS: Springs = Springs {
     normal_stiffness: 1.0,
     tangential_stiffness: 0.4,
     density: 1.3,
+    damping_ratio: 0.2,
 };
 const SMOOTH: MindlinSprings = MindlinSprings {
     normal_stiffness: 1.0,
@@ -278,6 +281,7 @@ const MATERIAL: Material = Material {
     young_modulus: 1.0,
     poisson_ratio: 0.2,
     density: 1.3,
+    damping_ratio: 0.2,
 };
 
 /// t* = μ (k_n/k_t) δ.

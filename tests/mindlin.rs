@@ -1,17 +1,18 @@
 //! The smoothed Mindlin law: values by hand, closed forms of an impact, energies, order in Δt.
 
 use bytemuck::Zeroable;
-use gshear::config::{Bookkeeping, Contact, MindlinSprings};
-use gshear::contact::mindlin::Mindlin;
-use gshear::contact::{Blocks, CARRY, ContactLaw, Motion, Response, loss};
-use gshear::dimension::{Dimension, Three, Two};
-use gshear::domain::Solo;
-use gshear::drive::NoWalls;
-use gshear::kernel::ContactForces;
-use gshear::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
-use gshear::state::{Cell, GrainState, Masses};
-use gshear::step::{Wanted, advance, initial_forces};
-use gshear::system::{Setup, System};
+use gshear_dem::contact::{Blocks, CARRY, ContactLaw, Motion, Response, dissipation};
+use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::ContactForces;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::mindlin::Mindlin;
+use gshear_dem::laws::mindlin::MindlinSprings;
+use gshear_dem::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
+use gshear_dem::state::{Cell, GrainState, Masses};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
 
 type Vector = [f64; 3];
 
@@ -27,7 +28,6 @@ fn contact(friction: f64) -> Contact {
     Contact {
         friction,
         rolling_friction: 0.0,
-        damping_ratio: 0.0,
         rolling_damping_ratio: 0.0,
     }
 }
@@ -43,7 +43,7 @@ fn evaluate<D: Dimension>(
     deeper: f64,
     history: Vector,
     slip: Vector,
-) -> (f64, Vector, Vector, bool, [f64; loss::KINDS]) {
+) -> (f64, Vector, Vector, bool, [f64; dissipation::KINDS]) {
     let law = Mindlin::<D, true>::new(&SPRINGS, &contact(friction));
     let lanes = |v| Portable::splat(PortableToken, v);
     let row = |v: f64| Row([v; LANES]);
@@ -77,8 +77,8 @@ fn evaluate<D: Dimension>(
     for k in D::SPINS..3 {
         (tangential[k], after[k]) = (0.0, 0.0);
     }
-    let lost = r.lost.map(|row| row.0[3]);
-    (r.normal.0[3], tangential, after, r.sliding != 0, lost)
+    let dissipated = r.dissipated.map(|row| row.0[3]);
+    (r.normal.0[3], tangential, after, r.sliding != 0, dissipated)
 }
 
 fn close(found: f64, expected: f64) {
@@ -158,13 +158,13 @@ fn stored(overlap: f64, t: f64) -> f64 {
     2.0 / 7.0 * overlap.sqrt() * t * t * (0.5 + s / 3.0 - s * s / 4.0)
 }
 
-/// At constant δ nothing is lost before sliding, and then μF_n per length; under a t that stays what is stored changes with δ, which
+/// At constant δ nothing is dissipated before sliding, and then μF_n per length; under a t that stays what is stored changes with δ, which
 /// is the loss.
 #[test]
 fn energies_lost() {
     let legs = |steps: usize| {
         let n = steps as f64;
-        let mut lost = [0.0; 3];
+        let mut dissipated = [0.0; 3];
         let mut t = [0.0; 3];
         let mut leg = |part: usize, overlap: &dyn Fn(f64) -> f64, slip: f64| {
             for k in 1..=steps {
@@ -172,13 +172,13 @@ fn energies_lost() {
                 let slip = [slip / n, 0.0, 0.0];
                 let (_, _, after, _, of) = evaluate::<Two>(0.5, now, now - last, t, slip);
                 t = after;
-                lost[part] += of[loss::FRICTION] + of[loss::STIFFNESS];
+                dissipated[part] += of[dissipation::FRICTION] + of[dissipation::STIFFNESS];
             }
         };
         leg(0, &|_| 0.04, 0.05);
         leg(1, &|part| 0.04 + 0.02 * part, 0.0);
         leg(2, &|_| 0.06, 0.2);
-        lost
+        dissipated
     };
     let (coarse, fine) = (legs(200), legs(400));
     let sliding = 0.05 + 0.2 - 0.5 * 3.5 * 0.06;
@@ -188,7 +188,7 @@ fn energies_lost() {
         0.5 * 0.06f64.powf(1.5) * sliding,
     ];
     for k in 0..3 {
-        let errors = [coarse, fine].map(|lost| (lost[k] - expected[k]).abs());
+        let errors = [coarse, fine].map(|dissipated| (dissipated[k] - expected[k]).abs());
         assert!(errors[1] < 1e-5 * expected[2], "leg {k}: {errors:?}");
         assert!(
             errors[1] <= 0.3 * errors[0] || errors[1] < 1e-15,
@@ -209,10 +209,9 @@ impl<D: Dimension> Couple<D> {
     fn new(friction: f64, step: f64, of: [[Vector; 3]; 2]) -> Self {
         let setup = Setup {
             level: Level::detect(),
-            bookkeeping: &Bookkeeping {
+            list: ListSettings {
                 skin: Some(0.1),
                 rebuild_every: 0,
-                simd: "auto",
             },
             cell: Cell::between_walls([20.0; 2]),
             largest_radius: RADII[1],
@@ -255,7 +254,7 @@ impl<D: Dimension> Couple<D> {
     }
 
     fn advance(&mut self) {
-        let wanted = Wanted::sampled(&mut self.samples);
+        let wanted = StepRequest::sampled(&mut self.samples);
         let (system, law) = (&mut self.system, &self.law);
         advance(&Solo, system, law, &mut NoWalls, wanted).expect("sound");
     }
@@ -278,7 +277,7 @@ fn a_head_on_impact() {
         let (mut peak, mut energy, mut steps) = (0.0f64, 0.0f64, 0);
         loop {
             pair.advance();
-            let [a, b] = [0, 1].map(|g| pair.system.grains.state(g));
+            let [a, b] = [0, 1].map(|g| pair.system.grains().state(g));
             let overlap = 1.2 - (b.position[0] - a.position[0]);
             let kinetic = 0.5 * (a.velocity[0].powi(2) + b.velocity[0].powi(2));
             if overlap < 0.0 {
@@ -309,7 +308,7 @@ fn is_of_second_order<D: Dimension>(friction: f64, of: [[Vector; 3]; 2]) -> bool
         let mut pair = Couple::<D>::new(friction, 4.0 / steps as f64, of);
         (0..steps).for_each(|_| pair.advance());
         assert!(pair.system.contacts.touching().next().is_some());
-        (pair.system.grains.state(0), pair.samples.sliding[0] != 0)
+        (pair.system.grains().state(0), pair.samples.sliding[0] != 0)
     };
     let (reference, sliding) = end(12800);
     let errors = [200, 400, 800].map(|steps| {

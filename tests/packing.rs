@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use common::{gshear_mpi, succeed};
-use gshear::io::lammps_data::{Atom, DataFile, parse};
+use gshear_scene::lammps_data::{Atom, DataFile, parse};
 
 const CROSSING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 const TRIANGULAR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/triangular.data");

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use common::gshear_mpi;
-use gshear::io::run_reader::Run;
-use gshear::state::FrameRecords;
+use gshear_dem::state::FrameRecords;
+use gshear_store::run_reader::Run;
 use nalgebra::{DMatrix, Vector3};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
@@ -40,7 +40,7 @@ fn text(path: &Path) -> &str {
 }
 
 /// All that is stored of the frames of these steps.
-fn frames(folder: &Path, steps: &[u64]) -> Vec<gshear::state::Frame> {
+fn frames(folder: &Path, steps: &[u64]) -> Vec<gshear_dem::state::Frame> {
     let run = Run::open(folder).expect("a run");
     let at = |step: &u64| run.frame_steps().binary_search(step).expect("a frame");
     let read = |step: &u64| run.frame(at(step)).expect("a frame");
@@ -297,7 +297,7 @@ fn what_cannot_be_replayed_is_refused() {
     for (arguments, wanted) in [
         (
             &["--strain=0.02..0.04"][..],
-            "there is no checkpoint before step",
+            "there is no checkpoint of the stage shear before step",
         ),
         (
             &["--strain=0.3..0.4"],

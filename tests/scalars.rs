@@ -5,9 +5,9 @@ mod common;
 use std::path::{Path, PathBuf};
 
 use common::{Outcome, gshear_mpi, same_run};
-use gshear::analysis::frame_scalars::FrameScalars;
-use gshear::io::run_reader::Run;
-use gshear::reduce::scalars::FrameSeries;
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_reduce::scalars::FrameSeries;
+use gshear_store::run_reader::Run;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 /// A start that is no multiple of the interval.

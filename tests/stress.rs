@@ -50,7 +50,7 @@ points! {
     stiffness_numbers: "κ from 10² to 10⁵", runs::stiffness_numbers;
     #[ignore = "minutes; make stress"]
     great_stiffness_numbers: "κ from 10⁶ to 10⁷", runs::great_stiffness_numbers;
-    ledger: "The ledger of energy", runs::ledger;
+    energy_budget: "The energy budget", runs::energy_budget;
     oblique_impacts: "Oblique impacts: no gain of energy, a fault of other codes", impact::no_gain;
     sliding_impacts: "Grazing impacts: the loss by friction", impact::sliding_loss;
     turned_while_sliding: "Turned while sliding", held::sliding_pair;

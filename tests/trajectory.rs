@@ -3,10 +3,10 @@
 mod common;
 
 use common::synthetic::{at_the_end, attributes, contact, grain, header, pairs, row, shapes};
-use gshear::domain::Solo;
-use gshear::failure::Failure;
-use gshear::io::trajectory::{RunHeader, TrajectoryWriter};
-use gshear::state::SERIES_COLUMNS;
+use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::SeriesRow;
+use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
 use std::path::Path;
 
 const GRAINS: u64 = 11;
@@ -55,7 +55,7 @@ fn whatever_was_flushed_survives_the_program() {
     drop(file);
 
     let mut writer2 =
-        TrajectoryWriter::open_to_append(&Solo, &killed, &SERIES_COLUMNS, 70, 70).unwrap();
+        TrajectoryWriter::open_to_append(&Solo, &killed, &SeriesRow::COLUMNS, 70, 70).unwrap();
     frames(&mut writer2, 70..80);
     writer.finish(&Solo, &at_the_end()).unwrap();
     writer2.finish(&Solo, &at_the_end()).unwrap();
@@ -90,7 +90,7 @@ fn frames_beyond_those_that_count_are_cut_off() {
     let mut writer = create(&path);
     frames(&mut writer, 0..20);
     writer.finish(&Solo, &at_the_end()).unwrap();
-    drop(TrajectoryWriter::open_to_append(&Solo, &path, &SERIES_COLUMNS, 13, 7).unwrap());
+    drop(TrajectoryWriter::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 13, 7).unwrap());
     let file = hdf5::File::open(&path).unwrap();
     let contacts = (0..13).map(|t| pairs(t, GRAINS).len()).sum::<usize>();
     assert_eq!(
@@ -113,7 +113,7 @@ fn what_cannot_be_gone_on_with_is_refused() {
     let refused = |frames, rows| match TrajectoryWriter::open_to_append(
         &Solo,
         &path,
-        &SERIES_COLUMNS,
+        &SeriesRow::COLUMNS,
         frames,
         rows,
     ) {

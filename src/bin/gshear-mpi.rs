@@ -148,6 +148,11 @@ fn go(world: &World, arguments: &Arguments) -> Result<Outcome, Failure> {
         return check_or_run(world, arguments, &options, task);
     }
     let source = read(world, arguments)?;
+    if world.rank() == 0 {
+        for note in gshear_scene::notes(&source, &arguments.set) {
+            eprintln!("note: {note}");
+        }
+    }
     let name = arguments
         .config
         .as_deref()

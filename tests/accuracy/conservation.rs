@@ -1,16 +1,16 @@
 //! What the program keeps to rounding: momentum, the balance of torques, a history without slip, bits of every level.
 
-use gshear::dimension::{Dimension, Two};
-use gshear::domain::Solo;
-use gshear::drive::NoWalls;
-use gshear::kernel::ContactForces;
-use gshear::ledger::{Ledger, Sample};
-use gshear::simd::Level;
-use gshear::state::{ContactState, GrainState};
-use gshear::step::{Wanted, advance, forces};
-use gshear::system::System;
+use gshear_dem::budget::{EnergyBudget, Sample};
+use gshear_dem::dimension::{Dimension, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::ContactForces;
+use gshear_dem::simd::Level;
+use gshear_dem::state::{ContactState, GrainState};
+use gshear_dem::step::{StepRequest, advance, forces};
+use gshear_dem::system::System;
 
-use crate::scenes::{Full, LAW, grain, program_law, system};
+use crate::scenes::{LAW, grain, program_law, system};
 
 /// Bound on the relative rounding error of one operation.
 const HALF_ULP: f64 = 0.5 * f64::EPSILON;
@@ -74,7 +74,7 @@ fn momentum_is_conserved_to_rounding() {
     let mut system = crowd_system(Level::detect());
     let mut drive = NoWalls;
     let start = system.grain_states();
-    let mass = system.grains.mass.clone();
+    let mass = system.grains().mass.clone();
     // m u_now - m u_start of all grains, each product with its own rounding error.
     let drift = |now: &[GrainState], c: usize| {
         exact_sum(
@@ -102,7 +102,7 @@ fn momentum_is_conserved_to_rounding() {
             &mut system,
             &law,
             &mut drive,
-            Wanted::sampled(&mut samples),
+            StepRequest::sampled(&mut samples),
         )
         .unwrap();
         let now = system.grain_states();
@@ -130,7 +130,7 @@ fn momentum_is_conserved_to_rounding() {
         last = now;
         // Rounded to one unit, the forces of all contacts cancel without a remainder.
         for c in 0..2 {
-            assert_eq!(system.grains.force.iter().map(|f| f[c]).sum::<f64>(), 0.0);
+            assert_eq!(system.grains().force.iter().map(|f| f[c]).sum::<f64>(), 0.0);
         }
     }
     assert!(
@@ -157,9 +157,9 @@ fn every_level_gives_the_same_trajectory() {
         let mut system = crowd_system(level);
         let mut drive = NoWalls;
         for _ in 0..400 {
-            advance(&Solo, &mut system, &law, &mut drive, Wanted::default()).unwrap();
+            advance(&Solo, &mut system, &law, &mut drive, StepRequest::default()).unwrap();
         }
-        (system.grain_states(), system.contact_states::<Full>())
+        (system.grain_states(), system.contact_states(&law))
     };
     let expected = run(Level::Portable);
     assert!(expected.1.len() > 100, "{} contacts", expected.1.len());
@@ -202,31 +202,31 @@ fn pair<const R: bool>(step: f64, samples: &mut ContactForces) -> System<Two> {
 #[test]
 fn torques_are_those_of_the_full_radii() {
     let mut samples = ContactForces::default();
-    let s = pair::<true>(1e-12, &mut samples);
+    let mut s = pair::<true>(1e-12, &mut samples);
     let tangential = samples.tangential[0][0].0[0];
-    let [a, b] = [s.grains.force[0], s.grains.force[1]];
-    let (r_i, r_j) = (s.grains.radius[0], s.grains.radius[1]);
+    let [a, b] = [s.grains().force[0], s.grains().force[1]];
+    let (r_i, r_j) = (s.grains().radius[0], s.grains().radius[1]);
     assert!(tangential != 0.0);
     assert_eq!([a[0], a[1]], [-b[0], -b[1]]);
     // The rolling torque drops out. Three products and three sums are rounded, and two torques to the unit.
     let arms = (r_i + r_j) * tangential;
     let scale = a[2].abs() + b[2].abs() + arms.abs();
-    assert!((a[2] + b[2] + arms).abs() <= 6.0 * HALF_ULP * scale + s.grains.units.torque);
+    assert!((a[2] + b[2] + arms).abs() <= 6.0 * HALF_ULP * scale + s.grains().units.torque);
     let mut samples = ContactForces::default();
-    let s = pair::<false>(1e-12, &mut samples);
+    let mut s = pair::<false>(1e-12, &mut samples);
     let tangential = samples.tangential[0][0].0[0];
     for (k, r) in [(0, r_i), (1, r_j)] {
-        let torque = s.grains.force[k][2];
+        let torque = s.grains().force[k][2];
         assert!(
             (torque + r * tangential).abs()
-                <= 4.0 * HALF_ULP * torque.abs() + 0.5 * s.grains.units.torque,
+                <= 4.0 * HALF_ULP * torque.abs() + 0.5 * s.grains().units.torque,
             "{torque:e}"
         );
     }
     // F_t = F·t̂ with t̂ = ẑ × n, n from j to i.
     let (p, q) = (s.grain_states()[0].position, s.grain_states()[1].position);
     let (dx, dy) = (p[0] - q[0], p[1] - q[1]);
-    let f = s.grains.force[0];
+    let f = s.grains().force[0];
     let along = (f[1] * dx - f[0] * dy) / dx.hypot(dy);
     assert!((along - tangential).abs() <= 8.0 * f64::EPSILON * (f[0].abs() + f[1].abs()));
 }
@@ -241,9 +241,9 @@ fn angular_momentum_changes_by_the_overlap_alone() {
     let mut samples = ContactForces::default();
     let mut s = pair::<true>(step, &mut samples);
     let mut drive = NoWalls;
-    let about = |s: &System<Two>| -> f64 {
-        exact_sum(s.grain_states().iter().enumerate().flat_map(|(k, g)| {
-            let m = s.grains.mass[k];
+    let about = |s: &mut System<Two>| -> f64 {
+        let states = s.grain_states();
+        exact_sum(states.iter().zip(&s.grains().mass).flat_map(|(g, m)| {
             let ([x, y, _], [u, v, _]) = (g.position, g.velocity);
             // About a point amid the two.
             let x = x - 4e-6;
@@ -255,7 +255,7 @@ fn angular_momentum_changes_by_the_overlap_alone() {
         }))
     };
     let turn = |samples: &ContactForces| -samples.overlap[0].0[0] * samples.tangential[0][0].0[0];
-    let before = about(&s);
+    let before = about(&mut s);
     let (mut turned, mut gross, mut size) = (0.0, 0.0, 0.0f64);
     for _ in 0..STEPS {
         let first = turn(&samples);
@@ -264,20 +264,20 @@ fn angular_momentum_changes_by_the_overlap_alone() {
             &mut s,
             &law,
             &mut drive,
-            Wanted::sampled(&mut samples),
+            StepRequest::sampled(&mut samples),
         )
         .unwrap();
         turned += 0.5 * step * (first + turn(&samples));
         gross += step * first.abs();
         // Largest terms in which roundings of x (up to 8e-6), u, v and ω enter.
         let states = s.grain_states();
-        let term = |(k, g): (usize, &GrainState)| {
+        let term = |(g, m): (&GrainState, &f64)| {
             let speed = g.velocity[0].hypot(g.velocity[1]);
-            s.grains.mass[k] * (8e-6 * speed + g.radius * g.radius * g.angular_velocity[2].abs())
+            m * (8e-6 * speed + g.radius * g.radius * g.angular_velocity[2].abs())
         };
-        size = size.max(states.iter().enumerate().map(term).sum());
+        size = size.max(states.iter().zip(&s.grains().mass).map(term).sum());
     }
-    let error = (about(&s) - before - turned).abs();
+    let error = (about(&mut s) - before - turned).abs();
     // Some ten roundings per step, each at most half an ulp of the largest terms, at random: six standard deviations.
     let bound = 6.0 * HALF_ULP * size * (10.0 * STEPS as f64 / 3.0).sqrt();
     println!("angular momentum: turned {turned:.2e}, error {error:.2e}, bound {bound:.2e}");
@@ -318,13 +318,13 @@ fn overlap_alone_does_not_change_the_tangential_force() {
     let mut drive = NoWalls;
     let mut visit = |overlap: f64, speed: f64| {
         let mut samples = ContactForces::default();
-        let r = s.grains.fields_mut(1);
+        let r = s.grains_mut().fields_mut(1);
         r[Two::UP] = 2.0 * radius * (1.0 - overlap);
         r[Two::VELOCITY + Two::UP] = speed;
         r[Two::HALF_VELOCITY + Two::UP] = speed;
         let outside = forces(&Solo, &mut s, &law, &mut drive, 1e-12, Some(&mut samples));
         assert_eq!(outside, None);
-        let force = s.contact_states::<Full>()[0].history[0];
+        let force = s.contact_states(&law)[0].history[0];
         (force, LAW.friction * samples.normal[0].0[0])
     };
     for k in 0..100 {
@@ -343,7 +343,7 @@ fn overlap_alone_does_not_change_the_tangential_force() {
     assert!(limited > 0 && held == 0.0);
 }
 
-/// The ledger of energy of the crowd, which is driven together and slides: what it lost is what its kinetic and elastic energy
+/// The energy budget of the crowd, which is driven together and slides: what it dissipated is what its kinetic and elastic energy
 /// lack, to a hundredth, and a quarter of Δt leaves less than half of the difference (of first order are the switches of regime).
 #[test]
 fn energy_is_accounted_for() {
@@ -362,20 +362,20 @@ fn energy_is_accounted_for() {
             Vec::new(),
             Some(&mut samples),
         );
-        system.ledger = Some(Ledger::new(system.grains.units, 1e-6));
+        system.budget = Some(EnergyBudget::new(system.grains().units, 1e-6));
         let mut drive = NoWalls;
         let entry = |system: &mut System<Two>, samples: &ContactForces| {
             let kinetic: f64 = system
                 .grain_states()
                 .iter()
-                .zip(&system.grains.mass)
+                .zip(&system.grains().mass)
                 .map(|(g, m)| {
                     let spin = 0.5 * g.radius.powi(2) * g.angular_velocity[2].powi(2);
                     0.5 * m * (g.velocity[0].powi(2) + g.velocity[1].powi(2) + spin)
                 })
                 .sum();
-            let mut ledger = system.ledger.take().expect("a ledger");
-            let entry = ledger.entry(
+            let mut budget = system.budget.take().expect("a budget");
+            let balance = budget.balance(
                 &Solo,
                 system.level,
                 &law,
@@ -387,8 +387,11 @@ fn energy_is_accounted_for() {
                     kinetic,
                 },
             );
-            system.ledger = Some(ledger);
-            (kinetic + entry.elastic.iter().sum::<f64>(), entry.lost)
+            system.budget = Some(budget);
+            (
+                kinetic + balance.elastic.iter().sum::<f64>(),
+                balance.dissipated,
+            )
         };
         let (begin, _) = entry(&mut system, &samples);
         for _ in 0..parts * STEPS {
@@ -397,19 +400,19 @@ fn energy_is_accounted_for() {
                 &mut system,
                 &law,
                 &mut drive,
-                Wanted::sampled(&mut samples),
+                StepRequest::sampled(&mut samples),
             )
             .unwrap();
         }
-        let (end, lost) = entry(&mut system, &samples);
+        let (end, dissipated) = entry(&mut system, &samples);
         assert!(
-            lost[..3].iter().all(|&l| l > 1e-3 * begin),
-            "{lost:?} of {begin:e}"
+            dissipated[..3].iter().all(|&d| d > 1e-3 * begin),
+            "{dissipated:?} of {begin:e}"
         );
-        (begin - end - lost.iter().sum::<f64>()) / (begin - end)
+        (begin - end - dissipated.iter().sum::<f64>()) / (begin - end)
     };
     let (coarse, fine) = (residual(1), residual(4));
-    println!("missing of what was lost: {coarse:.2e}, with a quarter of the step {fine:.2e}");
+    println!("missing of what was dissipated: {coarse:.2e}, with a quarter of the step {fine:.2e}");
     assert!(coarse.abs() < 1e-2, "{coarse:e}");
     assert!(fine.abs() < coarse.abs() / 2.0, "{fine:e} of {coarse:e}");
 }

@@ -1,16 +1,17 @@
 //! Small set-ups, run by the program and by the reference, and the difference between the two.
 
 use bytemuck::Zeroable;
-use gshear::config::{Bookkeeping, Contact, Material};
-use gshear::contact::lee_hurley::LeeHurley;
-use gshear::dimension::Two;
-use gshear::domain::Solo;
-use gshear::drive::{Drive, NoWalls};
-use gshear::kernel::ContactForces;
-use gshear::simd::Level;
-use gshear::state::{Cell, ContactState, GrainState, Masses, body};
-use gshear::step::{Wanted, advance, initial_forces};
-use gshear::system::{Setup, System};
+use gshear_dem::dimension::Two;
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::{Drive, NoWalls};
+use gshear_dem::kernel::ContactForces;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::lee_hurley::LeeHurley;
+use gshear_dem::laws::lee_hurley::Material;
+use gshear_dem::simd::Level;
+use gshear_dem::state::{Cell, ContactState, GrainState, Masses, body};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
 
 use crate::reference::{Disk, Law, Pair, Regime, STICKING, World};
 
@@ -36,11 +37,11 @@ pub fn program_law<const FRICTION: bool, const ROLLING: bool>(
             young_modulus: law.young_modulus,
             poisson_ratio: law.poisson_ratio,
             density: law.density,
+            damping_ratio: law.damping_ratio,
         },
         &Contact {
             friction: law.friction,
             rolling_friction: law.rolling_friction,
-            damping_ratio: law.damping_ratio,
             rolling_damping_ratio: law.rolling_damping_ratio,
         },
     )
@@ -102,14 +103,13 @@ pub fn system<const F: bool, const R: bool>(
     let own = program_law::<F, R>(law);
     let radii = grains.iter().map(|g| g.radius);
     let mean = radii.clone().sum::<f64>() / grains.len() as f64;
-    let bookkeeping = Bookkeeping {
+    let list = ListSettings {
         skin,
         rebuild_every: 0,
-        simd: "auto",
     };
     let setup = Setup {
         level,
-        bookkeeping: &bookkeeping,
+        list,
         cell: Cell::between_walls([length, f64::INFINITY]),
         largest_radius: radii.fold(0.0, f64::max),
         mean_diameter: 2.0 * mean,
@@ -163,21 +163,21 @@ impl Scene {
         );
         let mut looks = Vec::new();
         for step in 1..=steps {
-            advance(&Solo, &mut system, &law, drive, Wanted::default()).unwrap();
+            advance(&Solo, &mut system, &law, drive, StepRequest::default()).unwrap();
             if step % (steps / LOOKS) == 0 {
-                looks.push(self.state(&system));
+                looks.push(self.state(&mut system, &law));
             }
         }
         looks
     }
 
-    fn state(&self, system: &System<Two>) -> Vec<f64> {
+    fn state(&self, system: &mut System<Two>, law: &Full) -> Vec<f64> {
         let mut s = Vec::new();
         for g in system.grain_states() {
             let ([x, y, _], [u, v, _]) = (g.position, g.velocity);
             s.extend([x, y, u, v, g.angular_velocity[2]]);
         }
-        let contacts = system.contact_states::<Full>();
+        let contacts = system.contact_states(law);
         for &(i, j, ..) in &self.pairs {
             let found = contacts.iter().find(|c| (c.i, c.j) == (i as u32, j as u32));
             let history = found.map_or([0.0; 3], |c| c.history);

@@ -2,6 +2,7 @@
 
 #![allow(dead_code)]
 
+pub mod crossing;
 pub mod synthetic;
 
 use std::path::{Path, PathBuf};
@@ -22,24 +23,39 @@ pub fn mpirun(ranks: usize, program: impl AsRef<Path>) -> Command {
     command
 }
 
-/// A program of `examples/`, brought up to date first: only a `cargo test` without a choice of targets builds them by itself.
-pub fn example(name: &str) -> PathBuf {
+/// First argument of a test binary that is to be a rank of the program it tests.
+const AS_RANK: &str = "--as-rank";
+
+/// The arguments of this rank, if this process is one.
+pub fn rank_arguments() -> Option<Vec<String>> {
+    let mut arguments = std::env::args().skip(1);
+    (arguments.next().as_deref() == Some(AS_RANK)).then(|| arguments.collect())
+}
+
+/// This test binary with the arguments that make it a rank.
+pub fn rank_program() -> [PathBuf; 2] {
     let test = std::env::current_exe().expect("path of this test");
-    let folder = test
-        .parent()
-        .and_then(Path::parent)
-        .expect("target/<profile>/deps");
-    let profile = if folder.ends_with("release") {
-        "release"
-    } else {
-        "test"
-    };
-    succeed(
-        Command::new(env!("CARGO"))
-            .args(["build", "--quiet", "--profile", profile, "--example", name])
-            .current_dir(env!("CARGO_MANIFEST_DIR")),
-    );
-    folder.join("examples").join(name)
+    [test, AS_RANK.into()]
+}
+
+/// This test binary on so many ranks.
+pub fn on_ranks(ranks: usize) -> Command {
+    let [test, as_rank] = rank_program();
+    let mut command = mpirun(ranks, test);
+    command.arg(as_rank);
+    command
+}
+
+/// Runs the tests of a binary that has a `main` of its own, as Rust's harness does.
+pub fn run_tests(tests: &[(&str, fn())]) -> std::process::ExitCode {
+    let trials = tests.iter().map(|&(name, test)| {
+        libtest_mimic::Trial::test(name, move || {
+            test();
+            Ok(())
+        })
+    });
+    let arguments = libtest_mimic::Arguments::from_args();
+    libtest_mimic::run(&arguments, trials.collect()).exit_code()
 }
 
 /// Its output, after it has ended well; else fails with all that it said.

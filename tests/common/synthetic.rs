@@ -2,12 +2,12 @@
 
 #![allow(dead_code)]
 
-use gshear::io::h5::Attribute;
-use gshear::io::trajectory::{GrainShape, RunHeader};
-use gshear::state::{
+use gshear_dem::state::{
     ContactForce, ContactSample, ContactState, FramePart, GrainPlace, GrainSample, GrainState,
     SeriesRow, Snapshot, Travel,
 };
+use gshear_store::h5::Attribute;
+use gshear_store::trajectory::{GrainShape, RunHeader};
 
 fn hash(a: u64, b: u64, c: u64) -> u64 {
     let mut x =
@@ -40,7 +40,7 @@ pub fn shapes(grains: u64) -> Vec<GrainShape> {
 pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
     RunHeader {
         walls: true,
-        series: &gshear::state::SERIES_COLUMNS,
+        series: &SeriesRow::COLUMNS,
         axes: 2,
         edges: [20.0, 15.5, 0.0],
         grains,
@@ -98,7 +98,7 @@ pub fn contact(t: u64, (i, j): (u32, u32)) -> ContactSample {
 }
 
 pub fn row(k: u64) -> SeriesRow {
-    bytemuck::cast::<[f64; gshear::state::SERIES_COLUMNS.len()], _>(std::array::from_fn(|c| {
+    bytemuck::cast::<[f64; SeriesRow::COLUMNS.len()], _>(std::array::from_fn(|c| {
         number(k, c as u64, 8)
     }))
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use gshear::io::lammps_data::{DataFile, parse};
+use gshear_scene::lammps_data::{DataFile, parse};
 
 use crate::fixture::Fixture;
 use crate::{alone, done, folder_with, refused};

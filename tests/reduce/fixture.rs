@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gshear::state::{ContactSample, Disks, Frame, SERIES_COLUMNS};
+use gshear_dem::state::{ContactSample, Disks, Frame, SeriesRow};
 use hdf5::types::VarLenUnicode;
 use hdf5::{File, Group, H5Type, SimpleExtents};
 use ndarray::{Array1, Array2, Array3};
@@ -19,7 +19,7 @@ pub struct Fixture {
     pub height: f64,
     pub frames: Vec<Frame>,
     pub series_step: Vec<u64>,
-    /// As `SERIES_COLUMNS`, [columns][L].
+    /// As `SeriesRow::COLUMNS`, [columns][L].
     pub series: Vec<Vec<f64>>,
     /// μ_s in the scene.
     pub friction: f64,
@@ -68,7 +68,7 @@ impl Fixture {
         let height = (rows - 1) as f64 * 0.87 * spacing;
 
         let series_rows = 10 * (frames - 1) + 1;
-        let mut series = vec![Vec::new(); SERIES_COLUMNS.len()];
+        let mut series = vec![Vec::new(); SeriesRow::COLUMNS.len()];
         let mut tau: f64 = 0.0;
         for row in 0..series_rows {
             let strain = strain_of(row as u64 * STEPS_PER_ROW, height);
@@ -95,7 +95,7 @@ impl Fixture {
             ];
             series
                 .iter_mut()
-                // Nothing in the ledger of energy.
+                // Nothing in the energy budget.
                 .zip(row.into_iter().chain(std::iter::repeat(0.0)))
                 .for_each(|(column, value)| column.push(value));
         }
@@ -255,17 +255,17 @@ impl Fixture {
         )?;
 
         let observables = file.create_group("observables")?;
-        let columns = SERIES_COLUMNS.iter().zip(&self.series);
+        let columns = SeriesRow::COLUMNS.iter().zip(&self.series);
         for (name, values) in columns {
-            let group = observables.create_group(name)?;
-            if *name == SERIES_COLUMNS[0] {
+            let group = observables.create_group(name.name)?;
+            if *name == SeriesRow::COLUMNS[0] {
                 growing(&group, "step", &self.series_step)?;
                 let time = self.series_step.iter().map(|step| *step as f64 * TIME_STEP);
                 growing(&group, "time", &time.collect::<Vec<_>>())?;
             } else {
                 for link in ["step", "time"] {
                     file.link_hard(
-                        &format!("observables/{}/{link}", SERIES_COLUMNS[0]),
+                        &format!("observables/{}/{link}", SeriesRow::COLUMNS[0]),
                         &format!("observables/{name}/{link}"),
                     )?;
                 }

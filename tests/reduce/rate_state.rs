@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gshear::analysis::rate_state::{Evolution, Law, Segment, Slider};
-use gshear::state::SERIES_COLUMNS;
+use gshear_analysis::rate_state::{Evolution, Law, Segment, Slider};
+use gshear_dem::state::SeriesRow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
@@ -105,7 +105,9 @@ fn run(drive: &[Segment], interval: f64, sigma: f64, seed: u64) -> Fixture {
 }
 
 fn column<'a>(fixture: &'a mut Fixture, name: &str) -> &'a mut Vec<f64> {
-    let at = SERIES_COLUMNS.iter().position(|column| *column == name);
+    let at = SeriesRow::COLUMNS
+        .iter()
+        .position(|column| column.name == name);
     &mut fixture.series[at.expect("a column")]
 }
 

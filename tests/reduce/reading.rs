@@ -1,7 +1,7 @@
 //! What is read, and what is refused.
 
-use gshear::io::run_reader::Run;
-use gshear::state::Frame;
+use gshear_dem::state::Frame;
+use gshear_store::run_reader::Run;
 
 use crate::fixture::{Fixture, strain_of};
 use crate::{alone, done, folder_with, refused};

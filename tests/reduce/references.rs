@@ -1,9 +1,9 @@
 //! The analysis against other programs: `references/make.py` says which, and made the values in `references/*.json`.
 
-use gshear::analysis::dbscan::Dbscan;
-use gshear::analysis::dmin::NonAffine;
-use gshear::analysis::spearman::{Spearman, ranks};
-use gshear::state::{ContactSample, Disks, Frame};
+use gshear_analysis::dbscan::Dbscan;
+use gshear_analysis::dmin::NonAffine;
+use gshear_analysis::spearman::{Spearman, ranks};
+use gshear_dem::state::{ContactSample, Disks, Frame};
 use serde_json::Value;
 
 /// The cases of a file, each a JSON object.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gshear::state::Frame;
+use gshear_dem::state::Frame;
 
 use crate::fixture::Fixture;
 use crate::{alone, done, folder_with};

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gshear::analysis::frame_scalars::{SCALAR_COLUMNS, Scratch, Stressed, frame_scalars};
-use gshear::analysis::stress::ratio_on_top;
+use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
+use gshear_analysis::stress::ratio_on_top;
 use tempfile::TempDir;
 
 use crate::fixture::Fixture;
@@ -45,15 +45,15 @@ fn the_scalars_of_every_frame_are_those_of_its_pair() {
     let found = table(&folder.path().join("regions.csv"));
     let tau: Vec<f64> = (0..30).map(|t| fixture.series[1][10 * t]).collect();
     assert_eq!(numbers(&found["stress_ratio"]), tau);
-    let mut rows = vec![[f64::NAN; SCALAR_COLUMNS.len()]];
+    let mut rows = vec![[f64::NAN; FrameScalars::COLUMNS.len()]];
     for pair in fixture.frames.windows(2) {
         let of = |k: usize| Stressed::new(&fixture.grains, pair[k].clone());
         let scalars = frame_scalars(&fixture.grains, &of(0), &of(1), &mut Scratch::default());
         rows.push(scalars.columns());
     }
-    for (k, name) in SCALAR_COLUMNS.iter().enumerate() {
+    for (k, name) in FrameScalars::COLUMNS.iter().enumerate() {
         let wanted: Vec<f64> = rows.iter().map(|row| row[k]).collect();
-        assert_eq!(bits(&numbers(&found[*name])), bits(&wanted), "{name}");
+        assert_eq!(bits(&numbers(&found[name.name])), bits(&wanted), "{name}");
     }
     let once = std::fs::read(folder.path().join("regions.csv")).expect("the table");
     done(&["regions", &path, "--threads", "1"]);
@@ -148,7 +148,7 @@ fn scalars_that_the_run_has_computed_are_taken() {
     // Where the time series has rows, but not those of the frames.
     let step: Vec<u64> = vec![300, 400, 500];
     let file = hdf5::File::open_rw(folder.path().join("run.h5")).expect("the file");
-    for (k, name) in SCALAR_COLUMNS.iter().enumerate() {
+    for (k, name) in FrameScalars::COLUMNS.iter().enumerate() {
         let group = file
             .create_group(&format!("observables/gshear/{name}"))
             .expect("a group");
@@ -166,8 +166,8 @@ fn scalars_that_the_run_has_computed_are_taken() {
     let found = table(&folder.path().join("regions.csv"));
     assert_eq!(found["step"], ["300", "400", "500"]);
     assert_eq!(numbers(&found["stress_ratio"]), fixture.series[1][3..6]);
-    for (k, name) in SCALAR_COLUMNS.iter().enumerate() {
-        assert_eq!(numbers(&found[*name]), [0.25, 1.5 + k as f64, 7.0]);
+    for (k, name) in FrameScalars::COLUMNS.iter().enumerate() {
+        assert_eq!(numbers(&found[name.name]), [0.25, 1.5 + k as f64, 7.0]);
     }
 }
 

@@ -1,10 +1,10 @@
 //! Where a contact begins and where the law ends; a grain that touches nothing; grains that are crushed.
 
-use gshear::dimension::Two;
-use gshear::drive::{Drive, GrainWalls, Piston, Planes, Slider};
-use gshear::failure::Failure;
-use gshear::schedule::Protocol;
-use gshear::state::{GrainState, body};
+use gshear_dem::dimension::Two;
+use gshear_dem::drive::{Drive, GrainWalls, Piston, Planes, Slider};
+use gshear_dem::failure::Failure;
+use gshear_dem::protocol::Protocol;
+use gshear_dem::state::{GrainState, body};
 
 use crate::rig::{Place, Rig, Setting};
 use crate::runs::overlap_at;
@@ -275,7 +275,7 @@ pub fn crushed() -> Vec<Line> {
     let law = || program_law::<true, true>(&LAW);
     let grains = vec![grain(0, RADIUS, [4e-6, RADIUS], [0.0; 2], 0.0)];
     let planes = Planes::new(
-        program_law::<false, false>(&LAW),
+        Box::new(program_law::<false, false>(&LAW)),
         press(10.0, 2.001 * RADIUS),
         0.0,
     );

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use gshear::state::GrainState;
+use gshear_dem::state::GrainState;
 
 use crate::reference::{Law, STICKING};
 use crate::rig::{Rig, Setting};

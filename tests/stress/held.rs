@@ -3,10 +3,12 @@
 use std::f64::consts::PI;
 
 use bytemuck::Zeroable;
-use gshear::config::{Contact, Spheres};
-use gshear::contact::ContactLaw;
-use gshear::contact::hertz::Hertz;
-use gshear::state::{ContactState, GrainState, body};
+use gshear_dem::contact::ContactLaw;
+use gshear_dem::contact::stiffness::Stiffness;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::hertz::Hertz;
+use gshear_dem::laws::hertz::Spheres;
+use gshear_dem::state::{ContactState, GrainState, body};
 
 use crate::reference::Law;
 use crate::rig::{Place, Rig, Setting};
@@ -213,7 +215,7 @@ fn disk_held(steps: u64) -> Line {
 
 /// How far grain 0 moves (m) in `steps` steps after its dampers have taken all motion, and how much these parts of the histories change,
 /// over the greatest of them. No contact opens.
-fn drift<C: ContactLaw, const N: usize>(
+fn drift<C: ContactLaw + Stiffness, const N: usize>(
     rig: &mut Rig<C>,
     steps: u64,
     parts: [usize; N],
@@ -260,7 +262,6 @@ fn sphere_held(steps: u64) -> Line {
     let contact = Contact {
         friction: 0.5,
         rolling_friction: 0.0,
-        damping_ratio: 0.0,
         rolling_damping_ratio: 0.0,
     };
     let free = GrainState {

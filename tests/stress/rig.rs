@@ -1,16 +1,16 @@
 //! How the stress tests hold a few grains: all that they know of the program's inside is here.
 
-use gshear::config::Bookkeeping;
-use gshear::contact::ContactLaw;
-use gshear::dimension::{Dimension, Two};
-use gshear::domain::Solo;
-use gshear::drive::{Drive, NoWalls};
-use gshear::failure::Failure;
-use gshear::kernel::ContactForces;
-use gshear::simd::Level;
-use gshear::state::{Cell, ContactState, GrainState, Masses};
-use gshear::step::{Outside, Wanted, advance, forces, initial_forces};
-use gshear::system::{Setup, System};
+use gshear_dem::contact::ContactLaw;
+use gshear_dem::contact::stiffness::Stiffness;
+use gshear_dem::dimension::{Dimension, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::{Drive, NoWalls};
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::ContactForces;
+use gshear_dem::simd::Level;
+use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
+use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
+use gshear_dem::system::{ListSettings, Outside, Setup, System};
 
 /// Some grains under a law and between walls, or without any, on one rank.
 pub struct Rig<C: ContactLaw, D = NoWalls> {
@@ -50,7 +50,7 @@ pub struct Setting {
     pub skin: Option<f64>,
 }
 
-impl<C: ContactLaw> Rig<C> {
+impl<C: ContactLaw + Stiffness> Rig<C> {
     /// Without walls, forces computed; or why they cannot be.
     pub fn free(
         law: C,
@@ -62,7 +62,7 @@ impl<C: ContactLaw> Rig<C> {
     }
 }
 
-impl<C: ContactLaw, D: Drive<C::Space>> Rig<C, D> {
+impl<C: ContactLaw + Stiffness, D: Drive<C::Space>> Rig<C, D> {
     pub fn new(
         law: C,
         mut drive: D,
@@ -72,14 +72,13 @@ impl<C: ContactLaw, D: Drive<C::Space>> Rig<C, D> {
     ) -> Result<Self, Failure> {
         let radii = grains.iter().map(|g| g.radius);
         let mean = radii.clone().sum::<f64>() / grains.len() as f64;
-        let bookkeeping = Bookkeeping {
+        let list = ListSettings {
             skin: setting.skin,
             rebuild_every: 0,
-            simd: "auto",
         };
         let setup = Setup {
             level: Level::detect(),
-            bookkeeping: &bookkeeping,
+            list,
             cell: Cell::between_walls([setting.length; 2]),
             largest_radius: radii.fold(0.0, f64::max),
             mean_diameter: 2.0 * mean,
@@ -103,23 +102,23 @@ impl<C: ContactLaw, D: Drive<C::Space>> Rig<C, D> {
 
     pub fn advance(&mut self) -> Result<(), Failure> {
         let (system, drive) = (&mut self.system, &mut self.drive);
-        advance(&Solo, system, &self.law, drive, Wanted::default()).map(|_| ())
+        advance(&Solo, system, &self.law, drive, StepRequest::default()).map(|_| ())
     }
 
-    pub fn grains(&self) -> Vec<GrainState> {
+    pub fn grains(&mut self) -> Vec<GrainState> {
         self.system.grain_states()
     }
 
     /// The touching contacts, in order.
     pub fn contacts(&self) -> Vec<ContactState> {
-        self.system.contact_states::<C>()
+        self.system.contact_states(&self.law)
     }
 }
 
-impl<C: ContactLaw<Space = Two>, D: Drive<Two>> Rig<C, D> {
+impl<C: ContactLaw<Space = Two> + Stiffness, D: Drive<Two>> Rig<C, D> {
     /// Puts a grain somewhere, for [`Rig::pass`].
     pub fn place(&mut self, grain: usize, place: Place) {
-        let r = self.system.grains.fields_mut(grain);
+        let r = self.system.grains_mut().fields_mut(grain);
         let mut put = |at: usize, values: &[f64]| r[at..at + values.len()].copy_from_slice(values);
         put(Two::POSITION, &place.position);
         put(Two::VELOCITY, &place.velocity);

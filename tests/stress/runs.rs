@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use gshear::domain::Solo;
-use gshear::io::checkpoint;
-use gshear::io::run_reader::Run;
-use gshear::state::{GrainState, body, nearest_image};
+use gshear_dem::domain::Solo;
+use gshear_dem::state::{GrainState, body, nearest_image};
+use gshear_store::checkpoint;
+use gshear_store::run_reader::Run;
 
 use crate::common::{Outcome, alone, datasets, gshear_mpi};
 use crate::table::{Line, line};
@@ -143,9 +143,9 @@ pub fn great_stiffness_numbers() -> Vec<Line> {
         .into()
 }
 
-/// What a run sheared at the speed of the paper leaves of its energy, over the work done, without slip and with it. The order of the ledger
+/// What a run sheared at the speed of the paper leaves of its energy, over the work done, without slip and with it. The order of the energy budget
 /// in Δt is a matter of `tests/accuracy`: another Δt packs another sample.
-pub fn ledger() -> Vec<Line> {
+pub fn energy_budget() -> Vec<Line> {
     let bound = |done: &str, more: &[&str], slides: bool| {
         let mut values = sets(&[
             "load.stiffness_number=1e4",
@@ -162,12 +162,12 @@ pub fn ledger() -> Vec<Line> {
         let run = Run::open(folder.path()).expect("a run");
         let last = |name: &str| *run.series().column(name).last().expect("a row");
         let (left, work) = (last("energy_residual"), last("work_drive"));
-        let slid = last("lost_friction") + last("lost_rolling");
+        let slid = last("dissipated_friction") + last("dissipated_rolling");
         line(
             format!("220 disks at I = 4e-6 to γ = 2e-5, {done}"),
             "energy missing, over the work done: below 1e-6",
             format!(
-                "{left:.1e}; {:.2} of the work lost to slip",
+                "{left:.1e}; {:.2} of the work dissipated by slip",
                 slid / work.abs()
             ),
             left.abs() < 1e-6 && (slid > 0.0) == slides,

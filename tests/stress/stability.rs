@@ -7,10 +7,11 @@
 
 use std::f64::consts::PI;
 
-use gshear::config::{self, Scene, Source};
-use gshear::contact::ContactLaw;
-use gshear::dimension::Two;
-use gshear::state::{GrainState, body, nearest_image};
+use gshear_dem::contact::ContactLaw;
+use gshear_dem::contact::stiffness::Stiffness;
+use gshear_dem::dimension::Two;
+use gshear_dem::state::{GrainState, body, nearest_image};
+use gshear_scene::{Scene, Source};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use crate::reference::Law;
@@ -302,7 +303,12 @@ fn bisected(scale: f64, part: f64, unstable: impl Fn(f64) -> bool) -> f64 {
 
 /// Whether the program, from a state out of balance by 1e-9 of the overlap, departs from it by a thousandth of the overlap:
 /// far from sliding and from parting, so that what grows are the linear modes.
-fn departs<C: ContactLaw<Space = Two>>(law: C, of: &Arrangement, density: f64, step: f64) -> bool {
+fn departs<C: ContactLaw<Space = Two> + Stiffness>(
+    law: C,
+    of: &Arrangement,
+    density: f64,
+    step: f64,
+) -> bool {
     const STEPS: usize = 20_000;
     const LOOK: usize = 50;
     let unit = of.overlap();
@@ -428,7 +434,7 @@ fn scene(law: &Law, ratio: f64, stiffness_number: f64) -> Scene {
         ratio * RADIUS,
         60.0 * ratio * RADIUS,
     );
-    config::load(&Source::new("limit.toml", text), &[]).expect("a sound scene")
+    gshear_scene::load(&Source::new("limit.toml", text), &[]).expect("a sound scene")
 }
 
 /// The limit that the program states, and its default Δt, at ten times the mean overlap, everything sticking: in a lattice, and for the

@@ -11,72 +11,32 @@ use gshear_dem::state::{Disks, Frame};
 /// Share of the defined D²min, the greatest ones, that g_t10%D²min averages.
 const TOP: f64 = 0.1;
 
-/// Names of the scalars: data sets under `observables/gshear/` and columns of tables.
-pub const SCALAR_COLUMNS: [&str; 8] = [
-    "dmin_greatest",
-    "dmin_top_tenth",
-    "regions",
-    "regions_of_two",
-    "stress_dmin_rho",
-    "stress_dmin_p",
-    "region_angle_mean",
-    "region_angle_median",
-];
-
-/// Scalars of the interval between a frame and the frame before it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameScalars {
-    /// gD²min (m²): the greatest D²min; NaN if no grain has one.
-    pub dmin_greatest: f64,
-    /// g_t10%D²min (m²): mean of the greatest 10 % of the defined D²min. Their number is rounded
-    /// and at least one.
-    pub dmin_top_tenth: f64,
-    /// Number of GR regions with minPts = 1, the point itself included.
-    pub regions: f64,
-    /// Number of GR regions with minPts = 2: single grains are noise.
-    pub regions_of_two: f64,
-    /// Spearman's ρ of |Δσ_p| with D²min, over the grains with a defined D²min.
-    pub stress_dmin_rho: f64,
-    /// Two-sided p of `stress_dmin_rho`.
-    pub stress_dmin_p: f64,
-    /// Mean |θ| (rad) of the contacts of grains in GR regions; NaN without such contacts.
-    pub region_angle_mean: f64,
-    /// Median |θ| (rad) of the same contacts; NaN without such contacts.
-    pub region_angle_median: f64,
+gshear_dem::columns! {
+    /// Scalars of the interval between a frame and the frame before it.
+    pub struct FrameScalars {
+        /// gD²min: the greatest D²min; NaN if no grain has one
+        dmin_greatest: "m2",
+        /// g_t10%D²min: mean of the greatest 10 % of the D²min
+        dmin_top_tenth: "m2",
+        /// number of GR regions with minPts = 1, the point itself included
+        regions: "1",
+        /// number of GR regions with minPts = 2: single grains are noise
+        regions_of_two: "1",
+        /// Spearman's ρ of |Δσ_p| with D²min, over the grains that have one
+        stress_dmin_rho: "1",
+        /// two-sided p of `stress_dmin_rho`
+        stress_dmin_p: "1",
+        /// mean |θ| of the contacts of grains in GR regions; NaN if none
+        region_angle_mean: "rad",
+        /// median |θ| of the same contacts; NaN if none
+        region_angle_median: "rad",
+    }
 }
 
 impl FrameScalars {
     /// Scalars of a frame without an earlier one: all NaN.
     pub const UNDEFINED: FrameScalars =
-        FrameScalars::from_columns([f64::NAN; SCALAR_COLUMNS.len()]);
-
-    /// Returns the scalars in the order of [`SCALAR_COLUMNS`].
-    pub const fn columns(&self) -> [f64; SCALAR_COLUMNS.len()] {
-        [
-            self.dmin_greatest,
-            self.dmin_top_tenth,
-            self.regions,
-            self.regions_of_two,
-            self.stress_dmin_rho,
-            self.stress_dmin_p,
-            self.region_angle_mean,
-            self.region_angle_median,
-        ]
-    }
-
-    /// Creates the scalars from values in the order of [`SCALAR_COLUMNS`].
-    pub const fn from_columns(columns: [f64; SCALAR_COLUMNS.len()]) -> Self {
-        FrameScalars {
-            dmin_greatest: columns[0],
-            dmin_top_tenth: columns[1],
-            regions: columns[2],
-            regions_of_two: columns[3],
-            stress_dmin_rho: columns[4],
-            stress_dmin_p: columns[5],
-            region_angle_mean: columns[6],
-            region_angle_median: columns[7],
-        }
-    }
+        FrameScalars::from_columns([f64::NAN; FrameScalars::COLUMNS.len()]);
 
     /// Returns the number of GR regions for one reading of minPts.
     pub fn regions(&self, reading: MinPoints) -> f64 {
@@ -165,8 +125,8 @@ pub fn frame_scalars(
     }
 }
 
-/// Greatest value and mean of the greatest tenth, NaN left out. The sum runs from the greatest
-/// down, so that it does not depend on the order of the grains.
+/// Greatest value and mean of the greatest tenth (a rounded number of values, at least one), NaN left
+/// out. The sum runs from the greatest down, so that it does not depend on the order of the grains.
 fn greatest(values: &[f64], keys: &mut Vec<u64>) -> (f64, f64) {
     keys.clear();
     let defined = values.iter().filter(|value| !value.is_nan());

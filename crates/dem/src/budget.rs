@@ -1,9 +1,10 @@
-//! The ledger of energy: what was done on the contacts and what they lost, step by step. Whole multiples of one unit, so that the
-//! sums do not depend on ranks or threads.
+//! The energy budget: work done on the sample and energy dissipated by the contacts, step by step.
+//! Energies are counted in whole multiples of one unit, so the sums do not depend on ranks or
+//! threads.
 
 use serde::{Deserialize, Serialize};
 
-use crate::contact::loss;
+use crate::contact::dissipation;
 use crate::contact::model::PairModel;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::simd::{LANES, Level, Row};
@@ -12,14 +13,15 @@ use crate::state::{Contacts, Units};
 /// Kinds of elastic energy: normal, tangential, rolling.
 const ELASTIC: usize = 3;
 
-/// This rank's part, since the shear began.
+/// This rank's part of the energy budget, since the shear began.
 #[derive(Debug, Clone)]
-pub struct Ledger {
+pub struct EnergyBudget {
     unit: f64,
-    /// Twice the sums over the steps of what was lost, of the power of dampers at the first end of the shear half.
-    twice_lost: [i128; loss::KINDS],
-    /// The power of dampers at the end of the last step, times Δt; 0 of other losses.
-    last_power: [i128; loss::KINDS],
+    /// Twice the dissipated energies, summed over the steps; of the dampers' power at the start of
+    /// the shear half.
+    twice_dissipated: [i128; dissipation::KINDS],
+    /// The power of dampers at the end of the last step, times Δt; 0 for the other kinds.
+    last_power: [i128; dissipation::KINDS],
     /// Something was too great to be counted.
     uncounted: bool,
     /// Of all ranks: the work done along x on the sample, and the force that did it last.
@@ -38,46 +40,53 @@ pub struct Begin {
     pub height: f64,
 }
 
-/// What a checkpoint keeps of all ranks' ledgers, numbers in decimal.
+/// The energy budget of all ranks in a checkpoint, numbers in decimal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Kept {
-    twice_lost: [String; loss::KINDS],
+pub struct SavedBudget {
+    #[serde(alias = "twice_lost")]
+    twice_dissipated: [String; dissipation::KINDS],
     uncounted: bool,
     work: f64,
     force: f64,
     begin: Option<Begin>,
 }
 
-/// The ledger of all ranks at a time (J/m).
+/// The energies of all ranks at one step (J; J/m in 2D).
 #[derive(Debug, Clone, Copy)]
-pub struct Entry {
+pub struct EnergyBalance {
+    /// Elastic energies of the contacts: normal, tangential, rolling.
     pub elastic: [f64; ELASTIC],
+    /// Work of the drive along x.
     pub work_drive: f64,
+    /// Work of the load on the top.
     pub work_load: f64,
-    pub lost: [f64; loss::KINDS],
+    /// Energy dissipated, by [`dissipation`].
+    pub dissipated: [f64; dissipation::KINDS],
+    /// Work that is not found in the energies, over the sum of both works' magnitudes.
     pub residual: f64,
 }
 
-impl Entry {
-    /// Where no ledger is kept.
+impl EnergyBalance {
+    /// Without an energy budget.
     pub const NONE: Self = Self {
         elastic: [f64::NAN; ELASTIC],
         work_drive: f64::NAN,
         work_load: f64::NAN,
-        lost: [f64::NAN; loss::KINDS],
+        dissipated: [f64::NAN; dissipation::KINDS],
         residual: f64::NAN,
     };
 }
 
-impl Ledger {
+impl EnergyBudget {
     /// `largest_radius` in m.
     pub fn new(units: Units, largest_radius: f64) -> Self {
-        // Far below what a contact loses in a step even where it creeps: what is below half a unit is never counted. 2^-76 F_max R.
+        // 2^-76 F_max R, far below what even a creeping contact dissipates in a step: energies below
+        // half a unit are not counted.
         let radius = f64::from_bits(largest_radius.to_bits() & 0x7ff << 52);
         Self {
             unit: units.force * radius * 2f64.powi(-26),
-            twice_lost: [0; loss::KINDS],
-            last_power: [0; loss::KINDS],
+            twice_dissipated: [0; dissipation::KINDS],
+            last_power: [0; dissipation::KINDS],
             uncounted: false,
             work: 0.0,
             force: 0.0,
@@ -90,12 +99,13 @@ impl Ledger {
         self.unit
     }
 
-    /// A step: what this rank's contacts lost. `uncounted`: some of it was too great to be counted.
-    pub fn step(&mut self, lost: [i128; loss::KINDS], uncounted: bool) {
-        for (sum, more) in self.twice_lost.iter_mut().zip(lost) {
+    /// Adds the energies that this rank's contacts dissipated in a step. `uncounted`: some of them
+    /// were too great to be counted.
+    pub fn step(&mut self, dissipated: [i128; dissipation::KINDS], uncounted: bool) {
+        for (sum, more) in self.twice_dissipated.iter_mut().zip(dissipated) {
             *sum += 2 * more;
         }
-        self.last_power[loss::DAMPING] = lost[loss::DAMPING];
+        self.last_power[dissipation::DAMPING] = dissipated[dissipation::DAMPING];
         self.uncounted |= uncounted;
     }
 
@@ -105,21 +115,21 @@ impl Ledger {
         self.force = force;
     }
 
-    /// The ledger goes on from a checkpoint: `rank` 0 with all that is summed over the ranks.
-    pub fn resume(&mut self, kept: &Kept, rank: usize) {
+    /// Continues from a checkpoint: rank 0 takes all that is summed over the ranks.
+    pub fn resume(&mut self, saved: &SavedBudget, rank: usize) {
         let number = |text: &String| text.parse::<i128>().unwrap_or(0);
         if rank == 0 {
-            self.twice_lost = std::array::from_fn(|k| number(&kept.twice_lost[k]));
-            self.uncounted = kept.uncounted;
+            self.twice_dissipated = std::array::from_fn(|k| number(&saved.twice_dissipated[k]));
+            self.uncounted = saved.uncounted;
         }
-        (self.work, self.force, self.begin) = (kept.work, kept.force, kept.begin);
+        (self.work, self.force, self.begin) = (saved.work, saved.force, saved.begin);
     }
 
     /// For a checkpoint; collective.
-    pub fn keep(&self, exchange: &dyn Exchange) -> Kept {
-        let (lost, uncounted) = self.sums(exchange, [0; loss::KINDS]);
-        Kept {
-            twice_lost: lost.map(|n| n.to_string()),
+    pub fn save(&self, exchange: &dyn Exchange) -> SavedBudget {
+        let (dissipated, uncounted) = self.sums(exchange, [0; dissipation::KINDS]);
+        SavedBudget {
+            twice_dissipated: dissipated.map(|n| n.to_string()),
             uncounted,
             work: self.work,
             force: self.force,
@@ -127,39 +137,43 @@ impl Ledger {
         }
     }
 
-    /// Twice what was lost on all ranks, less something, and whether anything was too great to be counted; collective.
+    /// Twice the energies dissipated on all ranks minus `less`, and whether any energy was too great to
+    /// be counted. Collective.
     fn sums(
         &self,
         exchange: &dyn Exchange,
-        less: [i128; loss::KINDS],
-    ) -> ([i128; loss::KINDS], bool) {
+        less: [i128; dissipation::KINDS],
+    ) -> ([i128; dissipation::KINDS], bool) {
         const PART: usize = LIMBS + 1;
-        let mut message = [0i64; loss::KINDS * PART + 1];
-        for (k, (twice, less)) in self.twice_lost.iter().zip(less).enumerate() {
+        let mut message = [0i64; dissipation::KINDS * PART + 1];
+        for (k, (twice, less)) in self.twice_dissipated.iter().zip(less).enumerate() {
             Accumulator::from(twice - less).write(&mut message[k * PART..(k + 1) * PART]);
         }
-        message[loss::KINDS * PART] = self.uncounted.into();
+        message[dissipation::KINDS * PART] = self.uncounted.into();
         exchange.sum(&mut message);
-        let lost = |k: usize| Accumulator::read(&message[k * PART..(k + 1) * PART]).into();
-        (std::array::from_fn(lost), message[loss::KINDS * PART] > 0)
+        let dissipated = |k: usize| Accumulator::read(&message[k * PART..(k + 1) * PART]).into();
+        (
+            std::array::from_fn(dissipated),
+            message[dissipation::KINDS * PART] > 0,
+        )
     }
 
-    /// The ledger of all ranks now; collective.
-    pub fn entry(
+    /// The energies of all ranks now. Collective.
+    pub fn balance(
         &mut self,
         exchange: &dyn Exchange,
         level: Level,
         law: &dyn PairModel,
         of: Sample<'_>,
-    ) -> Entry {
-        // Elastic energies are greater than the losses of a step.
+    ) -> EnergyBalance {
+        // Elastic energies are greater than the energy dissipated in a step.
         let elastic_unit = FixedPoint::new(self.unit * 2f64.powi(36));
         let mut elastic = [Accumulator::default(); ELASTIC];
         add_elastic(level, law, &of, elastic_unit, &mut elastic);
         let elastic = elastic_unit.total(exchange, elastic);
         let energy = of.kinetic + elastic.iter().sum::<f64>();
         let begin = *self.begin.get_or_insert_with(|| {
-            self.twice_lost = self.last_power;
+            self.twice_dissipated = self.last_power;
             self.work = 0.0;
             Begin {
                 energy,
@@ -167,27 +181,29 @@ impl Ledger {
             }
         });
         // Of a power trapezoids: at the last end half.
-        let (lost, uncounted) = self.sums(exchange, self.last_power);
-        let lost = lost.map(|n| match uncounted {
+        let (dissipated, uncounted) = self.sums(exchange, self.last_power);
+        let dissipated = dissipated.map(|n| match uncounted {
             true => f64::NAN,
             false => 0.5 * n as f64 * self.unit,
         });
         let work_load = -of.load * (of.height - begin.height);
-        let missing = self.work + work_load - (energy - begin.energy) - lost.iter().sum::<f64>();
+        let missing =
+            self.work + work_load - (energy - begin.energy) - dissipated.iter().sum::<f64>();
         let done = self.work.abs() + work_load.abs();
-        Entry {
+        EnergyBalance {
             elastic,
             work_drive: self.work,
             work_load,
-            lost,
+            dissipated,
             residual: if done > 0.0 { missing / done } else { 0.0 },
         }
     }
 }
 
-/// What the ledger looks at.
+/// The state of the sample that the energy budget needs.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample<'a> {
+    /// The contacts of this rank.
     pub contacts: &'a Contacts,
     /// δ (m) of every block.
     pub overlap: &'a [Row],

@@ -1,4 +1,4 @@
-//! Where the time of a run goes.
+//! The time spent in each phase of a step.
 
 use std::time::Instant;
 
@@ -7,14 +7,21 @@ use crate::domain::Exchange;
 /// Phases of a step, in the order of `step::advance`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
+    /// Kicks, drift and the motion of the walls.
     Motion,
+    /// Waiting for the records of the ghosts.
     Exchange,
+    /// Contact forces.
     Contacts,
+    /// Forces on the walls and global sums.
     Walls,
+    /// Migration and a new list of pairs.
     Rebuild,
+    /// Frames, rows and checkpoints.
     Output,
 }
 
+/// All phases with their names in the table.
 pub const PHASES: [(Phase, &str); 6] = [
     (Phase::Motion, "motion"),
     (Phase::Exchange, "halo exchange"),
@@ -43,25 +50,26 @@ impl Default for Clock {
 }
 
 impl Clock {
-    /// A step begins. What follows belongs to no phase until the next `end`.
+    /// Begins a step: the time before this call belongs to no phase.
     pub fn start(&mut self) {
         self.steps += 1;
         self.since = Instant::now();
     }
 
-    /// What was since the last call belongs to `phase`.
+    /// Adds the time since the last call to `phase`.
     pub fn end(&mut self, phase: Phase) {
         let now = Instant::now();
         self.seconds[phase as usize] += (now - self.since).as_secs_f64();
         self.since = now;
     }
 
-    /// Seconds of a phase in a step on this rank, in the mean.
+    /// Mean seconds per step in a phase on this rank.
     pub fn per_step(&self, phase: Phase) -> f64 {
         self.seconds[phase as usize] / self.steps.max(1) as f64
     }
 
-    /// A table of the phases: least, mean and greatest seconds over the ranks, and the share of the mean.
+    /// A table of the phases: least, mean and greatest seconds over the ranks, and the share of the
+    /// mean.
     pub fn table(&self, exchange: &dyn Exchange) -> String {
         let all: Vec<Vec<f64>> = exchange
             .gather(bytemuck::cast_slice(&self.seconds))

@@ -1,7 +1,8 @@
-//! Two dimensions and three: what a grain and a contact are made of in each.
+//! The differences between two and three dimensions: records of grains and operations on vectors.
 //!
-//! The walls' normals are along the last axis; along the others the cell is periodic. Vectors of lanes have three components, of
-//! which only the first [`Dimension::AXES`] or [`Dimension::SPINS`] are meant.
+//! The walls' normals are along the last axis; along the others the cell is periodic. Vectors of
+//! lanes have three components, of which only the first [`Dimension::AXES`] or [`Dimension::SPINS`]
+//! are used.
 
 use std::fmt::Debug;
 use std::ops::DerefMut;
@@ -10,16 +11,17 @@ use bytemuck::Pod;
 
 use crate::simd::{Lanes, Line, Oct, PairList, Quad, Row};
 
-/// Three lanes, of one vector.
+/// A vector of lanes.
 pub type Vector<L> = [L; 3];
 
 /// Static dispatch on the number of dimensions.
 pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
+    /// Components of a position.
     const AXES: usize;
     /// The axis of the walls' normals.
     const UP: usize = Self::AXES - 1;
-    /// Components of an angular velocity: about z alone, or all. As many as a tangential vector has: that along t̂ = ẑ × n, or all
-    /// three of a vector in the tangent plane.
+    /// Components of an angular velocity: one about z, or three. A tangential vector has as many:
+    /// one along t̂ = ẑ × n, or the three of a vector in the tangent plane.
     const SPINS: usize;
     /// I/(m R²).
     const INERTIA: f64;
@@ -27,29 +29,34 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     // Places in a grain's record.
     /// Wrapped position (m).
     const POSITION: usize = 0;
-    /// Velocity of the full step (m/s); while the forces are computed, as predicted.
+    /// Velocity of the full step (m/s); predicted while the forces are computed.
     const VELOCITY: usize = Self::AXES;
     /// Velocity of the half step (m/s).
     const HALF_VELOCITY: usize = 2 * Self::AXES;
-    /// Angular velocity (rad/s) of the half step and of the full step.
+    /// Angular velocity of the half step (rad/s).
     const HALF_SPIN: usize = 3 * Self::AXES;
+    /// Angular velocity of the full step (rad/s); predicted while the forces are computed.
     const SPIN: usize = 3 * Self::AXES + Self::SPINS;
-    // Places in what is added to a grain: forces from 0 on, then torques.
+    /// Place of the torques in [`Dimension::Force`]; forces begin at 0.
     const TORQUE: usize = Self::AXES;
 
+    /// The fields of a grain that the kernel reads, in one cache line or two.
     type Record: Pod + Debug + PartialEq + Send + Sync;
     /// Force and torque on a grain.
     type Force: Pod + Debug + PartialEq + Send + Sync + DerefMut<Target = [f64]>;
     /// A row for each field of a record.
     type Fields: Copy + Debug + AsRef<[Row]> + AsMut<[Row]> + Send + Sync;
+    /// Rows of zeros.
     const NO_FIELDS: Self::Fields;
 
+    /// The numbers of a record.
     fn fields(record: &Self::Record) -> &[f64];
+    /// The numbers of a record, to change them.
     fn fields_mut(record: &mut Self::Record) -> &mut [f64];
 
     /// πR² or (4/3)πR³ (m² or m³).
     fn volume(radius: f64) -> f64;
-    /// The same of lanes, over π or (4/3)π.
+    /// R² or R³: the volume over π or (4/3)π.
     fn power<L: Lanes>(radius: L) -> L;
 
     /// Differences of the records of a block of pairs.
@@ -68,7 +75,8 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
         block: usize,
         out: &mut [Row; 6],
     );
-    /// Adds forces and torques to the grains of a block of pairs: (`force`, `torque_i`) to i, (-`force`, `torque_j`) to j.
+    /// Adds forces and torques to the grains of a block of pairs: (`force`, `torque_i`) to i,
+    /// (-`force`, `torque_j`) to j.
     fn add<L: Lanes>(
         force: Vector<L>,
         torque_i: Vector<L>,
@@ -78,8 +86,9 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
         block: usize,
     );
 
+    /// a·b.
     fn dot<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> L;
-    /// What is tangential of v, of which v_n = v·n.
+    /// The tangential part of v, given v_n = v·n.
     fn across<L: Lanes>(n: &Vector<L>, v: &Vector<L>, v_n: L) -> Vector<L>;
     /// n × s, tangential: the surface velocity of spins s = R_i ω_i + R_j ω_j.
     fn turning<L: Lanes>(n: &Vector<L>, s: &Vector<L>) -> Vector<L>;
@@ -303,14 +312,17 @@ impl Dimension for Three {
     }
 }
 
-/// How many there are: disks or spheres.
+/// The number of dimensions, at run time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimensions {
+    /// Disks.
     Two,
+    /// Spheres.
     Three,
 }
 
 impl Dimensions {
+    /// Components of a position.
     pub fn axes(self) -> usize {
         match self {
             Dimensions::Two => Two::AXES,

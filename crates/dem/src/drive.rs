@@ -1,4 +1,4 @@
-//! The walls and what moves them: smooth planes while packing, frozen grains while shearing.
+//! The walls and their drive: smooth planes during packing, frozen grains during shear.
 
 use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
@@ -10,16 +10,19 @@ use crate::protocol::Protocol;
 use crate::simd::Level;
 use crate::state::{CandidatePair, Cell, Contacts, Grains, body};
 
-/// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the grains' own Verlet scheme. SI units; per unit depth in 2D.
+/// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the Verlet scheme of the
+/// grains. SI units; per unit depth in 2D.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Piston {
     /// Upper boundary of the sample (m).
     pub height: f64,
     /// Full-step velocity upwards; between the kicks that of the half step (m/s).
     pub velocity: f64,
+    /// (m/s²)
     pub acceleration: f64,
+    /// m_w (kg; kg/m in 2D).
     pub mass: f64,
-    /// N, pressing down.
+    /// N, downwards (N; N/m in 2D).
     pub load: f64,
 }
 
@@ -29,7 +32,7 @@ impl Piston {
         self.height += step * self.velocity;
     }
 
-    /// The velocity of the full step, as far as the last acceleration tells.
+    /// The velocity of the full step, predicted from the last acceleration.
     fn predicted(&self, step: f64) -> f64 {
         self.velocity + 0.5 * step * self.acceleration
     }
@@ -40,17 +43,19 @@ impl Piston {
     }
 }
 
-/// The force of the grains on the body on top: upwards, and along x where that is asked for (N; N/m in 2D).
+/// The force of the grains on the top (N; N/m in 2D). The component along x is 0 unless requested.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Load {
+    /// Upwards, along the last axis.
     pub up: f64,
+    /// Along x.
     pub along: f64,
 }
 
-/// What bounds the grains and drives them, as the step sees it. The defaults are those of a scene
+/// The walls and the drag, as the time step calls them. The default methods are those of a scene
 /// without walls.
 pub trait Drive<D: Dimension> {
-    /// c of translations and of rotations (1/s): grains are slowed by -c m v and -c I ω.
+    /// The drag c (1/s) on translations and on rotations: forces -c m v and torques -c I ω.
     fn drag(&self) -> Option<[f64; 2]> {
         None
     }
@@ -58,11 +63,11 @@ pub trait Drive<D: Dimension> {
     fn speed(&self) -> f64 {
         0.0
     }
-    /// Before the first step, under the forces of the grains.
+    /// Computes the accelerations before the first step.
     fn start(&mut self, _: Load) {}
     /// First half kick and drift of the walls.
     fn drift(&mut self, _step: f64, _: &mut Grains<D>) {}
-    /// After the grains' drift: the wall grains' predicted velocities.
+    /// Gives the wall grains their predicted velocities, after the drift.
     fn predict(&mut self, _step: f64, _: &mut Grains<D>) {}
     /// Adds forces of the walls on the grains that are not contacts between grains. Returns a grain
     /// whose overlap is outside the law.
@@ -81,13 +86,16 @@ pub trait Drive<D: Dimension> {
     fn renumber(&mut self, _: Level, _: &Grains<D>, _skin: f64) {}
 }
 
-/// Smooth rigid planes at 0 and at the piston's height along the last axis, the upper one pressed by N.
+/// Smooth rigid planes at 0 and at the piston's height along the last axis, the upper one pressed
+/// by N.
 ///
-/// A smooth rigid plane is the plane of symmetry of a contact of two equal grains: each grain near it meets its mirror
-/// image, by the law of the grains without friction.
+/// A smooth rigid plane is the plane of symmetry of a contact of two equal grains: each grain near
+/// it touches its mirror image, by the law of the grains without friction.
 #[derive(Debug)]
 pub struct Planes<D: Dimension> {
+    /// The upper plane.
     pub piston: Piston,
+    /// The drag on grains and planes (1/s).
     pub drag: f64,
     law: Box<dyn PairForce<D>>,
     /// Grains near a plane, and whether it is the upper one.
@@ -99,6 +107,7 @@ pub struct Planes<D: Dimension> {
 }
 
 impl<D: Dimension> Planes<D> {
+    /// Planes that touch grains by `law`, which has no friction.
     pub fn new(law: Box<dyn PairForce<D>>, piston: Piston, drag: f64) -> Self {
         Self {
             piston,
@@ -123,7 +132,7 @@ impl<D: Dimension> Planes<D> {
 }
 
 impl<D: Dimension> Drive<D> for Planes<D> {
-    /// Spins as well: a grain that touches nothing would turn for ever, and the sample never be at rest.
+    /// Also on spins: a grain without contacts would otherwise never come to rest.
     fn drag(&self) -> Option<[f64; 2]> {
         Some([self.drag; 2])
     }
@@ -237,32 +246,36 @@ impl<D: Dimension> Drive<D> for Planes<D> {
     }
 }
 
-/// How the top is moved along x.
+/// The motion of the top along x.
 #[derive(Debug, Clone)]
 pub struct Slider {
-    /// How far the drive has been moved, and how fast it is, step by step.
+    /// Position and velocity of the drive, step by step.
     pub protocol: Protocol,
-    /// `None`: the top moves with the drive. Else the stiffness of the spring between them (N/m; Pa in 2D).
+    /// The stiffness of the spring between drive and top (N/m; Pa in 2D). `None`: the top moves
+    /// with the drive.
     pub spring: Option<f64>,
+    /// Position and velocity of the top.
     pub state: SliderState,
 }
 
 /// The top along x since the start of the shear. SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SliderState {
-    /// Steps that are done.
+    /// Steps done.
     pub step: u64,
     /// x (m).
     pub displacement: f64,
     /// Full-step velocity; between the kicks that of the half step (m/s).
     pub velocity: f64,
+    /// (m/s²)
     pub acceleration: f64,
     /// How far it moved in the last step (m).
     pub slid: f64,
 }
 
 impl Slider {
-    /// The drive moves by `protocol`; the top is at rest, or has the drive's velocity where no spring is between them.
+    /// A drive that follows `protocol`. The top starts at rest with a spring, and with the velocity
+    /// of the drive without one.
     pub fn new(protocol: Protocol, spring: Option<f64>) -> Self {
         let velocity = match spring {
             None => protocol.velocity(0),
@@ -296,7 +309,7 @@ impl Slider {
         self.state.velocity + 0.5 * step * self.state.acceleration
     }
 
-    /// By the grains' force along x, and that of the spring.
+    /// Computes the acceleration by the force of the grains along x and by the spring.
     fn accelerate(&mut self, force: f64, mass: f64) {
         if let Some(stiffness) = self.spring {
             let stretch = self.protocol.position(self.state.step) - self.state.displacement;
@@ -305,19 +318,22 @@ impl Slider {
     }
 }
 
-/// Walls frozen out of the sample: the bottom fixed, the top rigid with constant load N, moved along x by a slider.
+/// Walls of frozen grains: the bottom is fixed; the top is rigid, with a constant load N, and a
+/// slider moves it along x.
 #[derive(Debug)]
 pub struct GrainWalls {
+    /// The motion of the top upwards.
     pub piston: Piston,
+    /// The motion of the top along x.
     pub slider: Slider,
-    /// Whether the force along x is asked for in every step.
+    /// Whether the force along x is summed in every step.
     pub along: bool,
-    /// Own grains of the top wall.
+    /// Owned grains of the top wall.
     pub top: Vec<u32>,
 }
 
 impl GrainWalls {
-    /// What of them belongs to the state.
+    /// The walls' part of the state that the digest covers.
     pub fn state(&self) -> [f64; 6] {
         let (piston, slider) = (&self.piston, &self.slider.state);
         [
@@ -330,7 +346,7 @@ impl GrainWalls {
         ]
     }
 
-    /// Gives the grains of the top these velocities, of the fields that begin `at`.
+    /// Gives the grains of the top these velocities, in the fields that begin at `at`.
     fn impose<D: Dimension>(&self, at: &[usize], [along, up]: [f64; 2], grains: &mut Grains<D>) {
         for &g in &self.top {
             let r = grains.fields_mut(g as usize);
@@ -341,7 +357,8 @@ impl GrainWalls {
         }
     }
 
-    /// As the plate moves now: also as the velocity of the half step, from which a second kick that is put off begins.
+    /// Gives the top grains the velocity of the plate, also as that of the half step, from which
+    /// the deferred second kick starts.
     fn impose_own<D: Dimension>(&self, grains: &mut Grains<D>) {
         let own = [self.slider.state.velocity, self.piston.velocity];
         self.impose(&[D::VELOCITY, D::HALF_VELOCITY], own, grains);

@@ -1,11 +1,12 @@
-//! The ways a program can end badly, and the exit code of each.
+//! Failures of the programs and their exit codes.
 
 use std::fmt;
 
-/// Why a run, or a reduction, cannot go on. Printed once, as `error: …`.
+/// The reason why a run or a reduction ends early. Printed once, as `error: …`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Failure {
-    /// Bad input: configuration, file or arguments. Says what, where, and what would be right.
+    /// Bad input: configuration, file or arguments. The message says what is wrong, where, and what
+    /// would be right.
     Input(String),
     /// The numbers failed: overlap outside the law, NaN, no convergence.
     Numbers(String),
@@ -23,14 +24,17 @@ impl Failure {
         }
     }
 
+    /// Bad input.
     pub fn input(message: impl Into<String>) -> Self {
         Failure::Input(message.into())
     }
 
+    /// Numbers that failed.
     pub fn numbers(message: impl Into<String>) -> Self {
         Failure::Numbers(message.into())
     }
 
+    /// Any other failure.
     pub fn other(message: impl Into<String>) -> Self {
         Failure::Other(message.into())
     }

@@ -1,7 +1,8 @@
 //! The loop over the contacts, for any law, sixteen pairs at a time.
 //!
-//! What contract 1 rests on: every pair is evaluated in one orientation from the wrapped coordinates of its two grains,
-//! and forces are rounded to common [`Units`], whose multiples add up exactly in any order.
+//! [Contract 1](crate#contracts) rests on two properties: every pair is evaluated in one
+//! orientation from the wrapped coordinates of its two grains, and forces are rounded to common
+//! [`Units`], whose multiples add up exactly in any order.
 
 #![expect(
     clippy::needless_range_loop,
@@ -12,24 +13,26 @@ use std::ops::Range;
 
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
-use crate::contact::{CARRY, ContactLaw, Motion, Response, loss, store_vector, vector};
+use crate::contact::{CARRY, ContactLaw, Motion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{LANES, Lanes, Level, Mask, Row, Work, ask_for, inverse_sqrt};
 use crate::state::{Cell, Part, Units};
 
-/// What only frames and time series want of the contacts, by block as in [`crate::state::Contacts`].
+/// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
 #[derive(Debug, Default)]
 pub struct ContactForces {
+    /// F_n.
     pub normal: Vec<Row>,
-    /// Of three components as many as the dimension has.
+    /// F_t; only [`Dimension::SPINS`] components are set.
     pub tangential: Vec<[Row; 3]>,
+    /// δ (m).
     pub overlap: Vec<Row>,
     /// Lanes at the Coulomb limit.
     pub sliding: Vec<u16>,
 }
 
 impl ContactForces {
-    /// Room for so many blocks.
+    /// Makes room for this number of blocks.
     pub fn prepare(&mut self, blocks: usize) {
         for rows in [&mut self.normal, &mut self.overlap] {
             rows.clear();
@@ -41,7 +44,7 @@ impl ContactForces {
         self.sliding.resize(blocks, 0);
     }
 
-    /// Of some blocks.
+    /// The part of some blocks.
     pub fn part(&mut self, blocks: Range<usize>) -> Samples<'_> {
         Samples {
             normal: &mut self.normal[blocks.clone()],
@@ -52,7 +55,7 @@ impl ContactForces {
     }
 }
 
-/// [`ContactForces`] of some blocks.
+/// Room for the [`ContactForces`] of some blocks.
 pub struct Samples<'a> {
     normal: &'a mut [Row],
     tangential: &'a mut [[Row; 3]],
@@ -61,7 +64,7 @@ pub struct Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
-    /// The first blocks, and the rest.
+    /// Splits off the first `blocks` blocks.
     pub fn split(self, blocks: usize) -> (Samples<'a>, Samples<'a>) {
         let (normal, normal_after) = self.normal.split_at_mut(blocks);
         let (tangential, tangential_after) = self.tangential.split_at_mut(blocks);
@@ -84,50 +87,55 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Forces of one pass over some contacts.
+/// Input and output of one pass over some contacts.
 pub struct Pass<'a, D: Dimension> {
+    /// The records of all local grains.
     pub record: &'a [D::Record],
-    /// Added to.
+    /// The forces on all local grains, to which the pass adds.
     pub force: &'a mut [D::Force],
+    /// The contacts.
     pub part: Part<'a>,
+    /// The units to which forces and torques are rounded.
     pub units: Units,
+    /// The cell.
     pub cell: Cell,
     /// Δt (s); 0 evaluates the forces without advancing the histories.
     pub step: f64,
-    /// Filled where given.
+    /// Receives the contact forces.
     pub samples: Option<Samples<'a>>,
-    /// Where given, a ledger of energy is kept.
+    /// Makes the pass count the dissipation for the energy budget.
     pub counting: Option<Counting>,
 }
 
-/// How the ledger counts what the contacts lose.
+/// How the energy budget counts the dissipation of the contacts.
 #[derive(Debug, Clone, Copy)]
 pub struct Counting {
-    /// In whole multiples of this (J/m).
+    /// Energies are counted in whole multiples of this (J/m).
     pub unit: f64,
-    /// Δt (s), for which a power stands also where nothing moves.
+    /// Δt (s), by which powers are multiplied, also if [`Pass::step`] is 0.
     pub step: f64,
 }
 
-/// What a pass finds.
+/// The result of a pass.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Found {
     /// A pair (block, lane) whose overlap is outside the law.
     pub outside: Option<(usize, usize)>,
-    /// A pair whose force is too great to be rounded to the unit.
+    /// A pair (block, lane) whose force is too great to be rounded to the unit.
     pub too_strong: Option<(usize, usize)>,
-    /// Energies that the contacts lost of which this rank owns i, in [`Counting::unit`]s.
-    pub lost: [i128; loss::KINDS],
-    /// An energy was too great to be counted.
+    /// Dissipation of the contacts whose grain i this rank owns, in [`Counting::unit`]s.
+    pub dissipated: [i128; dissipation::KINDS],
+    /// Whether an energy was too great to be counted.
     pub uncounted: bool,
 }
 
 impl Found {
+    /// Both findings together; of two places the first.
     pub fn and(mut self, other: Self) -> Self {
         self.outside = self.outside.or(other.outside);
         self.too_strong = self.too_strong.or(other.too_strong);
         self.uncounted |= other.uncounted;
-        for (sum, more) in self.lost.iter_mut().zip(other.lost) {
+        for (sum, more) in self.dissipated.iter_mut().zip(other.dissipated) {
             *sum += more;
         }
         self
@@ -137,7 +145,7 @@ impl Found {
 /// A contact law of grains in `D` dimensions, with the loop over the contacts compiled for it: one
 /// virtual call per pass. Implemented for every [`ContactLaw`]; [`crate::laws`] makes them.
 pub trait PairForce<D: Dimension>: PairModel {
-    /// Adds the contact forces to the grains and advances what the contacts remember.
+    /// Adds the contact forces to the grains and advances the histories.
     fn pass(&self, level: Level, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> Found;
 }
 
@@ -163,22 +171,24 @@ impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
     }
 }
 
-/// One pass; blocks are counted from the first of the part.
-struct Blocks<'a, C: ContactLaw, const LEDGER: bool> {
+/// One pass; blocks are numbered from the first of the part.
+struct Blocks<'a, C: ContactLaw, const BUDGET: bool> {
     law: &'a C,
     pass: Pass<'a, C::Space>,
     scratch: &'a mut Scratch<C::Space>,
 }
 
-/// Blocks that go through the phases of a pass together: enough for the processor to overlap them, few enough for its
-/// first-level cache.
+/// Number of blocks that go through the phases of a pass together: enough for the processor to
+/// overlap them, few enough for its first-level cache.
 const CHUNK: usize = 8;
 
-/// Bytes of records beyond which what is needed next is asked for: with their contacts, six times as much, they fill a last-level
-/// cache. Asking costs some 4 % where they do not, and spares 5 to 15 % where they do (docs/speed.md).
+/// Size of the records (bytes) beyond which the next chunk is prefetched: with their contacts, six
+/// times as much, they fill a last-level cache. Prefetching saves 5 to 15 % beyond this size and
+/// costs some 4 % below it (docs/speed.md).
 const CACHED: usize = 8 << 20;
 
-/// What one phase of a pass leaves to the next, per block: kept from pass to pass for its room alone.
+/// Intermediate results between the phases of a pass, per block. Kept from pass to pass only to
+/// reuse its memory.
 #[derive(Debug)]
 pub struct Scratch<D: Dimension> {
     /// Differences of the records, and the angular velocities of the second grain.
@@ -189,7 +199,8 @@ pub struct Scratch<D: Dimension> {
     direction: [[Row; 3]; CHUNK],
     carry: [[Row; CARRY]; CHUNK],
     response: [Response; CHUNK],
-    /// Block, lane and factor of the damping of pairs that have just come to touch, where a ledger is kept.
+    /// Block, lane and damping factor of pairs that touch for the first time; set with an energy
+    /// budget only.
     touched: Vec<(usize, usize, f64)>,
 }
 
@@ -207,10 +218,11 @@ impl<D: Dimension> Default for Scratch<D> {
     }
 }
 
-impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
+impl<C: ContactLaw, const BUDGET: bool> Work for Blocks<'_, C, BUDGET> {
     type Output = Found;
 
-    /// Phases of short chains of operations each, so that the processor has several blocks under way.
+    /// Runs in phases with short chains of operations, so that the processor works on several
+    /// blocks at a time.
     #[inline(always)]
     fn run<L: Lanes>(self, token: L::Token) -> Self::Output {
         let Self {
@@ -232,15 +244,16 @@ impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
                 }
             }
             differ::<C, L>(token, pass, chunk.clone(), scratch);
-            let active = move_pairs::<C, L, LEDGER>(token, pass, chunk.clone(), scratch);
-            // Behind it nothing touches or touched a step ago: what such pairs remember is nothing already.
+            let active = move_pairs::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);
+            // In later blocks nothing touches or touched a step ago: their histories are zero
+            // already.
             let chunk = first..first + active;
             if chunk.is_empty() {
                 continue;
             }
-            let outside = evaluate::<C, L, LEDGER>(token, law, pass, chunk.clone(), scratch);
+            let outside = evaluate::<C, L, BUDGET>(token, law, pass, chunk.clone(), scratch);
             found.outside = found.outside.or(outside);
-            if LEDGER {
+            if BUDGET {
                 account::<C, L>(token, pass, chunk.clone(), scratch, &mut found);
             }
             let too_strong = add::<C, L>(token, pass, chunk, scratch);
@@ -250,7 +263,7 @@ impl<C: ContactLaw, const LEDGER: bool> Work for Blocks<'_, C, LEDGER> {
     }
 }
 
-/// How the grains of the pairs differ.
+/// Loads the records of the pairs, subtracts and transposes them.
 #[inline(always)]
 fn differ<C: ContactLaw, L: Lanes>(
     token: L::Token,
@@ -271,10 +284,11 @@ fn differ<C: ContactLaw, L: Lanes>(
     }
 }
 
-/// How the pairs move; in three dimensions the tangential part of their histories is turned with n. Returns the number of blocks up to
-/// the last in which a pair touches or touched a step ago.
+/// Computes the relative motion of the pairs; in three dimensions also rotates the tangential part
+/// of their histories with n. Returns the number of blocks up to the last in which a pair touches
+/// or touched a step ago.
 #[inline(always)]
-fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     token: L::Token,
     pass: &mut Pass<'_, C::Space>,
     chunk: Range<usize>,
@@ -288,7 +302,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
     let step = c(pass.step);
     let [slip_shift, turn_shift] = [pass.units.slip, Units::TURN].map(|u| c(Units::shift(u)));
     let contacts = &mut pass.part;
-    if LEDGER {
+    if BUDGET {
         scratch.touched.clear();
     }
     let blocks = contacts.geometry[chunk.clone()]
@@ -300,7 +314,8 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
     for (k, ((([sum, r_i], touching), (difference, spins_of_j)), (motion, direction))) in blocks {
         let difference = difference.as_ref();
         let mut r = vector::<L>(token, &difference[C::Space::POSITION..], axes);
-        // How much faster along x the second grain's image is than itself: what is to be taken from differences of velocities.
+        // Velocity along x of the second grain's image relative to the grain, subtracted from
+        // differences of velocities.
         let mut image_velocity = None;
         if let Some(sheared) = &pass.cell.sheared {
             let up = C::Space::UP;
@@ -316,7 +331,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
         }
         let square = C::Space::dot(&r, &r);
         let per_distance = inverse_sqrt(token, square);
-        // Within 0.501 ulp, as the overlap is the small difference of two lengths.
+        // To 0.501 ulp, because the overlap is the small difference of two lengths.
         let near = square * per_distance;
         let distance = (c(0.5) * per_distance).mul_add((-near).mul_add(near, square), near);
         let mut n = r;
@@ -336,7 +351,7 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
         let v_n = C::Space::dot(&v, &n);
         v_n.store(&mut motion.normal_velocity);
         let half_normal = C::Space::dot(&half_v, &n);
-        if LEDGER {
+        if BUDGET {
             (half_normal * step).store(&mut motion.normal_increment);
         }
         if C::FRICTION {
@@ -351,8 +366,9 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
             for k in 0..spins {
                 (across[k] + turning[k]).store(&mut motion.tangential_velocity[k]);
             }
-            // The half-step velocity belongs to the tangent plane of the half step, when r was r - ½Δt v. Left out, F_t^e would be of
-            // first order where n turns. Of v - v_n n, as v × v = 0, only the length of r differs, by |r|/|r - ½Δt v|.
+            // The half-step velocity belongs to the tangent plane of the half step, when r was
+            // r - ½Δt v. Without this correction F_t^e would be of first order if n rotates. In
+            // v - v_n n only the length of r differs, by |r|/|r - ½Δt v|, because v × v = 0.
             let half_step = c(0.5) * step * per_distance;
             let longer = half_step.mul_add(half_normal, c(1.0));
             let of_difference = vector::<L>(token, &difference[C::Space::HALF_SPIN..], spins);
@@ -365,7 +381,8 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
                 slip[k] = across[k].mul_add(longer, turning[k]);
             }
             if spins == 3 {
-                // The spins, too, are turned from that plane into this one: what twists the contact turns into its plane.
+                // The spins, too, are rotated from that plane into this one: a part of the twist
+                // becomes tangential.
                 let twist = half_step * C::Space::dot(&n, &half_s);
                 let aside = C::Space::turning(&n, &half_v);
                 for k in 0..spins {
@@ -391,14 +408,14 @@ fn move_pairs<C: ContactLaw, L: Lanes, const LEDGER: bool>(
         if before | *touching != 0 {
             active = k + 1;
         }
-        // A pair that touched a step ago overlaps by more than it has come nearer since.
+        // A pair that touched a step ago overlaps by more than it has approached since.
         let nearer = -half_normal * step;
         let new = nearer.greater(overlap).bits() & *touching;
         if new != 0 {
             let nearer = nearer.to_row();
             for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
                 let factor = first_touch(motion, lane, nearer.0[lane]);
-                if LEDGER {
+                if BUDGET {
                     scratch.touched.push((k, lane, factor));
                 }
             }
@@ -417,8 +434,9 @@ fn weighted<L: Lanes>(a: L, x: &[L; 3], b: L, y: &[L; 3]) -> [L; 3] {
     ]
 }
 
-/// Turns a vector of the last tangent plane into this one as n has turned, which leaves its length as it is: with τ of half the angle
-/// and p = u·n, u - p (n - τ), where τ = ½Δt v_t/|r| at the half step, to third order of the angle.
+/// Rotates a vector u of the last tangent plane into this one, as n has rotated. With p = u·n and
+/// the half-angle vector τ = ½Δt v_t/|r| of the half step, u becomes u - p (n - τ), whose length is
+/// that of u to third order in the angle.
 #[inline(always)]
 fn turn_with_normal<L: Lanes>(
     token: L::Token,
@@ -436,9 +454,9 @@ fn turn_with_normal<L: Lanes>(
     store_vector(&u, history, 3);
 }
 
-/// The law. Returns a pair whose overlap is outside it, if there is one.
+/// Evaluates the law. Returns a pair whose overlap is outside the law, if there is one.
 #[inline(always)]
-fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
+fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     token: L::Token,
     law: &C,
     pass: &mut Pass<'_, C::Space>,
@@ -447,7 +465,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
 ) -> Option<(usize, usize)> {
     let contacts = &mut pass.part;
     let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
-    law.evaluate::<L, LEDGER>(
+    law.evaluate::<L, BUDGET>(
         token,
         &mut crate::contact::Blocks {
             parameters: &contacts.parameters[rows(C::PARAMETERS)],
@@ -471,7 +489,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const LEDGER: bool>(
 /// Energies below this many units are counted sixteen at a time.
 const MOST_UNITS: f64 = (1u64 << 50) as f64;
 
-/// What the contacts lost.
+/// Adds up the dissipation of the contacts.
 #[inline(always)]
 fn account<C: ContactLaw, L: Lanes>(
     token: L::Token,
@@ -481,8 +499,9 @@ fn account<C: ContactLaw, L: Lanes>(
     found: &mut Found,
 ) {
     for &(k, lane, factor) in &scratch.touched {
-        // Both the damping force and the velocity were scaled, and only the force is to be.
-        scratch.response[k].lost[loss::DAMPING].0[lane] /= factor;
+        // Both the damping force and the velocity were scaled; the power needs only the force
+        // scaled.
+        scratch.response[k].dissipated[dissipation::DAMPING].0[lane] /= factor;
     }
     let load = |row: &Row| L::load(token, row);
     let c = |v| L::splat(token, v);
@@ -490,39 +509,39 @@ fn account<C: ContactLaw, L: Lanes>(
     let (unit, step) = pass.counting.map_or((1.0, 0.0), |c| (c.unit, c.step));
     let mine = chunk.end.min(part.mine.saturating_sub(part.first));
     let blocks = chunk.start..mine.max(chunk.start);
-    for kind in 0..loss::KINDS {
+    for kind in 0..dissipation::KINDS {
         let mut sums = L::no_counts(token);
         let per_unit = match kind {
-            loss::DAMPING => c(step / unit),
+            dissipation::DAMPING => c(step / unit),
             _ => c(1.0 / unit),
         };
         for response in &scratch.response[..blocks.len()] {
-            let units = load(&response.lost[kind]) * per_unit;
+            let units = load(&response.dissipated[kind]) * per_unit;
             let few = c(MOST_UNITS).greater(units.abs());
             if few.bits() != u16::MAX {
                 count_many(&units.to_row(), few.bits(), found, kind);
             }
             sums = units.select(few, c(0.0)).count(sums);
         }
-        found.lost[kind] += L::total(sums);
+        found.dissipated[kind] += L::total(sums);
     }
 }
 
-/// Counts the energies of lanes that are not among the `few`, in units.
+/// Counts the energies (in units) of the lanes that are not in `few`.
 #[cold]
 fn count_many(units: &Row, few: u16, found: &mut Found, kind: usize) {
     for lane in (0..LANES).filter(|lane| few >> lane & 1 == 0) {
         let units = units.0[lane].round_ties_even();
         if units.abs() < 2f64.powi(100) {
-            found.lost[kind] += units as i128;
+            found.dissipated[kind] += units as i128;
         } else {
             found.uncounted = true;
         }
     }
 }
 
-/// What it all comes to for the grains: pairs that do not touch add zeros. Returns a pair whose force is too great to be
-/// rounded to the unit, if there is one.
+/// Adds forces and torques to the grains; pairs that do not touch add zeros. Returns a pair whose
+/// force is too great to be rounded to the unit, if there is one.
 #[inline(always)]
 fn add<C: ContactLaw, L: Lanes>(
     token: L::Token,
@@ -606,11 +625,13 @@ fn add<C: ContactLaw, L: Lanes>(
     outside
 }
 
-/// The step in which a pair comes to touch: it touches for a part θ = δ/(-v_n Δt) of the step only, so that is the part of the
-/// increments that counts; and as the kicks of this force stand for the time from t-½Δt to t+½Δt, of which the pair touches
-/// ½+θ, the damping that sets in with a jump is scaled by it. Left out, an impact would be of first order in Δt.
+/// Corrects the motion of one lane in the step in which a pair comes to touch. Returns the factor
+/// of the damping. `nearer` is -v_n Δt (m).
 ///
-/// Changes one lane of the motion; returns the factor of the damping. `nearer` is -v_n Δt (m).
+/// The pair touches for a part θ = δ/(-v_n Δt) of the step only, so the increments are scaled by θ.
+/// The kicks of this force stand for the time from t-½Δt to t+½Δt, of which the pair touches ½+θ,
+/// so the damping, which begins with a jump, is scaled by that. Without these corrections an impact
+/// would be of first order in Δt.
 #[cold]
 fn first_touch(motion: &mut Motion, lane: usize, nearer: f64) -> f64 {
     let part = motion.overlap.0[lane] / nearer;

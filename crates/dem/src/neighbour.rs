@@ -1,21 +1,21 @@
-//! Which grains may come to touch: cells, then pairs.
+//! Candidate pairs: grains sorted into cells, then pairs within the cutoff.
 
 use std::marker::PhantomData;
 
 use crate::dimension::Dimension;
 use crate::state::{CandidatePair, Cell, Grains, body};
 
-/// The stretch of the periodic cell, by `Cell::along`, in which a rank has grains, its own and ghosts.
+/// The interval along x, by [`Cell::along`], that holds the owned grains and ghosts of a rank.
 #[derive(Debug, Clone, Copy)]
 pub struct Window {
-    /// Start of the stretch (m); may be negative.
+    /// Its start (m); may be negative.
     pub from: f64,
     /// Its width (m), at most the period.
     pub width: f64,
 }
 
 impl Window {
-    /// All of a period (m).
+    /// A whole period (m).
     pub fn whole(period: f64) -> Self {
         Self {
             from: 0.0,
@@ -24,7 +24,7 @@ impl Window {
     }
 }
 
-/// How near a pair has to be to be listed.
+/// The cutoff of the list.
 #[derive(Debug, Clone, Copy)]
 pub struct Range {
     /// At least the greatest R_i + R_j + `skin` (m).
@@ -38,15 +38,16 @@ pub struct Range {
 struct Axis {
     low: f64,
     width: f64,
-    /// Cells that there are, and in a period, where there is one.
+    /// Number of cells, and of cells in a period, if there is one.
     count: usize,
     period: Option<usize>,
-    /// The first of the cells that there are, in the period.
+    /// Index of the first cell in the period.
     first: i64,
 }
 
 impl Axis {
-    /// Of those in `from`, `width` (m) wide, in a period, as wide as `reach` (m) or wider.
+    /// Cells of at least `reach` (m) in a period, for the interval of this `width` (m) that begins
+    /// at `from`.
     fn periodic(period: f64, from: f64, width: f64, reach: f64) -> Self {
         let all = ((period / reach) as usize).max(1);
         let cell = period / all as f64;
@@ -79,7 +80,7 @@ impl Axis {
         (at as usize).min(self.count - 1)
     }
 
-    /// The cell and those beside it, each once.
+    /// The cell and its neighbours, each once.
     fn near(&self, cell: usize) -> impl Iterator<Item = usize> + Clone {
         let ring = self.period == Some(self.count);
         let count = self.count;
@@ -97,7 +98,7 @@ impl Axis {
     }
 }
 
-/// Places sorted into cells.
+/// Positions sorted into cells.
 #[derive(Debug)]
 pub struct Bins<D: Dimension> {
     cell: Cell,
@@ -111,7 +112,7 @@ pub struct Bins<D: Dimension> {
 impl<D: Dimension> Bins<D> {
     /// Cells of at least `reach` (m) for these positions (m), which lie in the window.
     pub fn new(cell: Cell, window: Window, reach: f64, position: &[[f64; 3]]) -> Self {
-        // Slowest along x, of which there may be a window of the period; fastest along the last axis.
+        // Slowest along x, which may be limited to a window; fastest along the last axis.
         let mut axes = [Axis::open(0.0, 0.0, 1.0); 3];
         for (axis, cells) in axes[..D::UP].iter_mut().enumerate() {
             let period = cell.periods[axis];
@@ -173,11 +174,13 @@ impl<D: Dimension> Bins<D> {
         cells.fold(0, |index, (at, axis)| index * axis.count + at)
     }
 
-    /// Calls `found` once with each that may lie within the reach of x (m), what lies there included.
+    /// Calls `found` once with every position that may lie within the reach of x (m), including x
+    /// itself.
     #[inline]
     pub fn each_near(&self, x: &[f64; 3], mut found: impl FnMut(u32)) {
         let here = self.at(x);
-        // Cells that follow each other along the last axis have their members one after the other; round the period, all are taken.
+        // Members of consecutive cells along the last axis are contiguous. If that axis is periodic
+        // and the cells wrap around, all of them are taken.
         let column = self.axes[D::UP].near(here[D::UP]);
         let (bottom, top) = column.fold((usize::MAX, 0), |(a, b), k| (a.min(k), b.max(k)));
         let mut look = |mut place: [usize; 3]| {
@@ -197,8 +200,9 @@ impl<D: Dimension> Bins<D> {
     }
 }
 
-/// All pairs of local grains closer than R_i + R_j + skin, sorted by (lower id, higher id), each with the lower id first.
-/// Left out: pairs of two ghosts (their ranks have them), and of two wall grains (they do not move against each other).
+/// All pairs of local grains closer than R_i + R_j + skin, sorted by (lower id, higher id), each
+/// with the lower id first. Leaves out pairs of two ghosts, which other ranks have, and of two wall
+/// grains, which do not move relative to each other.
 pub fn pairs<D: Dimension>(
     grains: &Grains<D>,
     cell: Cell,
@@ -254,7 +258,8 @@ mod tests {
     use crate::state::{GrainState, Masses, Sheared};
     use bytemuck::Zeroable;
 
-    /// Against all pairs, in narrow and wide cells, with ghosts; `offset` over L_x of a sheared cell.
+    /// Against all pairs, in narrow and wide cells, with ghosts; `offset` over L_x of a sheared
+    /// cell.
     fn compare<D: Dimension>(offset: Option<f64>) {
         for (length, width, count, owned) in [
             (2.5, 3.0, 12, 12),

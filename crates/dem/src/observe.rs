@@ -2,8 +2,8 @@
 
 use xxhash_rust::xxh3::xxh3_128;
 
-use crate::budget::{self, Entry};
-use crate::contact::loss;
+use crate::budget::{self, EnergyBalance};
+use crate::contact::dissipation;
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
@@ -19,6 +19,7 @@ pub struct Frame {
     pub walls: f64,
     /// Volume of the free grains (m³; area, m², in 2D).
     pub free_volume: f64,
+    /// The number of free grains.
     pub free_grains: u64,
     /// For energies (J/m).
     pub energy: FixedPoint,
@@ -128,20 +129,23 @@ pub fn series<D: Dimension>(
     let wall_height = piston.height - frame.walls;
     let kinetic_energy = frame.energy.value(part(2));
     let moving = kinetic_energy + 0.5 * piston.mass * piston.velocity * piston.velocity;
-    let energy = system.ledger.as_mut().map_or(Entry::NONE, |ledger| {
-        ledger.entry(
-            exchange,
-            system.level,
-            law,
-            budget::Sample {
-                contacts: &system.contacts,
-                overlap: &samples.overlap,
-                load: piston.load,
-                height: piston.height,
-                kinetic: moving,
-            },
-        )
-    });
+    let energy = system
+        .budget
+        .as_mut()
+        .map_or(EnergyBalance::NONE, |budget| {
+            budget.balance(
+                exchange,
+                system.level,
+                law,
+                budget::Sample {
+                    contacts: &system.contacts,
+                    overlap: &samples.overlap,
+                    load: piston.load,
+                    height: piston.height,
+                    kinetic: moving,
+                },
+            )
+        });
     SeriesRow {
         strain: slider.displacement / height,
         stress_ratio: shear_force / normal_force,
@@ -169,10 +173,10 @@ pub fn series<D: Dimension>(
         elastic_rolling: energy.elastic[2],
         work_drive: energy.work_drive,
         work_load: energy.work_load,
-        lost_damping: energy.lost[loss::DAMPING],
-        lost_friction: energy.lost[loss::FRICTION],
-        lost_rolling: energy.lost[loss::ROLLING],
-        lost_stiffness: energy.lost[loss::STIFFNESS],
+        dissipated_damping: energy.dissipated[dissipation::DAMPING],
+        dissipated_friction: energy.dissipated[dissipation::FRICTION],
+        dissipated_rolling: energy.dissipated[dissipation::ROLLING],
+        dissipated_stiffness: energy.dissipated[dissipation::STIFFNESS],
         energy_residual: energy.residual,
     }
 }

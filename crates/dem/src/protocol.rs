@@ -1,11 +1,11 @@
-//! How the drive moves along x: one velocity after the other, in whole steps.
+//! The motion of the drive along x: a sequence of velocities, each for a whole number of steps.
 
 /// A sequence of velocities of the drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Protocol {
     /// Δt (s).
     step: f64,
-    /// One or more.
+    /// At least one.
     segments: Vec<Segment>,
 }
 
@@ -23,7 +23,7 @@ pub struct Segment {
 }
 
 impl Protocol {
-    /// `parts`: velocities (m/s) with their numbers of steps of `step` (s), one or more.
+    /// A protocol of velocities (m/s) with their numbers of steps, at least one; Δt is `step` (s).
     pub fn new(step: f64, parts: impl IntoIterator<Item = (f64, u64)>) -> Self {
         let (mut first, mut position) = (0, 0.0);
         let segment = |(velocity, steps)| {

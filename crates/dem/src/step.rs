@@ -1,7 +1,8 @@
 //! The time step: read this first.
 //!
-//! Velocity Verlet with positions at t+Δt and velocities at t+½Δt when the forces are computed. Damping forces take the
-//! full-step velocity predicted from the last acceleration, so the scheme stays second order with damping (physics.md).
+//! Velocity Verlet: when the forces are computed, positions are at t+Δt and velocities at t+½Δt.
+//! Damping forces use the full-step velocity predicted from the last acceleration, so the scheme is
+//! of second order with damping, too (docs/scheme.md).
 
 use std::ops::Range;
 
@@ -18,17 +19,17 @@ use crate::state::{Cell, Grains, Units, body};
 use crate::system::{Outside, System};
 use crate::threads::{Own, Setting};
 
-/// What the caller of a step asks for.
+/// Options of a step.
 #[derive(Debug, Default)]
 pub struct StepRequest<'a> {
-    /// Receives the contact forces of the step.
+    /// Receives the contact forces.
     pub samples: Option<&'a mut ContactForces>,
-    /// This rank was asked to stop.
+    /// Whether this rank was asked to stop.
     pub stop: bool,
 }
 
 impl<'a> StepRequest<'a> {
-    /// A step whose contact forces are wanted.
+    /// A step that records the contact forces.
     pub fn sampled(samples: &'a mut ContactForces) -> Self {
         Self {
             samples: Some(samples),
@@ -55,7 +56,7 @@ pub fn advance<D: Dimension>(
     system.steps += 1;
     system.clock.start();
 
-    // Not at the end of the last step: what was sampled there belongs to the list it was sampled with.
+    // Not at the end of the last step, whose samples belong to the list they were taken with.
     if system.list.due {
         system.rebuild(exchange, law, drive)?;
         system.clock.end(Phase::Rebuild);
@@ -90,19 +91,20 @@ pub fn advance<D: Dimension>(
     let (load, [due, stop]) = message.read(exchange, system, outside)?;
     system.list.due = due;
     system.kick_is_due = true;
-    if let Some(ledger) = &mut system.ledger {
-        ledger.push(-load.along, drive.slid());
+    if let Some(budget) = &mut system.budget {
+        budget.push(-load.along, drive.slid());
     }
     system.clock.end(Phase::Walls);
 
-    // Last, since the second kick leaves grains of walls at the velocity of the half step.
+    // Last, because the second kick leaves grains of walls at the velocity of the half step.
     drive.kick(step, load, &mut system.grains);
     system.clock.end(Phase::Motion);
 
     Ok(stop)
 }
 
-/// Forces and the wall's acceleration at the start of a stage: nothing moves, no history advances.
+/// Computes the forces and the wall's acceleration at the start of a stage, without moving anything
+/// or advancing histories.
 ///
 /// # Errors
 /// An overlap outside the law, or a number that is not finite.
@@ -113,25 +115,25 @@ pub fn initial_forces<D: Dimension>(
     drive: &mut dyn Drive<D>,
     samples: Option<&mut ContactForces>,
 ) -> Result<(), Failure> {
-    // What was until now belongs to the making of the first list.
+    // The time until now belongs to the first list.
     system.clock.end(Phase::Rebuild);
     let outside = forces(exchange, system, law, drive, 0.0, samples);
     let mut message = Message::new(system, drive, outside, []);
     exchange.sum_during(&mut message.0, &mut || ());
     let (load, []) = message.read(exchange, system, outside)?;
-    if let Some(ledger) = &mut system.ledger {
-        ledger.push(-load.along, 0.0);
+    if let Some(budget) = &mut system.budget {
+        budget.push(-load.along, 0.0);
     }
     drive.start(load);
     Ok(())
 }
 
-/// All that the ranks must agree on in a step, to be added up: the forces on the top, whether something failed, and K questions that
-/// are answered with yes where some rank says so.
+/// The sums over the ranks of a step: the forces on the top, whether something failed, and K flags
+/// that are set if they are set on some rank.
 struct Message<const K: usize>([i64; MESSAGE]);
 
 const MESSAGE: usize = 2 * (LIMBS + 1) + 3;
-/// Size of it.
+/// Size of the message that the ranks sum in every step (bytes).
 pub const MESSAGE_BYTES: usize = size_of::<Message<2>>();
 
 impl<const K: usize> Message<K> {
@@ -157,7 +159,7 @@ impl<const K: usize> Message<K> {
         Self(message)
     }
 
-    /// The forces and the answers.
+    /// The forces and the flags.
     fn read<D: Dimension>(
         &self,
         exchange: &dyn Exchange,
@@ -180,8 +182,8 @@ impl<const K: usize> Message<K> {
     }
 }
 
-/// All forces at the present positions, those of inner contacts while the ghosts' records are on their way; histories advance by
-/// `step` (s). Returns what was outside the law.
+/// Computes all forces at the present positions, those of inner contacts during the exchange of the
+/// ghosts' records; advances the histories by `step` (s). Returns what was outside the law.
 pub fn forces<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -196,7 +198,7 @@ pub fn forces<D: Dimension>(
     add_forces(exchange, system, law, drive, step, samples)
 }
 
-/// [`forces`] where those on the own grains were cleared before.
+/// [`forces`] without clearing those on the owned grains.
 fn add_forces<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -214,7 +216,7 @@ fn add_forces<D: Dimension>(
         clock,
         list,
         team,
-        ledger,
+        budget,
         gravity,
         step: full_step,
         ..
@@ -233,8 +235,8 @@ fn add_forces<D: Dimension>(
         units: grains.units,
         cell: *cell,
         step,
-        counting: ledger.as_ref().map(|ledger| Counting {
-            unit: ledger.unit(),
+        counting: budget.as_ref().map(|budget| Counting {
+            unit: budget.unit(),
             step: *full_step,
         }),
     };
@@ -255,8 +257,8 @@ fn add_forces<D: Dimension>(
     team.gather(&mut grains.force);
     clock.end(Phase::Contacts);
 
-    if let Some(ledger) = ledger {
-        ledger.step(found.lost, found.uncounted);
+    if let Some(budget) = budget {
+        budget.step(found.dissipated, found.uncounted);
     }
     let pair = |at: Option<(usize, usize)>, why: fn(usize, usize) -> Outside| {
         at.map(|(block, lane)| why(block, lane))
@@ -266,8 +268,9 @@ fn add_forces<D: Dimension>(
     at_plane.map(Outside::Plane).or(at_pair).or(unsound)
 }
 
-/// v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces. Returns the greatest speed (m/s), NaN where
-/// one is none. `KICK_IS_DUE`: the second kick of the step before is still to be given, first.
+/// Computes v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces.
+/// Returns the greatest speed (m/s), or NaN if one is NaN. `KICK_IS_DUE`: gives the deferred second
+/// kick of the last step first.
 struct HalfKickAndDrift<'a, D: Dimension, const KICK_IS_DUE: bool> {
     own: Own<'a, D>,
     step: f64,
@@ -280,13 +283,14 @@ impl<D: Dimension, const KICK_IS_DUE: bool> Work for HalfKickAndDrift<'_, D, KIC
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) -> f64 {
         let Self { own, step, cell } = self;
-        // Its square in bits, of which NaN has the greatest: integers are compared at once, where sums of floats would wait for each other.
+        // The bits of the squared speed, which are greatest for NaN: integers are compared in one
+        // cycle, a chain of floating-point maxima would wait for each result.
         let mut fastest = 0;
         let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
         for ((record, force), kick) in grains {
             let r = D::fields_mut(record);
             let [linear, angular] = *kick;
-            // One short loop a quantity: numbers that lie beside each other are worked together.
+            // One short loop per quantity, which the compiler vectorises.
             let (mut dv, mut v) = ([0.0; 3], [0.0; 3]);
             for axis in 0..D::AXES {
                 dv[axis] = linear * force[axis];
@@ -318,7 +322,7 @@ impl<D: Dimension, const KICK_IS_DUE: bool> Work for HalfKickAndDrift<'_, D, KIC
             for k in 0..D::SPINS {
                 r[D::SPIN + k] = w[k] + dw[k];
             }
-            // NaN where w is no finite number, else nothing.
+            // NaN if w is not finite, else 0.
             for w in &w[..D::SPINS] {
                 speed += 0.0 * w;
             }
@@ -339,7 +343,7 @@ fn greater_or_nan(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 
-/// -m g along the last axis, on grains that are free, rounded as the contact forces are.
+/// Adds the weight -m g along the last axis to free grains, rounded like the contact forces.
 fn weigh<D: Dimension>(grains: &mut Grains<D>, gravity: f64) {
     let shift = Units::shift(grains.units.force);
     for g in 0..grains.owned {
@@ -349,7 +353,7 @@ fn weigh<D: Dimension>(grains: &mut Grains<D>, gravity: f64) {
     }
 }
 
-/// By drag (1/s) of translations and of rotations.
+/// Adds the drag (1/s) on translations and on rotations.
 fn slow_down<D: Dimension>(grains: &mut Grains<D>, [linear, angular]: [f64; 2]) {
     for g in 0..grains.owned {
         let (r, mass, radius) = (

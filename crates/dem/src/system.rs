@@ -1,6 +1,6 @@
-//! All that a rank holds between two steps, and the upkeep of its lists.
+//! The state of a rank between two steps, and the upkeep of its lists.
 
-use crate::budget::Ledger;
+use crate::budget::EnergyBudget;
 use crate::clock::Clock;
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
@@ -13,68 +13,79 @@ use crate::simd::{Lanes, Level, Work};
 use crate::state::{Cell, ContactState, Contacts, GrainState, Grains, Masses, Units, length};
 use crate::threads::{Own, Team};
 
-/// Skins over d̄ between which an adaptive one stays.
+/// Bounds of an adaptive skin over d̄.
 const THINNEST_SKIN: f64 = 0.002;
 const THICKEST_SKIN: f64 = 0.4;
 const FIRST_SKIN: f64 = 0.02;
-/// Steps for which a list of the best skin lasts: a rebuild costs about as much as ten steps.
+/// Steps between rebuilds with the best skin: a rebuild costs about as much as ten steps.
 const BEST_LIFE: f64 = 400.0;
 
-/// Grains, contacts, slabs: the state and its bookkeeping.
+/// The grains and contacts of this rank, and the bookkeeping for them.
 #[derive(Debug)]
 pub struct System<D: Dimension> {
+    /// The instruction set.
     pub level: Level,
+    /// The cell.
     pub cell: Cell,
+    /// The masses of the grains.
     pub masses: Masses,
     /// Δt (s).
     pub step: f64,
     /// g (m/s²), against the last axis; 0 is none.
     pub gravity: f64,
-    /// Steps that are done, of the stage where there are stages.
+    /// Steps done in this stage.
     pub steps: u64,
-    /// For forces on walls.
+    /// Fixed-point numbers for sums of forces on walls.
     pub fixed: FixedPoint,
     pub(crate) grains: Grains<D>,
+    /// The candidate pairs and their histories.
     pub contacts: Contacts,
+    /// The slabs of the ranks.
     pub slabs: Slabs<D>,
+    /// How long the list of pairs remains complete.
     pub list: List,
-    /// The second kick of the last step is deferred: velocities are those of the half step. The next
-    /// step gives it with its own first kick; whoever looks at the grains before gets it first.
+    /// The second kick of the last step is deferred: velocities are those of the half step. The
+    /// next step gives it with its own first kick; the accessors of the grains give it before they
+    /// return.
     pub(crate) kick_is_due: bool,
+    /// The time spent in each phase.
     pub clock: Clock,
+    /// The threads of this rank.
     pub team: Team<D>,
-    /// Kept where it is asked for.
-    pub ledger: Option<Ledger>,
+    /// The energy budget, if it is kept.
+    pub budget: Option<EnergyBudget>,
 }
 
-/// How long the list of pairs stays complete.
+/// How long the list of pairs remains complete.
 #[derive(Debug)]
 pub struct List {
     /// Greatest diameter (m).
     diameter: f64,
     /// Present skin (m): pairs are listed up to R_i + R_j + skin.
     skin: f64,
-    /// Least and greatest skin (m); equal where the skin is given.
+    /// Least and greatest skin (m); equal if the skin is given.
     range: [f64; 2],
-    /// Rebuild at least every so many steps; 0 only when needed.
+    /// Greatest number of steps between rebuilds; 0 for no limit.
     every: u64,
     /// Step of the last rebuild.
     built: u64,
+    /// Number of rebuilds.
     pub rebuilds: u64,
-    /// To be rebuilt before the next step.
+    /// Whether the list must be rebuilt before the next step.
     pub due: bool,
-    /// No grain has moved further since the last rebuild (m).
+    /// Upper bound of the displacements since the last rebuild (m).
     bound: f64,
     /// How far the images above have moved since then (m).
     leaned: f64,
-    /// Where the own grains were then.
+    /// Positions of the owned grains at the last rebuild.
     origin: Vec<[f64; 3]>,
-    /// A coordinate is no number, or a grain moved further than half a skin before the list could be rebuilt.
+    /// Whether a coordinate is NaN or a grain moved further than half a skin before a rebuild.
     pub unsound: bool,
 }
 
 impl List {
-    /// `exchange.size()` slabs must be wider than the interaction range, and so must the cell be across them.
+    /// Fails unless each of `exchange.size()` slabs, and the cell along the other axes, is wider
+    /// than the cutoff.
     fn new(
         exchange: &dyn Exchange,
         bookkeeping: &ListSettings,
@@ -118,7 +129,8 @@ impl List {
         })
     }
 
-    /// Grains moved by up to `fastest` (m/s) for `step` (s). Returns whether the list must be rebuilt after this step.
+    /// Grains moved by up to `fastest` (m/s) for `step` (s). Returns whether the list must be
+    /// rebuilt after this step.
     pub fn moved<D: Dimension>(
         &mut self,
         fastest: f64,
@@ -128,11 +140,12 @@ impl List {
     ) -> bool {
         let leaning = step * cell.sheared.map_or(0.0, |s| s.velocity.abs());
         self.leaned += leaning;
-        // Half of it for a pair across the top, and all of it for a grain that went through it, whose way is measured wrongly by it.
+        // Half of it for a pair across the top, and all of it for a grain that was wrapped there,
+        // whose displacement is measured with this error.
         let more = 1.5 * self.leaned;
         let half = 0.5 * self.skin;
         self.bound += step * fastest + 1.5 * leaning;
-        // The next step may be faster, if not twice as fast.
+        // The next step may be up to twice as fast.
         let margin = 2.0 * step * fastest + 1.5 * leaning;
         if self.bound + margin > half {
             let exact = self.displacement(grains, cell) + more;
@@ -140,18 +153,18 @@ impl List {
             self.unsound = exact.is_nan() || exact > half;
         }
         self.unsound |= fastest.is_nan();
-        // Rebuild a little early rather than look at every grain in every step.
+        // Slightly early, which avoids looking at every grain in every step.
         self.bound + margin > 0.9 * half
     }
 
-    /// How far the own grain that moved most has moved (m).
+    /// The greatest displacement of an owned grain (m).
     fn displacement<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> f64 {
         self.squares(grains, cell)
             .fold(0.0, |a: f64, b| if b > a { b } else { a })
             .sqrt()
     }
 
-    /// The own grain that moved most; there is one.
+    /// The owned grain that moved furthest; there must be one.
     fn furthest<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> usize {
         let squares = self.squares(grains, cell).enumerate();
         squares
@@ -159,7 +172,7 @@ impl List {
             .0
     }
 
-    /// Squared displacements of the own grains (m²).
+    /// Squared displacements of the owned grains (m²).
     fn squares<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> impl Iterator<Item = f64> {
         self.origin.iter().zip(&grains.record).map(move |(o, r)| {
             let moved = cell.separation::<D>(D::fields(r), o);
@@ -167,11 +180,12 @@ impl List {
         })
     }
 
-    /// Of the next list, at least this skin (m).
+    /// Makes the skin of the next list at least this (m).
     pub fn widen(&mut self, skin: f64) {
         self.skin = self.skin.max(skin);
     }
 
+    /// Whether `bookkeeping.rebuild_every` requires a rebuild after this number of steps.
     pub fn forced(&self, steps: u64) -> bool {
         self.every > 0 && steps - self.built >= self.every
     }
@@ -180,7 +194,8 @@ impl List {
         self.diameter + self.skin
     }
 
-    /// A thicker skin where the list is rebuilt often, a thinner one where it lasts: pairs that do not touch cost time too.
+    /// Adapts the skin: thicker if rebuilds are frequent, thinner if they are rare, because pairs
+    /// that do not touch cost time, too.
     fn adapt(&mut self, steps: u64) {
         let lasted = steps - self.built;
         if self.rebuilds > 0 && self.every == 0 {
@@ -190,35 +205,45 @@ impl List {
     }
 }
 
-/// How the list of pairs is kept up. It changes the speed of a run and not its numbers.
+/// Settings of the list of pairs. They change the speed of a run and not its numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ListSettings {
-    /// Skin of the neighbour list over d̄; `None` adapts it to how often the list is rebuilt.
+    /// Skin over d̄; `None` adapts it to the frequency of rebuilds.
     pub skin: Option<f64>,
-    /// Rebuild at least every so many steps; 0 only when needed.
+    /// Greatest number of steps between rebuilds; 0 for no limit.
     pub rebuild_every: u64,
 }
 
-/// What a system is made of, without its grains. SI units.
+/// Parameters of a [`System`]. SI units.
 #[derive(Debug, Clone, Copy)]
 pub struct Setup {
+    /// The instruction set.
     pub level: Level,
+    /// Settings of the list of pairs.
     pub list: ListSettings,
+    /// The cell.
     pub cell: Cell,
+    /// The greatest radius of the grains (m).
     pub largest_radius: f64,
+    /// d̄ (m).
     pub mean_diameter: f64,
+    /// The masses of the grains.
     pub masses: Masses,
+    /// Δt (s).
     pub step: f64,
+    /// g (m/s²), against the last axis; 0 is none.
     pub gravity: f64,
-    /// Of forces on walls.
+    /// A typical force on a wall (N; N/m in 2D).
     pub typical_force: f64,
-    /// Inside this rank.
+    /// Threads of this rank.
     pub threads: usize,
 }
 
 impl<D: Dimension> System<D> {
+    /// A system without grains.
+    ///
     /// # Errors
-    /// The slabs would be too narrow, or there is no room for so many threads.
+    /// If the slabs would be too narrow, or the threads cannot be started.
     pub fn new(exchange: &dyn Exchange, of: Setup) -> Result<Self, Failure> {
         Ok(Self {
             level: of.level,
@@ -241,7 +266,7 @@ impl<D: Dimension> System<D> {
             kick_is_due: false,
             clock: Clock::default(),
             team: Team::new(of.threads)?,
-            ledger: None,
+            budget: None,
         })
     }
 
@@ -273,8 +298,8 @@ impl<D: Dimension> System<D> {
         self.grains.local()
     }
 
-    /// Gives the deferred second kick, if one is due: by the same operations as the next step would,
-    /// so to the same bits.
+    /// Gives the deferred second kick, if it is due, by the same operations as the next step would,
+    /// so with the same bits.
     pub(crate) fn finish_step(&mut self) {
         if std::mem::take(&mut self.kick_is_due) {
             let level = self.level;
@@ -283,7 +308,7 @@ impl<D: Dimension> System<D> {
         }
     }
 
-    /// This rank's grains.
+    /// The states of the owned grains.
     pub fn grain_states(&mut self) -> Vec<GrainState> {
         self.finish_step();
         (0..self.grains.owned)
@@ -291,7 +316,7 @@ impl<D: Dimension> System<D> {
             .collect()
     }
 
-    /// The touching contacts that this rank has, also those it shares.
+    /// The touching contacts of this rank, including those that another rank has as well.
     pub fn contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
         self.contacts
             .touching()
@@ -308,7 +333,7 @@ impl<D: Dimension> System<D> {
             .collect()
     }
 
-    /// Migrates, re-sorts, and lists the pairs anew.
+    /// Migrates grains, sorts them, and makes a new list of pairs.
     ///
     /// # Errors
     /// Too many ranks: a slab must be wider than the cutoff.
@@ -323,8 +348,8 @@ impl<D: Dimension> System<D> {
         self.replace(exchange, law, drive, grains, contacts)
     }
 
-    /// Takes these grains and contacts, wherever they belong, as the whole state. Every contact must be with the ranks that
-    /// have its grains.
+    /// Replaces the whole state by these grains and contacts, which may belong to any rank. Every
+    /// contact must be on the ranks that have its grains.
     ///
     /// # Errors
     /// Too many ranks: a slab must be wider than the cutoff.
@@ -372,7 +397,7 @@ impl<D: Dimension> System<D> {
         Ok(())
     }
 
-    /// One message, the same on every rank, of what was outside the law on some.
+    /// The failure that some ranks found, with the same message on all ranks; collective.
     pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
         let place = |g: usize| {
             let x = self.grains.fields(g)[..D::AXES].iter();
@@ -453,20 +478,21 @@ impl<D: Dimension> System<D> {
     }
 }
 
-/// Where the numbers failed, as this rank knows it.
+/// Where the numbers failed on this rank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outside {
     /// This grain overlaps a plane too much.
     Plane(usize),
     /// The contact in this block and lane overlaps too much.
     Pair(usize, usize),
-    /// The force of the contact in this block and lane is greater than any that the law should have.
+    /// The force of the contact in this block and lane is greater than any that the law should
+    /// have.
     Force(usize, usize),
-    /// A position or velocity is no number, or a grain moved further than the list allows.
+    /// A position or velocity is NaN, or a grain moved further than the list allows.
     Number,
 }
 
-/// v(t+Δt), in place of the predicted one.
+/// Replaces the predicted v(t+Δt) by that of the second kick.
 struct SecondKick<'a, D: Dimension>(Own<'a, D>);
 
 impl<D: Dimension> Work for SecondKick<'_, D> {

@@ -1,5 +1,5 @@
-//! The threads inside a rank. As sums of forces are exact, each thread adds up the forces of its own contacts, and the sums are
-//! added: same bits with any number of threads.
+//! The threads inside a rank. Each thread sums the forces of its own contacts, and the sums are
+//! added. Sums of forces are exact, so the bits are the same with any number of threads.
 
 use std::ops::Range;
 
@@ -12,41 +12,49 @@ use crate::kernel::{ContactForces, Counting, Found, PairForce, Pass, Scratch};
 use crate::simd::Level;
 use crate::state::{Cell, Contacts, Grains, Units};
 
-/// Grains whose forces a thread clears and hands over together.
+/// Number of grains whose forces a thread clears and adds together.
 const PAGE: usize = 256;
 
-/// The threads, and the forces that all but the first of them add up.
+/// The threads, and the forces that all but the first of them sum.
 #[derive(Debug)]
 pub struct Team<D: Dimension> {
-    /// `None`: this thread alone.
+    /// `None` for a single thread.
     pool: Option<rayon::ThreadPool>,
     scratch: Box<Scratch<D>>,
     others: Vec<Other<D>>,
 }
 
-/// Forces that one of the other threads adds up, over all local grains, used in some pages only.
+/// The forces that one of the other threads sums, over all local grains; only some pages are used.
 #[derive(Debug)]
 struct Other<D: Dimension> {
     force: Vec<D::Force>,
-    /// Of every page, whether it is used.
+    /// Whether each page is used.
     used: Vec<bool>,
     scratch: Box<Scratch<D>>,
 }
 
-/// What all parts of a pass have in common.
+/// What all parts of a pass have in common; see [`Pass`].
 #[derive(Clone, Copy)]
 pub struct Setting<'a, D: Dimension> {
+    /// The instruction set.
     pub level: Level,
+    /// The contact law.
     pub law: &'a dyn PairForce<D>,
+    /// The units to which forces and torques are rounded.
     pub units: Units,
+    /// The cell.
     pub cell: Cell,
+    /// Δt (s), or 0.
     pub step: f64,
+    /// Makes the pass count the dissipation.
     pub counting: Option<Counting>,
 }
 
 impl<D: Dimension> Team<D> {
+    /// A pool of `threads` threads, with the calling one.
+    ///
     /// # Errors
-    /// The system has no room for so many threads.
+    /// If the threads cannot be started.
     pub fn new(threads: usize) -> Result<Self, Failure> {
         if threads <= 1 {
             return Ok(Self {
@@ -72,11 +80,12 @@ impl<D: Dimension> Team<D> {
         })
     }
 
+    /// Number of threads.
     pub fn threads(&self) -> usize {
         1 + self.others.len()
     }
 
-    /// Finds the pages that each thread's contacts touch. To be called for every new list.
+    /// Finds the pages that each thread's contacts use. Must be called for every new list.
     pub fn assign(&mut self, contacts: &Contacts, local: usize) {
         let threads = self.threads();
         let all = contacts.blocks();
@@ -96,7 +105,8 @@ impl<D: Dimension> Team<D> {
         }
     }
 
-    /// Contact forces of a group of blocks, which the first thread adds to `force` and the others to their own.
+    /// Computes the contact forces of a group of blocks. The first thread adds them to `force`, the
+    /// others to their own sums.
     pub fn contact_forces(
         &mut self,
         setting: Setting<'_, D>,
@@ -132,7 +142,7 @@ impl<D: Dimension> Team<D> {
         pool.in_place_scope(|scope| {
             let pass = &pass;
             let (here, elsewhere) = found.split_at_mut(1);
-            // From the last part to the first, which remains for this thread.
+            // From the last part to the first, which this thread computes.
             for (k, (other, found)) in self.others.iter_mut().zip(elsewhere).enumerate().rev() {
                 let begin = group.start + group.len() * (k + 1) / threads;
                 let own = begin - part.first;
@@ -148,7 +158,7 @@ impl<D: Dimension> Team<D> {
         found.into_iter().fold(Found::default(), Found::and)
     }
 
-    /// Clears these forces, and all that the other threads add up.
+    /// Clears these forces and the sums of the other threads.
     pub fn clear(&mut self, force: &mut [D::Force]) {
         let zero = D::Force::zeroed();
         let Some(pool) = &self.pool else {
@@ -167,7 +177,7 @@ impl<D: Dimension> Team<D> {
         });
     }
 
-    /// Adds the other threads' forces to the grains'.
+    /// Adds the sums of the other threads to the forces on the grains.
     pub fn gather(&self, force: &mut [D::Force]) {
         let Some(pool) = &self.pool else {
             return;
@@ -184,7 +194,8 @@ impl<D: Dimension> Team<D> {
         pool.install(|| force.par_chunks_mut(PAGE).enumerate().for_each(add));
     }
 
-    /// Work on the own grains, in parts of about the same size; what comes out, one by one.
+    /// Runs `work` on the owned grains, in parts of about the same size, and calls `each` with
+    /// every result.
     pub fn over_own<R: Send + Default>(
         &self,
         grains: &mut Grains<D>,
@@ -234,9 +245,12 @@ impl<D: Dimension> Team<D> {
     }
 }
 
-/// Some own grains, for the kicks and the drift.
+/// Some owned grains, for the kicks and the drift; see [`Grains`].
 pub struct Own<'a, D: Dimension> {
+    /// Their records.
     pub record: &'a mut [D::Record],
+    /// Their forces and torques.
     pub force: &'a mut [D::Force],
+    /// ½Δt/m and ½Δt/I.
     pub half_kick: &'a [[f64; 2]],
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, GrainSample, SeriesRow};
@@ -40,7 +41,7 @@ pub struct Format<'a> {
     /// The name of the file of frames and time series.
     pub name: &'a str,
     /// Columns of the time series.
-    pub columns: &'a [&'a str],
+    pub columns: &'a [Column],
     /// Whether the box is bounded along its last axis.
     pub walls: bool,
     /// Height of the box (m).

@@ -4,9 +4,7 @@
 
 use crate::files::shapes;
 use bytemuck::Zeroable;
-use gshear_analysis::frame_scalars::{
-    FrameScalars, SCALAR_COLUMNS, Scratch, Stressed, frame_scalars,
-};
+use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{
     ContactForce, ContactSample, Disks, Frame, FramePart, GrainPlace, GrainSample,
@@ -107,7 +105,7 @@ impl Analysis {
             .into_iter()
             .map(|frame| Stressed::new(&self.grains, frame))
             .collect();
-        let rows: Vec<[f64; SCALAR_COLUMNS.len()]> = frames
+        let rows: Vec<[f64; FrameScalars::COLUMNS.len()]> = frames
             .windows(2)
             .map(|pair| {
                 frame_scalars(&self.grains, &pair[0], &pair[1], &mut self.scratch).columns()

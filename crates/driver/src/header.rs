@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use gshear_dem::budget::Kept;
+use gshear_dem::budget::SavedBudget;
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Snapshot;
@@ -15,6 +15,7 @@ use crate::files::Written;
 /// How far a run has come: the stage, and what it needs to resume.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "stage", rename_all = "kebab-case", deny_unknown_fields)]
+#[expect(clippy::large_enum_variant, reason = "a run has one header")]
 pub enum Header {
     /// Compression between smooth planes.
     Pack {
@@ -38,7 +39,7 @@ pub enum Header {
         written: Written,
         /// The energy budget, if the scene has one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        energy_budget: Option<Kept>,
+        energy_budget: Option<SavedBudget>,
         /// The file that the grains came from; resuming does not read it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         packing: Option<PackingFile>,

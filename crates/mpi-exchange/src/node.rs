@@ -1,5 +1,7 @@
-//! Ranks of one node talk through memory that they share (MPI-3 shared windows): a message is a copy and a number that counts up,
-//! which takes a fraction of a microsecond where a message through the library takes a few.
+//! Messages between ranks of one node through shared memory (MPI-3 shared windows).
+//!
+//! A message is a copy and a counter, which takes a fraction of a microsecond; through the library
+//! it takes a few.
 
 use std::cell::Cell;
 use std::ptr::{copy_nonoverlapping, null_mut};
@@ -10,32 +12,33 @@ use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{AsRaw, Communicator, CommunicatorCollectives};
 
-/// Most numbers of a sum.
+/// Greatest number of values in a sum.
 pub const MOST_TERMS: usize = 15;
-/// Room for a message (f64): some 4,000 records. Longer ones go through the library.
+/// Room for a message (f64): about 4,000 records. Longer messages go through the library.
 pub const MOST_NUMBERS: usize = 1 << 15;
 
-/// A rank's terms of a sum, in cache lines of their own.
+/// A rank's terms of a sum, on separate cache lines.
 #[repr(C, align(128))]
 struct Terms {
-    /// Sums to which this rank has put its terms.
+    /// Number of sums for which this rank has written its terms.
     count: AtomicU64,
     term: [AtomicI64; MOST_TERMS],
 }
 
-/// A box for the messages of one rank to one neighbour.
+/// A mailbox for messages of one rank to one neighbour.
 #[repr(C, align(128))]
 struct Letterbox {
-    /// Messages put in.
+    /// Number of messages written.
     sent: AtomicU64,
     _apart: [u64; 15],
-    /// Messages taken out, counted by the neighbour.
+    /// Number of messages read, counted by the neighbour.
     taken: AtomicU64,
     _apart_too: [u64; 15],
     message: [f64; MOST_NUMBERS],
 }
 
-/// What a rank has for the others to read. Everything is there twice and used in turn: a rank may be one message ahead.
+/// The memory of a rank that the others read. Everything exists twice and is used in turn, because
+/// a rank may be one message ahead.
 #[repr(C)]
 struct Desk {
     terms: [Terms; 2],
@@ -43,13 +46,13 @@ struct Desk {
     boxes: [[Letterbox; 2]; 2],
 }
 
-/// The desks of the ranks on this node.
+/// The shared memory of the ranks on this node.
 pub struct Node {
-    /// By rank in the job; null for those on other nodes.
+    /// By rank in the job; null for ranks on other nodes.
     desks: Vec<*mut Desk>,
     rank: usize,
     sums: Cell<u64>,
-    /// Messages sent to, and had from, the next rank and the rank before.
+    /// Number of messages sent to, and received from, the next rank and the rank before.
     sent: [Cell<u64>; 2],
     had: [Cell<u64>; 2],
     window: ffi::MPI_Win,
@@ -58,7 +61,7 @@ pub struct Node {
 }
 
 impl Node {
-    /// Collective. `None` where this rank is alone on its node.
+    /// Allocates the shared memory; collective. `None` if this rank is alone on its node.
     pub fn new(world: &SimpleCommunicator) -> Option<Self> {
         let communicator = world.split_shared(world.rank());
         let here = communicator.size();
@@ -68,10 +71,12 @@ impl Node {
         let mut ranks = vec![0i32; here as usize];
         communicator.all_gather_into(&world.rank(), &mut ranks[..]);
         let mut desks = vec![null_mut(); world.size() as usize];
-        // A desk begins at the first multiple of its alignment, which is the same place for all ranks: memory is shared by pages.
+        // A desk begins at the first multiple of its alignment, the same offset on all ranks
+        // because memory is shared by pages.
         let room = (size_of::<Desk>() + align_of::<Desk>()).next_multiple_of(4096);
-        // SAFETY: the calls are collective over `communicator`; the out pointers are valid; the library returns memory of at least
-        // `room` bytes that lives until the window is freed, set to zero by the system, in which a valid desk is found.
+        // SAFETY: the calls are collective over `communicator`; the out pointers are valid; the
+        // library returns memory of at least `room` bytes that lives until the window is freed, set
+        // to zero by the system, in which a valid desk is found.
         let window = unsafe {
             let mut window = ffi::RSMPI_WIN_NULL;
             let mut own: *mut u8 = null_mut();
@@ -111,12 +116,13 @@ impl Node {
         })
     }
 
-    /// Whether all ranks of the job are here.
+    /// Whether all ranks of the job are on this node.
     pub fn holds_all(&self) -> bool {
         self.desks.iter().all(|d| !d.is_null())
     }
 
-    /// The box for messages from `from` to `to`: 0 to the next rank, 1 to the rank before; `None` where there is none.
+    /// The mailbox for messages from `from` to `to`: 0 to the next rank, 1 to the rank before;
+    /// `None` if there is none.
     fn direction(&self, from: usize, to: usize) -> Option<usize> {
         let size = self.desks.len();
         if self.desks[from].is_null() || self.desks[to].is_null() || from == to {
@@ -130,23 +136,25 @@ impl Node {
         }
     }
 
-    /// Whether messages of at most so many numbers from and to this rank go this way. Both sides find the same.
+    /// Whether messages of at most this many numbers from and to this rank use shared memory. Both
+    /// ranks get the same answer.
     pub fn reaches(&self, rank: usize, numbers: usize) -> bool {
         numbers <= MOST_NUMBERS && self.direction(self.rank, rank).is_some()
     }
 
-    /// Puts a message, some of the records, into the neighbour's box.
+    /// Writes the chosen records into the neighbour's mailbox.
     ///
     /// # Panics
-    /// Where `reaches` says no, or what is chosen is not among the records.
+    /// If [`Node::reaches`] is false, or a chosen record does not exist.
     pub fn send(&self, to: usize, records: &[f64], width: usize, chosen: &[u32]) {
         let direction = self.direction(self.rank, to).expect("a neighbour");
         assert!(chosen.len() * width <= MOST_NUMBERS, "a message that fits");
         let number = self.sent[direction].get() + 1;
         self.sent[direction].set(number);
-        // SAFETY: the desk lives as long as the window. What is written is read by the neighbour only between `sent` reaching this
-        // number and its own `taken`, and this box was used last for the message before the last, which was taken. Until then the
-        // message, which was set to zero once and is aligned as the box, is this rank's alone.
+        // SAFETY: the desk lives as long as the window. What is written is read by the neighbour
+        // only between `sent` reaching this number and its own `taken`, and this box was used last
+        // for the message before the last, which was taken. Until then the message, which was set
+        // to zero once and is aligned as the box, is this rank's alone.
         unsafe {
             let desk = self.desks[self.rank];
             let letterbox = &raw mut (*desk).boxes[direction][number as usize % 2];
@@ -158,17 +166,17 @@ impl Node {
         }
     }
 
-    /// Takes a message out of the box from a neighbour.
+    /// Reads a message from a neighbour's mailbox.
     ///
     /// # Panics
-    /// Where `reaches` says no.
+    /// If [`Node::reaches`] is false.
     pub fn receive(&self, from: usize, message: &mut [f64]) {
         let direction = self.direction(from, self.rank).expect("a neighbour");
         assert!(message.len() <= MOST_NUMBERS, "a message that fits");
         let number = self.had[direction].get() + 1;
         self.had[direction].set(number);
-        // SAFETY: the desk lives as long as the window. The neighbour has written the message before `sent`, and writes no other
-        // into this box before `taken`.
+        // SAFETY: the desk lives as long as the window. The neighbour has written the message
+        // before `sent`, and writes no other into this box before `taken`.
         unsafe {
             let desk = self.desks[from];
             let letterbox = &raw mut (*desk).boxes[direction][number as usize % 2];
@@ -182,10 +190,10 @@ impl Node {
         }
     }
 
-    /// Element-wise sum over the ranks, wrapping, in place, while `meanwhile` runs.
+    /// Element-wise sum over the ranks, wrapping, in place; runs `meanwhile` once.
     ///
     /// # Panics
-    /// Where there are more than [`MOST_TERMS`] values, or not all ranks are here.
+    /// If there are more than [`MOST_TERMS`] values, or not all ranks are on this node.
     pub fn sum_during(&self, values: &mut [i64], meanwhile: impl FnOnce()) {
         assert!(values.len() <= MOST_TERMS, "few terms");
         let number = self.sums.get() + 1;
@@ -196,7 +204,8 @@ impl Node {
             // SAFETY: the desk lives as long as the window, and terms are atomic.
             unsafe { &(*desk).terms[number as usize % 2] }
         };
-        // Every rank has read the sum before the last from here: it would not have put its terms to the last one else.
+        // Every rank has read the sum before the last from here: only then did it write its terms
+        // of the last one.
         let own = terms(self.rank);
         for (to, value) in own.term.iter().zip(&*values) {
             to.store(*value, Ordering::Relaxed);
@@ -222,7 +231,7 @@ impl Drop for Node {
     }
 }
 
-/// Waits until the counter has reached a number. Soon gives the core away, for ranks may share it.
+/// Waits until the counter has reached a number. Yields the core soon, because ranks may share it.
 fn wait_for(counter: &AtomicU64, number: u64) {
     for _ in 0..PATIENCE {
         if counter.load(Ordering::Acquire) >= number {
@@ -235,13 +244,14 @@ fn wait_for(counter: &AtomicU64, number: u64) {
     }
 }
 
-/// Looks at a counter before the core is given away: about two microseconds, as ranks may be more than cores.
+/// Spin count before the core is yielded: about two microseconds, because there may be more ranks
+/// than cores.
 const PATIENCE: u32 = 50;
 
 /// Copies the chosen records, of `width` numbers each, one after the other.
 ///
 /// # Panics
-/// If a chosen record does not exist, or the room is too small.
+/// If a chosen record does not exist, or `to` is too small.
 pub fn copy_chosen(records: &[f64], width: usize, chosen: &[u32], to: &mut [f64]) {
     // The records of disks and of spheres: a copy of known length takes a few instructions.
     match width {

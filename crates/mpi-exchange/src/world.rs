@@ -13,40 +13,44 @@ use mpi::traits::{
     AsRaw, Communicator, CommunicatorCollectives, Destination, Equivalence, Root, Source,
 };
 
-/// All ranks of the job. Dropping it ends MPI, so every file opened with its communicator must be closed before.
+/// All ranks of the job.
+///
+/// Dropping it ends MPI, so every file opened with its communicator must be closed before.
 pub struct World {
     communicator: SimpleCommunicator,
     rank: usize,
     size: usize,
-    /// The ranks with which this one shares memory, unless it is not to.
+    /// Shared memory with the ranks on this node, if it is used.
     node: Option<Node>,
     // Dropped last: ends MPI.
     _universe: Universe,
 }
 
-/// Settings of Open MPI, where the environment has none of its own.
+/// Settings of Open MPI that the environment may override.
 const OPEN_MPI: [(&str, &str); 2] = [
-    // A halo message of 4 KiB just misses the default, beyond which sender and receiver first shake hands.
+    // A halo message of 4 KiB just exceeds the default, above which a handshake comes first.
     ("OMPI_MCA_btl_vader_eager_limit", "16384"),
-    // A waiting rank lets others have its core. It costs nothing where each rank has one; where other work shares the cores, two
-    // ranks ran several times as fast.
+    // A waiting rank lets others have its core. It costs nothing where each rank has one; where
+    // other work shares the cores, two ranks ran several times as fast.
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
 
-/// Where rank 0's environment has this, all messages go through MPI.
+/// If this is in rank 0's environment, all messages go through the MPI library.
 const NO_SHARED_MEMORY: &str = "GSHEAR_NO_SHARED_MEMORY";
 
 impl World {
-    /// Starts MPI, under mpirun or as a single rank without it. To be called first thing in `main`, while there is one thread, and once.
+    /// Starts MPI, under mpirun or as a single rank without it. Must be called once, at the start
+    /// of `main`, while there is one thread.
     ///
-    /// From here on a panic on any rank prints its message and ends the whole job with exit code 1; otherwise the others would wait for ever.
+    /// From then on, a panic on any rank prints its message and ends the whole job with exit code
+    /// 1; otherwise the other ranks would wait for ever.
     ///
     /// # Panics
     /// If MPI has been started before.
     pub fn start() -> World {
         for (name, value) in OPEN_MPI {
             if std::env::var_os(name).is_none() {
-                // SAFETY: the caller has started no other thread yet, so nobody reads the environment meanwhile.
+                // SAFETY: the caller has started no other thread that could read the environment.
                 unsafe { std::env::set_var(name, value) };
             }
         }
@@ -60,7 +64,7 @@ impl World {
             }
         }));
         let communicator = universe.world();
-        // As rank 0 has it: the environments of other nodes may differ, and all must do the same.
+        // Rank 0 decides: the environments of other nodes may differ.
         let mut shares = [u8::from(std::env::var_os(NO_SHARED_MEMORY).is_none())];
         communicator
             .process_at_rank(0)
@@ -75,12 +79,12 @@ impl World {
         }
     }
 
-    /// Ends every rank with this exit code, for a failure that only one rank knows of. Not collective.
+    /// Ends every rank with this exit code, for a failure that only one rank knows. Not collective.
     pub fn abort(&self, exit_code: i32) -> ! {
         self.communicator.abort(exit_code)
     }
 
-    /// Counts of bytes that MPI can address, and where each begins.
+    /// Counts and offsets of pieces (bytes) as MPI takes them, and the total.
     fn layout(lengths: impl Iterator<Item = usize>) -> (Vec<i32>, Vec<i32>, usize) {
         let (mut counts, mut starts, mut end) = (Vec::new(), Vec::new(), 0usize);
         for length in lengths {
@@ -103,8 +107,9 @@ impl World {
     }
 }
 
-/// The same bytes, but where there are none at an address that is one. Rust gives an empty slice of bytes the address 1,
-/// which is Open MPI's MPI_IN_PLACE; receive buffers are kept a byte longer than needed for the same reason.
+/// The same bytes; an empty slice with a valid address. Rust gives an empty slice of bytes the
+/// address 1, which is Open MPI's `MPI_IN_PLACE`. Receive buffers are a byte longer than needed for
+/// the same reason.
 fn addressable(bytes: &[u8]) -> &[u8] {
     if bytes.is_empty() { &[0][..0] } else { bytes }
 }
@@ -147,9 +152,10 @@ impl Exchange for World {
         received
     }
 
-    /// Several links with one rank pair up in their order: the n-th with rank r here with the n-th with this rank there.
+    /// Several links with one rank are matched in order: the n-th link with rank r here with the
+    /// n-th link with this rank there.
     fn halo(&self, links: &mut [Link<'_>], meanwhile: &mut dyn FnMut()) {
-        // A box holds one message, so several links with one rank go through the library.
+        // A mailbox holds one message, so several links with one rank go through the library.
         let single = links
             .iter()
             .enumerate()
@@ -221,7 +227,8 @@ impl Exchange for World {
         if self.size == 1 {
             return;
         }
-        // As u64, whose overflow wraps by definition. One message, however many: a message takes longer than a few thousand numbers of it.
+        // As u64, whose overflow wraps by definition. One message for all values: its latency
+        // exceeds the time for a few thousand numbers.
         let copy: Vec<u64> = values.iter().map(|&v| v as u64).collect();
         self.communicator.all_reduce_into(
             &copy[..],
@@ -238,7 +245,7 @@ impl Exchange for World {
         if self.rank == 0 { 0 } else { below }
     }
 
-    /// NaN where any rank's is: MPI alone may lose it.
+    /// NaN if the value of any rank is, which MPI's own maximum may lose.
     fn maximum(&self, value: f64) -> f64 {
         if self.size == 1 {
             return value;

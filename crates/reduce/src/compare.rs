@@ -5,7 +5,7 @@ use std::fmt;
 use std::io::{self, Write};
 
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactSample, FrameRecords, SERIES_COLUMNS};
+use gshear_dem::state::{ContactSample, FrameRecords, SeriesRow};
 use gshear_scene::Dimensions;
 use gshear_store::run_reader::Run;
 
@@ -253,9 +253,9 @@ pub fn runs(a: &Run, b: &Run) -> Result<Comparison, Failure> {
         time.see(x.time[row], y.time[row], Place::Row(row));
     }
     found.fields.extend([step, time]);
-    for name in SERIES_COLUMNS {
-        let mut field = Field::new(name);
-        let pairs = x.column(name).iter().zip(y.column(name));
+    for column in SeriesRow::COLUMNS {
+        let mut field = Field::new(column.name);
+        let pairs = x.column(column.name).iter().zip(y.column(column.name));
         pairs
             .enumerate()
             .for_each(|(row, (a, b))| field.see(*a, *b, Place::Row(row)));

@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 use std::io::Write;
 
 use super::commands::lost;
+use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::SERIES_COLUMNS;
+use gshear_dem::state::SeriesRow;
 use gshear_store::run_reader::Run;
 
 /// Prints the content of a run.
@@ -60,7 +61,7 @@ fn describe(run: &Run) -> Result<String, Failure> {
     }
     let series = run.series();
     lines.push(("series", span(&series.step, series.column("strain"))));
-    lines.push(("columns", SERIES_COLUMNS.join(", ")));
+    lines.push(("columns", joined_names(&SeriesRow::COLUMNS, ", ")));
 
     let mut text = String::new();
     for (name, value) in lines {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::scalars::FrameSeries;
-use gshear_analysis::frame_scalars::SCALAR_COLUMNS;
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::Run;
 use gshear_store::table::Table;
@@ -25,6 +25,6 @@ fn table(series: &FrameSeries) -> String {
         .column("step", |k| series.step[*k])
         .column("strain", |k| series.strain[*k])
         .column("stress_ratio", |k| series.tau[*k])
-        .columns(SCALAR_COLUMNS, |k| series.scalars[*k].columns())
+        .columns(FrameScalars::COLUMNS, |k| series.scalars[*k].columns())
         .csv()
 }

@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use super::commands::lost;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{SERIES_COLUMNS, Snapshot};
+use gshear_dem::state::{SeriesRow, Snapshot};
 use gshear_driver::files::RUN_FILE;
 use gshear_driver::header::Header;
 use gshear_driver::launch::{Start, Task};
 use gshear_driver::run::{Options, Outcome};
 use gshear_scene::schedule::Window;
 use gshear_store::checkpoint;
-use gshear_store::columns::{NEWTONIAN_COLUMNS, NEWTONIAN_FILE};
+use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
 use gshear_store::run_reader::{PeriodicRun, Run};
 
 /// The part of a run to replay.
@@ -218,7 +218,7 @@ pub fn newtonian(
         )));
     }
     let path = folder.join(NEWTONIAN_FILE);
-    let stored = PeriodicRun::open(&path, &NEWTONIAN_COLUMNS)?;
+    let stored = PeriodicRun::open(&path, &NewtonianRow::COLUMNS)?;
     let within = |row: &usize| stored.time[*row] >= time[0] && stored.time[*row] <= time[1];
     let mut rows = (0..stored.time.len()).filter(within);
     let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
@@ -238,13 +238,13 @@ pub fn newtonian(
     };
     let set = ["output.keep_checkpoints=false", "newtonian.spectra=0"];
     let from = again(folder, "newtonian", window, &set, (threads, out))?;
-    let computed = PeriodicRun::open(&out.join(NEWTONIAN_FILE), &NEWTONIAN_COLUMNS)?;
+    let computed = PeriodicRun::open(&out.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)?;
     let mut same = 0;
     for (k, step) in computed.step.iter().enumerate() {
         let Ok(row) = stored.step.binary_search(step) else {
             continue;
         };
-        for name in NEWTONIAN_COLUMNS {
+        for name in NewtonianRow::COLUMNS.map(|column| column.name) {
             let (had, has) = (stored.column(name)[row], computed.column(name)[k]);
             if had.to_bits() != has.to_bits() {
                 return Err(Failure::numbers(format!(
@@ -278,11 +278,11 @@ fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
         };
         rows += 1;
         let differs = |c: &usize| one.columns[*c][row].to_bits() != other.columns[*c][k].to_bits();
-        if let Some(c) = (0..SERIES_COLUMNS.len()).find(differs) {
+        if let Some(c) = (0..SeriesRow::COLUMNS.len()).find(differs) {
             different += 1;
             first.get_or_insert((
                 *step,
-                SERIES_COLUMNS[c],
+                SeriesRow::COLUMNS[c],
                 one.columns[c][row],
                 other.columns[c][k],
             ));

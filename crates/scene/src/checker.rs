@@ -1,41 +1,11 @@
-//! Collects what is wrong with single values, so that the first problem in the order of the file is the one told.
+//! Collects the problems of a configuration; the first in the order of the file is reported.
 
 use std::path::PathBuf;
 
-use toml::Spanned;
-
-use super::raw::{Flag, Number, Text, Whole, show};
+use super::key::{Key, Kind};
+use super::raw::{Flag, Number, Text, Whole, list, show};
 use super::source::Input;
 use gshear_dem::failure::Failure;
-pub(super) use gshear_dem::laws::keys::Bounds;
-
-/// A key that may have been given, with its path and its place.
-pub(super) struct Key<T> {
-    pub path: &'static str,
-    pub given: Option<(usize, T)>,
-}
-
-impl<T> Key<T> {
-    pub fn new(path: &'static str, raw: Option<Spanned<T>>) -> Self {
-        Key {
-            path,
-            given: raw.map(|s| (s.span().start, s.into_inner())),
-        }
-    }
-
-    pub fn offset(&self) -> Option<usize> {
-        self.given.as_ref().map(|(offset, _)| *offset)
-    }
-
-    /// Name without the table.
-    pub fn name(&self) -> &'static str {
-        self.path.rsplit('.').next().unwrap_or(self.path)
-    }
-
-    fn table(&self) -> &'static str {
-        self.path.split('.').next().unwrap_or(self.path)
-    }
-}
 
 /// One pass over a configuration.
 pub(super) struct Checker<'a> {
@@ -59,7 +29,8 @@ impl<'a> Checker<'a> {
         self.input.mention(offset)
     }
 
-    /// A path as of the text: from the folder of the configuration, or from here where it came with `--set`.
+    /// The path that a value names, relative to the folder of the configuration; one given by
+    /// `--set` is relative to the working directory.
     pub fn resolve(&self, offset: usize, path: &str) -> PathBuf {
         match self.input.override_at(offset) {
             Some(_) => path.into(),
@@ -67,19 +38,20 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// What is wrong with what a value stands for.
+    /// A problem of what a value names, such as a file.
     pub fn failure(&self, offset: usize, path: &str, what: &str) -> Failure {
         self.input.failure(offset, path, what)
     }
 
     /// Notes a problem of a key that was given.
-    pub fn refuse<T>(&mut self, key: &Key<T>, what: &str) {
+    pub fn refuse<T: Kind>(&mut self, key: &Key<T>, what: &str) {
         let offset = key.offset().unwrap_or(0);
         self.problems
-            .push((offset, self.input.message(offset, key.path, what)));
+            .push((offset, self.input.message(offset, key.declared.path, what)));
     }
 
-    /// Notes a problem that several keys cause, at the one set on the command line, else at the first that was given.
+    /// Notes a problem that several keys cause: at the one given by `--set`, otherwise at the first
+    /// that was given.
     pub fn refuse_among(&mut self, places: &[(&str, Option<usize>)], what: &str) {
         let given = || {
             places
@@ -111,78 +83,133 @@ impl<'a> Checker<'a> {
         self.problems.push(problem);
     }
 
-    /// A number within bounds, if given.
-    pub fn number(&mut self, key: &Key<Number>, bounds: &Bounds) -> Option<f64> {
+    /// A number, if given.
+    pub fn number(&mut self, key: &Key<Number>) -> Option<f64> {
         let Number(x) = key.given.as_ref()?.1;
+        let bounds = key.declared.range;
         if !x.is_finite() {
             self.refuse(key, &format!("must be a finite number, found {}", show(x)));
-        } else if !(bounds.hold)(x) {
-            self.refuse(key, &format!("{}, found {}", bounds.words, show(x)));
+        } else if !bounds.hold(x) {
+            self.refuse(key, &format!("{}, found {}", bounds.words(), show(x)));
         }
         Some(x)
     }
 
-    /// A number that must be given; `what` says what it is, with an example.
-    pub fn required(&mut self, key: &Key<Number>, bounds: &Bounds, what: &str) -> f64 {
-        self.number(key, bounds).unwrap_or_else(|| {
-            self.lacks(key.table(), &format!("{}: {what}", key.name()));
+    /// A number, or the default that its key declares.
+    pub fn number_or_default(&mut self, key: &Key<Number>) -> f64 {
+        self.number(key)
+            .or(key.declared.default)
+            .expect("a key with a default")
+    }
+
+    /// A number that must be given; NaN if it is not.
+    pub fn required(&mut self, key: &Key<Number>) -> f64 {
+        self.number(key).unwrap_or_else(|| {
+            self.lacks(key.declared.table(), &key.declared.lacking());
             f64::NAN
         })
     }
 
-    /// An integer in `from ..= to`, if given.
-    pub fn whole(&mut self, key: &Key<Whole>, from: i64, to: i64) -> Option<i64> {
+    /// An integer, if given.
+    pub fn whole(&mut self, key: &Key<Whole>) -> Option<i64> {
         let Whole(n) = key.given.as_ref()?.1;
-        if n < from || n > to {
-            let words = match to {
-                i64::MAX => format!("must be {from} or greater, found {n}"),
-                _ => format!("must lie in {from} … {to}, found {n}"),
-            };
-            self.refuse(key, &words);
+        let range = key.declared.range;
+        if n < range.from || n > range.to {
+            self.refuse(key, &format!("{}, found {n}", range.words()));
         }
         Some(n)
     }
 
-    /// An integer that must be given.
-    pub fn required_whole(&mut self, key: &Key<Whole>, from: i64, to: i64, what: &str) -> i64 {
-        self.whole(key, from, to).unwrap_or_else(|| {
-            self.lacks(key.table(), &format!("{}: {what}", key.name()));
-            from
-        })
+    /// A number of things, or the default that its key declares.
+    pub fn count(&mut self, key: &Key<Whole>) -> u64 {
+        self.whole(key)
+            .or(key.declared.default)
+            .expect("a key with a default")
+            .unsigned_abs()
     }
 
+    /// A number of things that must be given.
+    pub fn required_count(&mut self, key: &Key<Whole>) -> u64 {
+        let n = self.whole(key).unwrap_or_else(|| {
+            self.lacks(key.declared.table(), &key.declared.lacking());
+            key.declared.range.from
+        });
+        n.unsigned_abs()
+    }
+
+    /// True or false, if given.
     pub fn flag(&self, key: &Key<Flag>) -> Option<bool> {
         key.given.as_ref().map(|(_, Flag(b))| *b)
     }
 
+    /// True or false, or the default that its key declares.
+    pub fn flag_or_default(&self, key: &Key<Flag>) -> bool {
+        self.flag(key)
+            .or(key.declared.default)
+            .expect("a key with a default")
+    }
+
+    /// A string, if given.
     pub fn text(&self, key: &Key<Text>) -> Option<String> {
         key.given.as_ref().map(|(_, Text(s))| s.clone())
     }
 
-    /// Ways to give one quantity: exactly one must be there. Returns which; `what` names the ways with their units.
+    /// One of the names that a key declares; `None` if it is not given or has another value.
+    pub fn choice(&mut self, key: &Key<Text>) -> Option<&'static str> {
+        let Text(given) = &key.given.as_ref()?.1;
+        let names = key.declared.range;
+        let known = names.iter().find(|name| *name == given);
+        if known.is_none() {
+            let names: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
+            let what = format!("must be {}, found {given:?}", list(&names, "or"));
+            self.refuse(key, &what);
+        }
+        known.copied()
+    }
+
+    /// One of the names that a key declares, `default` if it is not given; `None` if it has another
+    /// value.
+    pub fn choice_or(&mut self, key: &Key<Text>, default: &'static str) -> Option<&'static str> {
+        match key.is_given() {
+            true => self.choice(key),
+            false => Some(default),
+        }
+    }
+
+    /// [`choice_or`](Self::choice_or), with the default that the key declares.
+    pub fn choice_or_default(&mut self, key: &Key<Text>) -> Option<&'static str> {
+        let default = key.declared.default.expect("a key with a default");
+        self.choice_or(key, default)
+    }
+
+    /// Ways to give one quantity: exactly one must be there. Returns which; `what` names the ways
+    /// with their units.
     pub fn exactly_one(&mut self, keys: &[&Key<Number>], what: &str) -> usize {
         let mut given: Vec<(usize, usize)> = (0..keys.len())
             .filter_map(|k| keys[k].offset().map(|at| (at, k)))
             .collect();
         given.sort_unstable();
         if let [(first_at, first), (_, second), ..] = given[..] {
-            let names: Vec<&str> = keys.iter().map(|k| k.name()).collect();
+            let names: Vec<&str> = keys.iter().map(|k| k.declared.name()).collect();
             let mut text = format!(
                 "contradicts {} ({}); give exactly one of {}",
-                keys[first].path,
+                keys[first].declared.path,
                 self.input.mention(first_at),
                 names.join(", ")
             );
             let second_at = keys[second].offset().unwrap_or(0);
             if self.input.override_at(second_at).is_some() {
-                text += &format!("; --set {}=none takes that one away", keys[first].path);
+                text += &format!(
+                    "; --set {}=none takes that one away",
+                    keys[first].declared.path
+                );
             }
             self.refuse(keys[second], &text);
         }
         match given.first() {
             Some((_, k)) => *k,
             None => {
-                self.lacks(keys[0].table(), what);
+                self.lacks(keys[0].declared.table(), what);
                 0
             }
         }
@@ -195,12 +222,12 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// A key that means nothing here.
-    pub fn useless<T>(&mut self, key: &Key<T>, why: &str) {
+    /// Refuses a key that does not apply; `why` says when it does.
+    pub fn useless<T: Kind>(&mut self, key: &Key<T>, why: &str) {
         if let Some(at) = key.offset() {
             let mut what = format!("{why}; leave it out");
             if self.input.override_at(at).is_some() {
-                what += &format!("; --set {}=none takes it away", key.path);
+                what += &format!("; --set {}=none takes it away", key.declared.path);
             }
             self.refuse(key, &what);
         }
@@ -211,7 +238,7 @@ impl<'a> Checker<'a> {
         Failure::input(format!("{}: {what}", self.input.source.name()))
     }
 
-    /// Tells the first problem, if there is any.
+    /// Fails with the first problem, if there is any.
     pub fn settle(&mut self) -> Result<(), Failure> {
         self.problems.sort_by_key(|(at, _)| *at);
         match self.problems.first() {

@@ -1,22 +1,25 @@
-//! Numbers that follow from the configuration: pressure, stiffness number, damping ratio, time step. Of libm only roots
-//! and [`portable_ln`](gshear_dem::contact::portable_ln), since all of them reach the trajectory.
+//! Numbers that follow from the configuration: pressure, stiffness number, damping ratio, time
+//! step. Of libm only roots and [`portable_ln`](gshear_dem::contact::portable_ln), since all of
+//! them reach the trajectory.
 
 use super::scene::Sample;
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::laws::{Contact, Law, hooke};
 
-/// Last δ/(R1+R2) of the laws for two equal disks: of LH at a/R = 0.3, beyond which its tangential stiffness (A9) is outside its
-/// range; of the springs as `hooke` has it.
+/// Last δ/(R1+R2) of the laws for two equal disks: of LH at a/R = 0.3, beyond which its tangential
+/// stiffness (A9) is outside its range; of the springs as `hooke` has it.
 pub const OVERLAP_LIMIT: f64 = hooke::LARGEST_OVERLAP;
 
 /// κ for which the mean overlap is the law's last, [`OVERLAP_LIMIT`].
 pub const STIFFNESS_NUMBER_MIN: f64 = 1.0 / OVERLAP_LIMIT;
 
-/// κ beyond which the mean overlap is so small a part of the coordinates that f64 does not resolve it well.
+/// κ beyond which the mean overlap is so small a part of the coordinates that f64 does not resolve
+/// it well.
 pub const STIFFNESS_NUMBER_MAX: f64 = 1e10;
 
-/// Solid fraction by which the height of a packing is estimated: random close packing of disks, and of spheres.
+/// Solid fraction by which the height of a packing is estimated: random close packing of disks, and
+/// of spheres.
 fn packed_fraction(sample: &Sample) -> f64 {
     if sample.is_planar() { 0.84 } else { 0.64 }
 }
@@ -35,7 +38,8 @@ pub fn cube_root(x: f64) -> f64 {
     (0..2).fold(start, |y, _| y - (y - x / (y * y)) / 3.0)
 }
 
-/// P (Pa) at which the mean overlap is d̄/κ: F = k_n(δ̄) δ̄ = P d̄, in 3D P d̄², for two grains of the mean radius.
+/// P (Pa) at which the mean overlap is d̄/κ: F = k_n(δ̄) δ̄ = P d̄, in 3D P d̄², for two grains of
+/// the mean radius.
 pub fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
     let diameter = sample.mean_diameter;
     let radius = 0.5 * diameter;
@@ -44,8 +48,9 @@ pub fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
     law.normal_stiffness(radius, radius, overlap) / stiffness_number * per_section
 }
 
-/// κ at which [`pressure`] is the given P (Pa): bisection of a function that falls as κ grows, down to neighbouring floats.
-/// `None` if κ would lie outside [`STIFFNESS_NUMBER_MIN`] … [`STIFFNESS_NUMBER_MAX`].
+/// κ at which [`pressure`] is the given P (Pa): bisection of a function that falls as κ grows, down
+/// to neighbouring floats. `None` if κ would lie outside [`STIFFNESS_NUMBER_MIN`] …
+/// [`STIFFNESS_NUMBER_MAX`].
 pub fn stiffness_number(law: &Law, sample: &Sample, given: f64) -> Option<f64> {
     let (mut low, mut high) = (STIFFNESS_NUMBER_MIN, STIFFNESS_NUMBER_MAX);
     if pressure(law, sample, low) < given || pressure(law, sample, high) > given {
@@ -65,8 +70,9 @@ pub fn stiffness_number(law: &Law, sample: &Sample, given: f64) -> Option<f64> {
     }
 }
 
-/// m_min (kg; kg/m in 2D) and k_n,max (N/m; Pa in 2D): the lightest grain, and the stiffness of a contact of two of them at
-/// ten times the mean overlap (m), but no more than the law's last overlap.
+/// m_min (kg; kg/m in 2D) and k_n,max (N/m; Pa in 2D): the lightest grain, and the stiffness of a
+/// contact of two of them at ten times the mean overlap (m), but no more than the law's last
+/// overlap.
 fn lightest_and_stiffest(law: &Law, sample: &Sample, mean_overlap: f64) -> [f64; 2] {
     let radius = sample.radius_min;
     let overlap = (10.0 * mean_overlap).min(OVERLAP_LIMIT * 2.0 * radius);
@@ -90,13 +96,15 @@ pub fn default_step(contact_time: f64, step_limit: f64) -> f64 {
     (0.1 * contact_time).min(step_limit)
 }
 
-/// Largest Δt (s) that is stable whatever sticks, for the lightest grains in contacts as stiff as any. `friction`: contacts may
-/// stick; `contact.rolling_friction` > 0: they may resist rolling.
+/// Largest Δt (s) that is stable whatever sticks, for the lightest grains in contacts as stiff as
+/// any. `friction`: contacts may stick; `contact.rolling_friction` > 0: they may resist rolling.
 ///
-/// For small motions, M a = -K q - C v, the scheme is stable where λ_max(¼Δt² M⁻¹K + Δt M⁻¹C) ≤ 1: the dampers take the velocity
-/// predicted from the step before, so they limit Δt as the springs do. Where each of a grain's six contacts gets a sixth of
-/// its mass, λ_max is at most that of one contact by itself, whose normal, tangential and rolling motion are apart: K has 12 k_n/m,
-/// 36 k_t/m and 24 k_r/(mR²), and C the same of the damping constants. Spheres have twelve: 24 k_n/m and, with their inertia, 84 k_t/m.
+/// For small motions, M a = -K q - C v, the scheme is stable where λ_max(¼Δt² M⁻¹K + Δt M⁻¹C) ≤ 1:
+/// the dampers take the velocity predicted from the step before, so they limit Δt as the springs
+/// do. Where each of a grain's six contacts gets a sixth of its mass, λ_max is at most that of one
+/// contact by itself, whose normal, tangential and rolling motion are apart: K has 12 k_n/m, 36
+/// k_t/m and 24 k_r/(mR²), and C the same of the damping constants. Spheres have twelve: 24 k_n/m
+/// and, with their inertia, 84 k_t/m.
 pub fn step_limit(
     law: &Law,
     contact: &Contact,
@@ -129,7 +137,8 @@ pub fn step_limit(
     limits.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// H (m) of the packed sample, walls included: N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(0.64 L_x L_y).
+/// H (m) of the packed sample, walls included: N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(0.64 L_x
+/// L_y).
 pub fn packed_height(sample: &Sample) -> f64 {
     f64::from(sample.grains) * sample.mean_volume / (packed_fraction(sample) * sample.base())
 }
@@ -142,17 +151,33 @@ pub fn least_grains(sample: &Sample) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::{Material, Springs};
+    use std::f64::consts::PI;
+
+    use gshear_dem::laws::damping::damping_ratio;
+    use gshear_dem::laws::hooke::{self, Springs};
+    use gshear_dem::laws::lee_hurley::{self, Material, normal_stiffness};
+
     use super::*;
-    use gshear_dem::contact::lee_hurley::normal_stiffness;
 
     const MATERIAL: Material = Material {
         young_modulus: 1e9,
         poisson_ratio: 0.2,
         density: 2500.0,
+        damping_ratio: 0.1,
     };
-    const LAW: Law = Law::LeeHurley(MATERIAL);
     const SAMPLE: Sample = Sample::uniform(1000, 0.5e-6, 1e-6, 48e-6);
+
+    fn law() -> Law {
+        damped(MATERIAL.damping_ratio)
+    }
+
+    fn damped(damping_ratio: f64) -> Law {
+        let material = Material {
+            damping_ratio,
+            ..MATERIAL
+        };
+        Law::of(&lee_hurley::KIND, material)
+    }
 
     fn close(a: f64, b: f64, relative: f64) {
         assert!((a - b).abs() <= relative * b.abs(), "{a} is not {b}");
@@ -181,10 +206,11 @@ mod tests {
     #[test]
     fn pressure_of_the_paper() {
         // P = k_n/κ with k_n = 0.26 E* at that overlap.
-        close(pressure(&LAW, &SAMPLE, 1e4), 13.5e3, 5e-3);
+        close(pressure(&law(), &SAMPLE, 1e4), 13.5e3, 5e-3);
     }
 
-    /// Against a Hertz line contact solved by itself: with x = a²/(16R²), F = 4πE*·2R·x and δ/(8R) = x (ln(1/x) - 1).
+    /// Against a Hertz line contact solved by itself: with x = a²/(16R²), F = 4πE*·2R·x and δ/(8R)
+    /// = x (ln(1/x) - 1).
     #[test]
     fn pressure_against_the_implicit_law() {
         for kappa in [50.0, 1e3, 1e4, 1e6] {
@@ -199,18 +225,20 @@ mod tests {
             }
             // P d̄ = F.
             let expected = 4.0 * PI * MATERIAL.effective_modulus() * low;
-            close(pressure(&LAW, &SAMPLE, kappa), expected, 1e-12);
+            close(pressure(&law(), &SAMPLE, kappa), expected, 1e-12);
         }
     }
 
     /// Linear springs: P = k_n/κ, and a contact time that does not depend on the load.
     #[test]
     fn numbers_of_linear_springs() {
-        let law = Law::Hooke(Springs {
+        let springs = Springs {
             normal_stiffness: 1e8,
             tangential_stiffness: 5e7,
             density: 2500.0,
-        });
+            damping_ratio: 0.0,
+        };
+        let law = Law::of(&hooke::KIND, springs);
         assert_eq!(pressure(&law, &SAMPLE, 1e4), 1e4);
         close(stiffness_number(&law, &SAMPLE, 1e4).unwrap(), 1e4, 1e-14);
         for overlap in [1e-12, 1e-8] {
@@ -222,28 +250,28 @@ mod tests {
     #[test]
     fn stiffness_number_inverts_pressure() {
         for kappa in [20.0, 123.456, 1e4, 3e8] {
-            let p = pressure(&LAW, &SAMPLE, kappa);
-            close(stiffness_number(&LAW, &SAMPLE, p).unwrap(), kappa, 1e-14);
+            let p = pressure(&law(), &SAMPLE, kappa);
+            close(stiffness_number(&law(), &SAMPLE, p).unwrap(), kappa, 1e-14);
         }
-        assert_eq!(stiffness_number(&LAW, &SAMPLE, 1e9), None);
-        assert_eq!(stiffness_number(&LAW, &SAMPLE, 1e-9), None);
+        assert_eq!(stiffness_number(&law(), &SAMPLE, 1e9), None);
+        assert_eq!(stiffness_number(&law(), &SAMPLE, 1e-9), None);
     }
 
     #[test]
     fn time_step_of_the_paper() {
-        let t = contact_time(&LAW, &SAMPLE, SAMPLE.mean_diameter / 1e4);
-        // √(m/k_n) is about 6 ns for a mean grain at the mean overlap; the smallest grain and a stiffer contact give less.
+        let t = contact_time(&law(), &SAMPLE, SAMPLE.mean_diameter / 1e4);
+        // √(m/k_n) is about 6 ns for a mean grain at the mean overlap; the smallest grain and a
+        // stiffer contact give less.
         assert!((2e-9..6e-9).contains(&t), "{t}");
         let overlap = SAMPLE.mean_diameter / 1e4;
-        let limit = step_limit(&LAW, &contact(0.1, 0.3), &SAMPLE, overlap, true);
+        let limit = step_limit(&law(), &contact(0.3), &SAMPLE, overlap, true);
         assert_eq!(default_step(t, limit), 0.1 * t);
     }
 
-    fn contact(damping_ratio: f64, rolling_damping_ratio: f64) -> Contact {
+    fn contact(rolling_damping_ratio: f64) -> Contact {
         Contact {
             friction: 0.7,
             rolling_friction: 0.01,
-            damping_ratio,
             rolling_damping_ratio,
         }
     }
@@ -253,10 +281,10 @@ mod tests {
     fn the_default_step_is_never_over_the_limit() {
         for kappa in [11.0, 1e4, 1e10] {
             let overlap = SAMPLE.mean_diameter / kappa;
-            let t = contact_time(&LAW, &SAMPLE, overlap);
+            let t = contact_time(&law(), &SAMPLE, overlap);
             let mut last = f64::INFINITY;
             for ratio in [0.0, 0.1, 0.3, 0.99] {
-                let limit = step_limit(&LAW, &contact(ratio, ratio), &SAMPLE, overlap, true);
+                let limit = step_limit(&damped(ratio), &contact(ratio), &SAMPLE, overlap, true);
                 assert!(limit < last && default_step(t, limit) <= limit);
                 last = limit;
             }
@@ -264,8 +292,8 @@ mod tests {
         }
     }
 
-    /// The bound holds for a lattice at its stiffest: ω² of a triangular lattice reaches 6 k/m, at most 12 k/m. Sticking lattices
-    /// are in `tests/stress`.
+    /// The bound holds for a lattice at its stiffest: ω² of a triangular lattice reaches 6 k/m, at
+    /// most 12 k/m. Sticking lattices are in `tests/stress`.
     #[test]
     fn step_limit_is_below_that_of_a_triangular_lattice() {
         let directions: Vec<[f64; 2]> = (0..6)
@@ -289,11 +317,11 @@ mod tests {
             }
         }
         assert!(greatest > 5.5, "{greatest}");
-        let mut smooth = contact(0.0, 0.0);
+        let mut smooth = contact(0.0);
         smooth.rolling_friction = 0.0;
         let overlap = SAMPLE.mean_diameter / 1e4;
-        let [mass, stiffness] = lightest_and_stiffest(&LAW, &SAMPLE, overlap);
-        let limit = step_limit(&LAW, &smooth, &SAMPLE, overlap, false);
+        let [mass, stiffness] = lightest_and_stiffest(&law(), &SAMPLE, overlap);
+        let limit = step_limit(&damped(0.0), &smooth, &SAMPLE, overlap, false);
         assert!(limit < 2.0 / (greatest * stiffness / mass).sqrt());
     }
 

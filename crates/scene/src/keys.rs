@@ -1,13 +1,84 @@
-//! Which keys exist, and what to say to one that does not.
+//! Unknown and former keys: what the messages suggest.
+
+use std::borrow::Cow;
 
 use strsim::levenshtein;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::key::Entry;
 use super::raw::{TABLES, TOP_KEYS, keys_of};
 use super::source::Input;
 use gshear_dem::failure::Failure;
 
-/// Refuses the first key of the file that the configuration does not know, and values where tables belong.
+/// Gives keys under a former name their present one. Returns a note for each.
+///
+/// # Errors
+/// `Failure::Input` if a key is given under both names.
+pub(super) fn rename(tree: &mut DeTable<'_>, input: &Input<'_>) -> Result<Vec<String>, Failure> {
+    let mut notes = rename_in(tree, &TOP_KEYS, "", input)?;
+    for table in TABLES.iter() {
+        if let Some(DeValue::Table(inner)) = tree.get_mut(table.name).map(Spanned::get_mut) {
+            let prefix = format!("{}.", table.name);
+            notes.extend(rename_in(inner, &table.keys, &prefix, input)?);
+        }
+    }
+    Ok(notes)
+}
+
+fn rename_in(
+    table: &mut DeTable<'_>,
+    keys: &[Entry],
+    prefix: &str,
+    input: &Input<'_>,
+) -> Result<Vec<String>, Failure> {
+    let mut notes = Vec::new();
+    for (key, former) in keys
+        .iter()
+        .flat_map(|key| key.former.iter().map(move |former| (key, *former)))
+    {
+        let Some((found, value)) = table.remove_entry(former) else {
+            continue;
+        };
+        let at = found.span().start;
+        let path = format!("{prefix}{former}");
+        if let Some((other, _)) = table.get_key_value(key.name) {
+            let what = format!(
+                "is the former name of {}, which {} gives; leave this one out",
+                key.path,
+                input.mention(other.span().start)
+            );
+            return Err(input.failure(at, &path, &what));
+        }
+        notes.push(input.message(at, &path, &renamed(key.path)));
+        table.insert(Spanned::new(found.span(), Cow::Borrowed(key.name)), value);
+    }
+    Ok(notes)
+}
+
+/// What to say of a key under a former name.
+fn renamed(path: &str) -> String {
+    format!("is now called {path}; write that, the next release refuses the former name")
+}
+
+/// The note on the path of a `--set`, if it is a former name.
+pub(super) fn note(path: &str) -> Option<String> {
+    let (table, key) = resolve(path).ok()?;
+    let present = match table {
+        Some(table) => format!("{table}.{key}"),
+        None => key.into(),
+    };
+    (present != path).then(|| renamed(&present))
+}
+
+/// The key of this present or former name.
+fn find<'a>(keys: &'a [Entry], name: &str) -> Option<&'a Entry> {
+    keys.iter()
+        .find(|key| key.name == name || key.former.contains(&name))
+}
+
+/// Refuses the first key of the file that the configuration does not know, and values where tables
+/// belong.
 pub(super) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), Failure> {
     let mut problems = Vec::new();
     for (key, value) in tree.iter() {
@@ -17,7 +88,7 @@ pub(super) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
             (Some(keys), DeValue::Table(table)) => {
                 for (inner, _) in table.iter() {
                     let inner_name: &str = inner.get_ref();
-                    if !keys.contains(&inner_name) {
+                    if find(keys, inner_name).is_none() {
                         let what = unknown_key(name, inner_name);
                         problems.push((inner.span().start, format!("{name}.{inner_name}"), what));
                     }
@@ -27,17 +98,15 @@ pub(super) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
                 let what = format!(
                     "is a table, not a value of type {}; write [{name}] and under it {}",
                     other.type_str(),
-                    keys.join(", ")
+                    names(keys).join(", ")
                 );
                 problems.push((offset, name.to_string(), what));
             }
-            (None, DeValue::Table(_)) if !TOP_KEYS.contains(&name) => {
+            (None, _) if find(&TOP_KEYS, name).is_some() => {}
+            (None, DeValue::Table(_)) => {
                 problems.push((offset, format!("[{name}]"), unknown_table(name)));
             }
-            (None, _) if !TOP_KEYS.contains(&name) => {
-                problems.push((offset, name.to_string(), unknown_top(name)));
-            }
-            (None, _) => {}
+            (None, _) => problems.push((offset, name.to_string(), unknown_top(name))),
         }
     }
     match problems.into_iter().min_by_key(|(offset, _, _)| *offset) {
@@ -46,33 +115,46 @@ pub(super) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
     }
 }
 
-/// A key's path as the configuration has it: `seed` or `sample.grains`.
+/// The table and the present name of the key of a path: `seed` or `sample.grains`.
 ///
 /// # Errors
 /// What is wrong with the path, and what would be right.
-pub(super) fn resolve(path: &str) -> Result<(Option<&str>, &str), String> {
+pub(super) fn resolve(path: &str) -> Result<(Option<&'static str>, &'static str), String> {
     match path.split_once('.') {
-        None if TOP_KEYS.contains(&path) => Ok((None, path)),
-        None => Err(match keys_of(path) {
-            Some(keys) => format!(
-                "[{path}] is a table; set its keys one by one, such as {path}.{}=…",
-                keys[0]
-            ),
-            None => unknown_top(path),
-        }),
-        Some((table, key)) => match keys_of(table) {
-            Some(keys) if keys.contains(&key) => Ok((Some(table), key)),
-            Some(_) => Err(unknown_key(table, key)),
+        None => match (find(&TOP_KEYS, path), keys_of(path)) {
+            (Some(key), _) => Ok((None, key.name)),
+            (None, Some(keys)) => Err(format!(
+                "[{path}] is a table; set its keys one by one, such as {}=…",
+                keys[0].path
+            )),
+            (None, None) => Err(unknown_top(path)),
+        },
+        Some((table, key)) => match TABLES.iter().find(|known| known.name == table) {
+            Some(known) => match find(&known.keys, key) {
+                Some(key) => Ok((Some(known.name), key.name)),
+                None => Err(unknown_key(table, key)),
+            },
             None => Err(unknown_table(table)),
         },
     }
 }
 
+fn names(keys: &[Entry]) -> Vec<&'static str> {
+    keys.iter().map(|key| key.name).collect()
+}
+
+/// The table that has a key of this name.
+fn home(key: &str) -> Option<&'static str> {
+    let table = TABLES
+        .iter()
+        .find(|table| names(&table.keys).contains(&key))?;
+    Some(table.name)
+}
+
 fn unknown_key(table: &str, key: &str) -> String {
-    let keys = keys_of(table).unwrap_or_default();
-    let elsewhere = TABLES.iter().find(|(_, keys)| keys.contains(&key));
-    let hint = match (nearest(key, keys), elsewhere) {
-        (_, Some((other, _))) => format!("; it belongs in [{other}]"),
+    let keys = names(keys_of(table).unwrap_or_default());
+    let hint = match (nearest(key, &keys), home(key)) {
+        (_, Some(other)) => format!("; it belongs in [{other}]"),
         (Some(near), None) => format!("; did you mean {near}?"),
         (None, None) => String::new(),
     };
@@ -84,24 +166,33 @@ fn unknown_key(table: &str, key: &str) -> String {
 }
 
 fn unknown_table(table: &str) -> String {
-    let names = TABLES.iter().map(|(name, _)| name);
-    let hint = match nearest(table, &names.clone().copied().collect::<Vec<_>>()) {
+    let names: Vec<&str> = TABLES.iter().map(|table| table.name).collect();
+    let hint = match nearest(table, &names) {
         Some(near) => format!("; did you mean [{near}]?"),
         None => String::new(),
     };
-    list(format!("unknown table{hint}"), "the tables are", names)
+    list(
+        format!("unknown table{hint}"),
+        "the tables are",
+        names.iter(),
+    )
 }
 
 fn unknown_top(key: &str) -> String {
-    let names = TOP_KEYS.iter().chain(TABLES.iter().map(|(name, _)| name));
-    let hint = match TABLES.iter().find(|(_, keys)| keys.contains(&key)) {
-        Some((table, _)) => format!("; it belongs in [{table}]"),
-        None => match nearest(key, &names.clone().copied().collect::<Vec<_>>()) {
+    let mut names = names(&TOP_KEYS);
+    names.extend(TABLES.iter().map(|table| table.name));
+    let hint = match home(key) {
+        Some(table) => format!("; it belongs in [{table}]"),
+        None => match nearest(key, &names) {
             Some(near) => format!("; did you mean {near}?"),
             None => String::new(),
         },
     };
-    list(format!("unknown key{hint}"), "the top level knows", names)
+    list(
+        format!("unknown key{hint}"),
+        "the top level knows",
+        names.iter(),
+    )
 }
 
 /// `start; intro a, b, c`, with no semicolon after a question mark.
@@ -129,6 +220,7 @@ fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Source, load, notes};
 
     #[test]
     fn a_far_name_is_not_suggested() {
@@ -137,6 +229,38 @@ mod tests {
             Some("radius_min")
         );
         assert_eq!(nearest("gravity", &["radius_min", "length"]), None);
+    }
+
+    /// `output.energy` has the former name `energy_ledger` in tests.
+    #[test]
+    fn a_former_name_is_taken_with_a_note() {
+        let off = "[output]\nenergy_ledger = false";
+        let source = |text: &str| {
+            let scene = include_str!("../../../configs/plane-shear-2d.toml");
+            let scene = scene.replacen("[output]", text, 1);
+            assert!(scene.contains(text));
+            Source::new("s.toml", scene)
+        };
+        assert!(!load(&source(off), &[]).unwrap().output.energy);
+        let [note] = &notes(&source(off), &[])[..] else {
+            panic!("one note");
+        };
+        assert!(note.starts_with("s.toml:"), "{note}");
+        assert!(note.contains(": output.energy_ledger: is now called output.energy;"));
+
+        let set = ["output.energy_ledger=false".to_string()];
+        assert!(!load(&source("[output]"), &set).unwrap().output.energy);
+        assert_eq!(
+            notes(&source("[output]"), &set),
+            [
+                "--set output.energy_ledger=false: is now called output.energy; write that, the next release refuses the former name"
+            ]
+        );
+        assert_eq!(notes(&source("[output]"), &["seed=2".into()]), [""; 0]);
+
+        let both = format!("{off}\nenergy = true");
+        let refused = load(&source(&both), &[]).unwrap_err().to_string();
+        assert!(refused.contains("output.energy_ledger: is the former name of output.energy"));
     }
 
     #[test]

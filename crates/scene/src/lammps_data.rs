@@ -1,6 +1,7 @@
-//! LAMMPS data files of `atom_style sphere`, read and written: the text, and nothing of what it means to a run.
+//! LAMMPS data files of `atom_style sphere`, read and written as text.
 //!
-//! A file has a header (counts and the box), then sections. Its first line is never read; `#` begins a comment.
+//! A file has a header (counts and the box), then sections. Its first line is never read; `#`
+//! begins a comment.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -21,26 +22,32 @@ pub struct DataFile {
 /// One sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Atom {
+    /// Any number; the file has each once.
     pub id: u64,
     /// 1 … types.
     pub kind: u32,
+    /// In the unit of length of the file.
     pub diameter: f64,
-    /// Mass over that of a sphere's volume.
+    /// Mass over the volume of a sphere of this diameter.
     pub density: f64,
+    /// Of the centre.
     pub position: [f64; 3],
+    /// Zero without a section `Velocities`.
     pub velocity: [f64; 3],
+    /// Zero without a section `Velocities`.
     pub angular_velocity: [f64; 3],
     /// Line of the file, from 1.
     pub line: usize,
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
-/// Sections that say nothing of where the spheres are.
+/// Sections that are skipped.
 const PASSED_OVER: [&str; 4] = ["Masses", "Pair Coeffs", "PairIJ Coeffs", "Atom Type Labels"];
 /// Columns of the section `Atoms`.
 const COLUMNS: &str = "id type diameter density x y z";
 
-/// The file as text: numbers in shortest form that reads back to the same bits. `title` and `comments` are lines without `#`.
+/// The file as text: numbers in shortest form that reads back to the same bits. `title` and
+/// `comments` are lines without `#`.
 pub fn write(title: &str, comments: &[&str], file: &DataFile) -> String {
     let mut text = format!("{title}\n");
     for comment in comments {

@@ -1,16 +1,56 @@
-//! The configuration: raw (serde, unknown keys denied), then checked (a scene in which nothing is optional any more).
+//! Scenes of gshear-mpi: the configuration, checked and with every default filled in, and what
+//! follows from it: sweeps, packings, schedules, the time step.
 //!
-//! [`load`] is the way in. Every message names file and line, or the `--set` it comes from.
+//! [`load`] reads a scene of plane shear, [`study`] any scene. Every message names file and line,
+//! or the `--set` it comes from.
+//!
+//! ```
+//! use gshear_scene::{Source, load};
+//!
+//! let text = "
+//!     material = { young_modulus = 1e9, poisson_ratio = 0.2, density = 2500 }
+//!     contact = { friction = 0.7, damping_ratio = 0.1 }
+//!     sample = { grains = 1000, radius_min = 0.5e-6, radius_max = 1e-6, length = 48e-6 }
+//!     load.stiffness_number = 1e4
+//!     shear = { inertial_number = 2e-4, strain = 0.1 }
+//! ";
+//! let source = Source::new("scene.toml", text);
+//! let scene = load(&source, &["seed=2".into()])?;
+//! let dt = scene.time_step.step;
+//! assert!(dt > 1e-10 && dt <= scene.time_step.limit);
+//!
+//! let refused = load(&source, &["sample.grains=0".into()]).unwrap_err();
+//! assert_eq!(
+//!     refused.to_string(),
+//!     "--set sample.grains=0: must lie in 1 … 4294967295, found 0"
+//! );
+//! # Ok::<(), gshear_dem::failure::Failure>(())
+//! ```
+//!
+//! A key is declared once, in `raw.rs` (the keys of a contact law: in [`gshear_dem::laws::keys`]):
+//! name, kind, meaning, unit, range and default. Reading, checks, messages, `scene.toml`, the table
+//! of docs/config.md and the JSON schema ([`reference`]) use that declaration. The way of a
+//! configuration:
+//!
+//! | module | does |
+//! | --- | --- |
+//! | `source` | names the places of the text and of `--set` |
+//! | `keys`, `overrides` | refuse unknown keys, rename former ones, apply `--set` |
+//! | `raw` | reads the kinds |
+//! | `check` | checks ranges and contradictions, fills in defaults, derives the rest |
+//! | `write` | writes the scene as TOML again |
 
 mod check;
 mod checker;
 pub mod derived;
+mod key;
 mod keys;
 pub mod lammps_data;
 mod overrides;
 pub mod packing;
 mod periodic;
 mod raw;
+pub mod reference;
 pub mod sample;
 mod scene;
 pub mod schedule;
@@ -32,15 +72,17 @@ use crate::packing::Packing;
 use gshear_dem::failure::Failure;
 use source::Input;
 
-/// What a configuration asks for.
+/// A scene of either kind.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Study {
+    /// Between walls.
     PlaneShear(Scene),
-    /// With a table `[box]`.
+    /// In a periodic box: with a table `[box]`.
     Periodic(PeriodicScene),
 }
 
 impl Study {
+    /// The name of the run.
     pub fn title(&self) -> &str {
         match self {
             Study::PlaneShear(scene) => &scene.title,
@@ -48,7 +90,7 @@ impl Study {
         }
     }
 
-    /// What must not reach the numbers.
+    /// What changes speed, not results.
     pub fn bookkeeping(&self) -> &Bookkeeping {
         match self {
             Study::PlaneShear(scene) => &scene.bookkeeping,
@@ -69,8 +111,8 @@ impl Study {
 const OF_WALLS: [&str; 4] = ["load", "pack", "shear", "analysis"];
 const OF_A_BOX: [&str; 3] = ["relax", "aqs", "newtonian"];
 
-/// Reads the configuration of a plane-shear run, replaces values by the overrides (`key.path=value`, as of `--set`), checks it and
-/// derives the rest.
+/// Reads the configuration of a plane-shear run, replaces values by the overrides
+/// (`key.path=value`, as `--set` gives them), checks it and derives the rest.
 ///
 /// An override's value is TOML, or a bare word taken as a string; `none` takes a key away.
 ///
@@ -82,11 +124,14 @@ pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
     })
 }
 
-/// Says what is in the file of a packing and its copies along the periodic axes, for one that has been read already or on another
-/// rank.
+/// Returns what a scene must know of the file of a packing with these copies along the periodic
+/// axes. The file may have been read before, or by another rank.
 pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, [u32; 2]) -> Result<PackingFile, Failure>;
 
-/// [`load`], with `packing` asked about the file of a packing, if the scene has one.
+/// [`load`], with `packing` called for the file of a packing, if the scene has one.
+///
+/// # Errors
+/// As [`load`]; `Failure::Input` for a scene in a box.
 pub fn load_with(
     source: &Source,
     overrides: &[String],
@@ -95,13 +140,16 @@ pub fn load_with(
     match study(source, overrides, packing)? {
         Study::PlaneShear(scene) => Ok(scene),
         Study::Periodic(_) => Err(Failure::input(format!(
-            "{}: is of a periodic box, not of plane shear",
+            "{}: is a scene in a periodic box; this needs one of plane shear, without [box]",
             source.name()
         ))),
     }
 }
 
-/// [`load_with`], of whatever the configuration asks for.
+/// [`load_with`], for scenes of either kind.
+///
+/// # Errors
+/// As [`load`].
 pub fn study(
     source: &Source,
     overrides: &[String],
@@ -126,6 +174,7 @@ pub fn study(
         let what = sweep::not_one_run(source)?;
         return Err(input.failure(key.span().start, sweep::SWEEP, &what));
     }
+    keys::rename(&mut tree, &input)?;
     keys::check_known(&tree, &input)?;
     let tables = tree
         .keys()
@@ -149,16 +198,32 @@ pub fn study(
     check::scene(raw, input, tables, packing).map(Study::PlaneShear)
 }
 
-/// Tables that mean nothing where there is a box, or none.
+/// Notes on keys under former names, for standard error: each says where the key is and what it is
+/// called now. Empty for a text that is not TOML.
+pub fn notes(source: &Source, overrides: &[String]) -> Vec<String> {
+    let input = Input { source, overrides };
+    let tree = DeTable::parse(source.text()).map(Spanned::into_inner);
+    let in_file = tree.map(|mut tree| keys::rename(&mut tree, &input));
+    let mut notes = in_file.unwrap_or(Ok(Vec::new())).unwrap_or_default();
+    for (k, set) in overrides.iter().enumerate() {
+        let path = set.split_once('=').map_or("", |(path, _)| path.trim());
+        notes.extend(
+            keys::note(path).map(|note| input.message(input.override_offset(k), path, &note)),
+        );
+    }
+    notes
+}
+
+/// Refuses the tables of scenes with walls in a scene with a box, and the other way round.
 fn refuse_others(tree: &DeTable<'_>, input: &Input<'_>, boxed: bool) -> Result<(), Failure> {
     let (others, why) = match boxed {
         true => (
             &OF_WALLS[..],
-            "is of scenes with walls, and this one has a [box]",
+            "is for scenes with walls, but this one has a [box]",
         ),
         false => (
             &OF_A_BOX[..],
-            "is of scenes with a [box], and this one has none",
+            "is for scenes with a [box], but this one has none",
         ),
     };
     let found = tree
@@ -191,11 +256,13 @@ fn paths(tree: &DeTable<'_>) -> Vec<(usize, String)> {
 
 #[cfg(test)]
 mod tests {
+    use gshear_dem::system::ListSettings;
+
     use super::*;
 
     fn shipped(name: &str) -> Scene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("configs")
+            .join("../../configs")
             .join(name);
         Source::read(path)
             .and_then(|source| load(&source, &[]))
@@ -215,7 +282,7 @@ mod tests {
         assert_eq!(scene, shipped("plane-shear-2d.toml"));
         assert_eq!(motion(&scene), (Drive::InertialNumber(2e-4), 0.1));
         assert_eq!(scene.output.progress_lines, 20);
-        assert_eq!(scene.bookkeeping.skin, None);
+        assert_eq!(scene.bookkeeping.list.skin, None);
         assert_eq!(scene.time_step.given, StepChoice::Derived);
     }
 
@@ -229,7 +296,9 @@ mod tests {
             assert_eq!(drive, Drive::InertialNumber(4e-6));
             assert_eq!(scene.load.stiffness_number, 1e4);
             assert!((13e3..14e3).contains(&scene.load.pressure));
-            assert_eq!(scene.contact.damping_ratio, 0.1);
+            let mut given = scene.law.given().iter();
+            let alpha = given.find(|(key, _)| key.path == "contact.damping_ratio");
+            assert_eq!(alpha.unwrap().1, 0.1);
             assert_eq!(scene.output.frame_strain, 0.0);
             assert!(scene.analysis.scalars);
             assert_eq!(
@@ -251,7 +320,8 @@ mod tests {
     /// Their sweep has the small scene among its runs.
     #[test]
     fn the_frictions_of_the_paper() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/lee-hurley-frictions.toml");
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/lee-hurley-frictions.toml");
         let source = Source::read(path).unwrap();
         let members = sweep::members(&source).unwrap().unwrap();
         assert_eq!(members.len(), 12);
@@ -262,21 +332,6 @@ mod tests {
         .concat();
         let ours = load(&source.of_member(), &set).unwrap();
         assert_eq!(ours, shipped("lee-hurley-small.toml"));
-    }
-
-    #[test]
-    fn every_key_is_documented() {
-        let doc = include_str!("../../../docs/config.md");
-        let tables = raw::TABLES
-            .iter()
-            .flat_map(|(table, keys)| keys.iter().map(move |key| format!("{table}.{key}")));
-        let tops = raw::TOP_KEYS.iter().map(|key| key.to_string());
-        let mut rows = 0;
-        for path in tops.chain(tables) {
-            assert!(doc.contains(&format!("| `{path}` |")), "{path}");
-            rows += 1;
-        }
-        assert_eq!(doc.matches("\n| `").count(), rows);
     }
 
     /// The defaults of docs/config.md.
@@ -328,8 +383,7 @@ mod tests {
         assert_eq!(
             scene.bookkeeping,
             Bookkeeping {
-                skin: None,
-                rebuild_every: 0,
+                list: ListSettings::default(),
                 simd: "auto"
             }
         );

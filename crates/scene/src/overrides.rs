@@ -1,4 +1,4 @@
-//! `--set key.path=value`: values from the command line in place of those of the file.
+//! `--set key.path=value`: values from the command line replace those of the file.
 
 use std::borrow::Cow;
 
@@ -9,7 +9,7 @@ use super::keys::resolve;
 use super::source::Input;
 use gshear_dem::failure::Failure;
 
-/// Takes a key away, so that another way to give the same quantity, or the default, comes in.
+/// Removes a key, so that the default or another key for the same quantity applies.
 const TAKE_AWAY: &str = "none";
 
 /// Puts every override into the tree, later ones over earlier ones.

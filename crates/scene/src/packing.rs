@@ -303,10 +303,13 @@ impl Packing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{self, Source};
+    use crate::Source;
 
-    const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/triangular.data");
-    const TEXT: &str = include_str!("../tests/scenes/triangular.data");
+    const FILE: &str = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../tests/scenes/triangular.data"
+    );
+    const TEXT: &str = include_str!("../../../tests/scenes/triangular.data");
 
     /// The packing as changed by `edit`, and a scene of it.
     fn packing(
@@ -323,7 +326,7 @@ mod tests {
         let data = lammps_data::parse("f", &edit(TEXT.into()))?;
         let packing = Packing::new("f", Path::new(FILE), data, [1, 1])?;
         let sets: Vec<String> = sets.iter().map(|s| s.to_string()).collect();
-        let scene = config::load_with(&Source::new("s", text), &sets, &mut |_, _| {
+        let scene = crate::load_with(&Source::new("s", text), &sets, &mut |_, _| {
             Ok(packing.file.clone())
         })?;
         Ok((packing, scene))

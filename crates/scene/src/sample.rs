@@ -19,8 +19,9 @@ pub fn columns(length: f64, radius_max: f64) -> u32 {
     ((length / (2.0 * radius_max * ROOM)) as u32).max(1)
 }
 
-/// Columns of loosely stacked grains, jittered as far as each grain's cell allows; ids run up column after column. In three
-/// dimensions columns that follow each other along y come one after the other.
+/// Columns of loosely stacked grains, jittered as far as each grain's cell allows; ids run up
+/// column after column. In three dimensions columns that follow each other along y come one after
+/// the other.
 #[derive(Debug, Clone)]
 pub struct Lattice<'a> {
     sample: &'a Sample,
@@ -32,6 +33,7 @@ pub struct Lattice<'a> {
 }
 
 impl<'a> Lattice<'a> {
+    /// The lattice on which the grains of a sample are inserted.
     pub fn new(sample: &'a Sample, sizes: &'a Sizes) -> Self {
         let planar = sample.is_planar();
         let along = columns(sample.length, sample.radius_max);
@@ -63,7 +65,8 @@ impl<'a> Lattice<'a> {
         first(column)..first(column + 1)
     }
 
-    /// The grains at rest of this rank's share of the columns. Every grain has its own random stream, so any rank may make it.
+    /// The grains at rest of this rank's share of the columns. Every grain has its own random
+    /// stream, so any rank may make it.
     pub fn insert(&self, seed: u64, rank: usize, ranks: usize) -> Vec<GrainState> {
         let all = u64::from(self.columns[0] * self.columns[1]);
         let part = |r: usize| (all * r as u64 / ranks as u64) as u32;
@@ -102,7 +105,7 @@ impl<'a> Lattice<'a> {
     }
 }
 
-/// R (m) of one grain, of numbers in [0, 1).
+/// R (m) of one grain; `uniform` returns random numbers in [0, 1).
 pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64) -> f64 {
     let (a, b) = (sample.radius_min, sample.radius_max);
     match sizes {
@@ -129,7 +132,8 @@ pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64)
     }
 }
 
-/// Makes walls of the grains whose centre is within `thickness` (m) of the `planes` (m) across the axis `up`, the lower one first.
+/// Makes walls of the grains whose centre is within `thickness` (m) of the `planes` (m) across the
+/// axis `up`, the lower one first.
 pub fn freeze_walls(grains: &mut [GrainState], up: usize, planes: [f64; 2], thickness: f64) {
     for g in grains.iter_mut() {
         g.body = if g.position[up] < planes[0] + thickness {
@@ -143,7 +147,7 @@ pub fn freeze_walls(grains: &mut [GrainState], up: usize, planes: [f64; 2], thic
     stop_walls(grains);
 }
 
-/// Takes the velocities of wall grains away.
+/// Sets the velocities of wall grains to 0.
 pub fn stop_walls(grains: &mut [GrainState]) {
     for g in grains.iter_mut().filter(|g| g.body != body::FREE) {
         g.velocity = [0.0; 3];
@@ -193,7 +197,8 @@ mod tests {
         }
     }
 
-    /// Means and deviations of 1,003 radii within four standard errors of those of the distributions.
+    /// Means and deviations of 1,003 radii within four standard errors of those of the
+    /// distributions.
     #[test]
     fn sizes_are_distributed_as_asked_for() {
         let list = Sizes::List(vec![0.5e-6, 0.6e-6, 1e-6]);
@@ -227,7 +232,8 @@ mod tests {
         }
     }
 
-    /// The cut normal distribution against its closed form: ⟨R⟩ = μ + σ (φ(α) - φ(β))/(Φ(β) - Φ(α)), from tables of the normal one.
+    /// The cut normal distribution against its closed form: ⟨R⟩ = μ + σ (φ(α) - φ(β))/(Φ(β) -
+    /// Φ(α)), from tables of the normal one.
     #[test]
     fn mean_of_the_cut_normal_distribution() {
         let sizes = Sizes::Normal {

@@ -13,21 +13,36 @@ use gshear_dem::system::ListSettings;
 /// A plane-shear run, ready to be set up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
+    /// The name of the run.
     pub title: String,
+    /// Seed of every random number.
     pub seed: u64,
+    /// Disks or spheres.
     pub dimension: Dimensions,
+    /// The contact law with its constants.
     pub law: Law,
+    /// What contacts have whatever their law: friction and rolling resistance.
     pub contact: Contact,
+    /// The grains and their cell.
     pub sample: Sample,
+    /// Where the grains come from.
     pub origin: Origin,
+    /// The load on the top wall, and gravity.
     pub load: Load,
+    /// Δt and its limit.
     pub time_step: TimeStep,
+    /// The compression.
     pub pack: Pack,
+    /// The shear.
     pub shear: Shear,
+    /// What is written, and how often.
     pub output: Output,
+    /// What the run computes of its frames.
     pub analysis: Analysis,
+    /// What changes speed, not results.
     pub bookkeeping: Bookkeeping,
-    /// The whole configuration as TOML with every default filled in: what `scene.toml` and `run.h5` hold.
+    /// The whole configuration as TOML with every default filled in: what `scene.toml` and `run.h5`
+    /// hold.
     pub toml: String,
 }
 
@@ -41,16 +56,19 @@ impl Scene {
 /// Grains in a cell of `length` L_x along x and, in 3D, `width` L_y along y, both periodic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
+    /// Number of grains N, those of the walls included.
     pub grains: u32,
-    /// Least and greatest R (m).
+    /// Least R (m).
     pub radius_min: f64,
+    /// Greatest R (m).
     pub radius_max: f64,
     /// d̄ (m).
     pub mean_diameter: f64,
     /// π⟨R²⟩ (m²) in 2D, (4/3)π⟨R³⟩ (m³) in 3D.
     pub mean_volume: f64,
+    /// L_x (m).
     pub length: f64,
-    /// Infinite in 2D.
+    /// L_y (m); infinite in 2D.
     pub width: f64,
 }
 
@@ -69,16 +87,17 @@ impl Sample {
         }
     }
 
+    /// The periodic cell.
     pub fn cell(&self) -> Cell {
         Cell::between_walls([self.length, self.width])
     }
 
-    /// Disks, in a cell without a width.
+    /// Whether the grains are disks, in a cell without a width.
     pub fn is_planar(&self) -> bool {
         self.width == f64::INFINITY
     }
 
-    /// Of a wall: L_x (m), in 3D L_x L_y (m²).
+    /// Length of a wall L_x (m), in 3D its area L_x L_y (m²).
     pub fn base(&self) -> f64 {
         if self.is_planar() {
             self.length
@@ -87,7 +106,7 @@ impl Sample {
         }
     }
 
-    /// Of the force that a mean grain carries, F = P d̄, in 3D P d̄².
+    /// d̄ (m), in 3D d̄² (m²): a mean grain carries the force F = P d̄, in 3D P d̄².
     pub fn mean_section(&self) -> f64 {
         if self.is_planar() {
             self.mean_diameter
@@ -100,17 +119,21 @@ impl Sample {
 /// How the radii of inserted grains are distributed, between the sample's least and greatest.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Sizes {
+    /// Each radius between them is as likely as the others.
     Uniform,
-    /// Cut off at both ends (m).
+    /// A normal distribution, cut off at both ends.
     Normal {
+        /// Its mean before it is cut off (m).
         mean: f64,
+        /// Its standard deviation before it is cut off (m).
         deviation: f64,
     },
-    /// The greatest with this probability, else the least.
+    /// The greatest or the least.
     Binary {
+        /// Share of the grains that have the greatest.
         large_fraction: f64,
     },
-    /// Each as likely as the others (m).
+    /// These (m), each as likely as the others.
     List(Vec<f64>),
 }
 
@@ -118,6 +141,7 @@ impl Sizes {
     /// The names, as `sample.sizes` has them.
     pub const NAMES: [&str; 4] = ["uniform", "normal", "binary", "list"];
 
+    /// The name in `sample.sizes`.
     pub fn name(&self) -> &'static str {
         match self {
             Sizes::Uniform => Self::NAMES[0],
@@ -127,7 +151,8 @@ impl Sizes {
         }
     }
 
-    /// ⟨f(R)⟩, between `a` and `b` (m). Polynomials of third order are exact but for rounding where R is not normal.
+    /// ⟨f(R)⟩, between `a` and `b` (m). Polynomials of third order are exact but for rounding where
+    /// R is not normal.
     pub fn mean(&self, [a, b]: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
         match self {
             Sizes::Uniform => weighted(a, b, 2, f, |_| 1.0),
@@ -169,30 +194,42 @@ fn weighted(
 /// Where the grains come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
-    /// Inserted.
+    /// They are inserted on a lattice.
     Insertion(Sizes),
-    /// A file.
-    Packing { file: PackingFile, walls: Walls },
+    /// A file has them.
+    Packing {
+        /// What is in it.
+        file: PackingFile,
+        /// Which of them are walls.
+        walls: Walls,
+    },
 }
 
-/// What a scene needs to know of the file of a packing. A checkpoint holds it, so that going on does not need the file.
+/// What a scene needs to know of the file of a packing. A checkpoint holds it, so that going on
+/// does not need the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackingFile {
-    /// Absolute.
+    /// The path, absolute.
     pub path: PathBuf,
     /// Copies along x and y that are set beside each other; what follows is of all of them.
     #[serde(default = "once")]
     pub replicate: [u32; 2],
+    /// Number of grains.
     pub grains: u32,
-    /// As in [`Sample`].
+    /// Least R (m).
     pub radius_min: f64,
+    /// Greatest R (m).
     pub radius_max: f64,
+    /// d̄ (m).
     pub mean_diameter: f64,
+    /// π⟨R²⟩ (m²) in 2D, (4/3)π⟨R³⟩ (m³) in 3D.
     pub mean_volume: f64,
+    /// L_x (m).
     pub length: f64,
+    /// L_y (m); `None` in 2D.
     pub width: Option<f64>,
-    /// Of the lowest and of the highest edge of a grain, along the last axis (m).
+    /// Coordinates of the lowest and of the highest edge of a grain, along the last axis (m).
     pub edges: [f64; 2],
     /// Whether its types are 1, 2 and 3, all three, so that 2 and 3 can be walls.
     pub wall_types: bool,
@@ -224,27 +261,36 @@ impl Walls {
     pub const NAMES: [(&str, Walls); 2] = [("layers", Walls::Layers), ("types", Walls::Types)];
 }
 
-/// P (Pa), N = P L_x (N/m), in 3D P L_x L_y (N), κ = d̄ over the mean overlap; g (m/s²).
+/// The load on the top wall, and gravity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load {
+    /// P (Pa).
     pub pressure: f64,
+    /// N = P L_x (N/m), in 3D P L_x L_y (N).
     pub normal_force: f64,
+    /// κ = d̄/δ̄.
     pub stiffness_number: f64,
+    /// g (m/s²), towards the bottom.
     pub gravity: f64,
 }
 
-/// Δt (s) and its limit of stability (s).
+/// The time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeStep {
+    /// Δt (s).
     pub step: f64,
+    /// The stability limit of Δt (s).
     pub limit: f64,
+    /// Where Δt comes from.
     pub given: StepChoice,
 }
 
 /// Where Δt comes from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StepChoice {
+    /// From the stiffness of the contacts.
     Derived,
+    /// From the configuration.
     Given,
     /// A hundredth of how long two of the least grains collide at this speed (m/s).
     Collision(f64),
@@ -253,12 +299,13 @@ pub enum StepChoice {
 /// Compression between smooth planes under P.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pack {
-    /// None: the grains are sheared as they come.
+    /// No compression: the grains are sheared as they come.
     pub skip: bool,
     /// μ_s while packing; 0 is a law without history.
     pub friction: f64,
     /// Kinetic energy per grain, over P d̄ δ̄, below which the sample is at rest.
     pub tolerance: f64,
+    /// Steps after which packing is given up.
     pub max_steps: u64,
 }
 
@@ -275,17 +322,24 @@ pub enum Drive {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
     /// At one speed to this γ.
-    Strain { drive: Drive, strain: f64 },
+    Strain {
+        /// How fast.
+        drive: Drive,
+        /// γ at the end.
+        strain: f64,
+    },
     /// Through these parts, one after the other.
     Protocol(Vec<Part>),
 }
 
-/// A part of a protocol: velocity of the drive (m/s), 0 being a hold, and for how long (s).
+/// A part of a protocol.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
+    /// Velocity of the drive (m/s); 0 is a hold.
     pub velocity: f64,
+    /// Duration (s).
     pub time: f64,
-    /// How far the drive moves (m), where that was said instead.
+    /// How far the drive moves (m), if that was given instead of the duration.
     pub distance: Option<f64>,
 }
 
@@ -294,12 +348,14 @@ pub struct Part {
 pub struct Spring {
     /// k (N/m; Pa in 2D).
     pub stiffness: f64,
-    /// k d̄/N, where that was given.
+    /// k d̄/N, if that was given.
     pub number: Option<f64>,
 }
 
+/// The shear.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shear {
+    /// How the drive moves.
     pub motion: Motion,
     /// `None`: the top wall moves as the drive does.
     pub spring: Option<Spring>,
@@ -308,18 +364,23 @@ pub struct Shear {
 /// Intervals of output as Δγ, and as rows in each part of a protocol; 0 is never.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Output {
+    /// Δγ between frames.
     pub frame_strain: f64,
     /// γ from which on frames are written.
     pub frame_start: f64,
+    /// Δγ between rows of the time series.
     pub series_strain: f64,
+    /// Δγ between checkpoints.
     pub checkpoint_strain: f64,
     /// Whether every checkpoint of the shear is kept, from the state before the first step on.
     pub keep_checkpoints: bool,
+    /// Frames in each part of a protocol.
     pub frame_rows: u64,
+    /// Rows of the time series in each part of a protocol.
     pub series_rows: u64,
     /// Lines on the terminal over the whole run.
     pub progress_lines: u64,
-    /// Whether a ledger of energy is kept.
+    /// Whether the energy budget is recorded.
     pub energy: bool,
 }
 
@@ -345,10 +406,10 @@ pub struct Analysis {
     pub start: f64,
 }
 
-/// What must not reach the numbers.
+/// What changes speed, not results.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bookkeeping {
-    /// Of the neighbour list.
+    /// Skin and rebuilds of the neighbour list.
     pub list: ListSettings,
     /// Instruction set of the kernel: one of `SIMD_NAMES`.
     pub simd: &'static str,

@@ -46,8 +46,8 @@ impl Source {
 
     /// Reads a file, named in messages as it was given.
     ///
-    /// # Errors
-    /// `Failure::Input` where there is no such file, it is a directory, it cannot be read or is not UTF-8.
+    /// # Errors `Failure::Input` where there is no such file, it is a directory, it cannot be read
+    /// or is not UTF-8.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Failure> {
         let path = path.as_ref();
         let name = path.display().to_string();
@@ -90,10 +90,12 @@ impl Source {
         self.member
     }
 
+    /// The name in messages.
     pub fn name(&self) -> &str {
         &self.name
     }
 
+    /// The text.
     pub fn text(&self) -> &str {
         &self.text
     }
@@ -104,8 +106,8 @@ impl Source {
     }
 }
 
-/// The source and the `--set` overrides as one text: an offset beyond the source's end lies in an override, so that one
-/// number says of every value where it came from, and later offsets win.
+/// The source and the `--set` overrides as one text: an offset beyond the source's end lies in an
+/// override, so that one number says of every value where it came from, and later offsets win.
 #[derive(Clone, Copy)]
 pub(super) struct Input<'a> {
     pub source: &'a Source,

@@ -26,10 +26,11 @@ struct Axis {
     values: Vec<String>,
 }
 
-/// The runs of a configuration with a sweep, `None` of one without: every value with every other, the last key changing fastest.
+/// The runs of a configuration with a sweep, `None` of one without: every value with every other,
+/// the last key changing fastest.
 ///
-/// # Errors
-/// `Failure::Input` where the table is none, has an unknown key, or something else than lists of different values.
+/// # Errors `Failure::Input` where the table is none, has an unknown key, or something else than
+/// lists of different values.
 pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
     let input = Input {
         source,

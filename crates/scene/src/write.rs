@@ -1,10 +1,12 @@
-//! The checked scene as TOML again, with every default filled in: what the user chose stays as chosen, what follows from it
-//! stands in comments, so that reading it gives the same scene to the last bit.
+//! The checked scene as TOML again, with every default filled in: what the user chose stays as
+//! chosen, what follows from it stands in comments, so that reading it gives the same scene to the
+//! last bit.
 
 use std::fmt::Write;
 
+use super::key::{Key, Kind};
 use super::periodic::{Method, PeriodicScene};
-use super::raw::show;
+use super::raw::{self, Flag, Number, Numbers, Table, Text, Whole, show};
 use super::scene::{
     Bookkeeping, Contact, Dimensions, Drive, Law, Motion, Origin, Part, Sample, Scene, Sizes,
     StepChoice, Walls,
@@ -27,20 +29,35 @@ impl Lines {
         self.0.push('\n');
     }
 
-    fn table(&mut self, name: &str) {
-        self.line(&format!("\n[{name}]"));
+    /// Begins a table. Returns its keys.
+    fn table<T: Table>(&mut self) -> T {
+        self.line(&format!("\n[{}]", T::NAME));
+        T::default()
     }
 
-    fn number(&mut self, key: &str, x: f64) {
-        self.line(&format!("{key} = {}", show(x)));
+    /// Gives a key a value, written as TOML.
+    fn give<T: Kind>(&mut self, key: &Key<T>, value: &str) {
+        self.line(&format!("{} = {value}", key.declared.name()));
     }
 
-    fn whole(&mut self, key: &str, n: u64) {
-        self.line(&format!("{key} = {n}"));
+    fn number(&mut self, key: &Key<Number>, x: f64) {
+        self.give(key, &show(x));
     }
 
-    fn text(&mut self, key: &str, s: &str) {
-        self.line(&format!("{key} = {}", toml::Value::String(s.into())));
+    fn whole(&mut self, key: &Key<Whole>, n: u64) {
+        self.give(key, &n.to_string());
+    }
+
+    fn flag(&mut self, key: &Key<Flag>, b: bool) {
+        self.give(key, &b.to_string());
+    }
+
+    fn text(&mut self, key: &Key<Text>, s: &str) {
+        self.give(key, &toml::Value::String(s.into()).to_string());
+    }
+
+    fn numbers(&mut self, key: &Key<Numbers>, list: &[String]) {
+        self.give(key, &format!("[{}]", list.join(", ")));
     }
 }
 
@@ -78,44 +95,44 @@ pub(super) fn periodic(scene: &PeriodicScene, force: bool) -> String {
         contact: scene.contact,
     };
     head(&mut t, &common);
-    t.table("sample");
-    t.whole("grains", scene.sample.grains.into());
+    let keys: raw::Sample = t.table();
+    t.whole(&keys.grains, scene.sample.grains.into());
     radii(&mut t, &scene.sample, Some(&scene.sizes));
-    t.table("box");
-    t.number("solid_fraction", scene.solid_fraction);
-    t.table("time");
+    let keys: raw::BoxTable = t.table();
+    t.number(&keys.solid_fraction, scene.solid_fraction);
+    let keys: raw::Time = t.table();
     if scene.time_step.given == StepChoice::Given {
-        t.number("step", scene.time_step.step);
+        t.number(&keys.step, scene.time_step.step);
     }
-    t.line(&format!("force = {force}"));
-    t.table("relax");
+    t.flag(&keys.force, force);
+    let keys: raw::Relax = t.table();
     let relax = &scene.relax;
     let name = Method::NAMES
         .iter()
         .find(|(_, known)| *known == relax.method);
-    t.text("method", name.map_or("", |(name, _)| name));
-    t.number("tolerance", relax.tolerance);
-    t.number("drag", relax.drag);
-    t.whole("max_steps", relax.max_steps);
-    t.table("aqs");
+    t.text(&keys.method, name.map_or("", |(name, _)| name));
+    t.number(&keys.tolerance, relax.tolerance);
+    t.number(&keys.drag, relax.drag);
+    t.whole(&keys.max_steps, relax.max_steps);
+    let keys: raw::Aqs = t.table();
     let aqs = &scene.aqs;
-    t.number("strain_step", aqs.strain_step);
-    t.whole("steps", aqs.steps);
-    t.whole("frame_every", aqs.frame_every);
-    t.line(&format!("spectrum = {}", aqs.spectrum));
+    t.number(&keys.strain_step, aqs.strain_step);
+    t.whole(&keys.steps, aqs.steps);
+    t.whole(&keys.frame_every, aqs.frame_every);
+    t.flag(&keys.spectrum, aqs.spectrum);
     if aqs.spectrum {
-        t.number("birth_precision", aqs.birth_precision);
-        t.number("until_imaginary", aqs.until_imaginary);
+        t.number(&keys.birth_precision, aqs.birth_precision);
+        t.number(&keys.until_imaginary, aqs.until_imaginary);
     }
     if let Some(newtonian) = &scene.newtonian {
-        t.table("newtonian");
-        t.number("growth_times", newtonian.growth_times);
-        t.whole("rows", newtonian.rows);
-        t.whole("frames", newtonian.frames);
-        t.whole("spectra", newtonian.spectra);
+        let keys: raw::Newtonian = t.table();
+        t.number(&keys.growth_times, newtonian.growth_times);
+        t.whole(&keys.rows, newtonian.rows);
+        t.whole(&keys.frames, newtonian.frames);
+        t.whole(&keys.spectra, newtonian.spectra);
     }
-    t.table("output");
-    t.line(&format!("keep_checkpoints = {}", scene.keep_checkpoints));
+    let keys: raw::Output = t.table();
+    t.flag(&keys.keep_checkpoints, scene.keep_checkpoints);
     bookkeeping(&mut t, &scene.bookkeeping);
     t.0
 }
@@ -130,90 +147,94 @@ struct Common<'a> {
 }
 
 fn head(t: &mut Lines, scene: &Common<'_>) {
-    t.text("title", scene.title);
-    t.whole("seed", scene.seed);
-    t.whole("dimension", scene.dimension.axes() as u64);
+    let keys = raw::Raw::KEYS;
+    t.text(&keys.title, scene.title);
+    t.whole(&keys.seed, scene.seed);
+    t.whole(&keys.dimension, scene.dimension.axes() as u64);
     let values = |t: &mut Lines, table: &str| {
         for (key, value) in scene.law.given() {
             if key.table() == table {
-                t.number(key.name(), *value);
+                t.number(&Key::absent((*key).into()), *value);
             }
         }
     };
-    t.table("material");
-    values(t, "material");
-    t.table("contact");
-    t.text("law", scene.law.kind().name);
-    values(t, "contact");
-    t.number("friction", scene.contact.friction);
+    let _: raw::Material = t.table();
+    values(t, raw::Material::NAME);
+    let keys: raw::Contact = t.table();
+    t.text(&keys.law, scene.law.kind().name);
+    values(t, raw::Contact::NAME);
+    t.number(&keys.friction, scene.contact.friction);
     if scene.dimension == Dimensions::Two && scene.law.kind().rolling {
-        t.number("rolling_friction", scene.contact.rolling_friction);
-        t.number("rolling_damping_ratio", scene.contact.rolling_damping_ratio);
+        t.number(&keys.rolling_friction, scene.contact.rolling_friction);
+        t.number(
+            &keys.rolling_damping_ratio,
+            scene.contact.rolling_damping_ratio,
+        );
     }
 }
 
 fn plane_shear(t: &mut Lines, scene: &Scene, load: LoadChoice, force: bool) {
-    t.table("sample");
+    let keys: raw::Sample = t.table();
     if let Origin::Packing { file, walls } = &scene.origin {
-        t.text("packing", &file.path.display().to_string());
+        t.text(&keys.packing, &file.path.display().to_string());
         let copies = &file.replicate[..scene.dimension.axes() - 1];
         let copies: Vec<String> = copies.iter().map(u32::to_string).collect();
-        t.line(&format!("replicate = [{}]", copies.join(", ")));
+        t.numbers(&keys.replicate, &copies);
         let name = Walls::NAMES.iter().find(|(_, known)| known == walls);
-        t.text("walls", name.map_or("", |(name, _)| name));
+        t.text(&keys.walls, name.map_or("", |(name, _)| name));
     }
-    t.whole("grains", scene.sample.grains.into());
+    t.whole(&keys.grains, scene.sample.grains.into());
     let sizes = match &scene.origin {
         Origin::Insertion(sizes) => Some(sizes),
         Origin::Packing { .. } => None,
     };
     radii(t, &scene.sample, sizes);
-    t.number("length", scene.sample.length);
+    t.number(&keys.length, scene.sample.length);
     if scene.dimension == Dimensions::Three {
-        t.number("width", scene.sample.width);
+        t.number(&keys.width, scene.sample.width);
     }
 
-    t.table("load");
+    let keys: raw::Load = t.table();
     match load {
-        LoadChoice::StiffnessNumber(kappa) => t.number("stiffness_number", kappa),
-        LoadChoice::Pressure(p) => t.number("pressure", p),
-        LoadChoice::NormalForce(n) => t.number("normal_force", n),
+        LoadChoice::StiffnessNumber(kappa) => t.number(&keys.stiffness_number, kappa),
+        LoadChoice::Pressure(p) => t.number(&keys.pressure, p),
+        LoadChoice::NormalForce(n) => t.number(&keys.normal_force, n),
     }
-    t.number("gravity", scene.load.gravity);
+    t.number(&keys.gravity, scene.load.gravity);
 
-    t.table("time");
+    let keys: raw::Time = t.table();
     match scene.time_step.given {
         StepChoice::Derived => {}
-        StepChoice::Given => t.number("step", scene.time_step.step),
-        StepChoice::Collision(speed) => t.number("collision_speed", speed),
+        StepChoice::Given => t.number(&keys.step, scene.time_step.step),
+        StepChoice::Collision(speed) => t.number(&keys.collision_speed, speed),
     }
-    t.line(&format!("force = {force}"));
+    t.flag(&keys.force, force);
 
-    t.table("pack");
-    t.line(&format!("skip = {}", scene.pack.skip));
+    let keys: raw::Pack = t.table();
+    t.flag(&keys.skip, scene.pack.skip);
     if !scene.pack.skip {
-        t.number("friction", scene.pack.friction);
-        t.number("tolerance", scene.pack.tolerance);
-        t.whole("max_steps", scene.pack.max_steps);
+        t.number(&keys.friction, scene.pack.friction);
+        t.number(&keys.tolerance, scene.pack.tolerance);
+        t.whole(&keys.max_steps, scene.pack.max_steps);
     }
 
-    t.table("shear");
+    let keys: raw::Shear = t.table();
     if let Some(spring) = scene.shear.spring {
         match spring.number {
-            Some(number) => t.number("spring_number", number),
-            None => t.number("spring_stiffness", spring.stiffness),
+            Some(number) => t.number(&keys.spring_number, number),
+            None => t.number(&keys.spring_stiffness, spring.stiffness),
         }
     }
     match &scene.shear.motion {
         Motion::Strain { drive, strain } => {
             match drive {
-                Drive::InertialNumber(i) => t.number("inertial_number", *i),
-                Drive::Velocity(v) => t.number("velocity", *v),
+                Drive::InertialNumber(i) => t.number(&keys.inertial_number, *i),
+                Drive::Velocity(v) => t.number(&keys.velocity, *v),
             }
-            t.number("strain", *strain);
+            t.number(&keys.strain, *strain);
         }
         Motion::Protocol(parts) => {
-            t.line("protocol = [");
+            let mut list = String::from("[\n");
             for Part {
                 velocity,
                 time,
@@ -224,41 +245,43 @@ fn plane_shear(t: &mut Lines, scene: &Scene, load: LoadChoice, force: bool) {
                     Some(distance) => ("distance", distance),
                     None => ("time", time),
                 };
-                t.line(&format!(
+                // Writing to a string cannot fail.
+                let _ = writeln!(
+                    list,
                     "    {{ velocity = {}, {name} = {} }},",
                     show(*velocity),
                     show(*length)
-                ));
+                );
             }
-            t.line("]");
+            t.give(&keys.protocol, &(list + "]"));
         }
     }
 
-    t.table("output");
+    let keys: raw::Output = t.table();
     let output = &scene.output;
     match scene.shear.motion {
         Motion::Strain { .. } => {
-            t.number("frame_strain", output.frame_strain);
-            t.number("frame_start", output.frame_start);
-            t.number("series_strain", output.series_strain);
-            t.number("checkpoint_strain", output.checkpoint_strain);
+            t.number(&keys.frame_strain, output.frame_strain);
+            t.number(&keys.frame_start, output.frame_start);
+            t.number(&keys.series_strain, output.series_strain);
+            t.number(&keys.checkpoint_strain, output.checkpoint_strain);
         }
         Motion::Protocol(_) => {
-            t.whole("frame_rows", output.frame_rows);
-            t.whole("series_rows", output.series_rows);
+            t.whole(&keys.frame_rows, output.frame_rows);
+            t.whole(&keys.series_rows, output.series_rows);
         }
     }
-    t.line(&format!("keep_checkpoints = {}", output.keep_checkpoints));
-    t.whole("progress_lines", scene.output.progress_lines);
-    t.line(&format!("energy = {}", scene.output.energy));
+    t.flag(&keys.keep_checkpoints, output.keep_checkpoints);
+    t.whole(&keys.progress_lines, scene.output.progress_lines);
+    t.flag(&keys.energy, scene.output.energy);
 
-    t.table("analysis");
-    t.line(&format!("scalars = {}", scene.analysis.scalars));
+    let keys: raw::Analysis = t.table();
+    t.flag(&keys.scalars, scene.analysis.scalars);
     if let Motion::Strain { .. } = scene.shear.motion {
         if scene.analysis.strain > 0.0 {
-            t.number("strain", scene.analysis.strain);
+            t.number(&keys.strain, scene.analysis.strain);
         }
-        t.number("start", scene.analysis.start);
+        t.number(&keys.start, scene.analysis.start);
     }
 
     bookkeeping(t, &scene.bookkeeping);
@@ -266,33 +289,34 @@ fn plane_shear(t: &mut Lines, scene: &Scene, load: LoadChoice, force: bool) {
 
 /// Between which radii, and how they are distributed, if the grains are inserted.
 fn radii(t: &mut Lines, sample: &Sample, sizes: Option<&Sizes>) {
+    let keys = raw::Sample::KEYS;
     if !matches!(sizes, Some(Sizes::List(_))) {
-        t.number("radius_min", sample.radius_min);
-        t.number("radius_max", sample.radius_max);
+        t.number(&keys.radius_min, sample.radius_min);
+        t.number(&keys.radius_max, sample.radius_max);
     }
     let Some(sizes) = sizes else { return };
-    t.text("sizes", sizes.name());
+    t.text(&keys.sizes, sizes.name());
     match sizes {
         Sizes::Uniform => {}
         Sizes::Normal { mean, deviation } => {
-            t.number("radius_mean", *mean);
-            t.number("radius_deviation", *deviation);
+            t.number(&keys.radius_mean, *mean);
+            t.number(&keys.radius_deviation, *deviation);
         }
-        Sizes::Binary { large_fraction } => t.number("large_fraction", *large_fraction),
+        Sizes::Binary { large_fraction } => t.number(&keys.large_fraction, *large_fraction),
         Sizes::List(radii) => {
             let radii: Vec<String> = radii.iter().map(|r| show(*r)).collect();
-            t.line(&format!("radii = [{}]", radii.join(", ")));
+            t.numbers(&keys.radii, &radii);
         }
     }
 }
 
 fn bookkeeping(t: &mut Lines, bookkeeping: &Bookkeeping) {
-    t.table("bookkeeping");
+    let keys: raw::Bookkeeping = t.table();
     if let Some(skin) = bookkeeping.list.skin {
-        t.number("skin", skin);
+        t.number(&keys.skin, skin);
     }
-    t.whole("rebuild_every", bookkeeping.list.rebuild_every);
-    t.text("simd", bookkeeping.simd);
+    t.whole(&keys.rebuild_every, bookkeeping.list.rebuild_every);
+    t.text(&keys.simd, bookkeeping.simd);
 }
 
 fn derived_comments(scene: &Scene) -> String {
@@ -396,7 +420,7 @@ mod tests {
             ],
             MINDLIN,
             &["time.step=1e-6", "time.force=true"],
-            &["bookkeeping.list.skin=0.3", "bookkeeping.rebuild_every=17"],
+            &["bookkeeping.skin=0.3", "bookkeeping.rebuild_every=17"],
             &["output.frame_strain=0", "output.frame_start=0.01"],
             &["analysis.scalars=true", "analysis.start=0.02"],
             &[
@@ -435,6 +459,7 @@ mod tests {
         let of_hertz = [
             "normal_damping",
             "tangential_damping",
+            "tangential_damping_ratio",
             "impact_speed",
             "impact_diameter",
         ];
@@ -467,7 +492,7 @@ mod tests {
         ];
         let always = [&of_hertz[..], &never, &of_sizes, &of_protocols].concat();
         for (law, other) in [(&[][..], of_hooke), (HOOKE, of_lee_hurley)] {
-            let sets = [&["time.step=1e-10", "bookkeeping.list.skin=0.3"], law].concat();
+            let sets = [&["time.step=1e-10", "bookkeeping.skin=0.3"], law].concat();
             missing_are(&with(&sets).toml, &[&always[..], &other].concat());
         }
         let spheres = [
@@ -490,7 +515,7 @@ mod tests {
             "output.series_strain=none",
             "output.checkpoint_strain=none",
             "time.collision_speed=10",
-            "bookkeeping.list.skin=0.3",
+            "bookkeeping.skin=0.3",
             "load.stiffness_number=none",
             "load.pressure=1e5",
         ];
@@ -498,6 +523,7 @@ mod tests {
         reads_back(&scene);
         let not = [
             "damping_ratio",
+            "tangential_damping_ratio",
             "restitution",
             "impact_speed",
             "impact_diameter",
@@ -558,11 +584,12 @@ mod tests {
         let of_a_box = |table: &str| table == "box" || crate::OF_A_BOX.contains(&table);
         for key in crate::raw::TABLES
             .iter()
-            .filter(|(table, _)| !of_a_box(table))
-            .flat_map(|(_, keys)| *keys)
+            .filter(|table| !of_a_box(table.name))
+            .flat_map(|table| &table.keys)
+            .map(|key| key.name)
         {
             let there = toml.contains(&format!("\n{key} = "));
-            assert_eq!(there, !missing.contains(key), "{key} in {toml}");
+            assert_eq!(there, !missing.contains(&key), "{key} in {toml}");
         }
     }
 

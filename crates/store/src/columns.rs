@@ -1,41 +1,194 @@
-//! Names of the files of a run and of the columns of their time series.
+//! Names of the files of a run in a periodic box, and the columns of their time series.
 
 /// Strain steps of a run in a periodic box.
 pub const AQS_FILE: &str = "aqs.h5";
 /// Newton's equations of a run in a periodic box.
 pub const NEWTONIAN_FILE: &str = "newtonian.h5";
-/// Eigenvalues in time, one per row.
+/// Eigenvalues in time, one per line.
 pub const SPECTRA_FILE: &str = "spectra.csv";
 
-/// Columns of the time series of the strain steps; NaN if not computed.
-pub const AQS_COLUMNS: [&str; 18] = [
-    "strain",
-    "image_offset",
-    "shear_stress",
-    "pressure",
-    "elastic_energy",
-    "contacts",
-    "coordination",
-    "sliding_fraction",
-    "residual",
-    "factorisations",
-    "overdamped_steps",
-    "fell_back",
-    "pairs",
-    "imaginary_least",
-    "imaginary_greatest",
-    "pair_real",
-    "least_real",
-    "zero_modes",
-];
+gshear_dem::columns! {
+    /// One row of the time series of the strain steps. What was not computed is NaN.
+    pub struct AqsRow {
+        /// γ
+        strain: "1",
+        /// Lees–Edwards offset: displacement of the image above along x
+        image_offset: "m",
+        /// -1/V Σ r^x F^z over the contacts (F^y in 2D)
+        shear_stress: "Pa",
+        /// 1/(dV) Σ r·F over the contacts, in d dimensions
+        pressure: "Pa",
+        /// energy stored in the contacts
+        elastic_energy: "J",
+        /// number of contacts
+        contacts: "1",
+        /// mean number of contacts of a grain
+        coordination: "1",
+        /// sliding contacts over all contacts
+        sliding_fraction: "1",
+        /// largest net force on a grain
+        residual: "N",
+        /// factorisations of the relaxation
+        factorisations: "1",
+        /// overdamped steps of the relaxation
+        overdamped_steps: "1",
+        /// 1 if Newton's method did not converge
+        fell_back: "1",
+        /// number of complex pairs
+        pairs: "1",
+        /// smallest imaginary part
+        imaginary_least: "s-2",
+        /// largest imaginary part
+        imaginary_greatest: "s-2",
+        /// real part of the pair with the largest imaginary part
+        pair_real: "s-2",
+        /// smallest real part of the eigenvalues that are not zero
+        least_real: "s-2",
+        /// number of zero modes
+        zero_modes: "1",
+    }
+}
 
-/// Columns of the time series of Newton's equations.
-pub const NEWTONIAN_COLUMNS: [&str; 7] = [
-    "msd",
-    "kinetic_energy",
-    "elastic_energy",
-    "shear_stress",
-    "pressure",
-    "contacts",
-    "sliding_fraction",
-];
+gshear_dem::columns! {
+    /// One row of the time series of Newton's equations.
+    pub struct NewtonianRow {
+        /// mean square displacement M(t) (BO 10)
+        msd: "m2",
+        /// of all grains, translation and rotation
+        kinetic_energy: "J",
+        /// energy stored in the contacts
+        elastic_energy: "J",
+        /// as in `aqs.h5`
+        shear_stress: "Pa",
+        /// 1/(dV) Σ r·F over the contacts, in d dimensions
+        pressure: "Pa",
+        /// number of contacts
+        contacts: "1",
+        /// sliding contacts over all contacts
+        sliding_fraction: "1",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gshear_analysis::frame_scalars::FrameScalars;
+    use gshear_dem::columns::Column;
+    use gshear_dem::state::SeriesRow;
+    use std::fmt::Write as _;
+
+    const TABLES: [(&str, &[Column]); 4] = [
+        ("SeriesRow", &SeriesRow::COLUMNS),
+        ("FrameScalars", &FrameScalars::COLUMNS),
+        ("AqsRow", &AqsRow::COLUMNS),
+        ("NewtonianRow", &NewtonianRow::COLUMNS),
+    ];
+    const FORMATS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/file-formats.md");
+    const GLOSSARY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/glossary.md");
+
+    fn table(columns: &[Column]) -> String {
+        let renamed = columns.iter().any(|column| column.former.is_some());
+        let [head, rule] = if renamed {
+            [" before |", " --- |"]
+        } else {
+            [""; 2]
+        };
+        let mut text = format!("| column | unit | content |{head}\n| --- | --- | --- |{rule}\n");
+        for Column {
+            name,
+            unit,
+            doc,
+            former,
+        } in columns
+        {
+            let unit = match *unit {
+                "1" => "",
+                "m s-1" => "m/s",
+                "m2" => "m²",
+                "s-2" => "1/s²",
+                unit => unit,
+            };
+            let doc = doc.replace('|', "\\|");
+            let former = match former {
+                Some(name) => format!(" `{name}` |"),
+                None if renamed => " |".into(),
+                None => String::new(),
+            };
+            let row = format!("| `{name}` | {unit} | {doc} |{former}").replace("|  |", "| |");
+            assert!(
+                row.chars().count() <= 100,
+                "longer than a line of the page: {row}"
+            );
+            writeln!(text, "{row}").unwrap();
+        }
+        text
+    }
+
+    /// The page with the declared tables between its marks.
+    fn with_tables(page: &str) -> String {
+        let mut page = page.to_string();
+        for (name, columns) in TABLES {
+            let mark = format!("<!-- columns of {name} -->\n");
+            let begin = page
+                .find(&mark)
+                .unwrap_or_else(|| panic!("{mark} is missing"))
+                + mark.len();
+            let end = page[begin..].find("<!-- end of columns -->");
+            let end = begin + end.expect("the end of the columns");
+            page.replace_range(begin..end, &format!("\n{}\n", table(columns)));
+        }
+        page
+    }
+
+    #[test]
+    fn docs_have_the_declared_columns() {
+        let page = std::fs::read_to_string(FORMATS).unwrap();
+        for (name, columns) in TABLES {
+            let table = table(columns);
+            assert!(
+                page.contains(&format!("<!-- columns of {name} -->\n\n{table}\n<!--")),
+                "docs/file-formats.md does not have the declared columns of {name}; write them with\n  \
+                 cargo test -p gshear-store -- --ignored write_columns_to_docs\nor paste\n{table}"
+            );
+        }
+    }
+
+    #[test]
+    #[ignore = "writes docs/file-formats.md"]
+    fn write_columns_to_docs() {
+        let page = std::fs::read_to_string(FORMATS).unwrap();
+        std::fs::write(FORMATS, with_tables(&page)).unwrap();
+    }
+
+    #[test]
+    fn the_glossary_has_the_columns_and_their_former_names() {
+        let glossary = std::fs::read_to_string(GLOSSARY).unwrap();
+        let mut missing = Vec::new();
+        for column in TABLES.iter().flat_map(|(_, columns)| *columns) {
+            if !glossary.contains(&format!("`{column}`")) {
+                missing.push(format!("`{column}`"));
+            }
+            let renamed = |former| format!("| column `{former}` | `{column}` |");
+            missing.extend(
+                column
+                    .former
+                    .map(renamed)
+                    .filter(|row| !glossary.contains(row)),
+            );
+        }
+        assert!(missing.is_empty(), "docs/glossary.md lacks {missing:#?}");
+    }
+
+    #[test]
+    fn names_are_unique_with_the_former_ones() {
+        for (table, columns) in TABLES {
+            let mut names: Vec<_> = columns.iter().map(|column| column.name).collect();
+            names.extend(columns.iter().filter_map(|column| column.former));
+            names.sort_unstable();
+            assert!(
+                names.windows(2).all(|pair| pair[0] != pair[1]),
+                "{table}: {names:?}"
+            );
+        }
+    }
+}

@@ -187,7 +187,7 @@ impl H5File {
         name: &str,
         shape: &[usize],
         chunk: Option<&[usize]>,
-    ) -> Result<Column<T>, Failure> {
+    ) -> Result<Dataset<T>, Failure> {
         use hdf5::dataset::{AllocTime, FillTime};
         use hdf5::{Extent, SimpleExtents};
         let fixed = |&n: &usize| Extent::fixed(n);
@@ -219,7 +219,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Column<T>, Failure> {
+    pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Dataset<T>, Failure> {
         let dataset = self.file.dataset(name);
         self.column(
             name,
@@ -227,9 +227,9 @@ impl H5File {
         )
     }
 
-    fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Column<T>, Failure> {
+    fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Dataset<T>, Failure> {
         let datatype = Datatype::from_type::<T>();
-        Ok(Column {
+        Ok(Dataset {
             datatype: datatype.map_err(|e| self.context.failure(name, "describe", &e))?,
             shape: dataset.shape(),
             dataset,
@@ -244,31 +244,7 @@ impl H5File {
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn attribute(&self, object: &str, name: &str, value: &Attribute) -> Result<(), Failure> {
-        let set = || -> hdf5::Result<()> {
-            let location = self.location(object)?;
-            if location.attr_names()?.iter().any(|n| n == name) {
-                location.delete_attr(name)?;
-            }
-            let text = |text: &String| -> hdf5::Result<VarLenUnicode> {
-                text.parse().map_err(|e| hdf5::Error::from(format!("{e}")))
-            };
-            match value {
-                Attribute::Text(value) => put(&location, name, text(value)?),
-                Attribute::Word(value) => {
-                    let word =
-                        Word::from_ascii(value).map_err(|e| hdf5::Error::from(format!("{e}")))?;
-                    put(&location, name, word)
-                }
-                Attribute::Number(value) => put(&location, name, *value),
-                Attribute::Count(value) => put(&location, name, *value),
-                Attribute::Numbers(values) => put_all(&location, name, values),
-                Attribute::Integers(values) => put_all(&location, name, values),
-                Attribute::Texts(values) => {
-                    let values: hdf5::Result<Vec<_>> = values.iter().map(text).collect();
-                    put_all(&location, name, &values?)
-                }
-            }
-        };
+        let set = || set_attribute(&self.location(object)?, name, value);
         set().map_err(|e| {
             self.context
                 .failure(&format!("{object}@{name}"), "write", &e)
@@ -346,10 +322,34 @@ impl Drop for H5File {
     }
 }
 
-impl<T> Drop for Column<T> {
+impl<T> Drop for Dataset<T> {
     fn drop(&mut self) {
         if self.context.failed.get() {
             std::mem::forget(self.dataset.clone());
+        }
+    }
+}
+
+fn set_attribute(location: &Location, name: &str, value: &Attribute) -> hdf5::Result<()> {
+    if location.attr_names()?.iter().any(|n| n == name) {
+        location.delete_attr(name)?;
+    }
+    let text = |text: &String| -> hdf5::Result<VarLenUnicode> {
+        text.parse().map_err(|e| hdf5::Error::from(format!("{e}")))
+    };
+    match value {
+        Attribute::Text(value) => put(location, name, text(value)?),
+        Attribute::Word(value) => {
+            let word = Word::from_ascii(value).map_err(|e| hdf5::Error::from(format!("{e}")))?;
+            put(location, name, word)
+        }
+        Attribute::Number(value) => put(location, name, *value),
+        Attribute::Count(value) => put(location, name, *value),
+        Attribute::Numbers(values) => put_all(location, name, values),
+        Attribute::Integers(values) => put_all(location, name, values),
+        Attribute::Texts(values) => {
+            let values: hdf5::Result<Vec<_>> = values.iter().map(text).collect();
+            put_all(location, name, &values?)
         }
     }
 }
@@ -399,7 +399,7 @@ impl Slab {
 }
 
 /// A dataset of an [`H5File`].
-pub struct Column<T> {
+pub struct Dataset<T> {
     dataset: hdf5::Dataset,
     datatype: Datatype,
     shape: Vec<usize>,
@@ -408,8 +408,7 @@ pub struct Column<T> {
     element: PhantomData<T>,
 }
 
-impl<T: H5Type + Copy> Column<T> {
-    /// Returns the number of rows.
+impl<T: H5Type + Copy> Dataset<T> {
     pub fn rows(&self) -> u64 {
         self.shape[0] as u64
     }
@@ -418,6 +417,14 @@ impl<T: H5Type + Copy> Column<T> {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
+    pub fn attribute(&self, name: &str, value: &Attribute) -> Result<(), Failure> {
+        set_attribute(&self.dataset, name, value).map_err(|e| {
+            let object = format!("{}@{name}", self.name);
+            self.context.failure(&object, "write", &e)
+        })
+    }
+
+    /// A new number of rows. Collective.
     pub fn resize(&mut self, rows: u64) -> Result<(), Failure> {
         if rows as usize == self.shape[0] {
             return Ok(());

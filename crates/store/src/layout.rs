@@ -1,12 +1,14 @@
 //! Layout of `run.h5`: creates its datasets, or opens them to continue.
 
-use super::h5::{Attribute, Column, H5File, Slab};
+use super::h5::{Attribute, Dataset, H5File, Slab};
+use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use hdf5::H5Type;
 
 pub const PARAMETERS: &str = "parameters";
 pub const PARTICLES: &str = "particles/trajectory";
 pub const BOX: &str = "particles/trajectory/box";
+pub const OBSERVABLES: &str = "observables";
 const CONTACTS: &str = "connectivity/contacts";
 
 /// Names of the grain datasets in `axes` dimensions, and the numbers per grain in each.
@@ -54,35 +56,37 @@ pub enum Mode {
 }
 
 /// The growing datasets of the file.
-pub struct Columns {
-    /// Number of dimensions.
+pub struct Datasets {
+    /// Dimensions.
     pub axes: usize,
-    pub step: Column<u64>,
-    pub time: Column<f64>,
-    /// One dataset per entry of [`elements`].
-    pub values: Vec<Column<f64>>,
-    pub offset: Column<u64>,
-    pub i: Column<u32>,
-    pub j: Column<u32>,
-    /// One dataset per entry of [`forces`].
-    pub forces: Vec<Column<f64>>,
-    pub sliding: Column<u8>,
-    pub row_step: Column<u64>,
-    pub row_time: Column<f64>,
-    /// Columns of the time series, in their order.
-    pub observables: Vec<Column<f64>>,
+    pub step: Dataset<u64>,
+    pub time: Dataset<f64>,
+    /// Of [`elements`].
+    pub values: Vec<Dataset<f64>>,
+    pub offset: Dataset<u64>,
+    pub i: Dataset<u32>,
+    pub j: Dataset<u32>,
+    /// Of [`forces`].
+    pub forces: Vec<Dataset<f64>>,
+    pub sliding: Dataset<u8>,
+    pub row_step: Dataset<u64>,
+    pub row_time: Dataset<f64>,
+    /// Of the time series, in the order of its columns.
+    pub observables: Vec<Dataset<f64>>,
 }
 
-impl Columns {
-    /// Creates or opens the datasets. `series`: columns of the time series. Collective.
+impl Datasets {
+    /// `series`: the columns of the time series; `units`: whether new ones get their units.
+    /// Collective.
     pub fn new(
         file: &H5File,
         mode: Mode,
         grains: usize,
         axes: usize,
-        series: &[&str],
+        series: &[Column],
+        units: bool,
     ) -> Result<Self, Failure> {
-        let clock = |folder: &str| -> Result<(Column<u64>, Column<f64>), Failure> {
+        let clock = |folder: &str| -> Result<(Dataset<u64>, Dataset<f64>), Failure> {
             let step = growing(file, mode, &format!("{folder}/step"), CHUNK_ROWS)?;
             Ok((
                 step,
@@ -128,23 +132,25 @@ impl Columns {
             columns.push(growing_wide(file, mode, &contact(name), rows, width)?);
         }
 
-        let observable = |n: usize| format!("observables/{}", series[n]);
+        let names: Vec<String> = series
+            .iter()
+            .map(|column| format!("{OBSERVABLES}/{}", stored_name(file, OBSERVABLES, column)))
+            .collect();
         let mut observables = Vec::new();
-        for n in 0..series.len() {
-            group(&observable(n))?;
-            observables.push(growing(
-                file,
-                mode,
-                &format!("{}/value", observable(n)),
-                CHUNK_ROWS,
-            )?);
+        for (name, column) in names.iter().zip(series) {
+            group(name)?;
+            let dataset = growing(file, mode, &format!("{name}/value"), CHUNK_ROWS)?;
+            if mode == Mode::Create && units {
+                set_unit(&dataset, column, axes)?;
+            }
+            observables.push(dataset);
         }
-        let (row_step, row_time) = clock(&observable(0))?;
-        for n in 1..series.len() {
-            link_clock(&observable(0), &observable(n))?;
+        let (row_step, row_time) = clock(&names[0])?;
+        for name in &names[1..] {
+            link_clock(&names[0], name)?;
         }
 
-        Ok(Columns {
+        Ok(Datasets {
             axes,
             step,
             time,
@@ -162,12 +168,26 @@ impl Columns {
 }
 
 /// A growing dataset with one number per entry, empty if new.
+pub fn stored_name(file: &H5File, group: &str, column: &Column) -> &'static str {
+    let stored = column.stored_name(|name| file.has(&format!("{group}/{name}")));
+    stored.unwrap_or(column.name)
+}
+
+/// Writes the unit of a column as H5MD's units module has it; pure numbers have none. Collective.
+pub fn set_unit(dataset: &Dataset<f64>, column: &Column, axes: usize) -> Result<(), Failure> {
+    match column.unit_in(axes) {
+        Some(unit) => dataset.attribute("unit", &Attribute::Word(unit)),
+        None => Ok(()),
+    }
+}
+
+/// A dataset of one number an entry, without entries yet.
 fn growing<T: H5Type + Copy>(
     file: &H5File,
     mode: Mode,
     name: &str,
     chunk: usize,
-) -> Result<Column<T>, Failure> {
+) -> Result<Dataset<T>, Failure> {
     match mode {
         Mode::Create => file.dataset(name, &[0], Some(&[chunk])),
         Mode::Open => file.open_dataset(name),
@@ -181,7 +201,7 @@ fn growing_wide(
     name: &str,
     chunk: usize,
     width: usize,
-) -> Result<Column<f64>, Failure> {
+) -> Result<Dataset<f64>, Failure> {
     match (mode, width) {
         (Mode::Create, 2..) => {
             file.dataset(name, &[0, width], Some(&[chunk.div_ceil(width), width]))
@@ -197,7 +217,7 @@ fn of_grains(
     name: &str,
     grains: usize,
     width: usize,
-) -> Result<Column<f64>, Failure> {
+) -> Result<Dataset<f64>, Failure> {
     if mode == Mode::Open {
         return file.open_dataset(name);
     }
@@ -214,7 +234,7 @@ fn of_grains(
 /// Appends data that are the same on every rank after the first `before` rows; rank 0 writes them.
 pub fn by_root<T: H5Type + Copy>(
     root: bool,
-    column: &mut Column<T>,
+    column: &mut Dataset<T>,
     before: u64,
     data: &[T],
 ) -> Result<(), Failure> {
@@ -225,8 +245,8 @@ pub fn by_root<T: H5Type + Copy>(
 
 /// Writes the groups and attributes that H5MD 1.1 requires. `walls`: the box is bounded along its
 /// last axis. Collective.
-pub fn describe(file: &H5File, axes: usize, walls: bool) -> Result<(), Failure> {
-    let name = env!("CARGO_PKG_NAME");
+pub fn describe(file: &H5File, axes: usize, walls: bool, units: bool) -> Result<(), Failure> {
+    let name = "gshear-mpi";
     for group in ["h5md", "h5md/author", "h5md/creator", BOX, PARAMETERS] {
         file.group(group)?;
     }
@@ -234,6 +254,12 @@ pub fn describe(file: &H5File, axes: usize, walls: bool) -> Result<(), Failure> 
     file.attribute("h5md/author", "name", &name.into())?;
     file.attribute("h5md/creator", "name", &name.into())?;
     file.attribute("h5md/creator", "version", &env!("CARGO_PKG_VERSION").into())?;
+    if units {
+        const UNITS: &str = "h5md/modules/units";
+        file.group(UNITS)?;
+        file.attribute(UNITS, "version", &Attribute::Integers(vec![1, 0]))?;
+        file.attribute(UNITS, "system", &Attribute::Word("SI".into()))?;
+    }
     file.attribute(BOX, "dimension", &Attribute::Count(3))?;
     let last = if walls { "none" } else { "periodic" };
     let boundary = match axes {

@@ -4,7 +4,8 @@ use super::collective::agree;
 use super::table::TableFile;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{SERIES_COLUMNS, SeriesRow};
+use gshear_dem::state::SeriesRow;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 /// Writer of the log. Only rank 0 writes.
@@ -30,7 +31,7 @@ impl Log {
         rows: u64,
     ) -> Result<Self, Failure> {
         Self::of(exchange, || {
-            TableFile::open_to_append(path, &columns(), rows)
+            TableFile::open_to_append(path, &stored_columns(path)?, rows)
         })
     }
 
@@ -64,7 +65,41 @@ impl Log {
 }
 
 fn columns() -> Vec<&'static str> {
-    [&["step", "time"], &SERIES_COLUMNS[..]].concat()
+    let row = SeriesRow::COLUMNS.iter().map(|column| column.name);
+    ["step", "time"].into_iter().chain(row).collect()
+}
+
+/// The columns of an existing log, in which renamed ones may have their former names.
+fn stored_columns(path: &Path) -> Result<Vec<&'static str>, Failure> {
+    let unfit = |why: String| {
+        Failure::input(format!(
+            "{}: cannot go on with this log: {why}",
+            path.display()
+        ))
+    };
+    let mut line = String::new();
+    std::fs::File::open(path)
+        .and_then(|file| BufReader::new(file).read_line(&mut line))
+        .map_err(|e| unfit(e.to_string()))?;
+    let mut found = line.trim_end().split(',');
+    if (found.next(), found.next()) != (Some("step"), Some("time")) {
+        return Err(unfit("its first line must begin with step,time".into()));
+    }
+    let mut names = vec!["step", "time"];
+    for column in &SeriesRow::COLUMNS {
+        let name = found.next().unwrap_or("nothing");
+        names.push(column.stored_name(|known| known == name).ok_or_else(|| {
+            unfit(format!(
+                "it lacks the column {column} (found: {name}); another version wrote it"
+            ))
+        })?);
+    }
+    match found.next() {
+        None => Ok(names),
+        Some(name) => Err(unfit(format!(
+            "its column {name} would not be continued; another version wrote it"
+        ))),
+    }
 }
 
 /// Returns the shortest text that reads back to the same bits.
@@ -83,9 +118,9 @@ mod tests {
     use gshear_dem::domain::Solo;
 
     fn row(k: u64) -> SeriesRow {
-        let numbers: [f64; SERIES_COLUMNS.len()] =
+        let numbers: [f64; SeriesRow::COLUMNS.len()] =
             std::array::from_fn(|c| (k as f64 + 0.1) * 10f64.powi(4 * c as i32 - 20) / 3.0);
-        bytemuck::cast(numbers)
+        SeriesRow::from_columns(numbers)
     }
 
     fn text(path: &Path) -> String {
@@ -143,6 +178,25 @@ mod tests {
         (3..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
         drop(log);
         assert_eq!(text(&path), whole);
+    }
+
+    #[test]
+    fn former_names_are_continued_and_other_columns_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let open = |names: &str| {
+            std::fs::write(&path, format!("{names}\n")).unwrap();
+            Log::open_to_append(&Solo, &path, 0).map(drop)
+        };
+        let names = columns().join(",");
+        assert!(open(&names).is_ok());
+        assert!(open(&names.replace("dissipated_", "lost_")).is_ok());
+        let refused = |names: &str| open(names).unwrap_err().to_string();
+        assert!(
+            refused(&names.replace("slip_rate", "rate")).contains("lacks the column slip_rate")
+        );
+        assert!(refused(&names[..names.rfind(',').unwrap()]).contains("energy_residual"));
+        assert!(refused(&format!("{names},more")).contains("column more"));
     }
 
     #[test]

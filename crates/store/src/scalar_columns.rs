@@ -1,9 +1,9 @@
 //! Scalars of frames in `run.h5`: `observables/gshear/`, one row per frame.
 
 use super::collective::Outcome;
-use super::h5::{Column, H5File};
-use super::layout::{CHUNK_ROWS, by_root};
-use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
+use super::h5::{Dataset, H5File};
+use super::layout::{CHUNK_ROWS, by_root, set_unit, stored_name};
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 
 /// Group of the scalars.
@@ -11,8 +11,8 @@ pub const SCALARS: &str = "observables/gshear";
 
 /// Datasets of the scalars, and the buffered rows.
 pub struct ScalarColumns {
-    step: Column<u64>,
-    values: Vec<Column<f64>>,
+    step: Dataset<u64>,
+    values: Vec<Dataset<f64>>,
     rows: Vec<(u64, FrameScalars)>,
     written: u64,
 }
@@ -21,15 +21,18 @@ impl ScalarColumns {
     /// Opens the datasets to continue after their first `rows` rows; creates them if the file has
     /// none. Collective.
     pub fn new(file: &H5File, rows: u64) -> Result<Self, Failure> {
-        let name = |n: usize, part: &str| format!("{SCALARS}/{}/{part}", SCALAR_COLUMNS[n]);
-        let all = 0..SCALAR_COLUMNS.len();
+        let names = FrameScalars::COLUMNS.map(|column| stored_name(file, SCALARS, &column));
+        let name = |n: usize, part: &str| format!("{SCALARS}/{}/{part}", names[n]);
+        let all = 0..names.len();
         if !file.has(SCALARS) {
             if rows > 0 {
                 return Err(file.lacks(SCALARS, rows));
             }
             for n in all.clone() {
-                file.group(&format!("{SCALARS}/{}", SCALAR_COLUMNS[n]))?;
-                file.dataset::<f64>(&name(n, "value"), &[0], Some(&[CHUNK_ROWS]))?;
+                file.group(&format!("{SCALARS}/{}", names[n]))?;
+                let values = file.dataset(&name(n, "value"), &[0], Some(&[CHUNK_ROWS]))?;
+                // Scalars of frames exist for disks alone.
+                set_unit(&values, &FrameScalars::COLUMNS[n], 2)?;
                 match n {
                     0 => drop(file.dataset::<u64>(&name(0, "step"), &[0], Some(&[CHUNK_ROWS]))?),
                     n => file.link(

@@ -4,11 +4,13 @@ use super::batch::{Frames, Part, Shares, length};
 use super::collective::{IdBlocks, Outcome, agree, records_of};
 use super::h5::{Attribute, H5File, Slab};
 use super::layout::{
-    BOX, CHUNK_FRAMES, Columns, Mode, PARAMETERS, PARTICLES, by_root, describe, forces,
+    BOX, CHUNK_FRAMES, Datasets, Mode, OBSERVABLES, PARAMETERS, PARTICLES, by_root, describe,
+    forces,
 };
-use super::scalar_columns::ScalarColumns;
+use super::scalar_columns::{SCALARS, ScalarColumns};
 use bytemuck::{Pod, Zeroable};
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, GrainSample};
@@ -39,8 +41,8 @@ pub struct RunHeader<'a> {
     /// Whether the box is bounded along its last axis.
     pub walls: bool,
     /// Columns of the time series.
-    pub series: &'a [&'a str],
-    /// Box (m): L_x, height at the start of the shear, 0 in 2D; L_x, L_y, height in 3D.
+    pub series: &'a [Column],
+    /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
     pub edges: [f64; 3],
     /// This rank's grains; together the ranks hold each of the ids 0 … N-1 once.
     pub grains: &'a [GrainShape],
@@ -60,8 +62,8 @@ const FLUSH_SECONDS: f64 = 2.0;
 /// `run.h5`, open for writing. Its content does not depend on the number of ranks. Every call is
 /// collective.
 pub struct TrajectoryWriter {
-    columns: Columns,
-    /// Set if the run computes scalars of frames.
+    columns: Datasets,
+    /// Where the run computes scalars of frames.
     scalars: Option<ScalarColumns>,
     file: H5File,
     blocks: IdBlocks,
@@ -97,16 +99,19 @@ impl TrajectoryWriter {
         };
         let created = (|| {
             let file = H5File::create(path, exchange.communicator())?;
-            describe(&file, header.axes, header.walls)?;
+            // Scenes of a periodic box may use any consistent set of units.
+            let units = header.walls;
+            describe(&file, header.axes, header.walls, units)?;
             for (name, value) in &attributes {
                 file.attribute(PARAMETERS, name, value)?;
             }
-            let columns = Columns::new(
+            let columns = Datasets::new(
                 &file,
                 Mode::Create,
                 grains as usize,
                 header.axes,
                 header.series,
+                units,
             )?;
             Ok((file, columns))
         })();
@@ -124,7 +129,7 @@ impl TrajectoryWriter {
     pub fn open_to_append(
         exchange: &dyn Parallel,
         path: &Path,
-        series: &[&str],
+        series: &[Column],
         frames: u64,
         rows: u64,
     ) -> Result<Self, Failure> {
@@ -132,7 +137,7 @@ impl TrajectoryWriter {
         // for ever.
         let mut extent = Vec::new();
         let looked = match exchange.rank() {
-            0 => inspect(path, series[0], frames, rows).map(|e| extent = e.to_vec()),
+            0 => inspect(path, series, frames, rows).map(|e| extent = e.to_vec()),
             _ => Ok(()),
         };
         agree(exchange, looked)?;
@@ -148,7 +153,8 @@ impl TrajectoryWriter {
         };
         let opened = (|| {
             let file = H5File::open(path, exchange.communicator())?;
-            let columns = Columns::new(&file, Mode::Open, grains as usize, axes as usize, series)?;
+            let (grains, axes) = (grains as usize, axes as usize);
+            let columns = Datasets::new(&file, Mode::Open, grains, axes, series, false)?;
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, opened)?;
@@ -188,8 +194,8 @@ impl TrajectoryWriter {
         Ok(writer)
     }
 
-    fn new(file: H5File, columns: Columns, blocks: IdBlocks) -> Self {
-        // About two contacts per grain.
+    fn new(file: H5File, columns: Datasets, blocks: IdBlocks) -> Self {
+        // About two contacts a grain.
         let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
         TrajectoryWriter {
             columns,
@@ -486,7 +492,12 @@ fn fixed<T: H5Type + Copy>(
 
 /// Checks that a file can be continued. Returns N, the number of contacts in the first `frames` frames,
 /// and the number of dimensions. `first`: first column of the time series.
-fn inspect(path: &Path, first: &str, frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
+const ANOTHER: &str =
+    "another version wrote the file: resume with that version or into another folder (--out)";
+
+/// Returns N, the number of contacts in the first `frames` frames, and the dimensions of a file that
+/// has these columns of the time series and is long enough.
+fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
     let name = path.display();
     if !path.is_file() {
         return Err(Failure::input(format!(
@@ -505,9 +516,27 @@ fn inspect(path: &Path, first: &str, frames: u64, rows: u64) -> Result<[u64; 3],
         let [_, grains, 3] = position.shape()[..] else {
             return Ok(Err(unfit("position/value is not [T][N][3]".into())));
         };
+        let mut others = file.group(OBSERVABLES)?.member_names()?;
+        let mut first = None;
+        for column in series {
+            let place = column
+                .stored_name(|name| others.iter().any(|other| other == name))
+                .and_then(|name| others.iter().position(|other| other == name));
+            let Some(place) = place else {
+                return Ok(Err(unfit(format!("it has no column {column}; {ANOTHER}"))));
+            };
+            let name = others.swap_remove(place);
+            first.get_or_insert(name);
+        }
+        others.retain(|name| format!("{OBSERVABLES}/{name}") != SCALARS);
+        if let Some(name) = others.first() {
+            let why = format!("its column {name} would not be continued; {ANOTHER}");
+            return Ok(Err(unfit(why)));
+        }
+        let first = first.expect("the time series has a column");
         let (has_frames, has_rows) = (
             length("connectivity/contacts/offset")?,
-            length(&format!("observables/{first}/step"))?,
+            length(&format!("{OBSERVABLES}/{first}/step"))?,
         );
         if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
             return Ok(Err(unfit(format!(
@@ -528,4 +557,130 @@ fn inspect(path: &Path, first: &str, frames: u64, rows: u64) -> Result<[u64; 3],
             "it is not the run.h5 of a run, or damaged ({error})"
         )))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run_reader::Run;
+    use gshear_dem::domain::Solo;
+    use gshear_dem::state::SeriesRow;
+
+    fn row(k: u64) -> SeriesRow {
+        SeriesRow::from_columns(std::array::from_fn(|c| (100 * k + c as u64) as f64))
+    }
+
+    /// A file with the rows `0..rows` and one frame of one grain.
+    fn create(path: &Path, rows: u64) {
+        let grains = [GrainShape {
+            id: 0,
+            body: 0,
+            radius: 1.0,
+            mass: 1.0,
+        }];
+        let header = RunHeader {
+            axes: 2,
+            walls: true,
+            series: &SeriesRow::COLUMNS,
+            edges: [2.0, 3.0, 0.0],
+            grains: &grains,
+            attributes: &[("scene", "seed = 1".into())],
+        };
+        let mut writer = TrajectoryWriter::create(&Solo, path, &header).unwrap();
+        let grain = GrainSample::zeroed();
+        writer.frame(&Solo, 0, 0.0, &[grain], &[]).unwrap();
+        (0..rows).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
+        writer.finish(&Solo, &[]).unwrap();
+    }
+
+    /// Gives columns other names, or takes them away (`None`).
+    fn rename(path: &Path, names: &[(&str, Option<&str>)]) {
+        let group = hdf5::File::open_rw(path)
+            .unwrap()
+            .group(OBSERVABLES)
+            .unwrap();
+        for (from, to) in names {
+            match to {
+                Some(to) => group.relink(from, to).unwrap(),
+                None => group.unlink(from).unwrap(),
+            }
+        }
+    }
+
+    fn append(path: &Path, frames: u64, rows: u64) -> Result<TrajectoryWriter, Failure> {
+        TrajectoryWriter::open_to_append(&Solo, path, &SeriesRow::COLUMNS, frames, rows)
+    }
+
+    #[test]
+    fn files_with_former_names_are_read_and_continued() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        create(&path, 3);
+        let formers: Vec<_> = SeriesRow::COLUMNS
+            .iter()
+            .filter_map(|column| Some((column.name, Some(column.former?))))
+            .collect();
+        rename(&path, &formers);
+        let mut writer = append(&path, 1, 2).unwrap();
+        (2..5).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
+        writer.finish(&Solo, &[]).unwrap();
+
+        let run = Run::open(&path).unwrap();
+        assert_eq!(run.series().step, [0, 1, 2, 3, 4]);
+        for (c, column) in SeriesRow::COLUMNS.iter().enumerate() {
+            let values: Vec<f64> = (0..5).map(|k| row(k).columns()[c]).collect();
+            assert_eq!(run.series().column(column.name), values, "{column}");
+        }
+        let file = hdf5::File::open(&path).unwrap();
+        for (present, former) in formers {
+            assert!(file.link_exists(&format!("{OBSERVABLES}/{}", former.unwrap())));
+            assert!(!file.link_exists(&format!("{OBSERVABLES}/{present}")));
+        }
+    }
+
+    #[test]
+    fn a_file_of_other_columns_is_not_continued() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |from: &str, to: Option<&str>| {
+            let path = folder.path().join("run.h5");
+            create(&path, 3);
+            rename(&path, &[(from, to)]);
+            match append(&path, 1, 3) {
+                Err(Failure::Input(message)) => message,
+                _ => panic!("not refused"),
+            }
+        };
+        assert!(refused("slip_rate", None).contains("no column slip_rate"));
+        assert!(refused("strain", None).contains("no column strain"));
+        assert!(refused("slip", Some("offset")).contains("no column slip;"));
+        let path = folder.path().join("run.h5");
+        create(&path, 3);
+        let group = hdf5::File::open_rw(&path)
+            .unwrap()
+            .group(OBSERVABLES)
+            .unwrap();
+        group.create_group("temperature").unwrap();
+        group.create_group("gshear").unwrap();
+        drop(group);
+        let message = append(&path, 1, 3).err().unwrap().to_string();
+        assert!(message.contains("its column temperature"), "{message}");
+    }
+
+    #[test]
+    fn values_have_units_per_unit_depth() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        create(&path, 1);
+        let file = hdf5::File::open(&path).unwrap();
+        let unit = |name: &str| {
+            let values = file
+                .dataset(&format!("{OBSERVABLES}/{name}/value"))
+                .unwrap();
+            let unit = values.attr("unit").ok()?;
+            Some(unit.read_scalar::<crate::h5::Word>().unwrap().to_string())
+        };
+        assert_eq!(unit("slip_rate").as_deref(), Some("m s-1"));
+        assert_eq!(unit("work_load").as_deref(), Some("J m-1"));
+        assert_eq!(unit("strain"), None);
+    }
 }

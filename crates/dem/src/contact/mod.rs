@@ -1,4 +1,5 @@
-//! The interface of contact laws: numbers in, numbers out. The laws are in [`crate::laws`], the loop over contacts in [`crate::kernel`].
+//! The interface of contact laws: numbers in, numbers out. The laws are in [`crate::laws`], the
+//! loop over the contacts in [`crate::kernel`].
 
 pub mod model;
 pub mod stiffness;
@@ -6,16 +7,18 @@ pub mod stiffness;
 use crate::dimension::{Dimension, Three, Vector};
 use crate::simd::{Lanes, Portable, PortableToken, Row, inverse_sqrt, ln};
 
-/// How sixteen pairs of grains move, i before j, n from j to i (physics.md, conventions). SI units.
+/// Relative motion of sixteen pairs of grains, of i with respect to j; n points from j to i. SI
+/// units.
 ///
-/// Tangential vectors have one component in two dimensions, along t̂ = ẑ × n, and in three those of a vector in the tangent plane.
+/// Tangential vectors have one component in two dimensions, along t̂ = ẑ × n, and in three
+/// dimensions the three of a vector in the tangent plane.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion {
     /// δ (m), positive where the pair touches.
     pub overlap: Row,
     /// v_n of the full step, positive where the pair separates (m/s).
     pub normal_velocity: Row,
-    /// v_n(t + ½Δt) Δt (m); with a ledger only.
+    /// v_n(t + ½Δt) Δt (m); set with an energy budget only.
     pub normal_increment: Row,
     /// v_t of the full step (m/s).
     pub tangential_velocity: Vector<Row>,
@@ -28,6 +31,7 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// A pair that does not move.
     pub const ZERO: Self = Self {
         overlap: Row::ZERO,
         normal_velocity: Row::ZERO,
@@ -39,35 +43,43 @@ impl Motion {
     };
 }
 
-/// What a law says of some blocks, and what it is told, a row or more per block.
+/// Input and output of a law for some blocks, one or more rows per block.
 ///
-/// A law works through the blocks in loops of short chains of operations, and keeps what is between them in `carry`: the
-/// processor then has several blocks under way where one long loop would wait for each result.
+/// A law processes the blocks in several loops with short chains of operations, and passes
+/// intermediate results from loop to loop in `carry`. The processor then works on several blocks at
+/// a time; in one long loop it would wait for each result.
 pub struct Blocks<'a> {
     /// [`ContactLaw::PARAMETERS`] rows per block.
     pub parameters: &'a [Row],
-    /// What the contacts remember, [`ContactLaw::HISTORY`] rows per block: replaced, by zeros where the pair does not touch. With
-    /// friction a tangential vector comes first, which in three dimensions has been turned with n.
+    /// The histories, [`ContactLaw::HISTORY`] rows per block, which the law updates; zeros where
+    /// the pair does not touch. With friction a tangential vector comes first, which in three
+    /// dimensions has been rotated with n.
     pub history: &'a mut [Row],
+    /// How the pairs move.
     pub motion: &'a [Motion],
+    /// Rows that the loops of a law hand on.
     pub carry: &'a mut [[Row; CARRY]],
+    /// Receives the forces.
     pub response: &'a mut [Response],
 }
 
-/// Energy that contacts lose, as rows of [`Response::lost`].
-pub mod loss {
-    /// To all viscous parts: the power at the end of the step (W/m), where the others are what was lost in the step (J/m).
+/// Kinds of dissipation: the rows of [`Response::dissipated`].
+pub mod dissipation {
+    /// By dampers: the power at the end of the step (W; W/m in 2D). The other kinds are energies
+    /// dissipated in the step (J; J/m in 2D).
     pub const DAMPING: usize = 0;
-    /// To sliding.
+    /// By sliding.
     pub const FRICTION: usize = 1;
-    /// To rolling at its limit.
+    /// By rolling at its limit.
     pub const ROLLING: usize = 2;
-    /// To the change of a stiffness under a force that stays: what an incremental law loses, or gains.
+    /// By a change of stiffness under a constant force; an incremental law may also gain energy.
     pub const STIFFNESS: usize = 3;
+    /// Number of kinds.
     pub const KINDS: usize = 4;
 }
 
-/// What the contacts do to grain i; arbitrary where the pair does not touch. Forces per unit depth (N/m) in 2D.
+/// Forces of sixteen contacts on grain i, per unit depth (N/m) in 2D; arbitrary where the pair does
+/// not touch.
 #[derive(Debug, Clone, Copy)]
 pub struct Response {
     /// F_n ≥ 0 along n.
@@ -76,50 +88,55 @@ pub struct Response {
     pub tangential: Vector<Row>,
     /// Rolling torque about z.
     pub rolling: Row,
-    /// At the Coulomb limit.
+    /// Lanes at the Coulomb limit.
     pub sliding: u16,
-    /// Overlap outside the law.
+    /// Lanes with an overlap outside the law.
     pub beyond: u16,
-    /// What [`loss`] says, where a ledger is kept: also of contacts that have just opened, and 0 elsewhere.
-    pub lost: [Row; loss::KINDS],
+    /// Dissipation by [`dissipation`], if an energy budget is kept; also of contacts that have just
+    /// opened, and 0 elsewhere.
+    pub dissipated: [Row; dissipation::KINDS],
 }
 
 impl Response {
+    /// No forces.
     pub const NONE: Self = Self {
         normal: Row::ZERO,
         tangential: [Row::ZERO; 3],
         rolling: Row::ZERO,
         sliding: 0,
         beyond: 0,
-        lost: [Row::ZERO; loss::KINDS],
+        dissipated: [Row::ZERO; dissipation::KINDS],
     };
 }
 
-/// Rows that a law may carry from one of its loops to the next.
+/// Number of rows that a law may pass from one of its loops to the next.
 pub const CARRY: usize = 4;
 
-/// A contact law, as the kernel drives it.
+/// A contact law, as the kernel calls it.
 pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
+    /// The dimension of the grains.
     type Space: Dimension;
-    /// Numbers per pair that depend on the grains alone.
+    /// Numbers per pair that depend on the two grains alone.
     const PARAMETERS: usize;
-    /// Numbers per contact that it remembers from step to step; 0 where the grains do not touch.
+    /// Numbers per contact that the law keeps from step to step; 0 where the grains do not touch.
     const HISTORY: usize;
     /// Whether forces other than F_n can arise.
     const FRICTION: bool;
+    /// Whether rolling torques can arise.
     const ROLLING: bool;
 
-    /// The parameters of pairs of radii r_i, r_j (m), a row each.
+    /// Computes the parameters of pairs of radii r_i, r_j (m), one row each.
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]);
 
-    /// F_n of two grains of this radius (m) at the end of the law.
+    /// The elastic F_n of two grains of this radius (m) at the largest overlap within the law.
     fn largest_force(&self, radius: f64) -> f64;
 
-    /// The response of some blocks of contacts. Tangential forces and torques are filled in only by laws that have them.
-    /// With `LEDGER`, the energies lost, too.
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>);
+    /// Computes the response of some blocks of contacts and updates their histories. Only laws that
+    /// have tangential forces and torques set them. With `BUDGET`, also computes the dissipation.
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>);
 
-    /// Elastic energies (J; J/m in 2D) of sixteen contacts: normal, tangential, rolling. Arbitrary where they do not touch.
+    /// Elastic energies (J; J/m in 2D) of sixteen contacts: normal, tangential, rolling. Arbitrary
+    /// where the pair does not touch.
     fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
@@ -128,23 +145,23 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
         history: &[Row],
     ) -> [L; 3];
 
-    /// The history as [`crate::state::ContactState`] holds it, whichever parts this law has.
+    /// Converts a history to the layout of [`crate::state::ContactState`].
     fn history_to_state(history: [f64; 3]) -> [f64; 3];
     /// The reverse of [`ContactLaw::history_to_state`].
     fn history_from_state(state: [f64; 3]) -> [f64; 3];
 }
 
-/// A spring's force or torque under a limit, beside a damper.
+/// A spring's force or torque under a limit, and that of the damper parallel to it.
 pub(crate) struct Limited<L: Lanes> {
-    /// The spring's part: at the limit where it would be beyond, and to be remembered so.
+    /// The spring's part, cut to the limit; it is stored as the history.
     pub elastic: Vector<L>,
-    /// The damper's, which acts below the limit only.
+    /// The damper's part, which acts below the limit only.
     pub viscous: Vector<L>,
     pub at_limit: L::Mask,
 }
 
 impl<L: Lanes> Limited<L> {
-    /// `trial`: the spring's part without limit; `n` components of it and of the damper's are meant.
+    /// `trial`: the spring's part without limit. Uses `n` components of it and of `viscous`.
     #[inline(always)]
     pub fn new(token: L::Token, n: usize, trial: Vector<L>, limit: L, viscous: Vector<L>) -> Self {
         let zero = L::splat(token, 0.0);
@@ -171,13 +188,13 @@ impl<L: Lanes> Limited<L> {
     }
 }
 
-/// Square of what is so small that its direction does not matter.
-const NEXT_TO_NOTHING: f64 = 1e-290;
+/// Lower bound of |v|²: vectors shorter than 1e-145 have an arbitrary direction.
+const SMALLEST_SQUARE: f64 = 1e-290;
 
 /// |v| and 1/|v|.
 #[inline(always)]
 pub(crate) fn norm<L: Lanes>(token: L::Token, v: &Vector<L>) -> (L, L) {
-    let square = Three::dot(v, v).max(L::splat(token, NEXT_TO_NOTHING));
+    let square = Three::dot(v, v).max(L::splat(token, SMALLEST_SQUARE));
     let per_length = inverse_sqrt(token, square);
     (square * per_length, per_length)
 }
@@ -187,7 +204,7 @@ pub(crate) fn scaled<L: Lanes>(v: &Vector<L>, by: L) -> Vector<L> {
     [v[0] * by, v[1] * by, v[2] * by]
 }
 
-/// The first `n` components from rows; in place of the others, the first.
+/// A vector with `n` components from rows; the others repeat the first.
 #[inline(always)]
 pub(crate) fn vector<L: Lanes>(token: L::Token, rows: &[Row], n: usize) -> Vector<L> {
     let mut v = [L::load(token, &rows[0]); 3];
@@ -204,10 +221,10 @@ pub(crate) fn store_vector<L: Lanes>(v: &Vector<L>, rows: &mut [Row], n: usize) 
     }
 }
 
-/// Adds the power that a damper takes to that of the others.
+/// Adds the power of a damper to [`dissipation::DAMPING`].
 #[inline(always)]
 pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, power: L) {
-    let row = &mut response.lost[loss::DAMPING];
+    let row = &mut response.dissipated[dissipation::DAMPING];
     (L::load(token, row) + power).store(row);
 }
 
@@ -216,7 +233,8 @@ pub fn portable_ln(x: f64) -> f64 {
     scalar(|token| ln::<Portable>(token, Portable::splat(token, x)))
 }
 
-/// e^x of x ≤ 0, the same on every platform, to some (1 + |x|) ulps: the series of e^(x/2^k), squared k times.
+/// e^x of x ≤ 0, the same on every platform, to some (1 + |x|) ulps: the series of e^(x/2^k),
+/// squared k times.
 pub fn portable_exp(x: f64) -> f64 {
     if x < -700.0 {
         return 0.0;

@@ -1,5 +1,4 @@
-//! A contact law as everything but the kernel's loop sees it: chosen at run time, called through
-//! one virtual call for many contacts.
+//! A contact law outside the kernel: chosen at run time, with one virtual call for many contacts.
 
 use std::fmt::Debug;
 
@@ -7,18 +6,18 @@ use super::ContactLaw;
 use super::stiffness::Stiffness;
 use crate::simd::{Lanes, Level, Row, Work};
 
-/// What a contact law says about pairs beside their forces. Implemented for every [`ContactLaw`].
+/// Properties of a contact law other than its forces. Implemented for every [`ContactLaw`].
 ///
-/// Arrays hold sixteen pairs a row; `blocks` of sixteen pairs take [`PairModel::parameter_rows`] and
-/// [`PairModel::history_rows`] rows each.
+/// A row holds sixteen pairs. A block of sixteen pairs has [`PairModel::parameter_rows`] rows of
+/// parameters and [`PairModel::history_rows`] rows of histories.
 pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// Whether forces other than F_n can arise.
     fn has_friction(&self) -> bool;
 
-    /// Rows of a block for what depends on the two grains alone.
+    /// Number of rows per block that depend on the two grains alone.
     fn parameter_rows(&self) -> usize;
 
-    /// Rows of a block for what a contact remembers from step to step.
+    /// Number of rows per block that a contact keeps from step to step.
     fn history_rows(&self) -> usize;
 
     /// Computes the parameters of all blocks from their R_i + R_j and R_i (m). Lanes that fill up a
@@ -28,8 +27,7 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// The largest F_n (N; N/m in 2D) of two grains of this radius (m) within the law.
     fn largest_normal_force(&self, radius: f64) -> f64;
 
-    /// The history rows of a contact as [`crate::state::ContactState`] holds them, whichever parts
-    /// this law has.
+    /// Converts the history rows of a contact to the layout of [`crate::state::ContactState`].
     fn to_state(&self, history: [f64; 3]) -> [f64; 3];
 
     /// The reverse of [`PairModel::to_state`].
@@ -115,7 +113,7 @@ impl<C: ContactLaw> Work for Parameters<'_, C> {
     fn run<L: Lanes>(self, token: L::Token) {
         let blocks = self.out.chunks_exact_mut(C::PARAMETERS);
         for ([sum, r_i], out) in self.geometry.iter().zip(blocks) {
-            // Lanes that fill up a block get the parameters of two radii, too.
+            // The sum is negative in lanes that fill up a block.
             let (sum, r_i) = (L::load(token, sum).abs(), L::load(token, r_i));
             self.law.parameters(token, r_i, sum - r_i, out);
         }

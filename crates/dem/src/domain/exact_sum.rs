@@ -1,28 +1,29 @@
-//! Sums over grains and ranks that do not depend on the order: fixed point, added as integers.
+//! Sums over grains and ranks that do not depend on the order: fixed-point numbers, added as
+//! integers.
 
 use super::Exchange;
 
-/// Integers that a fixed-point number takes in a reduction.
+/// Number of integers that represent a fixed-point number in a reduction.
 pub const LIMBS: usize = 4;
 
-/// Fixed point with 2^-80 of a reference magnitude as its unit: each term is rounded to it (a function of the term alone),
-/// and sums of up to 2^46 times the reference are exact.
+/// Fixed-point numbers whose unit is 2^-80 of a reference magnitude. Each term is rounded to the
+/// unit, and sums of up to 2^46 times the reference are exact.
 #[derive(Debug, Clone, Copy)]
 pub struct FixedPoint {
     unit: f64,
     per_unit: f64,
 }
 
-/// A sum under way.
+/// A partial sum.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Accumulator {
     sum: i128,
-    /// Terms that are no finite number or far beyond the reference.
+    /// Number of terms that are not finite or too large.
     outside: i64,
 }
 
 impl FixedPoint {
-    /// `reference`: a typical magnitude of the terms, positive.
+    /// Fixed-point numbers for terms of this typical magnitude, which is positive.
     pub fn new(reference: f64) -> Self {
         let exponent = (reference.to_bits() >> 52) as i32 - 1023;
         let power = |e: i32| f64::from_bits(((e.clamp(-1022, 1023) + 1023) as u64) << 52);
@@ -32,6 +33,7 @@ impl FixedPoint {
         }
     }
 
+    /// Adds a term.
     pub fn add(&self, to: &mut Accumulator, term: f64) {
         let scaled = (term * self.per_unit).round_ties_even();
         if scaled.abs() < 2f64.powi(120) {
@@ -41,7 +43,7 @@ impl FixedPoint {
         }
     }
 
-    /// The sum, correctly rounded; NaN where a term was out of range.
+    /// The sum, correctly rounded; NaN if a term was out of range.
     pub fn value(&self, of: Accumulator) -> f64 {
         if of.outside == 0 {
             of.sum as f64 * self.unit
@@ -79,7 +81,7 @@ impl From<Accumulator> for i128 {
 }
 
 impl Accumulator {
-    /// As `LIMBS + 1` integers that may be added over ranks.
+    /// Writes the sum as `LIMBS + 1` integers that can be added over the ranks.
     pub fn write(&self, to: &mut [i64]) {
         for (k, limb) in to[..LIMBS].iter_mut().enumerate() {
             *limb = if k + 1 < LIMBS {
@@ -91,7 +93,7 @@ impl Accumulator {
         to[LIMBS] = self.outside;
     }
 
-    /// Of added integers.
+    /// The sum from added integers.
     pub fn read(from: &[i64]) -> Self {
         let sum = from[..LIMBS]
             .iter()

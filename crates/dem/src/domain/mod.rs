@@ -1,4 +1,5 @@
-//! The ranks: what they exchange. Physics never names MPI.
+//! Exchange between ranks. No physics here names MPI: the ranks of an MPI job are in the crate
+//! `gshear-mpi-exchange`.
 
 mod exact_sum;
 mod slabs;
@@ -8,8 +9,8 @@ pub use exact_sum::{Accumulator, FixedPoint, LIMBS};
 pub use slabs::{Slabs, most_ranks};
 pub use solo::Solo;
 
-/// One neighbour's halo messages in a step: the records that this rank sends and the place of those
-/// that it receives. Records are `width` numbers each.
+/// The halo messages of a step with one neighbour: the records to send, and room for those to
+/// receive. Records are `width` numbers each.
 pub struct Link<'a> {
     /// The neighbour.
     pub rank: usize,
@@ -17,38 +18,44 @@ pub struct Link<'a> {
     pub width: usize,
     /// This rank's records.
     pub records: &'a [f64],
-    /// The records to send, by their place.
+    /// Indices of the records to send.
     pub chosen: &'a [u32],
-    /// Room for the chosen records, for an exchange that has to copy them.
+    /// Room for a copy of the chosen records.
     pub buffer: &'a mut [f64],
     /// Receives the neighbour's records.
     pub receive: &'a mut [f64],
 }
 
-/// Collective and point-to-point operations of a set of ranks. Every call is collective unless it says otherwise.
+/// Collective and point-to-point operations of a set of ranks. Calls are collective unless they say
+/// otherwise.
 pub trait Exchange {
+    /// This rank's number, from 0. Not collective.
     fn rank(&self) -> usize;
+    /// The number of ranks. Not collective.
     fn size(&self) -> usize;
-    /// `send[r]` goes to rank `r`; the answer's `[r]` came from rank `r`. `send.len() == size()`.
+    /// Sends `send[r]` to rank `r`, and returns the messages received, by rank.
+    /// `send.len() == size()`.
     fn all_to_all(&self, send: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
-    /// Point to point with the given neighbours; `meanwhile` runs once while the messages fly.
+    /// Exchanges records with the given neighbours, point to point; runs `meanwhile` once during
+    /// the exchange.
     fn halo(&self, links: &mut [Link<'_>], meanwhile: &mut dyn FnMut());
     /// Element-wise sum over the ranks, wrapping, in place.
     fn sum(&self, values: &mut [i64]);
-    /// The same of a few values, while `meanwhile` runs, once.
+    /// [`Exchange::sum`] of a few values; runs `meanwhile` once during the sum.
     fn sum_during(&self, values: &mut [i64], meanwhile: &mut dyn FnMut());
     /// Sum over the ranks below this one.
     fn sum_below(&self, value: u64) -> u64;
     /// Greatest over the ranks.
     fn maximum(&self, value: f64) -> f64;
-    /// Everybody's bytes, by rank, on every rank.
+    /// The bytes of all ranks, by rank, on every rank.
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>>;
-    /// Rank 0's bytes, on every rank.
+    /// The bytes of rank 0, on every rank.
     fn broadcast(&self, bytes: Vec<u8>) -> Vec<u8>;
+    /// Waits for all ranks.
     fn barrier(&self);
 }
 
-/// Sum of one count over the ranks.
+/// The sum of a count over the ranks.
 pub fn total(exchange: &dyn Exchange, value: u64) -> u64 {
     let mut one = [value as i64];
     exchange.sum(&mut one);

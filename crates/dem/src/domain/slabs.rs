@@ -1,4 +1,4 @@
-//! Slabs along x: who owns which grain, who sees whose, and the moves between them.
+//! Slabs along x: owners of grains, ghosts, migration and halo exchange.
 
 use std::ops::Range;
 
@@ -10,35 +10,35 @@ use crate::failure::Failure;
 use crate::neighbour::Window;
 use crate::state::{Cell, ContactState, GrainState, Grains};
 
-/// Columns of the histogram by which the cuts are balanced: for each of so many ranks, beyond which cuts get coarser.
+/// Bins per rank of the histogram that balances the cuts, up to a number of ranks.
 const BINS_OF_A_RANK: usize = 256;
 const MOST_RANKS_WITH_BINS: usize = 256;
 
-/// What a contact costs in a step, over what a grain does: some 20 ns to 3 ns.
+/// Cost of a contact in a step over that of a grain: about 20 ns to 3 ns.
 const COST_OF_A_CONTACT: i64 = 6;
 
-/// The slabs of all ranks, and this rank's part in the exchange.
+/// The slabs of all ranks, and this rank's part of the halo exchange.
 #[derive(Debug)]
 pub struct Slabs<D: Dimension> {
     /// L_x (m).
     length: f64,
-    /// Slab r is [cuts[r], cuts[r + 1]).
+    /// Slab r is [`cuts[r]`, `cuts[r + 1]`) (m).
     pub cuts: Vec<f64>,
     links: Vec<Neighbour<D>>,
 }
 
-/// What goes to and comes from one neighbouring rank in every step.
+/// The halo exchange with one neighbouring rank.
 #[derive(Debug)]
 struct Neighbour<D: Dimension> {
     rank: usize,
-    /// Own grains that it sees.
+    /// Owned grains that are its ghosts.
     send: Vec<u32>,
     buffer: Vec<D::Record>,
-    /// Where its grains are among the local ones.
+    /// Local indices of the ghosts that it owns.
     ghosts: Range<usize>,
 }
 
-/// How many slabs wider than `reach` (m) a cell of `length` (m) holds; one rank needs room for nearest images.
+/// The greatest number of slabs wider than `reach` (m) in a cell of this `length` (m).
 pub fn most_ranks(length: f64, reach: f64) -> usize {
     let slabs = (length / reach) as usize;
     if slabs as f64 * reach < length {
@@ -49,6 +49,7 @@ pub fn most_ranks(length: f64, reach: f64) -> usize {
 }
 
 impl<D: Dimension> Slabs<D> {
+    /// Slabs of equal width of a cell of this `length` (m) along x.
     pub fn new(exchange: &dyn Exchange, length: f64) -> Self {
         let size = exchange.size();
         Self {
@@ -66,8 +67,9 @@ impl<D: Dimension> Slabs<D> {
         self.cuts[1..slabs].partition_point(|&cut| cut <= x)
     }
 
-    /// `reach` (m): of the pairs in space. Moves the cuts to where the work with grains and contacts is balanced, then every grain, with the
-    /// contacts it has, to the rank that owns it. Returns this rank's grains by id, and all contacts of theirs (with others', too) by (i, j).
+    /// Moves the cuts to balance the work, then every grain with its contacts to the rank that owns
+    /// it. `reach` is the cutoff (m). Returns the owned grains by id, and all their contacts,
+    /// including those with ghosts, by (i, j).
     ///
     /// # Errors
     /// Too many ranks: a slab must be wider than the cutoff.
@@ -121,7 +123,7 @@ impl<D: Dimension> Slabs<D> {
         Ok((mine, contacts))
     }
 
-    /// `grains` in the order of their ids.
+    /// Balances the cuts; `grains` are sorted by id.
     fn balance(
         &mut self,
         exchange: &dyn Exchange,
@@ -140,7 +142,7 @@ impl<D: Dimension> Slabs<D> {
                 most.max(1),
             )));
         }
-        // A contact is the work of where its first grain is: there one rank knows it as its own.
+        // The work of a contact counts where its first grain is, which one rank owns.
         let mut cost = vec![1i64; grains.len()];
         for contact in contacts {
             if let Ok(first) = grains.binary_search_by_key(&contact.i, |g| g.id) {
@@ -165,7 +167,7 @@ impl<D: Dimension> Slabs<D> {
             let part = (wanted - below) as f64 / histogram[bin].max(1) as f64;
             self.cuts[r] = self.length * (bin as f64 + part) / bins as f64;
         }
-        // A little more than the range, so that rounding cannot make a slab too narrow.
+        // Slightly more than the cutoff, so that rounding cannot make a slab too narrow.
         let narrowest = reach + (self.length / size as f64 - reach) * 1e-3;
         for r in 1..size {
             self.cuts[r] = self.cuts[r].max(self.cuts[r - 1] + narrowest);
@@ -176,7 +178,8 @@ impl<D: Dimension> Slabs<D> {
         Ok(())
     }
 
-    /// Finds the own grains within `reach` (m) of a neighbour's slab, and adds the neighbours' as ghosts.
+    /// Finds the owned grains within `reach` (m) of a neighbour's slab, and adds those of the
+    /// neighbours as ghosts.
     pub fn attach_ghosts(
         &mut self,
         exchange: &dyn Exchange,
@@ -219,8 +222,8 @@ impl<D: Dimension> Slabs<D> {
         }
     }
 
-    /// Sends the border grains' records and receives the ghosts', while `meanwhile` runs with the own ones. Of `record`, as many
-    /// as `owned` are own.
+    /// Sends the records of the border grains and receives those of the ghosts; runs `meanwhile`
+    /// with the records of the owned grains, the first `owned` of `record`, during the exchange.
     pub fn exchange(
         &mut self,
         exchange: &dyn Exchange,
@@ -248,7 +251,7 @@ impl<D: Dimension> Slabs<D> {
         exchange.halo(&mut messages, &mut || meanwhile(own));
     }
 
-    /// Where this rank's grains and ghosts are.
+    /// The part of the cell that holds this rank's grains and ghosts.
     pub fn window(&self, exchange: &dyn Exchange, reach: f64) -> Window {
         let me = exchange.rank();
         let (from, to) = (self.cuts[me], self.cuts[me + 1]);
@@ -263,7 +266,7 @@ impl<D: Dimension> Slabs<D> {
         }
     }
 
-    /// Bytes that this rank sends per step, and messages.
+    /// Bytes and messages that this rank sends per step.
     pub fn traffic(&self) -> (usize, usize) {
         let rows: usize = self.links.iter().map(|l| l.send.len()).sum();
         (rows * size_of::<D::Record>(), self.links.len())

@@ -2,6 +2,7 @@
 
 use super::{Exchange, Link};
 
+/// A single rank.
 pub struct Solo;
 
 impl Exchange for Solo {

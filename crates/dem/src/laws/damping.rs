@@ -11,7 +11,7 @@ pub fn damping_ratio(restitution: f64) -> f64 {
     l / (PI * PI + l * l).sqrt()
 }
 
-/// α, from `contact.damping_ratio` or `contact.restitution`.
+/// Reads α from `contact.damping_ratio` or `contact.restitution`.
 pub(super) fn read_ratio(values: &mut dyn Values) -> f64 {
     let chosen = values.exactly_one(
         &[&DAMPING_RATIO, &RESTITUTION],
@@ -23,7 +23,7 @@ pub(super) fn read_ratio(values: &mut dyn Values) -> f64 {
     }
 }
 
-/// 2α√(k m*) (kg/s) of two grains of mass m, for k_n and k_t.
+/// γ = 2α√(k m*) (kg/s) of two grains of mass m, for k_n and k_t.
 pub(super) fn of_ratio(alpha: f64, mass: f64, stiffnesses: [f64; 2]) -> [f64; 2] {
     stiffnesses.map(|k| 2.0 * alpha * (0.5 * k * mass).sqrt())
 }

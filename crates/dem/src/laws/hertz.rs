@@ -1,13 +1,19 @@
-//! Spheres: Hertz and Mindlin with viscous damping and Coulomb friction (FR eqs 1–2), LAMMPS' `gran/hertz/history` with the paper's k_t.
+//! Spheres: Hertz and Mindlin with viscoelastic damping and Coulomb friction (FR eqs 1 and 2).
 //!
 //! With the overlap δ and R* = R_i R_j/(R_i+R_j), m* = m_i m_j/(m_i+m_j),
 //!
-//!     F_n = max(0, √(δR*) (k_n δ - m*γ_n v_n)),   k_n = (2/3) E/(1-ν²)
-//!     F_t = -√(δR*) (k_t u + m*γ_t v_t),          k_t = 2E/((1+ν)(2-ν))
+//! ```text
+//! F_n = max(0, √(δR*) (k_n δ - m*γ_n v_n)),   k_n = (2/3) E/(1-ν²)
+//! F_t = -√(δR*) (k_t u + m*γ_t v_t),          k_t = 2E/((1+ν)(2-ν))
+//! ```
 //!
-//! The history u (m) is the tangential displacement since the touch. Where |F_t| would be beyond μF_n, it is cut to the limit, and u
-//! is set back so that spring and damper together give just that force.
+//! The history u (m) is the tangential displacement since the touch. If |F_t| exceeds μF_n, it is
+//! cut to that limit, and u is set back so that spring and damper together give the limit.
+//!
+//! This is LAMMPS' `gran/hertz/history` with `limit_damping` and the k_t of FR.
 
+use std::fmt::Debug;
+use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::keys::{
@@ -17,7 +23,7 @@ use super::keys::{
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, add_damping, loss, norm, portable_exp, portable_ln, scaled, vector,
+    Blocks, ContactLaw, add_damping, dissipation, norm, portable_exp, portable_ln, scaled, vector,
 };
 use crate::dimension::{Dimension, Dimensions, Three};
 use crate::kernel::PairForce;
@@ -53,8 +59,9 @@ pub struct Spheres {
     pub poisson_ratio: f64,
     /// ρ (kg/m³).
     pub density: f64,
-    /// γ_n and γ_t (1/(m s)).
+    /// γ_n (1/(m s)).
     pub normal_damping: f64,
+    /// γ_t (1/(m s)).
     pub tangential_damping: f64,
 }
 
@@ -69,14 +76,19 @@ impl Spheres {
         2.0 * self.young_modulus / ((1.0 + self.poisson_ratio) * (2.0 - self.poisson_ratio))
     }
 
-    fn read(values: &mut dyn Values) -> Self {
-        let mut spheres = Self {
+    /// The material, undamped.
+    pub(super) fn read_material(values: &mut dyn Values) -> Self {
+        Self {
             young_modulus: values.required(&YOUNG_MODULUS),
             poisson_ratio: values.required(&POISSON_RATIO),
             density: values.required(&DENSITY),
             normal_damping: 0.0,
             tangential_damping: 0.0,
-        };
+        }
+    }
+
+    fn read(values: &mut dyn Values) -> Self {
+        let mut spheres = Self::read_material(values);
         let chosen = values.exactly_one(
             &[&NORMAL_DAMPING, &RESTITUTION],
             "the damping: normal_damping (gamma_n, 1/(m s)), such as normal_damping = 6e7, or restitution with impact_speed (m/s) and impact_diameter (m)",
@@ -133,8 +145,8 @@ impl Constants for Spheres {
         }
     }
 
-    /// Damped with [`PACKING_RESTITUTION`] at the speed √(P/ρ) of the loose sample's collapse: a gas
-    /// of spheres that lose little when they collide takes long to settle.
+    /// Damped for a restitution of 0.3 at the speed √(P/ρ) of the collapsing loose sample, unless
+    /// the damping is already stronger: a gas of weakly damped spheres takes long to settle.
     fn while_packing(&self, mean_diameter: f64, pressure: f64) -> Option<Arc<dyn Constants>> {
         let speed = (pressure / self.density).sqrt();
         let damping = impact_damping(self, PACKING_RESTITUTION, speed, mean_diameter);
@@ -145,13 +157,13 @@ impl Constants for Spheres {
         }))
     }
 
-    /// 2.9432 (5m*/(4k_n √R*))^(2/5) v^(-1/5).
+    /// 2.9433 (5m*/(4k_n √R*))^(2/5) v^(-1/5).
     fn collision_time(&self, radius: f64, speed: f64) -> Option<f64> {
         let mass = 0.5 * self.density * Three::volume(radius);
         let reduced = 0.5 * radius;
         let k_n = Spheres::normal_stiffness(self);
         let deepest = two_fifths(1.25 * mass * speed * speed / (k_n * reduced.sqrt()));
-        // ∫ dx/√(1 - x^(5/2)) from 0 to 1, twice.
+        // 2 ∫ dx/√(1 - x^(5/2)) from 0 to 1.
         Some(2.943_275_194_3 * deepest / speed)
     }
 
@@ -183,9 +195,11 @@ impl Constants for Spheres {
     }
 }
 
-/// γ_n (1/(m s)) with which two equal spheres of this diameter (m) that meet at this speed (m/s) part with a restitution e.
+/// The γ_n (1/(m s)) for which two equal spheres of this diameter (m) that collide at this speed
+/// (m/s) have this restitution.
 ///
-/// With δ = vT x, t = T s, T^(5/2) = m*/(k_n √(R* v)) the impact is x'' = -max(0, √x (x + β x')), β = γ_n √(R* v T) T.
+/// With δ = vT x, t = T s and T^(5/2) = m*/(k_n √(R* v)), the impact is x'' = -max(0, √x (x + β
+/// x')) with β = γ_n √(R* v T) T.
 pub fn impact_damping(spheres: &Spheres, restitution: f64, speed: f64, diameter: f64) -> f64 {
     let radius = 0.25 * diameter;
     let mass = 0.5 * spheres.density * Three::volume(0.5 * diameter);
@@ -202,8 +216,8 @@ pub fn impact_damping(spheres: &Spheres, restitution: f64, speed: f64, diameter:
     low / ((radius * speed * time).sqrt() * time)
 }
 
-/// Restitution while spheres are packed, if theirs is not less.
-const PACKING_RESTITUTION: f64 = 0.3;
+/// The restitution of spheres while they are packed, unless theirs is lower.
+pub(super) const PACKING_RESTITUTION: f64 = 0.3;
 
 /// x^(2/5) of a positive number.
 fn two_fifths(x: f64) -> f64 {
@@ -215,14 +229,17 @@ fn two_fifths(x: f64) -> f64 {
     }
 }
 
-/// Speed at which the dimensionless impact of [`impact_damping`] ends, by Runge and Kutta in steps of x where x is small.
+/// The restitution of the dimensionless impact of [`impact_damping`].
 fn restitution_of(beta: f64) -> f64 {
-    let force = |x: f64, v: f64| {
-        let x = x.max(0.0);
-        -(x.sqrt() * (x + beta * v)).max(0.0)
-    };
+    impact(|x, v| x.sqrt() * (x + beta * v))
+}
+
+/// The speed at which the impact x'' = -max(0, `force`(x, x')) of unit speed ends, x ≥ 0, by the
+/// Runge–Kutta method of fourth order.
+pub(super) fn impact(force: impl Fn(f64, f64) -> f64) -> f64 {
+    let force = |x: f64, v: f64| -force(x.max(0.0), v).max(0.0);
     let (mut x, mut v) = (0.0, 1.0);
-    // Contact lasts about 3.2 without damping, and longer with it.
+    // The contact lasts about 3.2 without damping, and longer with it.
     let h = 1e-3;
     for _ in 0..200_000 {
         let (k1, a1) = (v, force(x, v));
@@ -238,17 +255,42 @@ fn restitution_of(beta: f64) -> f64 {
     -v
 }
 
-/// Largest δ/(R_1+R_2) of two equal spheres: far beyond where Hertz' theory holds, but no further than other laws go. For unequal ones
-/// it is this part of the smaller one's diameter.
+/// Largest δ/(R_1+R_2) of two equal spheres; of two unequal spheres the largest δ over the diameter
+/// of the smaller one. Hertz' theory fails long before; the other laws have about the same bound.
 pub const LARGEST_OVERLAP: f64 = super::hooke::LARGEST_OVERLAP;
+
+/// How the dampers of Hertzian contacts depend on the overlap.
+pub trait Damper: Copy + Debug + PartialEq + Send + Sync + 'static {
+    /// The damping of a pair, from the law's constant and m* (kg).
+    fn of_pair<L: Lanes>(token: L::Token, constant: L, reduced_mass: L) -> L;
+
+    /// The normal damper over √(δR*) (kg/(m s)), from the damping of the pair and √(δR*) (m).
+    fn per_root<L: Lanes>(token: L::Token, of_pair: L, root: L) -> L;
+}
+
+/// A damper √(δR*) m*γ_n.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Viscoelastic;
+
+impl Damper for Viscoelastic {
+    #[inline(always)]
+    fn of_pair<L: Lanes>(_: L::Token, constant: L, reduced_mass: L) -> L {
+        constant * reduced_mass
+    }
+
+    #[inline(always)]
+    fn per_root<L: Lanes>(_: L::Token, of_pair: L, _: L) -> L {
+        of_pair
+    }
+}
 
 /// Constants of the law, the same for all contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hertz<const FRICTION: bool> {
-    /// k_n, k_t (Pa).
+pub struct Hertz<const FRICTION: bool, D = Viscoelastic> {
+    /// k_n and k_t (Pa).
     normal_stiffness: f64,
     tangential_stiffness: f64,
-    /// γ_n (1/(m s)).
+    /// The constant of the normal damper: γ_n (1/(m s)) of a viscoelastic one.
     damping: f64,
     /// γ_t/γ_n.
     tangential_damping: f64,
@@ -256,18 +298,32 @@ pub struct Hertz<const FRICTION: bool> {
     density: f64,
     /// μ.
     friction: f64,
+    damper: PhantomData<D>,
 }
 
 impl<const FRICTION: bool> Hertz<FRICTION> {
+    /// The law between these spheres.
     pub fn new(spheres: &Spheres, contact: &Contact) -> Self {
+        let tangential = spheres.tangential_damping / spheres.normal_damping.max(f64::MIN_POSITIVE);
+        Self::damped(spheres, contact, [spheres.normal_damping, tangential])
+    }
+}
+
+impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
+    /// The law with the damper `D`: its constant, and the tangential damper over the normal one.
+    pub(super) fn damped(
+        spheres: &Spheres,
+        contact: &Contact,
+        [damping, tangential_damping]: [f64; 2],
+    ) -> Self {
         Self {
             normal_stiffness: spheres.normal_stiffness(),
             tangential_stiffness: spheres.tangential_stiffness(),
-            damping: spheres.normal_damping,
-            tangential_damping: spheres.tangential_damping
-                / spheres.normal_damping.max(f64::MIN_POSITIVE),
+            damping,
+            tangential_damping,
             density: Three::volume(1.0) * spheres.density,
             friction: contact.friction,
+            damper: PhantomData,
         }
     }
 }
@@ -275,18 +331,18 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
 // Places in the parameters of a pair.
 /// R* (m).
 const RADIUS: usize = 0;
-/// m*γ_n (kg/(m s)).
+/// [`Damper::of_pair`]: m*γ_n (kg/(m s)) of a viscoelastic damper.
 const DAMPING: usize = 1;
 /// Largest overlap (m).
 const LARGEST: usize = 2;
 
-// Place in what is carried: √(δR*).
+// Place in the carried rows: √(δR*).
 const ROOT: usize = 0;
 
-/// Square of a length (m²) that is as good as none.
+/// Lower bound of δR* (m²), also for pairs that do not touch.
 const NO_AREA: f64 = 1e-290;
 
-impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
+impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     type Space = Three;
     const PARAMETERS: usize = 3;
     const HISTORY: usize = if FRICTION { 3 } else { 0 };
@@ -300,7 +356,7 @@ impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
         let (m_i, m_j) = (density * Three::power(r_i), density * Three::power(r_j));
         let smaller = r_i.select(r_j.greater(r_i), r_j);
         (r_i * r_j / (r_i + r_j)).store(&mut out[RADIUS]);
-        (c(self.damping) * (m_i * m_j / (m_i + m_j))).store(&mut out[DAMPING]);
+        D::of_pair(token, c(self.damping), m_i * m_j / (m_i + m_j)).store(&mut out[DAMPING]);
         (c(2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
     }
 
@@ -310,7 +366,7 @@ impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -326,21 +382,23 @@ impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
             let root = square * inverse_sqrt(token, square);
             root.store(&mut carry[ROOT]);
             let elastic = c(self.normal_stiffness) * overlap;
-            let normal = (root * (elastic - load(&p[DAMPING]) * v_n)).max(zero);
+            let damping = D::per_root(token, load(&p[DAMPING]), root);
+            let normal = (root * (elastic - damping * v_n)).max(zero);
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                let lost = root.mul_add(elastic, -normal) * v_n;
-                lost.select(overlap.greater(zero), zero)
-                    .store(&mut response.lost[loss::DAMPING]);
+            if BUDGET {
+                let dissipated = root.mul_add(elastic, -normal) * v_n;
+                dissipated
+                    .select(overlap.greater(zero), zero)
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
-            self.rub::<L, LEDGER>(token, blocks);
+            self.rub::<L, BUDGET>(token, blocks);
         }
     }
 
-    /// F = √R* k_n δ^(3/2) over δ gives (2/5) √R* k_n δ^(5/2); tangential ½ k_t √(δR*) u².
+    /// Normal: the integral of √R* k_n δ^(3/2), (2/5) √R* k_n δ^(5/2). Tangential: ½ k_t √(δR*) u².
     #[inline(always)]
     fn elastic_energies<L: Lanes>(
         &self,
@@ -369,10 +427,10 @@ impl<const FRICTION: bool> ContactLaw for Hertz<FRICTION> {
     }
 }
 
-impl<const FRICTION: bool> Hertz<FRICTION> {
-    /// F_t.
+impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
+    /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -395,7 +453,8 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
                 before[1] + slip[1],
                 before[2] + slip[2],
             ];
-            let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
+            let damping = D::per_root(token, load(&p[DAMPING]), root);
+            let gamma_t = c(self.tangential_damping) * damping;
             // Over √(δR*).
             let mut force = [zero; 3];
             for k in 0..3 {
@@ -405,7 +464,7 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
             let limit = c(self.friction) * load(&response.normal);
             let sliding = (root * length).greater(limit);
             response.sliding = sliding.bits();
-            // √(δR*) where the contact sticks.
+            // √(δR*) if the contact sticks.
             let factor = (limit * per_length).select(sliding, root);
             let part = factor * inverse(token, root);
             for k in 0..3 {
@@ -415,7 +474,7 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
                 let after = spring.select(sliding, u[k]).select(touching, zero);
                 after.store(&mut history[k]);
             }
-            if LEDGER {
+            if BUDGET {
                 let after = vector(token, history, 3);
                 let earlier = load(&motion.overlap) + load(&motion.normal_increment);
                 let root_before = (earlier.max(zero) * load(&p[RADIUS])).sqrt();
@@ -428,8 +487,8 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
                         - root_before * Three::dot(&before, &before));
                 let stiffness = half_k * (root_before - root) * Three::dot(&before, &after);
                 let stiffness = stiffness.select(touching, zero);
-                stiffness.store(&mut response.lost[loss::STIFFNESS]);
-                (work - gained - stiffness).store(&mut response.lost[loss::FRICTION]);
+                stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
+                (work - gained - stiffness).store(&mut response.dissipated[dissipation::FRICTION]);
                 let viscous = scaled(&v_t, gamma_t * root);
                 let power = Three::dot(&viscous, &v_t).select(touching, zero);
                 add_damping(token, response, power);
@@ -438,8 +497,8 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
     }
 }
 
-/// F_t = -√(δR*) k_t u grows with the root of δ under a u that stays; at the limit it is -μF_n u/|u|.
-impl<const FRICTION: bool> Stiffness for Hertz<FRICTION> {
+/// At constant u, F_t = -√(δR*) k_t u grows with √δ; at the limit F_t = -μF_n u/|u|.
+impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
     fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
         let [r_i, r_j] = radii;
         let root = (overlap * r_i * r_j / (r_i + r_j)).sqrt();

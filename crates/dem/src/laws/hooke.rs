@@ -1,21 +1,29 @@
-//! Linear springs in 2D and 3D: Hooke with linear damping, Coulomb friction and rolling resistance, as LAMMPS' `gran/hooke/history` and
-//! LIGGGHTS' `hooke` have them, here with the clamp, the damping ratio and the conventions of `lee_hurley`.
+//! Linear springs in 2D and 3D: Hooke with linear damping, Coulomb friction and rolling resistance.
 //!
-//! Normal:
+//! The law of LAMMPS' `gran/hooke/history` and LIGGGHTS' `hooke`, with F_n ≥ 0 and the damping
+//! ratio of `lee_hurley`. Normal:
 //!
-//!     F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```text
+//! F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```
 //!
 //! Tangential: the history is the elastic force on i, in the tangent plane,
 //!
-//!     F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
+//! ```text
+//! F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
+//! ```
 //!
-//! cut to the limit μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
+//! cut to μ_s F_n and stored so. Below this limit -γ_t v_t is added, γ_t = 2α√(k_t m*).
 //!
-//! Rolling, in 2D, as LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita & Oda):
+//! Rolling, in 2D, as in LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita
+//! and Oda):
 //!
-//!     M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
+//! ```text
+//! M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
+//! ```
 //!
-//! limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added (`rolling`), which `epsd2` lacks and η_r = 0 takes away.
+//! cut to μ_r R_r F_n. Below this limit the damper -C_r (ω_i-ω_j) is added (`rolling`); `epsd2` has
+//! none, as here with η_r = 0.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -27,7 +35,7 @@ use super::keys::{
 use super::rolling::{self, Places, Rolling, roll};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, scaled, vector};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Mask, Row};
@@ -53,8 +61,9 @@ pub const KIND: LawKind = LawKind {
 /// Linear springs between grains, and their damping.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Springs {
-    /// k_n and k_t (N/m; per unit depth, Pa, in 2D).
+    /// k_n (N/m; per unit depth, Pa, in 2D).
     pub normal_stiffness: f64,
+    /// k_t (N/m; per unit depth, Pa, in 2D).
     pub tangential_stiffness: f64,
     /// ρ (kg/m³).
     pub density: f64,
@@ -75,7 +84,7 @@ impl Springs {
     }
 }
 
-/// k_n and k_t ≤ k_n, by default 2/7 of it.
+/// Reads k_n and k_t; k_t is at most k_n, and 2/7 of it by default.
 pub(super) fn read_stiffnesses(
     values: &mut dyn Values,
     normal: &Key,
@@ -96,7 +105,7 @@ pub(super) fn read_stiffnesses(
     [k_n, k_t.unwrap_or(2.0 / 7.0 * k_n)]
 }
 
-/// The shortest decimal that reads back to the same bits, without many zeros.
+/// The shortest decimal that reads back to the same bits, with an exponent from 1e7 on.
 fn show(x: f64) -> String {
     if x.is_finite() && x.abs() >= 1e7 {
         format!("{x:e}")
@@ -155,8 +164,9 @@ impl Constants for Springs {
     }
 }
 
-/// Largest δ/(R_1+R_2) of two equal disks. A spring has no end, but disks this far in each other are disks no longer; for unequal
-/// ones it is this part of the smaller one's diameter. About that of LH's law, so that κ has the same bounds.
+/// Largest δ/(R_1+R_2) of two equal grains; of two unequal grains the largest δ over the diameter
+/// of the smaller one. Linear springs need no bound; this one is about that of LH, so that κ has
+/// the same range.
 pub const LARGEST_OVERLAP: f64 = 0.094;
 
 /// Constants of the law, the same for all contacts.
@@ -178,6 +188,7 @@ pub struct Hooke<D, const FRICTION: bool, const ROLLING: bool> {
 }
 
 impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION, ROLLING> {
+    /// The law between grains with these springs.
     pub fn new(springs: &Springs, contact: &Contact) -> Self {
         Self {
             normal_stiffness: springs.normal_stiffness,
@@ -234,7 +245,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -249,10 +260,11 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                let lost = k_n.mul_add(overlap, -normal) * v_n;
-                lost.select(overlap.greater(zero), zero)
-                    .store(&mut response.lost[loss::DAMPING]);
+            if BUDGET {
+                let dissipated = k_n.mul_add(overlap, -normal) * v_n;
+                dissipated
+                    .select(overlap.greater(zero), zero)
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
@@ -280,12 +292,17 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 for k in 0..n {
                     (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);
                     let (before, after) = (before[k], f.elastic[k].select(touching, zero));
-                    if LEDGER {
+                    if BUDGET {
                         let per_k = c(1.0 / self.tangential_stiffness);
                         let gained = (after - before) * (after + before) * per_k;
-                        let lost = c(-0.5) * (before + after).mul_add(slip[k], gained);
-                        let sum = &mut response.lost[loss::FRICTION];
-                        if k == 0 { lost } else { load(sum) + lost }.store(sum);
+                        let dissipated = c(-0.5) * (before + after).mul_add(slip[k], gained);
+                        let sum = &mut response.dissipated[dissipation::FRICTION];
+                        if k == 0 {
+                            dissipated
+                        } else {
+                            load(sum) + dissipated
+                        }
+                        .store(sum);
                         let viscous = f.viscous[k].select(touching, zero);
                         add_damping(token, response, viscous * v_t[k]);
                     }
@@ -298,7 +315,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 parameters: (Self::PARAMETERS, PLAIN),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, LEDGER>(token, blocks, places);
+            roll::<L, BUDGET>(token, blocks, places);
         }
     }
 
@@ -328,7 +345,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         [normal, tangential, rolling]
     }
 
-    // In two dimensions k_t, which is the same in every step, has a place in the state: it stays 0.
+    // In two dimensions the state has a place for the last k_t, which this law does not need: 0.
     fn history_to_state(history: [f64; 3]) -> [f64; 3] {
         match (D::SPINS, FRICTION, ROLLING) {
             (3, ..) => history,
@@ -391,7 +408,8 @@ mod tests {
     };
     const RADII: [f64; 2] = [0.5e-3, 1e-3];
 
-    /// What two disks of `RADII` do: F_n, F_t, M, sliding, beyond, and the new history. `motion` in the order of `Motion`.
+    /// The response of two disks of `RADII`: F_n, F_t and M; sliding and beyond; the new history.
+    /// `motion` is in the order of `Motion`.
     fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
         type Law = Hooke<Two, true, true>;
         let law = Law::new(&SPRINGS, &CONTACT);
@@ -467,7 +485,7 @@ mod tests {
         assert_eq!(flags, [true, false]);
     }
 
-    /// No attraction: where the damper would pull, there is no force at all.
+    /// F_n is 0 if the damper alone would make it negative.
     #[test]
     fn separating_disks_do_not_attract() {
         let ([normal, tangential, _], ..) = response([1e-9, 1.0, 0.1, 1e-9, 0.0, 0.0], [0.3, 0.0]);

@@ -1,20 +1,27 @@
-//! LH appendix A in 2D: cylinder Hertz, Lai's tangential stiffness, Coulomb, type C rolling resistance, linear damping.
+//! The law of LH, appendix A, in 2D: Hertzian cylinders, Lai's tangential stiffness, Coulomb
+//! friction, rolling resistance of type C, linear damping.
 //!
-//! Normal (A1–A5): the implicit A2 in closed form. With y = δ/(4(R_1+R_2)) and ℓ = ln(16 R_1R_2/a²),
+//! Normal (A1 to A5): the implicit A2 in closed form. With y = δ/(4(R_1+R_2)) and
+//! ℓ = ln(16 R_1R_2/a²),
 //!
-//!     ℓ = L + ln(ℓ-1),  L = -ln y;   k_n = πE*/(ℓ-1);   a² = 16 R_1R_2 y/(ℓ-1);
-//!     F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```text
+//! ℓ = L + ln(ℓ-1),  L = -ln y;   k_n = πE*/(ℓ-1);   a² = 16 R_1R_2 y/(ℓ-1)
+//! F_n = max(0, k_n δ - γ_n v_n),  γ_n = 2α√(k_n m*)
+//! ```
 //!
-//! Tangential (A6–A12, A23): the history is the elastic force on i along t̂,
+//! Tangential (A6 to A12, A23): the history is the elastic force on i along t̂,
 //!
-//!     F_t^e ← F_t^e - ½(k_t' + k_t) v_t(t+½Δt) Δt,   k_t' that of the last step: second order in Δt,
+//! ```text
+//! F_t^e ← F_t^e - ½(k_t' + k_t) v_t(t+½Δt) Δt
+//! ```
 //!
-//! set to the limit ±μ_s F_n and kept so where it is beyond; elsewhere -γ_t v_t is added, γ_t = 2α√(k_t m*).
+//! with k_t' of the last step, which makes it of second order in Δt. It is cut to ±μ_s F_n and
+//! stored so. Below this limit -γ_t v_t is added, γ_t = 2α√(k_t m*).
 //!
-//! Rolling (A13–A22): M^k ← M^k - k_r Δθ_r, limited to μ_r R_r F_n; below the limit -C_r (ω_i-ω_j) is added.
+//! Rolling (A13 to A22): M^k ← M^k - k_r Δθ_r, cut to μ_r R_r F_n; below this limit -C_r (ω_i-ω_j)
+//! is added.
 
 use std::f64::consts::{LN_2, PI};
-
 use std::sync::Arc;
 
 use super::damping::{of_ratio, read_ratio};
@@ -22,7 +29,7 @@ use super::keys::{DAMPING_RATIO, DENSITY, POISSON_RATIO, RESTITUTION, Values, YO
 use super::rolling::{self, Places, Rolling, roll};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, loss, portable_ln, scalar};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
@@ -86,7 +93,7 @@ impl Constants for Material {
         normal_stiffness(self.effective_modulus(), r1, r2, overlap)
     }
 
-    /// x = a²/(16 R1 R2), and δ = 4(R1+R2) x (ln(1/x) - 1).
+    /// δ = 4(R1+R2) x (ln(1/x) - 1) at x = a²/(16 R1 R2).
     fn largest_overlap(&self, r1: f64, r2: f64) -> f64 {
         let a = LARGEST_CONTACT * r1.min(r2);
         let x = a * a / (16.0 * r1 * r2);
@@ -125,7 +132,8 @@ impl Constants for Material {
     }
 }
 
-/// Beyond a/R = 0.3 of the smaller grain the fit A9 of the penalty factor is about to change sign.
+/// Largest a/R of the smaller grain: a little beyond it the penalty factor of A9, a fit, changes
+/// sign.
 pub const LARGEST_CONTACT: f64 = 0.3;
 
 /// Constants of the law, the same for all contacts. Both grains are of one material.
@@ -149,6 +157,7 @@ pub struct LeeHurley<const FRICTION: bool, const ROLLING: bool> {
 }
 
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
+    /// The law between grains of this material.
     pub fn new(material: &Material, contact: &Contact) -> Self {
         let nu = material.poisson_ratio;
         Self {
@@ -173,24 +182,25 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 // Places in the parameters of a pair.
 /// 1/(4(R_i+R_j)) (1/m).
 const INVERSE_SIZE: usize = 0;
-/// 2α√(πE* m*): what γ_n is times √(ℓ-1), and γ_t times the root of the tangential compliance.
+/// 2α√(πE* m*): γ_n √(ℓ-1), or γ_t times the root of the tangential compliance.
 const DAMPING: usize = 1;
-/// Where there is no friction: largest √x = a/(4√(R_iR_j)) within the law.
+/// Without friction: the largest √x = a/(4√(R_iR_j)) within the law.
 const LARGEST_ROOT: usize = 2;
-/// Where there is: a/R_i and a/R_j over √x, 4√(R_j/R_i) and 4√(R_i/R_j).
+/// With friction: a/R_i and a/R_j over √x, 4√(R_j/R_i) and 4√(R_i/R_j).
 const RATIO_I: usize = 2;
 const RATIO_J: usize = 3;
 /// ½ ln(R_i/R_j).
 const HALF_LOG_RATIO: usize = 4;
 
-/// Least y at which the law is evaluated: an overlap of 4e-17 (R_1+R_2) is below the rounding of the distance.
+/// Lower bound of y: an overlap of 4e-17 (R_1+R_2) is below the rounding of the distance.
 const SMALLEST_Y: f64 = 1e-17;
 
-// The root m = ℓ-1 of m e^{-m-1} = y, m > 1, for y from 1e-17 to 0.026 (δ/(R_1+R_2) from 4e-17 to 0.1), to rounding, with one
-// logarithm of full precision: g ≈ 1/m to 8e-6 from a rough logarithm; m̂ = -ln(y g) - 1; and with 1/m = g(1+ε) the equation
-// reads (1+ε)(g m̂ - g ln(1+ε)) = 1, of which ε is had to third order.
+// The root m = ℓ-1 of m e^{-m-1} = y, m > 1, for y from 1e-17 to 0.026 (δ/(R_1+R_2) from 4e-17 to
+// 0.1), to rounding error, with one logarithm of full precision: g ≈ 1/m to 8e-6 from a rough
+// logarithm; m̂ = -ln(y g) - 1; and with 1/m = g(1+ε) the equation reads
+// (1+ε)(g m̂ - g ln(1+ε)) = 1, which gives ε to third order.
 
-/// g of y: L = -ln y to 9e-6 from a polynomial on the mantissa, then one in 1/(L+1).
+/// g from y: L = -ln y to 9e-6 from a polynomial in the mantissa, then one in 1/(L+1).
 #[inline(always)]
 fn rough_inverse<L: Lanes>(token: L::Token, y: L) -> L {
     let c = |v| L::splat(token, v);
@@ -213,13 +223,13 @@ fn rough_inverse<L: Lanes>(token: L::Token, y: L) -> L {
         .mul_add(t, c(0.00010907877487182954))
 }
 
-/// m̂ of y and g.
+/// m̂ from y and g.
 #[inline(always)]
 fn near_root<L: Lanes>(token: L::Token, y: L, g: L) -> L {
     L::splat(token, -1.0) - ln(token, y * g)
 }
 
-/// m and 1/m of g and m̂.
+/// m and 1/m from g and m̂.
 #[inline(always)]
 fn root<L: Lanes>(token: L::Token, g: L, m_hat: L) -> (L, L) {
     let c = |v| L::splat(token, v);
@@ -231,12 +241,12 @@ fn root<L: Lanes>(token: L::Token, g: L, m_hat: L) -> (L, L) {
     (m, g.mul_add(epsilon, g))
 }
 
-/// k_n = F_n^e/δ (Pa) of two cylinders of radii r1, r2 (m) at the overlap δ (m), E* in Pa (A2, physics.md).
+/// k_n = F_n^e/δ (Pa) of two cylinders of radii r1, r2 (m) at the overlap δ (m), E* in Pa (LH A2).
 pub fn normal_stiffness(effective_modulus: f64, r1: f64, r2: f64, overlap: f64) -> f64 {
     PI * effective_modulus * inverse_root(overlap / (4.0 * (r1 + r2)))
 }
 
-/// 1/m of y.
+/// 1/m from y.
 fn inverse_root(y: f64) -> f64 {
     scalar(|token| {
         let y = Portable::splat(token, y);
@@ -278,27 +288,28 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
         }
     }
 
-    /// F_n = πE*a²/(4R*) with a = 0.3 R, R* = R/2.
+    /// F_n = πE*a²/(4R*) at a = 0.3 R, R* = R/2.
     fn largest_force(&self, radius: f64) -> f64 {
         0.5 * self.stiffness * LARGEST_CONTACT * LARGEST_CONTACT * radius
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        self.press::<L, LEDGER>(token, blocks);
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        self.press::<L, BUDGET>(token, blocks);
         if FRICTION {
-            self.rub::<L, LEDGER>(token, blocks);
+            self.rub::<L, BUDGET>(token, blocks);
         }
         if ROLLING {
             let places = Places {
                 parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, LEDGER>(token, blocks, places);
+            roll::<L, BUDGET>(token, blocks, places);
         }
     }
 
-    /// Normal: F = 4πE*S x, S = R_i + R_j, over δ = 4S y with dy = (ℓ-2) dx gives 16πE*S² x² (½ℓ - ¾).
+    /// Normal: the integral of F_n = 4πE*S x over δ = 4S y, with S = R_i + R_j and dy = (ℓ-2) dx,
+    /// is 16πE*S² x² (½ℓ - ¾).
     #[inline(always)]
     fn elastic_energies<L: Lanes>(
         &self,
@@ -343,7 +354,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     }
 }
 
-// Places in what is carried from loop to loop; a later quantity takes the place of one that is not needed any more.
+// Places in the carried rows. Later quantities replace those that are no longer needed.
 const Y: usize = 0;
 const ROOT_X: usize = Y;
 const G: usize = 1;
@@ -353,15 +364,15 @@ const COMPLIANCE: usize = M;
 const ROOT_COMPLIANCE: usize = 3;
 
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
-    /// F_n; carries on m and √x.
+    /// Computes F_n; carries m and √x.
     #[inline(always)]
-    fn press<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn press<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
         let carry = &mut *blocks.carry;
         for ((p, motion), carry) in parameters().zip(blocks.motion).zip(&mut *carry) {
-            // Where the grains do not touch, too, numbers that are none or below the normal ones would cost time.
+            // NaN and subnormal numbers would cost time, also in lanes that do not touch.
             let y = (load(&motion.overlap) * load(&p[INVERSE_SIZE])).max(c(SMALLEST_Y));
             y.store(&mut carry[Y]);
             rough_inverse(token, y).store(&mut carry[G]);
@@ -388,11 +399,12 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
             let normal = k_n.mul_add(overlap, -(gamma_n * v_n)).max(c(0.0));
             normal.store(&mut response.normal);
-            if LEDGER {
+            if BUDGET {
                 let viscous = k_n.mul_add(overlap, -normal);
-                let lost = viscous * v_n;
-                lost.select(overlap.greater(c(0.0)), c(0.0))
-                    .store(&mut response.lost[loss::DAMPING]);
+                let dissipated = viscous * v_n;
+                dissipated
+                    .select(overlap.greater(c(0.0)), c(0.0))
+                    .store(&mut response.dissipated[dissipation::DAMPING]);
             }
             let beyond = if FRICTION {
                 let larger = load(&p[RATIO_I]).max(load(&p[RATIO_J]));
@@ -404,7 +416,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
         }
     }
 
-    /// A9 of a/R.
+    /// The penalty factor of A9 at a/R.
     #[inline(always)]
     fn penalty_factor<L: Lanes>(&self, token: L::Token, ratio: L) -> L {
         L::splat(token, -10.31)
@@ -412,9 +424,9 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             .mul_add(ratio, L::splat(token, self.penalty))
     }
 
-    /// F_t.
+    /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let zero = c(0.0);
@@ -431,7 +443,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
                 of_j.mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2)),
             );
             inverse_sqrt(token, compliance).store(&mut carry[ROOT_COMPLIANCE]);
-            if LEDGER {
+            if BUDGET {
                 compliance.store(&mut carry[COMPLIANCE]);
             }
         }
@@ -445,7 +457,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let root = load(&carry[ROOT_COMPLIANCE]);
             let k_t = c(self.stiffness) * (root * root);
             let last = load(&history[1]);
-            // From the touch on k_t has grown as about δ^(1/(m-1)), of which the mean is (1 - 1/m) k_t.
+            // Since the touch k_t has grown about as δ^(1/(m-1)), whose mean is (1 - 1/m) k_t.
             let first = (c(-2.0) * k_t).mul_add(load(&carry[PER_M]), k_t);
             let last = last.select(last.greater(zero), first);
             let trial = (c(-0.5) * (last + k_t))
@@ -458,18 +470,19 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             (elastic - viscous).store(&mut response.tangential[0]);
             response.sliding = f.at_limit.bits();
             let (before, after) = (load(&history[0]), elastic.select(touching, zero));
-            if LEDGER {
+            if BUDGET {
                 let work = c(-0.5) * (before + after) * load(&motion.tangential_increment[0]);
                 let (per_k, per_last) = (
                     load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness),
                     inverse(token, last),
                 );
                 let gained = c(0.5) * after * after * per_k - c(0.5) * before * before * per_last;
-                let lost = work - gained;
-                lost.select(f.at_limit, zero)
-                    .store(&mut response.lost[loss::FRICTION]);
-                zero.select(f.at_limit, lost)
-                    .store(&mut response.lost[loss::STIFFNESS]);
+                let dissipated = work - gained;
+                dissipated
+                    .select(f.at_limit, zero)
+                    .store(&mut response.dissipated[dissipation::FRICTION]);
+                zero.select(f.at_limit, dissipated)
+                    .store(&mut response.dissipated[dissipation::STIFFNESS]);
                 let viscous = viscous.select(touching, zero);
                 add_damping(token, response, viscous * v_t);
             }
@@ -479,7 +492,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     }
 }
 
-/// The history is a force, which does not change with δ below its limit. dF_n/dδ = πE*/(ℓ-2).
+/// The history is a force, so F_t does not depend on δ below the limit. dF_n/dδ = πE*/(ℓ-2).
 impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION, ROLLING> {
     fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
         let [r_i, r_j] = radii;
@@ -504,7 +517,7 @@ impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION
 }
 
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
-    /// k_t (Pa) of A8 and A9 of m = ℓ-1 and √x, as in `rub`.
+    /// k_t (Pa) of A8 and A9 from m = ℓ-1 and √x, as in `rub`.
     fn tangential_stiffness(&self, [r_i, r_j]: [f64; 2], m: f64, root_x: f64) -> f64 {
         let penalty = |of: f64, other: f64| {
             let a = 4.0 * (other / of).sqrt() * root_x;
@@ -555,7 +568,8 @@ mod tests {
         }
     }
 
-    /// A2 itself: with the force of the closed form, a² = 4FR*/(πE*) and k_n of A2 give back the force.
+    /// A2 itself: with the force of the closed form, a² = 4FR*/(πE*) and k_n of A2 give back the
+    /// force.
     #[test]
     fn closed_form_satisfies_the_implicit_law() {
         let (e, r1, r2) = (MATERIAL.effective_modulus(), 0.5e-6, 0.9e-6);
@@ -568,7 +582,7 @@ mod tests {
         }
     }
 
-    /// k_t/k_n of physics.md (ν = 0.2, equal disks).
+    /// k_t/k_n of equal disks with ν = 0.2, worked out independently.
     #[test]
     fn tangential_stiffness_reference_values() {
         let law = LeeHurley::<true, true>::new(&MATERIAL, &CONTACT);

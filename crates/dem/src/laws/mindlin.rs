@@ -1,12 +1,15 @@
-//! The smoothed Mindlin law of BO, between disks or spheres, without damping:
+//! The smoothed Mindlin law of BO, between disks or spheres, without damping.
 //!
-//!     F_n = k_n δ^(3/2)                                                          (eq. 1)
-//!     F_t = -k_t √δ (1 + s - s²) t,   s = |t|/t*,   t* = μ (k_n/k_t) δ           (eqs 5, A4, A5)
+//! ```text
+//! F_n = k_n δ^(3/2)                                                    (BO 1)
+//! F_t = -k_t √δ (1 + s - s²) t,   s = |t|/t*,   t* = μ (k_n/k_t) δ     (BO 5, A4, A5)
+//! ```
 //!
-//! The history t (m) is the tangential displacement since the touch. F_t reaches Coulomb's limit μF_n at |t| = t* with no slope left;
-//! where |t| would be beyond, it is set back to t*, and the contact slides. (In the paper's eqs 5 and A4 t stands for |t|.)
+//! The history t (m) is the tangential displacement since the touch. F_t reaches Coulomb's limit
+//! μF_n at |t| = t* with zero slope. If |t| exceeds t*, it is set back to t*, and the contact
+//! slides. (In BO 5 and A4, t stands for |t|.)
 //!
-//! F_t has no potential: what δ does to it under a t that stays is a loss, or a gain, of energy.
+//! F_t has no potential: a change of δ at constant t dissipates energy, or creates some.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -15,7 +18,7 @@ use super::hooke::read_stiffnesses;
 use super::keys::{DENSITY, Key, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2, Values};
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, Stiffness};
-use crate::contact::{Blocks, ContactLaw, loss, norm, vector};
+use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
@@ -40,10 +43,11 @@ pub const KIND: LawKind = LawKind {
 /// Springs of F = k δ^(3/2) between grains, whatever their radii.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MindlinSprings {
-    /// k_n and k_t (N/m^(3/2); per unit depth in 2D).
+    /// k_n (N/m^(3/2); per unit depth in 2D).
     pub normal_stiffness: f64,
+    /// k_t (N/m^(3/2); per unit depth in 2D).
     pub tangential_stiffness: f64,
-    /// ρ of the grains, or the mass of each.
+    /// The density of the grains, or the mass of each.
     pub masses: Masses,
 }
 
@@ -88,7 +92,7 @@ impl Constants for MindlinSprings {
     }
 
     fn rigidity(&self, secant: f64, _: f64, tangential: bool) -> Rigidity {
-        // (1 + 2s - 3s²) k_t √δ at most, at s = 1/3.
+        // (1 + 2s - 3s²) k_t √δ is greatest at s = 1/3.
         let k_t = 4.0 / 3.0 * self.tangential_stiffness / self.normal_stiffness * secant;
         Rigidity {
             normal: 1.5 * secant,
@@ -115,7 +119,7 @@ impl Constants for MindlinSprings {
     }
 }
 
-/// Largest δ/(2R) of the smaller grain: the law itself has no range, but grains half a radius deep in each other are no packing.
+/// Largest δ over the diameter of the smaller grain. The law itself needs no bound.
 pub const LARGEST_OVERLAP: f64 = 0.25;
 
 /// Constants of the law, the same for all contacts.
@@ -130,6 +134,7 @@ pub struct Mindlin<D, const FRICTION: bool> {
 }
 
 impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
+    /// The law between grains with these springs.
     pub fn new(springs: &MindlinSprings, contact: &Contact) -> Self {
         Self {
             normal_stiffness: springs.normal_stiffness,
@@ -149,10 +154,10 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
 /// Largest overlap (m).
 const LARGEST: usize = 0;
 
-// Place in what is carried: √δ.
+// Place in the carried rows: √δ.
 const ROOT: usize = 0;
 
-/// An overlap (m) that is as good as none.
+/// Lower bound of δ (m), also for pairs that do not touch.
 const NO_OVERLAP: f64 = 1e-200;
 
 impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
@@ -168,14 +173,14 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
         (L::splat(token, 2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
     }
 
-    /// F_t may be greater than F_n; more than twice as great it is in contacts that bear next to nothing only, whatever μ is.
+    /// F_t may be greater than F_n, but more than twice as great only in contacts of tiny F_n.
     fn largest_force(&self, radius: f64) -> f64 {
         let overlap = 2.0 * LARGEST_OVERLAP * radius;
         self.normal_stiffness * overlap * overlap.sqrt() * self.friction.clamp(1.0, 2.0)
     }
 
     #[inline(always)]
-    fn evaluate<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         for (((p, motion), carry), response) in blocks
@@ -191,16 +196,16 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
             root.store(&mut carry[ROOT]);
             (c(self.normal_stiffness) * depth * root).store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
-            if LEDGER {
-                response.lost = [Row::ZERO; loss::KINDS];
+            if BUDGET {
+                response.dissipated = [Row::ZERO; dissipation::KINDS];
             }
         }
         if FRICTION {
-            self.rub::<L, LEDGER>(token, blocks);
+            self.rub::<L, BUDGET>(token, blocks);
         }
     }
 
-    /// ∫ F_n dδ = (2/5) k_n δ^(5/2); ∫ F_t dt at this δ.
+    /// Normal: ∫ F_n dδ = (2/5) k_n δ^(5/2). Tangential: ∫ F_t dt at this δ.
     #[inline(always)]
     fn elastic_energies<L: Lanes>(
         &self,
@@ -232,7 +237,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
 }
 
 impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
-    /// s = |t|/t*, of what is not zero.
+    /// s = |t|/t*, for t ≠ 0.
     #[inline(always)]
     fn mobilised<L: Lanes>(&self, token: L::Token, depth: L, t: &Vector<L>) -> L {
         let length = if D::SPINS == 1 {
@@ -243,7 +248,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
         length * inverse(token, L::splat(token, self.reach()) * depth)
     }
 
-    /// -F_t over t.
+    /// -F_t/t.
     #[inline(always)]
     fn secant<L: Lanes>(&self, token: L::Token, root: L, s: L) -> L {
         let one = L::splat(token, 1.0);
@@ -264,9 +269,9 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
         c(self.tangential_stiffness) * root * square * part
     }
 
-    /// F_t.
+    /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const LEDGER: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |row: &Row| L::load(token, row);
         let (zero, one) = (c(0.0), c(1.0));
@@ -299,7 +304,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 t[k] = t[k].select(touching, zero);
                 t[k].store(&mut history[k]);
             }
-            if LEDGER {
+            if BUDGET {
                 let earlier = (overlap + load(&motion.normal_increment)).max(c(NO_OVERLAP));
                 let root_before = earlier * inverse_sqrt(token, earlier);
                 let s_before = self.mobilised(token, earlier, &before);
@@ -312,18 +317,19 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 }
                 let gained = self.energy(token, root, s, &t)
                     - self.energy(token, root_before, s_before, &before);
-                let lost = work - gained;
-                // What opens has slid to nothing before.
-                let sticks = zero.select(sliding, lost).select(touching, zero);
-                sticks.store(&mut response.lost[loss::STIFFNESS]);
-                (lost - sticks).store(&mut response.lost[loss::FRICTION]);
+                let dissipated = work - gained;
+                // A contact that opens has slid until t was zero.
+                let sticks = zero.select(sliding, dissipated).select(touching, zero);
+                sticks.store(&mut response.dissipated[dissipation::STIFFNESS]);
+                (dissipated - sticks).store(&mut response.dissipated[dissipation::FRICTION]);
             }
         }
     }
 }
 
-/// With s ≤ 1: ∂F_t/∂t = -k_t √δ (1 + 2s - 3s²) along t (A6) and -k_t √δ (1 + s - s²) across it; ∂F_t/∂δ = -k_t (1 + s - s² + 2(2s² - s)) t/(2√δ)
-/// (B1). Beyond, F_t = -μ k_n δ^(3/2) t/|t|, with the same derivatives at s = 1.
+/// For s ≤ 1, ∂F_t/∂t = -k_t √δ (1 + 2s - 3s²) along t (BO A6) and -k_t √δ (1 + s - s²)
+/// perpendicular to it; ∂F_t/∂δ = -k_t (1 + s - s² + 2(2s² - s)) t/(2√δ) (BO B1). For s > 1, F_t =
+/// -μ k_n δ^(3/2) t/|t|, with the same derivatives at s = 1.
 impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
     fn derivatives(&self, _: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
         let root = overlap.sqrt();

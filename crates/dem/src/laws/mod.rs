@@ -1,7 +1,7 @@
 //! The contact laws: one law, one file. [`LAWS`] is the only list of them.
 //!
-//! A law's file has its formulas and their source, its keys with defaults and limits, its stability
-//! and its derivatives.
+//! The file of a law has its formulas and their source, its keys with defaults and limits, its
+//! stability and its derivatives. To add a law, write its file and add it to [`LAWS`].
 
 pub mod damping;
 pub mod hertz;
@@ -10,6 +10,7 @@ pub mod keys;
 pub mod lee_hurley;
 pub mod mindlin;
 pub mod rolling;
+pub mod tsuji;
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -20,11 +21,12 @@ use crate::kernel::PairForce;
 use crate::state::Masses;
 
 /// Every law that a scene can name.
-pub const LAWS: [&LawKind; 4] = [
+pub const LAWS: &[&LawKind] = &[
     &lee_hurley::KIND,
     &hooke::KIND,
     &hertz::KIND,
     &mindlin::KIND,
+    &tsuji::KIND,
 ];
 
 /// A contact law before its constants are known.
@@ -36,7 +38,7 @@ pub struct LawKind {
     pub summary: &'static str,
     /// The dimensions in which it exists.
     pub dimensions: &'static [Dimensions],
-    /// Whether it knows rolling resistance, in two dimensions.
+    /// Whether it has rolling resistance, in two dimensions.
     pub rolling: bool,
     /// The keys it takes, in the order in which they are written.
     pub keys: &'static [&'static Key],
@@ -44,19 +46,19 @@ pub struct LawKind {
     pub read: fn(&mut dyn Values) -> Arc<dyn Constants>,
 }
 
-/// The kind of this name.
+/// The law of this name, if there is one.
 pub fn kind(name: &str) -> Option<&'static LawKind> {
-    LAWS.into_iter().find(|kind| kind.name == name)
+    LAWS.iter().copied().find(|kind| kind.name == name)
 }
 
-/// μ_s, μ_r and η_r: the limits of the contacts beside their springs.
+/// μ_s, μ_r and η_r, which all laws share.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact {
-    /// μ_s.
+    /// μ_s, sliding friction.
     pub friction: f64,
-    /// μ_r.
+    /// μ_r, rolling friction.
     pub rolling_friction: f64,
-    /// η_r.
+    /// η_r, rolling damping ratio.
     pub rolling_damping_ratio: f64,
 }
 
@@ -64,9 +66,11 @@ pub struct Contact {
 /// the time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rigidity {
-    /// dF_n/dδ, the largest k_t, and the largest k_r/R² (N/m; Pa in 2D).
+    /// dF_n/dδ (N/m; Pa in 2D).
     pub normal: f64,
+    /// The largest k_t (N/m; Pa in 2D).
     pub tangential: f64,
+    /// The largest k_r/R² (N/m; Pa in 2D).
     pub rolling: f64,
     /// γ_n and γ_t (kg/s; per unit depth in 2D).
     pub damping: [f64; 2],
@@ -74,17 +78,17 @@ pub struct Rigidity {
 
 /// A law with its constants, before dimension, friction and rolling are chosen.
 pub trait Constants: Debug + Send + Sync {
-    /// What gives the grains their masses.
+    /// How the masses of the grains follow from their sizes.
     fn masses(&self) -> Masses;
 
     /// k_n = F_n^e/δ (N/m; Pa in 2D) of two grains of radii r1, r2 (m) at the overlap δ (m).
     fn normal_stiffness(&self, r1: f64, r2: f64, overlap: f64) -> f64;
 
-    /// The largest overlap (m) within the law of two grains of radii r1, r2 (m).
+    /// The largest overlap (m) of two grains of radii r1, r2 (m) for which the law is valid.
     fn largest_overlap(&self, r1: f64, r2: f64) -> f64;
 
-    /// Bounds for the stiffness of a contact of two grains of mass m (kg; kg/m in 2D) whose k_n is
-    /// `secant`. `tangential`: whether contacts may stick.
+    /// Upper bounds for the stiffness and damping of a contact of two grains of mass m (kg; kg/m in
+    /// 2D) with F_n^e/δ = `secant`. `tangential`: whether contacts may stick.
     fn rigidity(&self, secant: f64, mass: f64, tangential: bool) -> Rigidity;
 
     /// The constants while a sample of this mean diameter (m) is packed under a pressure (Pa), if
@@ -93,8 +97,8 @@ pub trait Constants: Debug + Send + Sync {
         None
     }
 
-    /// How long two spheres of this radius (m) collide at this speed (m/s), without damping (s), if
-    /// the duration depends on the speed.
+    /// The duration (s) of an undamped collision of two spheres of this radius (m) at this speed
+    /// (m/s), if it depends on the speed.
     fn collision_time(&self, _radius: f64, _speed: f64) -> Option<f64> {
         None
     }
@@ -104,15 +108,16 @@ pub trait Constants: Debug + Send + Sync {
         None
     }
 
-    /// Derived constants for people: symbol, value, unit.
+    /// Derived constants for the terminal and the report: symbol, value, unit.
     fn derived(&self) -> Vec<(&'static str, f64, &'static str)>;
 
-    /// The law between disks, with what the contacts have and nothing else compiled in.
+    /// The law between disks, compiled for the friction and rolling resistance that the contacts
+    /// have; `None` if there is none.
     fn disks(&self, _: &Contact) -> Option<Box<dyn PairForce<Two>>> {
         None
     }
 
-    /// The law between spheres.
+    /// The law between spheres, likewise.
     fn spheres(&self, _: &Contact) -> Option<Box<dyn PairForce<Three>>> {
         None
     }
@@ -127,7 +132,7 @@ pub struct Law {
 }
 
 impl Law {
-    /// The law with the values of its keys. Problems are noted by `values`.
+    /// Reads the keys of a law. `values` collects the problems.
     pub fn read(kind: &'static LawKind, values: &mut dyn Values) -> Self {
         let constants = (kind.read)(values);
         let given = kind.keys.iter().filter_map(|key| {
@@ -141,7 +146,7 @@ impl Law {
         }
     }
 
-    /// A law of these constants, without the values that they come from.
+    /// A law with these constants and no values of keys.
     pub fn of(kind: &'static LawKind, constants: impl Constants + 'static) -> Self {
         Self {
             kind,
@@ -150,12 +155,12 @@ impl Law {
         }
     }
 
-    /// What the law is.
+    /// The kind of law.
     pub fn kind(&self) -> &'static LawKind {
         self.kind
     }
 
-    /// The values of its keys, given or default, in the order of the kind's keys.
+    /// The values of its keys, given or default, in the order of [`LawKind::keys`].
     pub fn given(&self) -> &[(&'static Key, f64)] {
         &self.given
     }
@@ -179,7 +184,7 @@ impl std::ops::Deref for Law {
     }
 }
 
-/// By kind and values.
+/// Laws are equal if their kinds and values are.
 impl PartialEq for Law {
     fn eq(&self, other: &Self) -> bool {
         let values = |law: &Self| -> Vec<(&'static str, f64)> {
@@ -189,9 +194,10 @@ impl PartialEq for Law {
     }
 }
 
-/// The dimensions in which laws make forces.
+/// A dimension for which laws can be chosen at run time.
 pub trait LawSpace: crate::dimension::Dimension {
-    /// The law between this dimension's grains; `None` if it has none there.
+    /// The forces of a law between grains of this dimension; `None` if it has none. Everything that
+    /// evaluates a law, forces and stiffness matrix alike, chooses it here.
     fn pair_force(law: &Law, contact: &Contact) -> Option<Box<dyn PairForce<Self>>>;
 }
 
@@ -207,7 +213,7 @@ impl LawSpace for Three {
     }
 }
 
-/// Makes the instance of a law that has what the contacts have: `$law<…, FRICTION, ROLLING>`.
+/// Calls `$make::<FRICTION, ROLLING>` for the friction and rolling resistance of the contacts.
 macro_rules! with_limits {
     ($contact:expr, $make:ident, $args:expr) => {{
         let contact: &$crate::laws::Contact = $contact;

@@ -1,10 +1,15 @@
-//! Rolling resistance of type C (Ai et al. 2011; LH A13–A22): a spring of torque between the two rotations, and a damper,
+//! Rolling resistance of type C (Ai et al. 2011; LH A13 to A22): a torsional spring between the two
+//! rotations, and a damper,
 //!
-//!     M^k ← M^k - k_r Δθ_r,  limited to μ_r R_r F_n;  below the limit -C_r (ω_i-ω_j) is added,  C_r = 2η_r√(I_r k_r)
+//! ```text
+//! M^k ← M^k - k_r Δθ_r,  |M^k| ≤ μ_r R_r F_n,  M = M^k - C_r (ω_i-ω_j) below that limit
+//! C_r = 2η_r√(I_r k_r)
+//! ```
 //!
-//! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the disks' inertia I + mR² about the contact (A22).
+//! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the moments of inertia I + mR² about
+//! the contact (LH A22).
 
-use crate::contact::{Blocks, Limited, add_damping, loss};
+use crate::contact::{Blocks, Limited, add_damping, dissipation};
 use crate::simd::{Lanes, Row, inverse};
 
 /// Rows of [`Rolling::parameters`].
@@ -23,10 +28,12 @@ pub struct Rolling {
     pub damping_ratio: f64,
 }
 
-/// Where a law has what rolling needs: rows per block of parameters and of history, and the first of its own among them.
+/// Where a law keeps the rows of rolling resistance.
 #[derive(Debug, Clone, Copy)]
 pub struct Places {
+    /// Rows of parameters per block, and the first row of rolling among them.
     pub parameters: (usize, usize),
+    /// Rows of histories per block, and the row of rolling among them.
     pub history: (usize, usize),
 }
 
@@ -37,7 +44,7 @@ impl Rolling {
         (self.stiffness * r_r * r_r, self.friction * r_r)
     }
 
-    /// k_r, C_r and μ_r R_r.
+    /// Computes k_r, C_r and μ_r R_r.
     #[inline(always)]
     pub fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
         let c = |v| L::splat(token, v);
@@ -55,9 +62,9 @@ impl Rolling {
     }
 }
 
-/// M, after F_n and F_t.
+/// Computes M; F_n must be set.
 #[inline(always)]
-pub fn roll<L: Lanes, const LEDGER: bool>(
+pub fn roll<L: Lanes, const BUDGET: bool>(
     token: L::Token,
     blocks: &mut Blocks<'_>,
     places: Places,
@@ -81,10 +88,11 @@ pub fn roll<L: Lanes, const LEDGER: bool>(
         let (elastic, viscous) = (m.elastic[0], m.viscous[0]);
         (elastic - viscous).store(&mut response.rolling);
         let (before, after) = (load(&history[place]), elastic.select(touching, zero));
-        if LEDGER {
+        if BUDGET {
             let work = (before + after) * load(&motion.rolling_increment);
             let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
-            (L::splat(token, -0.5) * (work + gained)).store(&mut response.lost[loss::ROLLING]);
+            (L::splat(token, -0.5) * (work + gained))
+                .store(&mut response.dissipated[dissipation::ROLLING]);
             let viscous = viscous.select(touching, zero);
             add_damping(token, response, viscous * speed);
         }

@@ -14,6 +14,7 @@ use super::{
 pub struct Avx2Token(());
 
 impl Avx2Token {
+    /// The token, if this processor has them.
     pub fn detect() -> Option<Self> {
         (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
     }
@@ -29,6 +30,7 @@ pub(super) fn run<W: Work>(token: Avx2Token, work: W) -> W::Output {
     unsafe { compiled(token, work) }
 }
 
+/// Sixteen f64 in AVX2 registers.
 #[derive(Debug, Clone, Copy)]
 pub struct Avx2([__m256d; 4]);
 

@@ -14,6 +14,7 @@ use super::{
 pub struct Avx512Token(());
 
 impl Avx512Token {
+    /// The token, if this processor has them.
     pub fn detect() -> Option<Self> {
         let has = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512dq")
@@ -33,6 +34,7 @@ pub(super) fn run<W: Work>(token: Avx512Token, work: W) -> W::Output {
     unsafe { compiled(token, work) }
 }
 
+/// Sixteen f64 in AVX-512 registers.
 #[derive(Debug, Clone, Copy)]
 pub struct Avx512([__m512d; 2]);
 

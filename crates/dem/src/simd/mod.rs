@@ -37,10 +37,12 @@ pub struct Row(pub [f64; LANES]);
 pub struct Line(pub [f64; 8]);
 
 impl Line {
+    /// Zeros.
     pub const ZERO: Self = Line([0.0; 8]);
 }
 
 impl Row {
+    /// Zeros.
     pub const ZERO: Self = Row([0.0; LANES]);
 }
 
@@ -84,7 +86,9 @@ impl DerefMut for Oct {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C, align(64))]
 pub struct Pairs {
+    /// The first of each pair.
     pub i: [u32; LANES],
+    /// The second of each pair.
     pub j: [u32; LANES],
 }
 
@@ -96,6 +100,7 @@ pub struct PairList {
 }
 
 impl PairList {
+    /// Removes all blocks.
     pub fn clear(&mut self) {
         self.blocks.clear();
         self.below.clear();
@@ -110,10 +115,12 @@ impl PairList {
         self.blocks.push(pairs);
     }
 
+    /// The blocks.
     pub fn blocks(&self) -> &[Pairs] {
         &self.blocks
     }
 
+    /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
         self.blocks.capacity() * size_of::<Pairs>() + self.below.capacity() * size_of::<u32>()
     }
@@ -143,15 +150,20 @@ pub trait Lanes:
 {
     /// Proof that the processor can do this.
     type Token: Copy;
+    /// One truth value per lane.
     type Mask: Mask;
     /// Sixteen integers from 0 to 7.
     type Index: Copy;
     /// Sixteen sums of integers.
     type Counts: Copy;
 
+    /// The same number in every lane.
     fn splat(token: Self::Token, x: f64) -> Self;
+    /// The lanes of a row.
     fn load(token: Self::Token, from: &Row) -> Self;
+    /// Writes the lanes to a row.
     fn store(self, to: &mut Row);
+    /// The lanes as a row.
     #[inline(always)]
     fn to_row(self) -> Row {
         let mut row = Row::ZERO;
@@ -160,7 +172,9 @@ pub trait Lanes:
     }
     /// `self * factor + term`, rounded once.
     fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// √x.
     fn sqrt(self) -> Self;
+    /// |x|.
     fn abs(self) -> Self;
     /// To the nearest integer, ties to even.
     fn round(self) -> Self;
@@ -178,6 +192,7 @@ pub trait Lanes:
     fn exponent_eighth(self) -> (Self, Self, Self::Index);
     /// `table[k]`.
     fn look_up(token: Self::Token, table: &[f64; 8], k: Self::Index) -> Self;
+    /// Sums of nothing.
     fn no_counts(token: Self::Token) -> Self::Counts;
     /// Adds `self`, rounded to the nearest integer; |self| < 2^51.
     fn count(self, sums: Self::Counts) -> Self::Counts;
@@ -255,6 +270,7 @@ const INVERSE_SQRT_MAGIC: u64 = 0x5fe6_e8ea_de98_a944;
 
 /// Sixteen truth values.
 pub trait Mask: Copy {
+    /// True where both are.
     fn and(self, other: Self) -> Self;
     /// Lane k in bit k.
     fn bits(self) -> u16;
@@ -262,6 +278,7 @@ pub trait Mask: Copy {
 
 /// Something to do sixteen lanes at a time, on whichever instruction set there is.
 pub trait Work {
+    /// The result.
     type Output;
     /// To be `#[inline(always)]`, with all that it calls: what is not inlined is not compiled for the instruction set.
     fn run<L: Lanes>(self, token: L::Token) -> Self::Output;
@@ -270,8 +287,11 @@ pub trait Work {
 /// The instruction sets that the kernel is built for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
+    /// AVX-512.
     Avx512(Avx512Token),
+    /// AVX2 with FMA.
     Avx2(Avx2Token),
+    /// Arrays of f64, on any processor.
     Portable,
 }
 
@@ -307,6 +327,7 @@ impl Level {
         }
     }
 
+    /// The name that [`Level::named`] takes.
     pub fn name(self) -> &'static str {
         match self {
             Level::Avx512(_) => "avx512",

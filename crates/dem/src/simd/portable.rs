@@ -7,10 +7,11 @@ use super::{
     TO_INTEGER,
 };
 
-/// Every processor can do this.
+/// The token of the portable lanes; every processor has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PortableToken;
 
+/// Sixteen f64 in an array.
 #[derive(Debug, Clone, Copy)]
 pub struct Portable([f64; LANES]);
 

@@ -1,4 +1,5 @@
-//! The cell: periodic along all axes but the last, along which walls bound it, or along that one as well, sheared.
+//! The cell: periodic along all axes but the last, along which there are walls, or periodic along
+//! all axes and sheared.
 
 use crate::dimension::Dimension;
 
@@ -12,11 +13,11 @@ pub fn nearest_image(dx: f64, length: f64) -> f64 {
 pub struct Cell {
     /// L_x, and in three dimensions L_y (m).
     pub periods: [f64; 2],
-    /// Where the cell is periodic along the last axis, too.
+    /// The last axis of a cell that is periodic along it.
     pub sheared: Option<Sheared>,
 }
 
-/// The last axis of a cell that is periodic along it (Lees and Edwards): the image above is displaced along x.
+/// The last axis of a Lees–Edwards cell: the image above is displaced along x.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sheared {
     /// Period along the last axis (m).
@@ -60,15 +61,16 @@ impl Cell {
         r
     }
 
-    /// x in [0, period), in the very step in which it left.
+    /// Wraps x into [0, period). Called in the step in which x leaves that range.
     #[cold]
     pub fn wrapped(x: f64, period: f64) -> f64 {
         let inside = if x < 0.0 { x + period } else { x - period };
-        // x may be so little below zero that the sum rounds to the period.
+        // If x is just below 0, the sum rounds to the period.
         if inside >= period { 0.0 } else { inside }
     }
 
-    /// Brings a grain that has left a sheared cell along the last axis back into it: its record's position and velocities.
+    /// Wraps a grain that has left a sheared cell along the last axis: position and velocities of
+    /// its record.
     #[inline(always)]
     pub fn wrap_up<D: Dimension>(&self, fields: &mut [f64]) {
         if let Some(sheared) = &self.sheared
@@ -92,8 +94,9 @@ impl Cell {
         fields[D::HALF_VELOCITY] += images * sheared.velocity;
     }
 
-    /// Where a grain is along x among the slabs (m), in [0, L_x): the cuts between them lean with the images of a sheared cell, so
-    /// that a grain and its image above are in the same one.
+    /// The coordinate of a grain along x among the slabs (m), in [0, L_x). The cuts between slabs
+    /// tilt with the images of a sheared cell, so that a grain and its image above are in the same
+    /// slab.
     pub fn along<D: Dimension>(&self, position: &[f64]) -> f64 {
         let Some(sheared) = &self.sheared else {
             return position[0];
@@ -107,16 +110,16 @@ impl Cell {
         }
     }
 
-    /// How far apart along x, as [`Cell::along`] has it, two grains may be that are `reach` (m) apart.
+    /// The greatest difference of [`Cell::along`] between two grains that are `reach` (m) apart.
     pub fn reach_along(&self, reach: f64) -> f64 {
         match &self.sheared {
             None => reach,
-            // A little more, for the rounding of `along`.
+            // 1e-9 more, for the rounding of `along`.
             Some(sheared) => reach * (1.0 + sheared.tilt() * sheared.tilt()).sqrt() * (1.0 + 1e-9),
         }
     }
 
-    /// [`Cell::reach_along`] when the images lean as far as they may.
+    /// [`Cell::reach_along`] at the greatest offset of the images.
     pub fn longest_reach_along(&self, reach: f64) -> f64 {
         let leaning = |sheared| Self {
             sheared: Some(Sheared {
@@ -129,7 +132,7 @@ impl Cell {
             .map_or(reach, |s| leaning(s).reach_along(reach))
     }
 
-    /// A step (s) of the images' motion.
+    /// Moves the images for a time step (s).
     pub fn lean(&mut self, step: f64) {
         if let Some(Sheared { velocity, .. }) = self.sheared
             && velocity != 0.0
@@ -138,7 +141,7 @@ impl Cell {
         }
     }
 
-    /// Displaces the image above by this much more along x (m).
+    /// Displaces the image above further along x, by this length (m).
     pub fn shear(&mut self, by: f64) {
         let period = self.periods[0];
         if let Some(sheared) = &mut self.sheared {

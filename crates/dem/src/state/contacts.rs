@@ -1,4 +1,4 @@
-//! The canonical half list and what the contacts remember, in blocks of sixteen pairs.
+//! The half list of candidate pairs and the histories of contacts, in blocks of sixteen pairs.
 
 use std::ops::Range;
 
@@ -7,18 +7,23 @@ use crate::simd::{LANES, Level, PairList, Pairs, Row};
 
 use super::ContactState;
 
-/// Pairs of local grains that touch or may come to, each once, i the lower id: first the blocks of inner pairs, of which this
-/// rank owns both grains, then those of which it owns i, then those of which it owns j. Within a group contacts come before pairs
-/// that are apart, these by their gaps, window by window of pairs in order of (id of i, id of j): so the kernel finds blocks in which
-/// nothing touches behind one another.
+/// Candidate pairs of local grains, each once, with the lower id as i.
 ///
-/// The last block of a group is filled up with a grain and itself, which do not touch. Neither the order nor the extent of the list
-/// reaches the numbers: sums of forces are exact, and pairs that do not touch add nothing.
+/// There are three groups of blocks: inner pairs, of which this rank owns both grains, then pairs
+/// of which it owns i, then pairs of which it owns j. In a group the pairs are sorted by (id of i,
+/// id of j), and then, window by window, contacts before pairs that do not touch, and these by
+/// their gaps. So blocks in which nothing touches follow each other.
+///
+/// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
+/// order and the extent of the list do not change the numbers: sums of forces are exact, and pairs
+/// that do not touch add nothing.
 #[derive(Debug, Default)]
 pub struct Contacts {
-    /// Blocks of inner pairs, and of all pairs of which this rank owns i.
+    /// Blocks of inner pairs, which come first.
     pub inner: usize,
+    /// Blocks of pairs of which this rank owns i, the inner ones included.
     pub mine: usize,
+    /// The pairs, by the local indices of their grains.
     pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
     pub geometry: Vec<[Row; 2]>,
@@ -26,24 +31,27 @@ pub struct Contacts {
     pub parameters: Vec<Row>,
     /// [`Contacts::history_rows`] rows per block.
     pub history: Vec<Row>,
-    /// Rows per block that the law takes for its parameters and for its histories.
+    /// Rows per block that the law takes for its parameters.
     pub parameter_rows: usize,
+    /// Rows per block that the law takes for its histories.
     pub history_rows: usize,
     /// Lanes that touched when the forces were last computed.
     pub touching: Vec<u16>,
 }
 
-/// Two local grains that touch or may come to, the one of lower id first.
+/// Two local grains that touch or may come to touch, the one of lower id first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CandidatePair {
+    /// Local indices.
     pub grains: [u32; 2],
     /// |r| - R_i - R_j (m).
     pub gap: f64,
 }
 
 impl Contacts {
-    /// Replaces the list by the pairs of `near`, sorted by their ids, and gives them back what they remember. `remembered` is sorted by
-    /// (i, j); pairs that are not in it start anew. Of the local grains' `id` and `radius` those before `owned` are this rank's.
+    /// Replaces the list by the pairs of `near`, which are sorted by their ids, with the histories
+    /// of `remembered`, which is sorted by (i, j). Other pairs start without a history. `id` and
+    /// `radius` are those of the local grains; this rank owns the first `owned`.
     pub fn replace(
         &mut self,
         level: Level,
@@ -102,7 +110,7 @@ impl Contacts {
         law.set_parameters(level, &self.geometry, &mut self.parameters);
     }
 
-    /// Some blocks, for the kernel.
+    /// Borrows some blocks, for the kernel.
     pub fn part(&mut self, blocks: Range<usize>) -> Part<'_> {
         let of = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
         Part {
@@ -140,7 +148,7 @@ impl Contacts {
             })
     }
 
-    /// What a touching contact remembers.
+    /// The history of a touching contact, with the ids of its grains.
     pub fn state(&self, law: &dyn PairModel, at: Touching, id: &[u32]) -> ContactState {
         let mut history = [0.0; 3];
         let rows = &self.history[at.block * self.history_rows..][..self.history_rows];
@@ -164,13 +172,14 @@ impl Contacts {
     }
 }
 
-/// A pair of the list, and what it remembers where it is a contact.
+/// A pair of the list, and its history if it is a contact.
 struct Listed {
     grains: [u32; 2],
     history: Option<[f64; 3]>,
 }
 
-/// Pairs among which contacts come first: so many that few blocks hold both, so few that what they need stays in the cache.
+/// Number of pairs among which contacts come first: enough that few blocks hold both kinds, and few
+/// enough that their data stay in the cache.
 const WINDOW: usize = 64 * LANES;
 
 /// A group in the order of the list.
@@ -199,28 +208,35 @@ fn in_order<'a>(
     all.into_iter().map(|(_, listed)| listed).collect()
 }
 
-/// Some blocks, as the kernel works on them.
+/// Some blocks of the list, as the kernel uses them.
 pub struct Part<'a> {
     /// The first of them in the list.
     pub first: usize,
     /// [`Contacts::mine`].
     pub mine: usize,
-    /// [`Contacts::parameter_rows`] and [`Contacts::history_rows`].
+    /// [`Contacts::parameter_rows`].
     pub parameter_rows: usize,
+    /// [`Contacts::history_rows`].
     pub history_rows: usize,
+    /// [`Contacts::pairs`], of the whole list.
     pub pairs: &'a PairList,
+    /// [`Contacts::geometry`] of these blocks.
     pub geometry: &'a [[Row; 2]],
+    /// [`Contacts::parameters`] of these blocks.
     pub parameters: &'a [Row],
+    /// [`Contacts::history`] of these blocks.
     pub history: &'a mut [Row],
+    /// [`Contacts::touching`] of these blocks.
     pub touching: &'a mut [u16],
 }
 
 impl<'a> Part<'a> {
+    /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.geometry.len()
     }
 
-    /// Those before the block `until` of the list, and those from it on.
+    /// The blocks before block `until` of the list, and the others.
     pub fn split(self, until: usize) -> (Part<'a>, Part<'a>) {
         let here = until - self.first;
         let (geometry, geometry_after) = self.geometry.split_at(here);
@@ -254,14 +270,18 @@ impl<'a> Part<'a> {
     }
 }
 
-/// In place of R_i + R_j where a lane only fills up a block: nothing is so near.
+/// R_i + R_j of lanes that fill up a block: negative, so that they never touch.
 const FILLER: f64 = -1.0;
 
-/// Place of a touching contact in the list, and its grains.
+/// The place of a touching contact in the list, and its grains.
 #[derive(Debug, Clone, Copy)]
 pub struct Touching {
+    /// Block of the list.
     pub block: usize,
+    /// Lane of the block.
     pub lane: usize,
+    /// Local index of the first grain.
     pub i: usize,
+    /// Local index of the second grain.
     pub j: usize,
 }

@@ -1,15 +1,15 @@
-//! What comes back out of a run's file: the grains as they are for the whole run, and frames.
+//! What is read from the file of a run: constants of the grains, and frames.
 
 use super::{ContactSample, GrainSample, nearest_image};
 
-/// What never changes during a run, by grain id; N grains.
+/// Constants of the grains during a run, by id; N grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Disks {
-    /// [N] R (m).
+    /// `[N]` R (m).
     pub radius: Vec<f64>,
-    /// [N] 0 free, 1 bottom wall, 2 top wall.
+    /// `[N]` 0 free, 1 bottom wall, 2 top wall.
     pub body: Vec<u8>,
-    /// [N] m (kg/m in 2D).
+    /// `[N]` m (kg; kg/m in 2D).
     pub mass: Vec<f64>,
     /// L_x (m), the period along x.
     pub length: f64,
@@ -32,14 +32,14 @@ impl Disks {
     }
 }
 
-/// One frame of a run of disks or spheres, with all that it holds.
+/// One frame of a run of disks or spheres, complete.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FrameRecords {
     /// Steps since the start of the shear.
     pub step: u64,
     /// Time since the start of the shear (s).
     pub time: f64,
-    /// [N] by id.
+    /// `[N]` by id.
     pub grains: Vec<GrainSample>,
     /// Touching contacts in order of (i, j).
     pub contacts: Vec<ContactSample>,
@@ -52,11 +52,11 @@ pub struct Frame {
     pub step: u64,
     /// Time since the start of the shear (s).
     pub time: f64,
-    /// [N] wrapped into [0, L_x) along x (m).
+    /// `[N, 2]` wrapped into [0, L_x) along x (m).
     pub position: Vec<[f64; 2]>,
-    /// [N] (m/s), at the full step.
+    /// `[N, 2]` at the full step (m/s).
     pub velocity: Vec<[f64; 2]>,
-    /// [N] about z (rad/s).
+    /// `[N]` about z (rad/s).
     pub angular_velocity: Vec<f64>,
     /// Touching contacts in order of (i, j).
     pub contacts: Vec<ContactSample>,

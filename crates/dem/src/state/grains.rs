@@ -6,33 +6,42 @@ use crate::dimension::Dimension;
 
 use super::GrainState;
 
-/// What a grain belongs to.
+/// The body that a grain belongs to.
 pub mod body {
+    /// None: the grain moves freely.
     pub const FREE: u32 = 0;
+    /// The bottom wall.
     pub const BOTTOM: u32 = 1;
+    /// The top wall.
     pub const TOP: u32 = 2;
 }
 
-/// What the contacts count in, powers of two. Forces and torques are rounded to theirs before they are added to the grains: sums of
-/// whole multiples are exact, so that they do not depend on the order (contract 1), and the forces on two grains in contact cancel
-/// exactly. Slips and turns are rounded before they stretch a spring: what is less than half a unit in a step stretches none, so that
-/// springs of a grain at rest stay as they are; else they would drift, by velocities too small to change a rounded position.
+/// Units of the contact forces, powers of two.
+///
+/// Forces and torques are rounded to their units before they are added to the grains. Sums of whole
+/// multiples are exact, so they do not depend on the order ([contract 1](crate#contracts)), and the
+/// forces on the two grains of a contact cancel exactly.
+///
+/// Slips and rotations are rounded before they stretch a spring. Less than half a unit in a step
+/// stretches none, so the springs of a grain at rest do not change. Without this they would drift,
+/// by velocities too small to change a rounded position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Units {
-    /// 2^-50 to 2^-49 of the greatest force of the law (N; per unit depth in 2D), which is less than what the rounding of the grains'
-    /// positions does to the force: k R 2^-53, where the greatest force is about k R/10.
+    /// Of forces (N; per unit depth in 2D): 2^-50 to 2^-49 of the greatest force of the law. Less
+    /// than the error k R 2^-53 from the rounding of positions, as the greatest force is about k
+    /// R/10.
     pub force: f64,
-    /// (N m; per unit depth in 2D)
+    /// Of torques (N m; per unit depth in 2D).
     pub torque: f64,
-    /// (m) 2^-53 to 2^-52 of the greatest radius.
+    /// Of slips (m): 2^-53 to 2^-52 of the greatest radius.
     pub slip: f64,
 }
 
 impl Units {
-    /// (rad)
+    /// Of rotations (rad).
     pub const TURN: f64 = 1.0 / (1u64 << 53) as f64;
 
-    /// `largest_force` (N; N/m in 2D) and `largest_radius` (m) of a contact, positive.
+    /// The units for the greatest force (N; N/m in 2D) and radius (m) of a contact, both positive.
     pub fn new(largest_force: f64, largest_radius: f64) -> Self {
         let force = power_of_two_above(largest_force) * 2f64.powi(-50);
         let radius = power_of_two_above(largest_radius);
@@ -43,13 +52,14 @@ impl Units {
         }
     }
 
-    /// What is to be added to and subtracted from a number of up to 2^51 units to leave no bit of it below the unit.
+    /// The number that rounds others to this unit, if added and then subtracted; for numbers of up
+    /// to 2^51 units.
     #[inline(always)]
     pub fn shift(unit: f64) -> f64 {
         unit * (3u64 << 51) as f64
     }
 
-    /// The greatest force that is rounded right.
+    /// The greatest force that is rounded correctly.
     pub fn largest_force(&self) -> f64 {
         self.force * 2f64.powi(51)
     }
@@ -61,7 +71,7 @@ fn power_of_two_above(x: f64) -> f64 {
     f64::from_bits((exponent + 1) << 52)
 }
 
-/// What gives the grains their masses.
+/// How the masses of the grains follow from their sizes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Masses {
     /// ρ (kg/m³) of all.
@@ -71,7 +81,8 @@ pub enum Masses {
 }
 
 impl Masses {
-    /// m (kg; kg/m in 2D) of a grain of this volume (m³; m² in 2D), and so the mean of many.
+    /// m (kg; kg/m in 2D) of a grain of this volume (m³; m² in 2D); the mean mass for the mean
+    /// volume.
     pub fn of(self, volume: f64) -> f64 {
         match self {
             Masses::Density(density) => density * volume,
@@ -80,17 +91,23 @@ impl Masses {
     }
 }
 
-/// Structure of arrays over own grains and ghosts; what only own grains need is shorter.
+/// Structure of arrays over owned grains and ghosts. Arrays that only owned grains need are
+/// shorter.
 #[derive(Debug)]
 pub struct Grains<D: Dimension> {
-    /// Number of own grains.
+    /// Number of owned grains.
     pub owned: usize,
+    /// Ids.
     pub id: Vec<u32>,
+    /// Bodies; see [`body`].
     pub body: Vec<u32>,
+    /// Radii (m).
     pub radius: Vec<f64>,
+    /// Positions and velocities.
     pub record: Vec<D::Record>,
+    /// Forces and torques.
     pub force: Vec<D::Force>,
-    /// Of the contact forces.
+    /// The units of the contact forces.
     pub units: Units,
     /// m (kg; kg/m in 2D), own grains.
     pub mass: Vec<f64>,
@@ -178,14 +195,17 @@ impl<D: Dimension> Grains<D> {
         }
     }
 
+    /// The record of a grain.
     pub fn fields(&self, g: usize) -> &[f64] {
         D::fields(&self.record[g])
     }
 
+    /// The record of a grain, to change it.
     pub fn fields_mut(&mut self, g: usize) -> &mut [f64] {
         D::fields_mut(&mut self.record[g])
     }
 
+    /// The complete state of a grain.
     pub fn state(&self, g: usize) -> GrainState {
         let (r, f) = (self.fields(g), &self.force[g][..]);
         let linear = |from: &[f64], at: usize| {

@@ -1,4 +1,4 @@
-//! Grains, contacts, walls and the cell: what a run consists of between two steps.
+//! Grains, contacts, the cell, and the records of frames and checkpoints.
 
 mod cell;
 mod contacts;
@@ -11,7 +11,7 @@ pub use cell::{Cell, Sheared, length, nearest_image};
 pub use contacts::{CandidatePair, Contacts, Part, Touching};
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
-pub use sample::{ContactSample, GrainSample, SERIES_COLUMNS, SeriesRow};
+pub use sample::{ContactSample, GrainSample, SeriesRow};
 pub use snapshot::{
     ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
 };

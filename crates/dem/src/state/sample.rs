@@ -6,9 +6,13 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainSample {
+    /// Id.
     pub id: u64,
+    /// Wrapped position (m).
     pub position: [f64; 3],
+    /// Velocity (m/s).
     pub velocity: [f64; 3],
+    /// Angular velocity (rad/s).
     pub angular_velocity: [f64; 3],
 }
 
@@ -16,7 +20,9 @@ pub struct GrainSample {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ContactSample {
+    /// Lower id.
     pub i: u32,
+    /// Higher id.
     pub j: u32,
     /// F_n ≥ 0, repulsive, elastic and damping.
     pub normal_force: f64,
@@ -32,89 +38,56 @@ pub struct ContactSample {
     pub sliding: u64,
 }
 
-/// Names of the columns of the time series, in `log.csv` and under `observables/` alike.
-pub const SERIES_COLUMNS: [&str; 24] = [
-    "strain",
-    "stress_ratio",
-    "normal_force",
-    "shear_force",
-    "wall_height",
-    "solid_fraction",
-    "coordination",
-    "kinetic_energy",
-    "sliding_fraction",
-    "wall_velocity",
-    "slip",
-    "slip_rate",
-    "drive_displacement",
-    "drive_velocity",
-    "elastic_normal",
-    "elastic_tangential",
-    "elastic_rolling",
-    "work_drive",
-    "work_load",
-    "lost_damping",
-    "lost_friction",
-    "lost_rolling",
-    "lost_stiffness",
-    "energy_residual",
-];
-
-/// One row of the time series, in the order of [`SERIES_COLUMNS`].
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct SeriesRow {
-    /// γ, displacement of the top wall over the height at the start of the shear.
-    pub strain: f64,
-    /// τ = S/N; NaN while nothing touches the top wall.
-    pub stress_ratio: f64,
-    /// N: normal force of the free grains on the top wall (N/m in 2D).
-    pub normal_force: f64,
-    /// S: force of the free grains on the top wall against its motion (N/m in 2D).
-    pub shear_force: f64,
-    /// h: distance between the planes at which the walls were cut from the sample (m).
-    pub wall_height: f64,
-    /// Volume (area in 2D) of the free grains over that between the walls.
-    pub solid_fraction: f64,
-    /// Mean number of contacts of a free grain.
-    pub coordination: f64,
-    /// Of the free grains, translation and rotation (J/m in 2D).
-    pub kinetic_energy: f64,
-    /// Sliding contacts over all contacts.
-    pub sliding_fraction: f64,
-    /// Velocity of the top wall away from the bottom (m/s).
-    pub wall_velocity: f64,
-    /// Displacement of the top wall along x since the start of the shear (m), and its velocity (m/s).
-    pub slip: f64,
-    pub slip_rate: f64,
-    /// The same of what drives it: the far end of the spring, or the wall itself.
-    pub drive_displacement: f64,
-    pub drive_velocity: f64,
-    /// The ledger of energy (J/m in 2D), not a number where none is kept. Elastic energy of the contacts.
-    pub elastic_normal: f64,
-    pub elastic_tangential: f64,
-    pub elastic_rolling: f64,
-    /// Work done on the sample since the shear began: by what drives the top along x, and by the load on it.
-    pub work_drive: f64,
-    pub work_load: f64,
-    /// Lost since then: to damping, to sliding, to rolling at its limit, and to changes of k_t under a force that stays.
-    pub lost_damping: f64,
-    pub lost_friction: f64,
-    pub lost_rolling: f64,
-    pub lost_stiffness: f64,
-    /// What is missing of the work in the kinetic and elastic energies and the losses, over the sum of the magnitudes of both works.
-    pub energy_residual: f64,
-}
-
-impl AsRef<[f64]> for SeriesRow {
-    fn as_ref(&self) -> &[f64] {
-        bytemuck::cast_slice(std::slice::from_ref(self))
-    }
-}
-
-impl SeriesRow {
-    /// The row as the columns of [`SERIES_COLUMNS`].
-    pub fn columns(&self) -> [f64; SERIES_COLUMNS.len()] {
-        bytemuck::cast(*self)
+crate::columns! {
+    /// One row of the time series, in `log.csv` and under `observables/` of `run.h5`.
+    pub struct SeriesRow {
+        /// γ, displacement of the top wall over the height at the start
+        strain: "1",
+        /// τ = S/N; NaN while nothing touches the top wall
+        stress_ratio: "1",
+        /// N, normal force of the free grains on the top wall
+        normal_force: "N",
+        /// S, force of the free grains on the top wall against its motion
+        shear_force: "N",
+        /// h, distance between the planes at which the walls were cut
+        wall_height: "m",
+        /// volume (area in 2D) of the free grains over that between the walls
+        solid_fraction: "1",
+        /// mean number of contacts of a free grain
+        coordination: "1",
+        /// of the free grains, translation and rotation
+        kinetic_energy: "J",
+        /// sliding contacts over all contacts
+        sliding_fraction: "1",
+        /// velocity of the top wall away from the bottom wall
+        wall_velocity: "m s-1",
+        /// displacement of the top wall along x
+        slip: "m",
+        /// velocity of the top wall along x
+        slip_rate: "m s-1",
+        /// displacement of the far end of the spring, or of the wall itself
+        drive_displacement: "m",
+        /// velocity of the far end of the spring, or of the wall itself
+        drive_velocity: "m s-1",
+        /// stored in the contacts, normal part
+        elastic_normal: "J",
+        /// stored in the contacts, tangential part
+        elastic_tangential: "J",
+        /// stored in the contacts, rolling part
+        elastic_rolling: "J",
+        /// work of the drive on the sample
+        work_drive: "J",
+        /// work of the load on the sample
+        work_load: "J",
+        /// dissipated by dampers
+        dissipated_damping: "J", formerly "lost_damping",
+        /// dissipated by sliding
+        dissipated_friction: "J", formerly "lost_friction",
+        /// dissipated by rolling at its limit
+        dissipated_rolling: "J", formerly "lost_rolling",
+        /// dissipated by changes of k_t at constant force
+        dissipated_stiffness: "J", formerly "lost_stiffness",
+        /// energy not accounted for, over the sum of both works' magnitudes
+        energy_residual: "1",
     }
 }

@@ -1,16 +1,23 @@
-//! The whole state of a run in pieces that travel: between ranks, into a checkpoint, into the digest.
+//! The state of a run as records that are sent between ranks, written to checkpoints and hashed for
+//! the digest.
 
 use bytemuck::{Pod, Zeroable};
 
-/// All of one grain, in two dimensions with zeros for what it lacks. `body`: 0 free, 1 bottom wall, 2 top wall. SI units.
+/// The state of a grain, SI units; in two dimensions the unused components are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainState {
+    /// Id.
     pub id: u32,
+    /// 0 free, 1 bottom wall, 2 top wall.
     pub body: u32,
+    /// Wrapped position (m).
     pub position: [f64; 3],
+    /// Velocity (m/s).
     pub velocity: [f64; 3],
+    /// Angular velocity (rad/s).
     pub angular_velocity: [f64; 3],
+    /// R (m).
     pub radius: f64,
     /// Force of the last step (N; N/m in 2D).
     pub force: [f64; 3],
@@ -18,62 +25,84 @@ pub struct GrainState {
     pub torque: [f64; 3],
 }
 
-/// All of one touching contact, `i < j`. History in 2D: what the law remembers along t̂ (elastic force, N/m, or displacement, m),
-/// last k_t (Pa), elastic rolling torque (N); in 3D: the tangential vector that it remembers (force, N, or displacement, m).
+/// The state of a touching contact, `i < j`.
+///
+/// The history in 2D: the law's elastic force (N/m) or displacement (m) along t̂, the last k_t
+/// (Pa), the elastic rolling torque (N). In 3D: the vector of its tangential force (N) or
+/// displacement (m).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ContactState {
+    /// Lower id.
     pub i: u32,
+    /// Higher id.
     pub j: u32,
+    /// History; see above.
     pub history: [f64; 3],
 }
 
-/// Where a grain was in a frame (m): what the scalars of a frame need of it.
+/// The position of a grain in a frame, for the scalars of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainPlace {
+    /// Id.
     pub id: u32,
+    /// Body, as in [`GrainState`].
     pub body: u32,
+    /// Wrapped position (m).
     pub position: [f64; 2],
 }
 
-/// What bore on a contact in a frame, `i < j` (N/m): what the scalars of a frame need of it.
+/// The forces of a contact in a frame, `i < j`, for the scalars of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ContactForce {
+    /// Lower id.
     pub i: u32,
+    /// Higher id.
     pub j: u32,
+    /// F_n (N/m).
     pub normal_force: f64,
+    /// F_t along t̂ (N/m).
     pub tangential_force: f64,
 }
 
-/// This rank's part of a frame whose scalars are wanted; over the ranks every grain and every contact comes once.
+/// This rank's part of a frame whose scalars are computed. Over all ranks, every grain and every
+/// contact occurs once.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FramePart {
+    /// Owned grains.
     pub grains: Vec<GrainPlace>,
+    /// Contacts whose first grain this rank owns.
     pub contacts: Vec<ContactForce>,
 }
 
-/// How far a grain has come since a stage began.
+/// The displacement of a grain since the start of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Travel {
+    /// Id.
     pub id: u32,
+    /// Body, as in [`GrainState`].
     pub body: u32,
-    /// Where it was then (m), wrapped.
+    /// Its position at the start (m), wrapped.
     pub start: [f64; 3],
-    /// How far it has turned (rad), the sum over the steps.
+    /// Its rotation since (rad), summed over the steps.
     pub angle: [f64; 3],
 }
 
-/// This rank's part of a checkpoint. `header` is JSON, the same on every rank: stage, step, walls, what was written so far.
+/// This rank's part of a checkpoint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
+    /// JSON with stage, step, walls and what was written so far; the same on every rank.
     pub header: String,
+    /// Owned grains.
     pub grains: Vec<GrainState>,
+    /// Contacts of owned grains.
     pub contacts: Vec<ContactState>,
-    /// The last frame of which the run computed scalars, on every rank or on none: the next ones are between it and the next.
+    /// The last frame whose scalars the run computed, from which the next interval starts; on all
+    /// ranks or on none.
     pub analysed: Option<FramePart>,
-    /// Of a stage that measures how far grains move, on every rank or on none.
+    /// The displacements of a stage that measures them; on all ranks or on none.
     pub travels: Option<Vec<Travel>>,
 }

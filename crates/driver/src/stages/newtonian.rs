@@ -15,7 +15,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::PeriodicScene;
 use gshear_scene::schedule::Window;
 use gshear_store::collective::gathered;
-use gshear_store::columns::{NEWTONIAN_COLUMNS, NEWTONIAN_FILE, SPECTRA_FILE};
+use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
 
 use super::box_state::observe;
@@ -138,7 +138,7 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
         run.terminal.newtonian(due.steps, system.step);
         let format = Format {
             name: NEWTONIAN_FILE,
-            columns: &NEWTONIAN_COLUMNS,
+            columns: &NewtonianRow::COLUMNS,
             walls: false,
             height: system.cell.sheared.map_or(0.0, |s| s.height),
             attributes: attributes(scene, &progress),
@@ -250,16 +250,16 @@ impl<D: Dimension> Stage for Newtonian<'_, D> {
             );
             if row {
                 let moved = self.motion.measure(exchange, &mut self.system);
-                let columns: [f64; NEWTONIAN_COLUMNS.len()] = [
-                    moved.msd,
-                    moved.kinetic_energy,
-                    observed.elastic_energy,
-                    observed.shear_stress,
-                    observed.pressure,
-                    observed.contacts as f64,
-                    observed.sliding_fraction,
-                ];
-                self.files.series(exchange, step, time, &columns)?;
+                let row = NewtonianRow {
+                    msd: moved.msd,
+                    kinetic_energy: moved.kinetic_energy,
+                    elastic_energy: observed.elastic_energy,
+                    shear_stress: observed.shear_stress,
+                    pressure: observed.pressure,
+                    contacts: observed.contacts as f64,
+                    sliding_fraction: observed.sliding_fraction,
+                };
+                self.files.series(exchange, step, time, &row)?;
             }
             if frame_due {
                 let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);

@@ -2,14 +2,14 @@
 
 use std::time::Instant;
 
-use gshear_dem::budget::Ledger;
+use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::Phase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{GrainWalls, Piston, Slider, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{self, Frame};
-use gshear_dem::state::{SERIES_COLUMNS, body};
+use gshear_dem::state::{SeriesRow, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::Scene;
@@ -50,7 +50,7 @@ pub(super) struct From {
     /// `None` before the first step.
     pub slider: Option<SliderState>,
     pub written: Option<Written>,
-    pub energy_budget: Option<gshear_dem::budget::Kept>,
+    pub energy_budget: Option<SavedBudget>,
 }
 
 impl<'a, D: Dimension> Shear<'a, D> {
@@ -95,17 +95,17 @@ impl<'a, D: Dimension> Shear<'a, D> {
         let energy = scene.load.pressure * scene.sample.mean_section() * scene.mean_overlap();
         let frame = Frame::measure(exchange, &mut system, 2.0 * thickness, energy);
         if scene.output.energy {
-            let mut ledger = Ledger::new(system.grains().units, scene.sample.radius_max);
-            if let Some(kept) = &from.energy_budget {
-                ledger.resume(kept, exchange.rank());
+            let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
+            if let Some(saved) = &from.energy_budget {
+                budget.resume(saved, exchange.rank());
             }
-            system.ledger = Some(ledger);
+            system.budget = Some(budget);
         }
         run.terminal.shearing(scene, &schedule, from.step);
         let written = from.written.filter(|_| run.options.replay.is_none());
         let format = Format {
             name: RUN_FILE,
-            columns: &SERIES_COLUMNS,
+            columns: &SeriesRow::COLUMNS,
             walls: true,
             height: schedule.height,
             attributes: attributes(scene, &schedule),
@@ -187,7 +187,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
             slider: (self.step > 0).then_some(self.walls.slider.state),
             height: self.schedule.height,
             written,
-            energy_budget: self.system.ledger.as_ref().map(|l| l.keep(run.exchange)),
+            energy_budget: self.system.budget.as_ref().map(|b| b.save(run.exchange)),
             packing: walls::packing_file(self.scene),
         }
     }

@@ -19,11 +19,7 @@ pub(super) struct SpectraFile {
 
 impl SpectraFile {
     /// A new file, or the one that is there with its first `rows` rows.
-    pub fn open(
-        exchange: &dyn Parallel,
-        path: &Path,
-        rows: Option<u64>,
-    ) -> Result<Self, Failure> {
+    pub fn open(exchange: &dyn Parallel, path: &Path, rows: Option<u64>) -> Result<Self, Failure> {
         let opened = match (exchange.rank(), rows) {
             (0, None) => TableFile::create(path, &COLUMNS).map(Some),
             (0, Some(rows)) => TableFile::open_to_append(path, &COLUMNS, rows).map(Some),
@@ -55,7 +51,10 @@ impl SpectraFile {
 
     /// Brings all rows to the file. Returns their number.
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<u64, Failure> {
-        agree(exchange, self.file.as_mut().map_or(Ok(()), TableFile::flush))?;
+        agree(
+            exchange,
+            self.file.as_mut().map_or(Ok(()), TableFile::flush),
+        )?;
         Ok(self.rows)
     }
 }

@@ -8,7 +8,7 @@ use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{digest, frame};
 use gshear_dem::system::System;
 use gshear_scene::PeriodicScene;
-use gshear_store::columns::{AQS_COLUMNS, AQS_FILE};
+use gshear_store::columns::{AQS_FILE, AqsRow};
 use gshear_store::h5::Attribute;
 
 use super::box_state::{Observed, observe};
@@ -45,7 +45,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
     ) -> Result<Self, Failure> {
         let format = Format {
             name: AQS_FILE,
-            columns: &AQS_COLUMNS,
+            columns: &AqsRow::COLUMNS,
             walls: false,
             height: system.cell.sheared.map_or(0.0, |s| s.height),
             attributes: vec![(
@@ -275,29 +275,29 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    fn columns(&self) -> [f64; AQS_COLUMNS.len()] {
+    fn columns(&self) -> AqsRow {
         let of = |value: fn(&Eigenvalues) -> f64| self.eigenvalues.as_ref().map_or(f64::NAN, value);
         let imaginary = of(|e| e.greatest_pair().map_or(0.0, |pair| pair.lambda_i));
         let observed = &self.observed;
-        [
-            self.strain,
-            self.offset,
-            observed.shear_stress,
-            observed.pressure,
-            observed.elastic_energy,
-            observed.contacts as f64,
-            observed.coordination,
-            observed.sliding_fraction,
-            self.residual,
-            self.found.factorisations as f64,
-            self.found.steps as f64,
-            f64::from(u8::from(self.found.fell_back)),
-            of(|e| e.pairs() as f64),
-            -imaginary,
-            imaginary,
-            of(|e| e.greatest_pair().map_or(f64::NAN, |pair| pair.lambda_r)),
-            of(Eigenvalues::least_real),
-            of(|e| e.zeros() as f64),
-        ]
+        AqsRow {
+            strain: self.strain,
+            image_offset: self.offset,
+            shear_stress: observed.shear_stress,
+            pressure: observed.pressure,
+            elastic_energy: observed.elastic_energy,
+            contacts: observed.contacts as f64,
+            coordination: observed.coordination,
+            sliding_fraction: observed.sliding_fraction,
+            residual: self.residual,
+            factorisations: self.found.factorisations as f64,
+            overdamped_steps: self.found.steps as f64,
+            fell_back: f64::from(u8::from(self.found.fell_back)),
+            pairs: of(|e| e.pairs() as f64),
+            imaginary_least: -imaginary,
+            imaginary_greatest: imaginary,
+            pair_real: of(|e| e.greatest_pair().map_or(f64::NAN, |pair| pair.lambda_r)),
+            least_real: of(Eigenvalues::least_real),
+            zero_modes: of(|e| e.zeros() as f64),
+        }
     }
 }

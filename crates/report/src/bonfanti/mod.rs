@@ -10,9 +10,7 @@ use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_store::columns::{
-    AQS_COLUMNS, AQS_FILE, NEWTONIAN_COLUMNS, NEWTONIAN_FILE, SPECTRA_FILE,
-};
+use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
 use gshear_store::run_reader::PeriodicRun;
 use gshear_store::table::{self, Table};
 use gshear_store::text_writer;
@@ -88,10 +86,10 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
 
 impl Studied {
     fn read(run: &Path, mode_weight: Option<&[f64]>) -> Result<Self, Failure> {
-        let strain = PeriodicRun::open(&run.join(AQS_FILE), &AQS_COLUMNS)?;
+        let strain = PeriodicRun::open(&run.join(AQS_FILE), &AqsRow::COLUMNS)?;
         let path = run.join(NEWTONIAN_FILE);
         let newtonian = match path.exists() {
-            true => Some(PeriodicRun::open(&path, &NEWTONIAN_COLUMNS)?),
+            true => Some(PeriodicRun::open(&path, &NewtonianRow::COLUMNS)?),
             false => None,
         };
         let path = run.join(SPECTRA_FILE);

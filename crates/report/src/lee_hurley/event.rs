@@ -9,7 +9,7 @@ use crate::colour::CURVES;
 use crate::compose::grid_of;
 use crate::plot::{Layout, figure as plotted};
 use crate::{stress, ticks};
-use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::spearman::Correlation;
 use gshear_store::table::Table;
 
@@ -152,6 +152,8 @@ fn table(run: &Studied, event: &Event) -> String {
         .column("strain", |row| run.regime.strain[*row])
         .column("stress_ratio", |row| run.regime.tau[*row])
         .column("stage", |row| stage_of(event, *row))
-        .columns(SCALAR_COLUMNS, |row| run.regime.scalars[*row].columns())
+        .columns(FrameScalars::COLUMNS, |row| {
+            run.regime.scalars[*row].columns()
+        })
         .csv()
 }

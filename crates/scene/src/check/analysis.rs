@@ -1,34 +1,31 @@
 //! What the run computes of its frames: `[analysis]`.
 
-use super::{Checker, Key, NOT_NEGATIVE, POSITIVE, key};
+use super::Checker;
 use crate::raw::{self, show};
 use crate::scene::*;
 
 pub(super) fn check(
     c: &mut Checker<'_>,
-    analysis: raw::Analysis,
+    analysis: &raw::Analysis,
     dimension: Dimensions,
     shear: &Shear,
     output: &Output,
 ) -> Analysis {
-    let scalars_key = key!(analysis.scalars);
-    let strain_key = key!(analysis.strain);
-    let start_key = key!(analysis.start);
-    let scalars = c.flag(&scalars_key).unwrap_or(false);
-    let strain = c.number(&strain_key, &POSITIVE);
-    let start = c.number(&start_key, &NOT_NEGATIVE);
+    let scalars = c.flag_or_default(&analysis.scalars);
+    let strain = c.number(&analysis.strain);
+    let start = c.number(&analysis.start);
     if scalars && dimension == Dimensions::Three {
         c.refuse(
-            &scalars_key,
+            &analysis.scalars,
             "the scalars of frames are those of disks; leave it out with dimension = 3",
         );
     }
     if let Motion::Protocol(_) = shear.motion {
-        let why = "is for one speed, and shear.protocol has several";
-        c.useless(&strain_key, why);
-        c.useless(&start_key, why);
+        let why = "does not apply to the parts of shear.protocol";
+        c.useless(&analysis.strain, why);
+        c.useless(&analysis.start, why);
         if scalars {
-            c.useless(&scalars_key, why);
+            c.useless(&analysis.scalars, why);
         }
     }
     let found = Analysis {
@@ -37,10 +34,7 @@ pub(super) fn check(
         start: start.unwrap_or(output.frame_start),
     };
     if scalars && output.rows_in(found.strain).is_none() {
-        let places = [
-            (strain_key.path, strain_key.offset()),
-            (scalars_key.path, scalars_key.offset()),
-        ];
+        let places = [analysis.strain.place(), analysis.scalars.place()];
         c.refuse_among(
             &places,
             &format!(

@@ -1,9 +1,10 @@
 //! The contact law: `[material]` and `[contact]`.
 
-use super::{Checker, Key, key};
-use crate::raw::{self, Number};
+use super::Checker;
+use crate::key::{Declared, Key};
+use crate::raw::{self, Number, Table, list};
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::laws::keys::{self, BELOW_ONE, NOT_NEGATIVE, Values};
+use gshear_dem::laws::keys::{self, Values};
 use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, lee_hurley};
 
 /// The values of the laws' keys, as the configuration has them.
@@ -16,7 +17,7 @@ impl Given<'_, '_> {
     fn key(&self, key: &keys::Key) -> Key<Number> {
         let given = self.values.iter().find(|(path, ..)| *path == key.path);
         Key {
-            path: key.path,
+            declared: Declared::from(key),
             given: given.map(|&(_, at, x)| (at, Number(x))),
         }
     }
@@ -25,13 +26,12 @@ impl Given<'_, '_> {
 impl Values for Given<'_, '_> {
     fn number(&mut self, key: &keys::Key) -> Option<f64> {
         let given = self.key(key);
-        self.checker.number(&given, &key.bounds)
+        self.checker.number(&given)
     }
 
     fn required(&mut self, key: &keys::Key) -> f64 {
         let given = self.key(key);
-        let what = format!("{}, such as {} = {}", key.symbol, key.name(), key.example);
-        self.checker.required(&given, &key.bounds, &what)
+        self.checker.required(&given)
     }
 
     fn exactly_one(&mut self, keys: &[&keys::Key], what: &str) -> usize {
@@ -58,11 +58,17 @@ pub(super) fn check(
     material: raw::Material,
     contact: raw::Contact,
 ) -> (Law, Contact) {
-    let friction = key!(contact.friction);
-    let rolling_friction = key!(contact.rolling_friction);
-    let rolling_damping = key!(contact.rolling_damping_ratio);
-    let name = key!(contact.law);
-    let tables = [("material", material.of_laws), ("contact", contact.of_laws)];
+    let raw::Contact {
+        law: name,
+        friction,
+        rolling_friction,
+        rolling_damping_ratio,
+        of_laws,
+    } = contact;
+    let tables = [
+        (raw::Material::NAME, material.of_laws),
+        (raw::Contact::NAME, of_laws),
+    ];
     let values = tables.into_iter().flat_map(|(table, given)| {
         given.into_iter().filter_map(move |(name, value)| {
             let key = law_keys().find(|key| key.table() == table && key.name() == name)?;
@@ -74,9 +80,9 @@ pub(super) fn check(
     let mut given = Given { checker: c, values };
     let kind = choose(&mut given, dimension, &name);
     let limits = |c: &mut Checker<'_>| Contact {
-        friction: c.required(&friction, &NOT_NEGATIVE, "mu_s, such as friction = 0.7"),
-        rolling_friction: c.number(&rolling_friction, &NOT_NEGATIVE).unwrap_or(0.0),
-        rolling_damping_ratio: c.number(&rolling_damping, &BELOW_ONE).unwrap_or(0.0),
+        friction: c.required(&friction),
+        rolling_friction: c.number_or_default(&rolling_friction),
+        rolling_damping_ratio: c.number_or_default(&rolling_damping_ratio),
     };
     let Some(kind) = kind else {
         // What an unknown law needs is not known; the problem of its name stops the scene.
@@ -94,7 +100,7 @@ pub(super) fn check(
     };
     if let Some(why) = why {
         given.checker.useless(&rolling_friction, &why);
-        given.checker.useless(&rolling_damping, &why);
+        given.checker.useless(&rolling_damping_ratio, &why);
     }
     let law = Law::read(kind, &mut given);
     (law, limits(c))
@@ -114,7 +120,7 @@ pub(crate) fn law_keys() -> impl Iterator<Item = &'static keys::Key> {
 
 /// The laws that take a key.
 fn owners(key: &keys::Key) -> Vec<&'static str> {
-    let takes = |kind: &&LawKind| kind.keys.iter().any(|known| known.path == key.path);
+    let takes = |kind: &&&LawKind| kind.keys.iter().any(|known| known.path == key.path);
     LAWS.into_iter()
         .filter(takes)
         .map(|kind| kind.name)
@@ -131,14 +137,8 @@ fn choose(
         Dimensions::Two => laws::lee_hurley::KIND.name,
         Dimensions::Three => laws::hertz::KIND.name,
     };
-    let name = given.checker.text(law).unwrap_or_else(|| default.into());
-    let Some(kind) = laws::kind(&name) else {
-        let names = quoted(&LAWS.map(|kind| kind.name), "and");
-        given
-            .checker
-            .refuse(law, &format!("unknown law {name:?}; there are {names}"));
-        return None;
-    };
+    let name = given.checker.choice_or(law, default)?;
+    let kind = laws::kind(name)?;
     if !kind.dimensions.contains(&dimension) {
         let others: Vec<&str> = LAWS
             .into_iter()
@@ -168,8 +168,9 @@ fn choose(
             _ => "one of those",
         };
         let mut what = format!(
-            "means nothing to the law {name:?} ({place}), only to {}; leave it out, or choose {choose} with contact.law",
-            quoted(&owners, "and")
+            "does not apply to the law {name:?} ({place}), only to {}; leave it out, or choose {choose} with {}",
+            quoted(&owners, "and"),
+            law.declared.path
         );
         if place.starts_with("--set") {
             what += &format!("; --set {}=none takes it away", key.path);
@@ -182,9 +183,5 @@ fn choose(
 /// `"a", "b" and "c"`.
 fn quoted(names: &[&str], and: &str) -> String {
     let names: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
-    match names.split_last() {
-        Some((last, [])) => last.clone(),
-        Some((last, others)) => format!("{} {and} {last}", others.join(", ")),
-        None => String::new(),
-    }
+    list(&names, and)
 }

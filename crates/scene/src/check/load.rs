@@ -1,17 +1,12 @@
 //! The load: `[load]`.
 
-use super::{Checker, Key, NOT_NEGATIVE, POSITIVE, key};
-use crate::checker::Bounds;
+use super::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
+use crate::key::Key;
 use crate::raw::{self, Number, show};
 use crate::scene::*;
 use crate::write::LoadChoice;
 use gshear_dem::failure::Failure;
-
-const STIFFNESS: Bounds = Bounds {
-    hold: |x| (STIFFNESS_NUMBER_MIN..=STIFFNESS_NUMBER_MAX).contains(&x),
-    words: "must lie in [10.64, 1e10] (from the last overlap of the law to the least that f64 resolves)",
-};
 
 /// One of the ways to say it, its key, and g (m/s²).
 pub(super) struct LoadKeys {
@@ -21,18 +16,20 @@ pub(super) struct LoadKeys {
 }
 
 pub(super) fn check(c: &mut Checker<'_>, load: raw::Load) -> LoadKeys {
-    let stiffness_number = key!(load.stiffness_number);
-    let pressure = key!(load.pressure);
-    let normal_force = key!(load.normal_force);
-    let gravity = key!(load.gravity);
+    let raw::Load {
+        stiffness_number,
+        pressure,
+        normal_force,
+        gravity,
+    } = load;
     let chosen = c.exactly_one(
         &[&stiffness_number, &pressure, &normal_force],
         "the load: stiffness_number (kappa), such as stiffness_number = 1e4, or pressure (Pa), or normal_force (N; N/m in 2D)",
     );
-    let kappa = c.number(&stiffness_number, &STIFFNESS).unwrap_or(f64::NAN);
-    let p = c.number(&pressure, &POSITIVE).unwrap_or(f64::NAN);
-    let n = c.number(&normal_force, &POSITIVE).unwrap_or(f64::NAN);
-    let gravity = c.number(&gravity, &NOT_NEGATIVE).unwrap_or(0.0);
+    let kappa = c.number(&stiffness_number).unwrap_or(f64::NAN);
+    let p = c.number(&pressure).unwrap_or(f64::NAN);
+    let n = c.number(&normal_force).unwrap_or(f64::NAN);
+    let gravity = c.number_or_default(&gravity);
     let (choice, key) = match chosen {
         0 => (LoadChoice::StiffnessNumber(kappa), stiffness_number),
         1 => (LoadChoice::Pressure(p), pressure),

@@ -1,4 +1,4 @@
-//! From what was written to a scene in which nothing is optional any more.
+//! From the raw configuration to a scene in which nothing is optional.
 
 mod analysis;
 pub(crate) mod law;
@@ -8,33 +8,21 @@ mod sample;
 mod shear;
 
 use super::ReadPacking;
-use super::checker::{Checker, Key};
+use super::checker::Checker;
 use super::derived;
+use super::key::Key;
 use super::raw::{self, Number, Raw, show};
 use super::scene::*;
 use super::source::Input;
 use super::write;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{Bounds, NOT_NEGATIVE, POSITIVE, UNIT};
 use gshear_dem::simd::Level;
 use gshear_dem::system::ListSettings;
 pub(crate) use law::law_keys;
 use sample::SampleKeys;
-use toml::Spanned;
 
-/// `key!(table.name)` takes a value out of the raw table of that name, together with its path.
-macro_rules! key {
-    ($table:ident.$key:ident) => {
-        Key::new(
-            concat!(stringify!($table), ".", stringify!($key)),
-            $table.$key,
-        )
-    };
-}
-use key;
-
-/// Checks every value by itself, then those that must agree, and derives what follows. `tables` says where each begins; `packing`
-/// is asked about the file of a packing, if the scene has one.
+/// Checks every value by itself, then those that must agree, and derives what follows. `tables`
+/// says where each begins; `packing` is called for the file of a packing, if the scene has one.
 pub(super) fn scene(
     raw: Raw,
     input: Input<'_>,
@@ -46,35 +34,32 @@ pub(super) fn scene(
         title,
         seed,
         dimension,
-    } = head(&mut c, raw.title, raw.seed, raw.dimension);
+    } = head(&mut c, &raw);
     let (law, contact) = law::check(&mut c, dimension, raw.material, raw.contact);
     let sample = sample::check(&mut c, dimension, raw.sample);
     let load_keys = load::check(&mut c, raw.load);
     let time = raw.time;
-    let step_key = key!(time.step);
-    let speed_key = key!(time.collision_speed);
-    let force_key = key!(time.force);
-    let step = c.number(&step_key, &POSITIVE);
-    let collision_speed = c.number(&speed_key, &POSITIVE);
-    c.at_most_one(&[&step_key, &speed_key]);
-    let force = c.flag(&force_key).unwrap_or(false);
+    let step = c.number(&time.step);
+    let collision_speed = c.number(&time.collision_speed);
+    c.at_most_one(&[&time.step, &time.collision_speed]);
+    let force = c.flag_or_default(&time.force);
     if force && step.is_none() && collision_speed.is_none() {
         c.refuse(
-            &force_key,
+            &time.force,
             "there is no step to force; give time.step (s), or leave both out",
         );
     }
     if collision_speed.is_some() && law.collision_time(1.0, 1.0).is_none() {
         c.refuse(
-            &speed_key,
-            "is for the law \"hertz\", of which a collision's time depends on its speed; give time.step (s), or leave it out",
+            &time.collision_speed,
+            "applies to laws whose collisions take a time that depends on their speed, such as \"hertz\"; give time.step (s), or leave it out",
         );
     }
-    let pack = check_pack(&mut c, raw.pack, &sample);
+    let pack = check_pack(&mut c, &raw.pack, &sample);
     let mut shear = shear::check(&mut c, raw.shear);
-    let output = shear::output(&mut c, raw.output, &shear);
-    let analysis = analysis::check(&mut c, raw.analysis, dimension, &shear, &output);
-    let bookkeeping = check_bookkeeping(&mut c, raw.bookkeeping);
+    let output = shear::output(&mut c, &raw.output, &shear);
+    let analysis = analysis::check(&mut c, &raw.analysis, dimension, &shear, &output);
+    let bookkeeping = check_bookkeeping(&mut c, &raw.bookkeeping);
     c.settle()?;
 
     let (sample, origin) = sample::derive(&mut c, &sample, pack.skip, packing)?;
@@ -109,9 +94,9 @@ pub(super) fn scene(
         (None, None) => (StepChoice::Derived, default),
     };
     let of_key = if step.is_some() {
-        &step_key
+        &time.step
     } else {
-        &speed_key
+        &time.collision_speed
     };
     let time_step = check_step(&mut c, [limit, default], of_key, (given, of_step), force)?;
 
@@ -143,103 +128,83 @@ struct Head {
     dimension: Dimensions,
 }
 
-fn head(
-    c: &mut Checker<'_>,
-    title: Option<Spanned<raw::Text>>,
-    seed: Option<Spanned<raw::Whole>>,
-    dimension: Option<Spanned<raw::Whole>>,
-) -> Head {
-    let title = c.text(&Key::new("title", title));
-    let seed = c.whole(&Key::new("seed", seed), 0, i64::MAX);
-    let dimension = c.whole(&Key::new("dimension", dimension), 2, 3);
+fn head(c: &mut Checker<'_>, raw: &Raw) -> Head {
     Head {
-        title,
-        seed: seed.map_or(1, i64::unsigned_abs),
-        dimension: match dimension {
-            Some(3) => Dimensions::Three,
+        title: c.text(&raw.title),
+        seed: c.count(&raw.seed),
+        dimension: match c.count(&raw.dimension) {
+            3 => Dimensions::Three,
             _ => Dimensions::Two,
         },
     }
 }
 
-fn check_pack(c: &mut Checker<'_>, pack: raw::Pack, sample: &SampleKeys) -> Pack {
-    let skip_key = key!(pack.skip);
-    let friction_key = key!(pack.friction);
-    let tolerance_key = key!(pack.tolerance);
-    let max_steps_key = key!(pack.max_steps);
-    let friction = c.number(&friction_key, &NOT_NEGATIVE);
-    let tolerance = c.number(&tolerance_key, &POSITIVE);
-    let max_steps = c.whole(&max_steps_key, 1, i64::MAX);
-    let packing = sample.packing.given.is_some();
-    let skip = c.flag(&skip_key).unwrap_or(packing);
+fn check_pack(c: &mut Checker<'_>, pack: &raw::Pack, sample: &SampleKeys) -> Pack {
+    let friction = c.number_or_default(&pack.friction);
+    let tolerance = c.number_or_default(&pack.tolerance);
+    let max_steps = c.count(&pack.max_steps);
+    let packing = sample.packing().is_given();
+    let skip = c.flag(&pack.skip).unwrap_or(packing);
     if skip && !packing {
         c.refuse(
-            &skip_key,
+            &pack.skip,
             "inserted grains are loose and must be packed; give sample.packing, or leave it out",
         );
     }
     if skip && packing {
-        let place = match skip_key.offset() {
+        let skipped = match pack.skip.offset() {
             Some(at) => c.mention(at),
             None => "the default with sample.packing".into(),
         };
-        for (path, offset) in [
-            (friction_key.path, friction_key.offset()),
-            (tolerance_key.path, tolerance_key.offset()),
-            (max_steps_key.path, max_steps_key.offset()),
-        ] {
-            if offset.is_some() {
+        let places = [
+            pack.friction.place(),
+            pack.tolerance.place(),
+            pack.max_steps.place(),
+        ];
+        for place in places {
+            if place.1.is_some() {
                 c.refuse_among(
-                    &[(path, offset)],
-                    &format!("says how to pack, but pack.skip = true ({place}); leave it out, or give pack.skip = false"),
+                    &[place],
+                    &format!("says how to pack, but pack.skip = true ({skipped}); leave it out, or give pack.skip = false"),
                 );
             }
         }
     }
     if !skip && packing && sample.walls == Some(Walls::Types) {
         c.refuse(
-            &skip_key,
+            &pack.skip,
             "contradicts sample.walls = \"types\": a sample that is compressed gets its walls afterwards; leave out one of the two",
         );
     }
     Pack {
         skip,
-        friction: friction.unwrap_or(0.0),
-        tolerance: tolerance.unwrap_or(1e-7),
-        max_steps: max_steps.map_or(5_000_000, i64::unsigned_abs),
+        friction,
+        tolerance,
+        max_steps,
     }
 }
 
-fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: raw::Bookkeeping) -> Bookkeeping {
-    let skin = c.number(&key!(bookkeeping.skin), &UNIT);
-    let rebuild_every = c.whole(&key!(bookkeeping.rebuild_every), 0, i64::MAX);
-    let simd_key = key!(bookkeeping.simd);
-    let name = c.text(&simd_key).unwrap_or_else(|| "auto".into());
-    let simd = SIMD_NAMES.iter().find(|known| **known == name);
-    if simd.is_none() {
+fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: &raw::Bookkeeping) -> Bookkeeping {
+    let skin = c.number(&bookkeeping.skin);
+    let rebuild_every = c.count(&bookkeeping.rebuild_every);
+    let simd = c.choice_or_default(&bookkeeping.simd);
+    if let Some(name) = simd.filter(|name| Level::named(name).is_none()) {
         c.refuse(
-            &simd_key,
-            &format!(
-                "unknown instruction set {name:?}; it is one of {}",
-                SIMD_NAMES.join(", ")
-            ),
-        );
-    } else if Level::named(&name).is_none() {
-        c.refuse(
-            &simd_key,
-            &format!("this processor has no {name}; \"auto\" takes the best it has"),
+            &bookkeeping.simd,
+            &format!("this processor has no {name}; give \"auto\", which takes the best it has"),
         );
     }
     Bookkeeping {
         list: ListSettings {
             skin,
-            rebuild_every: rebuild_every.map_or(0, i64::unsigned_abs),
+            rebuild_every,
         },
-        simd: simd.copied().unwrap_or("auto"),
+        simd: simd.unwrap_or("auto"),
     }
 }
 
-/// Values that are each within their bounds can still overflow together, such as a radius of 1e-200 m squared.
+/// Values that are each within their bounds can still overflow together, such as a radius of 1e-200
+/// m squared.
 fn check_range(c: &Checker<'_>, derived: &[(&str, f64)]) -> Result<(), Failure> {
     match derived.iter().find(|(_, x)| !x.is_normal()) {
         Some((name, x)) => Err(c.out_of_range(&format!(

@@ -1,125 +1,98 @@
 //! The sample: `[sample]`, and the file it may come from.
 
-use super::{Checker, Key, POSITIVE, UNIT, key};
+use super::Checker;
 use crate::ReadPacking;
 use crate::derived::{self, LEAST_HEIGHT};
-use crate::raw::{self, Number, Numbers, Text, Whole, show};
+use crate::key::Key;
+use crate::raw::{self, Number, Numbers, Text, show};
 use crate::scene::*;
 use gshear_dem::failure::Failure;
 
 /// The keys of `[sample]`, each checked by itself.
 pub(super) struct SampleKeys {
     dimension: Dimensions,
-    grains: Key<Whole>,
-    radius_min: Key<Number>,
-    radius_max: Key<Number>,
+    raw: raw::Sample,
     sizes: Option<Sizes>,
-    length: Key<Number>,
-    width: Key<Number>,
-    pub packing: Key<Text>,
     /// Copies of the packing along x and y.
     replicate: [u32; 2],
     pub walls: Option<Walls>,
 }
 
+/// A key's path and place.
+type Place = (&'static str, Option<usize>);
+
 impl SampleKeys {
-    /// Those that make the size of the sample, for what they cause together.
-    fn places(&self) -> [(&'static str, Option<usize>); 4] {
+    /// The file of the packing.
+    pub fn packing(&self) -> &Key<Text> {
+        &self.raw.packing
+    }
+
+    /// The keys that set the size of the sample together.
+    fn places(&self) -> [Place; 4] {
+        let raw = &self.raw;
         [
-            (self.grains.path, self.grains.offset()),
-            (self.radius_min.path, self.radius_min.offset()),
-            (self.radius_max.path, self.radius_max.offset()),
-            (self.length.path, self.length.offset()),
+            raw.grains.place(),
+            raw.radius_min.place(),
+            raw.radius_max.place(),
+            raw.length.place(),
         ]
     }
 }
 
 pub(super) fn check(c: &mut Checker<'_>, dimension: Dimensions, sample: raw::Sample) -> SampleKeys {
-    let walls = key!(sample.walls);
-    let packing = key!(sample.packing);
-    let length = key!(sample.length);
-    let width = key!(sample.width);
+    let replicate = copies(c, dimension, &sample);
+    let name = c.choice(&sample.walls);
+    let walls = Walls::NAMES.iter().find(|(known, _)| Some(*known) == name);
     let mut keys = SampleKeys {
         dimension,
-        grains: key!(sample.grains),
-        radius_min: key!(sample.radius_min),
-        radius_max: key!(sample.radius_max),
+        raw: sample,
         sizes: None,
-        length,
-        width,
-        replicate: copies(c, dimension, &key!(sample.replicate), &packing),
-        packing,
-        walls: c.text(&walls).and_then(|name| {
-            let known = Walls::NAMES.into_iter().find(|(known, _)| *known == name);
-            if known.is_none() {
-                let names = Walls::NAMES.map(|(known, _)| format!("{known:?}"));
-                c.refuse(
-                    &walls,
-                    &format!("unknown walls {name:?}; they are {}", names.join(" or ")),
-                );
-            }
-            known.map(|(_, walls)| walls)
-        }),
+        replicate,
+        walls: walls.map(|(_, walls)| *walls),
     };
-    let sizes = size_keys!(sample);
+    let raw = &keys.raw;
     if dimension == Dimensions::Two {
         c.useless(
-            &keys.width,
+            &raw.width,
             "is L_y (m) of three dimensions, and dimension = 2",
         );
     }
-    // Grains are numbered by u32.
-    let most = u32::MAX.into();
-    if keys.packing.given.is_some() {
-        c.whole(&keys.grains, 1, most);
-        for key in [
-            &keys.radius_min,
-            &keys.radius_max,
-            &keys.length,
-            &keys.width,
-        ] {
-            c.number(key, &POSITIVE);
+    if raw.packing.is_given() {
+        c.whole(&raw.grains);
+        for key in [&raw.radius_min, &raw.radius_max, &raw.length, &raw.width] {
+            c.number(key);
         }
-        sizes.useless(c);
+        sizes_are_useless(c, raw);
         return keys;
     }
-    if walls.given.is_some() {
+    if raw.walls.is_given() {
         c.refuse(
-            &walls,
+            &raw.walls,
             "there is no packing to find walls in; give sample.packing, or leave it out",
         );
     }
-    check_inserted(
-        c,
-        &sizes,
-        &keys.grains,
-        [&keys.radius_min, &keys.radius_max],
-    );
-    c.required(&keys.length, &POSITIVE, "L_x (m), such as length = 48e-6");
+    check_inserted(c, raw);
+    c.required(&raw.length);
     if dimension == Dimensions::Three {
-        c.required(&keys.width, &POSITIVE, "L_y (m), such as width = 30e-3");
+        c.required(&raw.width);
     }
-    keys.sizes = Some(sizes.check(c));
+    keys.sizes = Some(check_sizes(c, &keys.raw));
     keys
 }
 
 /// Copies along x and, in three dimensions, y.
-fn copies(
-    c: &mut Checker<'_>,
-    dimension: Dimensions,
-    key: &Key<Numbers>,
-    packing: &Key<Text>,
-) -> [u32; 2] {
+fn copies(c: &mut Checker<'_>, dimension: Dimensions, sample: &raw::Sample) -> [u32; 2] {
+    let key = &sample.replicate;
     let Some((_, Numbers(given))) = &key.given else {
         return [1, 1];
     };
-    if packing.given.is_none() {
+    if !sample.packing.is_given() {
         c.useless(
             key,
             "says how often sample.packing is repeated, which is not given",
         );
     }
-    let whole = |x: &f64| x.fract() == 0.0 && (1.0..=1e6).contains(x);
+    let whole = |x: &f64| x.fract() == 0.0 && key.declared.range.hold(*x);
     match (dimension, &given[..]) {
         (Dimensions::Two, [x]) if whole(x) => [*x as u32, 1],
         (Dimensions::Three, [x, y]) if whole(x) && whole(y) => [*x as u32, *y as u32],
@@ -136,40 +109,15 @@ fn copies(
     }
 }
 
-/// The keys of [`SizeKeys`], out of the raw table.
-macro_rules! size_keys {
-    ($sample:ident) => {
-        SizeKeys {
-            sizes: key!($sample.sizes),
-            mean: key!($sample.radius_mean),
-            deviation: key!($sample.radius_deviation),
-            large_fraction: key!($sample.large_fraction),
-            radii: key!($sample.radii),
-        }
-    };
-}
-use size_keys;
-
 /// How many grains are inserted, and between which radii.
-fn check_inserted(
-    c: &mut Checker<'_>,
-    sizes: &SizeKeys,
-    grains: &Key<Whole>,
-    [radius_min, radius_max]: [&Key<Number>; 2],
-) {
-    // Grains are numbered by u32.
-    let most = u32::MAX.into();
-    let what = "the number of grains, such as grains = 1000";
-    c.required_whole(grains, 1, most, what);
-    for (key, what) in [
-        (radius_min, "the least R (m), such as radius_min = 0.5e-6"),
-        (radius_max, "the greatest R (m), such as radius_max = 1e-6"),
-    ] {
+fn check_inserted(c: &mut Checker<'_>, sample: &raw::Sample) {
+    c.required_count(&sample.grains);
+    for key in [&sample.radius_min, &sample.radius_max] {
         // A list says itself which is the least and which the greatest.
-        if sizes.radii.given.is_some() {
+        if sample.radii.is_given() {
             c.useless(key, "is the least or the greatest of sample.radii");
         } else {
-            c.required(key, &POSITIVE, what);
+            c.required(key);
         }
     }
 }
@@ -177,8 +125,7 @@ fn check_inserted(
 /// The keys of grains in a box, whose size follows from its solid fraction.
 pub(super) struct BoxedKeys {
     dimension: Dimensions,
-    grains: Key<Whole>,
-    radii: [Key<Number>; 2],
+    raw: raw::Sample,
     sizes: Sizes,
 }
 
@@ -188,23 +135,17 @@ pub(super) fn check_boxed(
     sample: raw::Sample,
 ) -> BoxedKeys {
     let why = "follows from box.solid_fraction";
-    c.useless(&key!(sample.length), why);
-    c.useless(&key!(sample.width), why);
-    c.useless(&key!(sample.packing), "is of scenes with walls");
-    c.useless(&key!(sample.walls), "is of scenes with walls");
-    c.useless(&key!(sample.replicate), "is of scenes with walls");
-    let (grains, radius_min, radius_max) = (
-        key!(sample.grains),
-        key!(sample.radius_min),
-        key!(sample.radius_max),
-    );
-    let sizes = size_keys!(sample);
-    check_inserted(c, &sizes, &grains, [&radius_min, &radius_max]);
+    c.useless(&sample.length, why);
+    c.useless(&sample.width, why);
+    let why = "applies to scenes with walls only";
+    c.useless(&sample.packing, why);
+    c.useless(&sample.walls, why);
+    c.useless(&sample.replicate, why);
+    check_inserted(c, &sample);
     BoxedKeys {
         dimension,
-        grains,
-        radii: [radius_min, radius_max],
-        sizes: sizes.check(c),
+        sizes: check_sizes(c, &sample),
+        raw: sample,
     }
 }
 
@@ -215,9 +156,14 @@ impl BoxedKeys {
         c: &mut Checker<'_>,
         solid_fraction: f64,
     ) -> Result<(Sample, Sizes), Failure> {
-        let [a, b] = radii(c, &self.sizes, [&self.radii[0], &self.radii[1]]);
+        let [a, b] = radii(c, &self.sizes, &self.raw);
         c.settle()?;
-        let grains = self.grains.given.as_ref().map_or(0, |(_, n)| n.0 as u32);
+        let grains = self
+            .raw
+            .grains
+            .given
+            .as_ref()
+            .map_or(0, |(_, n)| n.0 as u32);
         let mean_volume = self.sizes.mean([a, b], |r| self.dimension.volume(r));
         let volume = f64::from(grains) * mean_volume / solid_fraction;
         let (length, width) = match self.dimension {
@@ -226,11 +172,10 @@ impl BoxedKeys {
         };
         let least = 4.4 * b;
         if length < least {
-            let places = [(self.grains.path, self.grains.offset())];
             c.refuse_among(
-                &places,
+                &[self.raw.grains.place()],
                 &format!(
-                    "the box would be {length:.3e} long, and grains would meet their own images; give more grains, so that it is longer than {least:.3e}"
+                    "the box would be {length:.3e} long, so that grains would touch their own images; give more grains, for a length of at least {least:.3e}"
                 ),
             );
         }
@@ -249,7 +194,8 @@ impl BoxedKeys {
 }
 
 /// The least and the greatest radius, and whether they can be.
-fn radii(c: &mut Checker<'_>, sizes: &Sizes, keys: [&Key<Number>; 2]) -> [f64; 2] {
+fn radii(c: &mut Checker<'_>, sizes: &Sizes, sample: &raw::Sample) -> [f64; 2] {
+    let keys = [&sample.radius_min, &sample.radius_max];
     let given = |key: &Key<Number>| key.given.as_ref().map_or(f64::NAN, |(_, x)| x.0);
     let [a, b] = match sizes {
         Sizes::List(radii) => [
@@ -258,7 +204,7 @@ fn radii(c: &mut Checker<'_>, sizes: &Sizes, keys: [&Key<Number>; 2]) -> [f64; 2
         ],
         _ => keys.map(given),
     };
-    let places = keys.map(|key| (key.path, key.offset()));
+    let places = keys.map(Key::place);
     if a > b {
         c.refuse_among(
             &places,
@@ -270,95 +216,62 @@ fn radii(c: &mut Checker<'_>, sizes: &Sizes, keys: [&Key<Number>; 2]) -> [f64; 2
     {
         c.refuse_among(
             &places,
-            &format!("the normal distribution about {mean:?} with deviation {deviation:?} has next to nothing between radius_min and radius_max; give a mean between them"),
+            &format!("the normal distribution about {mean:?} with deviation {deviation:?} has less than 1e-4 of its radii between radius_min and radius_max; give a mean between them"),
         );
     }
     [a, b]
 }
 
-/// How the radii of inserted grains are distributed.
-struct SizeKeys {
-    sizes: Key<Text>,
-    mean: Key<Number>,
-    deviation: Key<Number>,
-    large_fraction: Key<Number>,
-    radii: Key<Numbers>,
+/// Refuses a distribution of sizes beside a packing.
+fn sizes_are_useless(c: &mut Checker<'_>, sample: &raw::Sample) {
+    let why = "applies to inserted grains, but the grains come from sample.packing";
+    c.useless(&sample.sizes, why);
+    c.useless(&sample.radii, why);
+    c.useless(&sample.radius_mean, why);
+    c.useless(&sample.radius_deviation, why);
+    c.useless(&sample.large_fraction, why);
 }
 
-impl SizeKeys {
-    fn useless(&self, c: &mut Checker<'_>) {
-        let why = "is of inserted grains, and the grains come from sample.packing";
-        c.useless(&self.sizes, why);
-        c.useless(&self.radii, why);
-        for key in [&self.mean, &self.deviation, &self.large_fraction] {
-            c.useless(key, why);
+/// How the radii of inserted grains are distributed.
+fn check_sizes(c: &mut Checker<'_>, sample: &raw::Sample) -> Sizes {
+    let Some(name) = c.choice_or_default(&sample.sizes) else {
+        return Sizes::Uniform;
+    };
+    let useless = |of: &str| format!("applies to sample.sizes = {of:?}, not to {name:?}");
+    for (key, of) in [
+        (&sample.radius_mean, "normal"),
+        (&sample.radius_deviation, "normal"),
+        (&sample.large_fraction, "binary"),
+    ] {
+        if name != of {
+            c.useless(key, &useless(of));
         }
     }
-
-    fn check(&self, c: &mut Checker<'_>) -> Sizes {
-        let name = c.text(&self.sizes).unwrap_or_else(|| "uniform".into());
-        if !Sizes::NAMES.contains(&&*name) {
-            let names = Sizes::NAMES.map(|known| format!("{known:?}")).join(", ");
-            c.refuse(
-                &self.sizes,
-                &format!("unknown distribution {name:?}; there are {names}"),
-            );
-            return Sizes::Uniform;
-        }
-        for (key, of) in [
-            (&self.mean, "normal"),
-            (&self.deviation, "normal"),
-            (&self.large_fraction, "binary"),
-        ] {
-            if name != of {
-                c.useless(
-                    key,
-                    &format!("is of sample.sizes = {of:?}, not of {name:?}"),
-                );
+    if name != "list" {
+        c.useless(&sample.radii, &useless("list"));
+    }
+    match name {
+        "normal" => Sizes::Normal {
+            mean: c.required(&sample.radius_mean),
+            deviation: c.required(&sample.radius_deviation),
+        },
+        "binary" => Sizes::Binary {
+            large_fraction: c.required(&sample.large_fraction),
+        },
+        "list" => {
+            let Key { declared, given } = &sample.radii;
+            let Some((_, Numbers(radii))) = given else {
+                c.lacks(declared.table(), &declared.lacking());
+                return Sizes::List(Vec::new());
+            };
+            let hold = |r: &f64| r.is_finite() && declared.range.hold(*r);
+            if radii.is_empty() || !radii.iter().all(hold) {
+                let what = "must hold one radius or more, each greater than 0";
+                c.refuse(&sample.radii, what);
             }
+            Sizes::List(radii.clone())
         }
-        if name != "list" {
-            let why = format!("is of sample.sizes = \"list\", not of {name:?}");
-            c.useless(&self.radii, &why);
-        }
-        match &*name {
-            "normal" => Sizes::Normal {
-                mean: c.required(
-                    &self.mean,
-                    &POSITIVE,
-                    "the mean of the uncut distribution (m), such as radius_mean = 1.5e-3",
-                ),
-                deviation: c.required(
-                    &self.deviation,
-                    &POSITIVE,
-                    "its standard deviation (m), such as radius_deviation = 0.5e-3",
-                ),
-            },
-            "binary" => Sizes::Binary {
-                large_fraction: c.required(
-                    &self.large_fraction,
-                    &UNIT,
-                    "the part of the grains that have radius_max, such as large_fraction = 0.5",
-                ),
-            },
-            "list" => {
-                let radii = self
-                    .radii
-                    .given
-                    .as_ref()
-                    .map_or(Vec::new(), |(_, list)| list.0.clone());
-                if self.radii.given.is_none() {
-                    c.lacks("sample", "radii: the radii (m), each as likely as the others, such as radii = [1e-3, 1.5e-3]");
-                } else if radii.is_empty() || !radii.iter().all(|r| *r > 0.0 && r.is_finite()) {
-                    c.refuse(
-                        &self.radii,
-                        "must hold one radius or more, each greater than 0",
-                    );
-                }
-                Sizes::List(radii)
-            }
-            _ => Sizes::Uniform,
-        }
+        _ => Sizes::Uniform,
     }
 }
 
@@ -370,40 +283,41 @@ pub(super) fn derive(
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, Origin), Failure> {
     let number = |key: &Key<Number>| key.given.as_ref().map(|(_, x)| x.0);
-    let Some((at, Text(path))) = &keys.packing.given else {
+    let raw = &keys.raw;
+    let Some((at, Text(path))) = &raw.packing.given else {
         let sizes = keys.sizes.clone().unwrap_or(Sizes::Uniform);
-        let [a, b] = radii(c, &sizes, [&keys.radius_min, &keys.radius_max]);
+        let [a, b] = radii(c, &sizes, raw);
         c.settle()?;
         let volume = |r| keys.dimension.volume(r);
         let sample = Sample {
-            grains: keys.grains.given.as_ref().map_or(0, |(_, n)| n.0 as u32),
+            grains: raw.grains.given.as_ref().map_or(0, |(_, n)| n.0 as u32),
             radius_min: a,
             radius_max: b,
             mean_diameter: sizes.mean([a, b], |r| 2.0 * r),
             mean_volume: sizes.mean([a, b], volume),
-            length: number(&keys.length).unwrap_or(f64::NAN),
-            width: number(&keys.width).unwrap_or(f64::INFINITY),
+            length: number(&raw.length).unwrap_or(f64::NAN),
+            width: number(&raw.width).unwrap_or(f64::INFINITY),
         };
         let height = derived::packed_height(&sample);
-        check_size(c, &sample, height, &keys.places())?;
+        check_size(c, raw, &sample, height, &keys.places())?;
         return Ok((sample, Origin::Insertion(sizes)));
     };
     let file = packing(&c.resolve(*at, path), keys.replicate).map_err(|failure| match failure {
-        Failure::Input(what) => c.failure(*at, keys.packing.path, &what),
+        Failure::Input(what) => c.failure(*at, raw.packing.declared.path, &what),
         other => other,
     })?;
-    if let Some(n) = c.whole(&keys.grains, 1, u32::MAX.into())
+    if let Some(n) = c.whole(&raw.grains)
         && n != i64::from(file.grains)
     {
-        c.refuse(&keys.grains, &unlike_packing(n, file.grains));
+        c.refuse(&raw.grains, &unlike_packing(n, file.grains));
     }
     for (key, of_file) in [
-        (&keys.radius_min, file.radius_min),
-        (&keys.radius_max, file.radius_max),
-        (&keys.length, file.length),
-        (&keys.width, file.width.unwrap_or(f64::INFINITY)),
+        (&raw.radius_min, file.radius_min),
+        (&raw.radius_max, file.radius_max),
+        (&raw.length, file.length),
+        (&raw.width, file.width.unwrap_or(f64::INFINITY)),
     ] {
-        if let Some(x) = c.number(key, &POSITIVE)
+        if let Some(x) = c.number(key)
             && x != of_file
         {
             c.refuse(key, &unlike_packing(show(x), show(of_file)));
@@ -414,8 +328,10 @@ pub(super) fn derive(
             Some(_) => ("spheres", 3),
             None => ("disks in the plane z = 0", 2),
         };
-        let at = [(keys.packing.path, keys.packing.offset())];
-        c.refuse_among(&at, &format!("holds {is}; give dimension = {dimension}"));
+        c.refuse(
+            &raw.packing,
+            &format!("holds {is}; give dimension = {dimension}"),
+        );
     }
     c.settle()?;
     let sample = Sample {
@@ -427,8 +343,8 @@ pub(super) fn derive(
         length: file.length,
         width: file.width.unwrap_or(f64::INFINITY),
     };
-    let place = [(keys.packing.path, keys.packing.offset())];
-    check_size(c, &sample, file.height(), &place)?;
+    let places = [raw.packing.place()];
+    check_size(c, raw, &sample, file.height(), &places)?;
     let walls = keys.walls.unwrap_or(if skip && file.wall_types {
         Walls::Types
     } else {
@@ -441,17 +357,19 @@ fn unlike_packing(given: impl std::fmt::Display, of_file: impl std::fmt::Display
     format!("is {of_file} in the packing of sample.packing, found {given}; leave it out")
 }
 
-/// What the values of `[sample]` must be to each other; `height` (m) with the walls, `places` that cause it.
+/// Refuses a cell too small for its grains and walls. `height` (m) includes the walls; `places` are
+/// the keys that set the size.
 fn check_size(
     c: &mut Checker<'_>,
+    raw: &raw::Sample,
     sample: &Sample,
     height: f64,
-    places: &[(&str, Option<usize>)],
+    places: &[Place],
 ) -> Result<(), Failure> {
     let least = 8.0 * sample.radius_max;
     if sample.width < least {
         c.refuse_among(
-            &[("sample.width", None)],
+            &[raw.width.place()],
             &format!(
                 "the cell is too narrow for its grains: width = {} m; give at least 4 diameters of the largest, {least:.3e} m",
                 show(sample.width)
@@ -481,7 +399,7 @@ fn check_size(
         c.refuse_among(
             places,
             &format!(
-                "box too small for its walls: {} grains fill about {height:.2e} m of height, but two walls of one mean diameter and five between them take {needed:.2e} m; {remedy}",
+                "the cell is too low for its walls: {} grains fill about {height:.2e} m of height, but two walls of one mean diameter and five between them take {needed:.2e} m; {remedy}",
                 sample.grains
             ),
         );

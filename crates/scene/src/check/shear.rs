@@ -1,21 +1,21 @@
 //! How the sample is sheared and what is written of it: `[shear]` and `[output]`.
 
-use super::{Checker, Key, NOT_NEGATIVE, POSITIVE, key};
+use super::Checker;
+use crate::key::Key;
 use crate::raw::{self, Parts, show};
 use crate::scene::*;
 
 pub(super) fn check(c: &mut Checker<'_>, shear: raw::Shear) -> Shear {
-    let inertial_number = key!(shear.inertial_number);
-    let velocity = key!(shear.velocity);
-    let strain = key!(shear.strain);
-    let protocol = key!(shear.protocol);
-    let stiffness = key!(shear.spring_stiffness);
-    let number = key!(shear.spring_number);
+    let raw::Shear {
+        inertial_number,
+        velocity,
+        strain,
+        protocol,
+        spring_stiffness: stiffness,
+        spring_number: number,
+    } = shear;
     c.at_most_one(&[&stiffness, &number]);
-    let spring = match (
-        c.number(&stiffness, &POSITIVE),
-        c.number(&number, &POSITIVE),
-    ) {
+    let spring = match (c.number(&stiffness), c.number(&number)) {
         (Some(stiffness), _) => Some(Spring {
             stiffness,
             number: None,
@@ -27,7 +27,7 @@ pub(super) fn check(c: &mut Checker<'_>, shear: raw::Shear) -> Shear {
         }),
         (None, None) => None,
     };
-    if protocol.given.is_some() {
+    if protocol.is_given() {
         let why = "says how the drive moves, and so does shear.protocol";
         for key in [&inertial_number, &velocity, &strain] {
             c.useless(key, why);
@@ -41,13 +41,13 @@ pub(super) fn check(c: &mut Checker<'_>, shear: raw::Shear) -> Shear {
         &[&inertial_number, &velocity],
         "the rate: inertial_number (I), such as inertial_number = 2e-4, or velocity (m/s), or a protocol",
     );
-    let i = c.number(&inertial_number, &POSITIVE).unwrap_or(f64::NAN);
-    let v = c.number(&velocity, &POSITIVE).unwrap_or(f64::NAN);
+    let i = c.number(&inertial_number).unwrap_or(f64::NAN);
+    let v = c.number(&velocity).unwrap_or(f64::NAN);
     let drive = match chosen {
         0 => Drive::InertialNumber(i),
         _ => Drive::Velocity(v),
     };
-    let strain = c.required(&strain, &POSITIVE, "the total gamma, such as strain = 0.1");
+    let strain = c.required(&strain);
     Shear {
         motion: Motion::Strain { drive, strain },
         spring,
@@ -118,7 +118,7 @@ fn part(entries: &[(String, f64)]) -> Result<Part, String> {
             Err("lacks how long it lasts: distance of the drive (m) or time (s)".into())
         }
         (Some(_), None) if velocity == 0.0 => {
-            Err("a hold (velocity = 0) goes no distance; give its time (s)".into())
+            Err("a hold (velocity = 0) covers no distance; give its time (s)".into())
         }
         (Some(distance), None) => Ok(Part {
             velocity,
@@ -133,45 +133,34 @@ fn part(entries: &[(String, f64)]) -> Result<Part, String> {
     }
 }
 
-pub(super) fn output(c: &mut Checker<'_>, output: raw::Output, shear: &Shear) -> Output {
-    let frame_strain = key!(output.frame_strain);
-    let frame_start = key!(output.frame_start);
-    let series_strain = key!(output.series_strain);
-    let checkpoint_strain = key!(output.checkpoint_strain);
-    let frame_rows = key!(output.frame_rows);
-    let series_rows = key!(output.series_rows);
+pub(super) fn output(c: &mut Checker<'_>, output: &raw::Output, shear: &Shear) -> Output {
     match shear.motion {
         Motion::Strain { .. } => {
-            let why = "is counted in parts of shear.protocol, and there is none";
-            c.useless(&frame_rows, why);
-            c.useless(&series_rows, why);
+            let why = "counts per part of shear.protocol, which is not given";
+            c.useless(&output.frame_rows, why);
+            c.useless(&output.series_rows, why);
         }
         Motion::Protocol(_) => {
-            let why = "is for one speed; with shear.protocol frame_rows and series_rows say how much is written in each part";
+            let why = "does not apply to the parts of shear.protocol; give frame_rows and series_rows, the frames and rows of each part";
             for key in [
-                &frame_strain,
-                &frame_start,
-                &series_strain,
-                &checkpoint_strain,
+                &output.frame_strain,
+                &output.frame_start,
+                &output.series_strain,
+                &output.checkpoint_strain,
             ] {
                 c.useless(key, why);
             }
         }
     }
-    let progress_lines = c.whole(&key!(output.progress_lines), 0, i64::MAX);
     Output {
-        frame_strain: c.number(&frame_strain, &NOT_NEGATIVE).unwrap_or(1e-4),
-        frame_start: c.number(&frame_start, &NOT_NEGATIVE).unwrap_or(0.0),
-        series_strain: c.number(&series_strain, &NOT_NEGATIVE).unwrap_or(1e-5),
-        checkpoint_strain: c.number(&checkpoint_strain, &NOT_NEGATIVE).unwrap_or(0.02),
-        keep_checkpoints: c.flag(&key!(output.keep_checkpoints)).unwrap_or(false),
-        frame_rows: c
-            .whole(&frame_rows, 0, i64::MAX)
-            .map_or(0, i64::unsigned_abs),
-        series_rows: c
-            .whole(&series_rows, 0, i64::MAX)
-            .map_or(1000, i64::unsigned_abs),
-        progress_lines: progress_lines.map_or(20, i64::unsigned_abs),
-        energy: c.flag(&key!(output.energy)).unwrap_or(true),
+        frame_strain: c.number_or_default(&output.frame_strain),
+        frame_start: c.number_or_default(&output.frame_start),
+        series_strain: c.number_or_default(&output.series_strain),
+        checkpoint_strain: c.number_or_default(&output.checkpoint_strain),
+        keep_checkpoints: c.flag_or_default(&output.keep_checkpoints),
+        frame_rows: c.count(&output.frame_rows),
+        series_rows: c.count(&output.series_rows),
+        progress_lines: c.count(&output.progress_lines),
+        energy: c.flag_or_default(&output.energy),
     }
 }

@@ -16,7 +16,7 @@ pub use self::periodic::{PeriodicRun, scene_of_finished};
 use self::source::{FOREIGN, Source};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, Disks, SERIES_COLUMNS};
+use gshear_dem::state::{Cell, Disks, SeriesRow};
 use gshear_scene::Dimensions;
 
 /// An attribute of `parameters`.
@@ -60,7 +60,8 @@ impl Series {
     /// # Panics
     /// On any other name.
     pub fn column(&self, name: &str) -> &[f64] {
-        let at = SERIES_COLUMNS.iter().position(|column| *column == name);
+        let mut columns = SeriesRow::COLUMNS.iter();
+        let at = columns.position(|column| column.name == name);
         &self.columns[at.unwrap_or_else(|| panic!("{name} is no column of the time series"))]
     }
 

@@ -7,6 +7,7 @@ use ndarray::{Ix3, s};
 
 use super::Parameter;
 use super::source::{Source, one_line};
+use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Sheared};
 
@@ -20,8 +21,8 @@ pub struct PeriodicRun {
     pub step: Vec<u64>,
     /// `[L]` Strain, or time (s).
     pub time: Vec<f64>,
-    columns: BTreeMap<String, Vec<f64>>,
-    /// `[T]` Steps of the frames.
+    columns: BTreeMap<&'static str, Vec<f64>>,
+    /// [T].
     pub frame_step: Vec<u64>,
     /// `[T]` Strain or time of the frames.
     pub frame_time: Vec<f64>,
@@ -37,18 +38,15 @@ impl PeriodicRun {
     ///
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing or damaged.
-    pub fn open(path: &Path, columns: &[&str]) -> Result<Self, Failure> {
+    pub fn open(path: &Path, columns: &[Column]) -> Result<Self, Failure> {
         hdf5::silence_errors(true);
         let source = Source::open(path)?;
-        let read = |name: &&str| -> Result<(String, Vec<f64>), Failure> {
-            let values = source.all(&format!("observables/{name}/value"))?;
-            Ok((name.to_string(), values))
-        };
-        let mut columns: BTreeMap<String, Vec<f64>> =
-            columns.iter().map(read).collect::<Result<_, _>>()?;
-        let first = columns.keys().next().cloned().unwrap_or_default();
-        let mut step: Vec<u64> = source.all(&format!("observables/{first}/step"))?;
-        let mut time: Vec<f64> = source.all(&format!("observables/{first}/time"))?;
+        const GROUP: &str = "observables";
+        let mut step: Vec<u64> = source.column(GROUP, &columns[0], "step")?;
+        let mut time: Vec<f64> = source.column(GROUP, &columns[0], "time")?;
+        let read = |column: &Column| Ok((column.name, source.column(GROUP, column, "value")?));
+        let mut columns: BTreeMap<&str, Vec<f64>> =
+            columns.iter().map(read).collect::<Result<_, Failure>>()?;
         // A file that is being written may be longer in some columns.
         let rows = columns
             .values()

@@ -9,9 +9,10 @@ use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenU
 use hdf5::{Dataset, File, H5Type, Location};
 
 use super::{Parameter, Series, StoredScalars};
-use gshear_analysis::frame_scalars::{FrameScalars, SCALAR_COLUMNS};
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::SERIES_COLUMNS;
+use gshear_dem::state::SeriesRow;
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
@@ -101,22 +102,34 @@ impl<'a> Source<'a> {
         Ok(dataset)
     }
 
+    /// A dataset of a column's group, under the present or the former name of the column.
+    pub(super) fn column<T: H5Type>(
+        &self,
+        group: &str,
+        column: &Column,
+        part: &str,
+    ) -> Result<Vec<T>, Failure> {
+        let stored = column.stored_name(|name| self.exists(&format!("{group}/{name}")));
+        let name = stored.unwrap_or(column.name);
+        self.all(&format!("{group}/{name}/{part}"))
+    }
+
     pub(super) fn series(&self, finished: bool) -> Result<Series, Failure> {
-        let first = SERIES_COLUMNS[0];
-        let mut step: Vec<u64> = self.all(&format!("observables/{first}/step"))?;
-        let mut time: Vec<f64> = self.all(&format!("observables/{first}/time"))?;
-        let read = |column: &&str| self.all(&format!("observables/{column}/value"));
-        let mut columns: Vec<Vec<f64>> =
-            SERIES_COLUMNS.iter().map(read).collect::<Result<_, _>>()?;
+        const GROUP: &str = "observables";
+        let names = SeriesRow::COLUMNS;
+        let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
+        let mut time: Vec<f64> = self.column(GROUP, &names[0], "time")?;
+        let read = |column: &Column| self.column(GROUP, column, "value");
+        let mut columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
         let mut lengths = vec![
             ("observables/strain/step", step.len()),
             ("observables/strain/time", time.len()),
         ];
         lengths.extend(
-            SERIES_COLUMNS
+            names
                 .iter()
                 .zip(&columns)
-                .map(|(name, column)| (*name, column.len())),
+                .map(|(column, values)| (column.name, values.len())),
         );
         let rows = self.common_length(&lengths, finished, "rows")?;
         step.truncate(rows);
@@ -137,12 +150,12 @@ impl<'a> Source<'a> {
         if !self.exists(GROUP) {
             return Ok(None);
         }
-        let first = SCALAR_COLUMNS[0];
-        let mut step: Vec<u64> = self.all(&format!("{GROUP}/{first}/step"))?;
-        let read = |column: &&str| self.all(&format!("{GROUP}/{column}/value"));
-        let columns: Vec<Vec<f64>> = SCALAR_COLUMNS.iter().map(read).collect::<Result<_, _>>()?;
-        let names = SCALAR_COLUMNS.iter().copied();
-        let mut lengths: Vec<_> = names.zip(columns.iter().map(Vec::len)).collect();
+        let names = FrameScalars::COLUMNS;
+        let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
+        let read = |column: &Column| self.column(GROUP, column, "value");
+        let columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
+        let lengths = columns.iter().map(Vec::len);
+        let mut lengths: Vec<_> = names.iter().map(|c| c.name).zip(lengths).collect();
         lengths.push(("observables/gshear/dmin_greatest/step", step.len()));
         let rows = self.common_length(&lengths, finished, "rows")?;
         step.truncate(rows);

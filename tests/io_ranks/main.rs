@@ -1,12 +1,38 @@
-//! What is in a run's files does not depend on the number of ranks that wrote them.
+//! What is in a run's files does not depend on the number of ranks that wrote them: this test starts itself under mpirun, as
+//! [`program`].
 
+#[path = "../common/mod.rs"]
 mod common;
+mod program;
 
-use common::synthetic::{attributes, contact, grain, pairs, row, shapes};
-use common::{example, mpirun, succeed};
-use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::process::ExitCode;
+
+use common::synthetic::{attributes, contact, grain, pairs, row, shapes};
+use common::{mpirun, on_ranks, rank_arguments, rank_program, run_tests, succeed};
+use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
+
+fn main() -> ExitCode {
+    if let Some(arguments) = rank_arguments() {
+        program::run(&arguments);
+        return ExitCode::SUCCESS;
+    }
+    run_tests(&[
+        (
+            "files_are_the_same_from_any_number_of_ranks",
+            files_are_the_same_from_any_number_of_ranks,
+        ),
+        (
+            "damage_gives_one_message_on_all_ranks",
+            damage_gives_one_message_on_all_ranks,
+        ),
+        (
+            "a_full_disk_ends_every_rank_with_one_reason",
+            a_full_disk_ends_every_rank_with_one_reason,
+        ),
+    ])
+}
 
 /// Every dataset of a file: shape and bytes.
 fn datasets(path: &Path) -> BTreeMap<String, (Vec<usize>, Vec<u8>)> {
@@ -34,17 +60,12 @@ fn datasets(path: &Path) -> BTreeMap<String, (Vec<usize>, Vec<u8>)> {
     found
 }
 
-#[test]
 fn files_are_the_same_from_any_number_of_ranks() {
     for grains in [3, 37] {
         let folders: Vec<_> = [1, 2, 3, 5]
             .map(|ranks| {
                 let folder = tempfile::tempdir().unwrap();
-                succeed(
-                    mpirun(ranks, example("io_check"))
-                        .arg(folder.path())
-                        .arg(grains.to_string()),
-                );
+                succeed(on_ranks(ranks).arg(folder.path()).arg(grains.to_string()));
                 folder
             })
             .into();
@@ -80,7 +101,7 @@ fn files_are_the_same_from_any_number_of_ranks() {
     }
 }
 
-/// Number by number what `io_check` has written.
+/// Number by number what the ranks have written.
 fn content(path: &Path, grains: u64) {
     let file = hdf5::File::open(path).unwrap();
     let numbers = |name: &str| file.dataset(name).unwrap().read_raw::<f64>().unwrap();
@@ -190,7 +211,7 @@ fn content(path: &Path, grains: u64) {
             .eq(contacts.iter().map(|c| c.sliding))
     );
 
-    for (c, name) in gshear::state::SERIES_COLUMNS.iter().enumerate() {
+    for (c, name) in gshear_dem::state::SeriesRow::COLUMNS.iter().enumerate() {
         assert!(
             ids(&format!("observables/{name}/step"))
                 .into_iter()
@@ -212,7 +233,7 @@ fn content(path: &Path, grains: u64) {
             .read_scalar::<VarLenUnicode>()
             .unwrap()
     };
-    assert!(attributes()[0].1 == gshear::io::h5::Attribute::Text(text("scene").to_string()));
+    assert!(attributes()[0].1 == gshear_store::h5::Attribute::Text(text("scene").to_string()));
     assert_eq!(text("digest").as_str(), "0123456789abcdef");
     assert_eq!(
         parameters
@@ -249,14 +270,13 @@ fn content(path: &Path, grains: u64) {
     );
 }
 
-#[test]
 fn damage_gives_one_message_on_all_ranks() {
     let folder = tempfile::tempdir().unwrap();
-    succeed(mpirun(2, example("io_check")).arg(folder.path()).arg("37"));
+    succeed(on_ranks(2).arg(folder.path()).arg("37"));
     let path = folder.path().join("checkpoint.h5");
     let whole = std::fs::read(&path).unwrap();
     let message = |ranks| {
-        let output = succeed(mpirun(ranks, example("io_check")).arg("damaged").arg(&path));
+        let output = succeed(on_ranks(ranks).arg("damaged").arg(&path));
         String::from_utf8(output.stdout).unwrap()
     };
     // In the half of the contacts' histories that only the last rank reads.
@@ -276,14 +296,13 @@ fn damage_gives_one_message_on_all_ranks() {
     assert!(message(2).contains("there is no such checkpoint"));
 }
 
-#[test]
 fn a_full_disk_ends_every_rank_with_one_reason() {
     let folder = tempfile::tempdir().unwrap();
     for ranks in [1, 2] {
         // Beyond the limit a write fails, as on a full disk.
         let limited = "trap '' XFSZ; ulimit -f 65536; exec \"$0\" \"$@\"";
         let mut command = mpirun(ranks, "sh");
-        command.args(["-c", limited]).arg(example("io_check"));
+        command.args(["-c", limited]).args(rank_program());
         let output = command.arg("time").arg(folder.path()).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{said}");

@@ -1,8 +1,8 @@
 //! Errors over run time, a panel a case.
 
-use gshear::report::colour::{GREY, INK, SLIP, STICK};
-use gshear::report::plot::{Layout, figure};
-use gshear::report::ticks::decades;
+use gshear_report::colour::{GREY, INK, SLIP, STICK};
+use gshear_report::plot::{Layout, figure};
+use gshear_report::ticks::decades;
 
 use crate::cost::{Curve, DEFAULT};
 use crate::scheme::Dampers;
@@ -63,7 +63,7 @@ fn panel(curves: &[&Curve]) -> String {
         // The default Δt, by the run time of the program.
         let default = curves[0].points.iter().find(|p| p.step == DEFAULT);
         if let Some(p) = default {
-            plot.upright((1e9 * curves[0].time(p)).log10(), GREY);
+            plot.vertical_line((1e9 * curves[0].time(p)).log10(), GREY);
         }
         for c in curves {
             let colour = match c.dampers {

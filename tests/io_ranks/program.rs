@@ -1,22 +1,23 @@
-//! Writes made-up frames, rows and checkpoints from the ranks it is started on: `io_check FOLDER GRAINS`, or `io_check time FOLDER`.
-//! Driven by `tests/io_ranks.rs`, which compares what different numbers of ranks have written.
+//! Writes made-up frames, rows and checkpoints from the ranks it is started on.
 
-#[path = "../tests/common/synthetic.rs"]
-mod synthetic;
-
-use gshear::domain::{Exchange, World};
-use gshear::failure::Failure;
-use gshear::io::trajectory::{RunHeader, TrajectoryWriter};
-use gshear::io::{checkpoint, log::Log};
-use gshear::state::{ContactSample, ContactState, FramePart, GrainSample, GrainState, Snapshot};
 use std::path::Path;
 use std::time::Instant;
-use synthetic::*;
 
-fn main() {
+use gshear_dem::domain::Exchange;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{
+    ContactSample, ContactState, FramePart, GrainSample, GrainState, Snapshot,
+};
+use gshear_mpi_exchange::World;
+use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
+use gshear_store::{checkpoint, log::Log};
+
+use crate::common::synthetic::*;
+
+/// `FOLDER GRAINS` writes, `damaged CHECKPOINT` reads what it must refuse, `time FOLDER` measures.
+pub fn run(arguments: &[String]) {
     let world = World::start();
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [first, second] = &arguments[..] else {
+    let [first, second] = arguments else {
         panic!("two arguments")
     };
     match first.as_str() {
@@ -67,8 +68,13 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
     writer.finish(world, &at_the_end())?;
 
     // Resumed from the middle of a batch.
-    let mut writer =
-        TrajectoryWriter::open_to_append(world, &path, &gshear::state::SERIES_COLUMNS, 81, 55)?;
+    let mut writer = TrajectoryWriter::open_to_append(
+        world,
+        &path,
+        &gshear_dem::state::SeriesRow::COLUMNS,
+        81,
+        55,
+    )?;
     let mut log = Log::open_to_append(world, &csv, 55)?;
     assert_eq!((writer.frames(), writer.rows()), (81, 55));
     for t in 81..150 {

@@ -4,11 +4,11 @@
 use std::fmt::Write;
 use std::time::Instant;
 
-use gshear::config::Contact;
-use gshear::contact::ContactLaw;
-use gshear::contact::lee_hurley::LeeHurley;
-use gshear::dimension::Two;
-use gshear::drive::NoWalls;
+use gshear_dem::contact::ContactLaw;
+use gshear_dem::contact::stiffness::Stiffness;
+use gshear_dem::dimension::Two;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::laws::lee_hurley::{LeeHurley, Material};
 
 use crate::energy::imbalance;
 use crate::reference::World;
@@ -168,13 +168,13 @@ const FINEST: u32 = RUNGS + 3;
 fn sample() -> Vec<Curve> {
     let sample = Sample::prepare();
     let (material, contact) = (sample.material(), sample.scene.contact);
-    let elastic = Contact {
+    let undamped = Material {
         damping_ratio: 0.0,
-        ..contact
+        ..material
     };
     let whole = LeeHurley::<true, true>::new(&material, &contact);
     let without_rolling = LeeHurley::<true, false>::new(&material, &contact);
-    let springs = LeeHurley::<false, false>::new(&material, &elastic);
+    let springs = LeeHurley::<false, false>::new(&undamped, &contact);
     let [full, half] = Dampers::BOTH;
     let costs = least([
         &|| cost(&sample, whole, full),
@@ -210,7 +210,7 @@ fn least<const K: usize>(times: [&dyn Fn() -> f64; K]) -> [f64; K] {
 }
 
 /// Time of a step (s) over the number of grains, at the default Δt.
-fn cost<C: ContactLaw<Space = Two>>(sample: &Sample, law: C, dampers: Dampers) -> f64 {
+fn cost<C: ContactLaw<Space = Two> + Stiffness>(sample: &Sample, law: C, dampers: Dampers) -> f64 {
     const STEPS: usize = 2000;
     let step = DEFAULT * sample.contact_time();
     let time = sample.start(law, step, dampers).go(STEPS);
@@ -264,7 +264,7 @@ fn steps(k: u32) -> usize {
 }
 
 /// Of positions and velocities, against the program at the finest Δt.
-fn differences<C: ContactLaw<Space = Two>>(
+fn differences<C: ContactLaw<Space = Two> + Stiffness>(
     sample: &Sample,
     law: C,
     schemes: &[(Dampers, f64)],
@@ -307,7 +307,7 @@ fn differences<C: ContactLaw<Space = Two>>(
     curves
 }
 
-fn energy<C: ContactLaw<Space = Two>>(
+fn energy<C: ContactLaw<Space = Two> + Stiffness>(
     sample: &Sample,
     law: C,
     (dampers, cost): (Dampers, f64),

@@ -1,20 +1,25 @@
 //! The default scene, packed and sheared a little, and short spans of it from there at any Δt.
 
+use std::process::Command;
 use std::time::Instant;
 
-use gshear::config::{self, Law, Material, Scene, Source, derived};
-use gshear::contact::ContactLaw;
-use gshear::dimension::Two;
-use gshear::domain::Solo;
-use gshear::drive::{GrainWalls, Slider};
-use gshear::io::checkpoint;
-use gshear::kernel::ContactForces;
-use gshear::run::{Header, Options, Run, Stage, Start};
-use gshear::schedule::{Protocol, Schedule};
-use gshear::simd::Level;
-use gshear::state::{GrainState, Snapshot, body, nearest_image};
-use gshear::step::{Wanted, advance, initial_forces};
-use gshear::system::{Setup, System};
+use gshear_dem::contact::ContactLaw;
+use gshear_dem::contact::stiffness::Stiffness;
+use gshear_dem::dimension::Two;
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::{GrainWalls, Piston, Slider};
+use gshear_dem::kernel::ContactForces;
+use gshear_dem::laws::lee_hurley::{self, Material};
+use gshear_dem::protocol::Protocol;
+use gshear_dem::simd::Level;
+use gshear_dem::state::{GrainState, Snapshot, body, nearest_image};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{Setup, System};
+use gshear_scene::{Scene, Source, derived};
+use gshear_store::checkpoint;
+
+use serde::Deserialize;
+use serde_json::Value;
 
 use crate::scheme::{Damped, Dampers};
 
@@ -24,7 +29,9 @@ const SHEARED: u64 = 100_000;
 pub struct Sample {
     pub scene: Scene,
     snapshot: Snapshot,
-    walls: (Header, Schedule),
+    piston: Piston,
+    /// Of the drive (m/s).
+    speed: f64,
 }
 
 /// A sample on its way.
@@ -39,28 +46,26 @@ impl Sample {
     /// Runs the default scene for a while, in a folder that is removed.
     pub fn prepare() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let scene = config::load(&Source::embedded(), &[]).expect("the embedded scene");
-        let options = Options {
-            out: folder.path().into(),
-            stop_at: Some(SHEARED),
-            wall_time: None,
-            threads: 1,
-            replay: None,
-        };
-        Run::new(&Solo, &scene, &options)
-            .and_then(|run| run.run(Start::Insertion))
-            .expect("the default scene runs");
+        let ended = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"))
+            .arg("--out")
+            .arg(folder.path())
+            .args(["--stop-at", &SHEARED.to_string()])
+            .status()
+            .expect("gshear-mpi starts");
+        // Stopped at a checkpoint.
+        assert_eq!(ended.code(), Some(75), "gshear-mpi");
         let path = folder.path().join(checkpoint::NAME);
         let (_, snapshot) = checkpoint::read(&Solo, &path).expect("its checkpoint");
-        let header: Header = serde_json::from_str(&snapshot.header).expect("its header");
-        let Stage::Shear { height } = header.stage else {
-            panic!("the run was stopped while it was sheared")
-        };
-        let schedule = Schedule::new(&scene, height);
+        let header: Value = serde_json::from_str(&snapshot.header).expect("its header");
+        let piston = Piston::deserialize(&header["piston"]).expect("its piston");
+        let run = hdf5::File::open(folder.path().join("run.h5")).expect("its results");
+        let velocity = run.dataset("observables/drive_velocity/value");
+        let velocity = velocity.and_then(|of| of.read_raw::<f64>());
         Self {
-            scene,
+            scene: gshear_scene::load(&Source::embedded(), &[]).expect("the embedded scene"),
             snapshot,
-            walls: (header, schedule),
+            piston,
+            speed: *velocity.expect("a time series").last().expect("rows"),
         }
     }
 
@@ -68,11 +73,19 @@ impl Sample {
         f64::from(self.scene.sample.grains)
     }
 
-    /// Of the grains, which the default scene has.
+    /// Of the grains.
     pub fn material(&self) -> Material {
-        match self.scene.law {
-            Law::LeeHurley(material) => material,
-            _ => unreachable!("the default scene is Lee & Hurley's"),
+        let law = &self.scene.law;
+        assert_eq!(law.kind().name, lee_hurley::KIND.name, "the default scene");
+        let of = |path: &str| {
+            let mut given = law.given().iter().filter(|(key, _)| key.path == path);
+            given.next().expect(path).1
+        };
+        Material {
+            young_modulus: of("material.young_modulus"),
+            poisson_ratio: of("material.poisson_ratio"),
+            density: of("material.density"),
+            damping_ratio: of("contact.damping_ratio"),
         }
     }
 
@@ -86,7 +99,7 @@ impl Sample {
     }
 
     /// At the start of the span, with forces.
-    pub fn start<C: ContactLaw<Space = Two>>(
+    pub fn start<C: ContactLaw<Space = Two> + Stiffness>(
         &self,
         law: C,
         step: f64,
@@ -95,7 +108,7 @@ impl Sample {
         let scene = &self.scene;
         let setup = Setup {
             level: Level::detect(),
-            bookkeeping: &scene.bookkeeping,
+            list: scene.bookkeeping.list,
             cell: scene.sample.cell(),
             largest_radius: scene.sample.radius_max,
             mean_diameter: scene.sample.mean_diameter,
@@ -106,12 +119,10 @@ impl Sample {
             threads: 1,
         };
         let mut system = System::new(&Solo, setup).expect("one rank is not too many");
-        let (header, schedule) = &self.walls;
         // At another Δt the same drive.
-        let speed = schedule.protocol.velocity(0);
         let walls = GrainWalls {
-            piston: header.piston,
-            slider: Slider::new(Protocol::new(step, [(speed, u64::MAX >> 12)]), None),
+            piston: self.piston,
+            slider: Slider::new(Protocol::new(step, [(self.speed, u64::MAX >> 12)]), None),
             along: false,
             top: Vec::new(),
         };
@@ -153,7 +164,7 @@ impl Sample {
     }
 }
 
-impl<C: ContactLaw<Space = Two>> Moving<C> {
+impl<C: ContactLaw<Space = Two> + Stiffness> Moving<C> {
     /// Some steps; the time that they took (s). `None` where they failed.
     pub fn go(&mut self, steps: usize) -> Option<f64> {
         let start = Instant::now();
@@ -171,9 +182,9 @@ impl<C: ContactLaw<Space = Two>> Moving<C> {
             &mut self.system,
             &self.law,
             &mut self.drive,
-            Wanted {
+            StepRequest {
                 samples,
-                ..Wanted::default()
+                ..StepRequest::default()
             },
         )
         .ok()

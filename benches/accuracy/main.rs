@@ -16,7 +16,14 @@ mod scenes;
 mod scheme;
 mod tables;
 
+/// The argument that asks for it: a plain `cargo bench` is about speed and leaves `docs/` alone.
+const MEASURE: &str = "measure";
+
 fn main() {
+    if !std::env::args().any(|argument| argument == MEASURE) {
+        println!("accuracy: left out; `make accuracy` measures it and writes into docs/");
+        return;
+    }
     println!("{}", processor());
     tables::print();
     let curves = cost::measure();
@@ -31,6 +38,6 @@ fn processor() -> String {
     format!(
         "{}, {}",
         name.unwrap_or("processor unknown"),
-        gshear::simd::Level::detect().name()
+        gshear_dem::simd::Level::detect().name()
     )
 }

@@ -1,10 +1,10 @@
 //! What the dampers are given: the scheme of this program, and that of LAMMPS, for comparison.
 
-use gshear::dimension::{Dimension, Two};
-use gshear::domain::{Accumulator, FixedPoint};
-use gshear::drive::{Drive, Load};
-use gshear::simd::Level;
-use gshear::state::{Cell, Grains};
+use gshear_dem::dimension::{Dimension, Two};
+use gshear_dem::domain::{Accumulator, FixedPoint};
+use gshear_dem::drive::{Drive, Load};
+use gshear_dem::simd::Level;
+use gshear_dem::state::{Cell, Grains};
 
 /// The velocity that the dampers of a contact take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,9 +33,7 @@ pub struct Damped<D> {
 }
 
 impl<D: Drive<Two>> Drive<Two> for Damped<D> {
-    const DRAG: bool = D::DRAG;
-
-    fn drag(&self) -> [f64; 2] {
+    fn drag(&self) -> Option<[f64; 2]> {
         self.walls.drag()
     }
 

@@ -1,11 +1,14 @@
-//! Checks every verb between the ranks it is started on. Driven by `tests/exchange.rs`.
+//! Checks every operation between the ranks it is started on.
 
-use gshear::domain::{Exchange, Link, World, total};
 use std::time::Instant;
 
-fn main() {
+use gshear_dem::domain::{Exchange, Link, total};
+use gshear_mpi_exchange::{Parallel, World};
+
+/// `panic` and `abort` end it so, `time` measures, and without an argument it checks.
+pub fn run(arguments: &[String]) {
     let world = World::start();
-    match std::env::args().nth(1).as_deref() {
+    match arguments.first().map(String::as_str) {
         Some("panic") => {
             assert!(world.rank() + 1 < world.size(), "the last rank panics");
             world.barrier();
@@ -43,7 +46,7 @@ fn check(world: &World) {
         }
     }
     let mut ran = false;
-    world.halo::<f64>(&mut [], || ran = true);
+    world.halo(&mut [], &mut || ran = true);
     assert!(ran);
 
     let mut values: Vec<i64> = (0..150).map(|k| k * (rank as i64 + 1)).collect();
@@ -111,6 +114,7 @@ fn ring(world: &World, length: usize) {
     let mut links = [
         Link {
             rank: left,
+            width: 1,
             records: &records,
             chosen: &to_left,
             buffer: buffer_left,
@@ -118,6 +122,7 @@ fn ring(world: &World, length: usize) {
         },
         Link {
             rank: right,
+            width: 1,
             records: &records,
             chosen: &to_right,
             buffer: buffer_right,
@@ -128,7 +133,7 @@ fn ring(world: &World, length: usize) {
         links.swap(0, 1);
     }
     let mut ran = false;
-    world.halo(&mut links, || ran = true);
+    world.halo(&mut links, &mut || ran = true);
     assert!(ran);
     let wanted = |from: usize, chosen: &[u32]| -> Vec<f64> {
         chosen.iter().map(|&k| record(from, k)).collect()
@@ -137,7 +142,7 @@ fn ring(world: &World, length: usize) {
     assert_eq!(from_right, wanted(right, &to_left));
 }
 
-/// Cost of the verbs of a step.
+/// Cost of the operations of a step.
 fn time(world: &World) {
     let (rank, size) = (world.rank(), world.size());
     let n = 20_000;
@@ -153,6 +158,7 @@ fn time(world: &World) {
             let mut links = [
                 Link {
                     rank: left,
+                    width: 1,
                     records: &records,
                     chosen: &chosen[..length / 2],
                     buffer: buffer_a,
@@ -160,13 +166,14 @@ fn time(world: &World) {
                 },
                 Link {
                     rank: right,
+                    width: 1,
                     records: &records,
                     chosen: &chosen[length / 2..],
                     buffer: buffer_b,
                     receive: b,
                 },
             ];
-            world.halo(&mut links, || ());
+            world.halo(&mut links, &mut || ());
         }
         if rank == 0 {
             println!(

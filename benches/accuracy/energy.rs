@@ -1,9 +1,10 @@
-//! The balance of energy of a sheared sample: what the walls do, what is stored, what is lost.
+//! The balance of energy of a sheared sample: what the walls do, what is stored, what is dissipated.
 
-use gshear::contact::ContactLaw;
-use gshear::contact::lee_hurley::normal_stiffness;
-use gshear::dimension::{Dimension, Two};
-use gshear::state::body;
+use gshear_dem::contact::ContactLaw;
+use gshear_dem::contact::stiffness::Stiffness;
+use gshear_dem::dimension::{Dimension, Two};
+use gshear_dem::laws::lee_hurley::normal_stiffness;
+use gshear_dem::state::body;
 
 use crate::sample::{Moving, Sample};
 use crate::scheme::Dampers;
@@ -13,7 +14,7 @@ use crate::scheme::Dampers;
 ///
 /// ΔK + ΔU_n = ∫ Σ [(F_n - k_n δ) v_n + F_t v_t] dt - ∫ F·v of the wall grains dt: U_n is the work of k_n δ in closed form, the
 /// integrals are sums by trapezoids of what the steps end with.
-pub fn imbalance<C: ContactLaw<Space = Two>>(
+pub fn imbalance<C: ContactLaw<Space = Two> + Stiffness>(
     sample: &Sample,
     law: C,
     span: f64,
@@ -24,12 +25,12 @@ pub fn imbalance<C: ContactLaw<Space = Two>>(
     let step = span / steps as f64;
     let mut moving = sample.start(law, step, dampers);
     let modulus = sample.material().effective_modulus();
-    let first = state(&moving, modulus);
+    let first = state(&mut moving, modulus);
     let mut last = first;
     let (mut received, mut through) = (0.0, 0.0);
     for _ in 0..steps {
         moving.one(true)?;
-        let now = state(&moving, modulus);
+        let now = state(&mut moving, modulus);
         received += 0.5 * step * (last.power + now.power);
         through += 0.5 * step * (last.wall.abs() + now.wall.abs());
         last = now;
@@ -50,10 +51,12 @@ const U: usize = Two::VELOCITY;
 const V: usize = Two::VELOCITY + Two::UP;
 const W: usize = Two::SPIN;
 
-fn state<C: ContactLaw<Space = Two>>(moving: &Moving<C>, modulus: f64) -> State {
-    let (grains, system) = (&moving.system.grains, &moving.system);
+fn state<C: ContactLaw<Space = Two> + Stiffness>(moving: &mut Moving<C>, modulus: f64) -> State {
+    let cell = moving.system.cell;
     let (mut energy, mut wall) = (0.0, 0.0);
-    for (g, state) in system.grain_states().iter().enumerate() {
+    let states = moving.system.grain_states();
+    let (grains, contacts) = moving.system.grains_and_contacts();
+    for (g, state) in states.iter().enumerate() {
         let ([u, v, _], [fx, fy, _]) = (state.velocity, state.force);
         if state.body == body::FREE {
             let (m, r, w) = (grains.mass[g], state.radius, state.angular_velocity[2]);
@@ -62,11 +65,11 @@ fn state<C: ContactLaw<Space = Two>>(moving: &Moving<C>, modulus: f64) -> State 
             wall -= fx * u + fy * v;
         }
     }
-    let mut lost = 0.0;
-    for at in system.contacts.touching() {
+    let mut dissipated = 0.0;
+    for at in contacts.touching() {
         let [a, b] = [at.i, at.j].map(|g| grains.fields(g));
         let (r_a, r_b) = (grains.radius[at.i], grains.radius[at.j]);
-        let [dx, dy, _] = system.cell.separation::<Two>(a, b);
+        let [dx, dy, _] = cell.separation::<Two>(a, b);
         let distance = dx.hypot(dy);
         let (n_x, n_y) = (dx / distance, dy / distance);
         let (du, dv) = (a[U] - b[U], a[V] - b[V]);
@@ -76,12 +79,12 @@ fn state<C: ContactLaw<Space = Two>>(moving: &Moving<C>, modulus: f64) -> State 
         let k_n = normal_stiffness(modulus, r_a, r_b, overlap);
         let normal = moving.samples.normal[at.block].0[at.lane];
         let tangential = moving.samples.tangential[at.block][0].0[at.lane];
-        lost += (normal - k_n * overlap) * v_n + tangential * v_t;
+        dissipated += (normal - k_n * overlap) * v_n + tangential * v_t;
         energy += stored(modulus, r_a + r_b, k_n, overlap);
     }
     State {
         energy,
-        power: lost + wall,
+        power: dissipated + wall,
         wall,
     }
 }

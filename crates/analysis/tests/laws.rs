@@ -1,0 +1,331 @@
+//! K of every law in `LAWS`, chosen as a run chooses it, against differences of its own forces: in
+//! every dimension it has, with and without friction and rolling resistance.
+
+use gshear_analysis::jacobian::{History, Jacobian, State, assemble};
+use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::laws::keys::{Key, Values};
+use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
+use gshear_dem::simd::Level;
+use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
+use gshear_dem::step::forces;
+use gshear_dem::system::{ListSettings, Setup, System};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Grains along each axis.
+const SIDE: usize = 5;
+/// (m)
+const SPACING: f64 = 0.97;
+const MASSES: Masses = Masses::Density(1.3);
+/// Δt (s).
+const STEP: f64 = 0.5;
+/// How far grains are moved for the differences (m; rad).
+const H: f64 = 2e-5;
+
+/// Gives every key its example; of keys that exclude each other the first.
+struct Examples;
+
+impl Values for Examples {
+    fn number(&mut self, key: &Key) -> Option<f64> {
+        Some(key.example.parse().expect("an example is a number"))
+    }
+
+    fn required(&mut self, key: &Key) -> f64 {
+        self.number(key).unwrap_or(f64::NAN)
+    }
+
+    fn exactly_one(&mut self, _: &[&Key], _: &str) -> usize {
+        0
+    }
+
+    fn useless(&mut self, _: &Key, _: &str) {}
+
+    fn refuse(&mut self, key: &Key, what: &str) {
+        panic!(
+            "the examples of the keys do not fit together: {} {what}",
+            key.path
+        );
+    }
+}
+
+/// Grains of random radii near a lattice in a sheared box, two of them of a wall.
+fn grains<D: Dimension>(random: &mut ChaCha8Rng) -> Vec<GrainState> {
+    let grain = |id: usize| {
+        let mut position = [0.0; 3];
+        for (axis, x) in position[..D::AXES].iter_mut().enumerate() {
+            let row = id / SIDE.pow(axis as u32) % SIDE;
+            *x = SPACING * (row as f64 + 0.5 + 0.01 * random.random_range(-1.0..1.0));
+        }
+        GrainState {
+            id: id as u32,
+            body: if [3, 7].contains(&id) {
+                body::BOTTOM
+            } else {
+                body::FREE
+            },
+            position,
+            velocity: [0.0; 3],
+            angular_velocity: [0.0; 3],
+            radius: 0.5 + 0.03 * random.random_range(-1.0..1.0),
+            force: [0.0; 3],
+            torque: [0.0; 3],
+        }
+    };
+    (0..SIDE.pow(D::AXES as u32)).map(grain).collect()
+}
+
+fn cell() -> Cell {
+    let side = SPACING * SIDE as f64;
+    Cell {
+        periods: [side; 2],
+        sheared: Some(Sheared {
+            height: side,
+            offset: 0.02,
+            velocity: 0.0,
+        }),
+    }
+}
+
+/// The touching pairs; `None` if one is about to touch or to part.
+fn touching<D: Dimension>(grains: &[GrainState], cell: Cell) -> Option<Vec<ContactState>> {
+    let mut pairs = Vec::new();
+    for (k, a) in grains.iter().enumerate() {
+        for b in &grains[k + 1..] {
+            let r = cell.separation::<D>(&a.position, &b.position);
+            let overlap = a.radius + b.radius - length(r);
+            if overlap.abs() < 1e-3 {
+                return None;
+            }
+            if overlap > 0.0 {
+                pairs.push(ContactState {
+                    i: a.id,
+                    j: b.id,
+                    history: [0.0; 3],
+                });
+            }
+        }
+    }
+    Some(pairs)
+}
+
+/// Grains at rest whose contacts are below their limits, or well beyond them.
+struct Packing<'a, D: Dimension> {
+    system: System<D>,
+    law: &'a dyn PairForce<D>,
+}
+
+impl<'a, D: Dimension> Packing<'a, D> {
+    fn new(law: &'a dyn PairForce<D>, contact: &Contact) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let cell = cell();
+        let (grains, contacts) = (0..1000)
+            .find_map(|_| {
+                let grains = grains::<D>(&mut random);
+                let contacts = touching::<D>(&grains, cell)?;
+                Some((grains, contacts))
+            })
+            .expect("one packing of many");
+        let setup = Setup {
+            level: Level::detect(),
+            list: ListSettings {
+                skin: Some(0.1),
+                rebuild_every: 0,
+            },
+            cell,
+            largest_radius: 0.53,
+            mean_diameter: 1.0,
+            masses: MASSES,
+            step: STEP,
+            gravity: 0.0,
+            typical_force: 1.0,
+            threads: 1,
+        };
+        let mut system = System::new(&Solo, setup).expect("one rank");
+        system
+            .replace(&Solo, law, &mut NoWalls, grains, contacts)
+            .expect("a list");
+        let mut packing = Self { system, law };
+        packing.load(contact, &mut random);
+        packing
+    }
+
+    /// The places of what free grains have, as (grain, unknown).
+    fn unknowns() -> usize {
+        D::AXES + D::SPINS
+    }
+
+    /// Lets the law itself make small histories, and scales those to parts of the limits: every
+    /// fifth beyond that of friction, every seventh beyond that of rolling.
+    fn load(&mut self, contact: &Contact, random: &mut ChaCha8Rng) {
+        const SLIP: f64 = 1e-5;
+        let owned = self.system.owned();
+        let before = self.system.grains().record.clone();
+        for g in 0..owned {
+            let fields = self.system.grains_mut().fields_mut(g);
+            for k in 0..D::AXES {
+                fields[D::HALF_VELOCITY + k] = SLIP / STEP * random.random_range(-1.0..1.0);
+            }
+            for k in 0..D::SPINS {
+                fields[D::HALF_SPIN + k] = SLIP / STEP * random.random_range(-1.0..1.0);
+            }
+        }
+        let mut samples = ContactForces::default();
+        self.forces(Some(&mut samples));
+        self.system.grains_mut().record.copy_from_slice(&before);
+        let rows = self.law.history_rows();
+        let at: Vec<_> = self.system.contacts.touching().collect();
+        for (k, at) in at.into_iter().enumerate() {
+            let normal = samples.normal[at.block].0[at.lane];
+            let tangential = samples.tangential[at.block];
+            let tangential: Vec<f64> = (0..D::SPINS).map(|k| tangential[k].0[at.lane]).collect();
+            let tangential = tangential.iter().map(|t| t * t).sum::<f64>().sqrt();
+            let history = &mut self.system.contacts.history[at.block * rows..][..rows];
+            let part = 0.7 + 0.2 * random.random_range(-1.0..1.0);
+            if self.law.has_friction() && contact.friction > 0.0 {
+                let beyond = if k % 5 == 0 { 14.0 } else { 1.0 };
+                let scale = beyond * part * contact.friction * normal / tangential;
+                for row in &mut history[..D::SPINS] {
+                    row.0[at.lane] *= scale;
+                }
+            }
+            if contact.rolling_friction > 0.0 {
+                // Elastic torques; μ_r R_r F_n is their limit.
+                let limit = 0.25 * contact.rolling_friction * normal;
+                let beyond = if k % 7 == 3 { 14.0 } else { 0.5 };
+                history[rows - 1].0[at.lane] =
+                    beyond * limit * if random.random() { 1.0 } else { -1.0 } * part;
+            }
+        }
+    }
+
+    fn forces(&mut self, samples: Option<&mut ContactForces>) {
+        let outside = forces(
+            &Solo,
+            &mut self.system,
+            self.law,
+            &mut NoWalls,
+            STEP,
+            samples,
+        );
+        assert_eq!(outside, None);
+    }
+
+    fn jacobian(&mut self) -> Jacobian {
+        let contacts = self.system.contact_states(self.law);
+        let state = State {
+            grains: &self.system.grain_states(),
+            contacts: &contacts,
+            cell: self.system.cell,
+            masses: MASSES,
+        };
+        assemble::<D>(state, self.law, History::Turned)
+    }
+
+    /// Forces and torques on all grains after the `k`-th unknown of `grain` has moved by h in one
+    /// step.
+    fn moved(&mut self, (grain, k): (usize, usize), h: f64) -> Vec<f64> {
+        let history = self.system.contacts.history.clone();
+        let record = self.system.grains().record[grain];
+        let fields = self.system.grains_mut().fields_mut(grain);
+        if k < D::AXES {
+            fields[k] += h;
+            fields[D::HALF_VELOCITY + k] = h / STEP;
+        } else {
+            fields[D::HALF_SPIN + k - D::AXES] = h / STEP;
+        }
+        self.forces(None);
+        let grains = self.system.grains_mut();
+        grains.record[grain] = record;
+        let found = grains.force.iter();
+        let found = found.flat_map(|f| f[..Self::unknowns()].to_vec()).collect();
+        self.system.contacts.history = history;
+        found
+    }
+}
+
+/// Every entry of K, to 1e-8 of the greatest.
+fn agrees<D: LawSpace>(law: &Law, contact: &Contact) {
+    let name = format!(
+        "{} in {} dimensions with {contact:?}",
+        law.kind().name,
+        D::AXES
+    );
+    let force = D::pair_force(law, contact);
+    let force = force.unwrap_or_else(|| panic!("{name}: no forces"));
+    let mut packing = Packing::<D>::new(force.as_ref(), contact);
+    let jacobian = packing.jacobian();
+    let per_grain = Packing::<D>::unknowns();
+    assert_eq!(jacobian.per_grain, per_grain);
+    assert_eq!(
+        jacobian.unknowns(),
+        per_grain * (packing.system.owned() - 2)
+    );
+    assert!(jacobian.contacts > 30, "{name}");
+    assert_eq!(jacobian.sliding > 5, contact.friction > 0.0, "{name}");
+    let k = jacobian.k.to_dense();
+    let greatest = k.norm_max();
+    let mut worst = 0.0f64;
+    for column in 0..jacobian.unknowns() {
+        let grain = jacobian.grains[column / per_grain] as usize;
+        let unknown = (grain, column % per_grain);
+        let [a, b, c, d] = [-2.0, -1.0, 1.0, 2.0].map(|part| packing.moved(unknown, part * H));
+        for (row, &g) in jacobian.grains.iter().enumerate() {
+            for f in 0..per_grain {
+                let at = g as usize * per_grain + f;
+                let slope = (a[at] - 8.0 * b[at] + 8.0 * c[at] - d[at]) / (12.0 * H);
+                let error = k[(per_grain * row + f, column)] + slope;
+                worst = worst.max(error.abs());
+            }
+        }
+    }
+    assert!(worst < 1e-8 * greatest, "{name}: {:e}", worst / greatest);
+}
+
+/// Whether K and the forces agree with each choice of friction and rolling resistance.
+fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
+    let law = Law::read(kind, &mut Examples);
+    let rolling: &[f64] = if rolls { &[0.0, 0.1] } else { &[0.0] };
+    for friction in [0.0, 0.4] {
+        for &rolling_friction in rolling {
+            let contact = Contact {
+                friction,
+                rolling_friction,
+                rolling_damping_ratio: 0.3,
+            };
+            agrees::<D>(&law, &contact);
+        }
+    }
+}
+
+#[test]
+fn stiffness_is_the_derivative_of_the_forces_of_every_law() {
+    for kind in LAWS {
+        for dimension in kind.dimensions {
+            match dimension {
+                Dimensions::Two => agrees_with_all_limits::<Two>(kind, kind.rolling),
+                Dimensions::Three => agrees_with_all_limits::<Three>(kind, false),
+            }
+        }
+    }
+}
+
+/// What a scene can ask for reaches the forces: disks with rolling resistance have a history more.
+#[test]
+fn rolling_resistance_reaches_the_forces() {
+    let rows = |kind, rolling_friction| {
+        let contact = Contact {
+            friction: 0.4,
+            rolling_friction,
+            rolling_damping_ratio: 0.0,
+        };
+        let law = Law::read(kind, &mut Examples);
+        let force = Two::pair_force(&law, &contact).expect("a law of disks");
+        force.history_rows()
+    };
+    for kind in LAWS.iter().filter(|kind| kind.rolling) {
+        assert_eq!(rows(kind, 0.1), rows(kind, 0.0) + 1, "{}", kind.name);
+    }
+}

@@ -1,0 +1,169 @@
+//! Tables of numbers. Each column is declared once: name, unit, documentation and, as a field of the
+//! row, its value.
+//!
+//! ```
+//! gshear_dem::columns! {
+//!     /// One row of a table.
+//!     pub struct Reading {
+//!         /// Pressure on the top wall.
+//!         pressure: "Pa",
+//!         /// Energy dissipated by sliding.
+//!         dissipated: "J", formerly "lost",
+//!     }
+//! }
+//!
+//! let row = Reading { pressure: 2.0, dissipated: 0.5 };
+//! assert_eq!(row.columns(), [2.0, 0.5]);
+//! assert_eq!(Reading::from_columns([2.0, 0.5]), row);
+//! assert_eq!(Reading::COLUMNS[0].name, "pressure");
+//! assert_eq!(Reading::COLUMNS[0].doc, "Pressure on the top wall.");
+//! assert_eq!(Reading::COLUMNS[1].stored_name(|name| name == "lost"), Some("lost"));
+//! ```
+
+use std::fmt;
+
+/// A column of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Column {
+    /// The field of the row, the dataset in HDF5 files and the head of the column in CSV files.
+    pub name: &'static str,
+    /// Unit in 3D, as the units module of H5MD writes it: `m s-1`; `1` for pure numbers.
+    pub unit: &'static str,
+    /// What the column holds; also the text of docs/file-formats.md.
+    pub doc: &'static str,
+    /// Name in the release before this one, which readers accept.
+    pub former: Option<&'static str>,
+}
+
+impl Column {
+    /// Unit in so many dimensions, `None` for pure numbers. In 2D forces and energies are per unit
+    /// depth.
+    pub fn unit_in(&self, axes: usize) -> Option<String> {
+        match (self.unit, axes) {
+            ("1", _) => None,
+            (unit @ ("N" | "J"), 2) => Some(format!("{unit} m-1")),
+            (unit, _) => Some(unit.into()),
+        }
+    }
+
+    /// Name under which a file has the column: the present or the former one.
+    pub fn stored_name(&self, is_stored: impl Fn(&str) -> bool) -> Option<&'static str> {
+        let mut names = std::iter::once(self.name).chain(self.former);
+        names.find(|name| is_stored(name))
+    }
+}
+
+/// The name.
+impl AsRef<str> for Column {
+    fn as_ref(&self) -> &str {
+        self.name
+    }
+}
+
+/// The name.
+impl fmt::Display for Column {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// Names of columns with `separator` between them.
+pub fn joined_names(columns: &[Column], separator: &str) -> String {
+    let names: Vec<&str> = columns.iter().map(|column| column.name).collect();
+    names.join(separator)
+}
+
+/// Declares the row of a table: a struct of `f64` with `COLUMNS`, `columns` and `from_columns`.
+///
+/// A field has a doc comment, its name, its unit (see [`Column::unit`](crate::columns::Column::unit))
+/// and, if it was renamed, `formerly` and the former name; see [`columns`](mod@crate::columns). The
+/// calling crate needs `bytemuck`.
+#[macro_export]
+macro_rules! columns {
+    (@former) => { None };
+    (@former $former:literal) => { Some($former) };
+    (
+        $(#[$attribute:meta])*
+        $visibility:vis struct $row:ident {
+            $(
+                $(#[doc = $doc:literal])+
+                $name:ident: $unit:literal $(, formerly $former:literal)?
+            ),+ $(,)?
+        }
+    ) => {
+        $(#[$attribute])*
+        #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+        #[repr(C)]
+        $visibility struct $row {
+            $($(#[doc = $doc])+ pub $name: f64,)+
+        }
+
+        impl $row {
+            /// The columns, in the order of the fields.
+            pub const COLUMNS: [$crate::columns::Column; size_of::<$row>() / size_of::<f64>()] = [
+                $($crate::columns::Column {
+                    name: stringify!($name),
+                    unit: $unit,
+                    doc: concat!($($doc),+).trim_ascii(),
+                    former: $crate::columns!(@former $($former)?),
+                },)+
+            ];
+
+            /// The values, in the order of [`Self::COLUMNS`].
+            pub const fn columns(&self) -> [f64; Self::COLUMNS.len()] {
+                [$(self.$name),+]
+            }
+
+            /// The row with these values, in the order of [`Self::COLUMNS`].
+            pub const fn from_columns([$($name),+]: [f64; Self::COLUMNS.len()]) -> Self {
+                Self { $($name),+ }
+            }
+        }
+
+        /// The values, in the order of the columns.
+        impl AsRef<[f64]> for $row {
+            fn as_ref(&self) -> &[f64] {
+                bytemuck::cast_slice(std::slice::from_ref(self))
+            }
+        }
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    crate::columns! {
+        /// Two columns.
+        struct Pair {
+            /// Force along
+            /// the wall.
+            force: "N",
+            /// A number.
+            share: "1", formerly "part",
+        }
+    }
+
+    #[test]
+    fn units_in_2d_are_per_unit_depth() {
+        let [force, share] = Pair::COLUMNS;
+        assert_eq!(force.unit_in(2).as_deref(), Some("N m-1"));
+        assert_eq!(force.unit_in(3).as_deref(), Some("N"));
+        assert_eq!(share.unit_in(2), None);
+        assert_eq!(force.doc, "Force along the wall.");
+    }
+
+    #[test]
+    fn the_present_name_comes_before_the_former_one() {
+        let [force, share] = Pair::COLUMNS;
+        assert_eq!(share.stored_name(|_| true), Some("share"));
+        assert_eq!(share.stored_name(|name| name == "part"), Some("part"));
+        assert_eq!(force.stored_name(|name| name == "part"), None);
+    }
+
+    #[test]
+    fn values_and_columns_have_the_same_order() {
+        let pair = Pair::from_columns([1.0, 2.0]);
+        assert_eq!((pair.force, pair.share), (1.0, 2.0));
+        assert_eq!(pair.columns(), [1.0, 2.0]);
+        assert_eq!(pair.as_ref(), [1.0, 2.0]);
+    }
+}

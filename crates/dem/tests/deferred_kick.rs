@@ -1,0 +1,209 @@
+//! The second kick of a step is given when someone looks, or by the next step: the bits are the same.
+
+use bytemuck::Zeroable;
+use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::{GrainWalls, Piston, Slider};
+use gshear_dem::kernel::PairForce;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::hertz::{Hertz, Spheres};
+use gshear_dem::laws::hooke::{Hooke, Springs};
+use gshear_dem::observe;
+use gshear_dem::protocol::Protocol;
+use gshear_dem::simd::Level;
+use gshear_dem::state::{Cell, GrainState, Masses, body};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
+
+const RADIUS: f64 = 1e-3;
+const DENSITY: f64 = 2500.0;
+/// Grains along every periodic axis, and layers.
+const SIDE: usize = 8;
+const LAYERS: usize = 5;
+const SPACING: f64 = 1.98 * RADIUS;
+const STEPS: u64 = 300;
+
+/// How the grains are looked at during a run, before the end.
+type Look<D> = fn(&mut System<D>, &GrainWalls);
+
+/// A pressed layer between a fixed wall and one that a spring pulls along: its grains move, collide and cross the seam. Returns the
+/// digest of grains, contacts and walls.
+fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, look: Look<D>) -> String {
+    let length = SIDE as f64 * SPACING;
+    let width = match D::AXES {
+        2 => f64::INFINITY,
+        _ => length,
+    };
+    let setup = Setup {
+        level: Level::detect(),
+        // So that lists are rebuilt after steps that are looked at, and after others.
+        list: ListSettings {
+            skin: Some(0.1),
+            rebuild_every: 7,
+        },
+        cell: Cell::between_walls([length, width]),
+        largest_radius: 1.01 * RADIUS,
+        mean_diameter: 2.0 * RADIUS,
+        masses: Masses::Density(DENSITY),
+        step,
+        gravity: 0.0,
+        typical_force: 1.0,
+        threads: 1,
+    };
+    let mass = DENSITY * D::volume(RADIUS);
+    let per_layer = SIDE.pow(D::UP as u32);
+    let area = SPACING.powi(D::UP as i32) * per_layer as f64;
+    let mut walls = GrainWalls {
+        piston: Piston {
+            height: (LAYERS - 1) as f64 * SPACING,
+            velocity: 0.0,
+            acceleration: 0.0,
+            mass: per_layer as f64 * mass,
+            load: 1e4 * area,
+        },
+        slider: Slider::new(
+            Protocol::new(step, [(0.5, STEPS)]),
+            Some(1e-3 * per_layer as f64 * mass / (step * step)),
+        ),
+        along: true,
+        top: Vec::new(),
+    };
+    let mut system = System::new(&Solo, setup).expect("one rank");
+    system
+        .replace(&Solo, law, &mut walls, grains::<D>(), Vec::new())
+        .expect("a list");
+    initial_forces(&Solo, &mut system, law, &mut walls, None).expect("sound forces");
+    for k in 1..=STEPS {
+        advance(&Solo, &mut system, law, &mut walls, StepRequest::default()).expect("sound");
+        if every > 0 && k % every == 0 {
+            look(&mut system, &walls);
+        }
+    }
+    assert!(system.list.rebuilds > STEPS / 8);
+    assert!(walls.slider.state.displacement > 0.0 && walls.piston.velocity != 0.0);
+    let state = walls.state();
+    observe::digest(&Solo, &mut system, law, bytemuck::cast_slice(&state), STEPS)
+}
+
+fn grains<D: Dimension>() -> Vec<GrainState> {
+    let mut seed = 5u64;
+    let mut random = || {
+        seed = seed
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    let per_layer = SIDE.pow(D::UP as u32);
+    let grain = |id: usize| {
+        let layer = id / per_layer;
+        let body = match layer {
+            0 => body::BOTTOM,
+            k if k == LAYERS - 1 => body::TOP,
+            _ => body::FREE,
+        };
+        let mut state = GrainState {
+            id: id as u32,
+            body,
+            radius: RADIUS * (1.0 + 0.01 * random()),
+            ..GrainState::zeroed()
+        };
+        for axis in 0..D::UP {
+            let place = (id / SIDE.pow(axis as u32) % SIDE) as f64;
+            state.position[axis] = (place + 0.1 + 0.005 * random()) * SPACING;
+        }
+        state.position[D::UP] = layer as f64 * SPACING;
+        if body == body::FREE {
+            for axis in 0..D::AXES {
+                state.velocity[axis] = 0.3 * random();
+            }
+            for axis in 3 - D::SPINS..3 {
+                state.angular_velocity[axis] = 100.0 * random();
+            }
+        }
+        state
+    };
+    (0..LAYERS * per_layer).map(grain).collect()
+}
+
+/// What an immediate kick gives: v(t+½Δt) + ½Δt F/m and the same of spins; the walls move as they say.
+fn at_the_full_step<D: Dimension>(system: &mut System<D>, walls: &GrainWalls) {
+    let grains = system.grains();
+    let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let mut moving = 0;
+    for g in 0..grains.owned {
+        let (r, force, [linear, angular]) =
+            (grains.fields(g), &grains.force[g], grains.half_kick[g]);
+        let kicked = |at: usize, of: usize, count: usize, kick: f64| -> Vec<f64> {
+            let kicked = (0..count).map(|k| r[at + k] + kick * force[of + k]);
+            kicked.collect()
+        };
+        let mut velocity = kicked(D::HALF_VELOCITY, 0, D::AXES, linear);
+        if grains.body[g] == body::TOP {
+            velocity[0] = walls.slider.state.velocity;
+            velocity[D::UP] = walls.piston.velocity;
+        }
+        let spin = kicked(D::HALF_SPIN, D::TORQUE, D::SPINS, angular);
+        assert_eq!(bits(&r[D::VELOCITY..][..D::AXES]), bits(&velocity));
+        assert_eq!(bits(&r[D::SPIN..][..D::SPINS]), bits(&spin));
+        moving += usize::from(grains.body[g] == body::FREE && force[D::UP] != 0.0);
+    }
+    assert!(moving > 0, "no free grain is pushed");
+}
+
+fn cannot_be_seen<D: Dimension>(law: &dyn PairForce<D>, step: f64) {
+    let never = run(law, step, 0, at_the_full_step);
+    for every in [1, 3, STEPS] {
+        assert_eq!(run(law, step, every, at_the_full_step), never, "{every}");
+    }
+    // Every way of looking.
+    let ways: [Look<D>; 4] = [
+        |system, _| drop(system.grain_states()),
+        |system, _| {
+            system.grains_mut();
+        },
+        |system, _| {
+            system.grains_and_contacts();
+        },
+        |system, _| {
+            system.grains();
+            system.grains();
+        },
+    ];
+    for look in ways {
+        assert_eq!(run(law, step, 2, look), never);
+    }
+}
+
+const CONTACT: Contact = Contact {
+    friction: 0.5,
+    rolling_friction: 0.1,
+    rolling_damping_ratio: 0.2,
+};
+
+#[test]
+fn of_disks() {
+    let springs = Springs {
+        normal_stiffness: 1e7,
+        tangential_stiffness: 4e6,
+        density: DENSITY,
+        damping_ratio: 0.1,
+    };
+    let mass = DENSITY * Two::volume(RADIUS);
+    let step = 0.1 * (mass / springs.normal_stiffness).sqrt();
+    cannot_be_seen(&Hooke::<Two, true, true>::new(&springs, &CONTACT), step);
+}
+
+#[test]
+fn of_spheres() {
+    let spheres = Spheres {
+        young_modulus: 1e9,
+        poisson_ratio: 0.2,
+        density: DENSITY,
+        normal_damping: 1e5,
+        tangential_damping: 5e4,
+    };
+    let mass = DENSITY * Three::volume(RADIUS);
+    let stiffness = spheres.normal_stiffness() * (0.5 * RADIUS * 0.02 * RADIUS).sqrt();
+    let step = 0.1 * (mass / stiffness).sqrt();
+    cannot_be_seen(&Hertz::<true>::new(&spheres, &CONTACT), step);
+}

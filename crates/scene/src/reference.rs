@@ -1,0 +1,515 @@
+//! The reference of the configuration, made from the declarations of its keys: the table of
+//! docs/config.md and the JSON schema docs/scene.schema.json. `make docs` writes both.
+
+use std::fmt::Write;
+use std::ops::Bound;
+
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::laws::LAWS;
+use gshear_dem::laws::keys::Bounds;
+use serde_json::{Map, Value, json};
+
+use crate::key::{Entry, Integers, Values};
+use crate::raw::{self, TABLES, TOP_KEYS};
+use crate::sweep::SWEEP;
+
+/// Begins the generated part of docs/config.md.
+pub const BEGIN: &str = "<!-- keys: generated -->";
+/// Ends it.
+pub const END: &str = "<!-- end of keys -->";
+
+/// The column that a footnote belongs to.
+#[derive(PartialEq)]
+enum Column {
+    Default,
+    Allowed,
+}
+
+/// A remark on several keys.
+struct Footnote {
+    mark: char,
+    column: Column,
+    paths: &'static [&'static str],
+    text: &'static str,
+}
+
+const FOOTNOTES: [Footnote; 4] = [
+    Footnote {
+        mark: '¹',
+        column: Column::Default,
+        paths: &[
+            "material.density",
+            "material.mass",
+            "contact.damping_ratio",
+            "contact.restitution",
+            "contact.normal_damping",
+            "load.stiffness_number",
+            "load.pressure",
+            "load.normal_force",
+            "shear.inertial_number",
+            "shear.velocity",
+        ],
+        text: "Give exactly one of each group:
+
+- `density`, or with the law mindlin `mass`;
+- `damping_ratio`, `restitution` (neither with the law mindlin); with the law hertz
+  `normal_damping`, or `restitution` with `impact_speed` and `impact_diameter`;
+- `stiffness_number`, `pressure`, `normal_force`;
+- `inertial_number`, `velocity`, or `protocol`, which also replaces `strain`.",
+    },
+    Footnote {
+        mark: '²',
+        column: Column::Allowed,
+        paths: &["sample.grains", "sample.length"],
+        text:
+            "The packed sample must have room for two walls of one mean diameter d̄ each and five d̄
+between them. Its height is N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(0.64 L_x L_y).",
+    },
+    Footnote {
+        mark: '³',
+        column: Column::Default,
+        paths: &["time.step"],
+        text: "The default is a tenth of √(m_min/k_n,max), or the stability limit if that is less.
+Intervals of output are rounded to whole steps, so that output never changes the trajectory. An
+interval that is a whole number of `series_strain` is rounded to as many rows of the time series, so
+that a frame falls on a row.",
+    },
+    Footnote {
+        mark: '⁴',
+        column: Column::Default,
+        paths: &[
+            "sample.grains",
+            "sample.radius_min",
+            "sample.radius_max",
+            "sample.length",
+            "sample.width",
+        ],
+        text: "Required without `sample.packing`. With it they follow from the file; if given, they
+must match it.",
+    },
+];
+
+/// The keys above all tables, then those of each table.
+fn entries() -> impl Iterator<Item = &'static Entry> {
+    TOP_KEYS
+        .iter()
+        .chain(TABLES.iter().flat_map(|table| &table.keys))
+}
+
+/// The table of keys in Markdown with its footnotes, between [`BEGIN`] and [`END`].
+pub fn key_table() -> String {
+    let mut page = format!(
+        "{BEGIN}\n\n| key | meaning | unit | default | allowed |\n| --- | --- | --- | --- | --- |\n"
+    );
+    for entry in entries() {
+        let cells = [
+            format!("`{}`", entry.path),
+            entry.doc.clone(),
+            entry.unit.clone(),
+            marked(default(entry), entry, Column::Default),
+            marked(allowed(entry), entry, Column::Allowed),
+        ];
+        page.push('|');
+        for cell in cells {
+            // Writing to a string cannot fail.
+            let _ = match &cell[..] {
+                "" => write!(page, " |"),
+                cell => write!(page, " {cell} |"),
+            };
+        }
+        page.push('\n');
+    }
+    for Footnote { mark, text, .. } in &FOOTNOTES {
+        let _ = write!(page, "\n{mark} {text}\n");
+    }
+    page + "\n" + END
+}
+
+/// A cell with the marks of its footnotes.
+fn marked(cell: String, entry: &Entry, column: Column) -> String {
+    let notes = FOOTNOTES
+        .iter()
+        .filter(|note| note.column == column && note.paths.contains(&entry.path));
+    let marks = notes.map(|note| note.mark.to_string());
+    let words = (!cell.is_empty()).then_some(cell);
+    words.into_iter().chain(marks).collect::<Vec<_>>().join(" ")
+}
+
+fn default(entry: &Entry) -> String {
+    match (&entry.default, entry.values) {
+        (None, _) => entry.otherwise.into(),
+        (Some(text), Values::Text(_)) => format!("`{text}`"),
+        (Some(number), _) => number.trim_end_matches(".0").into(),
+    }
+}
+
+fn allowed(entry: &Entry) -> String {
+    let values = match entry.values {
+        Values::Number(bounds) => bounds.formula(),
+        Values::Whole(Integers { from, to }) => match to {
+            i64::MAX => format!("integer ≥ {from}"),
+            _ if to == from + 1 => format!("{from}, {to}"),
+            _ => format!("integer {from} … {to}"),
+        },
+        Values::Flag => String::new(),
+        Values::Text(_) if entry.path == raw::Contact::KEYS.law.declared.path => {
+            let of = |dimension| quoted(&laws(dimension));
+            format!("2D: {}; 3D: {}", of(Dimensions::Two), of(Dimensions::Three))
+        }
+        Values::Text([]) if entry.condition.is_empty() => "any string".into(),
+        Values::Text(names) => quoted(names),
+        Values::Numbers(bounds) => format!("each {}", bounds.formula()),
+        Values::Parts => String::new(),
+    };
+    match (&values[..], entry.condition) {
+        (_, "") => values,
+        ("", condition) => condition.into(),
+        (_, condition) => format!("{values}, {condition}"),
+    }
+}
+
+/// The names of the laws that exist in a dimension.
+fn laws(dimension: Dimensions) -> Vec<&'static str> {
+    let exist = LAWS
+        .into_iter()
+        .filter(|kind| kind.dimensions.contains(&dimension));
+    exist.map(|kind| kind.name).collect()
+}
+
+/// Strings of TOML as code.
+fn quoted(names: &[&str]) -> String {
+    let names: Vec<String> = names.iter().map(|name| format!("`{name:?}`")).collect();
+    names.join(", ")
+}
+
+/// The JSON schema (draft 2020-12) of a configuration. It has kinds and ranges of all keys; which
+/// of them exclude or require each other is checked by [`load`](crate::load) only.
+pub fn json_schema() -> String {
+    let mut properties = object(&TOP_KEYS);
+    for table in TABLES.iter() {
+        let schema = json!({
+            "description": table.about,
+            "type": "object",
+            "properties": object(&table.keys),
+            "additionalProperties": false,
+        });
+        properties.insert(table.name.into(), schema);
+    }
+    let sweep = json!({
+        "description": "lists of values for keys; every combination is a run",
+        "type": "object",
+        "additionalProperties": { "type": ["array", "object"] },
+    });
+    properties.insert(SWEEP.into(), sweep);
+    let schema = json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Scene of gshear-mpi",
+        "description": "A configuration of gshear-mpi; docs/config.md describes it.",
+        "type": "object",
+        "properties": properties,
+        "additionalProperties": false,
+    });
+    format!("{schema:#}\n")
+}
+
+fn object(keys: &[Entry]) -> Map<String, Value> {
+    let mut properties = Map::new();
+    for entry in keys {
+        properties.insert(entry.name.into(), schema(entry, false));
+        for former in entry.former {
+            properties.insert((*former).into(), schema(entry, true));
+        }
+    }
+    properties
+}
+
+/// The schema of a key, under its present or a former name.
+fn schema(entry: &Entry, former: bool) -> Value {
+    let mut schema = match entry.values {
+        Values::Number(bounds) => number(bounds),
+        Values::Whole(Integers { from, to }) => match to {
+            i64::MAX => json!({ "type": "integer", "minimum": from }),
+            _ => json!({ "type": "integer", "minimum": from, "maximum": to }),
+        },
+        Values::Flag => json!({ "type": "boolean" }),
+        Values::Text([]) => json!({ "type": "string" }),
+        Values::Text(names) => json!({ "enum": names }),
+        Values::Numbers(bounds) => {
+            json!({ "type": "array", "items": number(bounds), "minItems": 1 })
+        }
+        Values::Parts => json!({ "type": "array", "items": part(), "minItems": 1 }),
+    };
+    let unit = match &entry.unit[..] {
+        "" => String::new(),
+        unit => format!(" ({unit})"),
+    };
+    schema["description"] = format!("{}{unit}", entry.doc).into();
+    if let Some(default) = &entry.default {
+        schema["default"] = serde_json::from_str(default).unwrap_or(Value::Null);
+    }
+    if former {
+        schema["deprecated"] = true.into();
+    }
+    schema
+}
+
+fn number(Bounds { from, to }: Bounds) -> Value {
+    let mut schema = json!({ "type": "number" });
+    match from {
+        Bound::Included(x) => schema["minimum"] = x.into(),
+        Bound::Excluded(x) => schema["exclusiveMinimum"] = x.into(),
+        Bound::Unbounded => {}
+    }
+    match to {
+        Bound::Included(x) => schema["maximum"] = x.into(),
+        Bound::Excluded(x) => schema["exclusiveMaximum"] = x.into(),
+        Bound::Unbounded => {}
+    }
+    schema
+}
+
+/// A part of a protocol.
+fn part() -> Value {
+    json!({
+        "type": "object",
+        "properties": {
+            "velocity": {
+                "type": "number",
+                "minimum": 0,
+                "description": "velocity of the drive (m/s); 0 is a hold",
+            },
+            "distance": {
+                "type": "number",
+                "exclusiveMinimum": 0,
+                "description": "how far the drive moves (m)",
+            },
+            "time": {
+                "type": "number",
+                "exclusiveMinimum": 0,
+                "description": "duration (s)",
+            },
+        },
+        "required": ["velocity"],
+        "oneOf": [{ "required": ["distance"] }, { "required": ["time"] }],
+        "additionalProperties": false,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::{Path, PathBuf};
+
+    use super::*;
+    use crate::sweep::SWEEP;
+
+    fn root() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+    }
+
+    fn read(path: &str) -> String {
+        std::fs::read_to_string(root().join(path)).expect("a file of the repository")
+    }
+
+    /// The page with the present table of keys between its markers.
+    fn page() -> String {
+        let page = read("docs/config.md");
+        let (before, rest) = page.split_once(BEGIN).expect("the first marker");
+        let (_, after) = rest.split_once(END).expect("the last marker");
+        format!("{before}{}{after}", key_table())
+    }
+
+    /// The schema as it is outside tests, without the former name that only tests have.
+    fn shipped_schema() -> String {
+        let mut schema: Value = serde_json::from_str(&json_schema()).expect("JSON");
+        let output = schema["properties"]["output"]["properties"].as_object_mut();
+        output.expect("a table").remove("energy_ledger");
+        format!("{schema:#}\n")
+    }
+
+    #[test]
+    fn the_reference_is_up_to_date() {
+        let stale = "is not what the declarations of the keys give; run `make docs`";
+        assert!(read("docs/config.md") == page(), "docs/config.md {stale}");
+        let schema = read("docs/scene.schema.json");
+        assert!(schema == shipped_schema(), "docs/scene.schema.json {stale}");
+    }
+
+    /// Called by `make docs`.
+    #[test]
+    #[ignore = "writes docs/config.md and docs/scene.schema.json"]
+    fn write_the_reference() {
+        let write = |path: &str, text| std::fs::write(root().join(path), text).expect("written");
+        write("docs/config.md", page());
+        write("docs/scene.schema.json", shipped_schema());
+    }
+
+    #[test]
+    fn every_key_is_documented() {
+        for entry in entries() {
+            assert!(!entry.doc.is_empty(), "{} has no meaning", entry.path);
+            assert!(!entry.doc.contains('|'), "{} breaks the table", entry.path);
+            let range = !allowed(entry).is_empty() || matches!(entry.values, Values::Flag);
+            assert!(range, "{} has no range", entry.path);
+        }
+        for note in &FOOTNOTES {
+            for path in note.paths {
+                assert!(entries().any(|entry| entry.path == *path), "{path}");
+            }
+        }
+    }
+
+    /// Every number has a unit, but for these, which are pure numbers.
+    #[test]
+    fn every_quantity_has_a_unit() {
+        let pure = [
+            "material.poisson_ratio",
+            "contact.friction",
+            "contact.rolling_friction",
+            "contact.rolling_damping_ratio",
+            "contact.damping_ratio",
+            "contact.restitution",
+            "contact.tangential_damping_ratio",
+            "sample.large_fraction",
+            "sample.replicate",
+            "load.stiffness_number",
+            "pack.friction",
+            "pack.tolerance",
+            "shear.inertial_number",
+            "shear.strain",
+            "shear.spring_number",
+            "output.frame_strain",
+            "output.frame_start",
+            "output.series_strain",
+            "output.checkpoint_strain",
+            "box.solid_fraction",
+            "aqs.strain_step",
+            "aqs.birth_precision",
+            "aqs.until_imaginary",
+            "newtonian.growth_times",
+            "analysis.strain",
+            "analysis.start",
+            "bookkeeping.skin",
+        ];
+        let without = entries()
+            .filter(|entry| matches!(entry.values, Values::Number(_) | Values::Numbers(_)))
+            .filter(|entry| entry.unit.is_empty());
+        let found: Vec<&str> = without.map(|entry| entry.path).collect();
+        assert_eq!(found, pure);
+    }
+
+    /// The first problem of a value by the keywords of JSON schema that [`json_schema`] uses.
+    fn problem(schema: &Value, value: &Value, path: &str) -> Option<String> {
+        for (keyword, wanted) in schema.as_object().expect("a schema") {
+            let limit = || wanted.as_f64().expect("a limit");
+            let x = value.as_f64().unwrap_or(f64::NAN);
+            let required = |wanted: &Value| {
+                let names = wanted["required"].as_array().expect("names");
+                names
+                    .iter()
+                    .all(|name| value.get(name.as_str().expect("a name")).is_some())
+            };
+            let fine = match &keyword[..] {
+                "$schema" | "title" | "description" | "default" | "deprecated" => true,
+                "type" => {
+                    let kinds = wanted.as_array().cloned().unwrap_or(vec![wanted.clone()]);
+                    kinds.iter().any(|kind| match kind.as_str() {
+                        Some("object") => value.is_object(),
+                        Some("array") => value.is_array(),
+                        Some("number") => value.is_number(),
+                        Some("integer") => value.is_i64(),
+                        Some("boolean") => value.is_boolean(),
+                        Some("string") => value.is_string(),
+                        other => panic!("type {other:?}"),
+                    })
+                }
+                "enum" => wanted.as_array().expect("values").contains(value),
+                "minimum" => x >= limit(),
+                "exclusiveMinimum" => x > limit(),
+                "maximum" => x <= limit(),
+                "exclusiveMaximum" => x < limit(),
+                "minItems" => value.as_array().is_some_and(|a| a.len() as f64 >= limit()),
+                "required" => required(schema),
+                "oneOf" => {
+                    let ways = wanted.as_array().expect("schemas").iter();
+                    ways.filter(|way| required(way)).count() == 1
+                }
+                "items" => {
+                    let items = value.as_array().into_iter().flatten();
+                    let found = items.filter_map(|item| problem(wanted, item, path));
+                    match found.into_iter().next() {
+                        Some(found) => return Some(found),
+                        None => true,
+                    }
+                }
+                "properties" | "additionalProperties" => {
+                    for (name, inner) in value.as_object().into_iter().flatten() {
+                        let path = format!("{path}.{name}");
+                        let known = schema["properties"].get(name);
+                        let schema = match (known, &schema["additionalProperties"]) {
+                            (Some(schema), _) => schema,
+                            (None, Value::Bool(false)) => return Some(format!("{path}: unknown")),
+                            (None, schema) => schema,
+                        };
+                        if let Some(found) = problem(schema, inner, &path) {
+                            return Some(found);
+                        }
+                    }
+                    true
+                }
+                other => panic!("the keyword {other} is not checked here"),
+            };
+            if !fine {
+                return Some(format!("{path}: {value} against {keyword} {wanted}"));
+            }
+        }
+        None
+    }
+
+    fn validate(text: &str) -> Option<String> {
+        let value: toml::Value = toml::from_str(text).expect("TOML");
+        let value = serde_json::to_value(value).expect("a JSON value");
+        let schema = serde_json::from_str(&json_schema()).expect("JSON");
+        problem(&schema, &value, "")
+    }
+
+    #[test]
+    fn the_shipped_scenes_follow_the_schema() {
+        let mut scenes = 0;
+        for folder in ["configs", "tests/scenes"] {
+            for entry in std::fs::read_dir(root().join(folder)).expect("a folder") {
+                let path = entry.expect("an entry").path();
+                if path.extension().is_some_and(|e| e == "toml") {
+                    let text = std::fs::read_to_string(&path).expect("text");
+                    assert_eq!(validate(&text), None, "{}", path.display());
+                    scenes += 1;
+                }
+            }
+        }
+        assert!(scenes > 10);
+        let packed = "sample.replicate = [2]\nshear.protocol = [{ velocity = 0.0, time = 1 }]";
+        assert_eq!(validate(packed), None);
+        assert_eq!(validate(&format!("[{SWEEP}]\nseed = [1, 2]")), None);
+    }
+
+    #[test]
+    fn the_schema_refuses_what_the_loader_refuses() {
+        for text in [
+            "sample.grains = 0",
+            "sample.grains = 1.5",
+            "sample.grain = 1",
+            "sample = 1",
+            "gravity = 1",
+            "dimension = 4",
+            "contact.law = 'walton'",
+            "contact.damping_ratio = 1",
+            "load.stiffness_number = 5.0",
+            "time.force = 1",
+            "sample.radii = []",
+            "sample.radii = [-1]",
+            "shear.protocol = [{ velocity = 1 }]",
+            "shear.protocol = [{ velocity = 1, time = 1, distance = 1 }]",
+        ] {
+            assert!(validate(text).is_some(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Rolling resistance in a periodic box reaches the forces, through the real program.
+
+use std::path::Path;
+use std::process::Command;
+
+/// A small box of disks with rolling resistance. `law` has the law and its springs.
+fn scene(law: &str, material: &str) -> String {
+    format!(
+        "seed = 5\n\
+         dimension = 2\n\
+         material = {{ density = 1.0{material} }}\n\
+         contact = {{ {law}, damping_ratio = 0.1, friction = 0.5, rolling_friction = 0.2 }}\n\
+         sample = {{ grains = 60, sizes = \"binary\", radius_min = 0.5, radius_max = 0.7, \
+         large_fraction = 0.5 }}\n\
+         box = {{ solid_fraction = 0.9 }}\n\
+         relax = {{ tolerance = 1e-9, drag = 0.1 }}\n\
+         aqs = {{ strain_step = 1e-3, steps = 5, frame_every = 5 }}\n\
+         newtonian = {{ growth_times = 1.0, rows = 5, frames = 2 }}\n"
+    )
+}
+
+/// The digest after the strain steps.
+fn digest(folder: &Path, scene: &Path, more: &[&str]) -> String {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"));
+    program.arg(scene).args(more).arg("--out").arg(folder);
+    let output = program.output().expect("the program starts");
+    let said = String::from_utf8_lossy(&output.stdout);
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}{complaint}");
+    let mut words = said.split_whitespace();
+    words
+        .find(|word| *word == "digest")
+        .unwrap_or_else(|| panic!("no digest in\n{said}"));
+    words.next().expect("a digest").to_string()
+}
+
+#[test]
+fn rolling_resistance_changes_the_state_of_a_box() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    for (name, law, material) in [
+        ("hooke", "law = \"hooke\", normal_stiffness = 1.0", ""),
+        (
+            "lee-hurley",
+            "law = \"lee-hurley\"",
+            ", young_modulus = 1.0, poisson_ratio = 0.2",
+        ),
+    ] {
+        let path = at(&format!("{name}.toml"));
+        std::fs::write(&path, scene(law, material)).expect("a scene");
+        let with = digest(&at("with"), &path, &[]);
+        let without = digest(
+            &at("without"),
+            &path,
+            &["--set=contact.rolling_friction=0.0"],
+        );
+        assert_ne!(with, without, "{name}");
+    }
+}

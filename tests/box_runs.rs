@@ -1,0 +1,103 @@
+//! Boxes are runs like others: sweeps, kept checkpoints, replays, other folders.
+
+mod common;
+
+use std::path::Path;
+use std::process::Command;
+
+use common::{Outcome, gshear_mpi};
+use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
+use gshear_store::run_reader::PeriodicRun;
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+
+fn run(scene: &Path, ranks: usize, folder: &Path, more: &[&str]) -> Outcome {
+    let mut arguments = vec![scene.display().to_string()];
+    arguments.extend(more.iter().map(|s| (*s).to_string()));
+    gshear_mpi(ranks, folder, &arguments)
+}
+
+fn done(outcome: &Outcome) -> &str {
+    assert_eq!(outcome.code, 0, "{}", outcome.text);
+    &outcome.text
+}
+
+fn positions(folder: &Path) -> PeriodicRun {
+    PeriodicRun::open(&folder.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS).expect("a run")
+}
+
+/// A stretch of Newton's equations from the kept checkpoint: the same frames, to the last bit.
+#[test]
+fn a_stretch_of_newtons_equations_is_replayed() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| temporary.path().join(name);
+    let scene = Path::new(SCENE);
+    let short = ["--set=aqs.steps=2", "--set=newtonian.rows=100"];
+    let with = |more: &[&'static str]| [&short[..], more].concat();
+    let frames = with(&["--set=newtonian.frames=100"]);
+    done(&run(scene, 1, &at("frames"), &frames));
+    let kept = with(&[
+        "--set=newtonian.frames=0",
+        "--set=output.keep_checkpoints=true",
+    ]);
+    done(&run(scene, 2, &at("kept"), &kept));
+    let stored = positions(&at("frames"));
+    let [from, to] = [0.3, 0.6].map(|part| stored.time[(part * stored.time.len() as f64) as usize]);
+    let replayed = at("replayed");
+    let output = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"))
+        .arg("replay")
+        .arg(at("kept"))
+        .args([&format!("--time={from}..{to}"), "--every=1", "--out"])
+        .arg(&replayed)
+        .output()
+        .expect("the program starts");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned()
+        + &String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    assert!(text.contains("to the last bit"), "{text}");
+    let again = positions(&replayed);
+    let mut compared = 0;
+    for (t, step) in again.frame_step.iter().enumerate() {
+        if let Ok(of) = stored.frame_step.binary_search(step) {
+            assert_eq!(again.positions[t], stored.positions[of], "step {step}");
+            compared += 1;
+        }
+    }
+    assert!(compared >= 20, "{compared} frames of both");
+    assert!(
+        again.frame_step.len() > compared,
+        "denser than the stored ones"
+    );
+}
+
+/// A sweep over boxes: what is done is passed over, what was stopped goes on, to the same bits.
+#[test]
+fn a_sweep_over_boxes_goes_on() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let config = temporary.path().join("sweep.toml");
+    let text = std::fs::read_to_string(SCENE).expect("the scene");
+    let sweep = "[sweep]\n\"contact.friction\" = [0.1, 0.3]\n";
+    // The friction of the scene gives way to that of the sweep.
+    let text = text.replace("friction = 0.3", "friction = 0.2");
+    std::fs::write(&config, format!("{text}\n{sweep}")).expect("a configuration");
+    let out = temporary.path().join("out");
+    let short = ["--set=aqs.steps=3", "--set=newtonian.rows=20"];
+    let with = |more: &[&'static str]| [&short[..], more].concat();
+    let first = run(&config, 1, &out, &with(&["--sweep=1"]));
+    done(&first);
+    let listed = run(&config, 1, &out, &with(&["--sweep=list"]));
+    let states: Vec<&str> = done(&listed)
+        .lines()
+        .filter_map(|line| line.split_whitespace().nth(1))
+        .collect();
+    assert_eq!(states, ["done", "new"]);
+    let all = run(&config, 2, &out, &with(&["--sweep=all"]));
+    assert!(done(&all).contains("friction-0.1 is done"), "{}", all.text);
+    let alone = temporary.path().join("alone");
+    let set = with(&["--set=contact.friction=0.3"]);
+    let single = run(Path::new(SCENE), 1, &alone, &set);
+    let digest = |text: &str| text.rsplit("digest ").next().map(|t| t[..32].to_string());
+    assert_eq!(digest(&all.text), digest(done(&single)));
+}

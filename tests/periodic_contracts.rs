@@ -1,0 +1,119 @@
+//! The contracts of runs in a periodic sheared box, through the real program: bits compared, never approximately.
+
+mod common;
+
+use std::path::Path;
+
+use common::{Outcome, gshear_mpi};
+use gshear_dem::columns::Column;
+use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow};
+use gshear_store::run_reader::PeriodicRun;
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+
+fn run(folder: &Path, ranks: usize, more: &[&str]) -> Outcome {
+    let mut arguments = vec![SCENE.to_string()];
+    arguments.extend(more.iter().map(|s| s.to_string()));
+    gshear_mpi(ranks, folder, &arguments)
+}
+
+/// All digests of a run that comes to its end: of the strain steps and of the last stage.
+fn digests(outcome: &Outcome) -> Vec<String> {
+    assert_eq!(outcome.code, 0, "{}", outcome.text);
+    said(outcome)
+}
+
+/// All digests that a run prints.
+fn said(outcome: &Outcome) -> Vec<String> {
+    let words = outcome.text.split_whitespace();
+    let after = words.clone().skip(1).zip(words);
+    after
+        .filter(|(_, word)| *word == "digest")
+        .map(|(digest, _)| digest.into())
+        .collect()
+}
+
+/// Contracts 1 to 3 in 2D and 3D: any number of ranks, threads, instruction sets and skins; other output; stopped and gone on with.
+fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let base = [dimension, fraction];
+    let with = |more: &[&'static str]| [&base[..], more].concat();
+    let expected = digests(&run(&at("one"), 1, &base));
+    assert_eq!(expected.len(), 2);
+    for (ranks, more) in [
+        (2, &[][..]),
+        (3, &["--set=bookkeeping.skin=0.05"]),
+        (2, &["--threads=2", "--set=bookkeeping.rebuild_every=7"]),
+    ] {
+        let found = digests(&run(&at("other"), ranks, &with(more)));
+        assert_eq!(found, expected, "{dimension}, {ranks} ranks, {more:?}");
+    }
+    for simd in ["portable", "avx2"] {
+        if gshear_dem::simd::Level::named(simd).is_some() {
+            let set = format!("--set=bookkeeping.simd={simd}");
+            let found = digests(&run(&at("other"), 1, &[&base[..], &[&*set]].concat()));
+            assert_eq!(found, expected, "{dimension}, {simd}");
+        }
+    }
+    let overdamped = ["--set=relax.method=overdamped", "--set=aqs.steps=2"];
+    let [one, two] = [1, 2].map(|ranks| digests(&run(&at("other"), ranks, &with(&overdamped))));
+    assert_eq!(one, two, "{dimension}, overdamped");
+    // Contract 2: what is written, and the birth that is looked for on the way, change nothing.
+    let other_output = [
+        "--set=aqs.frame_every=1",
+        "--set=newtonian.rows=7",
+        "--set=newtonian.frames=0",
+    ];
+    let found = digests(&run(&at("other"), 1, &with(&other_output)));
+    assert_eq!(found, expected, "{dimension}, other output");
+    let looking = ["--set=aqs.spectrum=true", "--set=aqs.birth_precision=1e-3"];
+    let found = digests(&run(&at("other"), 2, &with(&looking)));
+    assert_eq!(found[0], expected[0], "{dimension}, with spectra");
+    // Between strain steps, then within Newton's equations.
+    let stopped = run(&at("part"), 2, &with(&["--stop-at=5"]));
+    assert_eq!(stopped.code, 75, "{}", stopped.text);
+    let resume = format!("--resume={}", at("part").join("checkpoint.h5").display());
+    let later = [resume.clone(), "--stop-at=400".into()];
+    let stopped = gshear_mpi(1, &at("part"), &later);
+    assert!(
+        stopped.text.contains("stopped in newtonian"),
+        "{}",
+        stopped.text
+    );
+    let resumed = gshear_mpi(3, &at("part"), &[resume]);
+    let found = [said(&stopped), digests(&resumed)].concat();
+    assert_eq!(found, expected, "{dimension}, resumed");
+    let read = |name: &str, file: &str, columns: &[Column]| {
+        let run = PeriodicRun::open(&at(name).join(file), columns).expect("a file of the run");
+        let bits = |column: &Column| -> Vec<u64> {
+            run.column(column.name)
+                .iter()
+                .map(|x| x.to_bits())
+                .collect()
+        };
+        columns.iter().map(bits).collect::<Vec<_>>()
+    };
+    for (file, columns) in [
+        (AQS_FILE, &AqsRow::COLUMNS[..]),
+        (NEWTONIAN_FILE, &NewtonianRow::COLUMNS),
+    ] {
+        assert_eq!(
+            read("part", file, columns),
+            read("one", file, columns),
+            "{file}"
+        );
+    }
+}
+
+#[test]
+fn spheres_in_a_box_keep_the_contracts() {
+    keeps_the_contracts("--set=dimension=3", "--set=box.solid_fraction=0.72");
+}
+
+/// At their own fraction, and in a box long enough for three slabs.
+#[test]
+fn disks_in_a_box_keep_the_contracts() {
+    keeps_the_contracts("--set=dimension=2", "--set=box.solid_fraction=0.9");
+}

@@ -1,0 +1,212 @@
+//! Impacts of spheres with the damping of Tsuji: against LAMMPS and the promised restitution, and
+//! their energy budget.
+
+use gshear_dem::budget::{EnergyBalance, EnergyBudget, Sample};
+use gshear_dem::dimension::{Dimension, Three};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::laws::hertz::Spheres;
+use gshear_dem::laws::tsuji::TsujiSpheres;
+use gshear_dem::laws::{Constants, Contact};
+use gshear_dem::simd::Level;
+use gshear_dem::state::{Cell, GrainState};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
+
+type Vector = [f64; 3];
+
+const RADII: [f64; 2] = [1.0e-3, 1.5e-3];
+
+fn spheres(young_modulus: f64, restitution: f64, tangential_damping_ratio: f64) -> TsujiSpheres {
+    TsujiSpheres {
+        spheres: Spheres {
+            young_modulus,
+            poisson_ratio: 0.3,
+            density: 2500.0,
+            normal_damping: 0.0,
+            tangential_damping: 0.0,
+        },
+        restitution,
+        tangential_damping_ratio,
+    }
+}
+
+fn norm(v: Vector) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// The gap (m) between the spheres at the start: more than the rounding of their positions.
+const GAP: f64 = 1e-12;
+
+/// Two spheres that are about to touch, the second in the direction n from the first, which is at
+/// rest.
+struct Impact {
+    system: System<Three>,
+    law: Box<dyn PairForce<Three>>,
+    samples: ContactForces,
+}
+
+impl Impact {
+    fn new(
+        of: TsujiSpheres,
+        friction: f64,
+        n: Vector,
+        velocity: Vector,
+        spins: [Vector; 2],
+    ) -> Self {
+        let contact = Contact {
+            friction,
+            ..Contact::default()
+        };
+        let law = of.spheres(&contact).expect("a law of spheres");
+        let duration = of.collision_time(RADII[0], norm(velocity)).expect("a time");
+        let setup = Setup {
+            level: Level::detect(),
+            list: ListSettings {
+                skin: Some(0.1),
+                rebuild_every: 0,
+            },
+            cell: Cell::between_walls([0.05; 2]),
+            largest_radius: RADII[1],
+            mean_diameter: RADII[0] + RADII[1],
+            masses: of.masses(),
+            step: duration / 4000.0,
+            gravity: 0.0,
+            typical_force: 1.0,
+            threads: 1,
+        };
+        let grain = |id: u32, at: f64, velocity: Vector| GrainState {
+            id,
+            body: 0,
+            position: n.map(|n| 0.02 + at * n),
+            velocity,
+            angular_velocity: spins[id as usize],
+            radius: RADII[id as usize],
+            force: [0.0; 3],
+            torque: [0.0; 3],
+        };
+        let distance = RADII[0] + RADII[1] + GAP;
+        let grains = vec![grain(0, 0.0, [0.0; 3]), grain(1, distance, velocity)];
+        let mut system = System::new(&Solo, setup).expect("one rank");
+        system
+            .replace(&Solo, law.as_ref(), &mut NoWalls, grains, Vec::new())
+            .expect("a list");
+        system.budget = Some(EnergyBudget::new(system.grains().units, RADII[1]));
+        let mut samples = ContactForces::default();
+        let given = Some(&mut samples);
+        initial_forces(&Solo, &mut system, law.as_ref(), &mut NoWalls, given).expect("sound");
+        Self {
+            system,
+            law,
+            samples,
+        }
+    }
+
+    /// Head on, at this speed (m/s).
+    fn head_on(of: TsujiSpheres, speed: f64) -> Self {
+        Self::new(of, 0.0, [1.0, 0.0, 0.0], [-speed, 0.0, 0.0], [[0.0; 3]; 2])
+    }
+
+    /// The two spheres some time after the impact.
+    fn end(&mut self) -> [GrainState; 2] {
+        for _ in 0..12_000 {
+            let request = StepRequest::sampled(&mut self.samples);
+            let law = self.law.as_ref();
+            advance(&Solo, &mut self.system, law, &mut NoWalls, request).expect("sound");
+        }
+        assert_eq!(self.system.contacts.touching().count(), 0);
+        self.system.grain_states().try_into().expect("two spheres")
+    }
+
+    /// The energy budget, and the kinetic energy (J).
+    fn energies(&mut self) -> (EnergyBalance, f64) {
+        let (level, masses) = (self.system.level, self.system.masses);
+        let kinetic = self.system.grain_states().into_iter().map(|g| {
+            let (speed, rim) = (norm(g.velocity), g.radius * norm(g.angular_velocity));
+            0.5 * masses.of(Three::volume(g.radius)) * (speed * speed + 0.4 * rim * rim)
+        });
+        let kinetic = kinetic.sum();
+        let mut budget = self.system.budget.take().expect("a budget");
+        let sample = Sample {
+            contacts: &self.system.contacts,
+            overlap: &self.samples.overlap,
+            load: 0.0,
+            height: 0.0,
+            kinetic,
+        };
+        let entry = budget.balance(&Solo, level, self.law.as_ref(), sample);
+        self.system.budget = Some(budget);
+        (entry, kinetic)
+    }
+}
+
+/// Restitution at speeds over four decades. It exceeds e because the force never pulls.
+#[test]
+fn restitution_does_not_depend_on_the_speed() {
+    for (e, expected) in [
+        (0.3, 0.397),
+        (0.5, 0.550),
+        (0.7, 0.718),
+        (0.9, 0.902),
+        (1.0, 1.0),
+    ] {
+        let of = spheres(1e10, e, 0.5);
+        let promised = of.restitution_of_impact();
+        assert!((promised - expected).abs() < 5e-4, "{e}: {promised}");
+        for speed in [1e-3, 0.1, 10.0] {
+            let [a, b] = Impact::head_on(of, speed).end();
+            let found = (b.velocity[0] - a.velocity[0]) / speed;
+            assert!(
+                (found - promised).abs() < 2e-4,
+                "e = {e} at {speed} m/s: {found} is not {promised}"
+            );
+        }
+    }
+}
+
+/// The kinetic energy that an oblique impact takes equals the dissipation.
+#[test]
+fn the_energy_budget_closes() {
+    let (n, velocity) = ([1.0, 0.0, 0.0], [-1.0, 1.5, 0.0]);
+    let mut impact = Impact::new(spheres(1e10, 0.6, 0.5), 0.3, n, velocity, [[0.0; 3]; 2]);
+    let (_, before) = impact.energies();
+    impact.end();
+    let (entry, after) = impact.energies();
+    assert_eq!(entry.elastic, [0.0; 3]);
+    let lost = entry.dissipated.iter().sum::<f64>();
+    let [damping, friction, ..] = entry.dissipated;
+    assert!(damping > 0.1 * lost && friction > 0.1 * lost, "{entry:?}");
+    let missing = before - after - lost;
+    assert!(missing.abs() < 2e-6 * lost, "{missing:e} of {lost:e} J");
+}
+
+/// Oblique impacts of spinning spheres, sticking and sliding, against LAMMPS: see
+/// tests/lammps/impacts.py. The spheres are stiff, because LAMMPS' torques have the arm R - δ/2.
+#[test]
+fn impacts_are_those_of_lammps() {
+    const SPEED: f64 = 0.2;
+    let n = [2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0];
+    let aside = [1.0 / 3.0, -2.0 / 3.0, -2.0 / 3.0];
+    let spins = [[40.0, -25.0, 60.0], [-30.0, 55.0, 10.0]];
+    let text = include_str!("lammps/impacts.txt");
+    for row in text.lines().filter(|line| !line.starts_with('#')) {
+        let numbers = row.split_whitespace().map(|n| n.parse().expect("a number"));
+        let numbers: Vec<f64> = numbers.collect();
+        let ([e, ratio, angle], expected) = numbers.split_first_chunk().expect("a row");
+        let (s, c) = angle.to_radians().sin_cos();
+        let velocity = std::array::from_fn(|k| SPEED * (s * aside[k] - c * n[k]));
+        let of = spheres(1e13, *e, *ratio);
+        let ends = Impact::new(of, 0.4, n, velocity, spins).end();
+        let velocities = ends.map(|g| (g.velocity, SPEED));
+        let spins = ends.map(|g| (g.angular_velocity, SPEED / g.radius));
+        let found = velocities.into_iter().chain(spins);
+        for ((found, scale), expected) in found.zip(expected.chunks_exact(3)) {
+            let error = norm(std::array::from_fn(|k| found[k] - expected[k])) / scale;
+            assert!(
+                error < 2e-5,
+                "{row}: {found:?} is not {expected:?}, {error:e}"
+            );
+        }
+    }
+}
