@@ -85,12 +85,12 @@ impl Context {
     }
 }
 
-/// A file open for writing on all ranks. Every call is collective; all arguments but the data must be
-/// the same on every rank.
+/// A file open for writing on all ranks. Every call is collective; all arguments but the data must
+/// be the same on every rank.
 ///
-/// After a failure nothing more is written and the file is not closed. A job of several ranks should
-/// then end by [`World::abort`](gshear_mpi_exchange::World::abort), because HDF5 would try to close
-/// the file when MPI ends.
+/// After a failure nothing more is written and the file is not closed. A job of several ranks
+/// should then end by [`World::abort`](gshear_mpi_exchange::World::abort), because HDF5 would try
+/// to close the file when MPI ends.
 pub struct H5File {
     file: hdf5::File,
     context: Rc<Context>,
@@ -128,8 +128,9 @@ impl H5File {
                     access.mpio(communicator, None);
                     access.all_coll_metadata_ops(true).coll_metadata_write(true);
                 }
-                // Format 1.8 has checksums on most of the file's structure. Format 1.10 would refuse to
-                // open a file left open by a killed program, which could then not be resumed.
+                // Format 1.8 has checksums on most of the file's structure. Format 1.10 would
+                // refuse to open a file left open by a killed program, which could then not be
+                // resumed.
                 access.libver_v18()
             })
             .open_as(path, mode)
@@ -465,8 +466,8 @@ impl<T: H5Type + Copy> Dataset<T> {
                 let (memory, place) = (memory.id(), place.id());
                 let transfer = self.context.transfer.id();
                 let data = data.as_ptr().cast();
-                // SAFETY: the ids are open; `datatype` describes T; `memory` selects all of `data`, and
-                // `place` selects as many elements.
+                // SAFETY: the ids are open; `datatype` describes T; `memory` selects all of `data`,
+                // and `place` selects as many elements.
                 let written =
                     unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
                 hdf5::h5check(written).map(drop)
