@@ -233,7 +233,7 @@ impl H5File {
         Ok(Dataset {
             datatype: datatype.map_err(|e| self.context.failure(name, "describe", &e))?,
             shape: dataset.shape(),
-            dataset,
+            inner: dataset,
             name: name.into(),
             context: self.context.clone(),
             element: PhantomData,
@@ -326,7 +326,7 @@ impl Drop for H5File {
 impl<T> Drop for Dataset<T> {
     fn drop(&mut self) {
         if self.context.failed.get() {
-            std::mem::forget(self.dataset.clone());
+            std::mem::forget(self.inner.clone());
         }
     }
 }
@@ -401,7 +401,7 @@ impl Slab {
 
 /// A dataset of an [`H5File`].
 pub struct Dataset<T> {
-    dataset: hdf5::Dataset,
+    inner: hdf5::Dataset,
     datatype: Datatype,
     shape: Vec<usize>,
     name: String,
@@ -410,28 +410,32 @@ pub struct Dataset<T> {
 }
 
 impl<T: H5Type + Copy> Dataset<T> {
+    /// Returns the number of rows.
     pub fn rows(&self) -> u64 {
         self.shape[0] as u64
+    }
+
+    /// Writes an attribute, replacing one of the same name. Collective.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
+    pub fn attribute(&self, name: &str, value: &Attribute) -> Result<(), Failure> {
+        set_attribute(&self.inner, name, value).map_err(|e| {
+            let object = format!("{}@{name}", self.name);
+            self.context.failure(&object, "write", &e)
+        })
     }
 
     /// Sets the number of rows. Collective.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn attribute(&self, name: &str, value: &Attribute) -> Result<(), Failure> {
-        set_attribute(&self.dataset, name, value).map_err(|e| {
-            let object = format!("{}@{name}", self.name);
-            self.context.failure(&object, "write", &e)
-        })
-    }
-
-    /// A new number of rows. Collective.
     pub fn resize(&mut self, rows: u64) -> Result<(), Failure> {
         if rows as usize == self.shape[0] {
             return Ok(());
         }
         self.shape[0] = rows as usize;
-        let done = self.dataset.resize(self.shape.clone());
+        let done = self.inner.resize(self.shape.clone());
         done.map_err(|e| self.context.failure(&self.name, "resize", &e))
     }
 
@@ -456,13 +460,13 @@ impl<T: H5Type + Copy> Dataset<T> {
         // The same shape as the slab: otherwise HDF5 maps values to places one by one.
         let shape: Vec<usize> = count.iter().map(|&n| n.max(1) as usize).collect();
         let write = || -> hdf5::Result<()> {
-            let (place, memory) = (self.dataset.space()?, Dataspace::try_new(shape)?);
+            let (place, memory) = (self.inner.space()?, Dataspace::try_new(shape)?);
             hdf5::sync::sync(|| {
                 select(place.id(), slab, dimensions)?;
                 if data.is_empty() {
                     select(memory.id(), slab, dimensions)?;
                 }
-                let (dataset, datatype) = (self.dataset.id(), self.datatype.id());
+                let (dataset, datatype) = (self.inner.id(), self.datatype.id());
                 let (memory, place) = (memory.id(), place.id());
                 let transfer = self.context.transfer.id();
                 let data = data.as_ptr().cast();
