@@ -34,7 +34,8 @@ struct Arguments {
     /// Scene; see docs/config.md
     #[arg(value_name = "CONFIG.toml", conflicts_with = "resume")]
     config: Option<PathBuf>,
-    /// Folder of the results [default: out/<name of the config>, with --resume the checkpoint's folder]
+    /// Folder of the results [default: out/<name of the config>, with --resume the checkpoint's
+    /// folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace a value of the scene, as in --set shear.strain=0.2; can be repeated
@@ -55,7 +56,8 @@ struct Arguments {
     /// Threads per rank, worth it from about 50,000 grains per rank
     #[arg(long, value_name = "THREADS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     threads: u16,
-    /// Stop at a checkpoint after this step of the shear; in a box, steps of Newton's equations count after the strain steps
+    /// Stop at a checkpoint after this step of the shear; in a box, steps of Newton's equations
+    /// count after the strain steps
     #[arg(long, value_name = "STEP")]
     stop_at: Option<u64>,
 }

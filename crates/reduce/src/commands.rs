@@ -18,10 +18,11 @@ use super::{
 
 /// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
 ///
-/// RUN is a run.h5 or the folder that holds one. A run that was stopped early is read up to its last complete row and frame.
+/// RUN is a run.h5 or the folder that holds one. A run that was stopped early is read up to its
+/// last complete row and frame.
 ///
-/// Exit codes: 0 done; 1 the runs differ (compare), or any other failure; 2 bad input (file or arguments); 3 the numbers failed
-/// (no convergence, a replay that differs).
+/// Exit codes: 0 done; 1 the runs differ (compare), or any other failure; 2 bad input (file or
+/// arguments); 3 the numbers failed (no convergence, a replay that differs).
 #[derive(Debug, Parser)]
 #[command(name = "gshear-reduce", version, max_term_width = 100)]
 pub struct Arguments {
@@ -43,9 +44,9 @@ pub enum Command {
     },
     /// Compare two runs field by field, to the last bit
     ///
-    /// Prints for each field the number of values that differ, and the largest absolute and relative difference with its place.
-    /// NaN equals NaN. Frames and rows are compared in their order, contacts by their ids.
-    /// Exit code 0 if everything is equal, 1 if anything differs.
+    /// Prints for each field the number of values that differ, and the largest absolute and
+    /// relative difference with its place. NaN equals NaN. Frames and rows are compared in their
+    /// order, contacts by their ids. Exit code 0 if everything is equal, 1 if anything differs.
     Compare {
         /// A run.h5, or the folder that holds one
         a: PathBuf,
@@ -54,8 +55,8 @@ pub enum Command {
     },
     /// Write D²min between consecutive frames into reduced.h5 (Lee & Hurley, appendix B)
     ///
-    /// Dataset dmin/value, by frame and grain, in m². NaN in frame 0, for rattlers of the earlier frame, and for grains with fewer than
-    /// two neighbours or with all neighbours on one line.
+    /// Dataset dmin/value, by frame and grain, in m². NaN in frame 0, for rattlers of the earlier
+    /// frame, and for grains with fewer than two neighbours or with all neighbours on one line.
     Dmin {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
@@ -68,7 +69,8 @@ pub enum Command {
     },
     /// Write the stick and slip phases of τ into phases.csv
     ///
-    /// A phase is a maximal monotone stretch of τ in the time series. Durations t_p are counted in intervals Δγ of the series.
+    /// A phase is a maximal monotone stretch of τ in the time series. Durations t_p are counted in
+    /// intervals Δγ of the series.
     Phases {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
@@ -76,11 +78,13 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Write the scalars of every frame into regions.csv: GR regions, gD²min, contact angles (Lee & Hurley, section 3)
+    /// Write the scalars of every frame into regions.csv: GR regions, gD²min, contact angles (Lee &
+    /// Hurley, section 3)
     ///
-    /// One line per frame, from the frame before it to this one: the greatest D²min and the mean of the greatest tenth (m²), the
-    /// number of GR regions for minPts = 1 and 2 of DBSCAN (the point itself counted), Spearman's rho of |Δσ_p| with D²min and its
-    /// p, mean and median contact angle in GR regions (rad).
+    /// One line per frame, from the frame before it to this one: the greatest D²min and the mean of
+    /// the greatest tenth (m²), the number of GR regions for minPts = 1 and 2 of DBSCAN (the point
+    /// itself counted), Spearman's rho of |Δσ_p| with D²min and its p, mean and median contact
+    /// angle in GR regions (rad).
     Regions {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
@@ -88,10 +92,12 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Write statistics of every phase and their correlation with the change of τ (Lee & Hurley, section 3.3)
+    /// Write statistics of every phase and their correlation with the change of τ (Lee & Hurley,
+    /// section 3.3)
     ///
-    /// measures.csv: one line per phase, with the measures of equations 1 to 4. correlations.csv: Spearman's rho and its two-sided
-    /// p in half-decades of Δτ, Δτ_p and D²min. Phases are those of τ at the frames; t_p is counted in intervals of the frames.
+    /// measures.csv: one line per phase, with the measures of equations 1 to 4. correlations.csv:
+    /// Spearman's rho and its two-sided p in half-decades of Δτ, Δτ_p and D²min. Phases are those
+    /// of τ at the frames; t_p is counted in intervals of the frames.
     Correlate {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
@@ -101,14 +107,16 @@ pub enum Command {
         /// Shear strain at which the stick-slip regime begins
         #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
         from: f64,
-        /// minPts of DBSCAN, the point itself counted: with 1 a single grain is a region, with 2 it is noise
+        /// minPts of DBSCAN, the point itself counted: with 1 a single grain is a region, with 2 it
+        /// is noise
         #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
         min_points: u8,
     },
     /// Write a frame or a checkpoint in the format of another program
     ///
-    /// lammps-data and liggghts-data are data files of atom_style sphere. Types: 1 free grains, 2 bottom wall, 3 top wall. In 2D
-    /// the density gives each grain the mass of the disk per metre of depth. sample.packing reads both formats.
+    /// lammps-data and liggghts-data are data files of atom_style sphere. Types: 1 free grains, 2
+    /// bottom wall, 3 top wall. In 2D the density gives each grain the mass of the disk per metre
+    /// of depth. sample.packing reads both formats.
     Export {
         /// A run.h5, the folder that holds one, or a checkpoint
         run: PathBuf,
@@ -124,8 +132,9 @@ pub enum Command {
     },
     /// Fit rate-and-state friction to spring-driven runs: velocity steps and slide-hold-slide tests
     ///
-    /// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ between realisations. Writes the mean
-    /// series, tables of segments, steps, holds and fits (CSV), rate-state.json, and figures. Intervals are of 95 %.
+    /// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ between
+    /// realisations. Writes the mean series, tables of segments, steps, holds and fits (CSV),
+    /// rate-state.json, and figures. Intervals are of 95 %.
     RateState {
         /// A run.h5, or the folder that holds one; several are realisations or further protocols
         #[arg(required = true, value_name = "RUN")]
@@ -139,22 +148,26 @@ pub enum Command {
     },
     /// Compute eigenvalues of K v = λ M v, of a run or of matrix files
     ///
-    /// K is real and sparse, M diagonal. Without --dense, --all-pairs or --unstable: the eigenvalues nearest the shift, by
-    /// shift-invert. Trust a pair only if its verdict is pair; doubtful pairs may be rounding errors (docs/spectrum.md). Writes
-    /// spectrum.csv, spectrum.h5 with the eigenvectors, and spectrum.svg.
+    /// K is real and sparse, M diagonal. Without --dense, --all-pairs or --unstable: the
+    /// eigenvalues nearest the shift, by shift-invert. Trust a pair only if its verdict is pair;
+    /// doubtful pairs may be rounding errors (docs/spectrum.md). Writes spectrum.csv, spectrum.h5
+    /// with the eigenvectors, and spectrum.svg.
     Spectrum(spectrum::Options),
     /// Compute a part of a run again, with frames, from the checkpoint before it
     ///
-    /// Writes a run.h5 into a folder of its own. The run must have kept its checkpoints (output.keep_checkpoints); otherwise only
-    /// its end, from the last two checkpoints on, can be replayed. The time series is compared with the stored one, to the last bit:
-    /// exit code 3 if it differs.
+    /// Writes a run.h5 into a folder of its own. The run must have kept its checkpoints
+    /// (output.keep_checkpoints); otherwise only its end, from the last two checkpoints on, can be
+    /// replayed. The time series is compared with the stored one, to the last bit: exit code 3 if
+    /// it differs.
     Replay {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
-        /// Range of shear strain, as 0.1005..0.1006: from the first to the last row of the time series in it
+        /// Range of shear strain, as 0.1005..0.1006: from the first to the last row of the time
+        /// series in it
         #[arg(long, value_name = "A..B", value_parser = replay::strains, required_unless_present = "time")]
         strain: Option<Strains>,
-        /// Range of time of Newton's equations, for a run in a box; writes newtonian.h5 into the new folder
+        /// Range of time of Newton's equations, for a run in a box; writes newtonian.h5 into the
+        /// new folder
         #[arg(long, value_name = "A..B", value_parser = replay::strains, conflicts_with = "strain")]
         time: Option<Strains>,
         /// Steps between frames, from the first row on [default: one frame per row]
@@ -166,23 +179,28 @@ pub enum Command {
     },
     /// Write a report: index.html with all figures, the figures as SVG, summary.json
     ///
-    /// --study lee-hurley takes one or several runs. It writes every figure of Lee & Hurley that shows data, under its number, as
-    /// fig-NN.svg with fig-NN.csv; the paper's numbers next to ours in numbers.csv; the largest drops in drops.csv; and index.html
-    /// with all of them. Missing frames around the largest drop are replayed if checkpoints were kept. A sample of more than 2,236
-    /// disks is compared with the paper's large one. Phases are those of τ at the frames.
+    /// --study lee-hurley takes one or several runs. It writes every figure of Lee & Hurley that
+    /// shows data, under its number, as fig-NN.svg with fig-NN.csv; the paper's numbers next to
+    /// ours in numbers.csv; the largest drops in drops.csv; and index.html with all of them.
+    /// Missing frames around the largest drop are replayed if checkpoints were kept. A sample of
+    /// more than 2,236 disks is compared with the paper's large one. Phases are those of τ at the
+    /// frames.
     ///
-    /// --study bonfanti takes the folder of one run in a periodic box. It writes figures 1 to 5 of Bonfanti et al. with their data.
+    /// --study bonfanti takes the folder of one run in a periodic box. It writes figures 1 to 5 of
+    /// Bonfanti et al. with their data.
     Report {
         /// A run.h5, or the folder that holds one; several with --study lee-hurley
         #[arg(required = true, value_name = "RUN")]
         runs: Vec<PathBuf>,
-        /// Folder to write into [default: the first run's folder + /report, /lee-hurley or /bonfanti]
+        /// Folder to write into [default: the first run's folder + /report, /lee-hurley or
+        /// /bonfanti]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Repeat a published study
         #[arg(long, value_enum)]
         study: Option<Study>,
-        /// Shear strain at which the stick-slip regime begins [default: the paper's: 0.022 small, 0.054 large sample]
+        /// Shear strain at which the stick-slip regime begins [default: the paper's: 0.022 small,
+        /// 0.054 large sample]
         #[arg(long, value_name = "STRAIN", requires = "study")]
         from: Option<f64>,
         /// minPts of DBSCAN, as for correlate

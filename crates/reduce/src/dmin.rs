@@ -16,8 +16,8 @@ use gshear_scene::Dimensions;
 use gshear_store::reduced_writer::ReducedWriter;
 use gshear_store::run_reader::{Fields, Run};
 
-/// Writes `reduced.h5` into `folder` and returns its path. `radius`: radius of the neighbourhood over
-/// r̄. Memory holds two blocks of frames, whatever their number.
+/// Writes `reduced.h5` into `folder` and returns its path. `radius`: radius of the neighbourhood
+/// over r̄. Memory holds two blocks of frames, whatever their number.
 ///
 /// # Errors
 /// A radius that is not positive, a damaged run, a file that cannot be written.

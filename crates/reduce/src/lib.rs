@@ -1,10 +1,10 @@
 //! The commands of `gshear-reduce`: each reads runs, calls `gshear-analysis`, and writes tables,
 //! HDF5 files or reports.
 //!
-//! [`Command`] lists the commands and their options; [`run`] runs one. One file per command holds its
-//! reading, its tables and its printed summary; the numbers themselves are computed in
-//! `gshear-analysis`, the figures in `gshear-report`. Most commands are reached only through [`run`];
-//! public are those that other programs and the tests of the repository use.
+//! [`Command`] lists the commands and their options; [`run`] runs one. One file per command holds
+//! its reading, its tables and its printed summary; the numbers themselves are computed in
+//! `gshear-analysis`, the figures in `gshear-report`. Most commands are reached only through
+//! [`run`]; public are those that other programs and the tests of the repository use.
 //!
 //! # Example
 //! Compare two runs to the last bit, as `gshear-reduce compare` does:

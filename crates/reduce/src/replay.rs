@@ -85,7 +85,8 @@ pub fn write(
     .map_err(lost)
 }
 
-/// Replays the run from the first to the last row of the time series in the range, into `out`/run.h5.
+/// Replays the run from the first to the last row of the time series in the range, into
+/// `out`/run.h5.
 ///
 /// # Errors
 /// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
@@ -192,8 +193,8 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Sna
     Ok((path.clone(), toml, snapshot))
 }
 
-/// Replays a part of Newton's equations in a box into `newtonian.h5` of the folder `out` and prints a
-/// summary. `time`: both ends (s), as in the rows of `newtonian.h5`.
+/// Replays a part of Newton's equations in a box into `newtonian.h5` of the folder `out` and prints
+/// a summary. `time`: both ends (s), as in the rows of `newtonian.h5`.
 ///
 /// # Errors
 /// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;

@@ -80,8 +80,8 @@ fn column_at(run: &Run, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
     steps.iter().map(value).collect()
 }
 
-/// Returns τ and the scalars of every frame, `[T]`. Memory holds two blocks of frames, whatever their
-/// number.
+/// Returns τ and the scalars of every frame, `[T]`. Memory holds two blocks of frames, whatever
+/// their number.
 fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
     let mut rows = Vec::with_capacity(run.frames());
     let (grains, pool) = (run.grains(), Pool::default());

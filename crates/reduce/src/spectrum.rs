@@ -36,7 +36,8 @@ pub struct Options {
     /// The frame nearest to this shear strain
     #[arg(long, value_name = "GAMMA", requires = "run", conflicts_with = "frame")]
     strain: Option<f64>,
-    /// Use the matrix J of the appendix of Bonfanti et al., in which histories do not turn with the contacts, not K
+    /// Use the matrix J of the appendix of Bonfanti et al., in which histories do not turn with the
+    /// contacts, not K
     #[arg(long, requires = "run")]
     paper_form: bool,
     /// Write K to this file, M to .mass.mtx and the translations to .null.mtx beside it
@@ -48,22 +49,26 @@ pub struct Options {
     /// M as a Matrix Market file: diagonal, positive [default: the identity]
     #[arg(long, value_name = "M.mtx", requires = "matrix")]
     mass: Option<PathBuf>,
-    /// Null vectors of K and of its transpose (translations), one per column, which are projected out
+    /// Null vectors of K and of its transpose (translations), one per column, which are projected
+    /// out
     #[arg(long, value_name = "N.mtx", requires = "matrix")]
     null: Option<PathBuf>,
     /// Compute the eigenvalues nearest to this number
     #[arg(long, value_name = "RE[,IM]", default_value = "0", allow_hyphen_values = true, value_parser = shift)]
     shift: c64,
-    /// Number of eigenvalues; with --all-pairs per shift, with --unstable at most [default: 20, 100, 100]
+    /// Number of eigenvalues; with --all-pairs per shift, with --unstable at most [default: 20,
+    /// 100, 100]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     count: Option<u32>,
-    /// Compute all eigenvalues, and count the complex pairs by the winding of det(K - zM) to check that none is missing
+    /// Compute all eigenvalues, and count the complex pairs by the winding of det(K - zM) to check
+    /// that none is missing
     #[arg(long, conflicts_with = "shift")]
     all_pairs: bool,
     /// Compute all eigenvalues by the QR algorithm on the dense matrix
     #[arg(long, conflicts_with_all = ["shift", "count"])]
     dense: bool,
-    /// Compute the modes that grow fastest under Newton's equations: complex pairs and negative eigenvalues, without factorisation
+    /// Compute the modes that grow fastest under Newton's equations: complex pairs and negative
+    /// eigenvalues, without factorisation
     #[arg(long, conflicts_with_all = ["shift", "all_pairs", "dense"])]
     unstable: bool,
     /// With --unstable: smallest |Im λ| over ‖A‖ of the pairs that must be found

@@ -50,8 +50,8 @@ impl Found {
     /// Reads a state from a run.h5, the folder that holds one, or a checkpoint.
     ///
     /// # Errors
-    /// A damaged file, a file that is neither a run nor a checkpoint, a missing frame, a checkpoint of
-    /// the packing stage.
+    /// A damaged file, a file that is neither a run nor a checkpoint, a missing frame, a checkpoint
+    /// of the packing stage.
     pub fn read(path: &Path, wanted: Option<Wanted>) -> Result<Self, Failure> {
         if checkpoint::is_checkpoint(path) {
             return of_checkpoint(path, wanted);

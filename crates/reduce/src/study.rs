@@ -82,8 +82,8 @@ pub fn bonfanti(runs: &[PathBuf], folder: Option<&Path>) -> Result<PathBuf, Fail
 /// Largest number of unknowns for which the growing pair is computed, from all eigenvalues.
 const MOST_UNKNOWNS: usize = 3000;
 
-/// Returns |v|² of each grain's translation, `[N]`, scaled to a sum of 1, for the complex pair with the
-/// greatest imaginary part; `None` without a pair.
+/// Returns |v|² of each grain's translation, `[N]`, scaled to a sum of 1, for the complex pair with
+/// the greatest imaginary part; `None` without a pair.
 fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
     let jacobian = Found::read(checkpoint, None)?.jacobian(History::Turned);
     if jacobian.unknowns() > MOST_UNKNOWNS {
@@ -111,8 +111,8 @@ fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
     Ok(Some(squares.iter().map(|x| x / sum).collect()))
 }
 
-/// The friction and, where runs of both sizes are there, the size; numbered where that does not tell them apart. Without commas,
-/// since they stand in tables.
+/// The friction and, where runs of both sizes are there, the size; numbered where that does not
+/// tell them apart. Without commas, since they stand in tables.
 fn labels(runs: &[Run]) -> Vec<String> {
     let sizes: Vec<Size> = runs.iter().map(|run| Size::of(run.grains())).collect();
     let both = sizes.iter().any(|size| *size != sizes[0]);

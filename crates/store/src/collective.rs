@@ -82,8 +82,8 @@ impl IdBlocks {
         (((u64::from(id) + 1) * self.ranks - 1) / self.grains) as usize
     }
 
-    /// Sends every record to the rank that holds its id. The received records are grouped by sender.
-    /// Collective.
+    /// Sends every record to the rank that holds its id. The received records are grouped by
+    /// sender. Collective.
     pub fn redistribute<T: Pod>(
         &self,
         exchange: &dyn Exchange,

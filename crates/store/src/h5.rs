@@ -85,12 +85,12 @@ impl Context {
     }
 }
 
-/// A file open for writing on all ranks. Every call is collective; all arguments but the data must be
-/// the same on every rank.
+/// A file open for writing on all ranks. Every call is collective; all arguments but the data must
+/// be the same on every rank.
 ///
-/// After a failure nothing more is written and the file is not closed. A job of several ranks should
-/// then end by [`World::abort`](gshear_mpi_exchange::World::abort), because HDF5 would try to close
-/// the file when MPI ends.
+/// After a failure nothing more is written and the file is not closed. A job of several ranks
+/// should then end by [`World::abort`](gshear_mpi_exchange::World::abort), because HDF5 would try
+/// to close the file when MPI ends.
 pub struct H5File {
     file: hdf5::File,
     context: Rc<Context>,
@@ -128,8 +128,9 @@ impl H5File {
                     access.mpio(communicator, None);
                     access.all_coll_metadata_ops(true).coll_metadata_write(true);
                 }
-                // Format 1.8 has checksums on most of the file's structure. Format 1.10 would refuse to
-                // open a file left open by a killed program, which could then not be resumed.
+                // Format 1.8 has checksums on most of the file's structure. Format 1.10 would
+                // refuse to open a file left open by a killed program, which could then not be
+                // resumed.
                 access.libver_v18()
             })
             .open_as(path, mode)
@@ -232,7 +233,7 @@ impl H5File {
         Ok(Dataset {
             datatype: datatype.map_err(|e| self.context.failure(name, "describe", &e))?,
             shape: dataset.shape(),
-            dataset,
+            inner: dataset,
             name: name.into(),
             context: self.context.clone(),
             element: PhantomData,
@@ -325,7 +326,7 @@ impl Drop for H5File {
 impl<T> Drop for Dataset<T> {
     fn drop(&mut self) {
         if self.context.failed.get() {
-            std::mem::forget(self.dataset.clone());
+            std::mem::forget(self.inner.clone());
         }
     }
 }
@@ -400,7 +401,7 @@ impl Slab {
 
 /// A dataset of an [`H5File`].
 pub struct Dataset<T> {
-    dataset: hdf5::Dataset,
+    inner: hdf5::Dataset,
     datatype: Datatype,
     shape: Vec<usize>,
     name: String,
@@ -409,28 +410,32 @@ pub struct Dataset<T> {
 }
 
 impl<T: H5Type + Copy> Dataset<T> {
+    /// Returns the number of rows.
     pub fn rows(&self) -> u64 {
         self.shape[0] as u64
+    }
+
+    /// Writes an attribute, replacing one of the same name. Collective.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
+    pub fn attribute(&self, name: &str, value: &Attribute) -> Result<(), Failure> {
+        set_attribute(&self.inner, name, value).map_err(|e| {
+            let object = format!("{}@{name}", self.name);
+            self.context.failure(&object, "write", &e)
+        })
     }
 
     /// Sets the number of rows. Collective.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn attribute(&self, name: &str, value: &Attribute) -> Result<(), Failure> {
-        set_attribute(&self.dataset, name, value).map_err(|e| {
-            let object = format!("{}@{name}", self.name);
-            self.context.failure(&object, "write", &e)
-        })
-    }
-
-    /// A new number of rows. Collective.
     pub fn resize(&mut self, rows: u64) -> Result<(), Failure> {
         if rows as usize == self.shape[0] {
             return Ok(());
         }
         self.shape[0] = rows as usize;
-        let done = self.dataset.resize(self.shape.clone());
+        let done = self.inner.resize(self.shape.clone());
         done.map_err(|e| self.context.failure(&self.name, "resize", &e))
     }
 
@@ -455,18 +460,18 @@ impl<T: H5Type + Copy> Dataset<T> {
         // The same shape as the slab: otherwise HDF5 maps values to places one by one.
         let shape: Vec<usize> = count.iter().map(|&n| n.max(1) as usize).collect();
         let write = || -> hdf5::Result<()> {
-            let (place, memory) = (self.dataset.space()?, Dataspace::try_new(shape)?);
+            let (place, memory) = (self.inner.space()?, Dataspace::try_new(shape)?);
             hdf5::sync::sync(|| {
                 select(place.id(), slab, dimensions)?;
                 if data.is_empty() {
                     select(memory.id(), slab, dimensions)?;
                 }
-                let (dataset, datatype) = (self.dataset.id(), self.datatype.id());
+                let (dataset, datatype) = (self.inner.id(), self.datatype.id());
                 let (memory, place) = (memory.id(), place.id());
                 let transfer = self.context.transfer.id();
                 let data = data.as_ptr().cast();
-                // SAFETY: the ids are open; `datatype` describes T; `memory` selects all of `data`, and
-                // `place` selects as many elements.
+                // SAFETY: the ids are open; `datatype` describes T; `memory` selects all of `data`,
+                // and `place` selects as many elements.
                 let written =
                     unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
                 hdf5::h5check(written).map(drop)

@@ -11,8 +11,8 @@
 //! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
 //!
 //! Most files are written under a temporary name and renamed when complete. `run.h5`, `aqs.h5`,
-//! `newtonian.h5` and `log.csv` grow during a run; a resumed run truncates them to the rows and frames
-//! that its checkpoint counts. `docs/file-formats.md` describes the content of every file.
+//! `newtonian.h5` and `log.csv` grow during a run; a resumed run truncates them to the rows and
+//! frames that its checkpoint counts. `docs/file-formats.md` describes the content of every file.
 //!
 //! # Example
 //! Print the stress ratio of a run and the number of contacts in its last frame:

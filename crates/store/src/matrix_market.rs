@@ -2,9 +2,9 @@
 //! matrices as text.
 //!
 //! No crate fits. nalgebra-sparse 0.12 and sprs 0.11 refuse `integer` and `pattern` files for real
-//! numbers, and comments between entries; nalgebra-sparse needs 420 bytes per entry and names no line
-//! for an index out of range; sprs panics at such an index and never names a line. matrix-market-rs
-//! has had no release since 2023.
+//! numbers, and comments between entries; nalgebra-sparse needs 420 bytes per entry and names no
+//! line for an index out of range; sprs panics at such an index and never names a line.
+//! matrix-market-rs has had no release since 2023.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};

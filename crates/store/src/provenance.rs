@@ -9,8 +9,8 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 static COMMIT: OnceLock<&'static str> = OnceLock::new();
 
 /// Sets the commit that the program was built from, with `-dirty` if its files were changed since.
-/// Only the first call counts. The program hands it over at its start, so that a new commit rebuilds
-/// the program alone and none of its libraries.
+/// Only the first call counts. The program hands it over at its start, so that a new commit
+/// rebuilds the program alone and none of its libraries.
 pub fn set_git_commit(commit: &'static str) {
     COMMIT.get_or_init(|| commit);
 }

@@ -18,8 +18,8 @@ pub struct ReducedWriter {
 }
 
 impl ReducedWriter {
-    /// Creates `reduced.h5.part` in `folder`, which is created if missing, with an empty `dmin/value`
-    /// `[T][N]` and `dmin/strain` `[T]`.
+    /// Creates `reduced.h5.part` in `folder`, which is created if missing, with an empty
+    /// `dmin/value` `[T][N]` and `dmin/strain` `[T]`.
     ///
     /// # Errors
     /// [`Failure::Other`] if the folder or the file cannot be written.

@@ -1,5 +1,5 @@
-//! Writes `spectrum.h5` (docs/file-formats.md), first as `spectrum.h5.part`, so that a file with the
-//! final name is always complete.
+//! Writes `spectrum.h5` (docs/file-formats.md), first as `spectrum.h5.part`, so that a file with
+//! the final name is always complete.
 
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,8 @@
-//! Writes small text files, first as `.part`, so that a file with the final name is always complete.
+//! Writes small text files, first as `.part`, so that a file with the final name is always
+//! complete.
 //!
-//! `NamedTempFile::persist` of tempfile would be no shorter, and a killed program would leave files with
-//! random names.
+//! `NamedTempFile::persist` of tempfile would be no shorter, and a killed program would leave files
+//! with random names.
 
 use std::path::Path;
 

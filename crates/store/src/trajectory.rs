@@ -121,8 +121,8 @@ impl TrajectoryWriter {
         Ok(writer)
     }
 
-    /// Opens an existing file to continue after its first `frames` frames and `rows` rows; later ones
-    /// are removed. `series`: columns of the time series.
+    /// Opens an existing file to continue after its first `frames` frames and `rows` rows; later
+    /// ones are removed. `series`: columns of the time series.
     ///
     /// # Errors
     /// [`Failure::Input`] if the file is not a `run.h5` or holds less.
@@ -133,8 +133,8 @@ impl TrajectoryWriter {
         frames: u64,
         rows: u64,
     ) -> Result<Self, Failure> {
-        // Only one rank inspects the file: after a failure in a collective call the others could wait
-        // for ever.
+        // Only one rank inspects the file: after a failure in a collective call the others could
+        // wait for ever.
         let mut extent = Vec::new();
         let looked = match exchange.rank() {
             0 => inspect(path, series, frames, rows).map(|e| extent = e.to_vec()),
@@ -256,9 +256,9 @@ impl TrajectoryWriter {
         self.rows_written + self.rows.len() as u64
     }
 
-    /// Adds the next frame: this rank's grains, and the contacts whose lower id is one of them, in any
-    /// order. Together the ranks must give each grain and each contact once. Frames are buffered and
-    /// written in batches, so few calls communicate.
+    /// Adds the next frame: this rank's grains, and the contacts whose lower id is one of them, in
+    /// any order. Together the ranks must give each grain and each contact once. Frames are
+    /// buffered and written in batches, so few calls communicate.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -331,8 +331,8 @@ impl TrajectoryWriter {
         self.write_rows(exchange)
     }
 
-    /// Writes all buffers to disk, so that the file can be read and continued even if the program is
-    /// killed.
+    /// Writes all buffers to disk, so that the file can be read and continued even if the program
+    /// is killed.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -490,13 +490,13 @@ fn fixed<T: H5Type + Copy>(
     file.dataset::<T>(name, &[size], None)?.write(slab, data)
 }
 
-/// Checks that a file can be continued. Returns N, the number of contacts in the first `frames` frames,
-/// and the number of dimensions. `first`: first column of the time series.
+/// Checks that a file can be continued. Returns N, the number of contacts in the first `frames`
+/// frames, and the number of dimensions. `first`: first column of the time series.
 const ANOTHER: &str =
     "another version wrote the file: resume with that version or into another folder (--out)";
 
-/// Returns N, the number of contacts in the first `frames` frames, and the dimensions of a file that
-/// has these columns of the time series and is long enough.
+/// Returns N, the number of contacts in the first `frames` frames, and the dimensions of a file
+/// that has these columns of the time series and is long enough.
 fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
     let name = path.display();
     if !path.is_file() {

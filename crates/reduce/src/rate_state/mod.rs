@@ -1,4 +1,5 @@
-//! `rate-state`: reduces velocity steps and slide-hold-slide tests, and fits rate-and-state parameters.
+//! `rate-state`: reduces velocity steps and slide-hold-slide tests, and fits rate-and-state
+//! parameters.
 
 mod read;
 mod tables;

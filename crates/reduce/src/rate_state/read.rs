@@ -1,4 +1,5 @@
-//! Reads the record of an experiment from a run. Only this module knows the names of columns and keys.
+//! Reads the record of an experiment from a run. Only this module knows the names of columns and
+//! keys.
 
 use gshear_analysis::rate_state::{Record, of_drive};
 use gshear_dem::failure::Failure;
@@ -63,7 +64,8 @@ pub fn record(run: &Run) -> Result<Record, Failure> {
     tested(&record).map_err(wrong)
 }
 
-/// Cuts the record to start at its first slide, and checks the number of segments and of their rows.
+/// Cuts the record to start at its first slide, and checks the number of segments and of their
+/// rows.
 fn tested(record: &Record) -> Result<Record, String> {
     let Some(first) = record.drive.iter().position(|segment| !segment.is_hold()) else {
         return Err(

@@ -1,5 +1,5 @@
-//! The tables of `rate-state` and `rate-state.json`. Numbers have the shortest form that reads back to
-//! the same bits.
+//! The tables of `rate-state` and `rate-state.json`. Numbers have the shortest form that reads back
+//! to the same bits.
 
 use serde_json::{Value, json};
 

@@ -264,8 +264,8 @@ pub fn is_checkpoint(path: &Path) -> bool {
 /// [`Failure::Input`], the same on every rank, if the file is missing, damaged or not a checkpoint.
 pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), Failure> {
     let bad = |why: String| Failure::input(format!("{}: {why}", path.display()));
-    // Each rank reads for itself with the serial driver, so that a failure on one rank does not make
-    // the others wait.
+    // Each rank reads for itself with the serial driver, so that a failure on one rank does not
+    // make the others wait.
     let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
     let pieces = agree(exchange, pieces)?;
 

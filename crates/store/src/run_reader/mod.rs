@@ -1,5 +1,5 @@
-//! Reads `run.h5` (docs/file-formats.md) serially, by blocks of frames, so that memory does not grow
-//! with the length of the run.
+//! Reads `run.h5` (docs/file-formats.md) serially, by blocks of frames, so that memory does not
+//! grow with the length of the run.
 
 mod frames;
 mod periodic;
@@ -128,8 +128,8 @@ impl Run {
     /// A run that was stopped early is read as far as all of its datasets go.
     ///
     /// # Errors
-    /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the wrong
-    /// shape.
+    /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
+    /// wrong shape.
     pub fn open(run: &Path) -> Result<Self, Failure> {
         let path = if run.is_dir() {
             run.join("run.h5")
@@ -338,8 +338,8 @@ impl Run {
         &self.offset
     }
 
-    /// Returns γ of the frames, `[T]`: V t/H if the wall moves at the constant velocity V; if a spring
-    /// or a protocol moves it, interpolated between the rows of the time series.
+    /// Returns γ of the frames, `[T]`: V t/H if the wall moves at the constant velocity V; if a
+    /// spring or a protocol moves it, interpolated between the rows of the time series.
     ///
     /// # Errors
     /// [`Failure::Input`] if a parameter is missing.

@@ -39,9 +39,10 @@ impl PeriodicRun {
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing or damaged.
     pub fn open(path: &Path, columns: &[Column]) -> Result<Self, Failure> {
+        const GROUP: &str = "observables";
+
         hdf5::silence_errors(true);
         let source = Source::open(path)?;
-        const GROUP: &str = "observables";
         let mut step: Vec<u64> = source.column(GROUP, &columns[0], "step")?;
         let mut time: Vec<f64> = source.column(GROUP, &columns[0], "time")?;
         let read = |column: &Column| Ok((column.name, source.column(GROUP, column, "value")?));

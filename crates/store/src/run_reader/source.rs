@@ -17,7 +17,8 @@ use gshear_dem::state::SeriesRow;
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
-/// Longest fixed-length string attribute that is read; HDF5 itself allows no more than 64 KiB in an attribute.
+/// Longest fixed-length string attribute that is read; HDF5 itself allows no more than 64 KiB in an
+/// attribute.
 const TEXT: usize = 65_536;
 
 /// An open file and its path for messages.

@@ -8,8 +8,8 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactState, GrainState};
 
 impl Run {
-    /// Reads positions, radii and bodies of all grains, by id, and the contacts with their histories,
-    /// of frame t < T. Velocities and forces are 0.
+    /// Reads positions, radii and bodies of all grains, by id, and the contacts with their
+    /// histories, of frame t < T. Velocities and forces are 0.
     ///
     /// # Errors
     /// [`Failure::Input`] if the file is damaged.
