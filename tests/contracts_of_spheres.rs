@@ -14,7 +14,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = |name: &str, ranks, further: &[&str]| {
         let mut arguments = vec![SPHERES.to_string()];
-        arguments.extend(further.iter().map(std::string::ToString::to_string));
+        arguments.extend(further.iter().map(ToString::to_string));
         gshear_mpi(ranks, &folder.path().join(name), &arguments)
     };
     let expected = run("one", 1, &[]).digest();
@@ -44,7 +44,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
             continue;
         }
         let mut arguments = vec![format!("--resume={}", start.display())];
-        arguments.extend(further.iter().map(std::string::ToString::to_string));
+        arguments.extend(further.iter().map(ToString::to_string));
         let outcome = gshear_mpi(ranks, &folder.path().join("other"), &arguments);
         assert_eq!(outcome.digest(), expected, "{ranks} ranks, {further:?}");
     }

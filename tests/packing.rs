@@ -49,7 +49,7 @@ fn an_exported_state_comes_back() {
     std::fs::write(at("again.toml"), &scene).expect("written");
     let arguments = |more: &[&str]| {
         let mut all = vec![at("again.toml").display().to_string()];
-        all.extend(more.iter().map(std::string::ToString::to_string));
+        all.extend(more.iter().map(ToString::to_string));
         all
     };
     let short = "--set=shear.strain=0.2";

@@ -13,7 +13,7 @@ const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.
 
 fn run(folder: &Path, ranks: usize, more: &[&str]) -> Outcome {
     let mut arguments = vec![SCENE.to_string()];
-    arguments.extend(more.iter().map(std::string::ToString::to_string));
+    arguments.extend(more.iter().map(ToString::to_string));
     gshear_mpi(ranks, folder, &arguments)
 }
 

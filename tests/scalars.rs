@@ -23,13 +23,13 @@ const NO_FRAMES: &str = "--set=output.frame_strain=0";
 fn run(folder: &Path, ranks: usize, further: &[&str]) -> Outcome {
     let scene = [SCENE];
     let arguments = scene.iter().chain(&SCALARS).chain(further);
-    let arguments: Vec<String> = arguments.map(std::string::ToString::to_string).collect();
+    let arguments: Vec<String> = arguments.map(ToString::to_string).collect();
     gshear_mpi(ranks, folder, &arguments)
 }
 
 fn resumed(checkpoint: &Path, folder: &Path, ranks: usize, further: &[&str]) -> Outcome {
     let mut arguments = vec![format!("--resume={}", checkpoint.display())];
-    arguments.extend(further.iter().map(std::string::ToString::to_string));
+    arguments.extend(further.iter().map(ToString::to_string));
     gshear_mpi(ranks, folder, &arguments)
 }
 

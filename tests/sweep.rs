@@ -26,7 +26,7 @@ fn config(folder: &Path, sweep: &str) -> PathBuf {
 
 fn run(config: &Path, ranks: usize, out: &Path, further: &[&str]) -> Outcome {
     let mut arguments = vec![config.display().to_string()];
-    arguments.extend(further.iter().map(std::string::ToString::to_string));
+    arguments.extend(further.iter().map(ToString::to_string));
     gshear_mpi(ranks, out, &arguments)
 }
 

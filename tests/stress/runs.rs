@@ -22,10 +22,7 @@ fn run(folder: &Path, set: &[String]) -> Outcome {
 }
 
 fn sets(values: &[&str]) -> Vec<String> {
-    values
-        .iter()
-        .map(std::string::ToString::to_string)
-        .collect()
+    values.iter().map(ToString::to_string).collect()
 }
 
 /// The one line of a failure.

@@ -68,6 +68,9 @@ impl Task {
 ///
 /// # Errors
 /// A configuration or a packing that is refused.
+///
+/// # Panics
+/// Never: rank 0 writes what the others read.
 pub fn from_the_start(
     exchange: &dyn Parallel,
     source: &Source,

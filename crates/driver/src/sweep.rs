@@ -36,7 +36,10 @@ enum Progress {
 }
 
 impl<'a> Sweep<'a> {
-    /// Errors: a configuration without a sweep, or with a wrong one; a `--set` of a key of the sweep.
+    /// The sweep of a configuration; `set` are the overrides of all runs, `out` the folder of their folders.
+    ///
+    /// # Errors
+    /// A configuration without a sweep or with a wrong one; an override of a key of the sweep.
     pub fn new(source: &Source, set: &'a [String], out: PathBuf) -> Result<Self, Failure> {
         let Some(members) = gshear_scene::sweep::members(source)? else {
             return Err(Failure::input(format!(
@@ -60,7 +63,10 @@ impl<'a> Sweep<'a> {
         })
     }
 
-    /// Says what the runs are, by rank 0. Errors: a scene of one of them that will not do. Collective.
+    /// Prints the runs and how far they have come; collective.
+    ///
+    /// # Errors
+    /// A run whose scene is refused.
     pub fn list(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
         for (k, member) in self.members.iter().enumerate() {
             let task = from_the_start(exchange, &self.source, &self.values(member))?;
@@ -77,7 +83,10 @@ impl<'a> Sweep<'a> {
         Ok(())
     }
 
-    /// One of the runs, from 1: from its start or its checkpoint, if it is not done. Collective.
+    /// Runs the `number`-th run, from 1, from its start or its checkpoint, unless it is done; collective.
+    ///
+    /// # Errors
+    /// A number without a run, a folder with a run of another scene, and what fails in a run.
     pub fn one(
         &self,
         exchange: &dyn Parallel,
@@ -112,8 +121,10 @@ impl<'a> Sweep<'a> {
         task.run(exchange, &options)
     }
 
-    /// All of the runs, one after the other, until one is stopped. One whose numbers fail is told, and the others are run all
-    /// the same. Collective.
+    /// Runs all of them, one after the other, until one is stopped. Goes on after a run whose numbers fail; collective.
+    ///
+    /// # Errors
+    /// What fails in a run; at the end, the first run whose numbers failed.
     pub fn all(&self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
         let begun = Instant::now();
         // Scenes that will not do are told before hours have passed.

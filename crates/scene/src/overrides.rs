@@ -79,7 +79,7 @@ mod tests {
     use crate::{Drive, Motion, Source, load};
 
     fn message(sets: &[&str]) -> String {
-        let sets: Vec<String> = sets.iter().map(std::string::ToString::to_string).collect();
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         load(&Source::embedded(), &sets).unwrap_err().to_string()
     }
 

@@ -326,7 +326,7 @@ mod tests {
         ";
         let data = lammps_data::parse("f", &edit(TEXT.into()))?;
         let packing = Packing::new("f", Path::new(FILE), data, [1, 1])?;
-        let sets: Vec<String> = sets.iter().map(std::string::ToString::to_string).collect();
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         let scene = crate::load_with(&Source::new("s", text), &sets, &mut |_, _| {
             Ok(packing.file.clone())
         })?;

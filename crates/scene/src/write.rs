@@ -383,7 +383,7 @@ mod tests {
     ];
 
     fn with(sets: &[&str]) -> Scene {
-        let sets: Vec<String> = sets.iter().map(std::string::ToString::to_string).collect();
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         load(&Source::embedded(), &sets).unwrap()
     }
 

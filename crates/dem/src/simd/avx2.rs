@@ -1,6 +1,6 @@
 //! AVX2 with FMA: four registers.
 
-#[expect(clippy::wildcard_imports, reason = "dozens of intrinsics")]
+#[allow(clippy::wildcard_imports, reason = "dozens of intrinsics")]
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

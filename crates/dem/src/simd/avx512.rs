@@ -1,6 +1,6 @@
 //! AVX-512 (F and DQ): two registers, so that two chains of operations are always under way.
 
-#[expect(clippy::wildcard_imports, reason = "dozens of intrinsics")]
+#[allow(clippy::wildcard_imports, reason = "dozens of intrinsics")]
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -1,6 +1,7 @@
 //! A periodic sheared box (BO section III): prepared without friction, strained step by step to
 //! mechanical equilibrium, then moved by Newton's equations.
 
+use gshear_dem::clock::Clock;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
@@ -15,7 +16,7 @@ use super::newtonian::{Newtonian, Resumed};
 use super::prepare;
 use super::strain::Strain;
 use super::walls::force;
-use crate::header::Header;
+use crate::header::{Header, Progress};
 use crate::launch::Start;
 use crate::run::{Outcome, Run, State};
 
@@ -51,7 +52,7 @@ fn stages<D: LawSpace>(
         (None, prepare::prepare(run, scene, smooth.as_ref())?)
     };
     let (progress, written) = match &header {
-        None => (Default::default(), None),
+        None => (Progress::default(), None),
         Some(Header::Aqs { progress, written }) => (*progress, Some(*written)),
         Some(Header::Newtonian { progress, .. }) => (*progress, None),
         Some(Header::Pack { .. } | Header::Shear { .. }) => {
@@ -93,7 +94,7 @@ fn stages<D: LawSpace>(
         return Ok(Outcome::Done);
     };
     let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
-    system.clock = Default::default();
+    system.clock = Clock::default();
     let mut stage = Newtonian::new(run, scene, newtonian, law, system, progress, resumed)?;
     let outcome = run.drive(&mut stage, begins)?;
     if outcome == Outcome::Done {

@@ -160,7 +160,7 @@ mod tests {
     fn scene(name: &str, sets: &[&str]) -> PeriodicScene {
         let path = format!("{}/../../configs/{name}", env!("CARGO_MANIFEST_DIR"));
         let source = Source::read(&path).unwrap();
-        let sets: Vec<String> = sets.iter().map(std::string::ToString::to_string).collect();
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         match study(&source, &sets, &mut |_, _| unreachable!("no packing")).unwrap() {
             Study::Periodic(scene) => scene,
             Study::PlaneShear(_) => panic!("walls"),

@@ -108,7 +108,7 @@ impl Relaxation {
                     .map(|[way, _]| way.iter().map(|x| x * x).sum::<f64>());
                 let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
                 let smooth = furthest < longest;
-                if !smooth || !displace(exchange, system, law, &moves, 0.0)? {
+                if !smooth || !displace(exchange, system, law, &moves, 0.0) {
                     return Ok(false);
                 }
                 let now = residual(exchange, system, 0.0);
@@ -209,7 +209,7 @@ pub(super) fn displace<D: Dimension>(
     law: &dyn PairForce<D>,
     moves: &[Move],
     shear: f64,
-) -> Result<bool, Failure> {
+) -> bool {
     let (axes, spins) = (D::AXES, D::SPINS);
     let step = system.step;
     if let Some(sheared) = &mut system.cell.sheared {
@@ -241,5 +241,5 @@ pub(super) fn displace<D: Dimension>(
     }
     // At rest, without the dampers.
     let outside = outside.or(forces(exchange, system, law, &mut NoWalls, 0.0, None));
-    Ok(exchange.maximum(f64::from(u8::from(outside.is_some()))) == 0.0)
+    exchange.maximum(f64::from(u8::from(outside.is_some()))) == 0.0
 }

@@ -119,7 +119,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             let grains = system.grains();
             let affine = |g: usize| [[part * grains.fields(g)[D::UP], 0.0, 0.0], [0.0; 3]];
             let moves: Vec<_> = (0..grains.owned).map(affine).collect();
-            if !displace(exchange, system, self.law, &moves, part * height)? {
+            if !displace(exchange, system, self.law, &moves, part * height) {
                 return Err(system.explain(exchange, None));
             }
         }

@@ -14,6 +14,7 @@ use gshear_scene::{Dimensions, Origin, PackingFile, Scene};
 
 use super::pack::Pack;
 use super::shear::{From, Shear};
+use crate::files::Written;
 use crate::header::Header;
 use crate::launch::Start;
 use crate::run::{Outcome, Run, State};
@@ -110,7 +111,7 @@ fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, State), 
             piston,
             slider: None,
             height: height_between(scene, &piston),
-            written: Default::default(),
+            written: Written::default(),
             energy_budget: None,
             packing: None,
         }
