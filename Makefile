@@ -21,7 +21,7 @@ export MPIRUN
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
 	@echo "make test      format, lints, every test of every crate, those through mpirun among them, and rustdoc"
-	@echo "make docs      write the table of keys in docs/config.md and docs/scene.schema.json"
+	@echo "make docs      write the tables of keys and columns in docs/ and docs/scene.schema.json"
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
 	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
 	@echo "make bench     benchmarks"
@@ -54,7 +54,8 @@ test: deps
 
 # From the declarations of the keys; a test says when it is due.
 docs:
-	cargo test --locked -p gshear-scene -- --ignored --exact reference::tests::write_the_reference
+	cargo test --release --locked -p gshear-scene --lib -- --ignored --exact reference::tests::write_the_reference
+	cargo test --release --locked -p gshear-store --lib -- --ignored write_columns_to_docs
 
 scaling: build
 	@scripts/scaling
