@@ -50,12 +50,12 @@ pub struct Series {
     pub step: Vec<u64>,
     /// `[L]` Time (s).
     pub time: Vec<f64>,
-    /// `[columns of SERIES_COLUMNS][L]` Values.
+    /// `[columns of SeriesRow][L]` Values.
     pub columns: Vec<Vec<f64>>,
 }
 
 impl Series {
-    /// Returns a column of [`SERIES_COLUMNS`], `[L]`.
+    /// Returns a column of [`SeriesRow`] by its name, `[L]`.
     ///
     /// # Panics
     /// On any other name.
