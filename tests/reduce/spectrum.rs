@@ -90,7 +90,7 @@ fn eigenvalues_and_vectors_of_files() {
             "{said}"
         );
         assert!(
-            how == "--dense" || said.contains("2 found, 2 by the winding"),
+            how == "--dense" || said.contains("2 found, 2 counted by the winding"),
             "{said}"
         );
         let rows = table(&out);
