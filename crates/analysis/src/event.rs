@@ -14,7 +14,7 @@ use gshear_dem::state::Cell;
 /// neighbours than dimensions or if they lie on one line or plane. Grains for which `counts` is
 /// false are neither centres (their value is NaN) nor neighbours.
 ///
-/// This version works grain by grain. [`crate::analysis::dmin`] works pair by pair and serves the
+/// This version works grain by grain. [`crate::dmin`] works pair by pair and serves the
 /// frames of long runs of disks.
 pub fn non_affine<D: Dimension>(
     cell: Cell,

@@ -1,5 +1,5 @@
 //! Numbers that follow from the configuration: pressure, stiffness number, damping ratio, time
-//! step. Of libm only roots and [`portable_ln`](gshear_dem::contact::portable_ln), since all of
+//! step. Of libm only roots and [`portable_ln`], since all of
 //! them reach the trajectory.
 
 use super::scene::Sample;

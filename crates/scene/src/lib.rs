@@ -29,7 +29,7 @@
 //!
 //! A key is declared once, in `raw.rs` (the keys of a contact law: in [`gshear_dem::laws::keys`]):
 //! name, kind, meaning, unit, range and default. Reading, checks, messages, `scene.toml`, the table
-//! of docs/config.md and the JSON schema ([`reference`]) use that declaration. The way of a
+//! of docs/config.md and the JSON schema ([`mod@reference`]) use that declaration. The way of a
 //! configuration:
 //!
 //! | module | does |

@@ -22,7 +22,7 @@ pub struct PeriodicRun {
     /// `[L]` Strain, or time (s).
     pub time: Vec<f64>,
     columns: BTreeMap<&'static str, Vec<f64>>,
-    /// [T].
+    /// `[T]` steps of the frames.
     pub frame_step: Vec<u64>,
     /// `[T]` Strain or time of the frames.
     pub frame_time: Vec<f64>,
