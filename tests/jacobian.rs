@@ -1,39 +1,21 @@
-//! K of `analysis::jacobian` against differences of the kernel's own forces and torques.
+//! J as the paper has it, and the spectra of K of spheres by the smoothed law. That K is the
+//! derivative of the forces of every law is tested in `crates/analysis/tests/laws.rs`.
 
 use bytemuck::Zeroable;
 use faer::Mat;
-use gshear_analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
+use gshear_analysis::jacobian::{History, State, assemble, paper_form};
 use gshear_analysis::spectrum::{Problem, Solver, Spectrum};
-use gshear_dem::contact::ContactLaw;
-use gshear_dem::contact::stiffness::Stiffness;
-use gshear_dem::dimension::{Dimension, Three, Two};
-use gshear_dem::domain::Solo;
-use gshear_dem::drive::NoWalls;
+use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::laws::Contact;
-use gshear_dem::laws::hertz::Hertz;
-use gshear_dem::laws::hertz::Spheres;
-use gshear_dem::laws::hooke::Hooke;
-use gshear_dem::laws::hooke::Springs;
-use gshear_dem::laws::lee_hurley::LeeHurley;
-use gshear_dem::laws::lee_hurley::Material;
-use gshear_dem::laws::mindlin::Mindlin;
-use gshear_dem::laws::mindlin::MindlinSprings;
-use gshear_dem::simd::Level;
-use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
-use gshear_dem::step::{forces, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::laws::mindlin::{Mindlin, MindlinSprings};
+use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, length};
 
 type Vector = [f64; 3];
 
 const CONTACT: Contact = Contact {
     friction: 0.4,
-    rolling_friction: 0.1,
-    rolling_damping_ratio: 0.3,
-};
-const PLAIN: Contact = Contact {
     rolling_friction: 0.0,
     rolling_damping_ratio: 0.0,
-    ..CONTACT
 };
 const MASSES: Masses = Masses::Density(1.3);
 
@@ -122,240 +104,11 @@ impl Packing {
     }
 }
 
-/// A law and what its contacts remember.
-struct Case<C> {
-    law: C,
-    /// Of F_n, the overlap, the part of the limit, and a direction in the tangent plane (in 2D a sign).
-    history: fn(f64, f64, f64, Vector) -> Vector,
-}
-
-/// Forces and torques on all grains where the `k`-th unknown of `grain` has moved by h in one step.
-fn moved<C: ContactLaw + Stiffness>(
-    system: &mut System<C::Space>,
-    law: &C,
-    (grain, k): (usize, usize),
-    h: f64,
-) -> Vec<f64> {
-    const STEP: f64 = 0.5;
-    let history = system.contacts.history.clone();
-    let record = system.grains().record[grain];
-    let fields = system.grains_mut().fields_mut(grain);
-    if k < C::Space::AXES {
-        fields[k] += h;
-        fields[C::Space::HALF_VELOCITY + k] = h / STEP;
-    } else {
-        fields[C::Space::HALF_SPIN + k - C::Space::AXES] = h / STEP;
-    }
-    let outside = forces(&Solo, system, law, &mut NoWalls, STEP, None);
-    assert_eq!(outside, None);
-    let per_grain = C::Space::AXES + C::Space::SPINS;
-    let found = system.grains().force.iter();
-    let found = found.flat_map(|f| f[..per_grain].to_vec()).collect();
-    system.contacts.history = history;
-    system.grains_mut().record[grain] = record;
-    found
-}
-
-/// A system whose contacts have the histories of the case, some of them beyond their limits, and K.
-fn build<C: ContactLaw + Stiffness>(
-    case: &Case<C>,
-    history: History,
-) -> (System<C::Space>, Jacobian) {
-    let mut packing = Packing::new::<C::Space>();
-    // Two grains of a wall.
-    packing.grains[3].body = body::BOTTOM;
-    packing.grains[7].body = body::BOTTOM;
-    let mut random = Random(99);
-    let contacts = packing.pairs.iter().map(|&([i, j], overlap, n)| {
-        let radii = [i, j].map(|g| packing.grains[g as usize].radius);
-        let normal = case.law.derivatives(radii, overlap, [0.0; 3]).normal;
-        let direction = if C::Space::SPINS == 1 {
-            [random.next().signum(), 0.0, 0.0]
-        } else {
-            let any = [random.next(), random.next(), random.next()];
-            let along = any[0] * n[0] + any[1] * n[1] + any[2] * n[2];
-            let t: Vector = std::array::from_fn(|k| any[k] - along * n[k]);
-            t.map(|x| x / length(t))
-        };
-        let part = 0.5 + 0.4 * random.next();
-        ContactState {
-            i,
-            j,
-            history: (case.history)(normal, overlap, part, direction),
-        }
-    });
-    let contacts = contacts.collect();
-    let setup = Setup {
-        level: Level::detect(),
-        list: ListSettings {
-            skin: Some(0.1),
-            rebuild_every: 0,
-        },
-        cell: packing.cell,
-        largest_radius: 0.53,
-        mean_diameter: 1.0,
-        masses: MASSES,
-        step: 1.0,
-        gravity: 0.0,
-        typical_force: 1.0,
-        threads: 1,
-    };
-    let mut system = System::new(&Solo, setup).expect("one rank");
-    system
-        .replace(&Solo, &case.law, &mut NoWalls, packing.grains, contacts)
-        .expect("a list");
-    initial_forces(&Solo, &mut system, &case.law, &mut NoWalls, None).expect("sound");
-    // Every fifth contact beyond the limit of friction, every seventh beyond that of rolling.
-    let touching: Vec<_> = system.contacts.touching().collect();
-    for (k, at) in touching.iter().enumerate() {
-        let mut scale = |row: usize, by: f64| {
-            system.contacts.history[at.block * C::HISTORY + row].0[at.lane] *= by;
-        };
-        if k % 5 == 0 && C::FRICTION {
-            (0..C::Space::SPINS).for_each(|row| scale(row, 14.0));
-        }
-        if k % 7 == 3 && C::ROLLING {
-            scale(C::HISTORY - 1, 14.0);
-        }
-    }
-    let (grains, contacts) = (system.grain_states(), system.contact_states(&case.law));
-    let state = State {
-        grains: &grains,
-        contacts: &contacts,
-        cell: system.cell,
-        masses: MASSES,
-    };
-    let jacobian = assemble::<C::Space>(state, &case.law, history);
-    (system, jacobian)
-}
-
-/// Every entry of K, to 1e-8 of the greatest.
-fn agrees<C: ContactLaw + Stiffness>(case: &Case<C>) {
-    const H: f64 = 2e-5;
-    let (mut system, jacobian) = build(case, History::Turned);
-    let per_grain = jacobian.per_grain;
-    assert_eq!(jacobian.unknowns(), per_grain * (system.grains().owned - 2));
-    assert!(jacobian.contacts > 30);
-    assert_eq!(jacobian.sliding > 5, C::FRICTION);
-    let k = jacobian.k.to_dense();
-    let greatest = k.norm_max();
-    let place = |g: usize| jacobian.grains.iter().position(|&free| free as usize == g);
-    let mut worst = 0.0f64;
-    for column in 0..jacobian.unknowns() {
-        let grain = jacobian.grains[column / per_grain] as usize;
-        let unknown = (grain, column % per_grain);
-        let [a, b, c, d] =
-            [-2.0, -1.0, 1.0, 2.0].map(|part| moved(&mut system, &case.law, unknown, part * H));
-        for g in 0..system.grains().owned {
-            let Some(row) = place(g) else { continue };
-            for f in 0..per_grain {
-                let at = g * per_grain + f;
-                let slope = (a[at] - 8.0 * b[at] + 8.0 * c[at] - d[at]) / (12.0 * H);
-                let error = k[(per_grain * row + f, column)] + slope;
-                worst = worst.max(error.abs());
-            }
-        }
-    }
-    assert!(worst < 1e-8 * greatest, "{:e}", worst / greatest);
-}
-
-const SPRINGS: Springs = Springs {
-    normal_stiffness: 1.0,
-    tangential_stiffness: 0.4,
-    density: 1.3,
-    damping_ratio: 0.2,
-};
 const SMOOTH: MindlinSprings = MindlinSprings {
     normal_stiffness: 1.0,
     tangential_stiffness: 2.0 / 7.0,
     masses: MASSES,
 };
-const SPHERES: Spheres = Spheres {
-    young_modulus: 1.5,
-    poisson_ratio: 0.3,
-    density: 1.3,
-    normal_damping: 0.3,
-    tangential_damping: 0.1,
-};
-const MATERIAL: Material = Material {
-    young_modulus: 1.0,
-    poisson_ratio: 0.2,
-    density: 1.3,
-    damping_ratio: 0.2,
-};
-
-/// t* = μ (k_n/k_t) δ.
-fn smooth<D: Dimension>() -> Case<Mindlin<D, true>> {
-    Case {
-        law: Mindlin::new(&SMOOTH, &PLAIN),
-        history: |_, overlap, part, direction| direction.map(|t| part * 0.4 * 3.5 * overlap * t),
-    }
-}
-
-#[test]
-fn smoothed_mindlin() {
-    agrees(&smooth::<Two>());
-    agrees(&smooth::<Three>());
-}
-
-#[test]
-fn hertz() {
-    let case = Case {
-        law: Hertz::<true>::new(&SPHERES, &PLAIN),
-        history: |_, overlap, part, direction| {
-            let reach = 0.4 * SPHERES.normal_stiffness() / SPHERES.tangential_stiffness();
-            direction.map(|t| part * reach * overlap * t)
-        },
-    };
-    agrees(&case);
-}
-
-#[test]
-fn linear_springs() {
-    let case = Case {
-        law: Hooke::<Two, true, true>::new(&SPRINGS, &CONTACT),
-        history: |normal, _, part, [sign, ..]| {
-            [
-                part * 0.4 * normal * sign,
-                0.0,
-                (part - 0.6) * 0.025 * normal,
-            ]
-        },
-    };
-    agrees(&case);
-    let case = Case {
-        law: Hooke::<Three, true, false>::new(&SPRINGS, &PLAIN),
-        history: |normal, _, part, direction| direction.map(|t| part * 0.4 * normal * t),
-    };
-    agrees(&case);
-}
-
-#[test]
-fn lee_hurley() {
-    let case = Case {
-        law: LeeHurley::<true, true>::new(&MATERIAL, &CONTACT),
-        history: |normal, _, part, [sign, ..]| {
-            [
-                part * 0.4 * normal * sign,
-                0.0,
-                (part - 0.6) * 0.025 * normal,
-            ]
-        },
-    };
-    agrees(&case);
-}
-
-#[test]
-fn without_friction() {
-    agrees(&Case {
-        law: Mindlin::<Three, false>::new(&SMOOTH, &PLAIN),
-        history: |_, _, _, _| [0.0; 3],
-    });
-    agrees(&Case {
-        law: LeeHurley::<false, true>::new(&MATERIAL, &CONTACT),
-        history: |normal, _, part, _| [0.0, 0.0, (part - 0.6) * 0.025 * normal],
-    });
-}
 
 /// Forces and torques over R by BO's eqs A3–A8 themselves, where t stays as n turns: q is of (r, R θ), grain after grain.
 fn forces_of_the_paper(
@@ -430,7 +183,7 @@ fn the_form_of_the_paper() {
         cell,
         masses: Masses::Equal(1.0),
     };
-    let law = Mindlin::<Three, true>::new(&SMOOTH, &PLAIN);
+    let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
     let jacobian = assemble::<Three>(state, &law, History::Unturned);
     let turned = assemble::<Three>(state, &law, History::Turned);
     let apart = turned.k.to_dense() - jacobian.k.to_dense();
@@ -490,7 +243,7 @@ fn translations_are_null_vectors() {
         cell,
         masses: MASSES,
     };
-    let law = Mindlin::<Three, true>::new(&SMOOTH, &PLAIN);
+    let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
     let jacobian = assemble::<Three>(state, &law, History::Turned);
     let null = jacobian.translations();
     assert_eq!(null.ncols(), 3);
@@ -521,7 +274,7 @@ fn linear_systems_are_solved() {
         j: free + 1,
         history: [0.0; 3],
     });
-    let law = Mindlin::<Three, true>::new(&SMOOTH, &PLAIN);
+    let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
     let mut solver = Solver::default();
     let mut random = Random(17);
     for part in [1.0, 0.5] {
@@ -588,7 +341,7 @@ fn eigenvalues_alone() {
         cell,
         masses: Masses::Equal(1.0),
     };
-    let law = Mindlin::<Three, true>::new(&SMOOTH, &PLAIN);
+    let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
     let problem = assemble::<Three>(state, &law, History::Turned)
         .problem()
         .expect("a problem");
