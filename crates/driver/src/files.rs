@@ -16,8 +16,6 @@ use gshear_store::provenance;
 use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
 use serde::{Deserialize, Serialize};
 
-use crate::run::Run;
-
 /// The file of the shear.
 pub const RUN_FILE: &str = "run.h5";
 /// Its time series as text.
@@ -34,6 +32,17 @@ pub struct Files {
     /// Rows of scalars before, if none are computed now.
     scalars_before: u64,
     resumed: bool,
+}
+
+/// Where the files of a run go, and what they say about it.
+#[derive(Clone, Copy)]
+pub struct Place<'a> {
+    /// The ranks.
+    pub exchange: &'a dyn Parallel,
+    /// The folder of the results.
+    pub folder: &'a Path,
+    /// The scene as TOML.
+    pub toml: &'a str,
 }
 
 /// What a stage writes.
@@ -74,12 +83,12 @@ impl Files {
     /// # Errors
     /// Files that cannot be made, or are not those of this run.
     pub fn open<D: Dimension>(
-        run: &Run<'_>,
+        place: Place<'_>,
         system: &mut System<D>,
         format: &Format<'_>,
         written: Option<Written>,
     ) -> Result<Self, Failure> {
-        let (exchange, out) = (run.exchange, &run.options.out);
+        let (exchange, out) = (place.exchange, place.folder);
         folder(exchange, out)?;
         let (path, log) = (out.join(format.name), out.join(LOG_FILE));
         let there = exchange.broadcast(vec![u8::from(path.exists())])[0] == 1;
@@ -104,7 +113,7 @@ impl Files {
                 scalars_before: scalars,
                 resumed: true,
             },
-            None => Self::create(run, system, format)?,
+            None => Self::create(place, system, format)?,
         };
         if format.scalars {
             let before = std::mem::take(&mut files.scalars_before);
@@ -114,21 +123,21 @@ impl Files {
     }
 
     fn create<D: Dimension>(
-        run: &Run<'_>,
+        place: Place<'_>,
         system: &mut System<D>,
         format: &Format<'_>,
     ) -> Result<Self, Failure> {
-        let (exchange, out) = (run.exchange, &run.options.out);
+        let (exchange, out) = (place.exchange, place.folder);
         let wrote = if exchange.rank() == 0 {
             let path = out.join(SCENE_FILE);
-            std::fs::write(&path, run.toml)
+            std::fs::write(&path, place.toml)
                 .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
         } else {
             Ok(())
         };
         agree(exchange, wrote)?;
         let mut attributes = vec![
-            ("scene", Attribute::Text(run.toml.into())),
+            ("scene", Attribute::Text(place.toml.into())),
             ("version", Attribute::Text(provenance::VERSION.into())),
             (
                 "git_commit",

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{GrainState, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::packing::Packing;
 use gshear_scene::{Origin, Source, Study};
@@ -13,7 +12,7 @@ use gshear_store::columns::{AQS_FILE, NEWTONIAN_FILE};
 
 use crate::files::RUN_FILE;
 use crate::header::Header;
-use crate::run::{Options, Outcome, Run};
+use crate::run::{Options, Outcome, Run, Start};
 use crate::stages::{periodic, walls};
 
 /// A scene, and what its run begins with.
@@ -22,17 +21,6 @@ pub struct Task {
     pub study: Study,
     /// The initial state.
     pub start: Start,
-}
-
-/// What a run begins with; of grains this rank's part, whichever they are.
-#[derive(Debug, Clone)]
-pub enum Start {
-    /// Grains that the scene inserts.
-    Insertion,
-    /// The grains of the scene's packing.
-    Grains(Vec<GrainState>),
-    /// A checkpoint.
-    Checkpoint(Snapshot),
 }
 
 impl Task {

@@ -12,10 +12,9 @@ use gshear_scene::schedule::Window;
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 
-use crate::files;
+use crate::files::{self, Place};
 use crate::header::Header;
 use crate::signals::Signals;
-use crate::stages::{Save, Stage};
 use crate::terminal::Terminal;
 
 /// What the command line says beside the scene.
@@ -71,6 +70,74 @@ impl State {
 
 /// Checkpoints of stages without a schedule of their own are written at this interval (s).
 const CHECKPOINT_INTERVAL: f64 = 60.0;
+
+/// What a run begins with; of grains this rank's part, whichever they are.
+#[derive(Debug, Clone)]
+pub enum Start {
+    /// Grains that the scene inserts.
+    Insertion,
+    /// The grains of the scene's packing.
+    Grains(Vec<GrainState>),
+    /// A checkpoint.
+    Checkpoint(Snapshot),
+}
+
+/// When the state after a step is saved. A stop saves it in any case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Save {
+    /// Not.
+    No,
+    /// If the last checkpoint is a minute old.
+    IfOld,
+    /// By the schedule of the stage.
+    Now,
+}
+
+/// A part of a run, step by step. Calls are collective.
+pub trait Stage {
+    /// The name in messages.
+    fn name(&self) -> &'static str;
+
+    /// Steps that are done.
+    fn steps(&self) -> u64;
+
+    /// The number by which `--stop-at` counts the next step; `None` if it does not count it.
+    fn count(&self) -> Option<u64>;
+
+    /// Whether all steps are done.
+    fn is_done(&self) -> bool;
+
+    /// Before the first step: forces of the initial state. Not called when a stage resumes.
+    ///
+    /// # Errors
+    /// Numbers that fail.
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
+
+    /// Takes one step. `stop`: a stop is asked for after it, beside signals and wall time. Returns
+    /// whether the run stops, the same on every rank.
+    ///
+    /// # Errors
+    /// Numbers that fail.
+    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure>;
+
+    /// Writes what is due after the last step.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
+
+    /// When the state after the last step is saved.
+    fn save_due(&self) -> Save;
+
+    /// Brings the files up to date and hands over the state.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure>;
+
+    /// Reports to the terminal.
+    fn progress(&mut self, _: &mut Run<'_>) {}
+}
 
 /// One run.
 pub struct Run<'a> {
@@ -150,6 +217,15 @@ impl<'a> Run<'a> {
             }
         }
         Ok(Outcome::Done)
+    }
+
+    /// Where its files go.
+    pub(crate) fn place(&self) -> Place<'a> {
+        Place {
+            exchange: self.exchange,
+            folder: &self.options.out,
+            toml: self.toml,
+        }
     }
 
     /// Whether this rank was asked to stop, by a signal or the wall time.

@@ -7,7 +7,6 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::header::{Birth, Progress};
-use crate::stages::StrainRow;
 use gshear_dem::clock::Phase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
@@ -315,29 +314,8 @@ impl Terminal {
         ));
     }
 
-    pub(crate) fn strain_step(&self, step: u64, row: &StrainRow) {
-        let observed = &row.observed;
-        let pairs = match &row.eigenvalues {
-            None => String::new(),
-            Some(eigenvalues) => match eigenvalues.greatest_pair() {
-                None => ", no complex pair".into(),
-                Some(pair) => format!(
-                    ", complex pairs: {}, greatest |Im| {:.3e}",
-                    eigenvalues.pairs(),
-                    pair.lambda_i
-                ),
-            },
-        };
-        self.say(format!(
-            "aqs:   step {step} strain {:.6e} stress {:.5e} pressure {:.5e} z {:.3} residual {:.1e} | {} factorisations, {} steps{pairs}",
-            row.strain,
-            observed.shear_stress,
-            observed.pressure,
-            observed.coordination,
-            row.residual,
-            row.found.factorisations,
-            row.found.steps,
-        ));
+    pub fn strain_step(&self, row: &dyn std::fmt::Display) {
+        self.say(row.to_string());
     }
 
     pub fn born(&self, birth: &Birth) {

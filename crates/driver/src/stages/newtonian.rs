@@ -21,10 +21,9 @@ use gshear_store::h5::Attribute;
 use super::box_state::observe;
 use super::spectra_file::SpectraFile;
 use super::spectrum::Whole;
-use super::{Save, Stage};
 use crate::files::{Files, Format, Written};
 use crate::header::{Header, Pair, Progress};
-use crate::run::{Checkpoint, Run, State};
+use crate::run::{Checkpoint, Run, Save, Stage, State};
 
 /// Without a pair, its growth time is taken to be so many steps.
 const STEPS_WITHOUT_A_PAIR: f64 = 1000.0;
@@ -148,7 +147,7 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
         let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
         let written = goes_on.map(|r| r.written);
         let lines = goes_on.map(|r| r.lines);
-        let files = Files::open(run, &mut system, &format, written)?;
+        let files = Files::open(run.place(), &mut system, &format, written)?;
         let spectra = if due.spectra == u64::MAX {
             None
         } else {

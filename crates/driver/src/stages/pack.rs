@@ -14,9 +14,8 @@ use gshear_scene::sample::freeze_walls;
 use gshear_scene::schedule::inertial_time;
 
 use super::walls::{self, DRAG_RESTING};
-use super::{Save, Stage};
 use crate::header::Header;
-use crate::run::{Checkpoint, Run, State};
+use crate::run::{Checkpoint, Run, Save, Stage, State};
 
 /// Steps between two looks at whether the sample is at rest.
 const LOOK: u64 = 1000;

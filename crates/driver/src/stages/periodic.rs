@@ -17,8 +17,7 @@ use super::prepare;
 use super::strain::Strain;
 use super::walls::force;
 use crate::header::{Header, Progress};
-use crate::launch::Start;
-use crate::run::{Outcome, Run, State};
+use crate::run::{Outcome, Run, Start, State};
 
 /// Runs the scene from `start` to its last step; collective.
 ///

@@ -17,11 +17,10 @@ use gshear_scene::schedule::Schedule;
 use gshear_store::h5::Attribute;
 
 use super::walls;
-use super::{Save, Stage};
 use crate::files::{Files, Format, RUN_FILE, Written};
 use crate::frame_scalars::Analysis;
 use crate::header::Header;
-use crate::run::{Checkpoint, Run, State};
+use crate::run::{Checkpoint, Run, Save, Stage, State};
 
 /// The sheared sample, and what is written of it.
 pub(super) struct Shear<'a, D: Dimension> {
@@ -112,7 +111,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
             log: true,
             scalars: scene.analysis.scalars,
         };
-        let files = Files::open(run, &mut system, &format, written)?;
+        let files = Files::open(run.place(), &mut system, &format, written)?;
         // Scalars of new files begin with a frame that has none before it.
         let before = state.analysed.filter(|_| files.resumed());
         let analysis = match scene.analysis.scalars {

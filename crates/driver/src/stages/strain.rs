@@ -1,6 +1,8 @@
 //! Athermal quasi-static shear: strain steps, each brought to mechanical equilibrium, and the birth of
 //! the first complex pair.
 
+use std::fmt;
+
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
@@ -15,10 +17,9 @@ use super::box_state::{Observed, observe};
 use super::periodic::Snapshot;
 use super::relax::{Equilibrium, LONGEST, Relaxation, displace, residual};
 use super::spectrum::{Eigenvalues, Whole};
-use super::{Save, Stage};
 use crate::files::{Files, Format, Written};
 use crate::header::{Birth, Header, Progress};
-use crate::run::{Checkpoint, Run, State};
+use crate::run::{Checkpoint, Run, Save, Stage, State};
 
 /// The strain steps of a box.
 pub(super) struct Strain<'a, D: Dimension> {
@@ -56,7 +57,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             scalars: false,
         };
         Ok(Self {
-            files: Files::open(run, &mut system, &format, written)?,
+            files: Files::open(run.place(), &mut system, &format, written)?,
             relaxation: Relaxation::new(scene),
             scene,
             law,
@@ -212,6 +213,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         }
         let step = self.progress.steps;
         let row = Row {
+            step,
             strain: scene.aqs.strain_step * step as f64,
             offset: self.progress.offset,
             observed,
@@ -221,7 +223,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         };
         self.files
             .series(exchange, step, row.strain, &row.columns())?;
-        run.terminal.strain_step(step, &row);
+        run.terminal.strain_step(&row);
         let every = scene.aqs.frame_every;
         if every > 0 && step.is_multiple_of(every) {
             let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);
@@ -266,6 +268,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
 
 /// What is found after a strain step.
 pub(crate) struct Row {
+    pub step: u64,
     pub strain: f64,
     pub offset: f64,
     pub observed: Observed,
@@ -299,5 +302,35 @@ impl Row {
             least_real: of(Eigenvalues::least_real),
             zero_modes: of(|e| e.zeros() as f64),
         }
+    }
+}
+
+/// The line on the terminal.
+impl fmt::Display for Row {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let observed = &self.observed;
+        let pairs = match &self.eigenvalues {
+            None => String::new(),
+            Some(eigenvalues) => match eigenvalues.greatest_pair() {
+                None => ", no complex pair".into(),
+                Some(pair) => format!(
+                    ", complex pairs: {}, greatest |Im| {:.3e}",
+                    eigenvalues.pairs(),
+                    pair.lambda_i
+                ),
+            },
+        };
+        write!(
+            f,
+            "aqs:   step {} strain {:.6e} stress {:.5e} pressure {:.5e} z {:.3} residual {:.1e} | {} factorisations, {} steps{pairs}",
+            self.step,
+            self.strain,
+            observed.shear_stress,
+            observed.pressure,
+            observed.coordination,
+            self.residual,
+            self.found.factorisations,
+            self.found.steps,
+        )
     }
 }

@@ -16,8 +16,7 @@ use super::pack::Pack;
 use super::shear::{From, Shear};
 use crate::files::Written;
 use crate::header::Header;
-use crate::launch::Start;
-use crate::run::{Outcome, Run, State};
+use crate::run::{Outcome, Run, Start, State};
 
 /// Drag of the compression, and of the rest after it, in inverse inertial times.
 const DRAG_FALLING: f64 = 0.01;
