@@ -4,7 +4,7 @@
 use bytemuck::Zeroable;
 use faer::Mat;
 use gshear_analysis::jacobian::{History, State, assemble, paper_form};
-use gshear_analysis::spectrum::{Problem, Solver, Spectrum};
+use gshear_spectrum::{Problem, Solver, Spectrum};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::mindlin::{Mindlin, MindlinSprings};

@@ -13,7 +13,7 @@
 //! | [`forces`], [`mod@stress`], [`frame_scalars`] | contact forces, stresses, scalars of a frame |
 //! | [`spearman`], [`student`], [`spread`], [`ranges`] | statistics |
 //! | [`rate_state`] | rate-and-state friction: steps, holds, fits |
-//! | [`jacobian`], [`spectrum`], [`growth`] | stiffness matrix K, its eigenvalues, growth of their modes |
+//! | [`jacobian`], [`growth`] | stiffness matrix K, growth of its modes; [`gshear_spectrum`] has its eigenvalues |
 //!
 //! # Example
 //! Stick and slip phases of τ(γ), and the rank correlation of their durations and changes of τ:
@@ -52,7 +52,6 @@ pub mod rate_state;
 pub mod rattlers;
 pub mod regions;
 pub mod spearman;
-pub mod spectrum;
 pub mod spread;
 pub mod stages;
 pub mod stress;

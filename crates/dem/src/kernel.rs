@@ -157,9 +157,10 @@ impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
         scratch: &mut Scratch<C::Space>,
     ) -> Found {
         let (law, first) = (self, pass.part.first);
-        let mut found = match pass.counting {
-            Some(_) => level.run(Blocks::<C, true> { law, pass, scratch }),
-            None => level.run(Blocks::<C, false> { law, pass, scratch }),
+        let mut found = match (pass.counting, level.vector()) {
+            (None, Some(vector)) => vector.run(Blocks::<C, false> { law, pass, scratch }),
+            // The portable arrays always account for the dissipation: one instance a law suffices.
+            _ => level.run(Blocks::<C, true> { law, pass, scratch }),
         };
         for (block, _) in [&mut found.outside, &mut found.too_strong]
             .into_iter()

@@ -9,7 +9,7 @@ use faer::{Mat, Par, c64};
 use super::commands::lost;
 use super::export::Which;
 use super::stiffness::{self, Wanted};
-use gshear_analysis::spectrum::{
+use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
     Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
 };
@@ -247,7 +247,7 @@ fn of_files(matrix: &Path, options: &Options) -> Result<Problem, Failure> {
         None => Mat::zeros(k.ncols(), 0),
     };
     Problem::new(&k, &mass, null.as_ref()).map_err(|unfit| {
-        use gshear_analysis::spectrum::Unfit;
+        use gshear_spectrum::Unfit;
         let path = match unfit {
             Unfit::NotSquare(_) | Unfit::NotFinite(_) => None,
             Unfit::MassCount { .. } | Unfit::Mass { .. } => options.mass.as_ref(),

@@ -3,7 +3,7 @@
 use super::colour::{GREY, INK, SLIP, STICK};
 use super::plot::{Layout, figure};
 use super::ticks;
-use gshear_analysis::spectrum::{Eigenvalue, Verdict};
+use gshear_spectrum::{Eigenvalue, Verdict};
 
 const LAYOUT: Layout = Layout {
     size: [900.0, 480.0],

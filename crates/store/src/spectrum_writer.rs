@@ -7,7 +7,7 @@ use hdf5::File;
 use hdf5::types::VarLenUnicode;
 use ndarray::Array3;
 
-use gshear_analysis::spectrum::{Eigenvalue, Problem};
+use gshear_spectrum::{Eigenvalue, Problem};
 use gshear_dem::failure::Failure;
 
 /// Columns of the file, one entry per eigenvalue; k of them.

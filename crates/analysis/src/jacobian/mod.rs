@@ -12,7 +12,7 @@ mod pattern;
 use faer::Mat;
 use faer::sparse::SparseColMat;
 
-use super::spectrum::{Problem, Unfit};
+use gshear_spectrum::{Problem, Unfit};
 use contact::Contact;
 use gshear_dem::contact::stiffness::Stiffness;
 use gshear_dem::dimension::Dimension;
@@ -71,7 +71,7 @@ impl Jacobian {
     }
 
     /// Creates the eigenvalue problem K v = λ M v with the translations as null vectors.
-    /// `spectrum::Solver` takes it as well.
+    /// [`gshear_spectrum::Solver`] takes it as well.
     ///
     /// # Errors
     /// [`Unfit`] if K is not finite.

@@ -320,10 +320,18 @@ impl Level {
 
     /// Does the work with this instruction set.
     pub fn run<W: Work>(self, work: W) -> W::Output {
+        match self.vector() {
+            Some(vector) => vector.run(work),
+            None => work.run::<Portable>(PortableToken),
+        }
+    }
+
+    /// The instruction set, if it has vector instructions.
+    pub fn vector(self) -> Option<Vector> {
         match self {
-            Level::Avx512(token) => avx512::run(token, work),
-            Level::Avx2(token) => avx2::run(token, work),
-            Level::Portable => work.run::<Portable>(PortableToken),
+            Level::Avx512(token) => Some(Vector::Avx512(token)),
+            Level::Avx2(token) => Some(Vector::Avx2(token)),
+            Level::Portable => None,
         }
     }
 
@@ -333,6 +341,25 @@ impl Level {
             Level::Avx512(_) => "avx512",
             Level::Avx2(_) => "avx2",
             Level::Portable => "portable",
+        }
+    }
+}
+
+/// The instruction sets with vector instructions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Vector {
+    /// AVX-512.
+    Avx512(Avx512Token),
+    /// AVX2 with FMA.
+    Avx2(Avx2Token),
+}
+
+impl Vector {
+    /// Does the work with this instruction set.
+    pub fn run<W: Work>(self, work: W) -> W::Output {
+        match self {
+            Vector::Avx512(token) => avx512::run(token, work),
+            Vector::Avx2(token) => avx2::run(token, work),
         }
     }
 }

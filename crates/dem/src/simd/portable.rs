@@ -1,4 +1,8 @@
 //! Plain arrays, for any processor.
+//!
+//! On x86-64 they run only where AVX2 is missing, so the operations stay out of line there: inlined
+//! into every law they would be a third of the program and of the time to build it. Elsewhere they
+//! are the kernel, and inlined.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -16,12 +20,14 @@ pub struct PortableToken;
 pub struct Portable([f64; LANES]);
 
 impl Portable {
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn map(self, f: impl Fn(f64) -> f64) -> Self {
         Portable(self.0.map(f))
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
         Portable(std::array::from_fn(|k| f(self.0[k], other.0[k])))
     }
@@ -122,12 +128,14 @@ impl Lanes for Portable {
         self.zip(sign, f64::copysign)
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn greater(self, other: Self) -> u16 {
         (0..LANES).fold(0, |m, k| m | (u16::from(self.0[k] > other.0[k]) << k))
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn select(self, mask: u16, other: Self) -> Self {
         Portable(std::array::from_fn(|k| {
             if mask >> k & 1 == 1 {
@@ -138,7 +146,8 @@ impl Lanes for Portable {
         }))
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn exponent_mantissa(self) -> (Self, Self) {
         let exponent = self.map(|x| ((x.to_bits() >> 52) as i64 - 1023) as f64);
         let mantissa = self
@@ -146,7 +155,8 @@ impl Lanes for Portable {
         (exponent, mantissa)
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn exponent_eighth(self) -> (Self, Self, [u8; LANES]) {
         let rounded = self.0.map(|x| x.to_bits().wrapping_add(1 << 48));
         let exponent = rounded.map(|b| ((b >> 52) as i64 - 1023) as f64);
@@ -165,7 +175,8 @@ impl Lanes for Portable {
         )
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn look_up(_: PortableToken, table: &[f64; 8], k: [u8; LANES]) -> Self {
         Portable(k.map(|k| table[k as usize % 8]))
     }
@@ -175,7 +186,8 @@ impl Lanes for Portable {
         [0; LANES]
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn count(self, sums: [i64; LANES]) -> [i64; LANES] {
         std::array::from_fn(|k| {
             let integer = (self.0[k] + TO_INTEGER)
@@ -185,7 +197,8 @@ impl Lanes for Portable {
         })
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn total(sums: [i64; LANES]) -> i128 {
         sums.iter().copied().map(i128::from).sum()
     }
@@ -200,7 +213,8 @@ impl Lanes for Portable {
         self.map(|x| f64::from_bits(INVERSE_SQRT_MAGIC.wrapping_sub(x.to_bits() >> 1)))
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn differences<const LINE: usize, const LINES: usize>(
         _: PortableToken,
         records: &[[Line; LINES]],
@@ -220,7 +234,8 @@ impl Lanes for Portable {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn line_of_j<const LINE: usize, const LINES: usize>(
         _: PortableToken,
         records: &[[Line; LINES]],
@@ -231,7 +246,8 @@ impl Lanes for Portable {
         std::array::from_fn(|field| Portable(pairs.j.map(|j| records[j as usize][LINE].0[field])))
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn end_of_j<const LINE: usize, const LINES: usize>(
         token: PortableToken,
         records: &[[Line; LINES]],
@@ -242,7 +258,8 @@ impl Lanes for Portable {
         [a, b]
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         let [a, b, c, d] = terms;
@@ -258,7 +275,8 @@ impl Lanes for Portable {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         let [a, b, c] = terms;

@@ -2,7 +2,7 @@
 
 use super::periodic::Snapshot;
 use super::spectrum::{Whole, newton_step};
-use gshear_analysis::spectrum::Solver;
+use gshear_spectrum::Solver;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;

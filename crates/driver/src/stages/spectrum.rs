@@ -7,7 +7,7 @@ use faer::c64;
 use super::relax::Move;
 use crate::header::Pair;
 use gshear_analysis::jacobian::{self, History, Jacobian};
-use gshear_analysis::spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
+use gshear_spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;

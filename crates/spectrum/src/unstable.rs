@@ -10,12 +10,12 @@ use faer::linalg::solvers::DenseSolveCore;
 use faer::reborrow::ReborrowMut;
 use faer::sparse::SparseColMat;
 use faer::{Mat, MatMut, Par};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::krylov::{self, Settings, Stalled};
-use super::problem::Problem;
-use super::spectrum::Spectrum;
-use gshear_dem::simd::{self, Level, Work};
+use crate::krylov::{self, Settings, Stalled};
+use crate::problem::Problem;
+use crate::eigenvalues::Spectrum;
 
 /// Least factor by which a polynomial multiplies the modes it is to find.
 const AMPLIFIED: f64 = 2.0;
@@ -256,10 +256,10 @@ impl Rows {
 
     /// before ← (4A/b - 2) now - before.
     fn step(&self, now: &[Lanes], before: &mut [Lanes], par: Par) {
-        let level = Level::detect();
+        let arch = Arch::new();
         let work = |(chunk, before): (usize, &mut [Lanes])| {
             let first = chunk * ROWS;
-            level.run(Step {
+            arch.dispatch(Step {
                 rows: self,
                 first,
                 now,
@@ -295,11 +295,11 @@ struct Step<'a> {
     before: &'a mut [Lanes],
 }
 
-impl Work for Step<'_> {
+impl WithSimd for Step<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: simd::Lanes>(self, _: L::Token) {
+    fn with_simd<S: Simd>(self, _: S) {
         let Rows {
             start,
             column,

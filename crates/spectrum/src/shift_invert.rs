@@ -3,12 +3,12 @@
 use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::{Mat, MatMut, Par, c64};
 
-use super::krylov::{self, Settings, Stalled, Subspace};
-use super::lu::{Lu, Singular};
-use super::problem::Problem;
-use super::scalar::Scalar;
-use super::spectrum::Spectrum;
-use super::symbolic::Symbolic;
+use crate::krylov::{self, Settings, Stalled, Subspace};
+use crate::lu::{Lu, Singular};
+use crate::problem::Problem;
+use crate::scalar::Scalar;
+use crate::eigenvalues::Spectrum;
+use crate::symbolic::Symbolic;
 
 /// First displacement of a singular shift over ‖A‖; each further attempt moves it four times as
 /// far.

@@ -8,8 +8,8 @@ use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::scalar::Scalar;
-use super::schur::Schur;
+use crate::scalar::Scalar;
+use crate::schur::Schur;
 
 /// Parameters of an iteration.
 #[derive(Debug, Clone, Copy)]

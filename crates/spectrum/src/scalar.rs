@@ -3,7 +3,7 @@
 use faer::c64;
 use nalgebra::DMatrix;
 
-use super::qr_iteration;
+use crate::qr_iteration;
 
 /// A scalar type: `f64` for real shifts, `c64` for complex ones.
 pub trait Scalar:

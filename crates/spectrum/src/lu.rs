@@ -10,8 +10,8 @@ use faer::linalg::triangular_solve::{
 use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par, Spec, c64};
 
-use super::scalar::Scalar;
-use super::symbolic::{Front, Symbolic};
+use crate::scalar::Scalar;
+use crate::symbolic::{Front, Symbolic};
 
 /// Pivots below this, over the largest entry of A - σI, count as zero: the matrix is singular in
 /// double precision, or needs pivots from outside its front.

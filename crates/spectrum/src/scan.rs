@@ -2,11 +2,11 @@
 
 use faer::{Mat, Par, c64};
 
-use super::count::Rectangle;
-use super::problem::{Problem, ZERO};
-use super::shift_invert::{Failed, Request, nearest};
-use super::spectrum::{Eigenvalue, Spectrum, Verdict};
-use super::symbolic::Symbolic;
+use crate::count::Rectangle;
+use crate::problem::{Problem, ZERO};
+use crate::shift_invert::{Failed, Request, nearest};
+use crate::eigenvalues::{Eigenvalue, Spectrum, Verdict};
+use crate::symbolic::Symbolic;
 
 /// Grid points per radius of the smallest disk, on which coverage is decided.
 const GRID: f64 = 12.0;

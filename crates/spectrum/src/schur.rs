@@ -3,7 +3,7 @@
 use faer::c64;
 use nalgebra::{DMatrix, DVector};
 
-use super::scalar::Scalar;
+use crate::scalar::Scalar;
 
 /// B = Q T Qᴴ with T upper triangular, except for 2 × 2 blocks of conjugate pairs if B is real.
 pub struct Schur<T: Scalar> {

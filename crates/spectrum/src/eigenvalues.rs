@@ -6,10 +6,10 @@ use faer::linalg::evd::{ComputeEigenvectors, evd_real, evd_scratch};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef, Par, Spec, c64};
 
-use super::lu::Lu;
-use super::problem::{Problem, ZERO};
-use super::scalar::Scalar;
-use super::symbolic::Symbolic;
+use crate::lu::Lu;
+use crate::problem::{Problem, ZERO};
+use crate::scalar::Scalar;
+use crate::symbolic::Symbolic;
 
 /// What an eigenvalue is evidence of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,9 +3,9 @@
 use faer::sparse::SymbolicSparseColMat;
 use faer::{Mat, Par};
 
-use super::lu::{Lu, Singular};
-use super::problem::Problem;
-use super::symbolic::Symbolic;
+use crate::lu::{Lu, Singular};
+use crate::problem::Problem;
+use crate::symbolic::Symbolic;
 
 /// Shift of the factors over the greatest column of A, negative.
 ///

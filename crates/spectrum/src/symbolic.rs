@@ -9,22 +9,22 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 
-use super::ordering::{SymmetricPattern, nested_dissection};
+use crate::ordering::{SymmetricPattern, nested_dissection};
 
 /// Fronts of the multifrontal LU of a matrix with a symmetrised pattern, with partial pivoting
 /// inside each front (Duff & Reid 1983). The fill is that of a Cholesky factor and its transpose.
 pub struct Symbolic {
     size: usize,
     /// `order[k]`: the unknown that is eliminated as the k-th.
-    pub(super) order: Vec<usize>,
+    pub(crate) order: Vec<usize>,
     /// Fronts in the order of elimination.
-    pub(super) fronts: Vec<Front>,
+    pub(crate) fronts: Vec<Front>,
     /// Entries of A per front.
-    pub(super) entries: Vec<Vec<Entry>>,
+    pub(crate) entries: Vec<Vec<Entry>>,
 }
 
 /// Pivots that are eliminated together, and the later pivots that they update.
-pub(super) struct Front {
+pub(crate) struct Front {
     /// First pivot.
     pub begin: usize,
     /// Number of pivots.
@@ -36,7 +36,7 @@ pub(super) struct Front {
 }
 
 /// A value of A and where it goes in a front.
-pub(super) struct Entry {
+pub(crate) struct Entry {
     /// Index in the panel `[width + reach][width]`, by columns; from its end on, index in the rows
     /// `[width][reach]`.
     pub place: u32,

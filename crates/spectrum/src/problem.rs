@@ -7,7 +7,7 @@ use faer::reborrow::ReborrowMut;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, MatMut, MatRef, c64};
 
-use super::scalar::Scalar;
+use crate::scalar::Scalar;
 
 /// Relative tolerance for zero: an eigenvalue over ‖A‖, and the residual of a null vector over the
 /// greatest column of A.

@@ -3,9 +3,9 @@
 
 use faer::{Par, c64};
 
-use super::lu::Lu;
-use super::problem::Problem;
-use super::symbolic::Symbolic;
+use crate::lu::Lu;
+use crate::problem::Problem;
+use crate::symbolic::Symbolic;
 
 /// Greatest step of the phase (radians) that is accepted, if both of its halves and the slopes at
 /// its ends and middle agree. Without the slopes a step of several turns could pass as a small one.
