@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::key::{Key, Kind};
-use super::raw::{Flag, Number, Text, Whole, list, show};
+use super::key::Key;
+use super::kind::{Flag, Kind, Number, Text, Whole};
 use super::source::Input;
+use super::words::{list, show};
 use gshear_dem::failure::Failure;
 
 /// One pass over a configuration.
