@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
+use gshear_dem::laws::LawSpace;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::packing::Packing;
-use gshear_scene::{Boundary, Origin, PlaneShear, Scene, Source};
+use gshear_scene::{Boundary, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 use gshear_store::columns::{AQS_FILE, NEWTONIAN_FILE};
@@ -32,9 +34,9 @@ impl Task {
         let Self { scene, start } = self;
         let mut run = Run::new(exchange, &scene.toml, &scene.bookkeeping, options)?;
         run.terminal.header(exchange, &scene, run.level);
-        match &scene.boundary {
-            Boundary::Walls(plane_shear) => walls::run(&mut run, &scene, plane_shear, start),
-            Boundary::Periodic(periodic) => periodic::run(&mut run, &scene, periodic, start),
+        match scene.dimension {
+            Dimensions::Two => stages::<Two>(&mut run, &scene, start),
+            Dimensions::Three => stages::<Three>(&mut run, &scene, start),
         }
     }
 
@@ -45,6 +47,13 @@ impl Task {
             Boundary::Periodic(periodic) if periodic.newtonian.is_some() => NEWTONIAN_FILE,
             Boundary::Periodic(_) => AQS_FILE,
         }
+    }
+}
+
+fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result<Outcome, Failure> {
+    match &scene.boundary {
+        Boundary::Walls(plane_shear) => walls::run::<D>(run, scene, plane_shear, start),
+        Boundary::Periodic(periodic) => periodic::run::<D>(run, scene, periodic, start),
     }
 }
 
@@ -72,10 +81,7 @@ pub fn from_the_start(
         Ok(serde_json::from_slice(&text).expect("what rank 0 wrote"))
     })?;
     let start = match &scene.boundary {
-        Boundary::Walls(PlaneShear {
-            origin: Origin::Packing { .. },
-            ..
-        }) => {
+        Boundary::Walls(plane_shear) if plane_shear.origin.file().is_some() => {
             let grains = packing.map_or(Ok(Vec::new()), |p| p.grains(&scene));
             Start::Grains(agree(exchange, grains)?)
         }

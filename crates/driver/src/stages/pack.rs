@@ -191,7 +191,7 @@ impl<D: Dimension> Stage for Pack<'_, D> {
                 step: self.step,
                 piston: self.drive.piston,
                 drag: self.drive.drag,
-                packing: walls::packing_file(&self.plane_shear.origin),
+                packing: self.plane_shear.origin.file().cloned(),
             },
             state: State {
                 grains: self.system.grain_states(),

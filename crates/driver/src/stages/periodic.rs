@@ -2,7 +2,7 @@
 //! mechanical equilibrium, then moved by Newton's equations.
 
 use gshear_dem::clock::Clock;
-use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
@@ -10,7 +10,7 @@ use gshear_dem::laws::{Contact, LawSpace};
 use gshear_dem::state::{Cell, ContactState, GrainState};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Dimensions, PeriodicBox, Scene};
+use gshear_scene::{PeriodicBox, Scene};
 
 use super::newtonian::{From, Newtonian, Resumed};
 use super::prepare;
@@ -23,19 +23,7 @@ use crate::run::{Outcome, Run, Start, State};
 ///
 /// # Errors
 /// Numbers that fail, or a file that cannot be written.
-pub fn run(
-    run: &mut Run<'_>,
-    scene: &Scene,
-    periodic: &PeriodicBox,
-    start: Start,
-) -> Result<Outcome, Failure> {
-    match scene.dimension {
-        Dimensions::Two => stages::<Two>(run, scene, periodic, start),
-        Dimensions::Three => stages::<Three>(run, scene, periodic, start),
-    }
-}
-
-fn stages<D: LawSpace>(
+pub fn run<D: LawSpace>(
     run: &mut Run<'_>,
     scene: &Scene,
     periodic: &PeriodicBox,

@@ -13,11 +13,10 @@ use gshear_dem::state::{SeriesRow, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{PlaneShear, Scene};
+use gshear_scene::{PackingFile, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 
 use super::setup::system;
-use super::walls;
 use crate::files::{Files, Format, RUN_FILE, Written};
 use crate::frame_scalars::Analysis;
 use crate::header::Header;
@@ -26,7 +25,8 @@ use crate::run::{Checkpoint, Run, Save, Stage, State};
 /// The sheared sample, and what is written of it.
 pub(super) struct Shear<'a, D: Dimension> {
     scene: &'a Scene,
-    plane_shear: &'a PlaneShear,
+    /// The file that the grains came from.
+    packing: Option<&'a PackingFile>,
     law: Box<dyn PairForce<D>>,
     schedule: Schedule,
     system: System<D>,
@@ -125,7 +125,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
         };
         Ok(Self {
             scene,
-            plane_shear,
+            packing: plane_shear.origin.file(),
             law,
             schedule,
             system,
@@ -193,7 +193,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
             height: self.schedule.height,
             written,
             energy_budget: self.system.budget.as_ref().map(|b| b.save(run.exchange)),
-            packing: walls::packing_file(&self.plane_shear.origin),
+            packing: self.packing.cloned(),
         }
     }
 

@@ -1,6 +1,5 @@
 //! A scene between walls: packed, then sheared.
 
-use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::Failure;
@@ -9,7 +8,7 @@ use gshear_dem::laws::{Contact, LawSpace};
 use gshear_dem::state::{GrainState, body};
 use gshear_scene::sample::Lattice;
 use gshear_scene::schedule::{inertial_time, mean_mass};
-use gshear_scene::{Dimensions, Load, Origin, PackingFile, PlaneShear, Scene};
+use gshear_scene::{Load, Origin, PlaneShear, Scene};
 
 use super::pack::Pack;
 use super::setup::force;
@@ -30,19 +29,7 @@ const BEARS_ALL: [f64; 2] = [1e3, 1e4];
 ///
 /// # Errors
 /// Numbers that fail, or a file that cannot be written.
-pub fn run(
-    run: &mut Run<'_>,
-    scene: &Scene,
-    plane_shear: &PlaneShear,
-    start: Start,
-) -> Result<Outcome, Failure> {
-    match scene.dimension {
-        Dimensions::Two => stages::<Two>(run, scene, plane_shear, start),
-        Dimensions::Three => stages::<Three>(run, scene, plane_shear, start),
-    }
-}
-
-fn stages<D: LawSpace>(
+pub fn run<D: LawSpace>(
     run: &mut Run<'_>,
     scene: &Scene,
     plane_shear: &PlaneShear,
@@ -60,7 +47,15 @@ fn stages<D: LawSpace>(
                 return Ok(Outcome::Stopped);
             }
             let (piston, state) = pack.finish(run);
-            (first_of_shear(scene, piston), state)
+            let from = From {
+                step: 0,
+                height: height_between(scene, &piston),
+                piston,
+                slider: None,
+                written: None,
+                energy_budget: None,
+            };
+            (from, state)
         }
         Header::Shear {
             step,
@@ -153,18 +148,6 @@ fn begin(
     Ok((header, state))
 }
 
-/// A shear of the packed sample under this piston.
-fn first_of_shear(scene: &Scene, piston: Piston) -> From {
-    From {
-        step: 0,
-        height: height_between(scene, &piston),
-        piston,
-        slider: None,
-        written: None,
-        energy_budget: None,
-    }
-}
-
 /// The laws of the grains and of the planes while the sample is packed.
 fn packing_laws<D: LawSpace>(
     scene: &Scene,
@@ -215,12 +198,4 @@ pub(super) fn mass_of_top(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -
 /// H (m), between the planes at which the walls end.
 pub(super) fn height_between(scene: &Scene, piston: &Piston) -> f64 {
     piston.height - 2.0 * scene.sample.mean_diameter
-}
-
-/// What a checkpoint says about the file that the grains came from.
-pub(super) fn packing_file(origin: &Origin) -> Option<PackingFile> {
-    match origin {
-        Origin::Insertion(_) => None,
-        Origin::Packing { file, .. } => Some(file.clone()),
-    }
 }

@@ -44,21 +44,15 @@ pub(super) fn derive(
     sample: &Sample,
     keys: LoadKeys<'_>,
 ) -> Result<Load, Failure> {
-    let LoadKeys {
-        given,
-        key,
-        value,
-        gravity,
-    } = keys;
-    let base = sample.base();
+    let (base, value) = (sample.base(), keys.value);
     let load = |pressure, normal_force, stiffness_number| Load {
         pressure,
         normal_force,
         stiffness_number,
-        gravity,
-        given,
+        gravity: keys.gravity,
+        given: keys.given,
     };
-    let (pressure, normal_force) = match given {
+    let (pressure, normal_force) = match keys.given {
         LoadChoice::StiffnessNumber => {
             let p = derived::pressure(law, sample, value);
             return Ok(load(p, p * base, value));
@@ -71,13 +65,13 @@ pub(super) fn derive(
     }
     let least = derived::pressure(law, sample, STIFFNESS_NUMBER_MAX);
     let most = derived::pressure(law, sample, STIFFNESS_NUMBER_MIN);
-    let (unit, factor) = match (given, sample.is_planar()) {
+    let (unit, factor) = match (keys.given, sample.is_planar()) {
         (LoadChoice::NormalForce, true) => ("N/m", base),
         (LoadChoice::NormalForce, false) => ("N", base),
         _ => ("Pa", 1.0),
     };
     c.refuse(
-        key,
+        keys.key,
         &format!(
             "gives a mean overlap outside {:.1e} … {:.3} mean diameters; it must lie in {:.3e} … {:.3e} {unit}, found {}",
             1.0 / STIFFNESS_NUMBER_MAX,

@@ -37,6 +37,16 @@ pub enum Origin {
     },
 }
 
+impl Origin {
+    /// The file of the packing, if the grains come from one.
+    pub fn file(&self) -> Option<&PackingFile> {
+        match self {
+            Origin::Insertion(_) => None,
+            Origin::Packing { file, .. } => Some(file),
+        }
+    }
+}
+
 /// What a scene needs to know of the file of a packing. A checkpoint holds it, so that going on
 /// does not need the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
