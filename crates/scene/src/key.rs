@@ -140,6 +140,11 @@ impl<T: Kind> Key<T> {
         self.given = Some((value.span().start, value.into_inner()));
     }
 
+    /// The value, if given.
+    pub fn value(&self) -> Option<&T> {
+        self.given.as_ref().map(|(_, value)| value)
+    }
+
     pub fn is_given(&self) -> bool {
         self.given.is_some()
     }

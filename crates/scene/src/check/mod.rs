@@ -37,7 +37,7 @@ pub(super) fn scene(
         _ => Dimensions::Two,
     };
     let (law, contact) = law::check(&mut c, dimension, &raw.material, &raw.contact);
-    let time = time::check(&mut c, &raw.time, &law, boxed);
+    time::check(&mut c, &raw.time, &law, boxed);
     let keep_checkpoints = c.flag_or_default(&raw.output.keep_checkpoints);
     let bookkeeping = check_bookkeeping(&mut c, &raw.bookkeeping);
     let (default_title, sample, boundary) = if boxed {
@@ -47,7 +47,7 @@ pub(super) fn scene(
         let (sample, walls) = walls::check(&mut c, dimension, &law, raw, packing)?;
         ("Plane shear", sample, Boundary::Walls(walls))
     };
-    let time_step = time.derive(&mut c, &law, contact, &sample, &boundary)?;
+    let time_step = time::derive(&mut c, &raw.time, (&law, &contact), &sample, &boundary)?;
     let mut scene = Scene {
         title: title.unwrap_or_else(|| default_title.into()),
         seed,

@@ -13,7 +13,7 @@ use gshear_dem::failure::Failure;
 /// The keys of `[sample]`, each checked by itself.
 pub(super) struct SampleKeys<'r> {
     dimension: Dimensions,
-    raw: &'r raw::Sample,
+    pub raw: &'r raw::Sample,
     sizes: Option<Sizes>,
     /// Copies of the packing along x and y.
     replicate: [u32; 2],
@@ -22,24 +22,6 @@ pub(super) struct SampleKeys<'r> {
 
 /// A key's path and place.
 type Place = (&'static str, Option<usize>);
-
-impl SampleKeys<'_> {
-    /// The file of the packing.
-    pub fn packing(&self) -> &Key<Text> {
-        &self.raw.packing
-    }
-
-    /// The keys that set the size of the sample together.
-    fn places(&self) -> [Place; 4] {
-        let raw = self.raw;
-        [
-            raw.grains.place(),
-            raw.radius_min.place(),
-            raw.radius_max.place(),
-            raw.length.place(),
-        ]
-    }
-}
 
 pub(super) fn check<'r>(
     c: &mut Checker<'_>,
@@ -88,7 +70,7 @@ pub(super) fn check<'r>(
 /// Copies along x and, in three dimensions, y.
 fn copies(c: &mut Checker<'_>, dimension: Dimensions, sample: &raw::Sample) -> [u32; 2] {
     let key = &sample.replicate;
-    let Some((_, Numbers(given))) = &key.given else {
+    let Some(Numbers(given)) = key.value() else {
         return [1, 1];
     };
     if !sample.packing.is_given() {
@@ -175,11 +157,11 @@ fn inserted(
     raw: &raw::Sample,
     sizes: &Sizes,
 ) -> Result<Sample, Failure> {
-    let number = |key: &Key<Number>| key.given.as_ref().map(|(_, x)| x.0);
+    let number = |key: &Key<Number>| key.value().map(|x| x.0);
     let [a, b] = radii(c, sizes, raw);
     c.settle()?;
     Ok(Sample {
-        grains: raw.grains.given.as_ref().map_or(0, |(_, n)| n.0 as u32),
+        grains: raw.grains.value().map_or(0, |n| n.0 as u32),
         radius_min: a,
         radius_max: b,
         mean_diameter: sizes.mean([a, b], |r| 2.0 * r),
@@ -192,7 +174,7 @@ fn inserted(
 /// The least and the greatest radius, and whether they can be.
 fn radii(c: &mut Checker<'_>, sizes: &Sizes, sample: &raw::Sample) -> [f64; 2] {
     let keys = [&sample.radius_min, &sample.radius_max];
-    let given = |key: &Key<Number>| key.given.as_ref().map_or(f64::NAN, |(_, x)| x.0);
+    let given = |key: &Key<Number>| key.value().map_or(f64::NAN, |x| x.0);
     let [a, b] = match sizes {
         Sizes::List(radii) => [
             radii.iter().copied().fold(f64::INFINITY, f64::min),
@@ -283,7 +265,13 @@ pub(super) fn derive(
         let sizes = keys.sizes.clone().unwrap_or(Sizes::Uniform);
         let sample = inserted(c, keys.dimension, raw, &sizes)?;
         let height = derived::packed_height(&sample);
-        check_size(c, raw, &sample, height, &keys.places())?;
+        let places = [
+            raw.grains.place(),
+            raw.radius_min.place(),
+            raw.radius_max.place(),
+            raw.length.place(),
+        ];
+        check_size(c, raw, &sample, height, &places)?;
         return Ok((sample, Origin::Insertion(sizes)));
     };
     let file = packing(&c.resolve(*at, path), keys.replicate).map_err(|failure| match failure {

@@ -66,7 +66,7 @@ pub(super) fn derive(shear: &mut Shear, sample: &Sample, load: &Load) {
 }
 
 fn parts(c: &mut Checker<'_>, key: &Key<Parts>) -> Vec<Part> {
-    let Some((_, Parts(given))) = &key.given else {
+    let Some(Parts(given)) = key.value() else {
         return Vec::new();
     };
     if given.is_empty() {

@@ -29,14 +29,18 @@ pub(super) fn check(
     let load = load::derive(c, law, &sample, load)?;
     shear::derive(&mut shear, &sample, &load);
     let contact_time = derived::contact_time(law, &sample, load.mean_overlap(&sample));
-    check_range(
-        c,
-        &[
-            ("pressure", load.pressure),
-            ("normal force", load.normal_force),
-            ("time scale of a contact", contact_time),
-        ],
-    )?;
+    // Values that are each within their bounds can still overflow together, such as a radius of
+    // 1e-200 m squared.
+    let derived = [
+        ("pressure", load.pressure),
+        ("normal force", load.normal_force),
+        ("time scale of a contact", contact_time),
+    ];
+    if let Some((name, x)) = derived.iter().find(|(_, x)| !x.is_normal()) {
+        return Err(c.out_of_range(&format!(
+            "the {name} comes out as {x:?}; check the units (SI) of [material], [sample] and [load]"
+        )));
+    }
     let walls = PlaneShear {
         origin,
         load,
@@ -52,7 +56,7 @@ fn check_pack(c: &mut Checker<'_>, pack: &raw::Pack, sample: &SampleKeys<'_>) ->
     let friction = c.number_or_default(&pack.friction);
     let tolerance = c.number_or_default(&pack.tolerance);
     let max_steps = c.count(&pack.max_steps);
-    let packing = sample.packing().is_given();
+    let packing = sample.raw.packing.is_given();
     let skip = c.flag(&pack.skip).unwrap_or(packing);
     if skip && !packing {
         c.refuse(
@@ -90,16 +94,5 @@ fn check_pack(c: &mut Checker<'_>, pack: &raw::Pack, sample: &SampleKeys<'_>) ->
         friction,
         tolerance,
         max_steps,
-    }
-}
-
-/// Values that are each within their bounds can still overflow together, such as a radius of 1e-200
-/// m squared.
-fn check_range(c: &Checker<'_>, derived: &[(&str, f64)]) -> Result<(), Failure> {
-    match derived.iter().find(|(_, x)| !x.is_normal()) {
-        Some((name, x)) => Err(c.out_of_range(&format!(
-            "the {name} comes out as {x:?}; check the units (SI) of [material], [sample] and [load]"
-        ))),
-        None => Ok(()),
     }
 }

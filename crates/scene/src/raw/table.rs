@@ -43,13 +43,7 @@ impl TableEntry {
 }
 
 /// Reads a table, key by key.
-pub(super) struct Reader<T>(PhantomData<T>);
-
-impl<T> Reader<T> {
-    pub fn new() -> Self {
-        Self(PhantomData)
-    }
-}
+pub(super) struct Reader<T>(pub PhantomData<T>);
 
 impl<'de, T: Table> Visitor<'de> for Reader<T> {
     type Value = T;
@@ -172,7 +166,7 @@ macro_rules! table {
 
         impl<'de> serde::de::Deserialize<'de> for $name {
             fn deserialize<D: serde::de::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-                d.deserialize_map($crate::raw::table::Reader::new())
+                d.deserialize_map($crate::raw::table::Reader(std::marker::PhantomData))
             }
         }
     };
