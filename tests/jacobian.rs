@@ -4,11 +4,11 @@
 use bytemuck::Zeroable;
 use faer::Mat;
 use gshear_analysis::jacobian::{History, State, assemble, paper_form};
-use gshear_spectrum::{Problem, Solver, Spectrum};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::mindlin::{Mindlin, MindlinSprings};
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, length};
+use gshear_spectrum::{Problem, Solver, Spectrum};
 
 type Vector = [f64; 3];
 

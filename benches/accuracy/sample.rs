@@ -15,7 +15,7 @@ use gshear_dem::simd::Level;
 use gshear_dem::state::{GrainState, Snapshot, body, nearest_image};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{Setup, System};
-use gshear_scene::{Scene, Source, derived};
+use gshear_scene::{Load, Scene, Source, derived};
 use gshear_store::checkpoint;
 
 use serde::Deserialize;
@@ -89,12 +89,17 @@ impl Sample {
         }
     }
 
+    fn load(&self) -> &Load {
+        let walls = self.scene.plane_shear("the default scene");
+        &walls.expect("walls").load
+    }
+
     /// √(m/k) (s), of which the default Δt is a tenth.
     pub fn contact_time(&self) -> f64 {
         derived::contact_time(
             &self.scene.law,
             &self.scene.sample,
-            self.scene.mean_overlap(),
+            self.load().mean_overlap(&self.scene.sample),
         )
     }
 
@@ -115,7 +120,7 @@ impl Sample {
             masses: scene.law.masses(),
             step,
             gravity: 0.0,
-            typical_force: scene.load.normal_force,
+            typical_force: self.load().normal_force,
             threads: 1,
         };
         let mut system = System::new(&Solo, setup).expect("one rank is not too many");

@@ -184,7 +184,7 @@ fn check_or_run(
 ) -> Result<Outcome, Failure> {
     if arguments.check {
         if world.rank() == 0 {
-            print!("{}", task.toml());
+            print!("{}", task.scene.toml);
         }
         return Ok(Outcome::Done);
     }

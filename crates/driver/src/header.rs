@@ -8,7 +8,7 @@ use gshear_dem::budget::SavedBudget;
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Snapshot;
-use gshear_scene::{PackingFile, Source, Study};
+use gshear_scene::{PackingFile, Scene, Source};
 
 use crate::files::Written;
 
@@ -111,9 +111,9 @@ impl Header {
     ///
     /// # Errors
     /// An override that contradicts the scene, or changes its grains.
-    pub fn scene(&self, name: &Path, toml: String, set: &[String]) -> Result<Study, Failure> {
+    pub fn scene(&self, name: &Path, toml: String, set: &[String]) -> Result<Scene, Failure> {
         let source = Source::new(format!("{} (its scene)", name.display()), toml);
-        gshear_scene::study(&source, set, &mut |path, copies| {
+        gshear_scene::load_with(&source, set, &mut |path, copies| {
             let same = |file: &&PackingFile| file.path == path && file.replicate == copies;
             let known = self.packing().filter(same);
             known.cloned().ok_or_else(|| {

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
+use gshear_dem::laws::LawSpace;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::packing::Packing;
-use gshear_scene::{Origin, Source, Study};
+use gshear_scene::{Boundary, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 use gshear_store::columns::{AQS_FILE, NEWTONIAN_FILE};
@@ -18,37 +20,40 @@ use crate::stages::{periodic, walls};
 /// A scene, and what its run begins with.
 pub struct Task {
     /// The scene.
-    pub study: Study,
+    pub scene: Scene,
     /// The initial state.
     pub start: Start,
 }
 
 impl Task {
-    /// The whole configuration as TOML.
-    pub fn toml(&self) -> &str {
-        self.study.toml()
-    }
-
     /// Runs to the end; collective.
     ///
     /// # Errors
     /// Bad input, numbers that fail, or files that cannot be written.
     pub fn run(self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
-        let Self { study, start } = self;
-        let mut run = Run::new(exchange, study.toml(), study.bookkeeping(), options)?;
-        match &study {
-            Study::PlaneShear(scene) => walls::run(&mut run, scene, start),
-            Study::Periodic(scene) => periodic::run(&mut run, scene, start),
+        let Self { scene, start } = self;
+        let mut run = Run::new(exchange, &scene.toml, &scene.bookkeeping, options)?;
+        run.terminal.header(exchange, &scene, run.level);
+        match scene.dimension {
+            Dimensions::Two => stages::<Two>(&mut run, &scene, start),
+            Dimensions::Three => stages::<Three>(&mut run, &scene, start),
         }
     }
 
     /// The file that has a digest when all stages are done.
     pub(crate) fn last_file(&self) -> &'static str {
-        match &self.study {
-            Study::PlaneShear(_) => RUN_FILE,
-            Study::Periodic(scene) if scene.newtonian.is_some() => NEWTONIAN_FILE,
-            Study::Periodic(_) => AQS_FILE,
+        match &self.scene.boundary {
+            Boundary::Walls(_) => RUN_FILE,
+            Boundary::Periodic(periodic) if periodic.newtonian.is_some() => NEWTONIAN_FILE,
+            Boundary::Periodic(_) => AQS_FILE,
         }
+    }
+}
+
+fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result<Outcome, Failure> {
+    match &scene.boundary {
+        Boundary::Walls(plane_shear) => walls::run::<D>(run, scene, plane_shear, start),
+        Boundary::Periodic(periodic) => periodic::run::<D>(run, scene, periodic, start),
     }
 }
 
@@ -65,7 +70,7 @@ pub fn from_the_start(
     set: &[String],
 ) -> Result<Task, Failure> {
     let mut packing = None;
-    let study = gshear_scene::study(source, set, &mut |path, copies| {
+    let scene = gshear_scene::load_with(source, set, &mut |path, copies| {
         let read = match exchange.rank() {
             0 => Packing::read(path, copies).map(Some),
             _ => Ok(None),
@@ -75,14 +80,14 @@ pub fn from_the_start(
         let text = exchange.broadcast(serde_json::to_vec(&file).expect("a file of finite numbers"));
         Ok(serde_json::from_slice(&text).expect("what rank 0 wrote"))
     })?;
-    let start = match &study {
-        Study::PlaneShear(scene) if matches!(scene.origin, Origin::Packing { .. }) => {
-            let grains = packing.map_or(Ok(Vec::new()), |p| p.grains(scene));
+    let start = match &scene.boundary {
+        Boundary::Walls(plane_shear) if plane_shear.origin.file().is_some() => {
+            let grains = packing.map_or(Ok(Vec::new()), |p| p.grains(&scene));
             Start::Grains(agree(exchange, grains)?)
         }
         _ => Start::Insertion,
     };
-    Ok(Task { study, start })
+    Ok(Task { scene, start })
 }
 
 /// The scene of a checkpoint, and its state. Collective.
@@ -95,9 +100,9 @@ pub fn from_checkpoint(
     set: &[String],
 ) -> Result<Task, Failure> {
     let (toml, snapshot) = checkpoint::read(exchange, path)?;
-    let study = Header::read(&snapshot)?.scene(path, toml, set)?;
+    let scene = Header::read(&snapshot)?.scene(path, toml, set)?;
     Ok(Task {
-        study,
+        scene,
         start: Start::Checkpoint(snapshot),
     })
 }

@@ -173,7 +173,7 @@ impl<'a> Sweep<'a> {
         let [run, newest] = [task.last_file(), checkpoint::NAME].map(|name| folder.join(name));
         let there = [u8::from(run.exists()), u8::from(newest.exists())];
         let there = exchange.broadcast(there.to_vec());
-        let same = |toml: &str| match toml == task.toml() {
+        let same = |toml: &str| match toml == task.scene.toml {
             true => Ok(()),
             false => Err(Failure::input(format!(
                 "{}: holds a run of another scene (its scene.toml is not what --check prints now); give another --out",

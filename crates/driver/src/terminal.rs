@@ -16,7 +16,8 @@ use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{
-    Dimensions, Drive as SceneDrive, Law, Motion, Origin, PeriodicScene, Scene, Walls,
+    Boundary, Dimensions, Drive as SceneDrive, Law, Motion, Origin, PlaneShear, Scene, TimeStep,
+    Walls,
 };
 use gshear_store::provenance;
 
@@ -55,46 +56,52 @@ impl Terminal {
 
     pub fn header(&self, exchange: &dyn Parallel, scene: &Scene, level: Level) {
         self.say(format!("{}: {}", provenance::printed(), scene.title));
-        self.say(format!(
-            "{} on {} ({}); {} grains, {}",
+        let sample = &scene.sample;
+        let grains = format!(
+            "{} on {} ({}); {} grains",
             ranks(exchange.size()),
             provenance::processor(),
             level.name(),
-            scene.sample.grains,
-            match scene.dimension {
-                Dimensions::Two => format!("L_x = {:.4e} m", scene.sample.length),
-                Dimensions::Three => format!(
-                    "L_x = {:.4e} m, L_y = {:.4e} m",
-                    scene.sample.length, scene.sample.width
-                ),
-            },
-        ));
-        if let Origin::Packing { file, walls } = &scene.origin {
+            sample.grains
+        );
+        let law = law(&scene.law);
+        let TimeStep { step, limit, .. } = scene.time_step;
+        let plane_shear = match &scene.boundary {
+            Boundary::Walls(plane_shear) => plane_shear,
+            Boundary::Periodic(periodic) => {
+                self.say(format!(
+                    "{grains} in a periodic box {:.4e} long, solid fraction {:.4}",
+                    sample.length, periodic.solid_fraction
+                ));
+                self.say(format!(
+                    "law:   {law}; step:  dt = {step:.4e}, limit {limit:.4e}"
+                ));
+                return;
+            }
+        };
+        let (width, unit) = match scene.dimension {
+            Dimensions::Two => (String::new(), "N/m"),
+            Dimensions::Three => (format!(", L_y = {:.4e} m", sample.width), "N"),
+        };
+        self.say(format!("{grains}, L_x = {:.4e} m{width}", sample.length));
+        if let Origin::Packing { file, walls } = &plane_shear.origin {
             self.say(format!(
                 "grains from {}; {}",
                 file.path.display(),
-                match (scene.pack.skip, walls) {
+                match (plane_shear.pack.skip, walls) {
                     (false, _) => "to be packed",
                     (true, Walls::Layers) => "walls are its lowest and highest layer",
                     (true, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
                 }
             ));
         }
-        self.say(format!("law:   {}", law(&scene.law)));
+        let load = &plane_shear.load;
+        self.say(format!("law:   {law}"));
         self.say(format!(
-            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {}",
-            scene.load.stiffness_number,
-            scene.load.pressure,
-            scene.load.normal_force,
-            match scene.dimension {
-                Dimensions::Two => "N/m",
-                Dimensions::Three => "N",
-            },
+            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {unit}",
+            load.stiffness_number, load.pressure, load.normal_force,
         ));
-        self.say(format!(
-            "step:  dt = {:.4e} s, limit {:.4e} s",
-            scene.time_step.step, scene.time_step.limit
-        ));
+        self.say(format!("step:  dt = {step:.4e} s, limit {limit:.4e} s"));
     }
 
     /// `kinetic`: energy per grain over P d̄ δ̄.
@@ -115,12 +122,18 @@ impl Terminal {
         ));
     }
 
-    pub fn shearing(&self, scene: &Scene, schedule: &Schedule, first: u64) {
-        if let Some(spring) = scene.shear.spring {
+    pub fn shearing(
+        &self,
+        scene: &Scene,
+        plane_shear: &PlaneShear,
+        schedule: &Schedule,
+        first: u64,
+    ) {
+        if let Some(spring) = plane_shear.shear.spring {
             self.say(format!(
                 "drive: a spring of k = {:.4e}, k d/N = {:.4e}",
                 spring.stiffness,
-                spring.stiffness * scene.sample.mean_diameter / scene.load.normal_force
+                spring.stiffness * scene.sample.mean_diameter / plane_shear.load.normal_force
             ));
         }
         let segments = schedule.protocol.segments();
@@ -129,7 +142,7 @@ impl Terminal {
             0 => format!("no {name}"),
             n => format!("{name} every {n} steps"),
         };
-        match &scene.shear.motion {
+        match &plane_shear.shear.motion {
             Motion::Strain { drive, .. } => {
                 let given = match drive {
                     SceneDrive::InertialNumber(_) => "I given",
@@ -138,7 +151,7 @@ impl Terminal {
                 let speed = segments[0].velocity;
                 self.say(format!(
                     "shear: I = {:.4e}, V = {speed:.6e} m/s ({given}); shear rate {:.4e} /s",
-                    schedule.inertial_number(scene, speed),
+                    schedule.inertial_number(speed),
                     speed / schedule.height,
                 ));
                 let every = |name: &str, steps: u64| match steps {
@@ -174,7 +187,7 @@ impl Terminal {
                         n + 1,
                         segments.len(),
                         segment.velocity,
-                        schedule.inertial_number(scene, segment.velocity),
+                        schedule.inertial_number(segment.velocity),
                         schedule.time(segment.steps),
                         segment.steps,
                         every("frames", intervals.frames),
@@ -288,25 +301,6 @@ fn ranks(n: usize) -> String {
 
 /// Of runs in a periodic box.
 impl Terminal {
-    pub fn periodic_header(&self, exchange: &dyn Parallel, scene: &PeriodicScene, level: Level) {
-        self.say(format!("{}: {}", provenance::printed(), scene.title));
-        self.say(format!(
-            "{} on {} ({}); {} grains in a periodic box {:.4e} long, solid fraction {:.4}",
-            ranks(exchange.size()),
-            provenance::processor(),
-            level.name(),
-            scene.sample.grains,
-            scene.sample.length,
-            scene.solid_fraction
-        ));
-        self.say(format!(
-            "law:   {}; step:  dt = {:.4e}, limit {:.4e}",
-            law(&scene.law),
-            scene.time_step.step,
-            scene.time_step.limit
-        ));
-    }
-
     /// `steps` of overdamped dynamics at the solid fraction asked for.
     pub fn prepared(&self, steps: u64) {
         self.say(format!(

@@ -10,7 +10,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, GrainSample};
 use gshear_driver::header::Header;
 use gshear_scene::lammps_data::{self, Atom, DataFile};
-use gshear_scene::{Dimensions, Study};
+use gshear_scene::{Boundary, Dimensions};
 use gshear_store::run_reader::Run;
 use gshear_store::{checkpoint, provenance, text_writer};
 
@@ -182,7 +182,8 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
 fn of_checkpoint(path: &Path) -> Result<State, Failure> {
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
     let header = Header::read(&snapshot)?;
-    let Study::PlaneShear(scene) = header.scene(path, toml, &[])? else {
+    let scene = header.scene(path, toml, &[])?;
+    let Boundary::Walls(_) = scene.boundary else {
         return Err(Failure::input(format!(
             "{}: is of a periodic box; only samples between walls are exported",
             path.display()

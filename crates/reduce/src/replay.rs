@@ -151,7 +151,7 @@ fn again(
     let header = Header::read(&snapshot)?;
     let set: Vec<String> = set.iter().map(|s| (*s).into()).collect();
     let task = Task {
-        study: header.scene(&path, toml, &set)?,
+        scene: header.scene(&path, toml, &set)?,
         start: Start::Checkpoint(snapshot),
     };
     let options = Options {

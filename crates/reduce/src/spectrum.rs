@@ -9,11 +9,11 @@ use faer::{Mat, Par, c64};
 use super::commands::lost;
 use super::export::Which;
 use super::stiffness::{self, Wanted};
+use gshear_dem::failure::Failure;
 use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
     Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
 };
-use gshear_dem::failure::Failure;
 use gshear_store::spectrum_writer::{self, Columns};
 use gshear_store::table::Table;
 use gshear_store::{matrix_market, text_writer};

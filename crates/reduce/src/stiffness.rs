@@ -12,7 +12,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, ContactState, GrainState};
 use gshear_driver::header::Header;
-use gshear_scene::{Contact, Dimensions, Law, Scene, Source, Study};
+use gshear_scene::{Boundary, Contact, Dimensions, Law, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::Run;
 use std::io::Write;
@@ -115,16 +115,17 @@ pub fn of(
 }
 
 fn of_scene(
-    scene: &Scene,
+    scene: Scene,
+    cell: Cell,
     grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
     what: String,
 ) -> Found {
     Found {
-        law: scene.law.clone(),
+        law: scene.law,
         contact: scene.contact,
         dimension: scene.dimension,
-        cell: scene.sample.cell(),
+        cell,
         grains,
         contacts,
         what,
@@ -140,16 +141,16 @@ fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> 
     }
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
     let header = Header::read(&snapshot)?;
-    let study = header.scene(path, toml, &[])?;
+    let scene = header.scene(path, toml, &[])?;
     let (grains, contacts) = (snapshot.grains, snapshot.contacts);
-    match (&header, study) {
+    match (&header, &scene.boundary) {
         (Header::Pack { .. }, _) => Err(Failure::input(format!(
             "{}: a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",
             path.display()
         ))),
         (
             Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
-            Study::Periodic(scene),
+            Boundary::Periodic(_),
         ) => {
             let what = format!(
                 "{} step {} in {}",
@@ -157,21 +158,15 @@ fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> 
                 header.step(),
                 path.display()
             );
-            Ok(Found {
-                law: scene.law.clone(),
-                contact: scene.contact,
-                dimension: scene.dimension,
-                cell: scene.sheared_cell(progress.offset),
-                grains,
-                contacts,
-                what,
-            })
+            let cell = scene.sample.sheared_cell(progress.offset);
+            Ok(of_scene(scene, cell, grains, contacts, what))
         }
-        (_, Study::PlaneShear(scene)) => {
+        (_, Boundary::Walls(_)) => {
             let what = format!("step {} of the shear in {}", header.step(), path.display());
-            Ok(of_scene(&scene, grains, contacts, what))
+            let cell = scene.sample.cell();
+            Ok(of_scene(scene, cell, grains, contacts, what))
         }
-        (_, Study::Periodic(_)) => Err(Failure::input(format!(
+        (_, Boundary::Periodic(_)) => Err(Failure::input(format!(
             "{}: the checkpoint is of a stage between walls, but its scene has a [box]",
             path.display()
         ))),
@@ -191,12 +186,14 @@ fn of_run(run: &Run, wanted: Wanted) -> Result<Found, Failure> {
         }
     };
     let name = format!("{} (its scene)", run.path().display());
-    let scene = gshear_scene::load(&Source::new(name, run.scene().to_string()), &[])?;
+    let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
+    scene.plane_shear(&name)?;
     let (grains, contacts) = run.state(t)?;
     let what = format!(
         "frame {t} (step {}) of {}",
         run.frame_steps()[t],
         run.path().display()
     );
-    Ok(of_scene(&scene, grains, contacts, what))
+    let cell = scene.sample.cell();
+    Ok(of_scene(scene, cell, grains, contacts, what))
 }

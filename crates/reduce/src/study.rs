@@ -6,10 +6,10 @@ use super::replay::{self, Wanted};
 use super::scalars::FrameSeries;
 use super::stiffness::Found;
 use gshear_analysis::jacobian::History;
-use gshear_spectrum::{Spectrum, Verdict};
 use gshear_dem::failure::Failure;
 use gshear_report::bonfanti;
 use gshear_report::lee_hurley::{self, Choice, Size, Studied, friction};
+use gshear_spectrum::{Spectrum, Verdict};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::Run;
 

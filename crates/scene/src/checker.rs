@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::key::{Key, Kind};
-use super::raw::{Flag, Number, Text, Whole, list, show};
+use super::key::Key;
+use super::kind::{Flag, Kind, Number, Text, Whole};
 use super::source::Input;
+use super::words::{list, show};
 use gshear_dem::failure::Failure;
 
 /// One pass over a configuration.
@@ -84,7 +85,7 @@ impl<'a> Checker<'a> {
 
     /// A number, if given.
     pub fn number(&mut self, key: &Key<Number>) -> Option<f64> {
-        let Number(x) = key.given.as_ref()?.1;
+        let Number(x) = *key.value()?;
         let bounds = key.declared.range;
         if !x.is_finite() {
             self.refuse(key, &format!("must be a finite number, found {}", show(x)));
@@ -111,7 +112,7 @@ impl<'a> Checker<'a> {
 
     /// An integer, if given.
     pub fn whole(&mut self, key: &Key<Whole>) -> Option<i64> {
-        let Whole(n) = key.given.as_ref()?.1;
+        let Whole(n) = *key.value()?;
         let range = key.declared.range;
         if n < range.from || n > range.to {
             self.refuse(key, &format!("{}, found {n}", range.words()));
@@ -138,7 +139,7 @@ impl<'a> Checker<'a> {
 
     /// True or false, if given.
     pub fn flag(&self, key: &Key<Flag>) -> Option<bool> {
-        key.given.as_ref().map(|(_, Flag(b))| *b)
+        key.value().map(|Flag(b)| *b)
     }
 
     /// True or false, or the default that its key declares.
@@ -150,12 +151,12 @@ impl<'a> Checker<'a> {
 
     /// A string, if given.
     pub fn text(&self, key: &Key<Text>) -> Option<String> {
-        key.given.as_ref().map(|(_, Text(s))| s.clone())
+        key.value().map(|Text(s)| s.clone())
     }
 
     /// One of the names that a key declares; `None` if it is not given or has another value.
     pub fn choice(&mut self, key: &Key<Text>) -> Option<&'static str> {
-        let Text(given) = &key.given.as_ref()?.1;
+        let Text(given) = key.value()?;
         let names = key.declared.range;
         let known = names.iter().find(|name| *name == given);
         if known.is_none() {
@@ -215,7 +216,7 @@ impl<'a> Checker<'a> {
 
     /// Ways to give one quantity, of which none may be there.
     pub fn at_most_one(&mut self, keys: &[&Key<Number>]) {
-        if keys.iter().any(|key| key.given.is_some()) {
+        if keys.iter().any(|key| key.is_given()) {
             self.exactly_one(keys, "");
         }
     }

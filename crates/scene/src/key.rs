@@ -1,151 +1,11 @@
 //! A key of the configuration: what is declared of it, and the value that was given.
 
-use gshear_dem::laws::keys::{self, ANY, Bounds};
+use gshear_dem::laws::keys;
 use toml::Spanned;
 
-use crate::raw::{Flag, Number, Numbers, Parts, Text, Whole, show};
+use crate::kind::{Kind, Number, Values};
 
-/// A kind of values. Its range is checked and documented from the declaration.
-pub(crate) trait Kind: Sized {
-    /// What is allowed of the kind.
-    type Range: Copy;
-    /// A default value.
-    type Default: Copy;
-    /// The range of a key that declares none.
-    const ALL: Self::Range;
-
-    /// The range, whatever the kind.
-    fn values(range: Self::Range) -> Values;
-    /// A default as TOML.
-    fn toml(default: Self::Default) -> String;
-}
-
-/// Integers from … to, both included.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Integers {
-    pub from: i64,
-    pub to: i64,
-}
-
-/// n ≥ `from`.
-pub(crate) const fn at_least(from: i64) -> Integers {
-    Integers { from, to: i64::MAX }
-}
-
-impl Integers {
-    /// What a number must be, for messages.
-    pub fn words(&self) -> String {
-        let Integers { from, to } = self;
-        match *to {
-            i64::MAX => format!("must be {from} or greater"),
-            _ => format!("must lie in {from} … {to}"),
-        }
-    }
-}
-
-/// Kind and range of a key's values.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Values {
-    Number(Bounds),
-    Whole(Integers),
-    Flag,
-    /// One of these; any string if there are none.
-    Text(&'static [&'static str]),
-    /// A list of such numbers.
-    Numbers(Bounds),
-    /// Parts of a protocol.
-    Parts,
-}
-
-impl Kind for Number {
-    type Range = Bounds;
-    type Default = f64;
-    const ALL: Bounds = ANY;
-
-    fn values(range: Bounds) -> Values {
-        Values::Number(range)
-    }
-
-    fn toml(default: f64) -> String {
-        show(default)
-    }
-}
-
-impl Kind for Whole {
-    type Range = Integers;
-    type Default = i64;
-    const ALL: Integers = at_least(i64::MIN);
-
-    fn values(range: Integers) -> Values {
-        Values::Whole(range)
-    }
-
-    fn toml(default: i64) -> String {
-        default.to_string()
-    }
-}
-
-impl Kind for Flag {
-    type Range = ();
-    type Default = bool;
-    const ALL: () = ();
-
-    fn values((): ()) -> Values {
-        Values::Flag
-    }
-
-    fn toml(default: bool) -> String {
-        default.to_string()
-    }
-}
-
-impl Kind for Text {
-    type Range = &'static [&'static str];
-    type Default = &'static str;
-    const ALL: &'static [&'static str] = &[];
-
-    fn values(range: &'static [&'static str]) -> Values {
-        Values::Text(range)
-    }
-
-    fn toml(default: &'static str) -> String {
-        format!("{default:?}")
-    }
-}
-
-/// No list has a default.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum NoDefault {}
-
-impl Kind for Numbers {
-    type Range = Bounds;
-    type Default = NoDefault;
-    const ALL: Bounds = ANY;
-
-    fn values(range: Bounds) -> Values {
-        Values::Numbers(range)
-    }
-
-    fn toml(default: NoDefault) -> String {
-        match default {}
-    }
-}
-
-impl Kind for Parts {
-    type Range = ();
-    type Default = NoDefault;
-    const ALL: () = ();
-
-    fn values((): ()) -> Values {
-        Values::Parts
-    }
-
-    fn toml(default: NoDefault) -> String {
-        match default {}
-    }
-}
-
-/// What the program knows of a key, declared once in [`crate::raw`] (the laws' keys: in
+/// What the program knows of a key, declared once in `crate::raw` (the laws' keys: in
 /// [`gshear_dem::laws::keys`]). Checks, messages, `scene.toml`, the table of docs/config.md and the
 /// JSON schema are made from it.
 pub(crate) struct Declared<T: Kind> {
@@ -278,6 +138,11 @@ impl<T: Kind> Key<T> {
     /// Takes the value of the file.
     pub fn give(&mut self, value: Spanned<T>) {
         self.given = Some((value.span().start, value.into_inner()));
+    }
+
+    /// The value, if given.
+    pub fn value(&self) -> Option<&T> {
+        self.given.as_ref().map(|(_, value)| value)
     }
 
     pub fn is_given(&self) -> bool {

@@ -1,8 +1,8 @@
 //! Scenes of gshear-mpi: the configuration, checked and with every default filled in, and what
 //! follows from it: sweeps, packings, schedules, the time step.
 //!
-//! [`load`] reads a scene of plane shear, [`study`] any scene. Every message names file and line,
-//! or the `--set` it comes from.
+//! [`load`] reads a [`Scene`], between walls or in a periodic box ([`Boundary`]). Every message names
+//! file and line, or the `--set` it comes from.
 //!
 //! ```
 //! use gshear_scene::{Source, load};
@@ -27,7 +27,7 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 //!
-//! A key is declared once, in `raw.rs` (the keys of a contact law: in [`gshear_dem::laws::keys`]):
+//! A key is declared once, in `raw/` (the keys of a contact law: in [`gshear_dem::laws::keys`]):
 //! name, kind, meaning, unit, range and default. Reading, checks, messages, `scene.toml`, the table
 //! of docs/config.md and the JSON schema ([`mod@reference`]) use that declaration. The way of a
 //! configuration:
@@ -36,7 +36,8 @@
 //! | --- | --- |
 //! | `source` | names the places of the text and of `--set` |
 //! | `keys`, `overrides` | refuse unknown keys, rename former ones, apply `--set` |
-//! | `raw` | reads the kinds |
+//! | `kind`, `key` | kinds of values; what is declared of a key |
+//! | `raw` | declares tables and keys, reads their values |
 //! | `check` | checks ranges and contradictions, fills in defaults, derives the rest |
 //! | `write` | writes the scene as TOML again |
 
@@ -45,10 +46,11 @@ mod checker;
 pub mod derived;
 mod key;
 mod keys;
+mod kind;
 pub mod lammps_data;
+mod law_keys;
 mod overrides;
 pub mod packing;
-mod periodic;
 mod raw;
 pub mod reference;
 pub mod sample;
@@ -56,6 +58,7 @@ mod scene;
 pub mod schedule;
 mod source;
 pub mod sweep;
+mod words;
 mod write;
 
 use std::path::Path;
@@ -64,7 +67,6 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::DeTable;
 
-pub use periodic::*;
 pub use scene::*;
 pub use source::Source;
 
@@ -72,47 +74,12 @@ use crate::packing::Packing;
 use gshear_dem::failure::Failure;
 use source::Input;
 
-/// A scene of either kind.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Study {
-    /// Between walls.
-    PlaneShear(Scene),
-    /// In a periodic box: with a table `[box]`.
-    Periodic(PeriodicScene),
-}
-
-impl Study {
-    /// The name of the run.
-    pub fn title(&self) -> &str {
-        match self {
-            Study::PlaneShear(scene) => &scene.title,
-            Study::Periodic(scene) => &scene.title,
-        }
-    }
-
-    /// What changes speed, not results.
-    pub fn bookkeeping(&self) -> &Bookkeeping {
-        match self {
-            Study::PlaneShear(scene) => &scene.bookkeeping,
-            Study::Periodic(scene) => &scene.bookkeeping,
-        }
-    }
-
-    /// The whole configuration as TOML.
-    pub fn toml(&self) -> &str {
-        match self {
-            Study::PlaneShear(scene) => &scene.toml,
-            Study::Periodic(scene) => &scene.toml,
-        }
-    }
-}
-
 /// Tables of scenes between walls, and of those in a box.
 const OF_WALLS: [&str; 4] = ["load", "pack", "shear", "analysis"];
 const OF_A_BOX: [&str; 3] = ["relax", "aqs", "newtonian"];
 
-/// Reads the configuration of a plane-shear run, replaces values by the overrides
-/// (`key.path=value`, as `--set` gives them), checks it and derives the rest.
+/// Reads the configuration of a run, replaces values by the overrides (`key.path=value`, as `--set`
+/// gives them), checks it and derives the rest.
 ///
 /// An override's value is TOML, or a bare word taken as a string; `none` takes a key away.
 ///
@@ -131,30 +98,12 @@ pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, [u32; 2]) -> Result<PackingF
 /// [`load`], with `packing` called for the file of a packing, if the scene has one.
 ///
 /// # Errors
-/// As [`load`]; `Failure::Input` for a scene in a box.
+/// As [`load`].
 pub fn load_with(
     source: &Source,
     overrides: &[String],
     packing: ReadPacking<'_>,
 ) -> Result<Scene, Failure> {
-    match study(source, overrides, packing)? {
-        Study::PlaneShear(scene) => Ok(scene),
-        Study::Periodic(_) => Err(Failure::input(format!(
-            "{}: is a scene in a periodic box; this needs one of plane shear, without [box]",
-            source.name()
-        ))),
-    }
-}
-
-/// [`load_with`], for scenes of either kind.
-///
-/// # Errors
-/// As [`load`].
-pub fn study(
-    source: &Source,
-    overrides: &[String],
-    packing: ReadPacking<'_>,
-) -> Result<Study, Failure> {
     let input = Input { source, overrides };
     let mut tree = DeTable::parse(source.text())
         .map_err(|e| {
@@ -192,10 +141,7 @@ pub fn study(
             let path = paths.iter().find(|(at, _)| *at == offset);
             input.failure(offset, path.map_or("", |(_, path)| path), e.message())
         })?;
-    if boxed {
-        return check::periodic::scene(raw, input, tables).map(Study::Periodic);
-    }
-    check::scene(raw, input, tables, packing).map(Study::PlaneShear)
+    check::scene(&raw, input, tables, boxed, packing)
 }
 
 /// Notes on keys under former names, for standard error: each says where the key is and what it is
@@ -269,8 +215,12 @@ mod tests {
             .unwrap()
     }
 
+    fn walls(scene: &Scene) -> &PlaneShear {
+        scene.plane_shear("the scene").unwrap()
+    }
+
     fn motion(scene: &Scene) -> (Drive, f64) {
-        match scene.shear.motion {
+        match walls(scene).shear.motion {
             Motion::Strain { drive, strain } => (drive, strain),
             Motion::Protocol(_) => panic!("a protocol"),
         }
@@ -281,7 +231,7 @@ mod tests {
         let scene = load(&Source::embedded(), &[]).unwrap();
         assert_eq!(scene, shipped("plane-shear-2d.toml"));
         assert_eq!(motion(&scene), (Drive::InertialNumber(2e-4), 0.1));
-        assert_eq!(scene.output.progress_lines, 20);
+        assert_eq!(walls(&scene).output.progress_lines, 20);
         assert_eq!(scene.bookkeeping.list.skin, None);
         assert_eq!(scene.time_step.given, StepChoice::Derived);
     }
@@ -294,15 +244,15 @@ mod tests {
         for (scene, frame, start) in [(&small, 7.2e-7, 0.022), (&large, 1.8e-6, 0.054)] {
             let (drive, strain) = motion(scene);
             assert_eq!(drive, Drive::InertialNumber(4e-6));
-            assert_eq!(scene.load.stiffness_number, 1e4);
-            assert!((13e3..14e3).contains(&scene.load.pressure));
+            assert_eq!(walls(scene).load.stiffness_number, 1e4);
+            assert!((13e3..14e3).contains(&walls(scene).load.pressure));
             let mut given = scene.law.given().iter();
             let alpha = given.find(|(key, _)| key.path == "contact.damping_ratio");
             assert_eq!(alpha.unwrap().1, 0.1);
-            assert_eq!(scene.output.frame_strain, 0.0);
-            assert!(scene.analysis.scalars);
+            assert_eq!(walls(scene).output.frame_strain, 0.0);
+            assert!(walls(scene).analysis.scalars);
             assert_eq!(
-                [scene.analysis.strain, scene.analysis.start],
+                [walls(scene).analysis.strain, walls(scene).analysis.start],
                 [frame, start]
             );
             let frames = (strain - start) / frame;
@@ -313,8 +263,8 @@ mod tests {
         assert_eq!(small.contact, large.contact);
         assert_eq!(small.law, large.law);
         // P follows from κ and E* alone.
-        let difference = small.load.pressure - large.load.pressure;
-        assert!(difference.abs() < 1e-12 * small.load.pressure);
+        let difference = walls(&small).load.pressure - walls(&large).load.pressure;
+        assert!(difference.abs() < 1e-12 * walls(&small).load.pressure);
     }
 
     /// Their sweep has the small scene among its runs.
@@ -349,8 +299,9 @@ mod tests {
         assert_eq!(scene.seed, 1);
         assert_eq!(scene.contact.rolling_friction, 0.0);
         assert_eq!(scene.contact.rolling_damping_ratio, 0.0);
+        let walls = walls(&scene);
         assert_eq!(
-            scene.pack,
+            walls.pack,
             Pack {
                 skip: false,
                 friction: 0.0,
@@ -359,13 +310,12 @@ mod tests {
             }
         );
         assert_eq!(
-            scene.output,
+            walls.output,
             Output {
                 frame_strain: 1e-4,
                 frame_start: 0.0,
                 series_strain: 1e-5,
                 checkpoint_strain: 0.02,
-                keep_checkpoints: false,
                 frame_rows: 0,
                 series_rows: 1000,
                 progress_lines: 20,
@@ -373,13 +323,14 @@ mod tests {
             }
         );
         assert_eq!(
-            scene.analysis,
+            walls.analysis,
             Analysis {
                 scalars: false,
                 strain: 1e-4,
                 start: 0.0
             }
         );
+        assert!(!scene.keep_checkpoints);
         assert_eq!(
             scene.bookkeeping,
             Bookkeeping {
@@ -391,12 +342,12 @@ mod tests {
 
     #[test]
     fn load_is_given_in_three_ways() {
-        let by = |sets: [&str; 2]| load(&Source::embedded(), &sets.map(String::from)).unwrap();
-        let reference = load(&Source::embedded(), &[]).unwrap().load;
+        let by = |sets: &[String]| walls(&load(&Source::embedded(), sets).unwrap()).load;
+        let reference = by(&[]);
         let p = format!("load.pressure={:?}", reference.pressure);
         let n = format!("load.normal_force={:?}", reference.normal_force);
         for set in [p, n] {
-            let load = by(["load.stiffness_number=none", &set]).load;
+            let load = by(&["load.stiffness_number=none".into(), set]);
             assert!((load.stiffness_number / 1e4 - 1.0).abs() < 1e-14);
             assert!((load.pressure / reference.pressure - 1.0).abs() < 1e-15);
             assert!((load.normal_force / reference.normal_force - 1.0).abs() < 1e-15);

@@ -108,8 +108,9 @@ mod tests {
     #[test]
     fn none_takes_a_key_away() {
         let sets = ["shear.inertial_number=none", "shear.velocity=1e-3"].map(String::from);
+        let scene = load(&Source::embedded(), &sets).unwrap();
         assert_eq!(
-            load(&Source::embedded(), &sets).unwrap().shear.motion,
+            scene.plane_shear("the scene").unwrap().shear.motion,
             Motion::Strain {
                 drive: Drive::Velocity(1e-3),
                 strain: 0.1

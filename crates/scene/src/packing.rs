@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::sample::{columns, freeze_walls, stop_walls};
-use crate::{Dimensions, Origin, PackingFile, Scene, Walls};
+use crate::{Boundary, Dimensions, Origin, PackingFile, PlaneShear, Scene, Walls};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::neighbour::{self, Range, Window};
@@ -181,7 +181,12 @@ impl Packing {
     /// # Errors
     /// `Failure::Input` where types are no walls, no grain is free, or an overlap is outside the contact law.
     pub fn grains(self, scene: &Scene) -> Result<Vec<GrainState>, Failure> {
-        let Origin::Packing { walls, .. } = &scene.origin else {
+        let Boundary::Walls(PlaneShear {
+            origin: Origin::Packing { walls, .. },
+            pack,
+            ..
+        }) = &scene.boundary
+        else {
             return Ok(Vec::new());
         };
         let up = scene.dimension.axes() - 1;
@@ -192,7 +197,7 @@ impl Packing {
                 radius: 0.5 * a.diameter,
                 ..GrainState::zeroed()
             };
-            if scene.pack.skip {
+            if pack.skip {
                 GrainState {
                     velocity: a.velocity,
                     angular_velocity: a.angular_velocity,
@@ -205,7 +210,7 @@ impl Packing {
             }
         };
         let mut grains: Vec<GrainState> = self.atoms.iter().enumerate().map(grain).collect();
-        if scene.pack.skip {
+        if pack.skip {
             match walls {
                 Walls::Layers => {
                     freeze_walls(&mut grains, up, self.file.edges, self.file.mean_diameter);
@@ -431,7 +436,7 @@ mod tests {
         let two = |text: String| text.replace(" 3 0.001 2500 ", " 2 0.001 2500 ");
         let (packing, scene) = packing(two, &[]).unwrap();
         assert!(!packing.file.wall_types);
-        let Origin::Packing { walls, .. } = scene.origin else {
+        let Origin::Packing { walls, .. } = scene.plane_shear("s").unwrap().origin else {
             panic!("a packing")
         };
         assert_eq!(walls, Walls::Layers);

@@ -9,7 +9,8 @@ use gshear_dem::laws::LAWS;
 use gshear_dem::laws::keys::Bounds;
 use serde_json::{Map, Value, json};
 
-use crate::key::{Entry, Integers, Values};
+use crate::key::Entry;
+use crate::kind::{Integers, Values};
 use crate::raw::{self, TABLES, TOP_KEYS};
 use crate::sweep::SWEEP;
 

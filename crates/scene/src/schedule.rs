@@ -1,6 +1,6 @@
 //! When what happens, in whole steps. Intervals of output are rounded to steps and never reach the trajectory.
 
-use crate::{Drive, Motion, Part, Scene};
+use crate::{Drive, Load, Motion, Part, PlaneShear, Scene};
 use gshear_dem::protocol::{Protocol, Segment};
 
 /// The shear stage in steps of Δt.
@@ -14,6 +14,8 @@ pub struct Schedule {
     pub protocol: Protocol,
     /// One for each segment of the protocol.
     pub intervals: Vec<Intervals>,
+    /// √(m̄/P) (s).
+    inertial_time: f64,
     /// Steps of the stage.
     pub total: u64,
     /// Step of the first frame.
@@ -51,10 +53,10 @@ pub struct Intervals {
 }
 
 /// √(m̄/P) (s), the time of I = γ̇ √(m̄/P); in three dimensions √(m̄/(P d̄)).
-pub fn inertial_time(scene: &Scene) -> f64 {
+pub fn inertial_time(scene: &Scene, load: &Load) -> f64 {
     let sample = &scene.sample;
     let per_section = sample.mean_diameter / sample.mean_section();
-    (mean_mass(scene) / scene.load.pressure * per_section).sqrt()
+    (mean_mass(scene) / load.pressure * per_section).sqrt()
 }
 
 /// m̄ = ρπ⟨R²⟩ (kg/m), in three dimensions (4/3)πρ⟨R³⟩ (kg); or the mass that all have.
@@ -63,18 +65,19 @@ pub fn mean_mass(scene: &Scene) -> f64 {
 }
 
 impl Schedule {
-    /// The schedule of a scene whose sheared layer is `height` (m) high at the start.
-    pub fn new(scene: &Scene, height: f64) -> Self {
+    /// The schedule of a scene between walls whose sheared layer is `height` (m) high at the start.
+    pub fn new(scene: &Scene, walls: &PlaneShear, height: f64) -> Self {
         let step = scene.time_step.step;
-        let output = &scene.output;
+        let output = &walls.output;
+        let inertial_time = inertial_time(scene, &walls.load);
         let protocol;
         let mut intervals;
         let (mut first_frame, mut first_analysis) = (0, 0);
-        match &scene.shear.motion {
+        match &walls.shear.motion {
             Motion::Strain { drive, strain } => {
                 let speed = match drive {
                     Drive::Velocity(speed) => *speed,
-                    Drive::InertialNumber(i) => i / inertial_time(scene) * height,
+                    Drive::InertialNumber(i) => i / inertial_time * height,
                 };
                 let per_step = speed / height * step;
                 let steps = |strain: f64| whole(strain / per_step);
@@ -90,9 +93,9 @@ impl Schedule {
                 all.frames = with_rows(output.frame_strain);
                 all.checkpoints = with_rows(output.checkpoint_strain);
                 first_frame = on_grid(steps(output.frame_start), all.frames);
-                if scene.analysis.scalars {
-                    all.analysis = with_rows(scene.analysis.strain);
-                    first_analysis = on_grid(steps(scene.analysis.start), all.analysis);
+                if walls.analysis.scalars {
+                    all.analysis = with_rows(walls.analysis.strain);
+                    first_analysis = on_grid(steps(walls.analysis.start), all.analysis);
                 }
             }
             Motion::Protocol(parts) => {
@@ -117,6 +120,7 @@ impl Schedule {
         Self {
             step,
             height,
+            inertial_time,
             total,
             first_frame,
             first_analysis,
@@ -156,8 +160,8 @@ impl Schedule {
     }
 
     /// I of a velocity (m/s).
-    pub fn inertial_number(&self, scene: &Scene, velocity: f64) -> f64 {
-        velocity / self.height * inertial_time(scene)
+    pub fn inertial_number(&self, velocity: f64) -> f64 {
+        velocity / self.height * self.inertial_time
     }
 
     /// Whether a frame is written after so many steps.
@@ -221,10 +225,16 @@ mod tests {
     use super::*;
     use crate::{Source, load};
 
+    /// The schedule of the default scene, as changed by `set`, 40 μm high.
+    fn schedule(set: &[String]) -> Schedule {
+        let scene = load(&Source::embedded(), set).expect("the default scene is sound");
+        let walls = scene.plane_shear("the default scene").expect("walls");
+        Schedule::new(&scene, walls, 40e-6)
+    }
+
     #[test]
     fn strains_become_whole_steps() {
-        let scene = load(&Source::embedded(), &[]).expect("the default scene is sound");
-        let schedule = Schedule::new(&scene, 40e-6);
+        let schedule = schedule(&[]);
         let per_step = schedule.strain(1);
         assert!((schedule.strain(schedule.total) - 0.1).abs() <= 0.5 * per_step);
         let whole = schedule.intervals[0];
@@ -232,8 +242,7 @@ mod tests {
         // Ten rows, rounded once.
         assert_eq!(whole.frames, 10 * whole.series);
         assert!(
-            (schedule.inertial_number(&scene, schedule.protocol.velocity(0)) / 2e-4 - 1.0).abs()
-                < 1e-14
+            (schedule.inertial_number(schedule.protocol.velocity(0)) / 2e-4 - 1.0).abs() < 1e-14
         );
         assert!(schedule.frame_due(0) && schedule.frame_due(3 * whole.frames));
         assert!(!schedule.frame_due(3 * whole.frames + 1));
@@ -249,8 +258,7 @@ mod tests {
             "analysis.scalars=true",
             "analysis.strain=1.44e-6",
         ];
-        let scene = load(&Source::embedded(), &set.map(String::from)).expect("sound");
-        let s = Schedule::new(&scene, 40e-6);
+        let s = schedule(&set.map(String::from));
         let all = s.intervals[0];
         assert_eq!((all.frames, all.analysis), (5 * all.series, 2 * all.series));
         for (first, every) in [
@@ -270,8 +278,7 @@ mod tests {
     #[test]
     fn output_does_not_reach_the_steps() {
         let with = |set: &[String]| {
-            let scene = load(&Source::embedded(), set).expect("sound");
-            let s = Schedule::new(&scene, 40e-6);
+            let s = schedule(set);
             (s.step, s.total, s.protocol.velocity(0))
         };
         let other = [

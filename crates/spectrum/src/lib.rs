@@ -45,12 +45,12 @@ mod unstable;
 mod tests;
 
 pub use count::{Rectangle, Uncounted, Winding, winding};
+pub use eigenvalues::{Eigenvalue, RESIDUAL, Spectrum, Verdict, participation};
 pub use krylov::Stalled;
 pub use lu::Singular;
 pub use problem::{Problem, Unfit};
 pub use scan::{Scan, bendixson, scan};
 pub use shift_invert::{Failed, Nearest, Request, nearest};
 pub use solve::{Factors, Solution, Solver};
-pub use eigenvalues::{Eigenvalue, RESIDUAL, Spectrum, Verdict, participation};
 pub use symbolic::Symbolic;
 pub use unstable::{Sought, Unstable, unstable};

@@ -3,9 +3,9 @@
 use faer::{Mat, Par, c64};
 
 use crate::count::Rectangle;
+use crate::eigenvalues::{Eigenvalue, Spectrum, Verdict};
 use crate::problem::{Problem, ZERO};
 use crate::shift_invert::{Failed, Request, nearest};
-use crate::eigenvalues::{Eigenvalue, Spectrum, Verdict};
 use crate::symbolic::Symbolic;
 
 /// Grid points per radius of the smallest disk, on which coverage is decided.

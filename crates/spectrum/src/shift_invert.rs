@@ -3,11 +3,11 @@
 use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::{Mat, MatMut, Par, c64};
 
+use crate::eigenvalues::Spectrum;
 use crate::krylov::{self, Settings, Stalled, Subspace};
 use crate::lu::{Lu, Singular};
 use crate::problem::Problem;
 use crate::scalar::Scalar;
-use crate::eigenvalues::Spectrum;
 use crate::symbolic::Symbolic;
 
 /// First displacement of a singular shift over ‖A‖; each further attempt moves it four times as

@@ -13,9 +13,9 @@ use faer::{Mat, MatMut, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
+use crate::eigenvalues::Spectrum;
 use crate::krylov::{self, Settings, Stalled};
 use crate::problem::Problem;
-use crate::eigenvalues::Spectrum;
 
 /// Least factor by which a polynomial multiplies the modes it is to find.
 const AMPLIFIED: f64 = 2.0;

@@ -7,8 +7,8 @@ use hdf5::File;
 use hdf5::types::VarLenUnicode;
 use ndarray::Array3;
 
-use gshear_spectrum::{Eigenvalue, Problem};
 use gshear_dem::failure::Failure;
+use gshear_spectrum::{Eigenvalue, Problem};
 
 /// Columns of the file, one entry per eigenvalue; k of them.
 pub struct Columns {

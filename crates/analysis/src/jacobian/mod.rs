@@ -12,11 +12,11 @@ mod pattern;
 use faer::Mat;
 use faer::sparse::SparseColMat;
 
-use gshear_spectrum::{Problem, Unfit};
 use contact::Contact;
 use gshear_dem::contact::stiffness::Stiffness;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, body, length};
+use gshear_spectrum::{Problem, Unfit};
 use pattern::Pattern;
 
 pub use paper::paper_form;

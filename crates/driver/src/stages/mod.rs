@@ -5,6 +5,7 @@ mod newtonian;
 mod pack;
 mod prepare;
 mod relax;
+mod setup;
 mod shear;
 mod spectra_file;
 mod spectrum;

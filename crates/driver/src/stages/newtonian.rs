@@ -12,7 +12,7 @@ use gshear_dem::state::{GrainState, Travel};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::PeriodicScene;
+use gshear_scene::Scene;
 use gshear_scene::schedule::Window;
 use gshear_store::collective::gathered;
 use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
@@ -30,7 +30,7 @@ const STEPS_WITHOUT_A_PAIR: f64 = 1000.0;
 
 /// The motion of a box by Newton's equations.
 pub(super) struct Newtonian<'a, D: Dimension> {
-    scene: &'a PeriodicScene,
+    scene: &'a Scene,
     law: &'a dyn PairForce<D>,
     system: System<D>,
     motion: Motion,
@@ -41,6 +41,15 @@ pub(super) struct Newtonian<'a, D: Dimension> {
     samples: ContactForces,
     step: u64,
     due: Due,
+}
+
+/// What the stage begins with, or resumes.
+pub(super) struct From {
+    /// γ after the strain steps.
+    pub strain: f64,
+    /// Of the strain steps.
+    pub progress: Progress,
+    pub resumed: Option<Resumed>,
 }
 
 /// A stage that resumes.
@@ -122,14 +131,17 @@ impl Due {
 impl<'a, D: Dimension> Newtonian<'a, D> {
     pub fn new(
         run: &Run<'_>,
-        scene: &'a PeriodicScene,
+        scene: &'a Scene,
         of: &gshear_scene::Newtonian,
         law: &'a dyn PairForce<D>,
         mut system: System<D>,
-        progress: Progress,
-        resumed: Option<Resumed>,
+        from: From,
     ) -> Result<Self, Failure> {
         let exchange = run.exchange;
+        let attributes = attributes(scene, &from);
+        let From {
+            progress, resumed, ..
+        } = from;
         let mut due = Due::new(of, progress.pair.as_ref(), system.step);
         if let Some(window) = run.options.replay {
             due = due.of_window(window);
@@ -140,7 +152,7 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
             columns: &NewtonianRow::COLUMNS,
             walls: false,
             height: system.cell.sheared.map_or(0.0, |s| s.height),
-            attributes: attributes(scene, &progress),
+            attributes,
             log: false,
             scalars: false,
         };
@@ -307,12 +319,12 @@ impl<D: Dimension> Stage for Newtonian<'_, D> {
 }
 
 /// Attributes of the file.
-fn attributes(scene: &PeriodicScene, progress: &Progress) -> Vec<(&'static str, Attribute)> {
+fn attributes(scene: &Scene, from: &From) -> Vec<(&'static str, Attribute)> {
     let number = Attribute::Number;
-    let strain = scene.aqs.strain_step * progress.steps as f64;
+    let progress = &from.progress;
     let mut attributes = vec![
         ("mean_diameter", number(scene.sample.mean_diameter)),
-        ("strain", number(strain)),
+        ("strain", number(from.strain)),
         ("image_offset", number(progress.offset)),
     ];
     if let Some(pair) = &progress.pair {

@@ -9,10 +9,11 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, Frame};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
-use gshear_scene::Scene;
 use gshear_scene::sample::freeze_walls;
 use gshear_scene::schedule::inertial_time;
+use gshear_scene::{PlaneShear, Scene};
 
+use super::setup::system;
 use super::walls::{self, DRAG_RESTING};
 use crate::header::Header;
 use crate::run::{Checkpoint, Run, Save, Stage, State};
@@ -25,6 +26,7 @@ const PACK_CHECKPOINT: u64 = 500_000;
 /// The sample between its planes.
 pub(super) struct Pack<'a, D: Dimension> {
     scene: &'a Scene,
+    plane_shear: &'a PlaneShear,
     law: Box<dyn PairForce<D>>,
     system: System<D>,
     drive: Planes<D>,
@@ -40,11 +42,12 @@ impl<'a, D: Dimension> Pack<'a, D> {
     pub fn new(
         run: &Run<'_>,
         scene: &'a Scene,
+        plane_shear: &'a PlaneShear,
         [law, plane]: [Box<dyn PairForce<D>>; 2],
         (step, piston, drag): (u64, Piston, f64),
         state: State,
     ) -> Result<Self, Failure> {
-        let mut system = walls::system(run, scene)?;
+        let mut system = system(run, scene, scene.sample.cell())?;
         system.steps = step;
         let mut drive = Planes::new(plane, piston, drag);
         system.replace(
@@ -54,11 +57,13 @@ impl<'a, D: Dimension> Pack<'a, D> {
             state.grains,
             state.contacts,
         )?;
-        let mean_force = scene.load.pressure * scene.sample.mean_section();
-        let unit = mean_force * scene.mean_overlap();
+        let (load, sample) = (&plane_shear.load, &scene.sample);
+        let mean_force = load.pressure * sample.mean_section();
+        let unit = mean_force * load.mean_overlap(sample);
         Ok(Self {
             energy: Frame::measure(run.exchange, &mut system, 0.0, unit),
             scene,
+            plane_shear,
             law,
             system,
             drive,
@@ -137,7 +142,8 @@ impl<D: Dimension> Stage for Pack<'_, D> {
             return Ok(());
         }
         let (scene, exchange) = (self.scene, run.exchange);
-        let (load, tolerance) = (&scene.load, scene.pack.tolerance);
+        let PlaneShear { load, pack, .. } = self.plane_shear;
+        let tolerance = pack.tolerance;
         let grains = f64::from(scene.sample.grains);
         let kinetic = observe::kinetic_energy(exchange, &mut self.system, &self.energy.energy);
         let mut carried = Accumulator::default();
@@ -153,7 +159,7 @@ impl<D: Dimension> Stage for Pack<'_, D> {
             self.drive.piston.load = (2.0 * pressing).min(load.normal_force);
             // In inertial times of the load as it is.
             let part = self.drive.piston.load / load.normal_force;
-            self.drive.drag = DRAG_RESTING / inertial_time(scene) * part.sqrt();
+            self.drive.drag = DRAG_RESTING / inertial_time(scene, load) * part.sqrt();
         }
         let loaded = pressing == load.normal_force;
         // The energy of a wave goes with the square of its pressure.
@@ -161,7 +167,7 @@ impl<D: Dimension> Stage for Pack<'_, D> {
         let energy_at_rest = tolerance * self.unit * grains;
         if loaded && kinetic < energy_at_rest && (carried - 1.0).abs() < balance {
             self.at_rest = true;
-        } else if self.step >= scene.pack.max_steps {
+        } else if self.step >= pack.max_steps {
             return Err(Failure::numbers(format!(
                 "not at rest after pack.max_steps = {} steps: the kinetic energy per grain is {per_grain:.1e} P d δ, \
                  pack.tolerance is {tolerance:.1e}; allow more steps or a greater tolerance",
@@ -185,7 +191,7 @@ impl<D: Dimension> Stage for Pack<'_, D> {
                 step: self.step,
                 piston: self.drive.piston,
                 drag: self.drive.drag,
-                packing: walls::packing_file(self.scene),
+                packing: self.plane_shear.origin.file().cloned(),
             },
             state: State {
                 grains: self.system.grain_states(),

@@ -2,20 +2,20 @@
 //! mechanical equilibrium, then moved by Newton's equations.
 
 use gshear_dem::clock::Clock;
-use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, LawSpace};
 use gshear_dem::state::{Cell, ContactState, GrainState};
-use gshear_dem::system::{Setup, System};
+use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Dimensions, PeriodicScene};
+use gshear_scene::{PeriodicBox, Scene};
 
-use super::newtonian::{Newtonian, Resumed};
+use super::newtonian::{From, Newtonian, Resumed};
 use super::prepare;
+use super::setup::{force, system};
 use super::strain::Strain;
-use super::walls::force;
 use crate::header::{Header, Progress};
 use crate::run::{Outcome, Run, Start, State};
 
@@ -23,17 +23,10 @@ use crate::run::{Outcome, Run, Start, State};
 ///
 /// # Errors
 /// Numbers that fail, or a file that cannot be written.
-pub fn run(run: &mut Run<'_>, scene: &PeriodicScene, start: Start) -> Result<Outcome, Failure> {
-    run.terminal.periodic_header(run.exchange, scene, run.level);
-    match scene.dimension {
-        Dimensions::Two => stages::<Two>(run, scene, start),
-        Dimensions::Three => stages::<Three>(run, scene, start),
-    }
-}
-
-fn stages<D: LawSpace>(
+pub fn run<D: LawSpace>(
     run: &mut Run<'_>,
-    scene: &PeriodicScene,
+    scene: &Scene,
+    periodic: &PeriodicBox,
     start: Start,
 ) -> Result<Outcome, Failure> {
     let law = force::<D>(&scene.law, scene.contact);
@@ -48,7 +41,10 @@ fn stages<D: LawSpace>(
             ..scene.contact
         };
         let smooth = force::<D>(&scene.law, smooth);
-        (None, prepare::prepare(run, scene, smooth.as_ref())?)
+        (
+            None,
+            prepare::prepare(run, scene, periodic, smooth.as_ref())?,
+        )
     };
     let (progress, written) = match &header {
         None => (Progress::default(), None),
@@ -59,7 +55,7 @@ fn stages<D: LawSpace>(
         }
     };
     let travels = state.travels.clone();
-    let mut system = system::<D>(run, scene, scene.sheared_cell(progress.offset))?;
+    let mut system = system::<D>(run, scene, scene.sample.sheared_cell(progress.offset))?;
     // With the forces of the state: to compute them anew is not what a run without a stop does.
     let cell = system.cell;
     Snapshot { cell, state }.put_back(run.exchange, &mut system, law)?;
@@ -81,7 +77,7 @@ fn stages<D: LawSpace>(
         (system, progress)
     } else {
         let begins = written.is_none();
-        let mut strain = Strain::new(run, scene, law, system, progress, written)?;
+        let mut strain = Strain::new(run, scene, periodic, law, system, progress, written)?;
         let outcome = run.drive(&mut strain, begins)?;
         let (system, progress) = strain.finish(run, outcome == Outcome::Done)?;
         if outcome == Outcome::Stopped {
@@ -89,41 +85,22 @@ fn stages<D: LawSpace>(
         }
         (system, progress)
     };
-    let Some(newtonian) = &scene.newtonian else {
+    let Some(newtonian) = &periodic.newtonian else {
         return Ok(Outcome::Done);
     };
     let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
     system.clock = Clock::default();
-    let mut stage = Newtonian::new(run, scene, newtonian, law, system, progress, resumed)?;
+    let from = From {
+        strain: periodic.aqs.strain_step * progress.steps as f64,
+        progress,
+        resumed,
+    };
+    let mut stage = Newtonian::new(run, scene, newtonian, law, system, from)?;
     let outcome = run.drive(&mut stage, begins)?;
     if outcome == Outcome::Done {
         stage.finish(run)?;
     }
     Ok(outcome)
-}
-
-/// The system of the scene in a cell, without its grains.
-pub(super) fn system<D: Dimension>(
-    run: &Run<'_>,
-    scene: &PeriodicScene,
-    cell: Cell,
-) -> Result<System<D>, Failure> {
-    let sample = &scene.sample;
-    let radius = 0.5 * sample.mean_diameter;
-    let overlap = 0.01 * sample.mean_diameter;
-    let setup = Setup {
-        level: run.level,
-        list: scene.bookkeeping.list,
-        cell,
-        largest_radius: sample.radius_max,
-        mean_diameter: sample.mean_diameter,
-        masses: scene.law.masses(),
-        step: scene.time_step.step,
-        gravity: 0.0,
-        typical_force: scene.law.normal_stiffness(radius, radius, overlap) * overlap,
-        threads: run.options.threads,
-    };
-    System::new(run.exchange, setup)
 }
 
 /// The state at rest, this rank's part of it, to go back to.

@@ -5,8 +5,8 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::periodic::system;
 use super::relax::overdamped;
+use super::setup::system;
 use crate::run::{Run, State};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
@@ -15,7 +15,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::state::GrainState;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_scene::sample::radius;
-use gshear_scene::{PeriodicScene, Sizes};
+use gshear_scene::{PeriodicBox, Scene, Sizes};
 
 /// Room of a lattice site, over the greatest diameter.
 const ROOM: f64 = 1.1;
@@ -28,15 +28,16 @@ const DRAG: f64 = 0.02;
 /// The packing at rest, without friction.
 pub(super) fn prepare<D: Dimension>(
     run: &Run<'_>,
-    scene: &PeriodicScene,
+    scene: &Scene,
+    periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
 ) -> Result<State, Failure> {
     let exchange = run.exchange;
     let target = scene.sample.length;
-    let (mut length, mut grains) = insert(scene, exchange.rank(), exchange.size());
+    let (mut length, mut grains) = insert(scene, &periodic.sizes, exchange.rank(), exchange.size());
     length = length.max(target);
     loop {
-        let mut system = system::<D>(run, scene, scene.cell(length))?;
+        let mut system = system::<D>(run, scene, scene.sample.box_cell(length))?;
         system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
         let mut drive = Overdamped {
             drag: DRAG / system.step,
@@ -60,7 +61,8 @@ pub(super) fn prepare<D: Dimension>(
             .map_err(in_stage)?;
         }
         if length == target {
-            let steps = overdamped(&scene.relax, exchange, &mut system, law).map_err(in_stage)?;
+            let steps =
+                overdamped(&periodic.relax, exchange, &mut system, law).map_err(in_stage)?;
             run.terminal.prepared(steps);
             return Ok(State {
                 grains: system.grain_states(),
@@ -95,7 +97,7 @@ fn in_preparation(failure: Failure, length: f64) -> Failure {
 }
 
 /// The length of a box in which nothing touches, and this rank's part of the grains, at rest.
-fn insert(scene: &PeriodicScene, rank: usize, ranks: usize) -> (f64, Vec<GrainState>) {
+fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<GrainState>) {
     let sample = &scene.sample;
     let count = sample.grains;
     let axes = scene.dimension.axes() as u32;
@@ -104,16 +106,16 @@ fn insert(scene: &PeriodicScene, rank: usize, ranks: usize) -> (f64, Vec<GrainSt
         .unwrap_or(1);
     let room = (2.0 * ROOM * sample.radius_max).max(sample.length / f64::from(side));
     let sites = u64::from(side).pow(axes);
-    let large = large(scene);
+    let large = large(scene, sizes);
     let part = |r: usize| (u64::from(count) * r as u64 / ranks as u64) as u32;
     let grain = |id: u32| {
         let mut random = ChaCha8Rng::seed_from_u64(scene.seed);
         random.set_stream(u64::from(id));
         let mut uniform = || random.random::<f64>();
-        let radius = match (&scene.sizes, large[id as usize]) {
+        let radius = match (sizes, large[id as usize]) {
             (Sizes::Binary { .. }, true) => sample.radius_max,
             (Sizes::Binary { .. }, false) => sample.radius_min,
-            (sizes, _) => radius(sample, sizes, &mut uniform),
+            _ => radius(sample, sizes, &mut uniform),
         };
         let mut site = u64::from(id) * sites / u64::from(count);
         let mut position = [0.0; 3];
@@ -136,10 +138,10 @@ fn insert(scene: &PeriodicScene, rank: usize, ranks: usize) -> (f64, Vec<GrainSt
 }
 
 /// Which grains of a binary mixture are the large ones: as many as its fraction says, to the grain.
-fn large(scene: &PeriodicScene) -> Vec<bool> {
+fn large(scene: &Scene, sizes: &Sizes) -> Vec<bool> {
     let count = scene.sample.grains as usize;
     let mut large = vec![false; count];
-    if let Sizes::Binary { large_fraction } = scene.sizes {
+    if let Sizes::Binary { large_fraction } = sizes {
         let many = (large_fraction * count as f64).round() as usize;
         large[..many].fill(true);
         // A stream that no grain has.
@@ -155,16 +157,13 @@ mod tests {
     use super::*;
     use gshear_dem::dimension::{Three, Two};
     use gshear_dem::state::length;
-    use gshear_scene::{Dimensions, Source, Study, study};
+    use gshear_scene::{Boundary, Dimensions, Source, load};
 
-    fn scene(name: &str, sets: &[&str]) -> PeriodicScene {
+    fn scene(name: &str, sets: &[&str]) -> Scene {
         let path = format!("{}/../../configs/{name}", env!("CARGO_MANIFEST_DIR"));
         let source = Source::read(&path).unwrap();
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        match study(&source, &sets, &mut |_, _| unreachable!("no packing")).unwrap() {
-            Study::Periodic(scene) => scene,
-            Study::PlaneShear(_) => panic!("walls"),
-        }
+        load(&source, &sets).unwrap()
     }
 
     #[test]
@@ -174,15 +173,18 @@ mod tests {
                 "bonfanti.toml",
                 &[&format!("dimension={}", dimension.axes())],
             );
-            let (box_length, grains) = insert(&scene, 0, 1);
-            let parts: Vec<_> = (0..3).flat_map(|r| insert(&scene, r, 3).1).collect();
+            let Boundary::Periodic(PeriodicBox { sizes, .. }) = &scene.boundary else {
+                panic!("walls")
+            };
+            let (box_length, grains) = insert(&scene, sizes, 0, 1);
+            let parts: Vec<_> = (0..3).flat_map(|r| insert(&scene, sizes, r, 3).1).collect();
             assert_eq!(grains, parts);
             assert_eq!(grains.len(), 100);
             let large = grains
                 .iter()
                 .filter(|g| g.radius == scene.sample.radius_max);
             assert_eq!(large.count(), 50);
-            let cell = scene.cell(box_length);
+            let cell = scene.sample.box_cell(box_length);
             for (k, a) in grains.iter().enumerate() {
                 for b in &grains[..k] {
                     let apart = match dimension {

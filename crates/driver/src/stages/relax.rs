@@ -2,7 +2,6 @@
 
 use super::periodic::Snapshot;
 use super::spectrum::{Whole, newton_step};
-use gshear_spectrum::Solver;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
@@ -11,7 +10,8 @@ use gshear_dem::state::{Cell, body};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Method, PeriodicScene, Relax};
+use gshear_scene::{Method, Relax, Sample};
+use gshear_spectrum::Solver;
 
 /// Factorisations of Newton's method, of which one or two are enough where the way is smooth.
 const MOST_FACTORISATIONS: u64 = 12;
@@ -45,10 +45,10 @@ pub(super) struct Relaxation {
 }
 
 impl Relaxation {
-    pub fn new(scene: &PeriodicScene) -> Self {
+    pub fn new(relax: Relax, sample: &Sample) -> Self {
         Self {
-            relax: scene.relax,
-            mean_diameter: scene.sample.mean_diameter,
+            relax,
+            mean_diameter: sample.mean_diameter,
             solver: Solver::default(),
         }
     }

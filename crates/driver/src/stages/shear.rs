@@ -12,11 +12,11 @@ use gshear_dem::observe::{self, Frame};
 use gshear_dem::state::{SeriesRow, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
-use gshear_scene::Scene;
 use gshear_scene::schedule::Schedule;
+use gshear_scene::{PackingFile, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 
-use super::walls;
+use super::setup::system;
 use crate::files::{Files, Format, RUN_FILE, Written};
 use crate::frame_scalars::Analysis;
 use crate::header::Header;
@@ -25,6 +25,8 @@ use crate::run::{Checkpoint, Run, Save, Stage, State};
 /// The sheared sample, and what is written of it.
 pub(super) struct Shear<'a, D: Dimension> {
     scene: &'a Scene,
+    /// The file that the grains came from.
+    packing: Option<&'a PackingFile>,
     law: Box<dyn PairForce<D>>,
     schedule: Schedule,
     system: System<D>,
@@ -57,22 +59,23 @@ impl<'a, D: Dimension> Shear<'a, D> {
     pub fn new(
         run: &mut Run<'_>,
         scene: &'a Scene,
+        plane_shear: &'a PlaneShear,
         law: Box<dyn PairForce<D>>,
         from: From,
         mut state: State,
     ) -> Result<Self, Failure> {
         let exchange = run.exchange;
-        let mut schedule = Schedule::new(scene, from.height);
+        let mut schedule = Schedule::new(scene, plane_shear, from.height);
         if let Some(window) = run.options.replay {
             schedule = schedule.of_window(window);
         }
-        let mut system = walls::system(run, scene)?;
+        let mut system = system(run, scene, scene.sample.cell())?;
         system.steps = from.step;
-        let spring = scene.shear.spring.map(|spring| spring.stiffness);
+        let spring = plane_shear.shear.spring.map(|spring| spring.stiffness);
         let mut walls = GrainWalls {
             piston: from.piston,
             slider: Slider::new(schedule.protocol.clone(), spring),
-            along: spring.is_some() || scene.output.energy,
+            along: spring.is_some() || plane_shear.output.energy,
             top: Vec::new(),
         };
         if let Some(slider) = from.slider {
@@ -91,35 +94,38 @@ impl<'a, D: Dimension> Shear<'a, D> {
             state.contacts,
         )?;
         let thickness = scene.sample.mean_diameter;
-        let energy = scene.load.pressure * scene.sample.mean_section() * scene.mean_overlap();
+        let (load, sample) = (&plane_shear.load, &scene.sample);
+        let energy = load.pressure * sample.mean_section() * load.mean_overlap(sample);
         let frame = Frame::measure(exchange, &mut system, 2.0 * thickness, energy);
-        if scene.output.energy {
+        if plane_shear.output.energy {
             let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
             if let Some(saved) = &from.energy_budget {
                 budget.resume(saved, exchange.rank());
             }
             system.budget = Some(budget);
         }
-        run.terminal.shearing(scene, &schedule, from.step);
+        run.terminal
+            .shearing(scene, plane_shear, &schedule, from.step);
         let written = from.written.filter(|_| run.options.replay.is_none());
         let format = Format {
             name: RUN_FILE,
             columns: &SeriesRow::COLUMNS,
             walls: true,
             height: schedule.height,
-            attributes: attributes(scene, &schedule),
+            attributes: attributes(plane_shear, &schedule),
             log: true,
-            scalars: scene.analysis.scalars,
+            scalars: plane_shear.analysis.scalars,
         };
         let files = Files::open(run.place(), &mut system, &format, written)?;
         // Scalars of new files begin with a frame that has none before it.
         let before = state.analysed.filter(|_| files.resumed());
-        let analysis = match scene.analysis.scalars {
+        let analysis = match plane_shear.analysis.scalars {
             true => Some(Analysis::new(exchange, &mut system, before)),
             false => None,
         };
         Ok(Self {
             scene,
+            packing: plane_shear.origin.file(),
             law,
             schedule,
             system,
@@ -187,7 +193,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
             height: self.schedule.height,
             written,
             energy_budget: self.system.budget.as_ref().map(|b| b.save(run.exchange)),
-            packing: walls::packing_file(self.scene),
+            packing: self.packing.cloned(),
         }
     }
 
@@ -220,7 +226,7 @@ impl<D: Dimension> Stage for Shear<'_, D> {
 
     /// The state before the first step is looked at as well.
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
-        if self.scene.output.keep_checkpoints && run.options.replay.is_none() {
+        if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // The packed sample: a window before the first checkpoint is replayed from it.
             run.save_as(Checkpoint {
                 header: self.header(run, Written::default()),
@@ -308,7 +314,7 @@ impl<D: Dimension> Stage for Shear<'_, D> {
         Ok(Checkpoint {
             header: self.header(run, written),
             state: self.state(),
-            keep: self.scene.output.keep_checkpoints,
+            keep: self.scene.keep_checkpoints,
         })
     }
 
@@ -325,7 +331,8 @@ impl<D: Dimension> Stage for Shear<'_, D> {
 
 /// Attributes of the file. What is one number for a run at one speed is that of the first part of a
 /// protocol.
-fn attributes(scene: &Scene, schedule: &Schedule) -> Vec<(&'static str, Attribute)> {
+fn attributes(plane_shear: &PlaneShear, schedule: &Schedule) -> Vec<(&'static str, Attribute)> {
+    let load = &plane_shear.load;
     let velocity = schedule.protocol.velocity(0);
     let frames = schedule.intervals[0].frames;
     let frame_strain = velocity * (frames as f64 * schedule.step) / schedule.height;
@@ -335,15 +342,15 @@ fn attributes(scene: &Scene, schedule: &Schedule) -> Vec<(&'static str, Attribut
         ("steps_per_frame", Attribute::Count(frames)),
         (
             "inertial_number",
-            number(schedule.inertial_number(scene, velocity)),
+            number(schedule.inertial_number(velocity)),
         ),
-        ("stiffness_number", number(scene.load.stiffness_number)),
+        ("stiffness_number", number(load.stiffness_number)),
         ("wall_speed", number(velocity)),
-        ("normal_force", number(scene.load.normal_force)),
-        ("pressure", number(scene.load.pressure)),
+        ("normal_force", number(load.normal_force)),
+        ("pressure", number(load.pressure)),
         ("height_start", number(schedule.height)),
     ];
-    if let Some(spring) = scene.shear.spring {
+    if let Some(spring) = plane_shear.shear.spring {
         attributes.push(("spring_stiffness", number(spring.stiffness)));
     }
     attributes

@@ -7,13 +7,13 @@ use faer::c64;
 use super::relax::Move;
 use crate::header::Pair;
 use gshear_analysis::jacobian::{self, History, Jacobian};
-use gshear_spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
+use gshear_spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
 use gshear_store::collective::{agree, gathered};
 
 /// All grains by id, and all touching contacts by (i, j).

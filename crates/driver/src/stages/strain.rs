@@ -9,7 +9,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{digest, frame};
 use gshear_dem::system::System;
-use gshear_scene::PeriodicScene;
+use gshear_scene::{PeriodicBox, Scene};
 use gshear_store::columns::{AQS_FILE, AqsRow};
 use gshear_store::h5::Attribute;
 
@@ -23,7 +23,8 @@ use crate::run::{Checkpoint, Run, Save, Stage, State};
 
 /// The strain steps of a box.
 pub(super) struct Strain<'a, D: Dimension> {
-    scene: &'a PeriodicScene,
+    scene: &'a Scene,
+    periodic: &'a PeriodicBox,
     law: &'a dyn PairForce<D>,
     system: System<D>,
     relaxation: Relaxation,
@@ -38,7 +39,8 @@ pub(super) struct Strain<'a, D: Dimension> {
 impl<'a, D: Dimension> Strain<'a, D> {
     pub fn new(
         run: &Run<'_>,
-        scene: &'a PeriodicScene,
+        scene: &'a Scene,
+        periodic: &'a PeriodicBox,
         law: &'a dyn PairForce<D>,
         mut system: System<D>,
         progress: Progress,
@@ -58,8 +60,9 @@ impl<'a, D: Dimension> Strain<'a, D> {
         };
         Ok(Self {
             files: Files::open(run.place(), &mut system, &format, written)?,
-            relaxation: Relaxation::new(scene),
+            relaxation: Relaxation::new(periodic.relax, &scene.sample),
             scene,
+            periodic,
             law,
             system,
             progress,
@@ -102,7 +105,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
 
     /// Whether the pair is such that the strain steps end.
     fn has_grown(&self) -> bool {
-        let until = self.scene.aqs.until_imaginary;
+        let until = self.periodic.aqs.until_imaginary;
         let great = |pair: crate::header::Pair| pair.lambda_i >= until;
         until > 0.0 && self.progress.pairs == 1 && self.progress.pair.is_some_and(great)
     }
@@ -134,7 +137,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
 
     /// By bisection between the states before and after a strain step, from the state before it.
     fn birth(&mut self, run: &Run<'_>, mut before: Snapshot, steps: u64) -> Result<Birth, Failure> {
-        let aqs = self.scene.aqs;
+        let aqs = self.periodic.aqs;
         let start = aqs.strain_step * steps as f64;
         let (mut low, mut high) = (0.0, aqs.strain_step);
         while high - low > aqs.birth_precision {
@@ -171,7 +174,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     }
 
     fn is_done(&self) -> bool {
-        self.progress.steps >= self.scene.aqs.steps || self.has_grown()
+        self.progress.steps >= self.periodic.aqs.steps || self.has_grown()
     }
 
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
@@ -184,7 +187,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
         let before = Snapshot::of(&mut self.system, self.law);
         self.before = Some((before, self.progress));
-        self.found = self.strain(run, self.scene.aqs.strain_step)?;
+        self.found = self.strain(run, self.periodic.aqs.strain_step)?;
         let progress = &mut self.progress;
         progress.steps += 1;
         progress.offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
@@ -196,15 +199,15 @@ impl<D: Dimension> Stage for Strain<'_, D> {
 
     /// Measures the packing, and looks for the birth of a pair if the step has brought one.
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
-        let (exchange, scene) = (run.exchange, self.scene);
+        let (exchange, aqs) = (run.exchange, &self.periodic.aqs);
         let observed = observe(
             exchange,
             &mut self.system,
             self.law,
             &mut self.samples,
-            scene.sample.grains,
+            self.scene.sample.grains,
         );
-        let eigenvalues = match scene.aqs.spectrum {
+        let eigenvalues = match aqs.spectrum {
             true => Some(self.eigenvalues(run)?),
             false => None,
         };
@@ -214,7 +217,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         let step = self.progress.steps;
         let row = Row {
             step,
-            strain: scene.aqs.strain_step * step as f64,
+            strain: aqs.strain_step * step as f64,
             offset: self.progress.offset,
             observed,
             found: self.found,
@@ -224,7 +227,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         self.files
             .series(exchange, step, row.strain, &row.columns())?;
         run.terminal.strain_step(&row);
-        let every = scene.aqs.frame_every;
+        let every = aqs.frame_every;
         if every > 0 && step.is_multiple_of(every) {
             let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);
             self.files

@@ -1,18 +1,17 @@
 //! A scene between walls: packed, then sheared.
 
-use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::{Contact, Law, LawSpace};
+use gshear_dem::laws::{Contact, LawSpace};
 use gshear_dem::state::{GrainState, body};
-use gshear_dem::system::{Setup, System};
 use gshear_scene::sample::Lattice;
 use gshear_scene::schedule::{inertial_time, mean_mass};
-use gshear_scene::{Dimensions, Origin, PackingFile, Scene};
+use gshear_scene::{Load, Origin, PlaneShear, Scene};
 
 use super::pack::Pack;
+use super::setup::force;
 use super::shear::{From, Shear};
 use crate::files::Written;
 use crate::header::Header;
@@ -30,27 +29,33 @@ const BEARS_ALL: [f64; 2] = [1e3, 1e4];
 ///
 /// # Errors
 /// Numbers that fail, or a file that cannot be written.
-pub fn run(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result<Outcome, Failure> {
-    run.terminal.header(run.exchange, scene, run.level);
-    match scene.dimension {
-        Dimensions::Two => stages::<Two>(run, scene, start),
-        Dimensions::Three => stages::<Three>(run, scene, start),
-    }
-}
-
-fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result<Outcome, Failure> {
-    let (header, state) = begin(run, scene, start)?;
+pub fn run<D: LawSpace>(
+    run: &mut Run<'_>,
+    scene: &Scene,
+    plane_shear: &PlaneShear,
+    start: Start,
+) -> Result<Outcome, Failure> {
+    let (header, state) = begin(run, scene, plane_shear, start)?;
     let (from, state) = match header {
         Header::Pack {
             step, piston, drag, ..
         } => {
-            let laws = packing_laws::<D>(scene);
-            let mut pack = Pack::new(run, scene, laws, (step, piston, drag), state)?;
+            let laws = packing_laws::<D>(scene, plane_shear);
+            let begin = (step, piston, drag);
+            let mut pack = Pack::new(run, scene, plane_shear, laws, begin, state)?;
             if run.drive(&mut pack, step == 0)? == Outcome::Stopped {
                 return Ok(Outcome::Stopped);
             }
             let (piston, state) = pack.finish(run);
-            (first_of_shear(scene, piston), state)
+            let from = From {
+                step: 0,
+                height: height_between(scene, &piston),
+                piston,
+                slider: None,
+                written: None,
+                energy_budget: None,
+            };
+            (from, state)
         }
         Header::Shear {
             step,
@@ -79,15 +84,21 @@ fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result
     };
     let law = force::<D>(&scene.law, scene.contact);
     let begins = from.step == 0;
-    let mut shear = Shear::new(run, scene, law, from, state)?;
+    let mut shear = Shear::new(run, scene, plane_shear, law, from, state)?;
     let outcome = run.drive(&mut shear, begins)?;
     shear.finish(run, outcome == Outcome::Done)?;
     Ok(outcome)
 }
 
 /// The stage with which the run begins, and its state.
-fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, State), Failure> {
-    let (height, grains) = match (start, &scene.origin) {
+fn begin(
+    run: &Run<'_>,
+    scene: &Scene,
+    plane_shear: &PlaneShear,
+    start: Start,
+) -> Result<(Header, State), Failure> {
+    let load = &plane_shear.load;
+    let (height, grains) = match (start, &plane_shear.origin) {
         (Start::Checkpoint(snapshot), _) => {
             let header = Header::read(&snapshot)?;
             return Ok((header, State::restore(run.exchange, snapshot)));
@@ -101,10 +112,18 @@ fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, State), 
             (run.exchange.maximum(top.fold(0.0, f64::max)), grains)
         }
     };
-    let mut piston = at_rest_on_top(scene, height);
-    let header = if scene.pack.skip {
+    let first_load = first_load(scene, load);
+    let mut piston = Piston {
+        height,
+        velocity: 0.0,
+        acceleration: 0.0,
+        // About that of the wall to come.
+        mass: mean_mass(scene) * scene.sample.base() / scene.sample.mean_section(),
+        load: load.normal_force * first_load,
+    };
+    let header = if plane_shear.pack.skip {
         piston.mass = mass_of_top(run, scene, &grains);
-        piston.load = scene.load.normal_force;
+        piston.load = load.normal_force;
         Header::Shear {
             step: 0,
             piston,
@@ -118,7 +137,7 @@ fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, State), 
         Header::Pack {
             step: 0,
             piston,
-            drag: DRAG_FALLING / inertial_time(scene) * first_load(scene).sqrt(),
+            drag: DRAG_FALLING / inertial_time(scene, load) * first_load.sqrt(),
             packing: None,
         }
     };
@@ -129,62 +148,28 @@ fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, State), 
     Ok((header, state))
 }
 
-/// A shear of the packed sample under this piston.
-fn first_of_shear(scene: &Scene, piston: Piston) -> From {
-    From {
-        step: 0,
-        height: height_between(scene, &piston),
-        piston,
-        slider: None,
-        written: None,
-        energy_budget: None,
-    }
-}
-
 /// The laws of the grains and of the planes while the sample is packed.
-fn packing_laws<D: LawSpace>(scene: &Scene) -> [Box<dyn PairForce<D>>; 2] {
-    let (sample, load) = (&scene.sample, &scene.load);
-    let law = scene.law.while_packing(sample.mean_diameter, load.pressure);
+fn packing_laws<D: LawSpace>(
+    scene: &Scene,
+    plane_shear: &PlaneShear,
+) -> [Box<dyn PairForce<D>>; 2] {
+    let PlaneShear { load, pack, .. } = plane_shear;
+    let diameter = scene.sample.mean_diameter;
+    let law = scene.law.while_packing(diameter, load.pressure);
     let smooth = Contact {
         friction: 0.0,
         rolling_friction: 0.0,
         ..scene.contact
     };
     // Without friction there is no rolling resistance either: it packs densest.
-    let contact = match scene.pack.friction > 0.0 {
+    let contact = match pack.friction > 0.0 {
         true => Contact {
-            friction: scene.pack.friction,
+            friction: pack.friction,
             ..scene.contact
         },
         false => smooth,
     };
     [force(&law, contact), force(&law, smooth)]
-}
-
-/// The law of the scene between its grains.
-pub(super) fn force<D: LawSpace>(law: &Law, contact: Contact) -> Box<dyn PairForce<D>> {
-    D::pair_force(law, &contact).expect("a law of this dimension, as the scene was checked")
-}
-
-/// The system of the scene, without its grains.
-pub(super) fn system<D: gshear_dem::dimension::Dimension>(
-    run: &Run<'_>,
-    scene: &Scene,
-) -> Result<System<D>, Failure> {
-    let sample = &scene.sample;
-    let setup = Setup {
-        level: run.level,
-        list: scene.bookkeeping.list,
-        cell: sample.cell(),
-        largest_radius: sample.radius_max,
-        mean_diameter: sample.mean_diameter,
-        masses: scene.law.masses(),
-        step: scene.time_step.step,
-        gravity: scene.load.gravity,
-        typical_force: scene.load.normal_force,
-        threads: run.options.threads,
-    };
-    System::new(run.exchange, setup)
 }
 
 /// The axis of the walls' normals.
@@ -193,21 +178,8 @@ fn up(scene: &Scene) -> usize {
 }
 
 /// The part of N with which the packing begins.
-fn first_load(scene: &Scene) -> f64 {
-    (scene.load.stiffness_number / BEARS_ALL[up(scene) - 1]).min(1.0)
-}
-
-/// A piston at rest at `height` (m).
-fn at_rest_on_top(scene: &Scene, height: f64) -> Piston {
-    let sample = &scene.sample;
-    Piston {
-        height,
-        velocity: 0.0,
-        acceleration: 0.0,
-        // About that of the wall to come.
-        mass: mean_mass(scene) * sample.base() / sample.mean_section(),
-        load: scene.load.normal_force * first_load(scene),
-    }
+fn first_load(scene: &Scene, load: &Load) -> f64 {
+    (load.stiffness_number / BEARS_ALL[up(scene) - 1]).min(1.0)
 }
 
 /// Mass of the top wall (kg; kg/m in 2D), of which each rank has a part; collective.
@@ -226,12 +198,4 @@ pub(super) fn mass_of_top(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -
 /// H (m), between the planes at which the walls end.
 pub(super) fn height_between(scene: &Scene, piston: &Piston) -> f64 {
     piston.height - 2.0 * scene.sample.mean_diameter
-}
-
-/// What a checkpoint says about the file that the grains came from.
-pub(super) fn packing_file(scene: &Scene) -> Option<PackingFile> {
-    match &scene.origin {
-        Origin::Insertion(_) => None,
-        Origin::Packing { file, .. } => Some(file.clone()),
-    }
 }

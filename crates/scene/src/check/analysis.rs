@@ -1,8 +1,9 @@
 //! What the run computes of its frames: `[analysis]`.
 
-use super::Checker;
-use crate::raw::{self, show};
+use crate::checker::Checker;
+use crate::raw;
 use crate::scene::{Analysis, Dimensions, Motion, Output, Shear};
+use crate::words::show;
 
 pub(super) fn check(
     c: &mut Checker<'_>,

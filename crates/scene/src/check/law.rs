@@ -1,8 +1,11 @@
 //! The contact law: `[material]` and `[contact]`.
 
-use super::Checker;
+use crate::checker::Checker;
 use crate::key::{Declared, Key};
-use crate::raw::{self, Number, Table, list};
+use crate::kind::{Number, Text};
+use crate::law_keys::{law_keys, laws_with};
+use crate::raw::{self, Table};
+use crate::words::list;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::keys::{self, Values};
 use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, lee_hurley};
@@ -55,8 +58,8 @@ impl Values for Given<'_, '_> {
 pub(super) fn check(
     c: &mut Checker<'_>,
     dimension: Dimensions,
-    material: raw::Material,
-    contact: raw::Contact,
+    material: &raw::Material,
+    contact: &raw::Contact,
 ) -> (Law, Contact) {
     let raw::Contact {
         law: name,
@@ -66,23 +69,22 @@ pub(super) fn check(
         of_laws,
     } = contact;
     let tables = [
-        (raw::Material::NAME, material.of_laws),
+        (raw::Material::NAME, &material.of_laws),
         (raw::Contact::NAME, of_laws),
     ];
     let values = tables.into_iter().flat_map(|(table, given)| {
-        given.into_iter().filter_map(move |(name, value)| {
+        given.iter().filter_map(move |(name, value)| {
             let key = law_keys().find(|key| key.table() == table && key.name() == name)?;
-            let at = value.span().start;
-            Some((key.path, at, value.into_inner().0))
+            Some((key.path, value.span().start, value.get_ref().0))
         })
     });
     let values = values.collect();
     let mut given = Given { checker: c, values };
-    let kind = choose(&mut given, dimension, &name);
+    let kind = choose(&mut given, dimension, name);
     let limits = |c: &mut Checker<'_>| Contact {
-        friction: c.required(&friction),
-        rolling_friction: c.number_or_default(&rolling_friction),
-        rolling_damping_ratio: c.number_or_default(&rolling_damping_ratio),
+        friction: c.required(friction),
+        rolling_friction: c.number_or_default(rolling_friction),
+        rolling_damping_ratio: c.number_or_default(rolling_damping_ratio),
     };
     let Some(kind) = kind else {
         // What an unknown law needs is not known; the problem of its name stops the scene.
@@ -99,8 +101,8 @@ pub(super) fn check(
         (Dimensions::Two, true) => None,
     };
     if let Some(why) = why {
-        given.checker.useless(&rolling_friction, &why);
-        given.checker.useless(&rolling_damping_ratio, &why);
+        given.checker.useless(rolling_friction, &why);
+        given.checker.useless(rolling_damping_ratio, &why);
     }
     let law = Law::read(kind, &mut given);
     (law, limits(c))
@@ -113,22 +115,11 @@ const UNKNOWN: lee_hurley::Material = lee_hurley::Material {
     damping_ratio: f64::NAN,
 };
 
-/// The keys of all laws, some more than once.
-pub(crate) fn law_keys() -> impl Iterator<Item = &'static keys::Key> {
-    LAWS.iter().flat_map(|kind| kind.keys.iter().copied())
-}
-
-/// The laws that take a key.
-fn owners(key: &keys::Key) -> Vec<&'static str> {
-    let takes = |kind: &&&LawKind| kind.keys.iter().any(|known| known.path == key.path);
-    LAWS.iter().filter(takes).map(|kind| kind.name).collect()
-}
-
 /// The law of this name, `None` if it is unknown; refuses what only other laws take.
 fn choose(
     given: &mut Given<'_, '_>,
     dimension: Dimensions,
-    law: &Key<raw::Text>,
+    law: &Key<Text>,
 ) -> Option<&'static LawKind> {
     let default = match dimension {
         Dimensions::Two => lee_hurley::KIND.name,
@@ -151,7 +142,7 @@ fn choose(
     }
     let mut seen = Vec::new();
     for key in law_keys() {
-        let owners = owners(key);
+        let owners = laws_with(key);
         let known = given.key(key);
         if known.given.is_none() || owners.contains(&kind.name) || seen.contains(&key.path) {
             continue;

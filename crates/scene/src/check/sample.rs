@@ -1,17 +1,19 @@
 //! The sample: `[sample]`, and the file it may come from.
 
-use super::Checker;
 use crate::ReadPacking;
+use crate::checker::Checker;
 use crate::derived::{self, LEAST_HEIGHT};
 use crate::key::Key;
-use crate::raw::{self, Number, Numbers, Text, show};
-use crate::scene::{Dimensions, Origin, Sample, Sizes, Walls};
+use crate::kind::{Number, Numbers, Text};
+use crate::raw;
+use crate::scene::{Dimensions, Origin, PeriodicBox, Sample, Sizes, Walls};
+use crate::words::show;
 use gshear_dem::failure::Failure;
 
 /// The keys of `[sample]`, each checked by itself.
-pub(super) struct SampleKeys {
+pub(super) struct SampleKeys<'r> {
     dimension: Dimensions,
-    raw: raw::Sample,
+    pub raw: &'r raw::Sample,
     sizes: Option<Sizes>,
     /// Copies of the packing along x and y.
     replicate: [u32; 2],
@@ -21,36 +23,21 @@ pub(super) struct SampleKeys {
 /// A key's path and place.
 type Place = (&'static str, Option<usize>);
 
-impl SampleKeys {
-    /// The file of the packing.
-    pub fn packing(&self) -> &Key<Text> {
-        &self.raw.packing
-    }
-
-    /// The keys that set the size of the sample together.
-    fn places(&self) -> [Place; 4] {
-        let raw = &self.raw;
-        [
-            raw.grains.place(),
-            raw.radius_min.place(),
-            raw.radius_max.place(),
-            raw.length.place(),
-        ]
-    }
-}
-
-pub(super) fn check(c: &mut Checker<'_>, dimension: Dimensions, sample: raw::Sample) -> SampleKeys {
-    let replicate = copies(c, dimension, &sample);
-    let name = c.choice(&sample.walls);
+pub(super) fn check<'r>(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    raw: &'r raw::Sample,
+) -> SampleKeys<'r> {
+    let replicate = copies(c, dimension, raw);
+    let name = c.choice(&raw.walls);
     let walls = Walls::NAMES.iter().find(|(known, _)| Some(*known) == name);
     let mut keys = SampleKeys {
         dimension,
-        raw: sample,
+        raw,
         sizes: None,
         replicate,
         walls: walls.map(|(_, walls)| *walls),
     };
-    let raw = &keys.raw;
     if dimension == Dimensions::Two {
         c.useless(
             &raw.width,
@@ -76,14 +63,14 @@ pub(super) fn check(c: &mut Checker<'_>, dimension: Dimensions, sample: raw::Sam
     if dimension == Dimensions::Three {
         c.required(&raw.width);
     }
-    keys.sizes = Some(check_sizes(c, &keys.raw));
+    keys.sizes = Some(check_sizes(c, raw));
     keys
 }
 
 /// Copies along x and, in three dimensions, y.
 fn copies(c: &mut Checker<'_>, dimension: Dimensions, sample: &raw::Sample) -> [u32; 2] {
     let key = &sample.replicate;
-    let Some((_, Numbers(given))) = &key.given else {
+    let Some(Numbers(given)) = key.value() else {
         return [1, 1];
     };
     if !sample.packing.is_given() {
@@ -122,18 +109,9 @@ fn check_inserted(c: &mut Checker<'_>, sample: &raw::Sample) {
     }
 }
 
-/// The keys of grains in a box, whose size follows from its solid fraction.
-pub(super) struct BoxedKeys {
-    dimension: Dimensions,
-    raw: raw::Sample,
-    sizes: Sizes,
-}
-
-pub(super) fn check_boxed(
-    c: &mut Checker<'_>,
-    dimension: Dimensions,
-    sample: raw::Sample,
-) -> BoxedKeys {
+/// The keys of grains in a box, whose size follows from its solid fraction. Returns the
+/// distribution of their radii.
+pub(super) fn check_boxed(c: &mut Checker<'_>, sample: &raw::Sample) -> Sizes {
     let why = "follows from box.solid_fraction";
     c.useless(&sample.length, why);
     c.useless(&sample.width, why);
@@ -141,62 +119,62 @@ pub(super) fn check_boxed(
     c.useless(&sample.packing, why);
     c.useless(&sample.walls, why);
     c.useless(&sample.replicate, why);
-    check_inserted(c, &sample);
-    BoxedKeys {
-        dimension,
-        sizes: check_sizes(c, &sample),
-        raw: sample,
-    }
+    check_inserted(c, sample);
+    check_sizes(c, sample)
 }
 
-impl BoxedKeys {
-    /// The sample in a box as long in every direction, of which its grains fill the part φ.
-    pub fn derive(
-        self,
-        c: &mut Checker<'_>,
-        solid_fraction: f64,
-    ) -> Result<(Sample, Sizes), Failure> {
-        let [a, b] = radii(c, &self.sizes, &self.raw);
-        c.settle()?;
-        let grains = self
-            .raw
-            .grains
-            .given
-            .as_ref()
-            .map_or(0, |(_, n)| n.0 as u32);
-        let mean_volume = self.sizes.mean([a, b], |r| self.dimension.volume(r));
-        let volume = f64::from(grains) * mean_volume / solid_fraction;
-        let (length, width) = match self.dimension {
-            Dimensions::Two => (volume.sqrt(), f64::INFINITY),
-            Dimensions::Three => (derived::cube_root(volume), derived::cube_root(volume)),
-        };
-        let least = 4.4 * b;
-        if length < least {
-            c.refuse_among(
-                &[self.raw.grains.place()],
-                &format!(
-                    "the box would be {length:.3e} long, so that grains would touch their own images; give more grains, for a length of at least {least:.3e}"
-                ),
-            );
-        }
-        c.settle()?;
-        let sample = Sample {
-            grains,
-            radius_min: a,
-            radius_max: b,
-            mean_diameter: self.sizes.mean([a, b], |r| 2.0 * r),
-            mean_volume,
-            length,
-            width,
-        };
-        Ok((sample, self.sizes))
+/// The sample in a box as long in every direction, of which its grains fill the part φ.
+pub(super) fn derive_boxed(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    raw: &raw::Sample,
+    periodic: &PeriodicBox,
+) -> Result<Sample, Failure> {
+    let mut sample = inserted(c, dimension, raw, &periodic.sizes)?;
+    let volume = f64::from(sample.grains) * sample.mean_volume / periodic.solid_fraction;
+    (sample.length, sample.width) = match dimension {
+        Dimensions::Two => (volume.sqrt(), f64::INFINITY),
+        Dimensions::Three => (derived::cube_root(volume), derived::cube_root(volume)),
+    };
+    let least = 4.4 * sample.radius_max;
+    if sample.length < least {
+        c.refuse_among(
+            &[raw.grains.place()],
+            &format!(
+                "the box would be {:.3e} long, so that grains would touch their own images; give more grains, for a length of at least {least:.3e}",
+                sample.length
+            ),
+        );
     }
+    c.settle()?;
+    Ok(sample)
+}
+
+/// Inserted grains in a cell of the given size.
+fn inserted(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    raw: &raw::Sample,
+    sizes: &Sizes,
+) -> Result<Sample, Failure> {
+    let number = |key: &Key<Number>| key.value().map(|x| x.0);
+    let [a, b] = radii(c, sizes, raw);
+    c.settle()?;
+    Ok(Sample {
+        grains: raw.grains.value().map_or(0, |n| n.0 as u32),
+        radius_min: a,
+        radius_max: b,
+        mean_diameter: sizes.mean([a, b], |r| 2.0 * r),
+        mean_volume: sizes.mean([a, b], |r| dimension.volume(r)),
+        length: number(&raw.length).unwrap_or(f64::NAN),
+        width: number(&raw.width).unwrap_or(f64::INFINITY),
+    })
 }
 
 /// The least and the greatest radius, and whether they can be.
 fn radii(c: &mut Checker<'_>, sizes: &Sizes, sample: &raw::Sample) -> [f64; 2] {
     let keys = [&sample.radius_min, &sample.radius_max];
-    let given = |key: &Key<Number>| key.given.as_ref().map_or(f64::NAN, |(_, x)| x.0);
+    let given = |key: &Key<Number>| key.value().map_or(f64::NAN, |x| x.0);
     let [a, b] = match sizes {
         Sizes::List(radii) => [
             radii.iter().copied().fold(f64::INFINITY, f64::min),
@@ -278,28 +256,22 @@ fn check_sizes(c: &mut Checker<'_>, sample: &raw::Sample) -> Sizes {
 /// The sample and where it comes from; `skip`: it is not compressed.
 pub(super) fn derive(
     c: &mut Checker<'_>,
-    keys: &SampleKeys,
+    keys: &SampleKeys<'_>,
     skip: bool,
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, Origin), Failure> {
-    let number = |key: &Key<Number>| key.given.as_ref().map(|(_, x)| x.0);
-    let raw = &keys.raw;
+    let raw = keys.raw;
     let Some((at, Text(path))) = &raw.packing.given else {
         let sizes = keys.sizes.clone().unwrap_or(Sizes::Uniform);
-        let [a, b] = radii(c, &sizes, raw);
-        c.settle()?;
-        let volume = |r| keys.dimension.volume(r);
-        let sample = Sample {
-            grains: raw.grains.given.as_ref().map_or(0, |(_, n)| n.0 as u32),
-            radius_min: a,
-            radius_max: b,
-            mean_diameter: sizes.mean([a, b], |r| 2.0 * r),
-            mean_volume: sizes.mean([a, b], volume),
-            length: number(&raw.length).unwrap_or(f64::NAN),
-            width: number(&raw.width).unwrap_or(f64::INFINITY),
-        };
+        let sample = inserted(c, keys.dimension, raw, &sizes)?;
         let height = derived::packed_height(&sample);
-        check_size(c, raw, &sample, height, &keys.places())?;
+        let places = [
+            raw.grains.place(),
+            raw.radius_min.place(),
+            raw.radius_max.place(),
+            raw.length.place(),
+        ];
+        check_size(c, raw, &sample, height, &places)?;
         return Ok((sample, Origin::Insertion(sizes)));
     };
     let file = packing(&c.resolve(*at, path), keys.replicate).map_err(|failure| match failure {

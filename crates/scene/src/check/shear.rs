@@ -1,11 +1,13 @@
 //! How the sample is sheared and what is written of it: `[shear]` and `[output]`.
 
-use super::Checker;
+use crate::checker::Checker;
 use crate::key::Key;
-use crate::raw::{self, Parts, show};
+use crate::kind::Parts;
+use crate::raw;
 use crate::scene::{Drive, Load, Motion, Output, Part, Sample, Shear, Spring};
+use crate::words::show;
 
-pub(super) fn check(c: &mut Checker<'_>, shear: raw::Shear) -> Shear {
+pub(super) fn check(c: &mut Checker<'_>, shear: &raw::Shear) -> Shear {
     let raw::Shear {
         inertial_number,
         velocity,
@@ -14,8 +16,8 @@ pub(super) fn check(c: &mut Checker<'_>, shear: raw::Shear) -> Shear {
         spring_stiffness: stiffness,
         spring_number: number,
     } = shear;
-    c.at_most_one(&[&stiffness, &number]);
-    let spring = match (c.number(&stiffness), c.number(&number)) {
+    c.at_most_one(&[stiffness, number]);
+    let spring = match (c.number(stiffness), c.number(number)) {
         (Some(stiffness), _) => Some(Spring {
             stiffness,
             number: None,
@@ -29,25 +31,25 @@ pub(super) fn check(c: &mut Checker<'_>, shear: raw::Shear) -> Shear {
     };
     if protocol.is_given() {
         let why = "says how the drive moves, and so does shear.protocol";
-        for key in [&inertial_number, &velocity, &strain] {
+        for key in [inertial_number, velocity, strain] {
             c.useless(key, why);
         }
         return Shear {
-            motion: Motion::Protocol(parts(c, &protocol)),
+            motion: Motion::Protocol(parts(c, protocol)),
             spring,
         };
     }
     let chosen = c.exactly_one(
-        &[&inertial_number, &velocity],
+        &[inertial_number, velocity],
         "the rate: inertial_number (I), such as inertial_number = 2e-4, or velocity (m/s), or a protocol",
     );
-    let i = c.number(&inertial_number).unwrap_or(f64::NAN);
-    let v = c.number(&velocity).unwrap_or(f64::NAN);
+    let i = c.number(inertial_number).unwrap_or(f64::NAN);
+    let v = c.number(velocity).unwrap_or(f64::NAN);
     let drive = match chosen {
         0 => Drive::InertialNumber(i),
         _ => Drive::Velocity(v),
     };
-    let strain = c.required(&strain);
+    let strain = c.required(strain);
     Shear {
         motion: Motion::Strain { drive, strain },
         spring,
@@ -64,7 +66,7 @@ pub(super) fn derive(shear: &mut Shear, sample: &Sample, load: &Load) {
 }
 
 fn parts(c: &mut Checker<'_>, key: &Key<Parts>) -> Vec<Part> {
-    let Some((_, Parts(given))) = &key.given else {
+    let Some(Parts(given)) = key.value() else {
         return Vec::new();
     };
     if given.is_empty() {
@@ -157,7 +159,6 @@ pub(super) fn output(c: &mut Checker<'_>, output: &raw::Output, shear: &Shear) -
         frame_start: c.number_or_default(&output.frame_start),
         series_strain: c.number_or_default(&output.series_strain),
         checkpoint_strain: c.number_or_default(&output.checkpoint_strain),
-        keep_checkpoints: c.flag_or_default(&output.keep_checkpoints),
         frame_rows: c.count(&output.frame_rows),
         series_rows: c.count(&output.series_rows),
         progress_lines: c.count(&output.progress_lines),

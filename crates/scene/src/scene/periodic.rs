@@ -1,70 +1,20 @@
-//! A scene without walls: grains in a periodic box that is sheared quasi-statically (BO section
-//! III).
+//! Grains in a periodic box that is sheared quasi-statically (BO section III).
 
-use super::scene::{Bookkeeping, Sample, Sizes, TimeStep};
-use gshear_dem::dimension::Dimensions;
-use gshear_dem::laws::{Contact, Law};
-use gshear_dem::state::{Cell, Sheared};
+use super::sample::Sizes;
 
-/// Grains in a periodic sheared box, ready to be set up. Units are the user's own: SI, or BO's
-/// reduced ones.
+/// Quasi-static shear of a periodic box, and Newton's equations afterwards.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PeriodicScene {
-    /// The name of the run.
-    pub title: String,
-    /// Seed of every random number.
-    pub seed: u64,
-    /// Disks or spheres.
-    pub dimension: Dimensions,
-    /// The contact law with its constants.
-    pub law: Law,
-    /// What contacts have whatever their law.
-    pub contact: Contact,
-    /// The grains and their cell. Its length, and in 3D its width, is that of the box.
-    pub sample: Sample,
-    /// How their radii are distributed.
+pub struct PeriodicBox {
+    /// How the radii are distributed.
     pub sizes: Sizes,
     /// φ: volume of the grains (area in 2D) over that of the box.
     pub solid_fraction: f64,
-    /// Δt and its limit.
-    pub time_step: TimeStep,
     /// How equilibrium is found.
     pub relax: Relax,
     /// The strain steps.
     pub aqs: Aqs,
     /// `None`: the run ends with the last strain step.
     pub newtonian: Option<Newtonian>,
-    /// Whether every checkpoint is kept, so that stretches can be replayed.
-    pub keep_checkpoints: bool,
-    /// What changes speed, not results.
-    pub bookkeeping: Bookkeeping,
-    /// The whole configuration as TOML with every default filled in.
-    pub toml: String,
-}
-
-impl PeriodicScene {
-    /// A box of this length along every axis, its images straight above each other.
-    pub fn cell(&self, length: f64) -> Cell {
-        let width = match self.dimension {
-            Dimensions::Two => f64::INFINITY,
-            Dimensions::Three => length,
-        };
-        Cell {
-            periods: [length, width],
-            sheared: Some(Sheared {
-                height: length,
-                offset: 0.0,
-                velocity: 0.0,
-            }),
-        }
-    }
-
-    /// The box at its solid fraction, its images above displaced by `offset` along x.
-    pub fn sheared_cell(&self, offset: f64) -> Cell {
-        let mut cell = self.cell(self.sample.length);
-        cell.shear(offset);
-        cell
-    }
 }
 
 /// How mechanical equilibrium is found.

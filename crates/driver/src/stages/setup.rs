@@ -1,0 +1,50 @@
+//! What a stage of any scene is made of: the law between the grains, and the system.
+
+use gshear_dem::dimension::Dimension;
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::laws::{Contact, Law, LawSpace};
+use gshear_dem::state::Cell;
+use gshear_dem::system::{Setup, System};
+use gshear_scene::{Boundary, Scene};
+
+use crate::run::Run;
+
+/// The law between the grains of a scene, with this friction and rolling resistance.
+pub(super) fn force<D: LawSpace>(law: &Law, contact: Contact) -> Box<dyn PairForce<D>> {
+    D::pair_force(law, &contact).expect("a law of this dimension, as the scene was checked")
+}
+
+/// The system of the scene in a cell, without its grains.
+pub(super) fn system<D: Dimension>(
+    run: &Run<'_>,
+    scene: &Scene,
+    cell: Cell,
+) -> Result<System<D>, Failure> {
+    let sample = &scene.sample;
+    let (gravity, typical_force) = match &scene.boundary {
+        Boundary::Walls(plane_shear) => {
+            let load = &plane_shear.load;
+            (load.gravity, load.normal_force)
+        }
+        Boundary::Periodic(_) => {
+            let radius = 0.5 * sample.mean_diameter;
+            let overlap = 0.01 * sample.mean_diameter;
+            let stiffness = scene.law.normal_stiffness(radius, radius, overlap);
+            (0.0, stiffness * overlap)
+        }
+    };
+    let setup = Setup {
+        level: run.level,
+        list: scene.bookkeeping.list,
+        cell,
+        largest_radius: sample.radius_max,
+        mean_diameter: sample.mean_diameter,
+        masses: scene.law.masses(),
+        step: scene.time_step.step,
+        gravity,
+        typical_force,
+        threads: run.options.threads,
+    };
+    System::new(run.exchange, setup)
+}

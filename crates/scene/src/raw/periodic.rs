@@ -1,0 +1,96 @@
+//! The periodic box: its size, mechanical equilibrium, strain steps, and Newton's equations.
+
+use std::ops::Bound;
+
+use gshear_dem::laws::keys::{Bounds, NOT_NEGATIVE, POSITIVE, UNIT};
+
+use super::table::{FROM_ONE, FROM_ZERO, names, table};
+use crate::kind::{Flag, Number, Text, Whole};
+use crate::scene::Method;
+
+const METHOD_NAMES: [&str; Method::NAMES.len()] = names(&Method::NAMES);
+
+table! {
+    /// The periodic box.
+    BoxTable "box" {
+        /// φ, the grains' volume (area in 2D) over that of the box; with it the scene has no walls
+        /// (see below)
+        solid_fraction: Number {
+            range: Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) },
+            what: "phi, the grains' volume over that of the box",
+            example: "0.7",
+        },
+    }
+}
+
+table! {
+    /// How mechanical equilibrium is found in a box.
+    Relax "relax" {
+        /// `"newton"`: Newton's method with the exact K, and overdamped dynamics if it does not
+        /// converge; `"overdamped"`: overdamped dynamics only
+        method: Text { range: &METHOD_NAMES, default: Some(METHOD_NAMES[0]) },
+        /// greatest net force on a grain at rest, and torque over its radius
+        tolerance: Number {
+            unit: "force",
+            range: POSITIVE,
+            what: "the greatest residual of a grain at rest",
+            example: "5e-14",
+        },
+        /// η_0 of overdamped dynamics, -η_0 m v on translations
+        drag: Number {
+            unit: "1/time",
+            range: POSITIVE,
+            what: "eta_0 of -eta_0 m v",
+            example: "0.022",
+        },
+        /// steps of overdamped dynamics, for one relaxation
+        max_steps: Whole { range: FROM_ONE, default: Some(10_000_000) },
+    }
+}
+
+table! {
+    /// Athermal quasi-static shear of a box.
+    Aqs "aqs" {
+        /// δγ
+        strain_step: Number { range: UNIT, what: "delta gamma", example: "1e-4" },
+        /// number of strain steps
+        steps: Whole { range: FROM_ZERO, what: "the number of strain steps", example: "100" },
+        /// strain steps between frames; 0 is never
+        frame_every: Whole { range: FROM_ZERO, default: Some(0) },
+        /// find all eigenvalues after every step, and the birth of the first complex pair
+        spectrum: Flag { default: Some(false) },
+        /// precision of the birth in γ, by bisection
+        birth_precision: Number {
+            range: POSITIVE,
+            condition: "with `spectrum`",
+            default: Some(1e-10),
+        },
+        /// the strain steps end when a complex pair is alone and its imaginary part is this or
+        /// more; 0 is never
+        until_imaginary: Number {
+            range: NOT_NEGATIVE,
+            condition: "with `spectrum`",
+            default: Some(0.0),
+        },
+    }
+}
+
+table! {
+    /// Newton's equations in a box, after the strain steps.
+    Newtonian "newtonian" {
+        /// duration of the last stage, in 1/ω_i of the pair of the greatest imaginary part (without
+        /// one, in 1000 Δt); without `[newtonian]` there is none
+        growth_times: Number {
+            range: POSITIVE,
+            what: "the duration, in times 1/omega_i in which the complex pair grows by e",
+            example: "20",
+        },
+        /// rows of its time series at equal intervals, beside two stretches that resolve the
+        /// oscillation; 0 is none
+        rows: Whole { range: FROM_ZERO, default: Some(20_000) },
+        /// frames of it; 0 is none
+        frames: Whole { range: FROM_ZERO, default: Some(200) },
+        /// times at which all eigenvalues are written; 0 is none
+        spectra: Whole { range: FROM_ZERO, default: Some(0) },
+    }
+}

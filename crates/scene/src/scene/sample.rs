@@ -1,0 +1,166 @@
+//! The grains and their cell.
+
+use gshear_dem::contact::portable_exp;
+use gshear_dem::state::{Cell, Sheared};
+
+/// Grains in a cell of `length` L_x along x and, in 3D, `width` L_y along y, both periodic.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Number of grains N, those of the walls included.
+    pub grains: u32,
+    /// Least R (m).
+    pub radius_min: f64,
+    /// Greatest R (m).
+    pub radius_max: f64,
+    /// d̄ (m).
+    pub mean_diameter: f64,
+    /// π⟨R²⟩ (m²) in 2D, (4/3)π⟨R³⟩ (m³) in 3D.
+    pub mean_volume: f64,
+    /// L_x (m).
+    pub length: f64,
+    /// L_y (m); infinite in 2D.
+    pub width: f64,
+}
+
+impl Sample {
+    /// Disks of R uniform in [`radius_min`, `radius_max`]: d̄ = R_min + R_max.
+    pub const fn uniform(grains: u32, radius_min: f64, radius_max: f64, length: f64) -> Self {
+        let (a, b) = (radius_min, radius_max);
+        Self {
+            grains,
+            radius_min,
+            radius_max,
+            mean_diameter: a + b,
+            mean_volume: std::f64::consts::PI * (a * a + a * b + b * b) / 3.0,
+            length,
+            width: f64::INFINITY,
+        }
+    }
+
+    /// The cell between walls.
+    pub fn cell(&self) -> Cell {
+        Cell::between_walls([self.length, self.width])
+    }
+
+    /// A box of this length (m) along every axis, its images straight above each other.
+    pub fn box_cell(&self, length: f64) -> Cell {
+        let width = if self.is_planar() {
+            f64::INFINITY
+        } else {
+            length
+        };
+        Cell {
+            periods: [length, width],
+            sheared: Some(Sheared {
+                height: length,
+                offset: 0.0,
+                velocity: 0.0,
+            }),
+        }
+    }
+
+    /// The box of the sample, its images above displaced by `offset` (m) along x.
+    pub fn sheared_cell(&self, offset: f64) -> Cell {
+        let mut cell = self.box_cell(self.length);
+        cell.shear(offset);
+        cell
+    }
+
+    /// Whether the grains are disks, in a cell without a width.
+    pub fn is_planar(&self) -> bool {
+        self.width == f64::INFINITY
+    }
+
+    /// Length of a wall L_x (m), in 3D its area L_x L_y (m²).
+    pub fn base(&self) -> f64 {
+        if self.is_planar() {
+            self.length
+        } else {
+            self.length * self.width
+        }
+    }
+
+    /// d̄ (m), in 3D d̄² (m²): a mean grain carries the force F = P d̄, in 3D P d̄².
+    pub fn mean_section(&self) -> f64 {
+        if self.is_planar() {
+            self.mean_diameter
+        } else {
+            self.mean_diameter * self.mean_diameter
+        }
+    }
+}
+
+/// How the radii of inserted grains are distributed, between the sample's least and greatest.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Sizes {
+    /// Each radius between them is as likely as the others.
+    Uniform,
+    /// A normal distribution, cut off at both ends.
+    Normal {
+        /// Its mean before it is cut off (m).
+        mean: f64,
+        /// Its standard deviation before it is cut off (m).
+        deviation: f64,
+    },
+    /// The greatest or the least.
+    Binary {
+        /// Share of the grains that have the greatest.
+        large_fraction: f64,
+    },
+    /// These (m), each as likely as the others.
+    List(Vec<f64>),
+}
+
+impl Sizes {
+    /// The names, as `sample.sizes` has them.
+    pub const NAMES: [&str; 4] = ["uniform", "normal", "binary", "list"];
+
+    /// The name in `sample.sizes`.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Sizes::Uniform => Self::NAMES[0],
+            Sizes::Normal { .. } => Self::NAMES[1],
+            Sizes::Binary { .. } => Self::NAMES[2],
+            Sizes::List(_) => Self::NAMES[3],
+        }
+    }
+
+    /// ⟨f(R)⟩, between `a` and `b` (m). Polynomials of third order are exact but for rounding where
+    /// R is not normal.
+    pub fn mean(&self, [a, b]: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
+        match self {
+            Sizes::Uniform => weighted(a, b, 2, f, |_| 1.0),
+            Sizes::Normal { mean, deviation } => weighted(a, b, 2000, f, |r| {
+                let z = (r - mean) / deviation;
+                portable_exp(-0.5 * z * z)
+            }),
+            Sizes::Binary { large_fraction } => {
+                large_fraction * f(b) + (1.0 - large_fraction) * f(a)
+            }
+            Sizes::List(radii) => radii.iter().map(|&r| f(r)).sum::<f64>() / radii.len() as f64,
+        }
+    }
+}
+
+/// Mean of f over [a, b] with these weights, by Simpson's rule with an even number of intervals.
+fn weighted(
+    a: f64,
+    b: f64,
+    intervals: usize,
+    f: impl Fn(f64) -> f64,
+    weight: impl Fn(f64) -> f64,
+) -> f64 {
+    let (mut sum, mut all) = (0.0, 0.0);
+    for k in 0..=intervals {
+        let r = a + (b - a) * k as f64 / intervals as f64;
+        let share = match k {
+            0 => 1.0,
+            k if k == intervals => 1.0,
+            k => [2.0, 4.0][k % 2],
+        };
+        let w = share * weight(r);
+        sum += w * f(r);
+        all += w;
+    }
+    sum / all
+}

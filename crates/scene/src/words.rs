@@ -1,0 +1,20 @@
+//! Numbers and lists in messages and in TOML.
+
+/// The shortest decimal that reads back to the same bits, without many zeros.
+pub fn show(x: f64) -> String {
+    if x.is_finite() && x.abs() >= 1e7 {
+        format!("{x:e}")
+    } else {
+        format!("{x:?}")
+    }
+}
+
+/// `a, b and c`.
+pub fn list(names: &[impl AsRef<str>], and: &str) -> String {
+    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+    match names.split_last() {
+        Some((last, [])) => (*last).into(),
+        Some((last, others)) => format!("{} {and} {last}", others.join(", ")),
+        None => String::new(),
+    }
+}

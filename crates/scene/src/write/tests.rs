@@ -1,0 +1,245 @@
+use crate::{Scene, Source, load};
+
+/// The default scene with linear springs.
+const HOOKE: &[&str] = &[
+    "contact.law=hooke",
+    "material.young_modulus=none",
+    "material.poisson_ratio=none",
+    "contact.normal_stiffness=1e8",
+];
+
+/// With the smoothed law, and grains of equal masses.
+const MINDLIN: &[&str] = &[
+    "contact.law=mindlin",
+    "material.young_modulus=none",
+    "material.poisson_ratio=none",
+    "material.density=none",
+    "material.mass=1.25e-9",
+    "contact.normal_stiffness=1e11",
+    "contact.damping_ratio=none",
+    "contact.rolling_friction=none",
+    "contact.rolling_damping_ratio=none",
+];
+
+fn with(sets: &[&str]) -> Scene {
+    let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+    load(&Source::embedded(), &sets).unwrap()
+}
+
+/// Equal as values and in every digit: `{:?}` tells -0 from 0 too.
+fn reads_back(scene: &Scene) {
+    let again = load(&Source::new("scene.toml", scene.toml.clone()), &[]).unwrap();
+    assert_eq!(&again, scene);
+    assert_eq!(format!("{again:?}"), format!("{scene:?}"));
+}
+
+#[test]
+fn every_choice_reads_back_as_the_same_scene() {
+    for sets in [
+        &[][..],
+        &[
+            "load.stiffness_number=none",
+            "load.pressure=12345.678901234567",
+        ],
+        &[
+            "load.stiffness_number=none",
+            "load.normal_force=0.7123456789012345",
+        ],
+        &["contact.damping_ratio=none", "contact.restitution=0.73"],
+        &["contact.damping_ratio=none", "contact.restitution=1"],
+        &["shear.inertial_number=none", "shear.velocity=0.0003"],
+        &["time.step=1e-10"],
+        HOOKE,
+        &[
+            "contact.law=hooke",
+            "material.young_modulus=none",
+            "material.poisson_ratio=none",
+            "contact.normal_stiffness=123456789.3",
+            "contact.tangential_stiffness=98765432.1",
+        ],
+        MINDLIN,
+        &["time.step=1e-6", "time.force=true"],
+        &["bookkeeping.skin=0.3", "bookkeeping.rebuild_every=17"],
+        &["output.frame_strain=0", "output.frame_start=0.01"],
+        &["analysis.scalars=true", "analysis.start=0.02"],
+        &[
+            "analysis.scalars=true",
+            "analysis.strain=7e-5",
+            "output.frame_strain=0",
+        ],
+        &[
+            "sample.radius_min=0.1",
+            "sample.radius_max=0.30000000000000004",
+            "sample.length=9.3",
+            "seed=9223372036854775807",
+        ],
+        &["title='''a \"quoted\" \\ title\twith # and a 'tick'. '''"],
+    ] {
+        reads_back(&with(sets));
+    }
+}
+
+#[test]
+fn the_choice_is_kept() {
+    let scene = with(&["contact.damping_ratio=none", "contact.restitution=0.73"]);
+    assert!(
+        scene.toml.contains("\nrestitution = 0.73\n"),
+        "{}",
+        scene.toml
+    );
+    assert!(scene.toml.contains("\ninertial_number = 0.0002\n"));
+    assert!(!scene.toml.contains("\ndamping_ratio"));
+    assert!(!scene.toml.contains("\nstep"));
+}
+
+/// No key is forgotten: all but the alternatives that were not chosen are there.
+#[test]
+fn every_default_is_filled_in() {
+    let of_hertz = [
+        "normal_damping",
+        "tangential_damping",
+        "tangential_damping_ratio",
+        "impact_speed",
+        "impact_diameter",
+    ];
+    let of_hooke = ["normal_stiffness", "tangential_stiffness"];
+    let of_lee_hurley = ["young_modulus", "poisson_ratio"];
+    let never = [
+        "restitution",
+        "pressure",
+        "normal_force",
+        "velocity",
+        "packing",
+        "replicate",
+        "walls",
+        "mass",
+    ];
+    let of_sizes = [
+        "radius_mean",
+        "radius_deviation",
+        "large_fraction",
+        "radii",
+        "width",
+    ];
+    let of_protocols = [
+        "protocol",
+        "spring_stiffness",
+        "spring_number",
+        "frame_rows",
+        "series_rows",
+        "collision_speed",
+    ];
+    let always = [&of_hertz[..], &never, &of_sizes, &of_protocols].concat();
+    for (law, other) in [(&[][..], of_hooke), (HOOKE, of_lee_hurley)] {
+        let sets = [&["time.step=1e-10", "bookkeeping.skin=0.3"], law].concat();
+        missing_are(&with(&sets).toml, &[&always[..], &other].concat());
+    }
+    let spheres = [
+        "dimension=3",
+        "contact.law=none",
+        "contact.rolling_friction=none",
+        "contact.rolling_damping_ratio=none",
+        "contact.damping_ratio=none",
+        "contact.normal_damping=1e12",
+        "sample.width=20e-6",
+        "sample.grains=8000",
+        "sample.sizes=normal",
+        "sample.radius_mean=0.7e-6",
+        "sample.radius_deviation=0.1e-6",
+        "shear.inertial_number=none",
+        "shear.strain=none",
+        "shear.spring_number=425",
+        "shear.protocol=[{velocity=1e-3,distance=1e-6},{velocity=0,time=2e-3}]",
+        "output.frame_strain=none",
+        "output.series_strain=none",
+        "output.checkpoint_strain=none",
+        "time.collision_speed=10",
+        "bookkeeping.skin=0.3",
+        "load.stiffness_number=none",
+        "load.pressure=1e5",
+    ];
+    let scene = with(&spheres);
+    reads_back(&scene);
+    let not = [
+        "damping_ratio",
+        "tangential_damping_ratio",
+        "restitution",
+        "impact_speed",
+        "impact_diameter",
+        "normal_stiffness",
+        "tangential_stiffness",
+        "rolling_friction",
+        "rolling_damping_ratio",
+        "large_fraction",
+        "radii",
+        "packing",
+        "replicate",
+        "walls",
+        "mass",
+        "stiffness_number",
+        "normal_force",
+        "step",
+        "inertial_number",
+        "velocity",
+        "strain",
+        "spring_stiffness",
+        "frame_strain",
+        "frame_start",
+        "series_strain",
+        "checkpoint_strain",
+        "start",
+        "mass",
+    ];
+    missing_are(&scene.toml, &not);
+}
+
+#[test]
+fn a_scene_in_a_box_reads_back() {
+    let text = include_str!("../../../../configs/bonfanti.toml");
+    for set in [
+        "seed=2",
+        "dimension=2",
+        "time.step=0.01",
+        "aqs.spectrum=false",
+    ] {
+        let mut sets = vec![set.to_string()];
+        if set == "aqs.spectrum=false" {
+            sets.push("aqs.until_imaginary=none".into());
+        }
+        let read =
+            |text: &str, sets: &[String]| load(&Source::new("scene.toml", text), sets).unwrap();
+        let scene = read(text, &sets);
+        let again = read(&scene.toml, &[]);
+        assert_eq!(format!("{again:?}"), format!("{scene:?}"));
+    }
+}
+
+fn missing_are(toml: &str, missing: &[&str]) {
+    let of_a_box = |table: &str| table == "box" || crate::OF_A_BOX.contains(&table);
+    for key in crate::raw::TABLES
+        .iter()
+        .filter(|table| !of_a_box(table.name))
+        .flat_map(|table| &table.keys)
+        .map(|key| key.name)
+    {
+        let there = toml.contains(&format!("\n{key} = "));
+        assert_eq!(there, !missing.contains(&key), "{key} in {toml}");
+    }
+}
+
+#[test]
+fn every_distribution_and_drive_reads_back() {
+    for sets in [
+        &["sample.sizes=binary", "sample.large_fraction=0.25"][..],
+        &[
+            "sample.radius_min=none",
+            "sample.radius_max=none",
+            "sample.sizes=list",
+            "sample.radii=[0.5e-6, 0.75e-6, 1e-6]",
+        ],
+        &["shear.spring_stiffness=1e6"],
+        &["load.gravity=9.81"],
+    ] {
+        reads_back(&with(sets));
+    }
+}

@@ -1,0 +1,113 @@
+//! The tables of plane shear between walls.
+
+use super::lines::Lines;
+use crate::raw;
+use crate::scene::{Dimensions, Drive, Load, LoadChoice, Motion, Part, PlaneShear, Scene};
+use crate::words::show;
+
+/// What follows from the keys, in comments.
+pub(super) fn derived(t: &mut Lines, scene: &Scene, walls: &PlaneShear) {
+    for (symbol, value, unit) in scene.law.derived() {
+        t.derived(symbol, value, unit);
+    }
+    t.derived("pressure P", walls.load.pressure, "Pa");
+    let [of_force, of_stiffness] = match scene.dimension {
+        Dimensions::Two => ["N/m", "Pa"],
+        Dimensions::Three => ["N", "N/m"],
+    };
+    t.derived("normal force N", walls.load.normal_force, of_force);
+    if let Some(spring) = walls.shear.spring {
+        t.derived("stiffness of the spring k", spring.stiffness, of_stiffness);
+        let number = spring.stiffness * scene.sample.mean_diameter / walls.load.normal_force;
+        t.derived("spring number k d/N", number, "");
+    }
+    t.derived("stiffness number kappa", walls.load.stiffness_number, "");
+    t.derived("time step", scene.time_step.step, "s");
+    t.derived(
+        "stability limit of the time step",
+        scene.time_step.limit,
+        "s",
+    );
+}
+
+pub(super) fn load(t: &mut Lines, load: &Load) {
+    let keys: raw::Load = t.table();
+    match load.given {
+        LoadChoice::StiffnessNumber => t.number(&keys.stiffness_number, load.stiffness_number),
+        LoadChoice::Pressure => t.number(&keys.pressure, load.pressure),
+        LoadChoice::NormalForce => t.number(&keys.normal_force, load.normal_force),
+    }
+    t.number(&keys.gravity, load.gravity);
+}
+
+/// `[pack]`, `[shear]`, `[output]` and `[analysis]`.
+pub(super) fn stages(t: &mut Lines, walls: &PlaneShear, keep_checkpoints: bool) {
+    let keys: raw::Pack = t.table();
+    t.flag(&keys.skip, walls.pack.skip);
+    if !walls.pack.skip {
+        t.number(&keys.friction, walls.pack.friction);
+        t.number(&keys.tolerance, walls.pack.tolerance);
+        t.whole(&keys.max_steps, walls.pack.max_steps);
+    }
+
+    let keys: raw::Shear = t.table();
+    if let Some(spring) = walls.shear.spring {
+        match spring.number {
+            Some(number) => t.number(&keys.spring_number, number),
+            None => t.number(&keys.spring_stiffness, spring.stiffness),
+        }
+    }
+    match &walls.shear.motion {
+        Motion::Strain { drive, strain } => {
+            match drive {
+                Drive::InertialNumber(i) => t.number(&keys.inertial_number, *i),
+                Drive::Velocity(v) => t.number(&keys.velocity, *v),
+            }
+            t.number(&keys.strain, *strain);
+        }
+        Motion::Protocol(parts) => {
+            let mut list = String::from("[\n");
+            for Part {
+                velocity,
+                time,
+                distance,
+            } in parts
+            {
+                let (name, length) = match distance {
+                    Some(distance) => ("distance", distance),
+                    None => ("time", time),
+                };
+                let (velocity, length) = (show(*velocity), show(*length));
+                list += &format!("    {{ velocity = {velocity}, {name} = {length} }},\n");
+            }
+            t.give(&keys.protocol, &(list + "]"));
+        }
+    }
+
+    let keys: raw::Output = t.table();
+    let output = &walls.output;
+    match walls.shear.motion {
+        Motion::Strain { .. } => {
+            t.number(&keys.frame_strain, output.frame_strain);
+            t.number(&keys.frame_start, output.frame_start);
+            t.number(&keys.series_strain, output.series_strain);
+            t.number(&keys.checkpoint_strain, output.checkpoint_strain);
+        }
+        Motion::Protocol(_) => {
+            t.whole(&keys.frame_rows, output.frame_rows);
+            t.whole(&keys.series_rows, output.series_rows);
+        }
+    }
+    t.flag(&keys.keep_checkpoints, keep_checkpoints);
+    t.whole(&keys.progress_lines, output.progress_lines);
+    t.flag(&keys.energy, output.energy);
+
+    let keys: raw::Analysis = t.table();
+    t.flag(&keys.scalars, walls.analysis.scalars);
+    if let Motion::Strain { .. } = walls.shear.motion {
+        if walls.analysis.strain > 0.0 {
+            t.number(&keys.strain, walls.analysis.strain);
+        }
+        t.number(&keys.start, walls.analysis.start);
+    }
+}
