@@ -51,7 +51,7 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
         assert_eq!(found, expected, "{dimension}, {ranks} ranks, {more:?}");
     }
     for simd in ["portable", "avx2"] {
-        if gshear_dem::simd::Level::named(simd).is_some() {
+        if gshear_dem::simd::Isa::named(simd).is_some() {
             let set = format!("--set=bookkeeping.simd={simd}");
             let found = digests(&run(&at("other"), 1, &[&base[..], &[&*set]].concat()));
             assert_eq!(found, expected, "{dimension}, {simd}");

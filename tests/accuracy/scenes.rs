@@ -8,7 +8,7 @@ use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::lee_hurley::LeeHurley;
 use gshear_dem::laws::lee_hurley::Material;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -91,7 +91,7 @@ pub fn in_plane([x, y]: [f64; 2]) -> [f64; 3] {
 /// One system of these grains on one rank, its forces computed.
 #[expect(clippy::too_many_arguments, reason = "all that makes a system")]
 pub fn system<const F: bool, const R: bool>(
-    level: Level,
+    isa: Isa,
     law: &Law,
     length: f64,
     step: f64,
@@ -108,7 +108,7 @@ pub fn system<const F: bool, const R: bool>(
         rebuild_every: 0,
     };
     let setup = Setup {
-        level,
+        isa,
         list,
         cell: Cell::between_walls([length, f64::INFINITY]),
         largest_radius: radii.fold(0.0, f64::max),
@@ -152,7 +152,7 @@ impl Scene {
             })
             .collect();
         let mut system = system::<true, true>(
-            Level::detect(),
+            Isa::detect(),
             &self.law,
             self.length,
             self.duration / steps as f64,

@@ -7,7 +7,7 @@ use gshear_dem::domain::Solo;
 use gshear_dem::drive::{Drive, NoWalls};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::ContactForces;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
 use gshear_dem::system::{ListSettings, Outside, Setup, System};
@@ -77,7 +77,7 @@ impl<C: ContactLaw + Stiffness, D: Drive<C::Space>> Rig<C, D> {
             rebuild_every: 0,
         };
         let setup = Setup {
-            level: Level::detect(),
+            isa: Isa::detect(),
             list,
             cell: Cell::between_walls([setting.length; 2]),
             largest_radius: radii.fold(0.0, f64::max),

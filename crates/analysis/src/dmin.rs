@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::neighbourhood::{NearPairs, separation};
 use super::rattlers;
-use gshear_dem::simd::{Lanes, Level, Work};
+use gshear_dem::simd::{Isa, Lanes, Work};
 use gshear_dem::state::{Disks, Frame};
 
 /// Radius of the neighbourhood over r̄ (LH section 3.2).
@@ -99,7 +99,7 @@ impl NonAffine {
         self.moments.resize(self.moving.len(), [0.0; 8]);
         self.neighbours.clear();
         self.neighbours.resize(self.moving.len(), 0);
-        Level::detect().run(SumMoments {
+        Isa::detect().run(SumMoments {
             length,
             radius,
             near: &self.near,

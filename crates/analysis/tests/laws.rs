@@ -8,7 +8,7 @@ use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::keys::{Key, Values};
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
 use gshear_dem::step::forces;
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -129,7 +129,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
             })
             .expect("one packing of many");
         let setup = Setup {
-            level: Level::detect(),
+            isa: Isa::detect(),
             list: ListSettings {
                 skin: Some(0.1),
                 rebuild_every: 0,
@@ -175,7 +175,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
         let mut samples = ContactForces::default();
         self.forces(Some(&mut samples));
         self.system.grains_mut().record.copy_from_slice(&before);
-        let rows = self.law.history_rows();
+        let rows = self.law.history_lanes();
         let at: Vec<_> = self.system.contacts.touching().collect();
         for (k, at) in at.into_iter().enumerate() {
             let normal = samples.normal[at.block].0[at.lane];
@@ -323,7 +323,7 @@ fn rolling_resistance_reaches_the_forces() {
         };
         let law = Law::read(kind, &mut Examples);
         let force = Two::pair_force(&law, &contact).expect("a law of disks");
-        force.history_rows()
+        force.history_lanes()
     };
     for kind in LAWS.iter().filter(|kind| kind.rolling) {
         assert_eq!(rows(kind, 0.1), rows(kind, 0.0) + 1, "{}", kind.name);

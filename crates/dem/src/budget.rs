@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::contact::dissipation;
 use crate::contact::model::PairModel;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
-use crate::simd::{LANES, Level, Row};
+use crate::simd::{Isa, LANES, Lanes16};
 use crate::state::{Contacts, Units};
 
 /// Kinds of elastic energy: normal, tangential, rolling.
@@ -162,14 +162,14 @@ impl EnergyBudget {
     pub fn balance(
         &mut self,
         exchange: &dyn Exchange,
-        level: Level,
+        isa: Isa,
         law: &dyn PairModel,
         of: Sample<'_>,
     ) -> EnergyBalance {
         // Elastic energies are greater than the energy dissipated in a step.
         let elastic_unit = FixedPoint::new(self.unit * 2f64.powi(36));
         let mut elastic = [Accumulator::default(); ELASTIC];
-        add_elastic(level, law, &of, elastic_unit, &mut elastic);
+        add_elastic(isa, law, &of, elastic_unit, &mut elastic);
         let elastic = elastic_unit.total(exchange, elastic);
         let energy = of.kinetic + elastic.iter().sum::<f64>();
         let begin = *self.begin.get_or_insert_with(|| {
@@ -206,7 +206,7 @@ pub struct Sample<'a> {
     /// The contacts of this rank.
     pub contacts: &'a Contacts,
     /// δ (m) of every block.
-    pub overlap: &'a [Row],
+    pub overlap: &'a [Lanes16],
     /// N.
     pub load: f64,
     /// Of the piston (m).
@@ -217,26 +217,26 @@ pub struct Sample<'a> {
 
 /// Adds the elastic energies of the contacts whose first grain this rank owns.
 fn add_elastic(
-    level: Level,
+    isa: Isa,
     law: &dyn PairModel,
     of: &Sample<'_>,
     unit: FixedPoint,
     sums: &mut [Accumulator; ELASTIC],
 ) {
     let contacts = of.contacts;
-    let owned = contacts.mine;
-    let mut energies = vec![[Row::ZERO; ELASTIC]; owned];
+    let owned = contacts.owned_blocks;
+    let mut energies = vec![[Lanes16::ZERO; ELASTIC]; owned];
     law.energies(
-        level,
+        isa,
         &contacts.parameters,
         &contacts.history,
         of.overlap,
         &mut energies,
     );
     for (energies, touching) in energies.iter().zip(&contacts.touching) {
-        for (sum, row) in sums.iter_mut().zip(energies) {
+        for (sum, lanes) in sums.iter_mut().zip(energies) {
             for lane in (0..LANES).filter(|lane| touching >> lane & 1 == 1) {
-                unit.add(sum, row.0[lane]);
+                unit.add(sum, lanes.0[lane]);
             }
         }
     }

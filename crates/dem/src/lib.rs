@@ -17,7 +17,7 @@
 //! use gshear_dem::laws::keys::{Key, Values};
 //! use gshear_dem::laws::{self, Contact, Law, LawSpace};
 //! use gshear_dem::observe::digest;
-//! use gshear_dem::simd::Level;
+//! use gshear_dem::simd::Isa;
 //! use gshear_dem::state::{Cell, GrainState, body};
 //! use gshear_dem::step::{StepRequest, advance, initial_forces};
 //! use gshear_dem::system::{ListSettings, Setup, System};
@@ -67,7 +67,7 @@
 //! };
 //! let grains = vec![grain(0, 4e-3, 0.1), grain(1, 6.1e-3, 0.0), grain(2, 8.2e-3, -0.1)];
 //! let mut system = System::<Two>::new(&Solo, Setup {
-//!     level: Level::detect(),
+//!     isa: Isa::detect(),
 //!     list: ListSettings::default(),
 //!     cell: Cell::between_walls([20e-3, f64::INFINITY]),
 //!     largest_radius: 1e-3,

@@ -135,7 +135,7 @@ pub fn series<D: Dimension>(
         .map_or(EnergyBalance::NONE, |budget| {
             budget.balance(
                 exchange,
-                system.level,
+                system.isa,
                 law,
                 budget::Sample {
                     contacts: &system.contacts,
@@ -205,7 +205,7 @@ pub fn frame<D: Dimension>(
         .filter(|at| at.i < system.grains.owned)
         .map(|at| {
             let state = system.contacts.state(law, at, &system.grains.id);
-            let force = samples.tangential[at.block].map(|row| row.0[at.lane]);
+            let force = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
             let planar = D::SPINS == 1;
             let tangential = |v: [f64; 3]| if planar { [v[0], 0.0, 0.0] } else { v };
             ContactSample {
@@ -242,7 +242,7 @@ pub fn digest<D: Dimension>(
     for g in system.grain_states() {
         add(bytemuck::bytes_of(&g));
     }
-    for c in system.own_contact_states(law) {
+    for c in system.owned_contact_states(law) {
         add(bytemuck::bytes_of(&c));
     }
     if exchange.rank() == 0 {

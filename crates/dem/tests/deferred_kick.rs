@@ -10,7 +10,7 @@ use gshear_dem::laws::hertz::{Hertz, Spheres};
 use gshear_dem::laws::hooke::{Hooke, Springs};
 use gshear_dem::observe;
 use gshear_dem::protocol::Protocol;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -35,7 +35,7 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, look: Look<D
         _ => length,
     };
     let setup = Setup {
-        level: Level::detect(),
+        isa: Isa::detect(),
         // So that lists are rebuilt after steps that are looked at, and after others.
         list: ListSettings {
             skin: Some(0.1),

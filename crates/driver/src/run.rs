@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Failure;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{ContactState, FramePart, GrainState, Snapshot, Travel};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Bookkeeping;
-use gshear_scene::schedule::Window;
+use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 
@@ -30,7 +30,7 @@ pub struct Options {
     pub threads: usize,
     /// Compute only the stretch from the checkpoint to the end of this window, silently and into new
     /// files.
-    pub replay: Option<Window>,
+    pub replay: Option<ReplayWindow>,
 }
 
 /// How a run ended that did not fail.
@@ -148,7 +148,7 @@ pub struct Run<'a> {
     /// The scene as TOML, every default filled in.
     pub toml: &'a str,
     /// The instruction set of the kernel.
-    pub level: Level,
+    pub isa: Isa,
     pub(crate) terminal: Terminal,
     signals: Signals,
     started: Instant,
@@ -165,14 +165,14 @@ impl<'a> Run<'a> {
         options: &'a Options,
     ) -> Result<Self, Failure> {
         let name = bookkeeping.simd;
-        let level = Level::named(name)
+        let isa = Isa::named(name)
             .ok_or_else(|| Failure::input(format!("this processor has no {name}")))?;
         let now = Instant::now();
         Ok(Self {
             exchange,
             options,
             toml,
-            level,
+            isa,
             terminal: Terminal::new(exchange.rank() == 0 && options.replay.is_none()),
             signals: Signals::catch()?,
             started: now,

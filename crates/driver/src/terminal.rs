@@ -10,7 +10,7 @@ use crate::header::{Birth, Progress};
 use gshear_dem::clock::Phase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::SeriesRow;
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -53,13 +53,13 @@ impl Terminal {
         }
     }
 
-    pub fn header(&self, exchange: &dyn Parallel, scene: &Scene, level: Level) {
+    pub fn header(&self, exchange: &dyn Parallel, scene: &Scene, isa: Isa) {
         self.say(format!("{}: {}", provenance::printed(), scene.title));
         self.say(format!(
             "{} on {} ({}); {} grains, {}",
             ranks(exchange.size()),
             provenance::processor(),
-            level.name(),
+            isa.name(),
             scene.sample.grains,
             match scene.dimension {
                 Dimensions::Two => format!("L_x = {:.4e} m", scene.sample.length),
@@ -288,13 +288,13 @@ fn ranks(n: usize) -> String {
 
 /// Of runs in a periodic box.
 impl Terminal {
-    pub fn periodic_header(&self, exchange: &dyn Parallel, scene: &PeriodicScene, level: Level) {
+    pub fn periodic_header(&self, exchange: &dyn Parallel, scene: &PeriodicScene, isa: Isa) {
         self.say(format!("{}: {}", provenance::printed(), scene.title));
         self.say(format!(
             "{} on {} ({}); {} grains in a periodic box {:.4e} long, solid fraction {:.4}",
             ranks(exchange.size()),
             provenance::processor(),
-            level.name(),
+            isa.name(),
             scene.sample.grains,
             scene.sample.length,
             scene.solid_fraction

@@ -11,7 +11,7 @@ use gshear_driver::files::RUN_FILE;
 use gshear_driver::header::Header;
 use gshear_driver::launch::Task;
 use gshear_driver::run::{Options, Outcome, Start};
-use gshear_scene::schedule::Window;
+use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
 use gshear_store::run_reader::{PeriodicRun, Run};
@@ -115,7 +115,7 @@ pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure
 }
 
 /// Returns the steps of the first and the last row of the time series in the range.
-fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
+fn steps(run: &Run, wanted: Wanted) -> Result<ReplayWindow, Failure> {
     let (series, [from, to]) = (run.series(), wanted.strain);
     let strain = series.column("strain");
     let within = |row: &usize| strain[*row] >= from && strain[*row] <= to;
@@ -131,7 +131,7 @@ fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
     let every = wanted
         .every
         .unwrap_or_else(|| series.step[first + 1] - series.step[first]);
-    Ok(Window {
+    Ok(ReplayWindow {
         first: series.step[first],
         last: series.step[last],
         every,
@@ -143,7 +143,7 @@ fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
 fn again(
     folder: &Path,
     stage: &str,
-    window: Window,
+    window: ReplayWindow,
     set: &[&str],
     (threads, out): (usize, &Path),
 ) -> Result<u64, Failure> {
@@ -232,7 +232,7 @@ pub fn newtonian(
             stored.time.last().unwrap_or(&f64::NAN),
         )));
     };
-    let window = Window {
+    let window = ReplayWindow {
         first: stored.step[first],
         last: stored.step[last],
         every: every.unwrap_or_else(|| stored.step[first + 1] - stored.step[first]),

@@ -23,12 +23,12 @@ pub struct Schedule {
     /// Every so many steps; 0 is never.
     pub progress: u64,
     /// Frames of a stretch that is computed again, instead of the segments'.
-    window: Option<Window>,
+    window: Option<ReplayWindow>,
 }
 
 /// A stretch of the shear that is computed again: frames of the steps `first`, `first` + `every`, … up to `last`, where it ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Window {
+pub struct ReplayWindow {
     /// Step of the first frame.
     pub first: u64,
     /// The last step.
@@ -131,7 +131,7 @@ impl Schedule {
     }
 
     /// The same to the end of a window, with its frames, without checkpoints and scalars.
-    pub fn of_window(mut self, window: Window) -> Self {
+    pub fn of_window(mut self, window: ReplayWindow) -> Self {
         for intervals in &mut self.intervals {
             (intervals.analysis, intervals.checkpoints) = (0, 0);
         }
@@ -141,7 +141,7 @@ impl Schedule {
     }
 
     /// The stretch that is computed again, if it is one.
-    pub fn window(&self) -> Option<Window> {
+    pub fn window(&self) -> Option<ReplayWindow> {
         self.window
     }
 

@@ -6,7 +6,7 @@ use super::fit::{Fit, chi_squared, fit};
 use super::law::Evolution;
 use super::measures::{self, Healing, Hold, Peaks, Steady, Step};
 use super::record::Record;
-use super::window::Window;
+use super::window::FitWindow;
 
 /// A record with everything measured on it without a law.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,7 +70,7 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    fn of(name: &'static str, windows: &[Window], laws: &[Evolution]) -> Self {
+    fn of(name: &'static str, windows: &[FitWindow], laws: &[Evolution]) -> Self {
         let fits: Vec<_> = laws.iter().map(|law| (*law, fit(windows, *law))).collect();
         let done = fits.iter().filter_map(|(_, fit)| fit.as_ref().ok());
         let best = done.min_by(|a, b| a.rms.total_cmp(&b.rms));
@@ -96,7 +96,7 @@ impl Fitted {
 /// Fits the laws to all records together; then, if there are both kinds, to all velocity steps and
 /// to all slide-hold-slide tests; then, if there are several, to each step and each hold.
 pub fn fit_all(records: &[Record], laws: &[Evolution]) -> Vec<Fitted> {
-    let window = |(k, range): &(usize, Range<usize>)| Window::of(&records[*k], range.clone());
+    let window = |(k, range): &(usize, Range<usize>)| FitWindow::of(&records[*k], range.clone());
     let of_all = |ranges: fn(&Record) -> Vec<Range<usize>>| -> Vec<(usize, Range<usize>)> {
         let of = |(k, record)| ranges(record).into_iter().map(move |range| (k, range));
         records.iter().enumerate().flat_map(of).collect()
@@ -106,7 +106,7 @@ pub fn fit_all(records: &[Record], laws: &[Evolution]) -> Vec<Fitted> {
     let steps = of_all(step_ranges);
     let holds = of_all(hold_ranges);
     let together = |name, ranges: &[(usize, Range<usize>)]| {
-        let windows: Vec<Window> = ranges.iter().map(window).collect();
+        let windows: Vec<FitWindow> = ranges.iter().map(window).collect();
         Fitted::of(name, &windows, laws)
     };
     let mut fitted = vec![together("all", &whole)];

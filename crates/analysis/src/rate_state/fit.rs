@@ -10,7 +10,7 @@ use nalgebra::{Dyn, Matrix4, OMatrix, OVector, U4, Vector4};
 use super::law::{Evolution, Law};
 use super::measures::student;
 use super::noise::correlation;
-use super::window::Window;
+use super::window::FitWindow;
 
 /// An estimate with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -107,7 +107,7 @@ const MODEL_ERROR: f64 = 1e-7;
 /// # Errors
 /// Says why there is no fit: no windows, no convergence, a failed integration, or data that do not
 /// determine the parameters.
-pub fn fit(windows: &[Window], evolution: Evolution) -> Result<Fit, String> {
+pub fn fit(windows: &[FitWindow], evolution: Evolution) -> Result<Fit, String> {
     let Some(first) = windows.first() else {
         return Err("no window to fit: give at least one record with a slide".into());
     };
@@ -134,7 +134,7 @@ pub fn fit(windows: &[Window], evolution: Evolution) -> Result<Fit, String> {
 /// The χ² of `noise_of` itself is its `effective`. Of two laws fitted to the same
 /// windows, the one with the lesser χ² is more likely; take the noise from the fit with the lesser
 /// `rms`.
-pub fn chi_squared(windows: &[Window], fit: &Fit, noise_of: &Fit) -> f64 {
+pub fn chi_squared(windows: &[FitWindow], fit: &Fit, noise_of: &Fit) -> f64 {
     let mut sum = 0.0;
     for ((window, residuals), noise) in windows.iter().zip(&fit.residuals).zip(&noise_of.noise) {
         for (means, noise) in window.segments.iter().zip(noise) {
@@ -159,7 +159,7 @@ struct Noise {
 /// The least-squares problem at a point.
 #[derive(Clone)]
 struct Problem<'a> {
-    windows: &'a [Window],
+    windows: &'a [FitWindow],
     evolution: Evolution,
     v_star: f64,
     /// `[windows][segments]` square roots of the weights.
@@ -168,7 +168,7 @@ struct Problem<'a> {
     at: Vector4<f64>,
 }
 
-fn equal_weights(windows: &[Window]) -> Vec<Vec<f64>> {
+fn equal_weights(windows: &[FitWindow]) -> Vec<Vec<f64>> {
     let root = |means: &Range<usize>| (means.len().max(1) as f64).sqrt().recip();
     windows
         .iter()
@@ -284,7 +284,7 @@ impl Problem<'_> {
     /// `[windows][means]` measured less model.
     fn residuals_of_windows(&self) -> Result<Vec<Vec<f64>>, String> {
         let law = self.law(&self.at);
-        let of = |window: &Window| {
+        let of = |window: &FitWindow| {
             let model = window.model_means(&law)?;
             let pairs = window.friction.iter().zip(model);
             Ok(pairs.map(|(measured, model)| measured - model).collect())

@@ -6,7 +6,7 @@ use super::fit::{Estimate, Fit, fit};
 use super::law::Evolution;
 use super::measures::student;
 use super::record::{Record, mean};
-use super::window::Window;
+use super::window::FitWindow;
 
 /// Least number of realisations per protocol.
 const FEWEST: usize = 3;
@@ -40,7 +40,7 @@ pub fn jackknife(records: &[Record], groups: &[Vec<usize>], all: &Fitted) -> Opt
 }
 
 fn with_spread(records: &[Record], groups: &[Vec<usize>], full: Fit) -> Result<Fit, String> {
-    let windows: Vec<Window> = groups
+    let windows: Vec<FitWindow> = groups
         .iter()
         .map(|group| whole(records, group.iter().copied()))
         .collect();
@@ -78,9 +78,9 @@ fn parameters(fit: &Fit) -> [f64; 5] {
     [law.a.ln(), law.b, law.a - law.b, law.d_c.ln(), law.mu_star]
 }
 
-fn whole(records: &[Record], members: impl Iterator<Item = usize>) -> Window {
+fn whole(records: &[Record], members: impl Iterator<Item = usize>) -> FitWindow {
     let members: Vec<&Record> = members.map(|k| &records[k]).collect();
     let record = mean(&members);
     let segments = record.drive.len();
-    Window::of(&record, 0..segments)
+    FitWindow::of(&record, 0..segments)
 }

@@ -36,4 +36,4 @@ pub use protocol::{Segment, of_drive};
 pub use record::{Record, merge};
 pub use slider::Slider;
 pub use stack::{Piece, Stack, stacks};
-pub use window::{Window, modelled};
+pub use window::{FitWindow, modelled};

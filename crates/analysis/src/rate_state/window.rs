@@ -14,7 +14,7 @@ const MEANS: usize = 400;
 /// Consecutive segments of a record. The first one is a slide; only its latter half is used, where
 /// sliding is taken as steady.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Window {
+pub struct FitWindow {
     /// k̄ (1/m).
     pub stiffness: f64,
     /// Segments; the first one shortened to the half that is used.
@@ -29,14 +29,14 @@ pub struct Window {
     pub segments: Vec<Range<usize>>,
 }
 
-impl Window {
+impl FitWindow {
     /// Takes the segments of `record` in the range. The first one must be a slide.
     pub fn of(record: &Record, range: Range<usize>) -> Self {
         let first = range.start;
         let mut drive = record.drive[range.clone()].to_vec();
         drive[0].duration *= 0.5;
         let begin = record.begin(first) + drive[0].duration;
-        let mut window = Window {
+        let mut window = FitWindow {
             stiffness: record.stiffness,
             drive,
             time: Vec::new(),
@@ -106,7 +106,7 @@ impl Window {
 /// # Errors
 /// If the integration fails; see [`Slider::motion`].
 pub fn modelled(record: &Record, law: &Law) -> Result<Record, String> {
-    let window = Window::of(record, 0..record.drive.len());
+    let window = FitWindow::of(record, 0..record.drive.len());
     let model = window.model(law)?;
     let before = record.time.len() - model.len();
     let first = model.first().copied().unwrap_or(f64::NAN);

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::krylov::{self, Settings, Stalled};
 use super::problem::Problem;
 use super::spectrum::Spectrum;
-use gshear_dem::simd::{self, Level, Work};
+use gshear_dem::simd::{self, Isa, Work};
 
 /// Least factor by which a polynomial multiplies the modes it is to find.
 const AMPLIFIED: f64 = 2.0;
@@ -256,10 +256,10 @@ impl Rows {
 
     /// before ← (4A/b - 2) now - before.
     fn step(&self, now: &[Lanes], before: &mut [Lanes], par: Par) {
-        let level = Level::detect();
+        let isa = Isa::detect();
         let work = |(chunk, before): (usize, &mut [Lanes])| {
             let first = chunk * ROWS;
-            level.run(Step {
+            isa.run(Step {
                 rows: self,
                 first,
                 now,

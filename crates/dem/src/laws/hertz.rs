@@ -27,7 +27,7 @@ use crate::contact::{
 };
 use crate::dimension::{Dimension, Dimensions, Three};
 use crate::kernel::PairForce;
-use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
+use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
 use crate::state::Masses;
 
 /// The law as scenes name it.
@@ -336,7 +336,7 @@ const DAMPING: usize = 1;
 /// Largest overlap (m).
 const LARGEST: usize = 2;
 
-// Place in the carried rows: √(δR*).
+// Index in `Blocks::carry`: √(δR*).
 const ROOT: usize = 0;
 
 /// Lower bound of δR* (m²), also for pairs that do not touch.
@@ -350,7 +350,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     const ROLLING: bool = false;
 
     #[inline(always)]
-    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
         let density = c(self.density);
         let (m_i, m_j) = (density * Three::power(r_i), density * Three::power(r_j));
@@ -368,7 +368,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         for (((p, motion), carry), response) in blocks
             .parameters
@@ -394,7 +394,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
             }
         }
         if FRICTION {
-            self.rub::<L, BUDGET>(token, blocks);
+            self.tangential_force::<L, BUDGET>(token, blocks);
         }
     }
 
@@ -403,9 +403,9 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
-        parameters: &[Row],
+        parameters: &[Lanes16],
         overlap: L,
-        history: &[Row],
+        history: &[Lanes16],
     ) -> [L; 3] {
         let c = |v| L::splat(token, v);
         let root = (overlap.max(c(0.0)) * L::load(token, &parameters[RADIUS])).sqrt();
@@ -430,9 +430,13 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
 impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
     /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn tangential_force<L: Lanes, const BUDGET: bool>(
+        &self,
+        token: L::Token,
+        blocks: &mut Blocks<'_>,
+    ) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         let k_t = c(self.tangential_stiffness);
         for ((((p, history), motion), carry), response) in blocks

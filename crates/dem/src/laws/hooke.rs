@@ -32,13 +32,13 @@ use super::damping::{of_ratio, read_ratio};
 use super::keys::{
     DAMPING_RATIO, DENSITY, Key, NORMAL_STIFFNESS, RESTITUTION, TANGENTIAL_STIFFNESS, Values,
 };
-use super::rolling::{self, Places, Rolling, roll};
+use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
 use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
-use crate::simd::{Lanes, Mask, Row};
+use crate::simd::{Lanes, Lanes16, Mask};
 use crate::state::Masses;
 
 /// The law as scenes name it.
@@ -226,7 +226,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     const ROLLING: bool = ROLLING;
 
     #[inline(always)]
-    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
         let density = c(self.density);
         let (m_i, m_j) = (density * D::power(r_i), density * D::power(r_j));
@@ -247,7 +247,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         for ((p, motion), response) in blocks
             .parameters
@@ -315,7 +315,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 parameters: (Self::PARAMETERS, PLAIN),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, BUDGET>(token, blocks, places);
+            rolling_force::<L, BUDGET>(token, blocks, places);
         }
     }
 
@@ -323,17 +323,17 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
-        parameters: &[Row],
+        parameters: &[Lanes16],
         overlap: L,
-        history: &[Row],
+        history: &[Lanes16],
     ) -> [L; 3] {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let normal = c(0.5 * self.normal_stiffness) * overlap * overlap;
         let (mut tangential, mut rolling) = (c(0.0), c(0.0));
         if FRICTION {
-            for row in &history[..D::SPINS] {
-                let force = load(row);
+            for lanes in &history[..D::SPINS] {
+                let force = load(lanes);
                 tangential =
                     (c(0.5 / self.tangential_stiffness) * force).mul_add(force, tangential);
             }
@@ -413,11 +413,11 @@ mod tests {
     fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
         type Law = Hooke<Two, true, true>;
         let law = Law::new(&SPRINGS, &CONTACT);
-        let mut parameters = [Row::ZERO; Law::PARAMETERS];
+        let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
         let c = |v| Portable::splat(PortableToken, v);
         law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
-        let mut history = history.map(|v| Row([v; LANES]));
-        let [overlap, v_n, v_t, slip, spin, roll] = motion.map(|v| Row([v; LANES]));
+        let mut history = history.map(|v| Lanes16([v; LANES]));
+        let [overlap, v_n, v_t, slip, spin, roll] = motion.map(|v| Lanes16([v; LANES]));
         let motion = Motion {
             overlap,
             normal_velocity: v_n,
@@ -434,15 +434,15 @@ mod tests {
                 parameters: &parameters,
                 history: &mut history,
                 motion: &[motion],
-                carry: &mut [[Row::ZERO; CARRY]],
+                carry: &mut [[Lanes16::ZERO; CARRY]],
                 response: &mut response,
             },
         );
         let [r] = response;
         (
-            [r.normal, r.tangential[0], r.rolling].map(|row| row.0[3]),
+            [r.normal, r.tangential[0], r.rolling].map(|lanes| lanes.0[3]),
             [r.sliding != 0, r.beyond != 0],
-            history.map(|row| row.0[3]),
+            history.map(|lanes| lanes.0[3]),
         )
     }
 

@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Line, Mask, Oct, PairList, Pairs, Quad, Row,
-    TO_INTEGER, Work,
+    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
+    PairList, Pairs, TO_INTEGER, Work,
 };
 
 /// Proof that this processor has AVX2 and FMA.
@@ -117,7 +117,7 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn load(_: Avx2Token, from: &Row) -> Self {
+    fn load(_: Avx2Token, from: &Lanes16) -> Self {
         // SAFETY: the token proves AVX2; a row holds sixteen f64 and is aligned, four from each pointer.
         Avx2(each(|k| unsafe {
             _mm256_load_pd(from.0.as_ptr().add(4 * k))
@@ -125,7 +125,7 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn store(self, to: &mut Row) {
+    fn store(self, to: &mut Lanes16) {
         for (k, part) in self.0.into_iter().enumerate() {
             // SAFETY: a value of this type exists only where a token was shown; a row holds sixteen f64 and is aligned.
             unsafe { _mm256_store_pd(to.0.as_mut_ptr().add(4 * k), part) }
@@ -307,10 +307,10 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn differences<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 8],
+        out: &mut [Lanes16; 8],
     ) {
         let pairs = list.within(block, records.len());
         for lane in (0..LANES).step_by(4) {
@@ -326,9 +326,9 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn line_of_j<const LINE: usize, const LINES: usize>(
+    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 8] {
@@ -346,9 +346,9 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn end_of_j<const LINE: usize, const LINES: usize>(
+    fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 2] {
@@ -369,7 +369,7 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every quad holds
         // four f64 and is aligned.
@@ -392,7 +392,7 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize) {
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every oct holds
         // eight f64 and is aligned.
@@ -489,7 +489,7 @@ unsafe fn eighth(x: __m256d) -> (__m256i, __m256d) {
 /// The processor has AVX, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn columns<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     lane: usize,
     from: usize,
@@ -517,7 +517,7 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
 /// The processor has AVX, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     lane: usize,
     from: usize,
@@ -539,7 +539,7 @@ unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
 /// The processor has AVX, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn two_ends<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     lane: usize,
 ) -> __m256d {

@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Line, Mask, Oct, PairList, Pairs, Quad, Row,
-    TO_INTEGER, Work,
+    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Lanes16, Mask, PairList,
+    Pairs, TO_INTEGER, Work,
 };
 
 /// Proof that this processor has AVX-512 F and DQ.
@@ -112,7 +112,7 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn load(_: Avx512Token, from: &Row) -> Self {
+    fn load(_: Avx512Token, from: &Lanes16) -> Self {
         // SAFETY: the token proves AVX-512; a row holds sixteen f64 and is aligned, eight from each pointer.
         Avx512(unsafe {
             [
@@ -123,7 +123,7 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn store(self, to: &mut Row) {
+    fn store(self, to: &mut Lanes16) {
         // SAFETY: a value of this type exists only where a token was shown; a row holds sixteen f64 and is aligned.
         unsafe {
             _mm512_store_pd(to.0.as_mut_ptr(), self.0[0]);
@@ -298,10 +298,10 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn differences<const LINE: usize, const LINES: usize>(
         _: Avx512Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 8],
+        out: &mut [Lanes16; 8],
     ) {
         let pairs = list.within(block, records.len());
         // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every line holds eight f64 and is aligned.
@@ -317,9 +317,9 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn line_of_j<const LINE: usize, const LINES: usize>(
+    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
         _: Avx512Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 8] {
@@ -334,9 +334,9 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn end_of_j<const LINE: usize, const LINES: usize>(
+    fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: Avx512Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 2] {
@@ -361,7 +361,7 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every quad holds
         // four f64 and is aligned.
@@ -388,7 +388,7 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize) {
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every oct holds
         // eight f64 and is aligned.
@@ -438,7 +438,7 @@ fn joined(a: [__m512d; 8], b: [__m512d; 8]) -> [Avx512; 8] {
 /// The processor has AVX-512 F, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn columns<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     first: usize,
 ) -> [__m512d; 8] {
@@ -462,7 +462,7 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
 /// The processor has AVX-512 F, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     first: usize,
 ) -> [__m512d; 8] {
@@ -483,7 +483,7 @@ unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
 /// The processor has AVX-512 DQ, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn four_ends<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     first: usize,
 ) -> __m512d {

@@ -89,7 +89,7 @@ pub fn inverse_sqrt<L: Lanes>(token: L::Token, x: L) -> L {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Portable, PortableToken, Row};
+    use super::super::{Lanes16, Portable, PortableToken};
     use super::*;
 
     #[test]
@@ -97,10 +97,10 @@ mod tests {
         // std's ln is itself within an ulp, so two are allowed between them.
         let mut x = 1e-300;
         while x < 1e300 {
-            let row = Row(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
-            let mut out = Row::ZERO;
-            ln(PortableToken, Portable::load(PortableToken, &row)).store(&mut out);
-            for (v, y) in row.0.iter().zip(out.0) {
+            let lanes = Lanes16(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
+            let mut out = Lanes16::ZERO;
+            ln(PortableToken, Portable::load(PortableToken, &lanes)).store(&mut out);
+            for (v, y) in lanes.0.iter().zip(out.0) {
                 let reference = v.ln();
                 assert!(
                     (y - reference).abs() <= 2.0 * f64::EPSILON * reference.abs().max(1.0),
@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn logarithm_near_one_keeps_its_digits() {
         for x in [1.0, 1.0 + 1e-9, 1.0 - 1e-9, 1.0625, 0.96875, 1.05, 0.97] {
-            let mut out = Row::ZERO;
+            let mut out = Lanes16::ZERO;
             ln(PortableToken, Portable::splat(PortableToken, x)).store(&mut out);
             let reference = f64::ln(x);
             assert!(
@@ -129,11 +129,11 @@ mod tests {
     fn inverses_are_good_to_an_ulp() {
         let mut x = 1e-300;
         while x < 1e300 {
-            let row = Row(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
-            let lanes = Portable::load(PortableToken, &row);
-            let root = inverse_sqrt(PortableToken, lanes).to_row();
-            let inverse = inverse(PortableToken, lanes).to_row();
-            for (k, v) in row.0.into_iter().enumerate() {
+            let lanes = Lanes16(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
+            let lanes = Portable::load(PortableToken, &lanes);
+            let root = inverse_sqrt(PortableToken, lanes).to_lanes16();
+            let inverse = inverse(PortableToken, lanes).to_lanes16();
+            for (k, v) in lanes.0.into_iter().enumerate() {
                 for (y, reference) in [(root.0[k], 1.0 / v.sqrt()), (inverse.0[k], 1.0 / v)] {
                     assert!(
                         (y / reference - 1.0).abs() <= 2.0 * f64::EPSILON,

@@ -29,36 +29,36 @@ pub const LANES: usize = 16;
 /// One quantity of sixteen contacts.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub struct Row(pub [f64; LANES]);
+pub struct Lanes16(pub [f64; LANES]);
 
 /// Eight f64 on one cache line. A grain, as the kernel reads it, takes one or two: its record.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub struct Line(pub [f64; 8]);
+pub struct CacheLine(pub [f64; 8]);
 
-impl Line {
+impl CacheLine {
     /// Zeros.
-    pub const ZERO: Self = Line([0.0; 8]);
+    pub const ZERO: Self = CacheLine([0.0; 8]);
 }
 
-impl Row {
+impl Lanes16 {
     /// Zeros.
-    pub const ZERO: Self = Row([0.0; LANES]);
+    pub const ZERO: Self = Lanes16([0.0; LANES]);
 }
 
 /// Half a cache line: what is added to one grain.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
-pub struct Quad(pub [f64; 4]);
+pub struct Force2(pub [f64; 4]);
 
-impl Deref for Quad {
+impl Deref for Force2 {
     type Target = [f64];
     fn deref(&self) -> &[f64] {
         &self.0
     }
 }
 
-impl DerefMut for Quad {
+impl DerefMut for Force2 {
     fn deref_mut(&mut self) -> &mut [f64] {
         &mut self.0
     }
@@ -67,16 +67,16 @@ impl DerefMut for Quad {
 /// A cache line: what is added to one grain in three dimensions.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub struct Oct(pub [f64; 8]);
+pub struct Force3(pub [f64; 8]);
 
-impl Deref for Oct {
+impl Deref for Force3 {
     type Target = [f64];
     fn deref(&self) -> &[f64] {
         &self.0
     }
 }
 
-impl DerefMut for Oct {
+impl DerefMut for Force3 {
     fn deref_mut(&mut self) -> &mut [f64] {
         &mut self.0
     }
@@ -160,13 +160,13 @@ pub trait Lanes:
     /// The same number in every lane.
     fn splat(token: Self::Token, x: f64) -> Self;
     /// The lanes of a row.
-    fn load(token: Self::Token, from: &Row) -> Self;
+    fn load(token: Self::Token, from: &Lanes16) -> Self;
     /// Writes the lanes to a row.
-    fn store(self, to: &mut Row);
+    fn store(self, to: &mut Lanes16);
     /// The lanes as a row.
     #[inline(always)]
-    fn to_row(self) -> Row {
-        let mut row = Row::ZERO;
+    fn to_lanes16(self) -> Lanes16 {
+        let mut row = Lanes16::ZERO;
         self.store(&mut row);
         row
     }
@@ -208,18 +208,18 @@ pub trait Lanes:
     /// Where an index of the list is outside `records`.
     fn differences<const LINE: usize, const LINES: usize>(
         token: Self::Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 8],
+        out: &mut [Lanes16; 8],
     );
     /// One line of the records j, transposed.
     ///
     /// # Panics
     /// Where an index of the list is outside `records`.
-    fn line_of_j<const LINE: usize, const LINES: usize>(
+    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
         token: Self::Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 8];
@@ -227,9 +227,9 @@ pub trait Lanes:
     ///
     /// # Panics
     /// Where an index of the list is outside `records`.
-    fn end_of_j<const LINE: usize, const LINES: usize>(
+    fn last_two_of_j<const LINE: usize, const LINES: usize>(
         token: Self::Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 2];
@@ -237,17 +237,17 @@ pub trait Lanes:
     ///
     /// # Panics
     /// Where an index of the list is outside `sums`.
-    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize);
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize);
     /// Adds (a, b, 0, 0) to `sums[i]` and (-a, c, 0, 0) to `sums[j]`, where a, b and c are three numbers each.
     ///
     /// # Panics
     /// Where an index of the list is outside `sums`.
-    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize);
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize);
 }
 
 /// Asks for what the second of each pair of a block has in `of`, before it is needed; without such an instruction, nothing.
 #[inline(always)]
-pub fn ask_for<T>(of: &[T], list: &PairList, block: usize) {
+pub fn prefetch<T>(of: &[T], list: &PairList, block: usize) {
     #[cfg(target_arch = "x86_64")]
     for &j in &list.within(block, of.len()).j {
         let first = of.as_ptr().wrapping_add(j as usize).cast::<i8>();
@@ -286,7 +286,7 @@ pub trait Work {
 
 /// The instruction sets that the kernel is built for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Level {
+pub enum Isa {
     /// AVX-512.
     Avx512(Avx512Token),
     /// AVX2 with FMA.
@@ -295,15 +295,15 @@ pub enum Level {
     Portable,
 }
 
-impl Level {
+impl Isa {
     /// The widest that this processor has.
     pub fn detect() -> Self {
         if let Some(token) = Avx512Token::detect() {
-            Level::Avx512(token)
+            Isa::Avx512(token)
         } else if let Some(token) = Avx2Token::detect() {
-            Level::Avx2(token)
+            Isa::Avx2(token)
         } else {
-            Level::Portable
+            Isa::Portable
         }
     }
 
@@ -311,9 +311,9 @@ impl Level {
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "auto" => Some(Self::detect()),
-            "avx512" => Avx512Token::detect().map(Level::Avx512),
-            "avx2" => Avx2Token::detect().map(Level::Avx2),
-            "portable" => Some(Level::Portable),
+            "avx512" => Avx512Token::detect().map(Isa::Avx512),
+            "avx2" => Avx2Token::detect().map(Isa::Avx2),
+            "portable" => Some(Isa::Portable),
             _ => None,
         }
     }
@@ -321,18 +321,18 @@ impl Level {
     /// Does the work with this instruction set.
     pub fn run<W: Work>(self, work: W) -> W::Output {
         match self {
-            Level::Avx512(token) => avx512::run(token, work),
-            Level::Avx2(token) => avx2::run(token, work),
-            Level::Portable => work.run::<Portable>(PortableToken),
+            Isa::Avx512(token) => avx512::run(token, work),
+            Isa::Avx2(token) => avx2::run(token, work),
+            Isa::Portable => work.run::<Portable>(PortableToken),
         }
     }
 
-    /// The name that [`Level::named`] takes.
+    /// The name that [`Isa::named`] takes.
     pub fn name(self) -> &'static str {
         match self {
-            Level::Avx512(_) => "avx512",
-            Level::Avx2(_) => "avx2",
-            Level::Portable => "portable",
+            Isa::Avx512(_) => "avx512",
+            Isa::Avx2(_) => "avx2",
+            Isa::Portable => "portable",
         }
     }
 }
@@ -355,14 +355,14 @@ mod tests {
 
     #[inline(always)]
     fn exercise<L: Lanes>(token: L::Token) -> Vec<u64> {
-        let twice = |x: [f64; 8]| Row(std::array::from_fn(|k| x[k % 8] * [1.0, 1.1][k / 8]));
+        let twice = |x: [f64; 8]| Lanes16(std::array::from_fn(|k| x[k % 8] * [1.0, 1.1][k / 8]));
         let a = twice([1.5, -2.25, 3.0e-7, 1e300, -0.0, 7.5, 0.1, -1e-200]);
         let b = twice([0.5, 2.5, -3.5, 1e-300, 4.0, -7.5, 0.3, 2.0]);
         let (x, y) = (L::load(token, &a), L::load(token, &b));
         let positive = twice([1.0, 1.9999999, 2.5e-12, 1e300, 3e-308, 0.7, 42.0, 1e-5]);
         let (e, m) = L::load(token, &positive).exponent_mantissa();
-        let line = |k: usize| Line(std::array::from_fn(|f| (k * k) as f64 + 0.1 * f as f64));
-        let records: Vec<[Line; 2]> = (0..20).map(|k| [line(k), line(2 * k + 1)]).collect();
+        let line = |k: usize| CacheLine(std::array::from_fn(|f| (k * k) as f64 + 0.1 * f as f64));
+        let records: Vec<[CacheLine; 2]> = (0..20).map(|k| [line(k), line(2 * k + 1)]).collect();
         // Records that occur more than once, as first and as second.
         let mut list = PairList::default();
         list.push(Pairs {
@@ -394,25 +394,25 @@ mod tests {
             inverse::<L>(token, L::load(token, &positive)),
             inverse_sqrt::<L>(token, L::load(token, &positive)),
         ];
-        let mut rows = [Row::ZERO; 8];
+        let mut rows = [Lanes16::ZERO; 8];
         L::differences::<0, 2>(token, &records, &list, 0, &mut rows);
         out.extend(rows.iter().map(|row| L::load(token, row)));
         L::differences::<1, 2>(token, &records, &list, 0, &mut rows);
         out.extend(rows.iter().map(|row| L::load(token, row)));
-        out.extend(L::line_of_j::<1, 2>(token, &records, &list, 0));
-        out.extend(L::end_of_j::<1, 2>(token, &records, &list, 0));
+        out.extend(L::cache_line_of_j::<1, 2>(token, &records, &list, 0));
+        out.extend(L::last_two_of_j::<1, 2>(token, &records, &list, 0));
         let mut bits = Vec::new();
         for lanes in out {
-            let mut row = Row::ZERO;
+            let mut row = Lanes16::ZERO;
             lanes.store(&mut row);
             bits.extend(row.0.map(f64::to_bits));
         }
-        let mut sums: Vec<Quad> = (0..20).map(|k| Quad([0.1 * f64::from(k); 4])).collect();
-        L::add_quads([x, y, x + y, x - y], &mut sums, &list, 0);
+        let mut sums: Vec<Force2> = (0..20).map(|k| Force2([0.1 * f64::from(k); 4])).collect();
+        L::add_forces_2d([x, y, x + y, x - y], &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
-        let mut sums: Vec<Oct> = (0..20).map(|k| Oct([0.1 * f64::from(k); 8])).collect();
+        let mut sums: Vec<Force3> = (0..20).map(|k| Force3([0.1 * f64::from(k); 8])).collect();
         let terms = [[x, y, x + y], [x - y, x * y, -x], [y, -y, y - x]];
-        L::add_octs(terms, &mut sums, &list, 0);
+        L::add_forces_3d(terms, &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
         let small = L::splat(token, 2.5)
             .max(x)
@@ -426,18 +426,18 @@ mod tests {
     }
 
     #[test]
-    fn every_level_gives_the_same_bits() {
-        let expected = Level::Portable.run(Exercise);
-        for level in ["avx2", "avx512"].into_iter().filter_map(Level::named) {
-            assert_eq!(level.run(Exercise), expected, "{}", level.name());
+    fn every_instruction_set_gives_the_same_bits() {
+        let expected = Isa::Portable.run(Exercise);
+        for isa in ["avx2", "avx512"].into_iter().filter_map(Isa::named) {
+            assert_eq!(isa.run(Exercise), expected, "{}", isa.name());
         }
     }
 
     #[test]
     fn rounds_ties_to_even() {
         let eight = [0.5, 1.5, 2.5, -0.5, -1.5, 0.49999999999999994, -0.6, 3.2];
-        let x = Row(std::array::from_fn(|k| eight[k % 8]));
-        let mut out = Row::ZERO;
+        let x = Lanes16(std::array::from_fn(|k| eight[k % 8]));
+        let mut out = Lanes16::ZERO;
         Portable::load(PortableToken, &x).round().store(&mut out);
         assert_eq!(out.0[..8], [0.0, 2.0, 2.0, 0.0, -2.0, 0.0, -1.0, 3.0]);
     }

@@ -8,7 +8,7 @@ mod sample;
 mod snapshot;
 
 pub use cell::{Cell, Sheared, length, nearest_image};
-pub use contacts::{CandidatePair, Contacts, Part, Touching};
+pub use contacts::{BlockRange, CandidatePair, Contacts, Touching};
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
 pub use sample::{ContactSample, GrainSample, SeriesRow};

@@ -6,7 +6,7 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::ContactForces;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::simd::Row;
+use gshear_dem::simd::Lanes16;
 use gshear_dem::state::length;
 use gshear_dem::step::forces;
 use gshear_dem::system::System;
@@ -91,12 +91,12 @@ fn shares<D: Dimension>(
     law: &dyn PairForce<D>,
     samples: &ContactForces,
 ) -> Vec<Share> {
-    let (level, cell) = (system.level, system.cell);
+    let (isa, cell) = (system.isa, system.cell);
     let (grains, contacts) = system.grains_and_contacts();
     let (axes, up) = (D::AXES, D::UP);
-    let mut energies = vec![[Row::ZERO; 3]; contacts.mine];
+    let mut energies = vec![[Lanes16::ZERO; 3]; contacts.owned_blocks];
     law.energies(
-        level,
+        isa,
         &contacts.parameters,
         &contacts.history,
         &samples.overlap,

@@ -13,7 +13,7 @@ use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::PeriodicScene;
-use gshear_scene::schedule::Window;
+use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::gathered;
 use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
@@ -62,7 +62,7 @@ struct Due {
     spectra: u64,
     dense: Option<Dense>,
     /// Frames of a stretch that is computed again.
-    window: Option<Window>,
+    window: Option<ReplayWindow>,
 }
 
 impl Due {
@@ -93,7 +93,7 @@ impl Due {
     }
 
     /// Only the stretch to the end of a window, with its frames.
-    fn of_window(mut self, window: Window) -> Self {
+    fn of_window(mut self, window: ReplayWindow) -> Self {
         self.steps = self.steps.min(window.last);
         self.spectra = u64::MAX;
         self.window = Some(window);
@@ -107,7 +107,7 @@ impl Due {
 
     fn frame(&self, step: u64) -> bool {
         match self.window {
-            Some(Window { first, every, .. }) => {
+            Some(ReplayWindow { first, every, .. }) => {
                 step >= first && (step - first).is_multiple_of(every)
             }
             None => step.is_multiple_of(self.frames),
@@ -297,7 +297,7 @@ impl<D: Dimension> Stage for Newtonian<'_, D> {
             },
             state: State {
                 grains: self.system.grain_states(),
-                contacts: self.system.own_contact_states(self.law),
+                contacts: self.system.owned_contact_states(self.law),
                 analysed: None,
                 travels: Some(self.motion.travels.clone()),
             },

@@ -189,7 +189,7 @@ impl<D: Dimension> Stage for Pack<'_, D> {
             },
             state: State {
                 grains: self.system.grain_states(),
-                contacts: self.system.own_contact_states(self.law.as_ref()),
+                contacts: self.system.owned_contact_states(self.law.as_ref()),
                 ..State::default()
             },
             keep: false,

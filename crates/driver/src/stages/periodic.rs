@@ -24,7 +24,7 @@ use crate::run::{Outcome, Run, Start, State};
 /// # Errors
 /// Numbers that fail, or a file that cannot be written.
 pub fn run(run: &mut Run<'_>, scene: &PeriodicScene, start: Start) -> Result<Outcome, Failure> {
-    run.terminal.periodic_header(run.exchange, scene, run.level);
+    run.terminal.periodic_header(run.exchange, scene, run.isa);
     match scene.dimension {
         Dimensions::Two => stages::<Two>(run, scene, start),
         Dimensions::Three => stages::<Three>(run, scene, start),
@@ -112,7 +112,7 @@ pub(super) fn system<D: Dimension>(
     let radius = 0.5 * sample.mean_diameter;
     let overlap = 0.01 * sample.mean_diameter;
     let setup = Setup {
-        level: run.level,
+        isa: run.isa,
         list: scene.bookkeeping.list,
         cell,
         largest_radius: sample.radius_max,

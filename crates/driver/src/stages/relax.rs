@@ -232,7 +232,7 @@ pub(super) fn displace<D: Dimension>(
         for k in 0..spins {
             fields[D::HALF_SPIN + k] = turn[3 - spins + k] / step;
         }
-        cell.wrap_up::<D>(fields);
+        cell.wrap_last_axis::<D>(fields);
     }
     let outside = forces(exchange, system, law, &mut NoWalls, step, None);
     stop(system);

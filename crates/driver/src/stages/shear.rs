@@ -194,7 +194,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
     fn state(&mut self) -> State {
         State {
             grains: self.system.grain_states(),
-            contacts: self.system.own_contact_states(self.law.as_ref()),
+            contacts: self.system.owned_contact_states(self.law.as_ref()),
             analysed: self.analysis.as_ref().and_then(Analysis::last).cloned(),
             travels: None,
         }

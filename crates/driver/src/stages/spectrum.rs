@@ -29,7 +29,7 @@ impl Whole {
         system: &mut System<D>,
         law: &dyn PairForce<D>,
     ) -> Self {
-        let contacts = system.own_contact_states(law);
+        let contacts = system.owned_contact_states(law);
         Self {
             grains: gathered(exchange, &system.grain_states(), |g| g.id),
             contacts: gathered(exchange, &contacts, |c| (c.i, c.j)),

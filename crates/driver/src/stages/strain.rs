@@ -258,7 +258,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             },
             state: State {
                 grains: self.system.grain_states(),
-                contacts: self.system.own_contact_states(self.law),
+                contacts: self.system.owned_contact_states(self.law),
                 ..State::default()
             },
             keep: self.scene.keep_checkpoints,

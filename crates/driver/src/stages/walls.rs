@@ -31,7 +31,7 @@ const BEARS_ALL: [f64; 2] = [1e3, 1e4];
 /// # Errors
 /// Numbers that fail, or a file that cannot be written.
 pub fn run(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result<Outcome, Failure> {
-    run.terminal.header(run.exchange, scene, run.level);
+    run.terminal.header(run.exchange, scene, run.isa);
     match scene.dimension {
         Dimensions::Two => stages::<Two>(run, scene, start),
         Dimensions::Three => stages::<Three>(run, scene, start),
@@ -173,7 +173,7 @@ pub(super) fn system<D: gshear_dem::dimension::Dimension>(
 ) -> Result<System<D>, Failure> {
     let sample = &scene.sample;
     let setup = Setup {
-        level: run.level,
+        isa: run.isa,
         list: scene.bookkeeping.list,
         cell: sample.cell(),
         largest_radius: sample.radius_max,

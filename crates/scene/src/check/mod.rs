@@ -16,7 +16,7 @@ use super::scene::{Bookkeeping, Dimensions, Law, Pack, Scene, StepChoice, TimeSt
 use super::source::Input;
 use super::write;
 use gshear_dem::failure::Failure;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::system::ListSettings;
 pub(crate) use law::law_keys;
 use sample::SampleKeys;
@@ -188,7 +188,7 @@ fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: &raw::Bookkeeping) -> Boo
     let skin = c.number(&bookkeeping.skin);
     let rebuild_every = c.count(&bookkeeping.rebuild_every);
     let simd = c.choice_or_default(&bookkeeping.simd);
-    if let Some(name) = simd.filter(|name| Level::named(name).is_none()) {
+    if let Some(name) = simd.filter(|name| Isa::named(name).is_none()) {
         c.refuse(
             &bookkeeping.simd,
             &format!("this processor has no {name}; give \"auto\", which takes the best it has"),
