@@ -50,8 +50,8 @@ fn evaluate<D: Dimension>(
     let mut parameters = [Lanes16::ZERO; 1];
     law.parameters(
         PortableToken,
-        splat(RADII[0]),
-        splat(RADII[1]),
+        lanes(RADII[0]),
+        lanes(RADII[1]),
         &mut parameters,
     );
     let mut lanes = history.map(splat);
