@@ -1,7 +1,7 @@
 //! Spheres in contact: against LAMMPS, closed forms, and themselves at smaller steps.
 
 use bytemuck::Zeroable;
-use gshear_dem::contact::{Blocks, CARRY, ContactLaw, Motion, Response};
+use gshear_dem::contact::{Blocks, CARRY, ContactLaw, PairMotion, Response};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -361,12 +361,12 @@ fn the_law_is_that_of_lammps() {
                     &mut Blocks {
                         parameters: &parameters,
                         history: &mut lanes,
-                        motion: &[Motion {
+                        motion: &[PairMotion {
                             overlap: splat(overlap),
                             normal_velocity: splat(v_n),
                             tangential_velocity: tangential.map(splat),
                             tangential_increment: slip.map(splat),
-                            ..Motion::ZERO
+                            ..PairMotion::ZERO
                         }],
                         carry: &mut [[Lanes16::ZERO; CARRY]],
                         response: &mut response,

@@ -3,7 +3,7 @@
 
 use bytemuck::Zeroable;
 use faer::Mat;
-use gshear_analysis::jacobian::{History, State, assemble, paper_form};
+use gshear_analysis::jacobian::{History, NetworkState, assemble, paper_form};
 use gshear_analysis::spectrum::{Problem, Solver, Spectrum};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::laws::Contact;
@@ -177,7 +177,7 @@ fn spheres_of_the_paper() -> (Vec<GrainState>, Vec<ContactState>, Cell) {
 fn the_form_of_the_paper() {
     const H: f64 = 2e-5;
     let (grains, contacts, cell) = spheres_of_the_paper();
-    let state = State {
+    let state = NetworkState {
         grains: &grains,
         contacts: &contacts,
         cell,
@@ -237,7 +237,7 @@ fn the_form_of_the_paper() {
 #[test]
 fn translations_are_null_vectors() {
     let (grains, contacts, cell) = spheres_of_the_paper();
-    let state = State {
+    let state = NetworkState {
         grains: &grains,
         contacts: &contacts,
         cell,
@@ -281,7 +281,7 @@ fn linear_systems_are_solved() {
         for c in &mut contacts {
             c.history = c.history.map(|t| part * t);
         }
-        let state = State {
+        let state = NetworkState {
             grains: &grains,
             contacts: &contacts,
             cell,
@@ -335,7 +335,7 @@ fn linear_systems_are_solved() {
 #[test]
 fn eigenvalues_alone() {
     let (grains, contacts, cell) = spheres_of_the_paper();
-    let state = State {
+    let state = NetworkState {
         grains: &grains,
         contacts: &contacts,
         cell,

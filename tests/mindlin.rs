@@ -1,7 +1,7 @@
 //! The smoothed Mindlin law: values by hand, closed forms of an impact, energies, order in Δt.
 
 use bytemuck::Zeroable;
-use gshear_dem::contact::{Blocks, CARRY, ContactLaw, Motion, Response, dissipation};
+use gshear_dem::contact::{Blocks, CARRY, ContactLaw, PairMotion, Response, dissipation};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -61,11 +61,11 @@ fn evaluate<D: Dimension>(
         &mut Blocks {
             parameters: &parameters,
             history: &mut lanes[..D::SPINS],
-            motion: &[Motion {
+            motion: &[PairMotion {
                 overlap: splat(overlap),
                 normal_increment: splat(-deeper),
                 tangential_increment: slip.map(splat),
-                ..Motion::ZERO
+                ..PairMotion::ZERO
             }],
             carry: &mut [[Lanes16::ZERO; CARRY]],
             response: &mut response,

@@ -1,7 +1,7 @@
 //! Impacts of spheres with the damping of Tsuji: against LAMMPS and the promised restitution, and
 //! their energy budget.
 
-use gshear_dem::budget::{EnergyBalance, EnergyBudget, Sample};
+use gshear_dem::budget::{EnergyBalance, EnergyBudget, SampleState};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -128,7 +128,7 @@ impl Impact {
         });
         let kinetic = kinetic.sum();
         let mut budget = self.system.budget.take().expect("a budget");
-        let sample = Sample {
+        let sample = SampleState {
             contacts: &self.system.contacts,
             overlap: &self.samples.overlap,
             load: 0.0,

@@ -2,7 +2,7 @@
 
 use gshear_dem::dimension::{Dimension, Two};
 use gshear_dem::domain::{Accumulator, FixedPoint};
-use gshear_dem::drive::{Drive, Load};
+use gshear_dem::drive::{Drive, TopForce};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, Grains};
 
@@ -41,7 +41,7 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.speed()
     }
 
-    fn start(&mut self, load: Load) {
+    fn start(&mut self, load: TopForce) {
         self.walls.start(load);
     }
 
@@ -77,7 +77,7 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.load(grains, fixed, to);
     }
 
-    fn kick(&mut self, step: f64, load: Load, grains: &mut Grains<Two>) {
+    fn kick(&mut self, step: f64, load: TopForce, grains: &mut Grains<Two>) {
         self.walls.kick(step, load, grains);
     }
 

@@ -1,6 +1,6 @@
 //! What the program keeps to rounding: momentum, the balance of torques, a history without slip, bits of every isa.
 
-use gshear_dem::budget::{EnergyBudget, Sample};
+use gshear_dem::budget::{EnergyBudget, SampleState};
 use gshear_dem::dimension::{Dimension, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -379,7 +379,7 @@ fn energy_is_accounted_for() {
                 &Solo,
                 system.isa,
                 &law,
-                Sample {
+                SampleState {
                     contacts: &system.contacts,
                     overlap: &samples.overlap,
                     load: 0.0,

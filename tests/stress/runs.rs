@@ -5,7 +5,7 @@ use std::path::Path;
 use gshear_dem::domain::Solo;
 use gshear_dem::state::{GrainState, body, nearest_image};
 use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 
 use crate::common::{Outcome, alone, datasets, gshear_mpi};
 use crate::table::{Line, line};
@@ -96,7 +96,7 @@ fn stiffness_number(kappa: f64, more: &[&str]) -> Line {
         return line(done, expected, message(&outcome), false);
     }
     let (count, not_finite) = numbers(folder.path());
-    let run = Run::open(folder.path()).expect("a run");
+    let run = RunFile::open(folder.path()).expect("a run");
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let series = |name: &str| {
         let column = run.series().column(name);
@@ -159,7 +159,7 @@ pub fn energy_budget() -> Vec<Line> {
         let folder = tempfile::tempdir().expect("a folder");
         let outcome = run(folder.path(), &values);
         assert_eq!(outcome.code, 0, "{}", outcome.text);
-        let run = Run::open(folder.path()).expect("a run");
+        let run = RunFile::open(folder.path()).expect("a run");
         let last = |name: &str| *run.series().column(name).last().expect("a row");
         let (left, work) = (last("energy_residual"), last("work_drive"));
         let slid = last("dissipated_friction") + last("dissipated_rolling");
@@ -200,7 +200,7 @@ pub fn size_ratio() -> Vec<Line> {
         return vec![line(done, expected, message(&outcome), false)];
     }
     let (count, not_finite) = numbers(folder.path());
-    let run = Run::open(folder.path()).expect("a run");
+    let run = RunFile::open(folder.path()).expect("a run");
     let radii = &run.grains().radius;
     let greatest = radii.iter().fold(0.0, |a: f64, &b| a.max(b));
     let least = radii.iter().fold(f64::MAX, |a: f64, &b| a.min(b));

@@ -164,7 +164,7 @@ impl EnergyBudget {
         exchange: &dyn Exchange,
         isa: Isa,
         law: &dyn PairModel,
-        of: Sample<'_>,
+        of: SampleState<'_>,
     ) -> EnergyBalance {
         // Elastic energies are greater than the energy dissipated in a step.
         let elastic_unit = FixedPoint::new(self.unit * 2f64.powi(36));
@@ -202,7 +202,7 @@ impl EnergyBudget {
 
 /// The state of the sample that the energy budget needs.
 #[derive(Debug, Clone, Copy)]
-pub struct Sample<'a> {
+pub struct SampleState<'a> {
     /// The contacts of this rank.
     pub contacts: &'a Contacts,
     /// δ (m) of every block.
@@ -219,7 +219,7 @@ pub struct Sample<'a> {
 fn add_elastic(
     isa: Isa,
     law: &dyn PairModel,
-    of: &Sample<'_>,
+    of: &SampleState<'_>,
     unit: FixedPoint,
     sums: &mut [Accumulator; ELASTIC],
 ) {

@@ -45,7 +45,7 @@ impl Piston {
 
 /// The force of the grains on the top (N; N/m in 2D). The component along x is 0 unless requested.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Load {
+pub struct TopForce {
     /// Upwards, along the last axis.
     pub up: f64,
     /// Along x.
@@ -64,7 +64,7 @@ pub trait Drive<D: Dimension> {
         0.0
     }
     /// Computes the accelerations before the first step.
-    fn start(&mut self, _: Load) {}
+    fn start(&mut self, _: TopForce) {}
     /// First half kick and drift of the walls.
     fn drift(&mut self, _step: f64, _: &mut Grains<D>) {}
     /// Gives the wall grains their predicted velocities, after the drift.
@@ -77,7 +77,7 @@ pub trait Drive<D: Dimension> {
     /// Adds this rank's part of the force on the top: upwards, and along x.
     fn load(&self, _: &Grains<D>, _: &FixedPoint, _to: &mut [Accumulator; 2]) {}
     /// Second half kick, by the force on the top.
-    fn kick(&mut self, _step: f64, _: Load, _: &mut Grains<D>) {}
+    fn kick(&mut self, _step: f64, _: TopForce, _: &mut Grains<D>) {}
     /// Displacement of the top along x in the last step (m).
     fn slid(&self) -> f64 {
         0.0
@@ -141,7 +141,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.piston.velocity.abs()
     }
 
-    fn start(&mut self, load: Load) {
+    fn start(&mut self, load: TopForce) {
         self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
     }
 
@@ -199,7 +199,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.load_on(true, fixed, up);
     }
 
-    fn kick(&mut self, step: f64, load: Load, _: &mut Grains<D>) {
+    fn kick(&mut self, step: f64, load: TopForce, _: &mut Grains<D>) {
         self.piston.full_kick(step, load.up, self.drag);
     }
 
@@ -360,7 +360,7 @@ impl GrainWalls {
 }
 
 impl<D: Dimension> Drive<D> for GrainWalls {
-    fn start(&mut self, load: Load) {
+    fn start(&mut self, load: TopForce) {
         self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
         self.slider.accelerate(load.along, self.piston.mass);
     }
@@ -387,7 +387,7 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         }
     }
 
-    fn kick(&mut self, step: f64, load: Load, grains: &mut Grains<D>) {
+    fn kick(&mut self, step: f64, load: TopForce, grains: &mut Grains<D>) {
         self.piston.full_kick(step, load.up, 0.0);
         if self.slider.spring.is_some() {
             self.slider.accelerate(load.along, self.piston.mass);

@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
-use crate::contact::{CARRY, ContactLaw, Motion, Response, dissipation, store_vector, vector};
+use crate::contact::{CARRY, ContactLaw, PairMotion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch};
 use crate::state::{BlockRange, Cell, Units};
@@ -194,7 +194,7 @@ pub struct Scratch<D: Dimension> {
     /// Differences of the records, and the angular velocities of the second grain.
     difference: [D::Fields; CHUNK],
     spins_of_j: [[Lanes16; 6]; CHUNK],
-    motion: [Motion; CHUNK],
+    motion: [PairMotion; CHUNK],
     /// n.
     direction: [[Lanes16; 3]; CHUNK],
     carry: [[Lanes16; CARRY]; CHUNK],
@@ -209,7 +209,7 @@ impl<D: Dimension> Default for Scratch<D> {
         Self {
             difference: [D::NO_FIELDS; CHUNK],
             spins_of_j: [[Lanes16::ZERO; 6]; CHUNK],
-            motion: [Motion::ZERO; CHUNK],
+            motion: [PairMotion::ZERO; CHUNK],
             direction: [[Lanes16::ZERO; 3]; CHUNK],
             carry: [[Lanes16::ZERO; CARRY]; CHUNK],
             response: [Response::NONE; CHUNK],
@@ -635,7 +635,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
 /// so the damping, which begins with a jump, is scaled by that. Without these corrections an impact
 /// would be of first order in Δt.
 #[cold]
-fn first_touch(motion: &mut Motion, lane: usize, approach: f64) -> f64 {
+fn first_touch(motion: &mut PairMotion, lane: usize, approach: f64) -> f64 {
     let part = motion.overlap.0[lane] / approach;
     for lanes in &mut motion.tangential_increment {
         lanes.0[lane] *= part;

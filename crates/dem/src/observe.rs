@@ -12,21 +12,21 @@ use crate::kernel::ContactForces;
 use crate::state::{Cell, ContactSample, GrainSample, SeriesRow, body};
 use crate::system::System;
 
-/// What the time series needs to know of the whole sample.
+/// Constants of the sample from which rows of the time series are computed.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame {
-    /// Thickness of both walls together (m): the piston's height less this is that of the sheared layer.
+pub struct SampleConstants {
+    /// Thickness of both walls together (m): the height of the sheared layer is the piston's less this.
     pub walls: f64,
     /// Volume of the free grains (m³; area, m², in 2D).
     pub free_volume: f64,
     /// The number of free grains.
     pub free_grains: u64,
-    /// For energies (J/m).
+    /// Fixed-point numbers for sums of energies (J; J/m in 2D).
     pub energy: FixedPoint,
 }
 
-impl Frame {
-    /// Of the grains as they are; collective.
+impl SampleConstants {
+    /// Measures the grains as they are. `energy`: a typical energy (J; J/m in 2D). Collective.
     pub fn measure<D: Dimension>(
         exchange: &dyn Exchange,
         system: &mut System<D>,
@@ -89,11 +89,11 @@ pub fn series<D: Dimension>(
     system: &mut System<D>,
     samples: &ContactForces,
     walls: &GrainWalls,
-    frame: &Frame,
+    constants: &SampleConstants,
     height: f64,
 ) -> SeriesRow {
     let (piston, slider) = (&walls.piston, &walls.slider.state);
-    let kinetic = own_kinetic_energy(system, &frame.energy);
+    let kinetic = own_kinetic_energy(system, &constants.energy);
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
     for g in 0..grains.owned {
@@ -126,8 +126,8 @@ pub fn series<D: Dimension>(
         unreachable!("three counts were sent")
     };
     let (shear_force, normal_force) = (system.fixed.value(part(0)), system.fixed.value(part(1)));
-    let wall_height = piston.height - frame.walls;
-    let kinetic_energy = frame.energy.value(part(2));
+    let wall_height = piston.height - constants.walls;
+    let kinetic_energy = constants.energy.value(part(2));
     let moving = kinetic_energy + 0.5 * piston.mass * piston.velocity * piston.velocity;
     let energy = system
         .budget
@@ -137,7 +137,7 @@ pub fn series<D: Dimension>(
                 exchange,
                 system.isa,
                 law,
-                budget::Sample {
+                budget::SampleState {
                     contacts: &system.contacts,
                     overlap: &samples.overlap,
                     load: piston.load,
@@ -152,8 +152,8 @@ pub fn series<D: Dimension>(
         normal_force,
         shear_force,
         wall_height,
-        solid_fraction: frame.free_volume / (base::<D>(system.cell) * wall_height),
-        coordination: ends as f64 / frame.free_grains as f64,
+        solid_fraction: constants.free_volume / (base::<D>(system.cell) * wall_height),
+        coordination: ends as f64 / constants.free_grains as f64,
         kinetic_energy,
         sliding_fraction: if contacts > 0 {
             sliding as f64 / contacts as f64

@@ -8,10 +8,10 @@ use std::ops::Range;
 
 use bytemuck::Zeroable;
 
-use crate::clock::Phase;
+use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{Drive, Load};
+use crate::drive::{Drive, TopForce};
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Counting, PairForce, PassOutcome};
 use crate::simd::{Lanes, Work};
@@ -59,7 +59,7 @@ pub fn advance<D: Dimension>(
     // Not at the end of the last step, whose samples belong to the list they were taken with.
     if system.list.due {
         system.rebuild(exchange, law, drive)?;
-        system.clock.end(Phase::Rebuild);
+        system.clock.end(StepPhase::Rebuild);
     }
     drive.drift(step, &mut system.grains);
     system.cell.advance_offset(step);
@@ -76,7 +76,7 @@ pub fn advance<D: Dimension>(
     );
     drive.predict(step, &mut system.grains);
     let rebuild = system.list.moved(fastest, step, &system.grains, &cell);
-    system.clock.end(Phase::Motion);
+    system.clock.end(StepPhase::Motion);
 
     let outside = add_forces(exchange, system, law, drive, step, request.samples);
 
@@ -94,11 +94,11 @@ pub fn advance<D: Dimension>(
     if let Some(budget) = &mut system.budget {
         budget.push(-load.along, drive.slid());
     }
-    system.clock.end(Phase::Walls);
+    system.clock.end(StepPhase::Walls);
 
     // Last, because the second kick leaves grains of walls at the velocity of the half step.
     drive.kick(step, load, &mut system.grains);
-    system.clock.end(Phase::Motion);
+    system.clock.end(StepPhase::Motion);
 
     Ok(stop)
 }
@@ -116,7 +116,7 @@ pub fn initial_forces<D: Dimension>(
     samples: Option<&mut ContactForces>,
 ) -> Result<(), Failure> {
     // The time until now belongs to the first list.
-    system.clock.end(Phase::Rebuild);
+    system.clock.end(StepPhase::Rebuild);
     let outside = forces(exchange, system, law, drive, 0.0, samples);
     let mut message = Message::new(system, drive, outside, []);
     exchange.sum_during(&mut message.0, &mut || ());
@@ -165,12 +165,12 @@ impl<const K: usize> Message<K> {
         exchange: &dyn Exchange,
         system: &System<D>,
         outside: Option<Outside>,
-    ) -> Result<(Load, [bool; K]), Failure> {
+    ) -> Result<(TopForce, [bool; K]), Failure> {
         let force = |k: usize| {
             let limbs = &self.0[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)];
             system.fixed.value(Accumulator::read(limbs))
         };
-        let load = Load {
+        let load = TopForce {
             up: force(0),
             along: force(1),
         };
@@ -248,14 +248,14 @@ fn add_forces<D: Dimension>(
     };
     let mut outcome = PassOutcome::default();
     slabs.exchange(exchange, record, grains.owned, |part| {
-        clock.end(Phase::Exchange);
+        clock.end(StepPhase::Exchange);
         outcome = work(part, 0..inner);
-        clock.end(Phase::Contacts);
+        clock.end(StepPhase::Contacts);
     });
-    clock.end(Phase::Exchange);
+    clock.end(StepPhase::Exchange);
     outcome = outcome.merge(work(record, inner..all));
     pool.gather(&mut grains.force);
-    clock.end(Phase::Contacts);
+    clock.end(StepPhase::Contacts);
 
     if let Some(budget) = budget {
         budget.step(outcome.dissipated, outcome.uncounted);

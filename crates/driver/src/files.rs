@@ -36,7 +36,7 @@ pub struct Files {
 
 /// Where the files of a run go, and what they say about it.
 #[derive(Clone, Copy)]
-pub struct Place<'a> {
+pub struct Destination<'a> {
     /// The ranks.
     pub exchange: &'a dyn Parallel,
     /// The folder of the results.
@@ -83,7 +83,7 @@ impl Files {
     /// # Errors
     /// Files that cannot be made, or are not those of this run.
     pub fn open<D: Dimension>(
-        place: Place<'_>,
+        place: Destination<'_>,
         system: &mut System<D>,
         format: &Format<'_>,
         written: Option<Written>,
@@ -123,7 +123,7 @@ impl Files {
     }
 
     fn create<D: Dimension>(
-        place: Place<'_>,
+        place: Destination<'_>,
         system: &mut System<D>,
         format: &Format<'_>,
     ) -> Result<Self, Failure> {

@@ -4,7 +4,7 @@
 
 use crate::files::shapes;
 use bytemuck::Zeroable;
-use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
+use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{
     ContactForce, ContactSample, Disks, Frame, FramePart, GrainPlace, GrainSample,
@@ -19,10 +19,10 @@ const BATCH_BYTES: usize = 1 << 20;
 const MOST_INTERVALS: usize = 16;
 
 /// A row of the scalars: the step, and what is between this frame and the one before it.
-pub type Row = (u64, FrameScalars);
+pub type ScalarsRow = (u64, FrameScalars);
 
 /// Frames on their way to scalars.
-pub struct Analysis {
+pub struct FrameAnalysis {
     grains: Disks,
     /// This rank's part of the frames: the last one that is done with, then those that wait.
     frames: Vec<FramePart>,
@@ -30,10 +30,10 @@ pub struct Analysis {
     steps: Vec<u64>,
     /// Intervals that are worked on in one go.
     batch: usize,
-    scratch: Scratch,
+    scratch: ScalarScratch,
 }
 
-impl Analysis {
+impl FrameAnalysis {
     /// Of the system's grains, going on from the frame that was analysed last, if there is one. Collective.
     pub fn new<D: Dimension>(
         exchange: &dyn Parallel,
@@ -53,7 +53,7 @@ impl Analysis {
             frames: before.into_iter().collect(),
             steps: Vec::new(),
             batch: each * exchange.size(),
-            scratch: Scratch::default(),
+            scratch: ScalarScratch::default(),
         }
     }
 
@@ -65,7 +65,7 @@ impl Analysis {
         step: u64,
         grains: &[GrainSample],
         contacts: &[ContactSample],
-    ) -> Vec<Row> {
+    ) -> Vec<ScalarsRow> {
         let first = self.frames.is_empty();
         self.frames.push(part(grains, contacts));
         if first {
@@ -79,7 +79,7 @@ impl Analysis {
     }
 
     /// The rows of all frames that wait, the same on every rank. Collective.
-    pub fn flush(&mut self, exchange: &dyn Parallel) -> Vec<Row> {
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Vec<ScalarsRow> {
         let intervals = self.steps.len();
         if intervals == 0 {
             return Vec::new();
@@ -117,7 +117,7 @@ impl Analysis {
             .steps
             .drain(..)
             .zip(rows.map(FrameScalars::from_columns));
-        let rows: Vec<Row> = rows.collect();
+        let rows: Vec<ScalarsRow> = rows.collect();
         assert_eq!(rows.len(), intervals, "every interval has its scalars");
         self.frames.drain(..intervals);
         rows

@@ -12,7 +12,7 @@ use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 
-use crate::files::{self, Place};
+use crate::files::{self, Destination};
 use crate::header::Header;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
@@ -44,7 +44,7 @@ pub enum Outcome {
 
 /// This rank's part of a state with which a stage begins or resumes.
 #[derive(Debug, Clone, Default)]
-pub struct State {
+pub struct StageState {
     /// The grains, on any rank.
     pub grains: Vec<GrainState>,
     /// The contacts, each on the ranks that have its grains.
@@ -55,7 +55,7 @@ pub struct State {
     pub travels: Option<Vec<Travel>>,
 }
 
-impl State {
+impl StageState {
     /// The state of a checkpoint; collective.
     pub fn restore(exchange: &dyn Parallel, snapshot: Snapshot) -> Self {
         let contacts = checkpoint::to_both_holders(exchange, &snapshot);
@@ -220,8 +220,8 @@ impl<'a> Run<'a> {
     }
 
     /// Where its files go.
-    pub(crate) fn place(&self) -> Place<'a> {
-        Place {
+    pub(crate) fn place(&self) -> Destination<'a> {
+        Destination {
             exchange: self.exchange,
             folder: &self.options.out,
             toml: self.toml,
@@ -276,7 +276,7 @@ pub struct Checkpoint {
     /// How far the run has come.
     pub header: Header,
     /// This rank's part of the state.
-    pub state: State,
+    pub state: StageState,
     /// Keep it under the name of its step, too.
     pub keep: bool,
 }

@@ -28,7 +28,7 @@ pub struct Sweep<'a> {
 
 /// How far a run of a sweep has come.
 #[derive(Debug, Clone, PartialEq)]
-enum Progress {
+enum MemberProgress {
     New,
     /// With this checkpoint.
     Stopped(PathBuf),
@@ -71,9 +71,9 @@ impl<'a> Sweep<'a> {
         for (k, member) in self.members.iter().enumerate() {
             let task = from_the_start(exchange, &self.source, &self.values(member))?;
             let state = match self.progress(exchange, member, &task)? {
-                Progress::New => "new",
-                Progress::Stopped(_) => "stopped",
-                Progress::Done => "done",
+                MemberProgress::New => "new",
+                MemberProgress::Stopped(_) => "stopped",
+                MemberProgress::Done => "done",
             };
             say(
                 exchange,
@@ -102,12 +102,12 @@ impl<'a> Sweep<'a> {
         };
         let task = from_the_start(exchange, &self.source, &self.values(member))?;
         let task = match self.progress(exchange, member, &task)? {
-            Progress::Done => {
+            MemberProgress::Done => {
                 say(exchange, &format!("sweep: {} is done", member.name));
                 return Ok(Outcome::Done);
             }
-            Progress::Stopped(path) => from_checkpoint(exchange, &path, &[])?,
-            Progress::New => task,
+            MemberProgress::Stopped(path) => from_checkpoint(exchange, &path, &[])?,
+            MemberProgress::New => task,
         };
         let all = self.members.len();
         say(
@@ -168,7 +168,7 @@ impl<'a> Sweep<'a> {
         exchange: &dyn Parallel,
         member: &Member,
         task: &Task,
-    ) -> Result<Progress, Failure> {
+    ) -> Result<MemberProgress, Failure> {
         let folder = self.out.join(&member.name);
         let [run, newest] = [task.last_file(), checkpoint::NAME].map(|name| folder.join(name));
         let there = [u8::from(run.exists()), u8::from(newest.exists())];
@@ -189,14 +189,14 @@ impl<'a> Sweep<'a> {
             let toml = exchange.broadcast(agree(exchange, read)?);
             if !toml.is_empty() {
                 same(&String::from_utf8_lossy(&toml))?;
-                return Ok(Progress::Done);
+                return Ok(MemberProgress::Done);
             }
         }
         if there[1] == 0 {
-            return Ok(Progress::New);
+            return Ok(MemberProgress::New);
         }
         same(&checkpoint::read(exchange, &newest)?.0)?;
-        Ok(Progress::Stopped(newest))
+        Ok(MemberProgress::Stopped(newest))
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::header::{Birth, Progress};
-use gshear_dem::clock::Phase;
+use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
 use gshear_dem::simd::Isa;
@@ -15,9 +15,7 @@ use gshear_dem::state::SeriesRow;
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{
-    Dimensions, Drive as SceneDrive, Law, Motion, Origin, PeriodicScene, Scene, Walls,
-};
+use gshear_scene::{Dimensions, Law, Motion, Origin, PeriodicScene, Scene, WallSpeed, Walls};
 use gshear_store::provenance;
 
 /// Lines of progress, and a bar where there is a terminal.
@@ -132,8 +130,8 @@ impl Terminal {
         match &scene.shear.motion {
             Motion::Strain { drive, .. } => {
                 let given = match drive {
-                    SceneDrive::InertialNumber(_) => "I given",
-                    SceneDrive::Velocity(_) => "V given",
+                    WallSpeed::InertialNumber(_) => "I given",
+                    WallSpeed::Velocity(_) => "V given",
                 };
                 let speed = segments[0].velocity;
                 self.say(format!(
@@ -255,8 +253,8 @@ impl Terminal {
             self.say(format!(
                 "per step from rank 0: {messages} messages of {bytes} bytes in all and 1 sum of {} bytes; with what they wait for, {:.1} and {:.1} us",
                 gshear_dem::step::MESSAGE_BYTES,
-                micro(Phase::Exchange),
-                micro(Phase::Walls),
+                micro(StepPhase::Exchange),
+                micro(StepPhase::Walls),
             ));
         }
         self.say(format!(

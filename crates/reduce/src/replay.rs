@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::commands::lost;
+use super::commands::cannot_write;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{SeriesRow, Snapshot};
@@ -14,11 +14,11 @@ use gshear_driver::run::{Options, Outcome, Start};
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
-use gshear_store::run_reader::{PeriodicRun, Run};
+use gshear_store::run_reader::{PeriodicRunFile, RunFile};
 
 /// The part of a run to replay.
 #[derive(Debug, Clone, Copy)]
-pub struct Wanted {
+pub struct ReplayRequest {
     /// γ at both ends.
     pub strain: [f64; 2],
     /// Steps between frames; `None`: one frame per row of the time series.
@@ -30,7 +30,7 @@ pub struct Wanted {
 /// Result of a replay.
 pub struct Replayed {
     /// The replayed part.
-    pub run: Run,
+    pub run: RunFile,
     /// Step of the checkpoint that the replay started from.
     pub from: u64,
     /// Number of rows of the time series compared, all equal to the last bit.
@@ -53,7 +53,7 @@ pub fn strains(text: &str) -> Result<[f64; 2], String> {
 }
 
 /// Returns whether the run kept checkpoints.
-pub fn can(run: &Run) -> bool {
+pub fn can(run: &RunFile) -> bool {
     !checkpoint::kept(run.folder(), "shear").is_empty()
 }
 
@@ -62,8 +62,8 @@ pub fn can(run: &Run) -> bool {
 /// # Errors
 /// As [`window`].
 pub fn write(
-    run: &Run,
-    wanted: Wanted,
+    run: &RunFile,
+    wanted: ReplayRequest,
     out: Option<&Path>,
     output: &mut impl Write,
 ) -> Result<(), Failure> {
@@ -82,7 +82,7 @@ pub fn write(
         found.rows,
         run.path().display()
     )
-    .map_err(lost)
+    .map_err(cannot_write)
 }
 
 /// Replays the run from the first to the last row of the time series in the range, into
@@ -91,7 +91,7 @@ pub fn write(
 /// # Errors
 /// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
 /// [`Failure::Numbers`] if the time series differs from the stored one.
-pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure> {
+pub fn window(run: &RunFile, wanted: ReplayRequest, out: &Path) -> Result<Replayed, Failure> {
     let window = steps(run, wanted)?;
     if same_folder(out, run.folder()) {
         return Err(Failure::input(format!(
@@ -105,7 +105,7 @@ pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure
         "output.progress_lines=0",
     ];
     let from = again(run.folder(), "shear", window, &set, (wanted.threads, out))?;
-    let again = Run::open(&out.join(RUN_FILE))?;
+    let again = RunFile::open(&out.join(RUN_FILE))?;
     let rows = compare(run, &again)?;
     Ok(Replayed {
         run: again,
@@ -115,7 +115,7 @@ pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure
 }
 
 /// Returns the steps of the first and the last row of the time series in the range.
-fn steps(run: &Run, wanted: Wanted) -> Result<ReplayWindow, Failure> {
+fn steps(run: &RunFile, wanted: ReplayRequest) -> Result<ReplayWindow, Failure> {
     let (series, [from, to]) = (run.series(), wanted.strain);
     let strain = series.column("strain");
     let within = |row: &usize| strain[*row] >= from && strain[*row] <= to;
@@ -219,7 +219,7 @@ pub fn newtonian(
         )));
     }
     let path = folder.join(NEWTONIAN_FILE);
-    let stored = PeriodicRun::open(&path, &NewtonianRow::COLUMNS)?;
+    let stored = PeriodicRunFile::open(&path, &NewtonianRow::COLUMNS)?;
     let within = |row: &usize| stored.time[*row] >= time[0] && stored.time[*row] <= time[1];
     let mut rows = (0..stored.time.len()).filter(within);
     let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
@@ -239,7 +239,7 @@ pub fn newtonian(
     };
     let set = ["output.keep_checkpoints=false", "newtonian.spectra=0"];
     let from = again(folder, "newtonian", window, &set, (threads, out))?;
-    let computed = PeriodicRun::open(&out.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)?;
+    let computed = PeriodicRunFile::open(&out.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)?;
     let mut same = 0;
     for (k, step) in computed.step.iter().enumerate() {
         let Ok(row) = stored.step.binary_search(step) else {
@@ -266,11 +266,11 @@ pub fn newtonian(
         frames.last().copied().unwrap_or_default(),
         path.display()
     )
-    .map_err(lost)
+    .map_err(cannot_write)
 }
 
 /// Returns the number of rows that both runs have. Fails if there are none or any differs.
-fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
+fn compare(run: &RunFile, again: &RunFile) -> Result<usize, Failure> {
     let (one, other) = (run.series(), again.series());
     let (mut rows, mut different, mut first) = (0, 0, None);
     for (k, step) in other.step.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! When what happens, in whole steps. Intervals of output are rounded to steps and never reach the trajectory.
 
-use crate::{Drive, Motion, Part, Scene};
+use crate::{Motion, Part, Scene, WallSpeed};
 use gshear_dem::protocol::{Protocol, Segment};
 
 /// The shear stage in steps of Δt.
@@ -73,8 +73,8 @@ impl Schedule {
         match &scene.shear.motion {
             Motion::Strain { drive, strain } => {
                 let speed = match drive {
-                    Drive::Velocity(speed) => *speed,
-                    Drive::InertialNumber(i) => i / inertial_time(scene) * height,
+                    WallSpeed::Velocity(speed) => *speed,
+                    WallSpeed::InertialNumber(i) => i / inertial_time(scene) * height,
                 };
                 let per_step = speed / height * step;
                 let steps = |strain: f64| whole(strain / per_step);

@@ -8,8 +8,8 @@ use super::key::{Key, Kind};
 use super::periodic::{Method, PeriodicScene};
 use super::raw::{self, Flag, Number, Numbers, Table, Text, Whole, show};
 use super::scene::{
-    Bookkeeping, Contact, Dimensions, Drive, Law, Motion, Origin, Part, Sample, Scene, Sizes,
-    StepChoice, Walls,
+    Bookkeeping, Contact, Dimensions, Law, Motion, Origin, Part, Sample, Scene, Sizes, StepChoice,
+    WallSpeed, Walls,
 };
 
 /// How the load was given: κ, P (Pa) or N (N/m).
@@ -228,8 +228,8 @@ fn plane_shear(t: &mut Lines, scene: &Scene, load: LoadChoice, force: bool) {
     match &scene.shear.motion {
         Motion::Strain { drive, strain } => {
             match drive {
-                Drive::InertialNumber(i) => t.number(&keys.inertial_number, *i),
-                Drive::Velocity(v) => t.number(&keys.velocity, *v),
+                WallSpeed::InertialNumber(i) => t.number(&keys.inertial_number, *i),
+                WallSpeed::Velocity(v) => t.number(&keys.velocity, *v),
             }
             t.number(&keys.strain, *strain);
         }

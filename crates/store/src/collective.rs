@@ -40,9 +40,9 @@ pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T
 /// The first failure in a sequence of collective calls. The other ranks would wait for a rank that
 /// leaves the sequence early, so every rank notes its failures and continues.
 #[derive(Default)]
-pub struct Outcome(Option<Failure>);
+pub struct CollectiveOutcome(Option<Failure>);
 
-impl Outcome {
+impl CollectiveOutcome {
     /// Stores the failure of a call, unless an earlier call has failed already.
     pub fn note(&mut self, result: Result<(), Failure>) {
         if let Err(failure) = result {

@@ -1,7 +1,7 @@
 //! The writer of `run.h5`: frames and time series, written by all ranks together in batches.
 
-use super::batch::{Frames, Part, Shares, length};
-use super::collective::{IdBlocks, Outcome, agree, records_of};
+use super::batch::{Frames, ShareColumns, Shares, length};
+use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::h5::{Attribute, H5File, Slab};
 use super::layout::{
     BOX, CHUNK_FRAMES, Datasets, Mode, OBSERVABLES, PARAMETERS, PARTICLES, by_root, describe,
@@ -164,7 +164,7 @@ impl TrajectoryWriter {
             writer.contacts_written,
             writer.rows_written,
         ) = (frames, contacts, rows);
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         for name in AT_THE_END {
             outcome.note(writer.file.remove_attribute(PARAMETERS, name));
         }
@@ -235,7 +235,7 @@ impl TrajectoryWriter {
         let edges = if root { &header.edges[..] } else { &[] };
         let all = Slab::rows(0, edges.len() as u64, 1);
 
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         outcome.note(fixed(file, &name("id"), grains, mine, &id));
         outcome.note(fixed(file, &name("body"), grains, mine, &body));
         outcome.note(fixed(file, &name("radius"), grains, mine, &radius));
@@ -357,7 +357,7 @@ impl TrajectoryWriter {
         let attributes = attributes
             .iter()
             .map(|(name, value)| (name.to_string(), value.clone()));
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         for (name, value) in shared(exchange, attributes.collect()) {
             outcome.note(self.file.attribute(PARAMETERS, &name, &value));
         }
@@ -378,7 +378,7 @@ impl TrajectoryWriter {
         };
         let messages = exchange.all_to_all(self.frames.messages(&shares));
         let share = shares.of(exchange.rank());
-        let part = Part::assemble(&messages, &share, self.columns.axes);
+        let part = ShareColumns::assemble(&messages, &share, self.columns.axes);
         drop(messages);
 
         // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
@@ -403,7 +403,7 @@ impl TrajectoryWriter {
         };
         let root = exchange.rank() == 0;
         let columns = &mut self.columns;
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         for (column, values) in columns.values.iter_mut().zip(&part.values) {
             outcome.note(column.append(after, block, values));
         }
@@ -436,7 +436,7 @@ impl TrajectoryWriter {
     }
 
     fn flush_file(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         outcome.note(self.file.flush());
         self.flushed = Instant::now();
         self.file.agree(exchange, outcome)
@@ -451,7 +451,7 @@ impl TrajectoryWriter {
         let root = exchange.rank() == 0;
         let before = self.rows_written;
         let columns = &mut self.columns;
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         let step: Vec<u64> = rows.iter().map(|r| r.0).collect();
         outcome.note(by_root(root, &mut columns.row_step, before, &step));
         let time: Vec<f64> = rows.iter().map(|r| r.1).collect();
@@ -562,7 +562,7 @@ fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<[u6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run_reader::Run;
+    use crate::run_reader::RunFile;
     use gshear_dem::domain::Solo;
     use gshear_dem::state::SeriesRow;
 
@@ -625,7 +625,7 @@ mod tests {
         (2..5).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
         writer.finish(&Solo, &[]).unwrap();
 
-        let run = Run::open(&path).unwrap();
+        let run = RunFile::open(&path).unwrap();
         assert_eq!(run.series().step, [0, 1, 2, 3, 4]);
         for (c, column) in SeriesRow::COLUMNS.iter().enumerate() {
             let values: Vec<f64> = (0..5).map(|k| row(k).columns()[c]).collect();

@@ -7,7 +7,7 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationRe
 use nalgebra::storage::Owned;
 use nalgebra::{Dyn, Matrix4, OMatrix, OVector, U4, Vector4};
 
-use super::law::{Evolution, Law};
+use super::law::{Evolution, RateStateLaw};
 use super::measures::student;
 use super::noise::correlation;
 use super::window::FitWindow;
@@ -43,7 +43,7 @@ impl Estimate {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// The law at the estimates.
-    pub law: Law,
+    pub law: RateStateLaw,
     /// a, the direct effect.
     pub a: Estimate,
     /// b, the evolution effect.
@@ -112,7 +112,7 @@ pub fn fit(windows: &[FitWindow], evolution: Evolution) -> Result<Fit, String> {
         return Err("no window to fit: give at least one record with a slide".into());
     };
     let v_star = first.drive[0].velocity;
-    let mut problem = Problem {
+    let mut problem = FitProblem {
         windows,
         evolution,
         v_star,
@@ -158,7 +158,7 @@ struct Noise {
 
 /// The least-squares problem at a point.
 #[derive(Clone)]
-struct Problem<'a> {
+struct FitProblem<'a> {
     windows: &'a [FitWindow],
     evolution: Evolution,
     v_star: f64,
@@ -176,9 +176,9 @@ fn equal_weights(windows: &[FitWindow]) -> Vec<Vec<f64>> {
         .collect()
 }
 
-impl Problem<'_> {
-    fn law(&self, at: &Vector4<f64>) -> Law {
-        Law {
+impl FitProblem<'_> {
+    fn law(&self, at: &Vector4<f64>) -> RateStateLaw {
+        RateStateLaw {
             evolution: self.evolution,
             mu_star: at[3],
             a: at[0].exp(),
@@ -192,7 +192,7 @@ impl Problem<'_> {
     /// the friction at the end of every slide.
     fn guess(&self) -> Vector4<f64> {
         let slides = self.windows.iter().flat_map(|window| {
-            let of = move |(k, segment): (usize, &super::protocol::Segment)| {
+            let of = move |(k, segment): (usize, &super::protocol::DriveSegment)| {
                 let ln_v = (segment.velocity / self.v_star).ln();
                 (!segment.is_hold())
                     .then(|| ([ln_v, window.steady_friction(k)], segment.distance()))
@@ -399,7 +399,7 @@ impl Covariance {
 /// Least eigenvalue of the scaled JᵀJ; below it the finite differences of the model are noise.
 const SINGULAR: f64 = 1e-9;
 
-impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {
+impl LeastSquaresProblem<f64, Dyn, U4> for FitProblem<'_> {
     type ParameterStorage = Owned<f64, U4>;
     type ResidualStorage = Owned<f64, Dyn>;
     type JacobianStorage = Owned<f64, Dyn, U4>;

@@ -13,7 +13,7 @@ use crate::simd::{Lanes, Lanes16, Portable, PortableToken, inverse_sqrt, ln};
 /// Tangential vectors have one component in two dimensions, along t̂ = ẑ × n, and in three
 /// dimensions the three of a vector in the tangent plane.
 #[derive(Debug, Clone, Copy)]
-pub struct Motion {
+pub struct PairMotion {
     /// δ (m), positive where the pair touches.
     pub overlap: Lanes16,
     /// v_n of the full step, positive where the pair separates (m/s).
@@ -30,7 +30,7 @@ pub struct Motion {
     pub rolling_increment: Lanes16,
 }
 
-impl Motion {
+impl PairMotion {
     /// A pair that does not move.
     pub const ZERO: Self = Self {
         overlap: Lanes16::ZERO,
@@ -56,7 +56,7 @@ pub struct Blocks<'a> {
     /// dimensions has been rotated with n.
     pub history: &'a mut [Lanes16],
     /// The relative motion of the pairs.
-    pub motion: &'a [Motion],
+    pub motion: &'a [PairMotion],
     /// Intermediate results that one loop of a law passes to the next.
     pub carry: &'a mut [[Lanes16; CARRY]],
     /// Receives the forces.

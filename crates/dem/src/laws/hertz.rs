@@ -17,8 +17,8 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::keys::{
-    DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, Key, NORMAL_DAMPING, POISSON_RATIO, RESTITUTION,
-    TANGENTIAL_DAMPING, Values, YOUNG_MODULUS,
+    DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, KeyReader, LawKey, NORMAL_DAMPING, POISSON_RATIO,
+    RESTITUTION, TANGENTIAL_DAMPING, YOUNG_MODULUS,
 };
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, Stiffness};
@@ -77,7 +77,7 @@ impl Spheres {
     }
 
     /// The material, undamped.
-    pub(super) fn read_material(values: &mut dyn Values) -> Self {
+    pub(super) fn read_material(values: &mut dyn KeyReader) -> Self {
         Self {
             young_modulus: values.required(&YOUNG_MODULUS),
             poisson_ratio: values.required(&POISSON_RATIO),
@@ -87,7 +87,7 @@ impl Spheres {
         }
     }
 
-    fn read(values: &mut dyn Values) -> Self {
+    fn read(values: &mut dyn KeyReader) -> Self {
         let mut spheres = Self::read_material(values);
         let chosen = values.exactly_one(
             &[&NORMAL_DAMPING, &RESTITUTION],
@@ -167,7 +167,7 @@ impl Constants for Spheres {
         Some(2.943_275_194_3 * deepest / speed)
     }
 
-    fn default_of(&self, key: &Key) -> Option<f64> {
+    fn default_of(&self, key: &LawKey) -> Option<f64> {
         (key.path == TANGENTIAL_DAMPING.path).then_some(self.tangential_damping)
     }
 

@@ -30,7 +30,7 @@ use std::sync::Arc;
 
 use super::damping::{of_ratio, read_ratio};
 use super::keys::{
-    DAMPING_RATIO, DENSITY, Key, NORMAL_STIFFNESS, RESTITUTION, TANGENTIAL_STIFFNESS, Values,
+    DAMPING_RATIO, DENSITY, KeyReader, LawKey, NORMAL_STIFFNESS, RESTITUTION, TANGENTIAL_STIFFNESS,
 };
 use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
@@ -72,7 +72,7 @@ pub struct Springs {
 }
 
 impl Springs {
-    fn read(values: &mut dyn Values) -> Self {
+    fn read(values: &mut dyn KeyReader) -> Self {
         let [normal_stiffness, tangential_stiffness] =
             read_stiffnesses(values, &NORMAL_STIFFNESS, &TANGENTIAL_STIFFNESS);
         Self {
@@ -86,9 +86,9 @@ impl Springs {
 
 /// Reads k_n and k_t; k_t is at most k_n, and 2/7 of it by default.
 pub(super) fn read_stiffnesses(
-    values: &mut dyn Values,
-    normal: &Key,
-    tangential: &Key,
+    values: &mut dyn KeyReader,
+    normal: &LawKey,
+    tangential: &LawKey,
 ) -> [f64; 2] {
     let k_n = values.required(normal);
     let k_t = values.number(tangential);
@@ -138,7 +138,7 @@ impl Constants for Springs {
         }
     }
 
-    fn default_of(&self, key: &Key) -> Option<f64> {
+    fn default_of(&self, key: &LawKey) -> Option<f64> {
         (key.path == TANGENTIAL_STIFFNESS.path).then_some(self.tangential_stiffness)
     }
 
@@ -392,7 +392,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::{CARRY, Motion, Response};
+    use crate::contact::{CARRY, PairMotion, Response};
     use crate::simd::{LANES, Portable, PortableToken};
 
     const SPRINGS: Springs = Springs {
@@ -409,7 +409,7 @@ mod tests {
     const RADII: [f64; 2] = [0.5e-3, 1e-3];
 
     /// The response of two disks of `RADII`: F_n, F_t and M; sliding and beyond; the new history.
-    /// `motion` is in the order of `Motion`.
+    /// `motion` is in the order of `PairMotion`.
     fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
         type Law = Hooke<Two, true, true>;
         let law = Law::new(&SPRINGS, &CONTACT);
@@ -418,14 +418,14 @@ mod tests {
         law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
         let mut history = history.map(|v| Lanes16([v; LANES]));
         let [overlap, v_n, v_t, slip, spin, roll] = motion.map(|v| Lanes16([v; LANES]));
-        let motion = Motion {
+        let motion = PairMotion {
             overlap,
             normal_velocity: v_n,
             tangential_velocity: [v_t; 3],
             tangential_increment: [slip; 3],
             rolling_velocity: spin,
             rolling_increment: roll,
-            ..Motion::ZERO
+            ..PairMotion::ZERO
         };
         let mut response = [Response::NONE];
         law.evaluate::<Portable, false>(

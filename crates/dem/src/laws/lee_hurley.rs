@@ -25,7 +25,7 @@ use std::f64::consts::{LN_2, PI};
 use std::sync::Arc;
 
 use super::damping::{of_ratio, read_ratio};
-use super::keys::{DAMPING_RATIO, DENSITY, POISSON_RATIO, RESTITUTION, Values, YOUNG_MODULUS};
+use super::keys::{DAMPING_RATIO, DENSITY, KeyReader, POISSON_RATIO, RESTITUTION, YOUNG_MODULUS};
 use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
@@ -69,7 +69,7 @@ pub struct Material {
 const NORMAL_PER_TANGENTIAL: f64 = 1.22;
 
 impl Material {
-    fn read(values: &mut dyn Values) -> Self {
+    fn read(values: &mut dyn KeyReader) -> Self {
         Self {
             young_modulus: values.required(&YOUNG_MODULUS),
             poisson_ratio: values.required(&POISSON_RATIO),
@@ -539,7 +539,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::{CARRY, Motion, Response};
+    use crate::contact::{CARRY, PairMotion, Response};
     use crate::simd::LANES;
 
     const MATERIAL: Material = Material {
@@ -619,11 +619,11 @@ mod tests {
         let c = |v| Portable::splat(token, v);
         law.parameters(token, c(r), c(r), &mut parameters);
         let lanes = |v| Lanes16([v; LANES]);
-        let motion = Motion {
+        let motion = PairMotion {
             overlap: lanes(overlap),
             tangential_increment: [lanes(slip); 3],
             rolling_increment: lanes(roll),
-            ..Motion::ZERO
+            ..PairMotion::ZERO
         };
         law.evaluate::<Portable, false>(
             token,

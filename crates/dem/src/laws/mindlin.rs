@@ -15,7 +15,9 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::hooke::read_stiffnesses;
-use super::keys::{DENSITY, Key, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2, Values};
+use super::keys::{
+    DENSITY, KeyReader, LawKey, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2,
+};
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, Stiffness};
 use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
@@ -52,7 +54,7 @@ pub struct MindlinSprings {
 }
 
 impl MindlinSprings {
-    fn read(values: &mut dyn Values) -> Self {
+    fn read(values: &mut dyn KeyReader) -> Self {
         let [normal_stiffness, tangential_stiffness] =
             read_stiffnesses(values, &NORMAL_STIFFNESS_3_2, &TANGENTIAL_STIFFNESS_3_2);
         let chosen = values.exactly_one(
@@ -102,7 +104,7 @@ impl Constants for MindlinSprings {
         }
     }
 
-    fn default_of(&self, key: &Key) -> Option<f64> {
+    fn default_of(&self, key: &LawKey) -> Option<f64> {
         (key.path == TANGENTIAL_STIFFNESS_3_2.path).then_some(self.tangential_stiffness)
     }
 

@@ -31,7 +31,7 @@ pub(crate) struct Observed {
 /// One contact's part in the sums.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Share {
+struct ContactTerms {
     i: u32,
     j: u32,
     /// r^x F^z and r·F.
@@ -66,7 +66,7 @@ pub(super) fn observe<D: Dimension>(
     system.contacts.history = remembered;
     let shares = shares(system, law, samples);
     let all = gathered(exchange, &shares, |c| (c.i, c.j));
-    let sum = |of: fn(&Share) -> f64| all.iter().map(of).sum::<f64>();
+    let sum = |of: fn(&ContactTerms) -> f64| all.iter().map(of).sum::<f64>();
     let height = system.cell.sheared.map_or(f64::NAN, |s| s.height);
     let base: f64 = system.cell.periods[..D::UP].iter().product();
     let volume = base * height;
@@ -90,7 +90,7 @@ fn shares<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     samples: &ContactForces,
-) -> Vec<Share> {
+) -> Vec<ContactTerms> {
     let (isa, cell) = (system.isa, system.cell);
     let (grains, contacts) = system.grains_and_contacts();
     let (axes, up) = (D::AXES, D::UP);
@@ -125,7 +125,7 @@ fn shares<D: Dimension>(
             }
         }
         let energy = |k: usize| energies[at.block][k].0[at.lane];
-        Share {
+        ContactTerms {
             i: grains.id[at.i],
             j: grains.id[at.j],
             shear: r[0] * force[up],

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use gshear_dem::clock::Phase;
+use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
@@ -20,20 +20,20 @@ use gshear_store::h5::Attribute;
 
 use super::box_state::observe;
 use super::spectra_file::SpectraFile;
-use super::spectrum::Whole;
+use super::spectrum::GlobalState;
 use crate::files::{Files, Format, Written};
 use crate::header::{Header, Pair, Progress};
-use crate::run::{Checkpoint, Run, Save, Stage, State};
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
 /// Without a pair, its growth time is taken to be so many steps.
 const STEPS_WITHOUT_A_PAIR: f64 = 1000.0;
 
 /// The motion of a box by Newton's equations.
-pub(super) struct Newtonian<'a, D: Dimension> {
+pub(super) struct NewtonianStage<'a, D: Dimension> {
     scene: &'a PeriodicScene,
     law: &'a dyn PairForce<D>,
     system: System<D>,
-    motion: Motion,
+    motion: Displacements,
     files: Files,
     spectra: Option<SpectraFile>,
     /// Of the strain steps before.
@@ -119,7 +119,7 @@ impl Due {
     }
 }
 
-impl<'a, D: Dimension> Newtonian<'a, D> {
+impl<'a, D: Dimension> NewtonianStage<'a, D> {
     pub fn new(
         run: &Run<'_>,
         scene: &'a PeriodicScene,
@@ -155,10 +155,10 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
             Some(SpectraFile::open(exchange, &path, lines)?)
         };
         let motion = if let Some(resumed) = &resumed {
-            Motion::resume(exchange, &mut system, &resumed.travels)
+            Displacements::resume(exchange, &mut system, &resumed.travels)
         } else {
             system.rebuild(exchange, law, &mut NoWalls)?;
-            Motion::begin(&mut system)
+            Displacements::begin(&mut system)
         };
         Ok(Self {
             scene,
@@ -194,7 +194,7 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
     }
 }
 
-impl<D: Dimension> Stage for Newtonian<'_, D> {
+impl<D: Dimension> Stage for NewtonianStage<'_, D> {
     fn name(&self) -> &'static str {
         "newtonian"
     }
@@ -265,13 +265,13 @@ impl<D: Dimension> Stage for Newtonian<'_, D> {
             }
         }
         if self.due.spectrum(step) {
-            let whole = Whole::gather(exchange, &mut self.system, self.law);
+            let whole = GlobalState::gather(exchange, &mut self.system, self.law);
             let found = whole.eigenvalues::<D>(exchange, &mut self.system, self.law)?;
             if let Some(spectra) = &mut self.spectra {
                 spectra.write(exchange, time, &found)?;
             }
         }
-        self.system.clock.end(Phase::Output);
+        self.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
@@ -295,7 +295,7 @@ impl<D: Dimension> Stage for Newtonian<'_, D> {
                 written,
                 lines,
             },
-            state: State {
+            state: StageState {
                 grains: self.system.grain_states(),
                 contacts: self.system.owned_contact_states(self.law),
                 analysed: None,
@@ -367,7 +367,7 @@ impl Dense {
 }
 
 /// How the grains have moved since the start.
-struct Motion {
+struct Displacements {
     /// Of the own grains, in their order.
     travels: Vec<Travel>,
     /// Rebuilds of the list, at which grains change hands.
@@ -384,7 +384,7 @@ pub(super) struct Moved {
     pub kinetic_energy: f64,
 }
 
-impl Motion {
+impl Displacements {
     fn begin<D: Dimension>(system: &mut System<D>) -> Self {
         let at_rest = |g: &GrainState| Travel {
             id: g.id,

@@ -1,12 +1,12 @@
 //! Compression of a sample between smooth planes until it is at rest.
 
-use gshear_dem::clock::Phase;
+use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Accumulator;
 use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::observe::{self, Frame};
+use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::Scene;
@@ -15,7 +15,7 @@ use gshear_scene::schedule::inertial_time;
 
 use super::walls::{self, DRAG_RESTING};
 use crate::header::Header;
-use crate::run::{Checkpoint, Run, Save, Stage, State};
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
 /// Steps between two looks at whether the sample is at rest.
 const LOOK: u64 = 1000;
@@ -23,7 +23,7 @@ const LOOK: u64 = 1000;
 const PACK_CHECKPOINT: u64 = 500_000;
 
 /// The sample between its planes.
-pub(super) struct Pack<'a, D: Dimension> {
+pub(super) struct PackStage<'a, D: Dimension> {
     scene: &'a Scene,
     law: Box<dyn PairForce<D>>,
     system: System<D>,
@@ -31,18 +31,18 @@ pub(super) struct Pack<'a, D: Dimension> {
     step: u64,
     /// P d̄ δ̄, and what measures energies.
     unit: f64,
-    energy: Frame,
+    energy: SampleConstants,
     at_rest: bool,
 }
 
-impl<'a, D: Dimension> Pack<'a, D> {
+impl<'a, D: Dimension> PackStage<'a, D> {
     /// The sample after `step` steps; `plane` is the law of the planes.
     pub fn new(
         run: &Run<'_>,
         scene: &'a Scene,
         [law, plane]: [Box<dyn PairForce<D>>; 2],
         (step, piston, drag): (u64, Piston, f64),
-        state: State,
+        state: StageState,
     ) -> Result<Self, Failure> {
         let mut system = walls::system(run, scene)?;
         system.steps = step;
@@ -57,7 +57,7 @@ impl<'a, D: Dimension> Pack<'a, D> {
         let mean_force = scene.load.pressure * scene.sample.mean_section();
         let unit = mean_force * scene.mean_overlap();
         Ok(Self {
-            energy: Frame::measure(run.exchange, &mut system, 0.0, unit),
+            energy: SampleConstants::measure(run.exchange, &mut system, 0.0, unit),
             scene,
             law,
             system,
@@ -69,7 +69,7 @@ impl<'a, D: Dimension> Pack<'a, D> {
     }
 
     /// Freezes the walls out of the sample at rest. Returns the top, and the state for the shear.
-    pub fn finish(mut self, run: &Run<'_>) -> (Piston, State) {
+    pub fn finish(mut self, run: &Run<'_>) -> (Piston, StageState) {
         let sample = &self.scene.sample;
         let contacts = self.system.contact_states(self.law.as_ref());
         let mut grains = self.system.grain_states();
@@ -83,16 +83,16 @@ impl<'a, D: Dimension> Pack<'a, D> {
         };
         run.terminal
             .packed(self.step, walls::height_between(self.scene, &piston));
-        let state = State {
+        let state = StageState {
             grains,
             contacts,
-            ..State::default()
+            ..StageState::default()
         };
         (piston, state)
     }
 }
 
-impl<D: Dimension> Stage for Pack<'_, D> {
+impl<D: Dimension> Stage for PackStage<'_, D> {
     fn name(&self) -> &'static str {
         "packing"
     }
@@ -168,7 +168,7 @@ impl<D: Dimension> Stage for Pack<'_, D> {
                 self.step,
             )));
         }
-        self.system.clock.end(Phase::Output);
+        self.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
@@ -187,10 +187,10 @@ impl<D: Dimension> Stage for Pack<'_, D> {
                 drag: self.drive.drag,
                 packing: walls::packing_file(self.scene),
             },
-            state: State {
+            state: StageState {
                 grains: self.system.grain_states(),
                 contacts: self.system.owned_contact_states(self.law.as_ref()),
-                ..State::default()
+                ..StageState::default()
             },
             keep: false,
         })

@@ -12,12 +12,12 @@ use gshear_dem::system::{Setup, System};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Dimensions, PeriodicScene};
 
-use super::newtonian::{Newtonian, Resumed};
+use super::newtonian::{NewtonianStage, Resumed};
 use super::prepare;
 use super::strain::Strain;
 use super::walls::force;
 use crate::header::{Header, Progress};
-use crate::run::{Outcome, Run, Start, State};
+use crate::run::{Outcome, Run, StageState, Start};
 
 /// Runs the scene from `start` to its last step; collective.
 ///
@@ -40,7 +40,7 @@ fn stages<D: LawSpace>(
     let law = law.as_ref();
     let (header, state) = if let Start::Checkpoint(snapshot) = start {
         let header = Header::read(&snapshot)?;
-        (Some(header), State::restore(run.exchange, snapshot))
+        (Some(header), StageState::restore(run.exchange, snapshot))
     } else {
         let smooth = Contact {
             friction: 0.0,
@@ -62,7 +62,7 @@ fn stages<D: LawSpace>(
     let mut system = system::<D>(run, scene, scene.sheared_cell(progress.offset))?;
     // With the forces of the state: to compute them anew is not what a run without a stop does.
     let cell = system.cell;
-    Snapshot { cell, state }.put_back(run.exchange, &mut system, law)?;
+    RestState { cell, state }.put_back(run.exchange, &mut system, law)?;
 
     let mut resumed = None;
     let (mut system, progress) = if let Some(Header::Newtonian {
@@ -94,7 +94,7 @@ fn stages<D: LawSpace>(
     };
     let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
     system.clock = Clock::default();
-    let mut stage = Newtonian::new(run, scene, newtonian, law, system, progress, resumed)?;
+    let mut stage = NewtonianStage::new(run, scene, newtonian, law, system, progress, resumed)?;
     let outcome = run.drive(&mut stage, begins)?;
     if outcome == Outcome::Done {
         stage.finish(run)?;
@@ -128,21 +128,21 @@ pub(super) fn system<D: Dimension>(
 
 /// The state at rest, this rank's part of it, to go back to.
 #[derive(Debug, Clone)]
-pub(super) struct Snapshot {
+pub(super) struct RestState {
     cell: Cell,
-    state: State,
+    state: StageState,
 }
 
-impl Snapshot {
+impl RestState {
     pub fn of<D: Dimension>(system: &mut System<D>, law: &dyn PairForce<D>) -> Self {
         let (grains, contacts): (Vec<GrainState>, Vec<ContactState>) =
             (system.grain_states(), system.contact_states(law));
         Self {
             cell: system.cell,
-            state: State {
+            state: StageState {
                 grains,
                 contacts,
-                ..State::default()
+                ..StageState::default()
             },
         }
     }
@@ -154,7 +154,7 @@ impl Snapshot {
         law: &dyn PairForce<D>,
     ) -> Result<(), Failure> {
         system.cell = self.cell;
-        let State {
+        let StageState {
             grains, contacts, ..
         } = self.state;
         system.replace(exchange, law, &mut NoWalls, grains, contacts)

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::periodic::system;
 use super::relax::overdamped;
-use crate::run::{Run, State};
+use crate::run::{Run, StageState};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
@@ -30,7 +30,7 @@ pub(super) fn prepare<D: Dimension>(
     run: &Run<'_>,
     scene: &PeriodicScene,
     law: &dyn PairForce<D>,
-) -> Result<State, Failure> {
+) -> Result<StageState, Failure> {
     let exchange = run.exchange;
     let target = scene.sample.length;
     let (mut length, mut grains) = insert(scene, exchange.rank(), exchange.size());
@@ -62,10 +62,10 @@ pub(super) fn prepare<D: Dimension>(
         if length == target {
             let steps = overdamped(&scene.relax, exchange, &mut system, law).map_err(in_stage)?;
             run.terminal.prepared(steps);
-            return Ok(State {
+            return Ok(StageState {
                 grains: system.grain_states(),
                 contacts: system.contact_states(law),
-                ..State::default()
+                ..StageState::default()
             });
         }
         grains = system.grain_states();

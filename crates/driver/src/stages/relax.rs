@@ -1,7 +1,7 @@
 //! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
 
-use super::periodic::Snapshot;
-use super::spectrum::{Whole, newton_step};
+use super::periodic::RestState;
+use super::spectrum::{GlobalState, newton_step};
 use gshear_analysis::spectrum::Solver;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
@@ -62,7 +62,7 @@ impl Relaxation {
     ) -> Result<Equilibrium, Failure> {
         let mut found = Equilibrium::default();
         if self.relax.method == Method::Newton {
-            let before = Snapshot::of(system, law);
+            let before = RestState::of(system, law);
             if self.newton(exchange, system, law, &mut found.factorisations)? {
                 return Ok(found);
             }
@@ -84,7 +84,7 @@ impl Relaxation {
         factorisations: &mut u64,
     ) -> Result<bool, Failure> {
         let tolerance = self.relax.tolerance;
-        let before = Whole::gather(exchange, system, law);
+        let before = GlobalState::gather(exchange, system, law);
         let longest = LONGEST * self.mean_diameter;
         let mut opened = Vec::new();
         let mut left = residual(exchange, system, 0.0);
@@ -93,7 +93,7 @@ impl Relaxation {
                 return Ok(false);
             }
             *factorisations += 1;
-            let whole = Whole::gather(exchange, system, law);
+            let whole = GlobalState::gather(exchange, system, law);
             let tangent = whole.tangent(exchange, system, law);
             let factors = tangent.as_ref().and_then(|t| t.factor(&mut self.solver));
             loop {
@@ -112,7 +112,7 @@ impl Relaxation {
                     return Ok(false);
                 }
                 let now = residual(exchange, system, 0.0);
-                opened.extend(Whole::gather(exchange, system, law).opened_since(&before));
+                opened.extend(GlobalState::gather(exchange, system, law).opened_since(&before));
                 // NaN is no progress.
                 let falls = now < left;
                 if !falls {
@@ -125,7 +125,7 @@ impl Relaxation {
                 }
             }
         }
-        let after = Whole::gather(exchange, system, law);
+        let after = GlobalState::gather(exchange, system, law);
         Ok(!opened.into_iter().any(|pair| after.has(pair)))
     }
 }

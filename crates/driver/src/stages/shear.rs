@@ -3,12 +3,12 @@
 use std::time::Instant;
 
 use gshear_dem::budget::{EnergyBudget, SavedBudget};
-use gshear_dem::clock::Phase;
+use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{GrainWalls, Piston, Slider, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::observe::{self, Frame};
+use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::{SeriesRow, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
@@ -18,21 +18,21 @@ use gshear_store::h5::Attribute;
 
 use super::walls;
 use crate::files::{Files, Format, RUN_FILE, Written};
-use crate::frame_scalars::Analysis;
+use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
-use crate::run::{Checkpoint, Run, Save, Stage, State};
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
 /// The sheared sample, and what is written of it.
-pub(super) struct Shear<'a, D: Dimension> {
+pub(super) struct ShearStage<'a, D: Dimension> {
     scene: &'a Scene,
     law: Box<dyn PairForce<D>>,
     schedule: Schedule,
     system: System<D>,
     walls: GrainWalls,
     /// What the time series needs to know of the whole sample.
-    frame: Frame,
+    frame: SampleConstants,
     files: Files,
-    analysis: Option<Analysis>,
+    analysis: Option<FrameAnalysis>,
     samples: ContactForces,
     step: u64,
     first: u64,
@@ -52,14 +52,14 @@ pub(super) struct From {
     pub energy_budget: Option<SavedBudget>,
 }
 
-impl<'a, D: Dimension> Shear<'a, D> {
+impl<'a, D: Dimension> ShearStage<'a, D> {
     /// The sample, and its files opened.
     pub fn new(
         run: &mut Run<'_>,
         scene: &'a Scene,
         law: Box<dyn PairForce<D>>,
         from: From,
-        mut state: State,
+        mut state: StageState,
     ) -> Result<Self, Failure> {
         let exchange = run.exchange;
         let mut schedule = Schedule::new(scene, from.height);
@@ -92,7 +92,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
         )?;
         let thickness = scene.sample.mean_diameter;
         let energy = scene.load.pressure * scene.sample.mean_section() * scene.mean_overlap();
-        let frame = Frame::measure(exchange, &mut system, 2.0 * thickness, energy);
+        let frame = SampleConstants::measure(exchange, &mut system, 2.0 * thickness, energy);
         if scene.output.energy {
             let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
             if let Some(saved) = &from.energy_budget {
@@ -115,7 +115,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
         // Scalars of new files begin with a frame that has none before it.
         let before = state.analysed.filter(|_| files.resumed());
         let analysis = match scene.analysis.scalars {
-            true => Some(Analysis::new(exchange, &mut system, before)),
+            true => Some(FrameAnalysis::new(exchange, &mut system, before)),
             false => None,
         };
         Ok(Self {
@@ -191,17 +191,21 @@ impl<'a, D: Dimension> Shear<'a, D> {
         }
     }
 
-    fn state(&mut self) -> State {
-        State {
+    fn state(&mut self) -> StageState {
+        StageState {
             grains: self.system.grain_states(),
             contacts: self.system.owned_contact_states(self.law.as_ref()),
-            analysed: self.analysis.as_ref().and_then(Analysis::last).cloned(),
+            analysed: self
+                .analysis
+                .as_ref()
+                .and_then(FrameAnalysis::last)
+                .cloned(),
             travels: None,
         }
     }
 }
 
-impl<D: Dimension> Stage for Shear<'_, D> {
+impl<D: Dimension> Stage for ShearStage<'_, D> {
     fn name(&self) -> &'static str {
         "shear"
     }
@@ -287,7 +291,7 @@ impl<D: Dimension> Stage for Shear<'_, D> {
                 self.files.scalars(exchange, &rows)?;
             }
         }
-        self.system.clock.end(Phase::Output);
+        self.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
@@ -313,7 +317,7 @@ impl<D: Dimension> Stage for Shear<'_, D> {
     }
 
     fn progress(&mut self, run: &mut Run<'_>) {
-        self.system.clock.end(Phase::Output);
+        self.system.clock.end(StepPhase::Output);
         if self.schedule.progress_due(self.step) {
             let grains = self.scene.sample.grains;
             let elapsed = self.started.elapsed();

@@ -5,7 +5,7 @@ use std::path::Path;
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::agree;
-use gshear_store::table::{Cell, TableFile};
+use gshear_store::table::{TableCell, TableFile};
 
 use super::spectrum::Eigenvalues;
 
@@ -42,7 +42,7 @@ impl SpectraFile {
         let wrote = match &mut self.file {
             None => Ok(()),
             Some(file) => eigenvalues.all().try_for_each(|(value, verdict)| {
-                let cells: [&dyn Cell; 4] = [&time, &value.re, &value.im, &verdict.name()];
+                let cells: [&dyn TableCell; 4] = [&time, &value.re, &value.im, &verdict.name()];
                 file.row(cells.map(|cell| cell.text().into_owned()))
             }),
         };

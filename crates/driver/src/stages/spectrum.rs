@@ -17,12 +17,12 @@ use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::{agree, gathered};
 
 /// All grains by id, and all touching contacts by (i, j).
-pub(super) struct Whole {
+pub(super) struct GlobalState {
     pub grains: Vec<GrainState>,
     pub contacts: Vec<ContactState>,
 }
 
-impl Whole {
+impl GlobalState {
     /// Collective; on every rank.
     pub fn gather<D: Dimension>(
         exchange: &dyn Parallel,
@@ -48,9 +48,9 @@ impl Whole {
     }
 }
 
-impl Whole {
+impl GlobalState {
     fn jacobian<D: Dimension>(&self, system: &mut System<D>, law: &dyn PairForce<D>) -> Jacobian {
-        let state = jacobian::State {
+        let state = jacobian::NetworkState {
             grains: &self.grains,
             contacts: &self.contacts,
             cell: system.cell,

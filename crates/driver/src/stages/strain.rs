@@ -14,12 +14,12 @@ use gshear_store::columns::{AQS_FILE, AqsRow};
 use gshear_store::h5::Attribute;
 
 use super::box_state::{Observed, observe};
-use super::periodic::Snapshot;
+use super::periodic::RestState;
 use super::relax::{Equilibrium, LONGEST, Relaxation, displace, residual};
-use super::spectrum::{Eigenvalues, Whole};
+use super::spectrum::{Eigenvalues, GlobalState};
 use crate::files::{Files, Format, Written};
 use crate::header::{Birth, Header, Progress};
-use crate::run::{Checkpoint, Run, Save, Stage, State};
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
 /// The strain steps of a box.
 pub(super) struct Strain<'a, D: Dimension> {
@@ -31,7 +31,7 @@ pub(super) struct Strain<'a, D: Dimension> {
     progress: Progress,
     samples: ContactForces,
     /// The state before the last strain step, and how its equilibrium was found.
-    before: Option<(Snapshot, Progress)>,
+    before: Option<(RestState, Progress)>,
     found: Equilibrium,
 }
 
@@ -128,12 +128,17 @@ impl<'a, D: Dimension> Strain<'a, D> {
     }
 
     fn eigenvalues(&mut self, run: &Run<'_>) -> Result<Eigenvalues, Failure> {
-        let whole = Whole::gather(run.exchange, &mut self.system, self.law);
+        let whole = GlobalState::gather(run.exchange, &mut self.system, self.law);
         whole.eigenvalues::<D>(run.exchange, &mut self.system, self.law)
     }
 
     /// By bisection between the states before and after a strain step, from the state before it.
-    fn birth(&mut self, run: &Run<'_>, mut before: Snapshot, steps: u64) -> Result<Birth, Failure> {
+    fn birth(
+        &mut self,
+        run: &Run<'_>,
+        mut before: RestState,
+        steps: u64,
+    ) -> Result<Birth, Failure> {
         let aqs = self.scene.aqs;
         let start = aqs.strain_step * steps as f64;
         let (mut low, mut high) = (0.0, aqs.strain_step);
@@ -147,7 +152,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
                 high = middle;
             } else {
                 low = middle;
-                before = Snapshot::of(&mut self.system, self.law);
+                before = RestState::of(&mut self.system, self.law);
             }
         }
         Ok(Birth {
@@ -182,7 +187,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
-        let before = Snapshot::of(&mut self.system, self.law);
+        let before = RestState::of(&mut self.system, self.law);
         self.before = Some((before, self.progress));
         self.found = self.strain(run, self.scene.aqs.strain_step)?;
         let progress = &mut self.progress;
@@ -212,7 +217,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             (self.progress.pairs, self.progress.pair) = (found.pairs(), found.greatest_pair());
         }
         let step = self.progress.steps;
-        let row = Row {
+        let row = StrainRow {
             step,
             strain: scene.aqs.strain_step * step as f64,
             offset: self.progress.offset,
@@ -234,7 +239,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             return Ok(());
         };
         if of.birth.is_none() && self.progress.pairs > 0 {
-            let after = Snapshot::of(&mut self.system, self.law);
+            let after = RestState::of(&mut self.system, self.law);
             let birth = self.birth(run, before, of.steps)?;
             self.progress.birth = Some(birth);
             run.terminal.born(&birth);
@@ -256,10 +261,10 @@ impl<D: Dimension> Stage for Strain<'_, D> {
                 progress: self.progress,
                 written: self.files.flush(run.exchange)?,
             },
-            state: State {
+            state: StageState {
                 grains: self.system.grain_states(),
                 contacts: self.system.owned_contact_states(self.law),
-                ..State::default()
+                ..StageState::default()
             },
             keep: self.scene.keep_checkpoints,
         })
@@ -267,7 +272,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
 }
 
 /// What is found after a strain step.
-pub(crate) struct Row {
+pub(crate) struct StrainRow {
     pub step: u64,
     pub strain: f64,
     pub offset: f64,
@@ -277,7 +282,7 @@ pub(crate) struct Row {
     pub eigenvalues: Option<Eigenvalues>,
 }
 
-impl Row {
+impl StrainRow {
     fn columns(&self) -> AqsRow {
         let of = |value: fn(&Eigenvalues) -> f64| self.eigenvalues.as_ref().map_or(f64::NAN, value);
         let imaginary = of(|e| e.greatest_pair().map_or(0.0, |pair| pair.lambda_i));
@@ -306,7 +311,7 @@ impl Row {
 }
 
 /// The line on the terminal.
-impl fmt::Display for Row {
+impl fmt::Display for StrainRow {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let observed = &self.observed;
         let pairs = match &self.eigenvalues {

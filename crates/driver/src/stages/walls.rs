@@ -12,11 +12,11 @@ use gshear_scene::sample::Lattice;
 use gshear_scene::schedule::{inertial_time, mean_mass};
 use gshear_scene::{Dimensions, Origin, PackingFile, Scene};
 
-use super::pack::Pack;
-use super::shear::{From, Shear};
+use super::pack::PackStage;
+use super::shear::{From, ShearStage};
 use crate::files::Written;
 use crate::header::Header;
-use crate::run::{Outcome, Run, Start, State};
+use crate::run::{Outcome, Run, StageState, Start};
 
 /// Drag of the compression, and of the rest after it, in inverse inertial times.
 const DRAG_FALLING: f64 = 0.01;
@@ -45,7 +45,7 @@ fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result
             step, piston, drag, ..
         } => {
             let laws = packing_laws::<D>(scene);
-            let mut pack = Pack::new(run, scene, laws, (step, piston, drag), state)?;
+            let mut pack = PackStage::new(run, scene, laws, (step, piston, drag), state)?;
             if run.drive(&mut pack, step == 0)? == Outcome::Stopped {
                 return Ok(Outcome::Stopped);
             }
@@ -79,18 +79,18 @@ fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result
     };
     let law = force::<D>(&scene.law, scene.contact);
     let begins = from.step == 0;
-    let mut shear = Shear::new(run, scene, law, from, state)?;
+    let mut shear = ShearStage::new(run, scene, law, from, state)?;
     let outcome = run.drive(&mut shear, begins)?;
     shear.finish(run, outcome == Outcome::Done)?;
     Ok(outcome)
 }
 
 /// The stage with which the run begins, and its state.
-fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, State), Failure> {
+fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, StageState), Failure> {
     let (height, grains) = match (start, &scene.origin) {
         (Start::Checkpoint(snapshot), _) => {
             let header = Header::read(&snapshot)?;
-            return Ok((header, State::restore(run.exchange, snapshot)));
+            return Ok((header, StageState::restore(run.exchange, snapshot)));
         }
         (Start::Grains(grains), Origin::Packing { file, .. }) => (file.height(), grains),
         (_, Origin::Packing { .. }) => unreachable!("a packing that was not read"),
@@ -122,9 +122,9 @@ fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, State), 
             packing: None,
         }
     };
-    let state = State {
+    let state = StageState {
         grains,
-        ..State::default()
+        ..StageState::default()
     };
     Ok((header, state))
 }

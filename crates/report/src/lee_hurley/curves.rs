@@ -1,6 +1,6 @@
 //! τ(γ): figures 2, 12, 14 and 24.
 
-use super::studied::{Event, Size, Stage, Studied};
+use super::studied::{DropStage, Event, Size, Studied};
 use super::{Drawn, Figure, no_run};
 use crate::colour::{CURVES, GREY, INK, STAGES};
 use crate::compose::grid_of;
@@ -189,10 +189,10 @@ fn table(runs: &[&Studied], with_event: Option<&Studied>) -> String {
 /// Returns the name of the stage that contains the interval ending at a row.
 pub fn stage_of(event: &Event, row: usize) -> &'static str {
     if row <= event.stages.drop {
-        Stage::Before.name()
+        DropStage::Before.name()
     } else if row <= event.stages.calm {
-        Stage::Drop.name()
+        DropStage::Drop.name()
     } else {
-        Stage::After.name()
+        DropStage::After.name()
     }
 }

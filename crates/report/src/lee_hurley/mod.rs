@@ -14,7 +14,7 @@ mod studied;
 
 use std::path::{Path, PathBuf};
 
-pub use self::studied::{Choice, Event, Size, Stage, Step, Studied, friction};
+pub use self::studied::{DropStage, Event, MapStep, Size, Studied, StudyOptions, friction};
 use gshear_dem::failure::Failure;
 use gshear_store::text_writer;
 

@@ -3,7 +3,7 @@
 use super::Checker;
 use crate::key::Key;
 use crate::raw::{self, Parts, show};
-use crate::scene::{Drive, Load, Motion, Output, Part, Sample, Shear, Spring};
+use crate::scene::{Load, Motion, Output, Part, Sample, Shear, Spring, WallSpeed};
 
 pub(super) fn check(c: &mut Checker<'_>, shear: raw::Shear) -> Shear {
     let raw::Shear {
@@ -44,8 +44,8 @@ pub(super) fn check(c: &mut Checker<'_>, shear: raw::Shear) -> Shear {
     let i = c.number(&inertial_number).unwrap_or(f64::NAN);
     let v = c.number(&velocity).unwrap_or(f64::NAN);
     let drive = match chosen {
-        0 => Drive::InertialNumber(i),
-        _ => Drive::Velocity(v),
+        0 => WallSpeed::InertialNumber(i),
+        _ => WallSpeed::Velocity(v),
     };
     let strain = c.required(&strain);
     Shear {

@@ -2,7 +2,7 @@
 
 mod records;
 
-use super::collective::{IdBlocks, Outcome, agree, records_of};
+use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::h5::{Attribute, H5File, Word};
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
@@ -119,7 +119,7 @@ pub fn write(
     }
     let part = folder.join(PART);
     let file = agree(exchange, H5File::create(&part, exchange.communicator()))?;
-    let mut outcome = Outcome::default();
+    let mut outcome = CollectiveOutcome::default();
     for (name, value) in &attributes {
         outcome.note(file.attribute("/", name, value));
     }

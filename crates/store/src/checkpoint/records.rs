@@ -1,7 +1,7 @@
 //! Records of a checkpoint and their fields, each of which is a dataset.
 
 use super::Stretch;
-use crate::collective::Outcome;
+use crate::collective::CollectiveOutcome;
 use crate::h5::{H5File, Slab};
 use bytemuck::Pod;
 use gshear_dem::failure::Failure;
@@ -158,7 +158,11 @@ fn write_column<R: Record, T: H5Type + Copy>(
     )
 }
 
-pub(super) fn write_records<R: Record>(file: &H5File, outcome: &mut Outcome, stretch: &Stretch<R>) {
+pub(super) fn write_records<R: Record>(
+    file: &H5File,
+    outcome: &mut CollectiveOutcome,
+    stretch: &Stretch<R>,
+) {
     let (all, first, mine) = (stretch.length, stretch.first, &stretch.records[..]);
     outcome.note(file.group(R::GROUP));
     for field in R::integers() {

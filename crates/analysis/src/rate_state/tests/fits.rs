@@ -122,7 +122,7 @@ fn data_that_determine_nothing_are_refused() {
 fn jackknife_sees_what_differs_between_realisations() {
     let clean = synthetic(&law(Evolution::Aging), &step_test(), 4e-3);
     let sigma = 0.01;
-    let records: Vec<Record> = [-3.0, -1.0, 1.0, 3.0]
+    let records: Vec<SliderRecord> = [-3.0, -1.0, 1.0, 3.0]
         .into_iter()
         .map(|shift| {
             let mut record = clean.clone();
@@ -131,7 +131,8 @@ fn jackknife_sees_what_differs_between_realisations() {
             record
         })
         .collect();
-    let (joined, groups): (Vec<Record>, Vec<Vec<usize>>) = merge(&records).into_iter().unzip();
+    let (joined, groups): (Vec<SliderRecord>, Vec<Vec<usize>>) =
+        merge(&records).into_iter().unzip();
     let all = &fit_all(&joined, &[Evolution::Aging])[0];
     let spread = jackknife(&records, &groups, all).expect("four realisations");
     let fit = spread.fits[0].1.as_ref().expect("a fit");
