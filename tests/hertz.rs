@@ -350,8 +350,8 @@ fn the_law_is_that_of_lammps() {
                 let lanes = |v| Portable::splat(PortableToken, v);
                 law.parameters(
                     PortableToken,
-                    splat(radius[i]),
-                    splat(radius[j]),
+                    lanes(radius[i]),
+                    lanes(radius[j]),
                     &mut parameters,
                 );
                 let mut lanes = before.map(splat);

@@ -1,12 +1,12 @@
 //! K of every law in `LAWS`, chosen as a run chooses it, against differences of its own forces: in
 //! every dimension it has, with and without friction and rolling resistance.
 
-use gshear_analysis::jacobian::{History, Jacobian, State, assemble};
+use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::laws::keys::{Key, Values};
+use gshear_dem::laws::keys::{KeyReader, LawKey};
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
@@ -28,22 +28,22 @@ const H: f64 = 2e-5;
 /// Gives every key its example; of keys that exclude each other the first.
 struct Examples;
 
-impl Values for Examples {
-    fn number(&mut self, key: &Key) -> Option<f64> {
+impl KeyReader for Examples {
+    fn number(&mut self, key: &LawKey) -> Option<f64> {
         Some(key.example.parse().expect("an example is a number"))
     }
 
-    fn required(&mut self, key: &Key) -> f64 {
+    fn required(&mut self, key: &LawKey) -> f64 {
         self.number(key).unwrap_or(f64::NAN)
     }
 
-    fn exactly_one(&mut self, _: &[&Key], _: &str) -> usize {
+    fn exactly_one(&mut self, _: &[&LawKey], _: &str) -> usize {
         0
     }
 
-    fn useless(&mut self, _: &Key, _: &str) {}
+    fn useless(&mut self, _: &LawKey, _: &str) {}
 
-    fn refuse(&mut self, key: &Key, what: &str) {
+    fn refuse(&mut self, key: &LawKey, what: &str) {
         panic!(
             "the examples of the keys do not fit together: {} {what}",
             key.path
@@ -215,7 +215,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
 
     fn jacobian(&mut self) -> Jacobian {
         let contacts = self.system.contact_states(self.law);
-        let state = State {
+        let state = NetworkState {
             grains: &self.system.grain_states(),
             contacts: &contacts,
             cell: self.system.cell,

@@ -189,15 +189,7 @@ pub fn frame<D: Dimension>(
 ) -> (Vec<GrainSample>, Vec<ContactSample>) {
     system.finish_step();
     let grains = (0..system.grains.owned)
-        .map(|g| {
-            let state = system.grains.state(g);
-            GrainSample {
-                id: u64::from(state.id),
-                position: state.position,
-                velocity: state.velocity,
-                angular_velocity: state.angular_velocity,
-            }
-        })
+        .map(|g| GrainSample::from(&system.grains.state(g)))
         .collect();
     let contacts = system
         .contacts

@@ -259,15 +259,10 @@ impl Files {
     }
 }
 
-/// What never changes of this rank's grains.
+/// The constant properties of the grains that this rank owns.
 pub fn shapes<D: Dimension>(system: &mut System<D>) -> Vec<GrainShape> {
     let grains = system.grains();
-    let shape = |g: usize| GrainShape {
-        id: grains.id[g],
-        body: grains.body[g],
-        radius: grains.radius[g],
-        mass: grains.mass[g],
-    };
+    let shape = |g: usize| GrainShape::new(&grains.state(g), grains.mass[g]);
     (0..grains.owned).map(shape).collect()
 }
 

@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{
-    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPlace, GrainSample,
+    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPosition, GrainSample,
 };
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -41,7 +41,7 @@ impl FrameAnalysis {
         before: Option<FramePart>,
     ) -> Self {
         let shapes = gathered(exchange, &shapes(system), |g| g.id);
-        let frame = shapes.len() * (size_of::<GrainPlace>() + 2 * size_of::<ContactForce>());
+        let frame = shapes.len() * (size_of::<GrainPosition>() + 2 * size_of::<ContactForce>());
         let each = (BATCH_BYTES / frame.max(1)).clamp(1, MOST_INTERVALS);
         Self {
             grains: Disks {
@@ -132,20 +132,9 @@ impl FrameAnalysis {
 
 /// What the scalars need of a frame.
 fn part(grains: &[GrainSample], contacts: &[ContactSample]) -> FramePart {
-    let place = |g: &GrainSample| GrainPlace {
-        id: g.id as u32,
-        body: 0,
-        position: [g.position[0], g.position[1]],
-    };
-    let force = |c: &ContactSample| ContactForce {
-        i: c.i,
-        j: c.j,
-        normal_force: c.normal_force,
-        tangential_force: c.tangential_force[0],
-    };
     FramePart {
-        grains: grains.iter().map(place).collect(),
-        contacts: contacts.iter().map(force).collect(),
+        grains: grains.iter().map(GrainPosition::from).collect(),
+        contacts: contacts.iter().map(ContactForce::from).collect(),
     }
 }
 
@@ -168,9 +157,9 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
         let mut seen = 0;
         for rest in &mut rest {
             let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(rest, 16));
-            let places = take(rest, counts[0] as usize * size_of::<GrainPlace>());
+            let places = take(rest, counts[0] as usize * size_of::<GrainPosition>());
             let forces = take(rest, counts[1] as usize * size_of::<ContactForce>());
-            for place in records_of::<GrainPlace>(places) {
+            for place in records_of::<GrainPosition>(places) {
                 frame.position[place.id as usize] = place.position;
                 seen += 1;
             }

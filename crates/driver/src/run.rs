@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::simd::Isa;
-use gshear_dem::state::{ContactState, FramePart, GrainState, Snapshot, Travel};
+use gshear_dem::state::{ContactState, Displacement, FramePart, GrainState, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Bookkeeping;
 use gshear_scene::schedule::ReplayWindow;
@@ -52,7 +52,7 @@ pub struct StageState {
     /// The last frame whose scalars were computed.
     pub analysed: Option<FramePart>,
     /// Displacements since the stage began.
-    pub travels: Option<Vec<Travel>>,
+    pub displacements: Option<Vec<Displacement>>,
 }
 
 impl StageState {
@@ -63,7 +63,7 @@ impl StageState {
             grains: snapshot.grains,
             contacts,
             analysed: snapshot.analysed,
-            travels: snapshot.travels,
+            displacements: snapshot.displacements,
         }
     }
 }
@@ -260,7 +260,7 @@ impl<'a> Run<'a> {
             grains: state.grains,
             contacts: state.contacts,
             analysed: state.analysed,
-            travels: state.travels,
+            displacements: state.displacements,
         };
         checkpoint::write(exchange, out, self.toml, &snapshot)?;
         let kept = match (keep, exchange.rank()) {

@@ -292,7 +292,7 @@ fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
 
 /// Compares the fields of frames, read in blocks.
 fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>, Failure> {
-    let mut fields = FrameFields::new(a.dimension());
+    let mut fields = FrameComparison::new(a.dimension());
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);
@@ -316,7 +316,7 @@ const CONTACT_FIELDS: [ContactField; 6] = [
     ("sliding", false, |c| [c.sliding as f64; 3]),
 ];
 
-struct FrameFields {
+struct FrameComparison {
     dimension: Dimensions,
     step: FieldComparison,
     time: FieldComparison,
@@ -328,9 +328,9 @@ struct FrameFields {
     contacts: Vec<FieldComparison>,
 }
 
-impl FrameFields {
+impl FrameComparison {
     fn new(dimension: Dimensions) -> Self {
-        FrameFields {
+        FrameComparison {
             dimension,
             step: FieldComparison::new("frame step"),
             time: FieldComparison::new("frame time"),
@@ -462,7 +462,7 @@ mod tests {
         };
         let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
-        let mut fields = FrameFields::new(Dimensions::Two);
+        let mut fields = FrameComparison::new(Dimensions::Two);
         fields.see_contacts(7, &a, &b);
         assert_eq!((fields.pairs.compared, fields.pairs.differing), (4, 2));
         assert_eq!(fields.pairs.first, Location::ContactOf(7, 0, 1));

@@ -140,7 +140,7 @@ pub fn show(x: f64) -> String {
 }
 
 /// A table of the file, or the file itself.
-pub trait Table: Default {
+pub trait KeyTable: Default {
     /// The name; empty for the file.
     const NAME: &'static str;
     /// What it is about.
@@ -161,7 +161,7 @@ pub struct TableEntry {
 }
 
 impl TableEntry {
-    fn of<T: Table>() -> Self {
+    fn of<T: KeyTable>() -> Self {
         Self {
             name: T::NAME,
             about: T::ABOUT.trim(),
@@ -173,7 +173,7 @@ impl TableEntry {
 /// Reads a table, key by key.
 struct Reader<T>(PhantomData<T>);
 
-impl<'de, T: Table> Visitor<'de> for Reader<T> {
+impl<'de, T: KeyTable> Visitor<'de> for Reader<T> {
     type Value = T;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -257,7 +257,7 @@ macro_rules! table {
             }
         }
 
-        impl Table for $name {
+        impl KeyTable for $name {
             const NAME: &'static str = $table;
             const ABOUT: &'static str = concat!($($about),+);
 

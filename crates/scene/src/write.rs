@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 use super::key::{Key, Kind};
 use super::periodic::{Method, PeriodicScene};
-use super::raw::{self, Flag, Number, Numbers, Table, Text, Whole, show};
+use super::raw::{self, Flag, KeyTable, Number, Numbers, Text, Whole, show};
 use super::scene::{
     Bookkeeping, Contact, Dimensions, Law, Motion, Origin, Part, Sample, Scene, Sizes, StepChoice,
     WallSpeed, Walls,
@@ -30,7 +30,7 @@ impl Lines {
     }
 
     /// Begins a table. Returns its keys.
-    fn table<T: Table>(&mut self) -> T {
+    fn table<T: KeyTable>(&mut self) -> T {
         self.line(&format!("\n[{}]", T::NAME));
         T::default()
     }

@@ -11,7 +11,7 @@ use std::ops::Range;
 /// # Errors
 /// The failure of the lowest rank that has failed, on every rank.
 pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T, Failure> {
-    let mine = match &result {
+    let local = match &result {
         Ok(_) => Vec::new(),
         Err(failure) => {
             let kind = match failure {
@@ -24,7 +24,7 @@ pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T
             message
         }
     };
-    match exchange.gather(&mine).iter().find(|m| !m.is_empty()) {
+    match exchange.gather(&local).iter().find(|m| !m.is_empty()) {
         None => result,
         Some(message) => {
             let text = String::from_utf8_lossy(&message[1..]);

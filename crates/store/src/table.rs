@@ -63,12 +63,12 @@ impl<C: TableCell> TableCell for Option<C> {
 pub struct Table<'a, I: IntoIterator> {
     rows: I,
     names: StringRecord,
-    values: Vec<Values<'a, I::Item>>,
+    values: Vec<CellWriter<'a, I::Item>>,
     quotes: QuoteStyle,
 }
 
 /// Appends the cells of some columns to a record.
-type Values<'a, R> = Box<dyn Fn(&R, &mut StringRecord) + 'a>;
+type CellWriter<'a, R> = Box<dyn Fn(&R, &mut StringRecord) + 'a>;
 
 impl<'a, I: IntoIterator> Table<'a, I> {
     /// Creates a table without columns.

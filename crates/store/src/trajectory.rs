@@ -13,7 +13,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactSample, GrainSample};
+use gshear_dem::state::{ContactSample, GrainSample, GrainState};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
 use std::path::Path;
@@ -31,6 +31,18 @@ pub struct GrainShape {
     pub radius: f64,
     /// m (kg; kg/m in 2D).
     pub mass: f64,
+}
+
+impl GrainShape {
+    /// The constant properties of a grain in this state. `mass`: m (kg; kg/m in 2D).
+    pub fn new(grain: &GrainState, mass: f64) -> Self {
+        Self {
+            id: grain.id,
+            body: grain.body,
+            radius: grain.radius,
+            mass,
+        }
+    }
 }
 
 /// Content of `run.h5` from the start of the run.
@@ -226,7 +238,7 @@ impl TrajectoryWriter {
         let file = &self.file;
         let grains = self.blocks.grains as usize;
         let name = |part: &str| format!("{PARTICLES}/{part}");
-        let mine = Slab::rows(ids.start, length(&ids), 1);
+        let local = Slab::rows(ids.start, length(&ids), 1);
         let id: Vec<u32> = shapes.iter().map(|g| g.id).collect();
         let body: Vec<u8> = shapes.iter().map(|g| g.body as u8).collect();
         let radius: Vec<f64> = shapes.iter().map(|g| g.radius).collect();
@@ -236,10 +248,10 @@ impl TrajectoryWriter {
         let all = Slab::rows(0, edges.len() as u64, 1);
 
         let mut outcome = CollectiveOutcome::default();
-        outcome.note(fixed(file, &name("id"), grains, mine, &id));
-        outcome.note(fixed(file, &name("body"), grains, mine, &body));
-        outcome.note(fixed(file, &name("radius"), grains, mine, &radius));
-        outcome.note(fixed(file, &name("mass"), grains, mine, &mass));
+        outcome.note(fixed(file, &name("id"), grains, local, &id));
+        outcome.note(fixed(file, &name("body"), grains, local, &body));
+        outcome.note(fixed(file, &name("radius"), grains, local, &radius));
+        outcome.note(fixed(file, &name("mass"), grains, local, &mass));
         outcome.note(fixed(file, &format!("{BOX}/edges"), 3, all, edges));
         outcome.note(by_root(root, &mut self.columns.offset, 0, &[0]));
         self.file.agree(exchange, outcome)?;

@@ -99,7 +99,7 @@ impl RateStateSlider {
             .rtol(self.tolerance)
             .atol(self.tolerance)
             .newton_tol(newton_tolerance(self.tolerance));
-        let mut output = Output {
+        let mut output = OutputTimes {
             times,
             states,
             now: start,
@@ -173,14 +173,14 @@ impl ODE<f64, [f64; 2]> for Driven<'_> {
 
 /// Collects the states at the requested times, and the last state. The end of the last step may
 /// miss the last time by rounding.
-struct Output<'a> {
+struct OutputTimes<'a> {
     /// Times still to come.
     times: &'a [f64],
     states: &'a mut Vec<Friction>,
     now: Friction,
 }
 
-impl Solout<f64, [f64; 2]> for Output<'_> {
+impl Solout<f64, [f64; 2]> for OutputTimes<'_> {
     fn solout<I>(
         &mut self,
         time: f64,

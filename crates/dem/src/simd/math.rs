@@ -129,11 +129,11 @@ mod tests {
     fn inverses_are_good_to_an_ulp() {
         let mut x = 1e-300;
         while x < 1e300 {
-            let lanes = Lanes16(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
-            let lanes = Portable::load(PortableToken, &lanes);
+            let x16 = Lanes16(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
+            let lanes = Portable::load(PortableToken, &x16);
             let root = inverse_sqrt(PortableToken, lanes).to_lanes16();
             let inverse = inverse(PortableToken, lanes).to_lanes16();
-            for (k, v) in lanes.0.into_iter().enumerate() {
+            for (k, v) in x16.0.into_iter().enumerate() {
                 for (y, reference) in [(root.0[k], 1.0 / v.sqrt()), (inverse.0[k], 1.0 / v)] {
                     assert!(
                         (y / reference - 1.0).abs() <= 2.0 * f64::EPSILON,

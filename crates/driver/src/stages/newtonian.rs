@@ -8,7 +8,7 @@ use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{digest, frame};
-use gshear_dem::state::{GrainState, Travel};
+use gshear_dem::state::Displacement;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -33,7 +33,7 @@ pub(super) struct NewtonianStage<'a, D: Dimension> {
     scene: &'a PeriodicScene,
     law: &'a dyn PairForce<D>,
     system: System<D>,
-    motion: Displacements,
+    motion: GrainMotion,
     files: Files,
     spectra: Option<SpectraFile>,
     /// Of the strain steps before.
@@ -50,7 +50,7 @@ pub(super) struct Resumed {
     pub written: Written,
     /// Lines of the file of eigenvalues.
     pub lines: u64,
-    pub travels: Vec<Travel>,
+    pub displacements: Vec<Displacement>,
 }
 
 /// Which steps are written; a number of steps that never comes is never.
@@ -155,10 +155,10 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             Some(SpectraFile::open(exchange, &path, lines)?)
         };
         let motion = if let Some(resumed) = &resumed {
-            Displacements::resume(exchange, &mut system, &resumed.travels)
+            GrainMotion::resume(exchange, &mut system, &resumed.displacements)
         } else {
             system.rebuild(exchange, law, &mut NoWalls)?;
-            Displacements::begin(&mut system)
+            GrainMotion::begin(&mut system)
         };
         Ok(Self {
             scene,
@@ -299,7 +299,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
                 grains: self.system.grain_states(),
                 contacts: self.system.owned_contact_states(self.law),
                 analysed: None,
-                travels: Some(self.motion.travels.clone()),
+                displacements: Some(self.motion.displacements.clone()),
             },
             keep: self.scene.keep_checkpoints,
         })
@@ -367,9 +367,9 @@ impl Dense {
 }
 
 /// How the grains have moved since the start.
-struct Displacements {
+struct GrainMotion {
     /// Of the own grains, in their order.
-    travels: Vec<Travel>,
+    displacements: Vec<Displacement>,
     /// Rebuilds of the list, at which grains change hands.
     rebuilds: u64,
 }
@@ -384,31 +384,26 @@ pub(super) struct Moved {
     pub kinetic_energy: f64,
 }
 
-impl Displacements {
+impl GrainMotion {
     fn begin<D: Dimension>(system: &mut System<D>) -> Self {
-        let at_rest = |g: &GrainState| Travel {
-            id: g.id,
-            body: g.body,
-            start: g.position,
-            angle: [0.0; 3],
-        };
+        let states = system.grain_states();
         Self {
-            travels: system.grain_states().iter().map(at_rest).collect(),
+            displacements: states.iter().map(Displacement::from).collect(),
             rebuilds: system.list.rebuilds,
         }
     }
 
-    /// From all grains' travels, over the ranks in any order.
+    /// From all grains' displacements, over the ranks in any order.
     fn resume<D: Dimension>(
         exchange: &dyn Parallel,
         system: &mut System<D>,
-        travels: &[Travel],
+        displacements: &[Displacement],
     ) -> Self {
-        let all = gathered(exchange, travels, |travel| travel.id);
+        let all = gathered(exchange, displacements, |displacement| displacement.id);
         let grains = system.grains();
         let own = grains.id[..grains.owned].iter();
         Self {
-            travels: own.map(|&id| all[id as usize]).collect(),
+            displacements: own.map(|&id| all[id as usize]).collect(),
             rebuilds: system.list.rebuilds,
         }
     }
@@ -416,14 +411,14 @@ impl Displacements {
     /// The turns of the step that is done.
     fn turn<D: Dimension>(&mut self, exchange: &dyn Parallel, system: &mut System<D>) {
         if self.rebuilds != system.list.rebuilds {
-            *self = Self::resume(exchange, system, &self.travels);
+            *self = Self::resume(exchange, system, &self.displacements);
         }
         let step = system.step;
         let grains = system.grains();
-        for (g, travel) in self.travels.iter_mut().enumerate() {
+        for (g, displacement) in self.displacements.iter_mut().enumerate() {
             let fields = grains.fields(g);
             for k in 0..D::SPINS {
-                travel.angle[k] += step * fields[D::HALF_SPIN + k];
+                displacement.angle[k] += step * fields[D::HALF_SPIN + k];
             }
         }
     }
@@ -433,17 +428,17 @@ impl Displacements {
         let grains = system.grains();
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
         let own: Vec<Moved> = self
-            .travels
+            .displacements
             .iter()
             .enumerate()
-            .map(|(g, travel)| {
+            .map(|(g, displacement)| {
                 let (fields, radius) = (grains.fields(g), grains.radius[g]);
-                let moved = square(&cell.separation::<D>(fields, &travel.start));
+                let moved = square(&cell.separation::<D>(fields, &displacement.start));
                 let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
                 let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
                 Moved {
-                    id: travel.id.into(),
-                    msd: moved + radius * radius * square(&travel.angle),
+                    id: displacement.id.into(),
+                    msd: moved + radius * radius * square(&displacement.angle),
                     kinetic_energy: 0.5
                         * grains.mass[g]
                         * (velocity + D::INERTIA * radius * radius * spin),

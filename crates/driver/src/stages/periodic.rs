@@ -58,7 +58,7 @@ fn stages<D: LawSpace>(
             return Err(Failure::input("the checkpoint is not of a periodic box"));
         }
     };
-    let travels = state.travels.clone();
+    let displacements = state.displacements.clone();
     let mut system = system::<D>(run, scene, scene.sheared_cell(progress.offset))?;
     // With the forces of the state: to compute them anew is not what a run without a stop does.
     let cell = system.cell;
@@ -76,7 +76,7 @@ fn stages<D: LawSpace>(
             step,
             written,
             lines,
-            travels: travels.unwrap_or_default(),
+            displacements: displacements.unwrap_or_default(),
         });
         (system, progress)
     } else {

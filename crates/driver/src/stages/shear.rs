@@ -200,7 +200,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
                 .as_ref()
                 .and_then(FrameAnalysis::last)
                 .cloned(),
-            travels: None,
+            displacements: None,
         }
     }
 }

@@ -4,9 +4,9 @@ use super::studied::Studied;
 use gshear_analysis::phases::{Phase, PhaseKind};
 use gshear_store::table::Table;
 
-/// Number of drops listed per run.
+/// QuotedNumber of drops listed per run.
 const LISTED: usize = 20;
-/// Number of drops after the largest one in the table of numbers.
+/// QuotedNumber of drops after the largest one in the table of numbers.
 const NEXT: usize = 3;
 
 /// The slips of a regime by loss of τ, the greatest first; of equal ones the first in time.

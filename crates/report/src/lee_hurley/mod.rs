@@ -20,7 +20,7 @@ use gshear_store::text_writer;
 
 /// A figure with its number in the paper.
 pub struct Figure {
-    /// Number in the paper.
+    /// QuotedNumber in the paper.
     pub number: u8,
     /// Caption in HTML.
     pub caption: String,

@@ -17,7 +17,7 @@ const MODERATE: f64 = 0.4;
 const STRONG: f64 = 0.6;
 
 /// A line of the table.
-pub struct Number {
+pub struct QuotedNumber {
     /// Label of the run.
     pub run: String,
     /// The quantity or statement.
@@ -29,12 +29,12 @@ pub struct Number {
 }
 
 /// Returns the lines of every run, one run after the other.
-pub fn of(runs: &[Studied]) -> Vec<Number> {
+pub fn of(runs: &[Studied]) -> Vec<QuotedNumber> {
     runs.iter().flat_map(of_run).collect()
 }
 
 /// Returns the content of `numbers.csv`.
-pub fn csv(numbers: &[Number]) -> String {
+pub fn csv(numbers: &[QuotedNumber]) -> String {
     Table::of(numbers)
         .column("run", |number| &number.run)
         .column("what", |number| &number.what)
@@ -44,11 +44,11 @@ pub fn csv(numbers: &[Number]) -> String {
         .csv()
 }
 
-fn of_run(run: &Studied) -> Vec<Number> {
+fn of_run(run: &Studied) -> Vec<QuotedNumber> {
     let mut lines: Vec<(String, String, String)> = basics(run);
     lines.extend(drop(run));
     lines.extend(statements(run));
-    let number = |(what, paper, ours)| Number {
+    let number = |(what, paper, ours)| QuotedNumber {
         run: run.label.clone(),
         what,
         paper,
@@ -61,7 +61,7 @@ fn known(value: Option<f64>) -> String {
     value.map_or("unknown".into(), |value| format!("{value:.3e}"))
 }
 
-/// Number of phases in the paper, by size and friction (sections 4 and 5, appendix C), each in
+/// QuotedNumber of phases in the paper, by size and friction (sections 4 and 5, appendix C), each in
 /// about 130,000 intervals.
 fn phases_of_paper(run: &Studied) -> Option<f64> {
     let of_friction = match run.size {

@@ -292,7 +292,7 @@ impl Levels {
 }
 
 fn dmin(run: &Studied, step: &MapStep, view: MapView, levels: &Levels) -> String {
-    /// Number of shades; disks of one shade become one path of the figure.
+    /// QuotedNumber of shades; disks of one shade become one path of the figure.
     const SHADES: f64 = 48.0;
     let share = |n: usize| {
         let level = (step.dmin[n] / levels.square).log10();

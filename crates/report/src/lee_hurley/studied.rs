@@ -75,7 +75,7 @@ impl DropStage {
 
 /// An interval around the drop that the maps show, with its results.
 pub struct MapStep {
-    /// Number of the step in the maps, from 1 on.
+    /// QuotedNumber of the step in the maps, from 1 on.
     pub number: usize,
     /// Stage of the drop.
     pub stage: DropStage,

@@ -2,7 +2,7 @@
 
 use super::Checker;
 use crate::key::{Declared, Key};
-use crate::raw::{self, Number, Table, list};
+use crate::raw::{self, KeyTable, Number, list};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::keys::{self, KeyReader};
 use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, lee_hurley};
