@@ -5,7 +5,8 @@ use std::marker::PhantomData;
 use crate::dimension::Dimension;
 use crate::state::{CandidatePair, Cell, Grains, body};
 
-/// The interval along x, by [`Cell::slab_coordinate`], that holds the owned grains and ghosts of a rank.
+/// The interval along x, by [`Cell::slab_coordinate`], that holds the owned grains and ghosts of a
+/// rank.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalExtent {
     /// Its start (m); may be negative.
@@ -112,7 +113,8 @@ pub struct Bins<D: Dimension> {
 impl<D: Dimension> Bins<D> {
     /// Cells of at least `cutoff` (m) for these positions (m), which lie in the extent.
     pub fn new(cell: Cell, extent: LocalExtent, cutoff: f64, position: &[[f64; 3]]) -> Self {
-        // The index runs slowest along x, which may be limited to the extent of a rank; fastest along the last axis.
+        // The index runs slowest along x, which may be limited to the extent of a rank; fastest
+        // along the last axis.
         let mut axes = [CellAxis::open(0.0, 0.0, 1.0); 3];
         for (axis, cells) in axes[..D::UP].iter_mut().enumerate() {
             let period = cell.periods[axis];
@@ -265,8 +267,8 @@ mod tests {
     use crate::state::{GrainState, Masses, Sheared};
     use bytemuck::Zeroable;
 
-    /// Compares with a search over all pairs, in narrow and wide cells, with ghosts; `offset` over L_x of a sheared
-    /// cell.
+    /// Compares with a search over all pairs, in narrow and wide cells, with ghosts; `offset` over
+    /// L_x of a sheared cell.
     fn compare<D: Dimension>(offset: Option<f64>) {
         for (length, width, count, owned) in [
             (2.5, 3.0, 12, 12),

@@ -1,4 +1,5 @@
-//! What is measured of a run: time series rows, frames, the digest. None of it reaches the trajectory.
+//! Measured quantities: rows of the time series, frames, the digest. None of them changes the
+//! trajectory.
 
 use xxhash_rust::xxh3::xxh3_128;
 
@@ -15,7 +16,8 @@ use crate::system::System;
 /// Constants of the sample from which rows of the time series are computed.
 #[derive(Debug, Clone, Copy)]
 pub struct SampleConstants {
-    /// Thickness of both walls together (m): the height of the sheared layer is the piston's less this.
+    /// Thickness of both walls together (m): the height of the sheared layer is the piston's less
+    /// this.
     pub walls: f64,
     /// Volume of the free grains (m³; area, m², in 2D).
     pub free_volume: f64,
@@ -102,7 +104,7 @@ pub fn series<D: Dimension>(
             system.fixed.add(&mut normal, grains.force[g][D::UP]);
         }
     }
-    // Contacts, sliding contacts, and the ends of contacts that are at free grains.
+    // The number of contacts, of sliding contacts, and of contacts of each free grain, summed.
     let mut counts = [0i64; 3];
     for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
         let free = |g: usize| i64::from(grains.body[g] == body::FREE);
@@ -215,8 +217,9 @@ pub fn frame<D: Dimension>(
     (grains, contacts)
 }
 
-/// Digest of the state: every grain, every touching contact with its history, the walls or whatever else (`more`), the step. It is the sum of 128-bit
-/// hashes of them, so it does not depend on who holds what; collective.
+/// The digest of the state: of every grain, every touching contact with its history, `more` (such
+/// as the walls) and the step. It is the sum of their 128-bit hashes, so it does not depend on
+/// which rank has them; collective.
 pub fn digest<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -224,7 +227,7 @@ pub fn digest<D: Dimension>(
     more: &[u8],
     step: u64,
 ) -> String {
-    // Two sums of 64 bits, each wrapping.
+    // The lower and the upper 64 bits are summed separately, so the sums wrap.
     let mut halves = [0i64; 2];
     let mut add = |bytes: &[u8]| {
         let hash = xxh3_128(bytes);

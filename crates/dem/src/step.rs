@@ -56,7 +56,8 @@ pub fn advance<D: Dimension>(
     system.steps += 1;
     system.clock.start();
 
-    // Not at the end of the last step, whose samples belong to the list they were taken with.
+    // Not at the end of the last step, because its samples are indexed by the blocks of the old
+    // list.
     if system.list.due {
         system.rebuild(exchange, law, drive)?;
         system.clock.end(StepPhase::Rebuild);
@@ -269,8 +270,8 @@ fn add_forces<D: Dimension>(
 }
 
 /// Computes v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces.
-/// Returns the greatest speed (m/s), or NaN if one is NaN. `SECOND_KICK_DEFERRED`: gives the deferred second
-/// kick of the last step first.
+/// Returns the greatest speed (m/s), or NaN if one is NaN. `SECOND_KICK_DEFERRED`: gives the
+/// deferred second kick of the last step first.
 struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool> {
     part: OwnedPart<'a, D>,
     step: f64,

@@ -1,5 +1,5 @@
-//! The thread pool of a rank. Every thread sums the forces of its part of the contacts, and then the
-//! pool adds these sums. They are exact, so the number of threads does not change a bit.
+//! The thread pool of a rank. Every thread sums the forces of its part of the contacts, and then
+//! the pool adds these sums. They are exact, so the number of threads does not change a bit.
 
 use std::ops::Range;
 
@@ -85,8 +85,8 @@ impl<D: Dimension> ThreadPool<D> {
         1 + self.partial.len()
     }
 
-    /// Divides a new list of contacts among the threads, and finds the pages that each part uses. Must
-    /// be called for every new list.
+    /// Divides a new list of contacts among the threads, and finds the pages that each part uses.
+    /// Must be called for every new list.
     pub fn assign(&mut self, contacts: &Contacts, local: usize) {
         let threads = self.threads();
         let all = contacts.blocks();
@@ -202,8 +202,8 @@ impl<D: Dimension> ThreadPool<D> {
         workers.install(|| force.par_chunks_mut(PAGE).enumerate().for_each(add));
     }
 
-    /// Divides the owned grains into parts of about the same size, one per thread, runs `work` on each,
-    /// and calls `each` with every result.
+    /// Divides the owned grains into parts of about the same size, one per thread, runs `work` on
+    /// each, and calls `each` with every result.
     pub fn over_owned<R: Send + Default>(
         &self,
         grains: &mut Grains<D>,

@@ -1,4 +1,5 @@
-//! The second kick of a step is given when someone looks, or by the next step: the bits are the same.
+//! The second kick of a step is given before grains are read, or by the next step: the bits are the
+//! same.
 
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Dimension, Three, Two};
@@ -26,8 +27,8 @@ const STEPS: u64 = 300;
 /// How the grains are looked at during a run, before the end.
 type Look<D> = fn(&mut System<D>, &GrainWalls);
 
-/// A pressed layer between a fixed wall and one that a spring pulls along: its grains move, collide and cross the seam. Returns the
-/// digest of grains, contacts and walls.
+/// A pressed layer between a fixed wall and one that a spring pulls along: its grains move, collide
+/// and cross the seam. Returns the digest of grains, contacts and walls.
 fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, look: Look<D>) -> String {
     let length = SIDE as f64 * SPACING;
     let width = match D::AXES {
@@ -125,7 +126,8 @@ fn grains<D: Dimension>() -> Vec<GrainState> {
     (0..LAYERS * per_layer).map(grain).collect()
 }
 
-/// What an immediate kick gives: v(t+½Δt) + ½Δt F/m and the same of spins; the walls move as they say.
+/// The result of an immediate kick: v(t+½Δt) + ½Δt F/m, and likewise for spins; the drive sets the
+/// velocities of the walls.
 fn at_the_full_step<D: Dimension>(system: &mut System<D>, walls: &GrainWalls) {
     let grains = system.grains();
     let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();

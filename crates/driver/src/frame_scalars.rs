@@ -1,6 +1,8 @@
-//! The scalars of frames, computed while the run goes on by the reducer's own function, so that frames need not be stored.
+//! The scalars of frames, computed during the run by the function of the reducer, so that the
+//! frames need not be stored.
 //!
-//! Frames are kept until there are intervals for every rank; then each rank is sent the frames of its share of them, in a row.
+//! Frames are collected until there are intervals for every rank. Then each rank receives the
+//! consecutive frames of its share of the intervals.
 
 use crate::files::shapes;
 use bytemuck::Zeroable;
@@ -13,28 +15,29 @@ use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::{IdBlocks, gathered, records_of};
 
-/// Bytes of frames gathered before they are analysed, on each rank in the mean.
+/// Bytes of frames to collect before they are analysed, per rank on average.
 const BATCH_BYTES: usize = 1 << 20;
-/// Most intervals that a rank works on in one go.
+/// Greatest number of intervals per rank in a batch.
 const MOST_INTERVALS: usize = 16;
 
-/// A row of the scalars: the step, and what is between this frame and the one before it.
+/// A row of the scalars: the step of a frame, and the scalars of the interval that ends there.
 pub type ScalarsRow = (u64, FrameScalars);
 
-/// Frames on their way to scalars.
+/// Frames that wait for their scalars to be computed.
 pub struct FrameAnalysis {
     grains: Disks,
-    /// This rank's part of the frames: the last one that is done with, then those that wait.
+    /// This rank's part of the frames: the last analysed one, then those that wait.
     frames: Vec<FramePart>,
-    /// Of those that wait.
+    /// Steps of the frames that wait.
     steps: Vec<u64>,
-    /// Intervals that are worked on in one go.
+    /// Number of intervals in a batch.
     batch: usize,
     scratch: ScalarScratch,
 }
 
 impl FrameAnalysis {
-    /// Of the system's grains, going on from the frame that was analysed last, if there is one. Collective.
+    /// Starts with the grains of the system, after the last analysed frame, if there is one.
+    /// Collective.
     pub fn new<D: Dimension>(
         exchange: &dyn Parallel,
         system: &mut System<D>,
@@ -57,8 +60,8 @@ impl FrameAnalysis {
         }
     }
 
-    /// The next frame: this rank's grains, and the contacts whose first grain it owns. Returns the rows that are ready, the same
-    /// on every rank. Few calls send anything.
+    /// Adds a frame: the grains of this rank, and the contacts whose first grain it owns. Returns
+    /// the rows that are ready, the same on every rank. Collective if a batch is full.
     pub fn frame(
         &mut self,
         exchange: &dyn Parallel,
@@ -78,7 +81,7 @@ impl FrameAnalysis {
         self.flush(exchange)
     }
 
-    /// The rows of all frames that wait, the same on every rank. Collective.
+    /// Computes the rows of all frames that wait, the same on every rank. Collective.
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Vec<ScalarsRow> {
         let intervals = self.steps.len();
         if intervals == 0 {
@@ -123,14 +126,17 @@ impl FrameAnalysis {
         rows
     }
 
-    /// The frame that the next scalars begin with. Panics while frames wait.
+    /// The frame at which the next interval begins.
+    ///
+    /// # Panics
+    /// If frames wait.
     pub fn last(&self) -> Option<&FramePart> {
         assert!(self.steps.is_empty(), "frames wait to be analysed");
         self.frames.last()
     }
 }
 
-/// What the scalars need of a frame.
+/// The positions and forces from which the scalars are computed.
 fn part(grains: &[GrainSample], contacts: &[ContactSample]) -> FramePart {
     FramePart {
         grains: grains.iter().map(GrainPosition::from).collect(),
@@ -145,7 +151,8 @@ fn write(part: &FramePart, message: &mut Vec<u8>) {
     message.extend_from_slice(bytemuck::cast_slice(&part.contacts));
 }
 
-/// The frames of one message of each rank. Panics where a grain is missing or comes twice: a fault of the program.
+/// Assembles frames from one message of each rank. Panics if a grain is missing or occurs twice,
+/// which is a bug.
 fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
     let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
     let mut frames = Vec::new();
@@ -179,7 +186,7 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
     frames
 }
 
-/// The next so many bytes.
+/// Takes the next bytes.
 fn take<'a>(bytes: &mut &'a [u8], length: usize) -> &'a [u8] {
     let (now, later) = bytes.split_at(length);
     *bytes = later;

@@ -1,4 +1,4 @@
-//! What a run begins with: a scene and its grains, or a checkpoint.
+//! The start of a run: from a scene and its grains, or from a checkpoint.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::header::Header;
 use crate::run::{Options, Outcome, Run, Start};
 use crate::stages::{periodic, walls};
 
-/// A scene, and what its run begins with.
+/// A scene, and the state from which its run starts.
 pub struct Task {
     /// The scene.
     pub study: Study,
@@ -42,7 +42,7 @@ impl Task {
         }
     }
 
-    /// The file that has a digest when all stages are done.
+    /// The file of the last stage, whose attribute `digest` marks a finished run.
     pub(crate) fn last_file(&self) -> &'static str {
         match &self.study {
             Study::PlaneShear(_) => RUN_FILE,
@@ -52,13 +52,13 @@ impl Task {
     }
 }
 
-/// The scene and, if it has a packing, its grains: rank 0 reads them. Collective.
+/// Loads a scene and, if it has a packing, its grains, which rank 0 reads. Collective.
 ///
 /// # Errors
-/// A configuration or a packing that is refused.
+/// An invalid configuration or packing.
 ///
 /// # Panics
-/// Never: rank 0 writes what the others read.
+/// If the packing holds a number that is not finite, which [`Packing::read`] refuses.
 pub fn from_the_start(
     exchange: &dyn Parallel,
     source: &Source,
@@ -85,10 +85,10 @@ pub fn from_the_start(
     Ok(Task { study, start })
 }
 
-/// The scene of a checkpoint, and its state. Collective.
+/// Loads a checkpoint: its scene with the overrides `set`, and its state. Collective.
 ///
 /// # Errors
-/// A checkpoint that is damaged or of another version, overrides that are refused.
+/// A checkpoint that is damaged or of another version, or an invalid override.
 pub fn from_checkpoint(
     exchange: &dyn Parallel,
     path: &Path,

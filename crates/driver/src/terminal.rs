@@ -1,4 +1,4 @@
-//! What a person sees of a run. Rank 0 speaks.
+//! Terminal output of a run, by rank 0.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -18,7 +18,7 @@ use gshear_scene::schedule::Schedule;
 use gshear_scene::{Dimensions, Law, Motion, Origin, PeriodicScene, Scene, WallSpeed, Walls};
 use gshear_store::provenance;
 
-/// Lines of progress, and a bar where there is a terminal.
+/// Lines of progress, and a progress bar if the output is a terminal.
 pub struct Terminal {
     speaks: bool,
     bar: ProgressBar,
@@ -95,9 +95,9 @@ impl Terminal {
         ));
     }
 
-    /// `kinetic`: energy per grain over P d̄ δ̄.
+    /// Progress of the packing. `kinetic`: kinetic energy per grain over P d̄ δ̄.
     pub fn packing(&mut self, step: u64, piston: &Piston, kinetic: f64) {
-        // Ever more rarely, since nobody knows how long it takes.
+        // At growing intervals, because the number of steps is unknown.
         if step >= self.next_packing_line {
             self.next_packing_line = 2 * step;
             self.say(format!(
@@ -232,7 +232,7 @@ impl Terminal {
         ));
     }
 
-    /// `rate`: grain-steps per second and rank.
+    /// Summary at the end of a run. `rate`: grain-steps per second and rank.
     pub fn end(
         &self,
         exchange: &dyn Parallel,
@@ -266,7 +266,7 @@ impl Terminal {
     }
 }
 
-/// The law's name and what follows from its constants.
+/// The law's name and its derived constants.
 fn law(law: &Law) -> String {
     let derived = law.derived().into_iter();
     let derived = derived.map(|(symbol, value, unit)| format!("{symbol} = {value:.4e} {unit}"));
@@ -284,7 +284,7 @@ fn ranks(n: usize) -> String {
     }
 }
 
-/// Of runs in a periodic box.
+/// Output of runs in a periodic box.
 impl Terminal {
     pub fn periodic_header(&self, exchange: &dyn Parallel, scene: &PeriodicScene, isa: Isa) {
         self.say(format!("{}: {}", provenance::printed(), scene.title));
@@ -305,7 +305,7 @@ impl Terminal {
         ));
     }
 
-    /// `steps` of overdamped dynamics at the solid fraction asked for.
+    /// End of the preparation, after `steps` of overdamped dynamics.
     pub fn prepared(&self, steps: u64) {
         self.say(format!(
             "pack:  at rest without friction after {steps} steps of overdamped dynamics"

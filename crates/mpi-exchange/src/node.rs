@@ -155,8 +155,9 @@ impl Node {
         self.sent[direction].set(number);
         // SAFETY: the slot lives as long as the window. What is written is read by the neighbour
         // only between `sent` reaching this number and its own `taken`, and this rank last used
-        // this mailbox for the message before the last, which the neighbour has taken. Until then no
-        // other rank accesses the message, which is aligned as the mailbox and was set to zero once.
+        // this mailbox for the message before the last, which the neighbour has taken. Until then
+        // no other rank accesses the message, which is aligned as the mailbox and was set to zero
+        // once.
         unsafe {
             let slot = self.slots[self.rank];
             let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
@@ -206,8 +207,8 @@ impl Node {
             // SAFETY: the slot lives as long as the window, and terms are atomic.
             unsafe { &(*slot).terms[number as usize % 2] }
         };
-        // Every rank has read the terms of the sum before the last, because it did so before it wrote
-        // its terms of the last sum.
+        // Every rank has read the terms of the sum before the last, because it did so before it
+        // wrote its terms of the last sum.
         let own = terms(self.rank);
         for (to, value) in own.term.iter().zip(&*values) {
             to.store(*value, Ordering::Relaxed);

@@ -51,8 +51,8 @@ impl PairMotion {
 pub struct Blocks<'a> {
     /// [`ContactLaw::PARAMETERS`] quantities per block.
     pub parameters: &'a [Lanes16],
-    /// The histories, [`ContactLaw::HISTORY`] quantities per block, which the law updates; zeros
-    /// in lanes that do not touch. With friction a tangential vector comes first, which in three
+    /// The histories, [`ContactLaw::HISTORY`] quantities per block, which the law updates; zeros in
+    /// lanes that do not touch. With friction a tangential vector comes first, which in three
     /// dimensions has been rotated with n.
     pub history: &'a mut [Lanes16],
     /// The relative motion of the pairs.

@@ -27,7 +27,8 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// The largest F_n (N; N/m in 2D) of two grains of this radius (m) within the law.
     fn largest_normal_force(&self, radius: f64) -> f64;
 
-    /// Converts the history of a contact, as the law keeps it, to the layout of [`crate::state::ContactState`].
+    /// Converts the history of a contact, as the law keeps it, to the layout of
+    /// [`crate::state::ContactState`].
     fn to_state(&self, history: [f64; 3]) -> [f64; 3];
 
     /// The reverse of [`PairModel::to_state`].

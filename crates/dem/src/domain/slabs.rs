@@ -69,8 +69,8 @@ impl<D: Dimension> Slabs<D> {
     }
 
     /// Moves the cuts to balance the work, then every grain with its contacts to the rank that owns
-    /// it. `cutoff` in m. Returns the owned grains by id, and all their contacts,
-    /// including those with ghosts, by (i, j).
+    /// it. `cutoff` in m. Returns the owned grains by id, and all their contacts, including those
+    /// with ghosts, by (i, j).
     ///
     /// # Errors
     /// Too many ranks: a slab must be wider than the cutoff.

@@ -1,9 +1,11 @@
 //! Sixteen f64 at a time, with the same bits on every processor.
 //!
-//! Every operation is exactly one IEEE operation per lane (fused multiply-add included), so AVX-512, AVX2 with FMA
-//! and the portable arrays agree to the last bit. The instruction set is chosen once, at run time.
+//! Every operation is exactly one IEEE operation per lane (fused multiply-add included), so
+//! AVX-512, AVX2 with FMA and the portable arrays agree to the last bit. The instruction set
+//! ([`Isa`]) is chosen once, at run time.
 //!
-//! Soundness: a value of [`Avx512`] or [`Avx2`] can only be made from its token, and a token only by asking the processor.
+//! Soundness: a value of [`Avx512`] or [`Avx2`] can only be made from its token, and a token only
+//! if the processor has the instruction set.
 
 #![allow(
     unsafe_code,
@@ -26,12 +28,12 @@ pub use portable::{Portable, PortableToken};
 /// Number of lanes.
 pub const LANES: usize = 16;
 
-/// One quantity of sixteen contacts.
+/// One quantity of sixteen contacts, in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Lanes16(pub [f64; LANES]);
 
-/// Eight f64 on one cache line. A grain, as the kernel reads it, takes one or two: its record.
+/// Eight f64 on one cache line. The record of a grain, which the kernel reads, takes one or two.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct CacheLine(pub [f64; 8]);
@@ -46,7 +48,7 @@ impl Lanes16 {
     pub const ZERO: Self = Lanes16([0.0; LANES]);
 }
 
-/// Half a cache line: what is added to one grain.
+/// Force and torque on a disk, and padding: half a cache line.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub struct Force2(pub [f64; 4]);
@@ -64,7 +66,7 @@ impl DerefMut for Force2 {
     }
 }
 
-/// A cache line: what is added to one grain in three dimensions.
+/// Force and torque on a sphere, and padding: a cache line.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Force3(pub [f64; 8]);
@@ -92,7 +94,8 @@ pub struct Pairs {
     pub j: [u32; LANES],
 }
 
-/// Pairs of indices in blocks, and what those of a block are below: whoever has an array of that length may use them unchecked.
+/// Pairs of indices in blocks of sixteen, with an upper bound of the indices of each block. One
+/// check of the bound allows unchecked access with all indices of the block.
 #[derive(Debug, Default)]
 pub struct PairList {
     blocks: Vec<Pairs>,
@@ -106,8 +109,10 @@ impl PairList {
         self.below.clear();
     }
 
+    /// Appends a block.
+    ///
     /// # Panics
-    /// Where an index is `u32::MAX`.
+    /// If an index is `u32::MAX`.
     pub fn push(&mut self, pairs: Pairs) {
         let most = pairs.i.iter().chain(&pairs.j).fold(0, |a, &b| a.max(b));
         assert!(most < u32::MAX, "an index has to be below {}", u32::MAX);
@@ -125,10 +130,10 @@ impl PairList {
         self.blocks.capacity() * size_of::<Pairs>() + self.below.capacity() * size_of::<u32>()
     }
 
-    /// A block, all of whose indices are below `length`.
+    /// A block; checks that all its indices are below `length`.
     ///
     /// # Panics
-    /// Where they may not be.
+    /// If one is not.
     #[inline(always)]
     fn within(&self, block: usize, length: usize) -> &Pairs {
         assert!(
@@ -139,7 +144,7 @@ impl PairList {
     }
 }
 
-/// Sixteen f64.
+/// Sixteen f64 in registers.
 pub trait Lanes:
     Copy
     + Add<Output = Self>
@@ -148,7 +153,7 @@ pub trait Lanes:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// Proof that the processor can do this.
+    /// Proof that the processor has the instruction set.
     type Token: Copy;
     /// One truth value per lane.
     type Mask: Mask;
@@ -159,16 +164,16 @@ pub trait Lanes:
 
     /// The same number in every lane.
     fn splat(token: Self::Token, x: f64) -> Self;
-    /// The lanes of a row.
+    /// Reads the lanes from memory.
     fn load(token: Self::Token, from: &Lanes16) -> Self;
-    /// Writes the lanes to a row.
+    /// Writes the lanes to memory.
     fn store(self, to: &mut Lanes16);
-    /// The lanes as a row.
+    /// The lanes in memory.
     #[inline(always)]
     fn to_lanes16(self) -> Lanes16 {
-        let mut row = Lanes16::ZERO;
-        self.store(&mut row);
-        row
+        let mut lanes = Lanes16::ZERO;
+        self.store(&mut lanes);
+        lanes
     }
     /// `self * factor + term`, rounded once.
     fn mul_add(self, factor: Self, term: Self) -> Self;
@@ -178,31 +183,34 @@ pub trait Lanes:
     fn abs(self) -> Self;
     /// To the nearest integer, ties to even.
     fn round(self) -> Self;
-    /// `self` where it is greater, else `other` (so `other` where `self` is NaN).
+    /// `self` in lanes in which it is greater, else `other`; `other` if `self` is NaN.
     fn max(self, other: Self) -> Self;
     /// Magnitude of `self`, sign of `sign`.
     fn copy_sign(self, sign: Self) -> Self;
-    /// False where either is NaN.
+    /// Whether `self` is greater; false if either is NaN.
     fn greater(self, other: Self) -> Self::Mask;
     /// Lane-wise `mask ? self : other`.
     fn select(self, mask: Self::Mask, other: Self) -> Self;
     /// Exponent e and mantissa m in [1, 2) of normal positive numbers: x = m 2^e.
     fn exponent_mantissa(self) -> (Self, Self);
-    /// Normal positive numbers as x = m 2^e with m in [31/32, 31/16), and the k for which m is nearest to 1 + k/8.
+    /// Normal positive numbers as x = m 2^e with m in [31/32, 31/16): e, m, and the k for which m
+    /// is nearest to 1 + k/8.
     fn exponent_eighth(self) -> (Self, Self, Self::Index);
     /// `table[k]`.
     fn look_up(token: Self::Token, table: &[f64; 8], k: Self::Index) -> Self;
-    /// Sums of nothing.
+    /// Sums that are zero.
     fn no_counts(token: Self::Token) -> Self::Counts;
     /// Adds `self`, rounded to the nearest integer; |self| < 2^51.
     fn count(self, sums: Self::Counts) -> Self::Counts;
-    /// All sums together.
+    /// The sum of all lanes.
     fn total(sums: Self::Counts) -> i128;
-    /// A start for 1/x of normal positive numbers, from the bits: |1 - x y| < 0.0506.
+    /// A first approximation y of 1/x from the bits of normal positive numbers: |1 - x y| < 0.0506.
     fn inverse_start(self) -> Self;
-    /// A start for x^(-1/2) of normal positive numbers, from the bits: |1 - x y²| < 0.0682.
+    /// A first approximation y of x^(-1/2) from the bits of normal positive numbers:
+    /// |1 - x y²| < 0.0682.
     fn inverse_sqrt_start(self) -> Self;
-    /// `records[i] - records[j]` of a block of pairs, of one line, transposed: row k gets field k of the sixteen differences.
+    /// Transposes `records[i] - records[j]` of a block of pairs, one cache line of each: `out[k]`
+    /// gets field k of the sixteen differences.
     ///
     /// # Panics
     /// Where an index of the list is outside `records`.
@@ -213,7 +221,7 @@ pub trait Lanes:
         block: usize,
         out: &mut [Lanes16; 8],
     );
-    /// One line of the records j, transposed.
+    /// One cache line of the records j, transposed: element k is field k of the sixteen records.
     ///
     /// # Panics
     /// Where an index of the list is outside `records`.
@@ -223,7 +231,7 @@ pub trait Lanes:
         list: &PairList,
         block: usize,
     ) -> [Self; 8];
-    /// The last two fields of one line of the records j.
+    /// The last two fields of one cache line of the records j.
     ///
     /// # Panics
     /// Where an index of the list is outside `records`.
@@ -233,26 +241,29 @@ pub trait Lanes:
         list: &PairList,
         block: usize,
     ) -> [Self; 2];
-    /// Adds (a, b, c, 0) to `sums[i]` and (-a, -b, d, 0) to `sums[j]` of a block of pairs, one pair after the other.
+    /// Adds (a, b, c, 0) to `sums[i]` and (-a, -b, d, 0) to `sums[j]` of a block of pairs, pair by
+    /// pair; `terms` are a, b, c, d.
     ///
     /// # Panics
     /// Where an index of the list is outside `sums`.
     fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize);
-    /// Adds (a, b, 0, 0) to `sums[i]` and (-a, c, 0, 0) to `sums[j]`, where a, b and c are three numbers each.
+    /// Adds (a, b, 0, 0) to `sums[i]` and (-a, c, 0, 0) to `sums[j]`; `terms` are the vectors a, b,
+    /// c.
     ///
     /// # Panics
     /// Where an index of the list is outside `sums`.
     fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize);
 }
 
-/// Asks for what the second of each pair of a block has in `of`, before it is needed; without such an instruction, nothing.
+/// Prefetches the elements of `of` at the second indices of a block of pairs. Does nothing on
+/// processors other than x86-64.
 #[inline(always)]
 pub fn prefetch<T>(of: &[T], list: &PairList, block: usize) {
     #[cfg(target_arch = "x86_64")]
     for &j in &list.within(block, of.len()).j {
         let first = of.as_ptr().wrapping_add(j as usize).cast::<i8>();
         for line in 0..size_of::<T>().div_ceil(64) {
-            // SAFETY: no memory is accessed as far as the program can see.
+            // SAFETY: a prefetch neither faults nor changes what the program reads.
             unsafe {
                 use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
                 _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line));
@@ -261,26 +272,28 @@ pub fn prefetch<T>(of: &[T], list: &PairList, block: usize) {
     }
 }
 
-/// What brings a number below 2^51 to integers in the last bits.
+/// 3·2^51: added to a number below 2^51, it rounds to an integer and leaves that in the last bits.
 const TO_INTEGER: f64 = (3u64 << 51) as f64;
 
-/// Magic numbers of [`Lanes::inverse_start`] and [`Lanes::inverse_sqrt_start`]: their errors are the same on both sides.
+/// Constants of [`Lanes::inverse_start`] and [`Lanes::inverse_sqrt_start`], chosen so that the
+/// greatest errors of both signs are equal.
 const INVERSE_MAGIC: u64 = 0x7fde_6238_5024_84ba;
 const INVERSE_SQRT_MAGIC: u64 = 0x5fe6_e8ea_de98_a944;
 
 /// Sixteen truth values.
 pub trait Mask: Copy {
-    /// True where both are.
+    /// Lanes that are true in both.
     fn and(self, other: Self) -> Self;
     /// Lane k in bit k.
     fn bits(self) -> u16;
 }
 
-/// Something to do sixteen lanes at a time, on whichever instruction set there is.
+/// A computation on sixteen lanes at a time that is compiled for every instruction set.
 pub trait Work {
     /// The result.
     type Output;
-    /// To be `#[inline(always)]`, with all that it calls: what is not inlined is not compiled for the instruction set.
+    /// Does the computation. Must be `#[inline(always)]`, with all that it calls: code that is not
+    /// inlined is not compiled for the instruction set.
     fn run<L: Lanes>(self, token: L::Token) -> Self::Output;
 }
 
@@ -296,7 +309,7 @@ pub enum Isa {
 }
 
 impl Isa {
-    /// The widest that this processor has.
+    /// The widest instruction set of this processor.
     pub fn detect() -> Self {
         if let Some(token) = Avx512Token::detect() {
             Isa::Avx512(token)
@@ -307,7 +320,8 @@ impl Isa {
         }
     }
 
-    /// `auto`, or one by name; `None` where the name is unknown or this processor lacks it.
+    /// `auto`, or an instruction set by its name; `None` if the name is unknown or this processor
+    /// lacks it.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "auto" => Some(Self::detect()),
@@ -341,7 +355,7 @@ impl Isa {
 mod tests {
     use super::*;
 
-    /// All that the kernel uses, once, on awkward numbers.
+    /// Every operation that the kernel uses, once, on extreme numbers.
     struct Exercise;
 
     impl Work for Exercise {
@@ -363,7 +377,7 @@ mod tests {
         let (e, m) = L::load(token, &positive).exponent_mantissa();
         let line = |k: usize| CacheLine(std::array::from_fn(|f| (k * k) as f64 + 0.1 * f as f64));
         let records: Vec<[CacheLine; 2]> = (0..20).map(|k| [line(k), line(2 * k + 1)]).collect();
-        // Records that occur more than once, as first and as second.
+        // Some indices occur more than once, as first and as second of a pair.
         let mut list = PairList::default();
         list.push(Pairs {
             i: [0, 0, 5, 7, 11, 13, 17, 19, 0, 1, 1, 1, 3, 4, 7, 18],

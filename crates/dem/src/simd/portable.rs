@@ -27,8 +27,8 @@ impl Portable {
     }
 }
 
-/// a b + c with one rounding. Out of line on x86: without its own instruction each lane is a call of
-/// the C library, and sixteen of them at every place would be most of the program.
+/// a b + c with one rounding. Not inlined on x86: without an instruction for it, every lane calls
+/// the C library, and sixteen calls at every use would be most of the program's code.
 #[cfg_attr(target_arch = "x86_64", inline(never))]
 #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
 fn fused(a: &[f64; LANES], b: &[f64; LANES], c: &[f64; LANES]) -> [f64; LANES] {

@@ -69,8 +69,8 @@ impl Cell {
         if inside >= period { 0.0 } else { inside }
     }
 
-    /// Wraps the position of a record that has left a sheared cell along the last axis, and changes its
-    /// velocities by that of the image.
+    /// Wraps the position of a record that has left a sheared cell along the last axis, and changes
+    /// its velocities by that of the image.
     #[inline(always)]
     pub fn wrap_last_axis<D: Dimension>(&self, fields: &mut [f64]) {
         if let Some(sheared) = &self.sheared
@@ -94,10 +94,9 @@ impl Cell {
         fields[D::HALF_VELOCITY] += images * sheared.velocity;
     }
 
-    /// The coordinate of a grain by which slabs are cut (m), in [0, L_x): x, or in a sheared cell x less
-    /// the tilt. The cuts between slabs
-    /// tilt with the images of a sheared cell, so that a grain and its image above are in the same
-    /// slab.
+    /// The coordinate of a grain by which slabs are cut (m), in [0, L_x): x, or in a sheared cell x
+    /// less the tilt. The cuts between slabs tilt with the images of a sheared cell, so that a
+    /// grain and its image above are in the same slab.
     pub fn slab_coordinate<D: Dimension>(&self, position: &[f64]) -> f64 {
         let Some(sheared) = &self.sheared else {
             return position[0];
@@ -111,7 +110,8 @@ impl Cell {
         }
     }
 
-    /// The greatest difference of [`Cell::slab_coordinate`] between two grains that are `cutoff` (m) apart.
+    /// The greatest difference of [`Cell::slab_coordinate`] between two grains that are `cutoff`
+    /// (m) apart.
     pub fn cutoff_along_x(&self, cutoff: f64) -> f64 {
         match &self.sheared {
             None => cutoff,

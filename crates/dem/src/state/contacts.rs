@@ -49,8 +49,8 @@ pub struct CandidatePair {
 }
 
 impl Contacts {
-    /// Replaces the list by `candidates`, which are sorted by their ids, with the histories
-    /// of `remembered`, which is sorted by (i, j). Other pairs start without a history. `id` and
+    /// Replaces the list by `candidates`, which are sorted by their ids, with the histories of
+    /// `remembered`, which is sorted by (i, j). Other pairs start without a history. `id` and
     /// `radius` are those of the local grains; this rank owns the first `owned`.
     pub fn replace(
         &mut self,

@@ -1,9 +1,9 @@
 //! Grains, contacts, the cell, and the records of frames and checkpoints.
 //!
-//! [`GrainState`] is the state of a grain: what ranks exchange, what a checkpoint holds, and what the
-//! digest covers. [`Grains`] stores the same states as a structure of arrays, for the grains of one
-//! rank and their ghosts; [`Grains::push`] and [`Grains::state`] convert. All other types of a grain
-//! are views of its state. Each is made by one function beside its declaration:
+//! [`GrainState`] is the state of a grain: what ranks exchange, what a checkpoint holds, and what
+//! the digest covers. [`Grains`] stores the same states as a structure of arrays, for the grains of
+//! one rank and their ghosts; [`Grains::push`] and [`Grains::state`] convert. All other types of a
+//! grain are views of its state. Each is made by one function beside its declaration:
 //!
 //! | view | made from | used for |
 //! | --- | --- | --- |
@@ -13,8 +13,8 @@
 //! | `GrainShape` of `gshear-store` | [`GrainState`] and mass | constants of the grains in `run.h5` |
 //! | [`Disks`], [`Frame`] | `run.h5` | analysis: constants and frames of all grains, by id |
 //!
-//! In the same way [`ContactState`] is the state of a contact, [`Contacts`] stores the contacts of one
-//! rank, and [`ContactSample`] and [`ContactForce`] are views.
+//! In the same way [`ContactState`] is the state of a contact, [`Contacts`] stores the contacts of
+//! one rank, and [`ContactSample`] and [`ContactForce`] are views.
 
 mod cell;
 mod contacts;

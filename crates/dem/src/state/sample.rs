@@ -41,11 +41,11 @@ pub struct ContactSample {
     pub j: u32,
     /// F_n ≥ 0, the sum of the elastic and the damping part.
     pub normal_force: f64,
-    /// F_t on i, the sum of the elastic and the damping part: in 2D the component along t̂ = ẑ × n (n
-    /// from j to i), in 3D a vector.
+    /// F_t on i, the sum of the elastic and the damping part: in 2D the component along t̂ = ẑ × n
+    /// (n from j to i), in 3D a vector.
     pub tangential_force: [f64; 3],
-    /// The history of F_t: its elastic part, or the displacement of its spring (m); components as of
-    /// F_t.
+    /// The history of F_t: its elastic part, or the displacement of its spring (m); components as
+    /// of F_t.
     pub tangential_history: [f64; 3],
     /// The history of the rolling torque on i: its elastic part (N).
     pub rolling_history: f64,

@@ -1,4 +1,5 @@
-//! What is measured of a packing in a box: sums over all contacts in one order, so that they do not depend on the ranks.
+//! Stress, pressure and elastic energy of a packing in a box. Sums over the contacts are in one
+//! order, so that they do not depend on the ranks.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -18,17 +19,17 @@ use gshear_store::collective::gathered;
 pub(crate) struct Observed {
     /// σ_xz (σ_xy in 2D): -(1/V) Σ r^x F^z over the contacts (BO section IV).
     pub shear_stress: f64,
-    /// A D-th of the trace of (1/V) Σ r F.
+    /// Trace of (1/V) Σ r F over the contacts, divided by the number of dimensions.
     pub pressure: f64,
-    /// Of normal and tangential springs.
+    /// Elastic energy of normal and tangential springs.
     pub elastic_energy: f64,
     pub contacts: u64,
     pub coordination: f64,
-    /// Contacts at the Coulomb limit over all.
+    /// Fraction of the contacts at the Coulomb limit.
     pub sliding_fraction: f64,
 }
 
-/// One contact's part in the sums.
+/// The terms of one contact.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct ContactTerms {
@@ -41,7 +42,7 @@ struct ContactTerms {
     sliding: f64,
 }
 
-/// Of the system as it is, at rest or not. Collective.
+/// Measures the system, which need not be at rest. Collective.
 pub(super) fn observe<D: Dimension>(
     exchange: &dyn Parallel,
     system: &mut System<D>,
@@ -49,8 +50,8 @@ pub(super) fn observe<D: Dimension>(
     samples: &mut ContactForces,
     grains: u32,
 ) -> Observed {
-    // What the grains feel and the contacts remember is put back: a pass without a step, too, projects histories anew on their planes,
-    // which changes their last bits.
+    // Forces and histories are restored afterwards, because a pass with Δt = 0 also rotates
+    // histories into the tangent planes, which changes their last bits.
     let felt = system.grains().force.clone();
     let remembered = system.contacts.history.clone();
     let outside = forces(
@@ -85,7 +86,7 @@ pub(super) fn observe<D: Dimension>(
     }
 }
 
-/// Of the contacts whose first grain is this rank's.
+/// Terms of the contacts whose first grain this rank owns.
 fn shares<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairForce<D>,
@@ -109,7 +110,7 @@ fn shares<D: Dimension>(
         let normal = samples.normal[at.block].0[at.lane];
         let tangential = samples.tangential[at.block].map(|row| row.0[at.lane]);
         let across = match axes {
-            // Along t̂ = ẑ × n.
+            // The component along t̂ = ẑ × n.
             2 => [
                 -r[1] * per_length * tangential[0],
                 r[0] * per_length * tangential[0],

@@ -1,4 +1,4 @@
-//! The stages of runs, and the programs made of them.
+//! The stages of runs, and the sequences of stages of each kind of scene.
 
 mod box_state;
 mod newtonian;

@@ -25,10 +25,10 @@ use crate::files::{Files, Format, Written};
 use crate::header::{Header, Pair, Progress};
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
-/// Without a pair, its growth time is taken to be so many steps.
+/// Growth time (steps) that is assumed without a complex pair.
 const STEPS_WITHOUT_A_PAIR: f64 = 1000.0;
 
-/// The motion of a box by Newton's equations.
+/// The stage that integrates Newton's equations of a box.
 pub(super) struct NewtonianStage<'a, D: Dimension> {
     scene: &'a PeriodicScene,
     law: &'a dyn PairForce<D>,
@@ -36,16 +36,16 @@ pub(super) struct NewtonianStage<'a, D: Dimension> {
     motion: GrainMotion,
     files: Files,
     spectra: Option<SpectraFile>,
-    /// Of the strain steps before.
+    /// The progress of the strain steps before.
     progress: Progress,
     samples: ContactForces,
     step: u64,
     due: Due,
 }
 
-/// A stage that resumes.
+/// The data with which the stage resumes.
 pub(super) struct Resumed {
-    /// Steps done.
+    /// Completed steps.
     pub step: u64,
     pub written: Written,
     /// Lines of the file of eigenvalues.
@@ -53,15 +53,15 @@ pub(super) struct Resumed {
     pub displacements: Vec<Displacement>,
 }
 
-/// Which steps are written; a number of steps that never comes is never.
+/// The steps at which output is due. An interval longer than the stage disables an output.
 struct Due {
-    /// All steps.
+    /// Number of steps of the stage.
     steps: u64,
     rows: u64,
     frames: u64,
     spectra: u64,
     dense: Option<Dense>,
-    /// Frames of a stretch that is computed again.
+    /// The window of a replay.
     window: Option<ReplayWindow>,
 }
 
@@ -80,7 +80,8 @@ impl Due {
             (Some(pair), wanted) if wanted != u64::MAX => strobe(pair, wanted, step),
             (_, wanted) => wanted,
         };
-        // All rows lie at multiples of the dense ones' interval, so that none is between two of them.
+        // All rows lie at multiples of the interval of the dense rows, so that none falls between
+        // two of them.
         let grid = dense.as_ref().map_or(1, |dense| dense.every);
         Self {
             steps,
@@ -92,7 +93,7 @@ impl Due {
         }
     }
 
-    /// Only the stretch to the end of a window, with its frames.
+    /// Restricts the stage to the end of a replay window, with frames in the window.
     fn of_window(mut self, window: ReplayWindow) -> Self {
         self.steps = self.steps.min(window.last);
         self.spectra = u64::MAX;
@@ -174,7 +175,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         })
     }
 
-    /// Closes the file of the stage, which is done.
+    /// Closes the file of the finished stage.
     pub fn finish(mut self, run: &Run<'_>) -> Result<(), Failure> {
         let offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
         let digest = digest(
@@ -203,7 +204,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         self.step
     }
 
-    /// Behind the strain steps.
+    /// Newton's equations follow the strain steps.
     fn count(&self) -> Option<u64> {
         Some(self.progress.steps + self.step + 1)
     }
@@ -214,7 +215,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
 
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
-            // A window before the first checkpoint is replayed from it.
+            // A window before the first checkpoint is replayed from the state at rest.
             let checkpoint = self.checkpoint(run)?;
             run.save_as(checkpoint)?;
         }
@@ -306,7 +307,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
     }
 }
 
-/// Attributes of the file.
+/// Attributes of `newtonian.h5`.
 fn attributes(scene: &PeriodicScene, progress: &Progress) -> Vec<(&'static str, Attribute)> {
     let number = Attribute::Number;
     let strain = scene.aqs.strain_step * progress.steps as f64;
@@ -326,15 +327,15 @@ fn attributes(scene: &PeriodicScene, progress: &Progress) -> Vec<(&'static str, 
     attributes
 }
 
-/// Steps between frames, about as many as `wanted`, but a 24th of a period of the pair more than whole ones: frame by frame, the
-/// oscillation is seen slowed down.
+/// Steps between frames: about `wanted`, adjusted to whole periods of the pair plus 1/24 of a
+/// period, so that the sequence of frames shows the oscillation in slow motion.
 fn strobe(pair: &Pair, wanted: u64, step: f64) -> u64 {
     let period = std::f64::consts::TAU / pair.omega_r / step;
     let whole = (wanted as f64 / period).round();
     ((whole + 1.0 / 24.0) * period).round().max(1.0) as u64
 }
 
-/// Two stretches in which rows lie so densely that they show the oscillation of the pair.
+/// Two intervals with rows dense enough to resolve the oscillation of the pair.
 struct Dense {
     begins: [u64; 2],
     length: u64,
@@ -342,7 +343,8 @@ struct Dense {
 }
 
 impl Dense {
-    /// Where they begin, over the whole stage; periods of the mean square displacement, π/ω_r, in each; rows in each period.
+    /// Their starts as fractions of the stage; the number of periods of the mean square
+    /// displacement, π/ω_r, in each; rows per period.
     const BEGINS: [f64; 2] = [0.5, 0.7];
     const PERIODS: f64 = 20.0;
     const ROWS: f64 = 16.0;
@@ -366,15 +368,15 @@ impl Dense {
     }
 }
 
-/// How the grains have moved since the start.
+/// The displacements of the grains since the start of the stage.
 struct GrainMotion {
-    /// Of the own grains, in their order.
+    /// Displacements of the owned grains, in their order.
     displacements: Vec<Displacement>,
-    /// Rebuilds of the list, at which grains change hands.
+    /// Number of rebuilds of the list, at which grains migrate.
     rebuilds: u64,
 }
 
-/// Sums over the grains.
+/// Terms of a grain in the sums over all grains.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Moved {
@@ -393,7 +395,7 @@ impl GrainMotion {
         }
     }
 
-    /// From all grains' displacements, over the ranks in any order.
+    /// Takes the displacements of all grains, in any distribution over the ranks.
     fn resume<D: Dimension>(
         exchange: &dyn Parallel,
         system: &mut System<D>,
@@ -408,7 +410,7 @@ impl GrainMotion {
         }
     }
 
-    /// The turns of the step that is done.
+    /// Adds the rotations of the last step.
     fn turn<D: Dimension>(&mut self, exchange: &dyn Parallel, system: &mut System<D>) {
         if self.rebuilds != system.list.rebuilds {
             *self = Self::resume(exchange, system, &self.displacements);

@@ -17,19 +17,19 @@ use super::walls::{self, DRAG_RESTING};
 use crate::header::Header;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
-/// Steps between two looks at whether the sample is at rest.
-const LOOK: u64 = 1000;
+/// Steps between two checks whether the sample is at rest.
+const CHECK_INTERVAL: u64 = 1000;
 /// Steps between checkpoints.
 const PACK_CHECKPOINT: u64 = 500_000;
 
-/// The sample between its planes.
+/// The stage that compresses the sample between planes.
 pub(super) struct PackStage<'a, D: Dimension> {
     scene: &'a Scene,
     law: Box<dyn PairForce<D>>,
     system: System<D>,
     drive: Planes<D>,
     step: u64,
-    /// P d̄ δ̄, and what measures energies.
+    /// P d̄ δ̄, and the fixed-point numbers for sums of energies.
     unit: f64,
     energy: SampleConstants,
     at_rest: bool,
@@ -68,7 +68,8 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         })
     }
 
-    /// Freezes the walls out of the sample at rest. Returns the top, and the state for the shear.
+    /// Makes walls of grains of the sample at rest. Returns the top wall, and the state for the
+    /// shear.
     pub fn finish(mut self, run: &Run<'_>) -> (Piston, StageState) {
         let sample = &self.scene.sample;
         let contacts = self.system.contact_states(self.law.as_ref());
@@ -131,9 +132,10 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         Ok(stop)
     }
 
-    /// Every so many steps: more load when the bottom feels it, and whether the sample is at rest.
+    /// Raises the load once the bottom bears it, and checks whether the sample is at rest, every
+    /// [`CHECK_INTERVAL`] steps.
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
-        if self.step == 0 || !self.step.is_multiple_of(LOOK) {
+        if self.step == 0 || !self.step.is_multiple_of(CHECK_INTERVAL) {
             return Ok(());
         }
         let (scene, exchange) = (self.scene, run.exchange);
@@ -148,15 +150,15 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         let per_grain = kinetic / (self.unit * grains);
         run.terminal
             .packing(self.step, &self.drive.piston, per_grain);
-        // The bottom feels the load only when the sample is compressed all through.
+        // The bottom bears the load only once the whole sample is compressed.
         if carried > 0.5 {
             self.drive.piston.load = (2.0 * pressing).min(load.normal_force);
-            // In inertial times of the load as it is.
+            // In units of the inertial time at the present load.
             let part = self.drive.piston.load / load.normal_force;
             self.drive.drag = DRAG_RESTING / inertial_time(scene) * part.sqrt();
         }
         let loaded = pressing == load.normal_force;
-        // The energy of a wave goes with the square of its pressure.
+        // The energy of a wave is proportional to the square of its pressure.
         let balance = tolerance.sqrt().max(1e-3);
         let energy_at_rest = tolerance * self.unit * grains;
         if loaded && kinetic < energy_at_rest && (carried - 1.0).abs() < balance {

@@ -60,7 +60,7 @@ fn stages<D: LawSpace>(
     };
     let displacements = state.displacements.clone();
     let mut system = system::<D>(run, scene, scene.sheared_cell(progress.offset))?;
-    // With the forces of the state: to compute them anew is not what a run without a stop does.
+    // Keeps the forces of the state, because a run without a stop does not compute them again here.
     let cell = system.cell;
     RestState { cell, state }.put_back(run.exchange, &mut system, law)?;
 
@@ -126,7 +126,7 @@ pub(super) fn system<D: Dimension>(
     System::new(run.exchange, setup)
 }
 
-/// The state at rest, this rank's part of it, to go back to.
+/// This rank's part of a state at rest, to return to.
 #[derive(Debug, Clone)]
 pub(super) struct RestState {
     cell: Cell,

@@ -1,4 +1,5 @@
-//! A packing at its solid fraction: grains on a loose lattice, compressed step by step without friction, and brought to rest.
+//! Preparation of a packing at its solid fraction: grains on a loose lattice are compressed step by
+//! step without friction, and brought to rest.
 
 use bytemuck::Zeroable;
 use rand::seq::SliceRandom;
@@ -17,11 +18,11 @@ use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_scene::sample::radius;
 use gshear_scene::{PeriodicScene, Sizes};
 
-/// Room of a lattice site, over the greatest diameter.
+/// Lattice constant over the greatest diameter.
 const ROOM: f64 = 1.1;
-/// By how much the box shrinks in a step.
+/// Relative change of the box length in a compression step.
 const SHRINKING: f64 = 0.995;
-/// Steps for which the grains move in a box before it shrinks on, and their drag there in 1/Δt.
+/// Steps of overdamped dynamics between two compression steps, and the drag in 1/Δt.
 const SETTLING: u64 = 300;
 const DRAG: f64 = 0.02;
 
@@ -43,7 +44,8 @@ pub(super) fn prepare<D: Dimension>(
         };
         let in_stage = |e| in_preparation(e, length);
         initial_forces(exchange, &mut system, law, &mut drive, None).map_err(in_stage)?;
-        // At the end until the waves of the last steps have died down, which a weak drag of the scene might not keep within the law.
+        // At the end the waves of the last steps must decay before the relaxation: with a weak drag
+        // of the scene they might lead to overlaps outside the law.
         let settling = if length == target {
             10 * SETTLING
         } else {
@@ -94,7 +96,7 @@ fn in_preparation(failure: Failure, length: f64) -> Failure {
     }
 }
 
-/// The length of a box in which nothing touches, and this rank's part of the grains, at rest.
+/// The length of a box in which no grains touch, and this rank's part of the grains, at rest.
 fn insert(scene: &PeriodicScene, rank: usize, ranks: usize) -> (f64, Vec<GrainState>) {
     let sample = &scene.sample;
     let count = sample.grains;
@@ -118,7 +120,7 @@ fn insert(scene: &PeriodicScene, rank: usize, ranks: usize) -> (f64, Vec<GrainSt
         let mut site = u64::from(id) * sites / u64::from(count);
         let mut position = [0.0; 3];
         let free = room - 2.0 * radius;
-        // Along x last, so that ids run up along it.
+        // x varies most slowly, so that ids ascend along it.
         for axis in (0..axes as usize).rev() {
             let at = site % u64::from(side);
             site /= u64::from(side);
@@ -135,14 +137,14 @@ fn insert(scene: &PeriodicScene, rank: usize, ranks: usize) -> (f64, Vec<GrainSt
     (room * f64::from(side), grains)
 }
 
-/// Which grains of a binary mixture are the large ones: as many as its fraction says, to the grain.
+/// The large grains of a binary mixture: exactly the number given by its fraction.
 fn large(scene: &PeriodicScene) -> Vec<bool> {
     let count = scene.sample.grains as usize;
     let mut large = vec![false; count];
     if let Sizes::Binary { large_fraction } = scene.sizes {
         let many = (large_fraction * count as f64).round() as usize;
         large[..many].fill(true);
-        // A stream that no grain has.
+        // A stream of random numbers that no grain uses.
         let mut random = ChaCha8Rng::seed_from_u64(scene.seed);
         random.set_stream(u64::MAX);
         large.shuffle(&mut random);

@@ -1,4 +1,4 @@
-//! Shear of the sample between walls frozen out of it.
+//! Shear of the sample between walls made of its grains.
 
 use std::time::Instant;
 
@@ -22,14 +22,14 @@ use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
-/// The sheared sample, and what is written of it.
+/// The stage that shears the sample.
 pub(super) struct ShearStage<'a, D: Dimension> {
     scene: &'a Scene,
     law: Box<dyn PairForce<D>>,
     schedule: Schedule,
     system: System<D>,
     walls: GrainWalls,
-    /// What the time series needs to know of the whole sample.
+    /// Constants of the sample for the time series.
     frame: SampleConstants,
     files: Files,
     analysis: Option<FrameAnalysis>,
@@ -39,7 +39,7 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     started: Instant,
 }
 
-/// What a shear begins with, or resumes.
+/// The data with which a shear begins or resumes.
 pub(super) struct From {
     /// Steps done.
     pub step: u64,
@@ -53,7 +53,7 @@ pub(super) struct From {
 }
 
 impl<'a, D: Dimension> ShearStage<'a, D> {
-    /// The sample, and its files opened.
+    /// Takes the sample and opens its files.
     pub fn new(
         run: &mut Run<'_>,
         scene: &'a Scene,
@@ -112,7 +112,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             scalars: scene.analysis.scalars,
         };
         let files = Files::open(run.place(), &mut system, &format, written)?;
-        // Scalars of new files begin with a frame that has none before it.
+        // The first row of new scalars is of a frame without a frame before it.
         let before = state.analysed.filter(|_| files.resumed());
         let analysis = match scene.analysis.scalars {
             true => Some(FrameAnalysis::new(exchange, &mut system, before)),
@@ -134,7 +134,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         })
     }
 
-    /// Closes the files; with `complete` they say that the run is done.
+    /// Closes the files; `complete` marks the run as finished.
     pub fn finish(mut self, run: &Run<'_>, complete: bool) -> Result<(), Failure> {
         let exchange = run.exchange;
         let seconds = exchange.maximum(self.started.elapsed().as_secs_f64());
@@ -170,7 +170,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         Ok(())
     }
 
-    /// Where something is due after the step `next`: rows, frames, frames to be analysed.
+    /// The output due after the step `next`: a row, a frame, a frame to be analysed.
     fn due(&self, next: u64) -> [bool; 3] {
         [
             self.schedule.series_due(next),
@@ -222,10 +222,10 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         self.step >= self.schedule.total
     }
 
-    /// The state before the first step is looked at as well.
+    /// Also records the state before the first step.
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         if self.scene.output.keep_checkpoints && run.options.replay.is_none() {
-            // The packed sample: a window before the first checkpoint is replayed from it.
+            // A window before the first checkpoint is replayed from the packed sample.
             run.save_as(Checkpoint {
                 header: self.header(run, Written::default()),
                 state: self.state(),
@@ -327,8 +327,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 }
 
-/// Attributes of the file. What is one number for a run at one speed is that of the first part of a
-/// protocol.
+/// Attributes of `run.h5`. With a protocol, intervals are those of its first part.
 fn attributes(scene: &Scene, schedule: &Schedule) -> Vec<(&'static str, Attribute)> {
     let velocity = schedule.protocol.velocity(0);
     let frames = schedule.intervals[0].frames;

@@ -1,5 +1,5 @@
-//! Athermal quasi-static shear: strain steps, each brought to mechanical equilibrium, and the birth of
-//! the first complex pair.
+//! Athermal quasi-static shear: strain steps, each brought to mechanical equilibrium, and the birth
+//! of the first complex pair.
 
 use std::fmt;
 
@@ -21,7 +21,7 @@ use crate::files::{Files, Format, Written};
 use crate::header::{Birth, Header, Progress};
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
-/// The strain steps of a box.
+/// The stage of the strain steps.
 pub(super) struct Strain<'a, D: Dimension> {
     scene: &'a PeriodicScene,
     law: &'a dyn PairForce<D>,
@@ -30,7 +30,7 @@ pub(super) struct Strain<'a, D: Dimension> {
     files: Files,
     progress: Progress,
     samples: ContactForces,
-    /// The state before the last strain step, and how its equilibrium was found.
+    /// The state before the last strain step, and the statistics of its relaxation.
     before: Option<(RestState, Progress)>,
     found: Equilibrium,
 }
@@ -69,7 +69,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         })
     }
 
-    /// Closes the file; with `complete` it says that the strain steps are done.
+    /// Closes the file; `complete` marks the strain steps as finished.
     pub fn finish(
         mut self,
         run: &Run<'_>,
@@ -100,14 +100,14 @@ impl<'a, D: Dimension> Strain<'a, D> {
         Ok((self.system, progress))
     }
 
-    /// Whether the pair is such that the strain steps end.
+    /// Whether the pair ends the strain steps.
     fn has_grown(&self) -> bool {
         let until = self.scene.aqs.until_imaginary;
         let great = |pair: crate::header::Pair| pair.lambda_i >= until;
         until > 0.0 && self.progress.pairs == 1 && self.progress.pair.is_some_and(great)
     }
 
-    /// One strain step by `by`, brought to rest.
+    /// Takes a strain step by `by` and relaxes.
     fn strain(&mut self, run: &Run<'_>, by: f64) -> Result<Equilibrium, Failure> {
         let (exchange, system) = (run.exchange, &mut self.system);
         let height = system.cell.sheared.map_or(0.0, |s| s.height);
@@ -132,7 +132,8 @@ impl<'a, D: Dimension> Strain<'a, D> {
         whole.eigenvalues::<D>(run.exchange, &mut self.system, self.law)
     }
 
-    /// By bisection between the states before and after a strain step, from the state before it.
+    /// Bisects the strain of the birth between the states before and after a strain step, starting
+    /// from the state before it.
     fn birth(
         &mut self,
         run: &Run<'_>,
@@ -194,12 +195,12 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         progress.steps += 1;
         progress.offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
         progress.fell_back += u64::from(self.found.fell_back);
-        // A step takes long: what was asked for meanwhile counts.
+        // A strain step takes long, so requests to stop during it count.
         let stop = stop || run.asked_to_stop();
         Ok(run.exchange.maximum(f64::from(u8::from(stop))) > 0.0)
     }
 
-    /// Measures the packing, and looks for the birth of a pair if the step has brought one.
+    /// Measures the packing. If the step has led to the first complex pair, bisects its birth.
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         let (exchange, scene) = (run.exchange, self.scene);
         let observed = observe(
@@ -271,7 +272,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     }
 }
 
-/// What is found after a strain step.
+/// The results of a strain step.
 pub(crate) struct StrainRow {
     pub step: u64,
     pub strain: f64,
@@ -310,7 +311,7 @@ impl StrainRow {
     }
 }
 
-/// The line on the terminal.
+/// The line of progress on the terminal.
 impl fmt::Display for StrainRow {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let observed = &self.observed;

@@ -1,4 +1,4 @@
-//! A scene between walls: packed, then sheared.
+//! Runs of scenes between walls: packing, then shear.
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::{Accumulator, FixedPoint};
@@ -18,12 +18,12 @@ use crate::files::Written;
 use crate::header::Header;
 use crate::run::{Outcome, Run, StageState, Start};
 
-/// Drag of the compression, and of the rest after it, in inverse inertial times.
+/// Drag during the compression, and while the sample comes to rest, in inverse inertial times.
 const DRAG_FALLING: f64 = 0.01;
 pub(super) const DRAG_RESTING: f64 = 1.0;
-/// κ from which on the loose sample bears the whole load at once, of disks and of spheres. At first a
-/// few grains carry all of it, some fifteen times their share, and more in space; a softer sample
-/// begins with the part of the load that overlaps them no more.
+/// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.
+/// At first few grains bear it, each about fifteen times its share in 2D and more in 3D. A softer
+/// sample starts with the fraction of the load that gives the same overlaps.
 const BEARS_ALL: [f64; 2] = [1e3, 1e4];
 
 /// Runs the scene from `start` to its last step; collective.
@@ -85,7 +85,7 @@ fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result
     Ok(outcome)
 }
 
-/// The stage with which the run begins, and its state.
+/// The first stage of the run, and its state.
 fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, StageState), Failure> {
     let (height, grains) = match (start, &scene.origin) {
         (Start::Checkpoint(snapshot), _) => {
@@ -129,7 +129,7 @@ fn begin(run: &Run<'_>, scene: &Scene, start: Start) -> Result<(Header, StageSta
     Ok((header, state))
 }
 
-/// A shear of the packed sample under this piston.
+/// The shear stage of the packed sample under this piston.
 fn first_of_shear(scene: &Scene, piston: Piston) -> From {
     From {
         step: 0,
@@ -141,7 +141,7 @@ fn first_of_shear(scene: &Scene, piston: Piston) -> From {
     }
 }
 
-/// The laws of the grains and of the planes while the sample is packed.
+/// The laws of grains and of planes during the packing.
 fn packing_laws<D: LawSpace>(scene: &Scene) -> [Box<dyn PairForce<D>>; 2] {
     let (sample, load) = (&scene.sample, &scene.load);
     let law = scene.law.while_packing(sample.mean_diameter, load.pressure);
@@ -150,7 +150,7 @@ fn packing_laws<D: LawSpace>(scene: &Scene) -> [Box<dyn PairForce<D>>; 2] {
         rolling_friction: 0.0,
         ..scene.contact
     };
-    // Without friction there is no rolling resistance either: it packs densest.
+    // Without friction also no rolling resistance, which gives the densest packing.
     let contact = match scene.pack.friction > 0.0 {
         true => Contact {
             friction: scene.pack.friction,
@@ -161,7 +161,7 @@ fn packing_laws<D: LawSpace>(scene: &Scene) -> [Box<dyn PairForce<D>>; 2] {
     [force(&law, contact), force(&law, smooth)]
 }
 
-/// The law of the scene between its grains.
+/// The contact law of the scene.
 pub(super) fn force<D: LawSpace>(law: &Law, contact: Contact) -> Box<dyn PairForce<D>> {
     D::pair_force(law, &contact).expect("a law of this dimension, as the scene was checked")
 }
@@ -192,7 +192,7 @@ fn up(scene: &Scene) -> usize {
     scene.dimension.axes() - 1
 }
 
-/// The part of N with which the packing begins.
+/// The fraction of N with which the packing begins.
 fn first_load(scene: &Scene) -> f64 {
     (scene.load.stiffness_number / BEARS_ALL[up(scene) - 1]).min(1.0)
 }
@@ -204,13 +204,13 @@ fn at_rest_on_top(scene: &Scene, height: f64) -> Piston {
         height,
         velocity: 0.0,
         acceleration: 0.0,
-        // About that of the wall to come.
+        // About the mass of the later wall.
         mass: mean_mass(scene) * sample.base() / sample.mean_section(),
         load: scene.load.normal_force * first_load(scene),
     }
 }
 
-/// Mass of the top wall (kg; kg/m in 2D), of which each rank has a part; collective.
+/// Mass of the top wall (kg; kg/m in 2D), summed over the ranks; collective.
 pub(super) fn mass_of_top(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -> f64 {
     let masses = FixedPoint::new(mean_mass(scene));
     let mut mass = Accumulator::default();
@@ -223,12 +223,12 @@ pub(super) fn mass_of_top(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -
     mass
 }
 
-/// H (m), between the planes at which the walls end.
+/// H (m): distance between the planes at which the walls were cut.
 pub(super) fn height_between(scene: &Scene, piston: &Piston) -> f64 {
     piston.height - 2.0 * scene.sample.mean_diameter
 }
 
-/// What a checkpoint says about the file that the grains came from.
+/// The packing's file, for the header of a checkpoint.
 pub(super) fn packing_file(scene: &Scene) -> Option<PackingFile> {
     match &scene.origin {
         Origin::Insertion(_) => None,
