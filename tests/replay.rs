@@ -303,8 +303,8 @@ fn what_cannot_be_replayed_is_refused() {
             &["--strain=0.3..0.4"],
             "has fewer than two rows of the time series",
         ),
-        (&["--strain=0.04..0.02"], "is no stretch of strain"),
-        (&["--strain=0.04"], "is no stretch of strain"),
+        (&["--strain=0.04..0.02"], "is no range; write it as"),
+        (&["--strain=0.04"], "is no range; write it as"),
     ] {
         let words = said(
             &reduce(&[&["replay", text(&folder)], arguments].concat()),

@@ -108,7 +108,7 @@ impl List {
         let most = most_ranks(0.98 * length, longer * (diameter + range[0]));
         if range[1] < range[0] {
             return Err(Failure::input(format!(
-                "{size} ranks are too many for this cell: a slab must be wider than the interaction range (the greatest \
+                "{size} ranks are too many for this cell: a slab must be wider than the cutoff (the greatest \
                  diameter and the skin, {:.4e} m), and the cell is sample.length = {length:.4e} m long; run it on 1 to {} ranks",
                 diameter + range[0],
                 most.max(1),

@@ -28,7 +28,7 @@ const STEPS: u64 = 300;
 type Look<D> = fn(&mut System<D>, &GrainWalls);
 
 /// A pressed layer between a fixed wall and one that a spring pulls along: its grains move, collide
-/// and cross the seam. Returns the digest of grains, contacts and walls.
+/// and cross the periodic boundary. Returns the digest of grains, contacts and walls.
 fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, look: Look<D>) -> String {
     let length = SIDE as f64 * SPACING;
     let width = match D::AXES {

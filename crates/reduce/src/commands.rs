@@ -29,7 +29,7 @@ pub struct Arguments {
     /// Number of threads [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -69,7 +69,7 @@ pub enum Command {
     },
     /// Write the stick and slip phases of τ into phases.csv
     ///
-    /// A phase is a maximal monotone stretch of τ in the time series. Durations t_p are counted in
+    /// A phase is a maximal monotone run of τ in the time series. Durations t_p are counted in
     /// intervals Δγ of the series.
     Phases {
         /// A run.h5, or the folder that holds one
@@ -134,7 +134,7 @@ pub enum Command {
     ///
     /// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ between
     /// realisations. Writes the mean series, tables of segments, steps, holds and fits (CSV),
-    /// rate-state.json, and figures. Intervals are of 95 %.
+    /// rate-state.json, and figures. Intervals are 95 % confidence intervals.
     RateState {
         /// A run.h5, or the folder that holds one; several are realisations or further protocols
         #[arg(required = true, value_name = "RUN")]

@@ -42,7 +42,7 @@ pub struct Replayed {
 /// # Errors
 /// A message if the text is not a range of finite strains with 0 ≤ A < B.
 pub fn strains(text: &str) -> Result<[f64; 2], String> {
-    let wrong = || format!("{text:?} is no stretch of strain; write it as 0.1005..0.1006");
+    let wrong = || format!("{text:?} is no range; write it as 0.1005..0.1006");
     let (from, to) = text.split_once("..").ok_or_else(wrong)?;
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
     let (from, to) = (number(from)?, number(to)?);

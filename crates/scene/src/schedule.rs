@@ -26,7 +26,7 @@ pub struct Schedule {
     window: Option<ReplayWindow>,
 }
 
-/// A stretch of the shear that is computed again: frames of the steps `first`, `first` + `every`, … up to `last`, where it ends.
+/// The part of the shear that a replay computes again: frames of the steps `first`, `first` + `every`, … up to `last`, where it ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReplayWindow {
     /// Step of the first frame.

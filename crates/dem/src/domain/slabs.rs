@@ -143,7 +143,7 @@ impl<D: Dimension> Slabs<D> {
         let most = most_ranks(self.length, cutoff);
         if size > most {
             return Err(Failure::input(format!(
-                "{size} ranks are too many: a slab must be wider than the interaction range of {cutoff:.4e} m, and the cell is \
+                "{size} ranks are too many: a slab must be wider than the cutoff of {cutoff:.4e} m, and the cell is \
                  {:.4e} m long; run it on 1 to {} ranks",
                 self.length,
                 most.max(1),

@@ -16,7 +16,7 @@ use gshear_scene::{Method, PeriodicScene, Relax};
 /// Greatest number of factorisations; one or two suffice if no contact opens, closes or reaches a
 /// limit.
 const MOST_FACTORISATIONS: u64 = 12;
-/// Factors are reused as long as a step reduces the residual by at least this factor.
+/// Factors are reused as long as a step leaves less than this fraction of the residual.
 const SERVING: f64 = 0.1;
 /// Greatest displacement of a grain in a step of Newton's method, over d̄.
 pub(super) const LONGEST: f64 = 0.02;

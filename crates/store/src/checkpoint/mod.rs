@@ -144,7 +144,7 @@ pub fn write(
     agree(exchange, moved)
 }
 
-/// One rank's stretch of a list.
+/// One rank's part of a list.
 struct Stretch<R> {
     /// Length of the whole list.
     length: u64,
