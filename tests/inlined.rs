@@ -1,6 +1,6 @@
 //! No vector operation of the kernel is a call. Code that is not inlined into a function of its
-//! instruction set is compiled without that set: the results are the same, but it takes many times as
-//! long.
+//! instruction set is compiled without that set: the results are the same, but it takes many times
+//! as long.
 //!
 //! Portable code is exempt; its fused multiply-add is deliberately not inlined.
 

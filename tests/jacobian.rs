@@ -131,8 +131,9 @@ fn forces_of_the_paper(
         let (s_i, s_j) = (at(c.i, 3), at(c.j, 3));
         let s: Vector = std::array::from_fn(|k| s_i[k] + s_j[k]);
         let along = dr[0] * n[0] + dr[1] * n[1] + dr[2] * n[2];
-        let turning = cross(n, s);
-        let t: Vector = std::array::from_fn(|k| c.history[k] + dr[k] - along * n[k] + turning[k]);
+        let surface_velocity = cross(n, s);
+        let t: Vector =
+            std::array::from_fn(|k| c.history[k] + dr[k] - along * n[k] + surface_velocity[k]);
         let part = length(t) / (0.4 * 3.5 * overlap);
         assert!(part < 1.0);
         let secant = 2.0 / 7.0 * overlap.sqrt() * (1.0 + part - part * part);

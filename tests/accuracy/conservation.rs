@@ -169,7 +169,7 @@ fn every_instruction_set_gives_the_same_trajectory() {
     }
 }
 
-/// Two overlapping disks, moving and turning, with what they remember.
+/// Two overlapping disks with velocities, spins and histories.
 fn pair<const R: bool>(step: f64, samples: &mut ContactForces) -> System<Two> {
     let (r_i, r_j) = (0.7e-6, 1.0e-6);
     let (distance, angle) = ((r_i + r_j) * (1.0 - 3e-3), 0.7f64);

@@ -381,8 +381,8 @@ pub fn head_on(damping_ratio: f64, approach: f64) -> Scene {
     oblique(law, approach, 0.0)
 }
 
-/// A free disk between two wall grains of other sizes; the upper one comes closer at `press` while it passes at `speed` (m/s).
-fn sheared(law: Law, speed: f64, press: f64, spin: f64, duration: f64) -> Scene {
+/// A free disk between two wall grains of other sizes; the upper one comes closer at `approach` while it passes at `speed` (m/s).
+fn sheared(law: Law, speed: f64, approach: f64, spin: f64, duration: f64) -> Scene {
     let radii = [0.8e-6, 1.0e-6, 0.9e-6];
     let overlap = 2e-3;
     let (below, above) = (direction(-1.4), direction(1.72));
@@ -392,7 +392,10 @@ fn sheared(law: Law, speed: f64, press: f64, spin: f64, duration: f64) -> Scene 
         [centre[0] + d * n[0], centre[1] + d * n[1]]
     };
     let passing = [speed * above[1], -speed * above[0]];
-    let upper = [passing[0] - press * above[0], passing[1] - press * above[1]];
+    let upper = [
+        passing[0] - approach * above[0],
+        passing[1] - approach * above[1],
+    ];
     let middle = passing.map(|u| 0.5 * u);
     Scene {
         law,

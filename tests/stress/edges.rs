@@ -203,7 +203,7 @@ pub fn lone_grain() -> Vec<Line> {
 const RADIUS: f64 = 1e-6;
 
 /// A piston at `height` (m) with `times` the greatest load of the law.
-fn press(times: f64, height: f64) -> Piston {
+fn pressed_piston(times: f64, height: f64) -> Piston {
     let last = overlap_at(0.3, RADIUS, RADIUS);
     Piston {
         height,
@@ -227,7 +227,7 @@ fn between_walls(times: f64, step: f64) -> Rig<Full, GrainWalls> {
         at(2, body::TOP, height),
     ];
     let walls = GrainWalls {
-        piston: press(times, height),
+        piston: pressed_piston(times, height),
         slider: Slider::new(Protocol::new(step, [(0.5, 1_000_000)]), None),
         along: false,
         top: Vec::new(),
@@ -278,7 +278,7 @@ pub fn crushed() -> Vec<Line> {
     let grains = vec![grain(0, RADIUS, [4e-6, RADIUS], [0.0; 2], 0.0)];
     let planes = Planes::new(
         Box::new(program_law::<false, false>(&LAW)),
-        press(10.0, 2.001 * RADIUS),
+        pressed_piston(10.0, 2.001 * RADIUS),
         0.0,
     );
     let rig = Rig::new(law(), planes, setting(step), grains, Vec::new()).expect("not yet pressed");

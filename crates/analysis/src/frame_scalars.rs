@@ -125,8 +125,9 @@ pub fn frame_scalars(
     }
 }
 
-/// Greatest value and mean of the greatest tenth (a rounded number of values, at least one), NaN left
-/// out. The sum runs from the greatest down, so that it does not depend on the order of the grains.
+/// Greatest value and mean of the greatest tenth (a rounded number of values, at least one), NaN
+/// left out. The sum runs from the greatest down, so that it does not depend on the order of the
+/// grains.
 fn greatest(values: &[f64], keys: &mut Vec<u64>) -> (f64, f64) {
     keys.clear();
     let defined = values.iter().filter(|value| !value.is_nan());

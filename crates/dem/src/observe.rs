@@ -66,10 +66,10 @@ pub fn kinetic_energy<D: Dimension>(
     system: &mut System<D>,
     energy: &FixedPoint,
 ) -> f64 {
-    energy.total(exchange, [own_kinetic_energy(system, energy)])[0]
+    energy.total(exchange, [owned_kinetic_energy(system, energy)])[0]
 }
 
-fn own_kinetic_energy<D: Dimension>(system: &mut System<D>, energy: &FixedPoint) -> Accumulator {
+fn owned_kinetic_energy<D: Dimension>(system: &mut System<D>, energy: &FixedPoint) -> Accumulator {
     let grains = system.grains();
     let mut sum = Accumulator::default();
     for g in 0..grains.owned {
@@ -95,7 +95,7 @@ pub fn series<D: Dimension>(
     height: f64,
 ) -> SeriesRow {
     let (piston, slider) = (&walls.piston, &walls.slider.state);
-    let kinetic = own_kinetic_energy(system, &constants.energy);
+    let kinetic = owned_kinetic_energy(system, &constants.energy);
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
     for g in 0..grains.owned {

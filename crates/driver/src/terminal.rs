@@ -325,7 +325,7 @@ impl Terminal {
 
     pub fn strained(&self, progress: &Progress, digest: &str) {
         self.say(format!(
-            "aqs:   done after {} steps, {} of them by overdamped dynamics as Newton's method did not do; digest {digest}",
+            "aqs:   done after {} steps, {} of them by overdamped dynamics because Newton's method did not converge; digest {digest}",
             progress.steps, progress.fell_back
         ));
     }

@@ -79,13 +79,13 @@ impl Node {
         // to zero by the system, and zeros are a valid slot.
         let window = unsafe {
             let mut window = ffi::RSMPI_WIN_NULL;
-            let mut own: *mut u8 = null_mut();
+            let mut local: *mut u8 = null_mut();
             ffi::MPI_Win_allocate_shared(
                 room as ffi::MPI_Aint,
                 1,
                 ffi::RSMPI_INFO_NULL,
                 communicator.as_raw(),
-                (&raw mut own).cast(),
+                (&raw mut local).cast(),
                 &raw mut window,
             );
             for (k, &rank) in ranks.iter().enumerate() {
@@ -209,11 +209,11 @@ impl Node {
         };
         // Every rank has read the terms of the sum before the last, because it did so before it
         // wrote its terms of the last sum.
-        let own = terms(self.rank);
-        for (to, value) in own.term.iter().zip(&*values) {
+        let local = terms(self.rank);
+        for (to, value) in local.term.iter().zip(&*values) {
             to.store(*value, Ordering::Relaxed);
         }
-        own.count.store(number, Ordering::Release);
+        local.count.store(number, Ordering::Release);
         meanwhile();
         for rank in (0..self.slots.len()).filter(|&r| r != self.rank) {
             let other = terms(rank);

@@ -135,7 +135,7 @@ impl Exchange for World {
         if self.size == 1 {
             return send;
         }
-        let own = std::mem::take(&mut send[self.rank]);
+        let local = std::mem::take(&mut send[self.rank]);
         let (counts, starts, _) = Self::layout(send.iter().map(Vec::len));
         let mut arriving = vec![0i32; self.size];
         self.communicator
@@ -148,7 +148,7 @@ impl Exchange for World {
             &mut PartitionMut::new(&mut incoming[..], &arriving[..], &places[..]),
         );
         let mut received = Self::split(&incoming, &arriving, &places);
-        received[self.rank] = own;
+        received[self.rank] = local;
         received
     }
 

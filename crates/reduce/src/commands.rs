@@ -301,12 +301,12 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             let Some(strain) = strain else {
                 return Err(Failure::input("replay: give --strain A..B or --time A..B"));
             };
-            let wanted = replay::ReplayRequest {
+            let request = replay::ReplayRequest {
                 strain: *strain,
                 every: *every,
                 threads,
             };
-            replay::write(&RunFile::open(run)?, wanted, out.as_deref(), output)?;
+            replay::write(&RunFile::open(run)?, request, out.as_deref(), output)?;
         }
         Command::Spectrum(options) => spectrum::write(options, output)?,
         Command::Report {

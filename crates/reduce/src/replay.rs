@@ -63,13 +63,13 @@ pub fn can(run: &RunFile) -> bool {
 /// As [`window`].
 pub fn write(
     run: &RunFile,
-    wanted: ReplayRequest,
+    request: ReplayRequest,
     out: Option<&Path>,
     output: &mut impl Write,
 ) -> Result<(), Failure> {
-    let [from, to] = wanted.strain;
+    let [from, to] = request.strain;
     let default = run.folder().join(format!("replay-{from}-{to}"));
-    let found = window(run, wanted, out.unwrap_or(&default))?;
+    let found = window(run, request, out.unwrap_or(&default))?;
     let steps = found.run.frame_steps();
     writeln!(
         output,
@@ -91,8 +91,8 @@ pub fn write(
 /// # Errors
 /// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
 /// [`Failure::Numbers`] if the time series differs from the stored one.
-pub fn window(run: &RunFile, wanted: ReplayRequest, out: &Path) -> Result<Replayed, Failure> {
-    let window = steps(run, wanted)?;
+pub fn window(run: &RunFile, request: ReplayRequest, out: &Path) -> Result<Replayed, Failure> {
+    let window = steps(run, request)?;
     if same_folder(out, run.folder()) {
         return Err(Failure::input(format!(
             "{}: holds the run itself; give another folder with --out",
@@ -104,7 +104,7 @@ pub fn window(run: &RunFile, wanted: ReplayRequest, out: &Path) -> Result<Replay
         "output.keep_checkpoints=false",
         "output.progress_lines=0",
     ];
-    let from = again(run.folder(), "shear", window, &set, (wanted.threads, out))?;
+    let from = again(run.folder(), "shear", window, &set, (request.threads, out))?;
     let again = RunFile::open(&out.join(RUN_FILE))?;
     let rows = compare(run, &again)?;
     Ok(Replayed {
@@ -115,8 +115,8 @@ pub fn window(run: &RunFile, wanted: ReplayRequest, out: &Path) -> Result<Replay
 }
 
 /// Returns the steps of the first and the last row of the time series in the range.
-fn steps(run: &RunFile, wanted: ReplayRequest) -> Result<ReplayWindow, Failure> {
-    let (series, [from, to]) = (run.series(), wanted.strain);
+fn steps(run: &RunFile, request: ReplayRequest) -> Result<ReplayWindow, Failure> {
+    let (series, [from, to]) = (run.series(), request.strain);
     let strain = series.column("strain");
     let within = |row: &usize| strain[*row] >= from && strain[*row] <= to;
     let mut rows = (0..series.rows()).filter(within);
@@ -128,7 +128,7 @@ fn steps(run: &RunFile, wanted: ReplayRequest) -> Result<ReplayWindow, Failure> 
             ends[0], ends[1]
         )));
     };
-    let every = wanted
+    let every = request
         .every
         .unwrap_or_else(|| series.step[first + 1] - series.step[first]);
     Ok(ReplayWindow {

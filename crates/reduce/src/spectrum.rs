@@ -190,8 +190,8 @@ fn of_run(
     output: &mut impl Write,
 ) -> Result<Asked, Failure> {
     let frame = options.frame.map(StateSelection::Frame);
-    let wanted = frame.or(options.strain.map(StateSelection::Strain));
-    let made = stiffness::of(run, wanted, options.paper_form, output)?;
+    let selection = frame.or(options.strain.map(StateSelection::Strain));
+    let made = stiffness::of(run, selection, options.paper_form, output)?;
     let jacobian = &made.jacobian;
     let n = jacobian.unknowns();
     // J contains the masses and has other null vectors.

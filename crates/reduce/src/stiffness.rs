@@ -26,7 +26,7 @@ pub enum StateSelection {
     Strain(f64),
 }
 
-/// K, and the paper's J if wanted.
+/// K, and the paper's J if requested.
 pub struct StiffnessMatrix {
     /// K and M.
     pub jacobian: Jacobian,
@@ -52,12 +52,12 @@ impl StoredState {
     /// # Errors
     /// A damaged file, a file that is neither a run nor a checkpoint, a missing frame, a checkpoint
     /// of the packing stage.
-    pub fn read(path: &Path, wanted: Option<StateSelection>) -> Result<Self, Failure> {
+    pub fn read(path: &Path, selection: Option<StateSelection>) -> Result<Self, Failure> {
         if checkpoint::is_checkpoint(path) {
-            return of_checkpoint(path, wanted);
+            return of_checkpoint(path, selection);
         }
-        let wanted = wanted.unwrap_or(StateSelection::Frame(Which::Last));
-        of_run(&RunFile::open(path)?, wanted)
+        let selection = selection.unwrap_or(StateSelection::Frame(Which::Last));
+        of_run(&RunFile::open(path)?, selection)
     }
 
     /// Assembles K and M.
@@ -88,11 +88,11 @@ impl StoredState {
 /// As [`StoredState::read`].
 pub fn of(
     path: &Path,
-    wanted: Option<StateSelection>,
+    selection: Option<StateSelection>,
     paper: bool,
     output: &mut impl Write,
 ) -> Result<StiffnessMatrix, Failure> {
-    let found = StoredState::read(path, wanted)?;
+    let found = StoredState::read(path, selection)?;
     let history = if paper {
         History::Unturned
     } else {
@@ -131,8 +131,8 @@ fn of_scene(
     }
 }
 
-fn of_checkpoint(path: &Path, wanted: Option<StateSelection>) -> Result<StoredState, Failure> {
-    if wanted.is_some() {
+fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<StoredState, Failure> {
+    if selection.is_some() {
         return Err(Failure::input(format!(
             "--frame, --strain: {} is a checkpoint, which holds one state; leave it out",
             path.display()
@@ -178,8 +178,8 @@ fn of_checkpoint(path: &Path, wanted: Option<StateSelection>) -> Result<StoredSt
     }
 }
 
-fn of_run(run: &RunFile, wanted: StateSelection) -> Result<StoredState, Failure> {
-    let t = match wanted {
+fn of_run(run: &RunFile, selection: StateSelection) -> Result<StoredState, Failure> {
+    let t = match selection {
         StateSelection::Frame(which) => which.of(run)?,
         StateSelection::Strain(strain) => {
             let strains = run.frame_strains()?;

@@ -46,13 +46,13 @@ pub fn lee_hurley(
         let curve = [&series.strain[..], &series.tau[..]];
         let mut found = Studied::of(run, label, choice, curve, &series.step, &series.scalars)?;
         if let (Some(strain), true) = (found.missing(), replay::can(run)) {
-            let wanted = ReplayRequest {
+            let request = ReplayRequest {
                 strain,
                 every: None,
                 threads,
             };
             let out = folder.join(format!("replay-{}", k + 1));
-            found.take_frames(&replay::window(run, wanted, &out)?.run)?;
+            found.take_frames(&replay::window(run, request, &out)?.run)?;
         }
         studied.push(found);
     }

@@ -1,4 +1,5 @@
-//! When what happens, in whole steps. Intervals of output are rounded to steps and never reach the trajectory.
+//! When what happens, in whole steps. Intervals of output are rounded to steps and never reach the
+//! trajectory.
 
 use crate::{Motion, Part, Scene, WallSpeed};
 use gshear_dem::protocol::{Protocol, Segment};
@@ -26,7 +27,8 @@ pub struct Schedule {
     window: Option<ReplayWindow>,
 }
 
-/// The part of the shear that a replay computes again: frames of the steps `first`, `first` + `every`, … up to `last`, where it ends.
+/// The part of the shear that a replay computes again: frames of the steps `first`, `first` +
+/// `every`, … up to `last`, where it ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReplayWindow {
     /// Step of the first frame.
@@ -239,7 +241,8 @@ mod tests {
         assert!(!schedule.frame_due(3 * whole.frames + 1));
     }
 
-    /// Rows of the time series are there wherever a frame is written or analysed, though no start is a multiple of an interval.
+    /// Rows of the time series are there wherever a frame is written or analysed, though no start
+    /// is a multiple of an interval.
     #[test]
     fn frames_have_rows() {
         let set = [

@@ -46,7 +46,7 @@ struct Factor<T> {
     odd: bool,
 }
 
-/// The error of [`Lu::new`]: the pivots of a front are too small.
+/// The error of the factorisation: the pivots of a front are too small.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Singular;
 

@@ -417,14 +417,14 @@ mod tests {
         let c = |v| Portable::splat(PortableToken, v);
         law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
         let mut history = history.map(|v| Lanes16([v; LANES]));
-        let [overlap, v_n, v_t, slip, spin, roll] = motion.map(|v| Lanes16([v; LANES]));
+        let [overlap, v_n, v_t, slip, spin, rotation] = motion.map(|v| Lanes16([v; LANES]));
         let motion = PairMotion {
             overlap,
             normal_velocity: v_n,
             tangential_velocity: [v_t; 3],
             tangential_increment: [slip; 3],
             rolling_velocity: spin,
-            rolling_increment: roll,
+            rolling_increment: rotation,
             ..PairMotion::ZERO
         };
         let mut response = [Response::NONE];

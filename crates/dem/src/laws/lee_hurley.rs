@@ -611,7 +611,13 @@ mod tests {
     }
 
     /// History of one contact of equal radii after one step.
-    fn touch(law: &LeeHurley<true, true>, r: f64, overlap: f64, slip: f64, roll: f64) -> [f64; 3] {
+    fn touch(
+        law: &LeeHurley<true, true>,
+        r: f64,
+        overlap: f64,
+        slip: f64,
+        rotation: f64,
+    ) -> [f64; 3] {
         type Law = LeeHurley<true, true>;
         let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
         let mut history = [Lanes16::ZERO; Law::HISTORY];
@@ -622,7 +628,7 @@ mod tests {
         let motion = PairMotion {
             overlap: lanes(overlap),
             tangential_increment: [lanes(slip); 3],
-            rolling_increment: lanes(roll),
+            rolling_increment: lanes(rotation),
             ..PairMotion::ZERO
         };
         law.evaluate::<Portable, false>(

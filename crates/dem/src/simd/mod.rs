@@ -213,7 +213,7 @@ pub trait Lanes:
     /// gets field k of the sixteen differences.
     ///
     /// # Panics
-    /// Where an index of the list is outside `records`.
+    /// If an index of the list is outside `records`.
     fn differences<const LINE: usize, const LINES: usize>(
         token: Self::Token,
         records: &[[CacheLine; LINES]],
@@ -224,7 +224,7 @@ pub trait Lanes:
     /// One cache line of the records j, transposed: element k is field k of the sixteen records.
     ///
     /// # Panics
-    /// Where an index of the list is outside `records`.
+    /// If an index of the list is outside `records`.
     fn cache_line_of_j<const LINE: usize, const LINES: usize>(
         token: Self::Token,
         records: &[[CacheLine; LINES]],
@@ -234,7 +234,7 @@ pub trait Lanes:
     /// The last two fields of one cache line of the records j.
     ///
     /// # Panics
-    /// Where an index of the list is outside `records`.
+    /// If an index of the list is outside `records`.
     fn last_two_of_j<const LINE: usize, const LINES: usize>(
         token: Self::Token,
         records: &[[CacheLine; LINES]],
@@ -245,13 +245,13 @@ pub trait Lanes:
     /// pair; `terms` are a, b, c, d.
     ///
     /// # Panics
-    /// Where an index of the list is outside `sums`.
+    /// If an index of the list is outside `sums`.
     fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize);
     /// Adds (a, b, 0, 0) to `sums[i]` and (-a, c, 0, 0) to `sums[j]`; `terms` are the vectors a, b,
     /// c.
     ///
     /// # Panics
-    /// Where an index of the list is outside `sums`.
+    /// If an index of the list is outside `sums`.
     fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize);
 }
 

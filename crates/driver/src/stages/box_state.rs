@@ -103,13 +103,13 @@ fn shares<D: Dimension>(
         &samples.overlap,
         &mut energies,
     );
-    let own = contacts.touching().filter(|at| at.i < grains.owned);
-    own.map(|at| {
+    let iter = contacts.touching().filter(|at| at.i < grains.owned);
+    iter.map(|at| {
         let r = cell.separation::<D>(grains.fields(at.i), grains.fields(at.j));
         let per_length = 1.0 / length(r);
         let normal = samples.normal[at.block].0[at.lane];
-        let tangential = samples.tangential[at.block].map(|row| row.0[at.lane]);
-        let across = match axes {
+        let tangential = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
+        let tangential_vector = match axes {
             // The component along t̂ = ẑ × n.
             2 => [
                 -r[1] * per_length * tangential[0],
@@ -122,7 +122,7 @@ fn shares<D: Dimension>(
         for axis in 0..axes {
             force[axis] = normal * r[axis] * per_length;
             if law.has_friction() {
-                force[axis] += across[axis];
+                force[axis] += tangential_vector[axis];
             }
         }
         let energy = |k: usize| energies[at.block][k].0[at.lane];

@@ -403,9 +403,9 @@ impl GrainMotion {
     ) -> Self {
         let all = gathered(exchange, displacements, |displacement| displacement.id);
         let grains = system.grains();
-        let own = grains.id[..grains.owned].iter();
+        let owned = grains.id[..grains.owned].iter();
         Self {
-            displacements: own.map(|&id| all[id as usize]).collect(),
+            displacements: owned.map(|&id| all[id as usize]).collect(),
             rebuilds: system.list.rebuilds,
         }
     }
@@ -429,7 +429,7 @@ impl GrainMotion {
         let cell = system.cell;
         let grains = system.grains();
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
-        let own: Vec<Moved> = self
+        let owned: Vec<Moved> = self
             .displacements
             .iter()
             .enumerate()
@@ -447,7 +447,7 @@ impl GrainMotion {
                 }
             })
             .collect();
-        let all = gathered(exchange, &own, |moved| moved.id);
+        let all = gathered(exchange, &owned, |moved| moved.id);
         Moved {
             id: 0,
             msd: all.iter().map(|m| m.msd).sum::<f64>() / all.len() as f64,

@@ -154,8 +154,8 @@ pub(super) fn newton_step<D: Dimension>(
     let bytes = exchange.broadcast(cast_slice(&solved).to_vec());
     let moves: Vec<Move> = pod_collect_to_vec(&bytes);
     let grains = system.grains();
-    let own = &grains.id[..grains.owned];
-    (!moves.is_empty()).then(|| own.iter().map(|&id| moves[id as usize]).collect())
+    let owned = &grains.id[..grains.owned];
+    (!moves.is_empty()).then(|| owned.iter().map(|&id| moves[id as usize]).collect())
 }
 
 /// All eigenvalues of a packing with their verdicts.

@@ -158,8 +158,8 @@ pub fn shade(plot: &mut Plot, run: &Studied, event: &Event) {
     }
 }
 
-/// Panel a: every row of the time series of `runs`. Panel b: the rows around the largest drop of `with_event`; the stage is
-/// that of the interval which a row ends.
+/// Panel a: every row of the time series of `runs`. Panel b: the rows around the largest drop of
+/// `with_event`; the stage is that of the interval which a row ends.
 fn table(runs: &[&Studied], with_event: Option<&Studied>) -> String {
     let whole = runs.iter().flat_map(|run| {
         let curve = run.strain.iter().zip(&run.tau);

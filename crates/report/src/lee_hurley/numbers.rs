@@ -61,8 +61,8 @@ fn known(value: Option<f64>) -> String {
     value.map_or("unknown".into(), |value| format!("{value:.3e}"))
 }
 
-/// QuotedNumber of phases in the paper, by size and friction (sections 4 and 5, appendix C), each in
-/// about 130,000 intervals.
+/// QuotedNumber of phases in the paper, by size and friction (sections 4 and 5, appendix C), each
+/// in about 130,000 intervals.
 fn phases_of_paper(run: &Studied) -> Option<f64> {
     let of_friction = match run.size {
         Size::Small => [18e3, 46e3, 52e3, 42e3],
