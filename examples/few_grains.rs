@@ -11,7 +11,7 @@ use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::{Hooke, Springs};
 use gshear_dem::observe;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -37,7 +37,7 @@ fn main() -> Result<(), Failure> {
 
     let step = 1e-6;
     let setup = Setup {
-        level: Level::detect(),
+        isa: Isa::detect(),
         list: ListSettings::default(),
         cell: Cell::between_walls([f64::from(ROW) * 2.0 * RADIUS, f64::INFINITY]),
         largest_radius: RADIUS,

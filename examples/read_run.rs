@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 
 fn main() {
     let Some(folder) = std::env::args().nth(1) else {
@@ -21,7 +21,7 @@ fn main() {
 
 /// `folder` has the `run.h5` of a run of walls.
 fn read(folder: &Path) -> Result<(), Failure> {
-    let run = Run::open(folder)?;
+    let run = RunFile::open(folder)?;
     println!(
         "{} grains, {} frames, digest {}",
         run.grains().count(),

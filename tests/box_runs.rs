@@ -7,7 +7,7 @@ use std::process::Command;
 
 use common::{Outcome, gshear_mpi};
 use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
-use gshear_store::run_reader::PeriodicRun;
+use gshear_store::run_reader::PeriodicRunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
@@ -22,8 +22,8 @@ fn done(outcome: &Outcome) -> &str {
     &outcome.text
 }
 
-fn positions(folder: &Path) -> PeriodicRun {
-    PeriodicRun::open(&folder.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS).expect("a run")
+fn positions(folder: &Path) -> PeriodicRunFile {
+    PeriodicRunFile::open(&folder.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS).expect("a run")
 }
 
 /// A stretch of Newton's equations from the kept checkpoint: the same frames, to the last bit.

@@ -41,7 +41,7 @@ fn no_contacts_are_no_damage() {
     let folder = tempfile::tempdir().unwrap();
     let whole = Snapshot {
         analysed: None,
-        travels: None,
+        displacements: None,
         contacts: Vec::new(),
         ..snapshot(3, 2)
     };
@@ -83,7 +83,7 @@ fn a_flipped_bit_in_any_dataset_is_named() {
         ("contacts", "its contacts"),
         ("analysed/grains", "its grains of the analysed frame"),
         ("analysed/contacts", "its contacts of the analysed frame"),
-        ("travels", "its travels"),
+        ("travels", "its displacements"),
     ] {
         for dataset in file.group(group).unwrap().datasets().unwrap() {
             let start = dataset.offset().unwrap() as usize;

@@ -64,7 +64,7 @@ fn bookkeeping_never_reaches_the_numbers() {
     let outcome = common::with_environment(&apart, 3, &other, &arguments);
     assert_eq!(outcome.digest(), expected, "3 ranks without shared memory");
     for simd in ["avx2", "avx512"] {
-        if gshear_dem::simd::Level::named(simd).is_some() {
+        if gshear_dem::simd::Isa::named(simd).is_some() {
             let set = [format!("bookkeeping.simd={simd}")];
             let set: Vec<&str> = set.iter().map(String::as_str).collect();
             let outcome = resumed(&start, &folder.path().join("simd"), 1, &set);

@@ -39,7 +39,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
         ),
     ] {
         let unknown = further.iter().any(|set| set.ends_with("avx2"))
-            && gshear_dem::simd::Level::named("avx2").is_none();
+            && gshear_dem::simd::Isa::named("avx2").is_none();
         if unknown {
             continue;
         }

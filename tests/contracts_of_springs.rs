@@ -40,7 +40,7 @@ fn linear_springs_keep_the_contracts() {
         let checkpoint = broken.join("checkpoint.h5");
         let mut kinds = vec![(3, "bookkeeping.rebuild_every=7".to_string())];
         for simd in ["portable", "avx2", "avx512"] {
-            if gshear_dem::simd::Level::named(simd).is_some() {
+            if gshear_dem::simd::Isa::named(simd).is_some() {
                 kinds.push((1, format!("bookkeeping.simd={simd}")));
             }
         }

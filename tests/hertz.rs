@@ -1,7 +1,7 @@
 //! Spheres in contact: against LAMMPS, closed forms, and themselves at smaller steps.
 
 use bytemuck::Zeroable;
-use gshear_dem::contact::{Blocks, CARRY, ContactLaw, Motion, Response};
+use gshear_dem::contact::{Blocks, CARRY, ContactLaw, PairMotion, Response};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -9,7 +9,7 @@ use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hertz::Hertz;
 use gshear_dem::laws::hertz::Spheres;
-use gshear_dem::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
+use gshear_dem::simd::{Isa, LANES, Lanes, Lanes16, Portable, PortableToken};
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -70,7 +70,7 @@ impl Spin {
     ) -> Self {
         let largest = grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
         let setup = Setup {
-            level: Level::detect(),
+            isa: Isa::detect(),
             list: ListSettings {
                 skin: Some(0.1),
                 rebuild_every: 0,
@@ -345,8 +345,8 @@ fn the_law_is_that_of_lammps() {
                 let along = dot(last, n);
                 let before = map(last, n, |u, n| u - along * n);
                 let slip = tangential.map(|v| v * step);
-                let row = |v: f64| Row([v; LANES]);
-                let mut parameters = [Row::ZERO; Law::PARAMETERS];
+                let splat = |v: f64| Lanes16([v; LANES]);
+                let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
                 let lanes = |v| Portable::splat(PortableToken, v);
                 law.parameters(
                     PortableToken,
@@ -354,26 +354,26 @@ fn the_law_is_that_of_lammps() {
                     lanes(radius[j]),
                     &mut parameters,
                 );
-                let mut rows = before.map(row);
+                let mut lanes = before.map(splat);
                 let mut response = [Response::NONE];
                 law.evaluate::<Portable, false>(
                     PortableToken,
                     &mut Blocks {
                         parameters: &parameters,
-                        history: &mut rows,
-                        motion: &[Motion {
-                            overlap: row(overlap),
-                            normal_velocity: row(v_n),
-                            tangential_velocity: tangential.map(row),
-                            tangential_increment: slip.map(row),
-                            ..Motion::ZERO
+                        history: &mut lanes,
+                        motion: &[PairMotion {
+                            overlap: splat(overlap),
+                            normal_velocity: splat(v_n),
+                            tangential_velocity: tangential.map(splat),
+                            tangential_increment: slip.map(splat),
+                            ..PairMotion::ZERO
                         }],
-                        carry: &mut [[Row::ZERO; CARRY]],
+                        carry: &mut [[Lanes16::ZERO; CARRY]],
                         response: &mut response,
                     },
                 );
-                history[i][j] = rows.map(|row| row.0[0]);
-                let f_t = response[0].tangential.map(|row| row.0[0]);
+                history[i][j] = lanes.map(|lanes| lanes.0[0]);
+                let f_t = response[0].tangential.map(|lanes| lanes.0[0]);
                 let f = map(n, f_t, |n, t| response[0].normal.0[0] * n + t);
                 let moment = cross(n, f_t);
                 force[i] = map(force[i], f, |a, b| a + b);

@@ -10,7 +10,7 @@ use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::Hooke;
 use gshear_dem::laws::hooke::Springs;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -104,7 +104,7 @@ impl Impact {
             rebuild_every: 0,
         };
         let setup = Setup {
-            level: Level::detect(),
+            isa: Isa::detect(),
             list,
             cell: Cell::between_walls([LENGTH, f64::INFINITY]),
             largest_radius: RADII[1],

@@ -1,7 +1,8 @@
-//! The kernel's vector operations are instructions, not calls: what is not inlined into the code of its instruction set is compiled
-//! without it, and takes many times as long with the same results.
+//! No vector operation of the kernel is a call. Code that is not inlined into a function of its
+//! instruction set is compiled without that set: the results are the same, but it takes many times
+//! as long.
 //!
-//! Portable code has no such set to lose; its fused multiply-add is out of line on purpose.
+//! Portable code is exempt; its fused multiply-add is deliberately not inlined.
 
 use std::process::Command;
 
@@ -11,7 +12,7 @@ fn no_vector_operation_is_called() {
         env!("CARGO_BIN_EXE_gshear-mpi"),
         env!("CARGO_BIN_EXE_gshear-reduce"),
     ] {
-        // Comes with the linker.
+        // `nm` comes with the linker.
         let out = Command::new("nm")
             .args(["--defined-only", program])
             .output()
@@ -29,7 +30,8 @@ fn no_vector_operation_is_called() {
                 line.contains("core_arch")
                     || of_simd && (line.contains("avx2") || line.contains("avx512"))
             })
-            // Which instructions there are is asked once; whole pieces of work are entered by a call.
+            // Detection of the instruction set, and the functions `compiled`, which start the work,
+            // are calls.
             .filter(|line| {
                 let entries = ["xgetbv", "cpuid", "detect", "compiled"];
                 !entries.iter().any(|name| line.contains(name))

@@ -3,7 +3,7 @@
 
 use bytemuck::Zeroable;
 use faer::Mat;
-use gshear_analysis::jacobian::{History, State, assemble, paper_form};
+use gshear_analysis::jacobian::{History, NetworkState, assemble, paper_form};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::mindlin::{Mindlin, MindlinSprings};
@@ -131,8 +131,9 @@ fn forces_of_the_paper(
         let (s_i, s_j) = (at(c.i, 3), at(c.j, 3));
         let s: Vector = std::array::from_fn(|k| s_i[k] + s_j[k]);
         let along = dr[0] * n[0] + dr[1] * n[1] + dr[2] * n[2];
-        let turning = cross(n, s);
-        let t: Vector = std::array::from_fn(|k| c.history[k] + dr[k] - along * n[k] + turning[k]);
+        let surface_velocity = cross(n, s);
+        let t: Vector =
+            std::array::from_fn(|k| c.history[k] + dr[k] - along * n[k] + surface_velocity[k]);
         let part = length(t) / (0.4 * 3.5 * overlap);
         assert!(part < 1.0);
         let secant = 2.0 / 7.0 * overlap.sqrt() * (1.0 + part - part * part);
@@ -177,7 +178,7 @@ fn spheres_of_the_paper() -> (Vec<GrainState>, Vec<ContactState>, Cell) {
 fn the_form_of_the_paper() {
     const H: f64 = 2e-5;
     let (grains, contacts, cell) = spheres_of_the_paper();
-    let state = State {
+    let state = NetworkState {
         grains: &grains,
         contacts: &contacts,
         cell,
@@ -237,7 +238,7 @@ fn the_form_of_the_paper() {
 #[test]
 fn translations_are_null_vectors() {
     let (grains, contacts, cell) = spheres_of_the_paper();
-    let state = State {
+    let state = NetworkState {
         grains: &grains,
         contacts: &contacts,
         cell,
@@ -281,7 +282,7 @@ fn linear_systems_are_solved() {
         for c in &mut contacts {
             c.history = c.history.map(|t| part * t);
         }
-        let state = State {
+        let state = NetworkState {
             grains: &grains,
             contacts: &contacts,
             cell,
@@ -335,7 +336,7 @@ fn linear_systems_are_solved() {
 #[test]
 fn eigenvalues_alone() {
     let (grains, contacts, cell) = spheres_of_the_paper();
-    let state = State {
+    let state = NetworkState {
         grains: &grains,
         contacts: &contacts,
         cell,

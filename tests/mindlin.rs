@@ -1,7 +1,7 @@
 //! The smoothed Mindlin law: values by hand, closed forms of an impact, energies, order in Δt.
 
 use bytemuck::Zeroable;
-use gshear_dem::contact::{Blocks, CARRY, ContactLaw, Motion, Response, dissipation};
+use gshear_dem::contact::{Blocks, CARRY, ContactLaw, PairMotion, Response, dissipation};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -9,7 +9,7 @@ use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::mindlin::Mindlin;
 use gshear_dem::laws::mindlin::MindlinSprings;
-use gshear_dem::simd::{LANES, Lanes, Level, Portable, PortableToken, Row};
+use gshear_dem::simd::{Isa, LANES, Lanes, Lanes16, Portable, PortableToken};
 use gshear_dem::state::{Cell, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -46,38 +46,38 @@ fn evaluate<D: Dimension>(
 ) -> (f64, Vector, Vector, bool, [f64; dissipation::KINDS]) {
     let law = Mindlin::<D, true>::new(&SPRINGS, &contact(friction));
     let lanes = |v| Portable::splat(PortableToken, v);
-    let row = |v: f64| Row([v; LANES]);
-    let mut parameters = [Row::ZERO; 1];
+    let splat = |v: f64| Lanes16([v; LANES]);
+    let mut parameters = [Lanes16::ZERO; 1];
     law.parameters(
         PortableToken,
         lanes(RADII[0]),
         lanes(RADII[1]),
         &mut parameters,
     );
-    let mut rows = history.map(row);
+    let mut lanes = history.map(splat);
     let mut response = [Response::NONE];
     law.evaluate::<Portable, true>(
         PortableToken,
         &mut Blocks {
             parameters: &parameters,
-            history: &mut rows[..D::SPINS],
-            motion: &[Motion {
-                overlap: row(overlap),
-                normal_increment: row(-deeper),
-                tangential_increment: slip.map(row),
-                ..Motion::ZERO
+            history: &mut lanes[..D::SPINS],
+            motion: &[PairMotion {
+                overlap: splat(overlap),
+                normal_increment: splat(-deeper),
+                tangential_increment: slip.map(splat),
+                ..PairMotion::ZERO
             }],
-            carry: &mut [[Row::ZERO; CARRY]],
+            carry: &mut [[Lanes16::ZERO; CARRY]],
             response: &mut response,
         },
     );
     let [r] = response;
-    let mut tangential = r.tangential.map(|row| row.0[3]);
-    let mut after = rows.map(|row| row.0[3]);
+    let mut tangential = r.tangential.map(|lanes| lanes.0[3]);
+    let mut after = lanes.map(|lanes| lanes.0[3]);
     for k in D::SPINS..3 {
         (tangential[k], after[k]) = (0.0, 0.0);
     }
-    let dissipated = r.dissipated.map(|row| row.0[3]);
+    let dissipated = r.dissipated.map(|lanes| lanes.0[3]);
     (r.normal.0[3], tangential, after, r.sliding != 0, dissipated)
 }
 
@@ -208,7 +208,7 @@ impl<D: Dimension> Couple<D> {
     /// Position, velocity, spin of each; `step`: Δt.
     fn new(friction: f64, step: f64, of: [[Vector; 3]; 2]) -> Self {
         let setup = Setup {
-            level: Level::detect(),
+            isa: Isa::detect(),
             list: ListSettings {
                 skin: Some(0.1),
                 rebuild_every: 0,

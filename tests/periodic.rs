@@ -7,7 +7,7 @@ use std::path::Path;
 use common::{Outcome, gshear_mpi};
 use gshear_analysis::growth;
 use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow};
-use gshear_store::run_reader::PeriodicRun;
+use gshear_store::run_reader::PeriodicRunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
@@ -37,7 +37,7 @@ fn newtons_method_finds_the_state_of_overdamped_dynamics() {
         ];
         let outcome = run(&folder, 1, &more);
         assert_eq!(outcome.code, 0, "{}", outcome.text);
-        PeriodicRun::open(&folder.join(AQS_FILE), &AqsRow::COLUMNS).expect("a file of the run")
+        PeriodicRunFile::open(&folder.join(AQS_FILE), &AqsRow::COLUMNS).expect("a file of the run")
     };
     let (newton, overdamped) = (of("newton"), of("overdamped"));
     let fell_back: f64 = newton.column("fell_back").iter().sum();
@@ -54,7 +54,7 @@ fn newtons_method_finds_the_state_of_overdamped_dynamics() {
             assert!((a / b - 1.0).abs() < 1e-9, "{name}: {a} {b}");
         }
     }
-    let change = |run: &PeriodicRun| {
+    let change = |run: &PeriodicRunFile| {
         let stress = run.column("shear_stress");
         stress[8] - stress[0]
     };
@@ -80,7 +80,7 @@ fn a_complex_pair_grows_as_its_eigenvalue_says() {
     }
     let outcome = gshear_mpi(1, folder.path(), &arguments);
     assert_eq!(outcome.code, 0, "{}", outcome.text);
-    let run = PeriodicRun::open(&folder.path().join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)
+    let run = PeriodicRunFile::open(&folder.path().join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)
         .expect("a file of the run");
     let growth = growth::fit(&run.time, run.column("msd"), 1e-11).expect("growth");
     let of = |name: &str| run.number(name).expect("a complex pair");

@@ -7,7 +7,7 @@ use std::path::Path;
 use common::{Outcome, gshear_mpi};
 use gshear_dem::columns::Column;
 use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow};
-use gshear_store::run_reader::PeriodicRun;
+use gshear_store::run_reader::PeriodicRunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
@@ -51,7 +51,7 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
         assert_eq!(found, expected, "{dimension}, {ranks} ranks, {more:?}");
     }
     for simd in ["portable", "avx2"] {
-        if gshear_dem::simd::Level::named(simd).is_some() {
+        if gshear_dem::simd::Isa::named(simd).is_some() {
             let set = format!("--set=bookkeeping.simd={simd}");
             let found = digests(&run(&at("other"), 1, &[&base[..], &[&*set]].concat()));
             assert_eq!(found, expected, "{dimension}, {simd}");
@@ -86,7 +86,7 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     let found = [said(&stopped), digests(&resumed)].concat();
     assert_eq!(found, expected, "{dimension}, resumed");
     let read = |name: &str, file: &str, columns: &[Column]| {
-        let run = PeriodicRun::open(&at(name).join(file), columns).expect("a file of the run");
+        let run = PeriodicRunFile::open(&at(name).join(file), columns).expect("a file of the run");
         let bits = |column: &Column| -> Vec<u64> {
             run.column(column.name)
                 .iter()

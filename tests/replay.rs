@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 use common::gshear_mpi;
 use gshear_dem::state::FrameRecords;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 use nalgebra::{DMatrix, Vector3};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
@@ -41,7 +41,7 @@ fn text(path: &Path) -> &str {
 
 /// All that is stored of the frames of these steps.
 fn frames(folder: &Path, steps: &[u64]) -> Vec<gshear_dem::state::Frame> {
-    let run = Run::open(folder).expect("a run");
+    let run = RunFile::open(folder).expect("a run");
     let at = |step: &u64| run.frame_steps().binary_search(step).expect("a frame");
     let read = |step: &u64| run.frame(at(step)).expect("a frame");
     steps.iter().map(read).collect()
@@ -62,7 +62,7 @@ fn a_window_is_that_of_the_run_with_frames() {
         "analysis.strain=0.005",
     ];
     run(SCENE, 2, &folder("kept"), &kept);
-    let whole = Run::open(&folder("frames")).expect("a run");
+    let whole = RunFile::open(&folder("frames")).expect("a run");
     let strain = whole.series().column("strain").to_vec();
 
     // From the first state, across a checkpoint, from a row that has one, to the last row.
@@ -97,7 +97,7 @@ fn a_window_is_that_of_the_run_with_frames() {
         assert!(words.contains("to the last bit"), "{words}");
         let rows = (0..strain.len()).filter(|row| strain[*row] >= from && strain[*row] <= to);
         let steps: Vec<u64> = rows.map(|row| whole.series().step[row]).collect();
-        let again = Run::open(&out).expect("a run");
+        let again = RunFile::open(&out).expect("a run");
         assert_eq!(again.frame_steps(), steps, "{window}");
         assert!(
             frames(&out, &steps) == frames(&folder("frames"), &steps),
@@ -116,7 +116,7 @@ fn a_window_is_that_of_the_run_with_frames() {
         text(&out),
     ];
     said(&reduce(&run), 0);
-    let again = Run::open(&out).expect("a run");
+    let again = RunFile::open(&out).expect("a run");
     let steps = again.frame_steps();
     assert!(steps.len() > 10 && steps.windows(2).all(|w| w[1] - w[0] == 7));
 }
@@ -128,7 +128,7 @@ fn spheres_under_a_spring_are_replayed() {
     let folder = temporary.path().join("run");
     // The protocol writes a checkpoint at the end of every part.
     run(SPHERES, 1, &folder, &["output.keep_checkpoints=true"]);
-    let whole = Run::open(&folder).expect("a run");
+    let whole = RunFile::open(&folder).expect("a run");
     let strain = whole.series().column("strain");
     let [from, to] = [0.6, 0.7].map(|part| strain[(part * strain.len() as f64) as usize]);
     let window = format!("{from:?}..{to:?}");
@@ -143,7 +143,7 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path().join("run");
     run(SPHERES, 2, &folder, &[]);
-    let whole = Run::open(&folder).expect("a run");
+    let whole = RunFile::open(&folder).expect("a run");
     let frames = whole.records(0..whole.frames()).expect("the frames");
     let n = whole.grains().count();
     assert!(frames.len() > 20 && n > 500);
@@ -270,7 +270,7 @@ fn another_time_series_is_noticed() {
     let arguments = ["replay", text(&folder), "--strain=0.1..0.12"];
     said(&reduce(&arguments), 0);
 
-    let run = Run::open(&folder).expect("a run");
+    let run = RunFile::open(&folder).expect("a run");
     let row = run.series().column("strain").iter().position(|s| *s > 0.11);
     let row = row.expect("a row");
     let step = run.series().step[row];
@@ -303,8 +303,8 @@ fn what_cannot_be_replayed_is_refused() {
             &["--strain=0.3..0.4"],
             "has fewer than two rows of the time series",
         ),
-        (&["--strain=0.04..0.02"], "is no stretch of strain"),
-        (&["--strain=0.04"], "is no stretch of strain"),
+        (&["--strain=0.04..0.02"], "is no range; write it as"),
+        (&["--strain=0.04"], "is no range; write it as"),
     ] {
         let words = said(
             &reduce(&[&["replay", text(&folder)], arguments].concat()),

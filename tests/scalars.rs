@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use common::{Outcome, gshear_mpi, same_run};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_reduce::scalars::FrameSeries;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 /// A start that is no multiple of the interval.
@@ -33,8 +33,8 @@ fn resumed(checkpoint: &Path, folder: &Path, ranks: usize, further: &[&str]) -> 
     gshear_mpi(ranks, folder, &arguments)
 }
 
-fn open(folder: &Path) -> Run {
-    Run::open(folder).expect("a run")
+fn open(folder: &Path) -> RunFile {
+    RunFile::open(folder).expect("a run")
 }
 
 /// Steps and all numbers as bits.

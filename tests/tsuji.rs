@@ -1,7 +1,7 @@
 //! Impacts of spheres with the damping of Tsuji: against LAMMPS and the promised restitution, and
 //! their energy budget.
 
-use gshear_dem::budget::{EnergyBalance, EnergyBudget, Sample};
+use gshear_dem::budget::{EnergyBalance, EnergyBudget, SampleState};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -9,7 +9,7 @@ use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::hertz::Spheres;
 use gshear_dem::laws::tsuji::TsujiSpheres;
 use gshear_dem::laws::{Constants, Contact};
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -62,7 +62,7 @@ impl Impact {
         let law = of.spheres(&contact).expect("a law of spheres");
         let duration = of.collision_time(RADII[0], norm(velocity)).expect("a time");
         let setup = Setup {
-            level: Level::detect(),
+            isa: Isa::detect(),
             list: ListSettings {
                 skin: Some(0.1),
                 rebuild_every: 0,
@@ -121,21 +121,21 @@ impl Impact {
 
     /// The energy budget, and the kinetic energy (J).
     fn energies(&mut self) -> (EnergyBalance, f64) {
-        let (level, masses) = (self.system.level, self.system.masses);
+        let (isa, masses) = (self.system.isa, self.system.masses);
         let kinetic = self.system.grain_states().into_iter().map(|g| {
             let (speed, rim) = (norm(g.velocity), g.radius * norm(g.angular_velocity));
             0.5 * masses.of(Three::volume(g.radius)) * (speed * speed + 0.4 * rim * rim)
         });
         let kinetic = kinetic.sum();
         let mut budget = self.system.budget.take().expect("a budget");
-        let sample = Sample {
+        let sample = SampleState {
             contacts: &self.system.contacts,
             overlap: &self.samples.overlap,
             load: 0.0,
             height: 0.0,
             kinetic,
         };
-        let entry = budget.balance(&Solo, level, self.law.as_ref(), sample);
+        let entry = budget.balance(&Solo, isa, self.law.as_ref(), sample);
         self.system.budget = Some(budget);
         (entry, kinetic)
     }

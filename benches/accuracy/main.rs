@@ -38,6 +38,6 @@ fn processor() -> String {
     format!(
         "{}, {}",
         name.unwrap_or("processor unknown"),
-        gshear_dem::simd::Level::detect().name()
+        gshear_dem::simd::Isa::detect().name()
     )
 }

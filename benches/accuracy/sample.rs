@@ -11,7 +11,7 @@ use gshear_dem::drive::{GrainWalls, Piston, Slider};
 use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::lee_hurley::{self, Material};
 use gshear_dem::protocol::Protocol;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{GrainState, Snapshot, body, nearest_image};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{Setup, System};
@@ -112,7 +112,7 @@ impl Sample {
     ) -> Moving<C> {
         let scene = &self.scene;
         let setup = Setup {
-            level: Level::detect(),
+            isa: Isa::detect(),
             list: scene.bookkeeping.list,
             cell: scene.sample.cell(),
             largest_radius: scene.sample.radius_max,

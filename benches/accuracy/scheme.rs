@@ -2,8 +2,8 @@
 
 use gshear_dem::dimension::{Dimension, Two};
 use gshear_dem::domain::{Accumulator, FixedPoint};
-use gshear_dem::drive::{Drive, Load};
-use gshear_dem::simd::Level;
+use gshear_dem::drive::{Drive, TopForce};
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, Grains};
 
 /// The velocity that the dampers of a contact take.
@@ -41,7 +41,7 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.speed()
     }
 
-    fn start(&mut self, load: Load) {
+    fn start(&mut self, load: TopForce) {
         self.walls.start(load);
     }
 
@@ -65,19 +65,19 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
 
     fn forces(
         &mut self,
-        level: Level,
+        isa: Isa,
         cell: Cell,
         step: f64,
         grains: &mut Grains<Two>,
     ) -> Option<usize> {
-        self.walls.forces(level, cell, step, grains)
+        self.walls.forces(isa, cell, step, grains)
     }
 
     fn load(&self, grains: &Grains<Two>, fixed: &FixedPoint, to: &mut [Accumulator; 2]) {
         self.walls.load(grains, fixed, to);
     }
 
-    fn kick(&mut self, step: f64, load: Load, grains: &mut Grains<Two>) {
+    fn kick(&mut self, step: f64, load: TopForce, grains: &mut Grains<Two>) {
         self.walls.kick(step, load, grains);
     }
 
@@ -85,7 +85,7 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.slid()
     }
 
-    fn renumber(&mut self, level: Level, grains: &Grains<Two>, skin: f64) {
-        self.walls.renumber(level, grains, skin);
+    fn renumber(&mut self, isa: Isa, grains: &Grains<Two>, skin: f64) {
+        self.walls.renumber(isa, grains, skin);
     }
 }

@@ -30,7 +30,7 @@ Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a che
 (continue with --resume); 1 any other failure.
 
 SIGTERM, SIGINT, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
-struct Arguments {
+struct CommandLine {
     /// Scene; see docs/config.md
     #[arg(value_name = "CONFIG.toml", conflicts_with = "resume")]
     config: Option<PathBuf>,
@@ -108,7 +108,7 @@ fn main() -> ExitCode {
     provenance::set_git_commit(env!("GSHEAR_GIT_COMMIT"));
     let world = World::start();
     let speaks = world.rank() == 0;
-    let arguments = match Arguments::try_parse() {
+    let arguments = match CommandLine::try_parse() {
         Ok(arguments) => arguments,
         Err(e) => {
             if speaks {
@@ -135,7 +135,7 @@ fn main() -> ExitCode {
     ExitCode::from(code as u8)
 }
 
-fn go(world: &World, arguments: &Arguments) -> Result<Outcome, Failure> {
+fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
     let mut options = Options {
         out: PathBuf::new(),
         stop_at: arguments.stop_at,
@@ -178,7 +178,7 @@ fn go(world: &World, arguments: &Arguments) -> Result<Outcome, Failure> {
 
 fn check_or_run(
     world: &World,
-    arguments: &Arguments,
+    arguments: &CommandLine,
     options: &Options,
     task: Task,
 ) -> Result<Outcome, Failure> {
@@ -192,7 +192,7 @@ fn check_or_run(
 }
 
 /// Reads the configuration on one rank, so that all ranks run the same scene.
-fn read(world: &World, arguments: &Arguments) -> Result<Source, Failure> {
+fn read(world: &World, arguments: &CommandLine) -> Result<Source, Failure> {
     let read = match &arguments.config {
         Some(path) if world.rank() == 0 => Source::read(path),
         Some(path) => Ok(Source::of_file(path, "")),

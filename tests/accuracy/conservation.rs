@@ -1,11 +1,11 @@
-//! What the program keeps to rounding: momentum, the balance of torques, a history without slip, bits of every level.
+//! What the program keeps to rounding: momentum, the balance of torques, a history without slip, bits of every isa.
 
-use gshear_dem::budget::{EnergyBudget, Sample};
+use gshear_dem::budget::{EnergyBudget, SampleState};
 use gshear_dem::dimension::{Dimension, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::ContactForces;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_dem::step::{StepRequest, advance, forces};
 use gshear_dem::system::System;
@@ -45,8 +45,8 @@ fn crowd() -> Vec<GrainState> {
 /// A tenth of √(m/k_n), as the program would choose.
 const STEP: f64 = 6e-10;
 
-fn crowd_system(level: Level) -> System<Two> {
-    system::<true, true>(level, &LAW, LENGTH, STEP, None, crowd(), Vec::new(), None)
+fn crowd_system(isa: Isa) -> System<Two> {
+    system::<true, true>(isa, &LAW, LENGTH, STEP, None, crowd(), Vec::new(), None)
 }
 
 /// Σ terms, as if summed in twice the precision.
@@ -71,7 +71,7 @@ fn exact_sum(terms: impl Iterator<Item = f64>) -> f64 {
 fn momentum_is_conserved_to_rounding() {
     const STEPS: usize = 4000;
     let law = program_law::<true, true>(&LAW);
-    let mut system = crowd_system(Level::detect());
+    let mut system = crowd_system(Isa::detect());
     let mut drive = NoWalls;
     let start = system.grain_states();
     let mass = system.grains().mass.clone();
@@ -151,25 +151,25 @@ fn momentum_is_conserved_to_rounding() {
 
 /// Every instruction set gives the same state, to the last bit.
 #[test]
-fn every_level_gives_the_same_trajectory() {
-    let run = |level: Level| {
+fn every_instruction_set_gives_the_same_trajectory() {
+    let run = |isa: Isa| {
         let law = program_law::<true, true>(&LAW);
-        let mut system = crowd_system(level);
+        let mut system = crowd_system(isa);
         let mut drive = NoWalls;
         for _ in 0..400 {
             advance(&Solo, &mut system, &law, &mut drive, StepRequest::default()).unwrap();
         }
         (system.grain_states(), system.contact_states(&law))
     };
-    let expected = run(Level::Portable);
+    let expected = run(Isa::Portable);
     assert!(expected.1.len() > 100, "{} contacts", expected.1.len());
-    for level in ["avx2", "avx512"].into_iter().filter_map(Level::named) {
-        let found = run(level);
-        assert!(found == expected, "{} differs", level.name());
+    for isa in ["avx2", "avx512"].into_iter().filter_map(Isa::named) {
+        let found = run(isa);
+        assert!(found == expected, "{} differs", isa.name());
     }
 }
 
-/// Two overlapping disks, moving and turning, with what they remember.
+/// Two overlapping disks with velocities, spins and histories.
 fn pair<const R: bool>(step: f64, samples: &mut ContactForces) -> System<Two> {
     let (r_i, r_j) = (0.7e-6, 1.0e-6);
     let (distance, angle) = ((r_i + r_j) * (1.0 - 3e-3), 0.7f64);
@@ -180,7 +180,7 @@ fn pair<const R: bool>(step: f64, samples: &mut ContactForces) -> System<Two> {
         ]
     };
     system::<true, R>(
-        Level::detect(),
+        Isa::detect(),
         &LAW,
         8e-6,
         step,
@@ -293,7 +293,7 @@ fn overlap_alone_does_not_change_the_tangential_force() {
     let history = [0.1, 0.0, 0.0];
     // One above the other, so that v_t is exactly zero while they approach.
     let mut s = system::<true, true>(
-        Level::detect(),
+        Isa::detect(),
         &LAW,
         8e-6,
         1e-12,
@@ -353,7 +353,7 @@ fn energy_is_accounted_for() {
         let step = STEP / parts as f64;
         let mut samples = ContactForces::default();
         let mut system = system::<true, true>(
-            Level::detect(),
+            Isa::detect(),
             &LAW,
             LENGTH,
             step,
@@ -377,9 +377,9 @@ fn energy_is_accounted_for() {
             let mut budget = system.budget.take().expect("a budget");
             let balance = budget.balance(
                 &Solo,
-                system.level,
+                system.isa,
                 &law,
-                Sample {
+                SampleState {
                     contacts: &system.contacts,
                     overlap: &samples.overlap,
                     load: 0.0,

@@ -8,7 +8,7 @@ use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::lee_hurley::LeeHurley;
 use gshear_dem::laws::lee_hurley::Material;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -91,7 +91,7 @@ pub fn in_plane([x, y]: [f64; 2]) -> [f64; 3] {
 /// One system of these grains on one rank, its forces computed.
 #[expect(clippy::too_many_arguments, reason = "all that makes a system")]
 pub fn system<const F: bool, const R: bool>(
-    level: Level,
+    isa: Isa,
     law: &Law,
     length: f64,
     step: f64,
@@ -108,7 +108,7 @@ pub fn system<const F: bool, const R: bool>(
         rebuild_every: 0,
     };
     let setup = Setup {
-        level,
+        isa,
         list,
         cell: Cell::between_walls([length, f64::INFINITY]),
         largest_radius: radii.fold(0.0, f64::max),
@@ -152,7 +152,7 @@ impl Scene {
             })
             .collect();
         let mut system = system::<true, true>(
-            Level::detect(),
+            Isa::detect(),
             &self.law,
             self.length,
             self.duration / steps as f64,
@@ -381,8 +381,8 @@ pub fn head_on(damping_ratio: f64, approach: f64) -> Scene {
     oblique(law, approach, 0.0)
 }
 
-/// A free disk between two wall grains of other sizes; the upper one comes closer at `press` while it passes at `speed` (m/s).
-fn sheared(law: Law, speed: f64, press: f64, spin: f64, duration: f64) -> Scene {
+/// A free disk between two wall grains of other sizes; the upper one comes closer at `approach` while it passes at `speed` (m/s).
+fn sheared(law: Law, speed: f64, approach: f64, spin: f64, duration: f64) -> Scene {
     let radii = [0.8e-6, 1.0e-6, 0.9e-6];
     let overlap = 2e-3;
     let (below, above) = (direction(-1.4), direction(1.72));
@@ -392,7 +392,10 @@ fn sheared(law: Law, speed: f64, press: f64, spin: f64, duration: f64) -> Scene 
         [centre[0] + d * n[0], centre[1] + d * n[1]]
     };
     let passing = [speed * above[1], -speed * above[0]];
-    let upper = [passing[0] - press * above[0], passing[1] - press * above[1]];
+    let upper = [
+        passing[0] - approach * above[0],
+        passing[1] - approach * above[1],
+    ];
     let middle = passing.map(|u| 0.5 * u);
     Scene {
         law,

@@ -3,8 +3,8 @@
 #![allow(dead_code)]
 
 use gshear_dem::state::{
-    ContactForce, ContactSample, ContactState, FramePart, GrainPlace, GrainSample, GrainState,
-    SeriesRow, Snapshot, Travel,
+    ContactForce, ContactSample, ContactState, Displacement, FramePart, GrainPosition, GrainSample,
+    GrainState, SeriesRow, Snapshot,
 };
 use gshear_store::h5::Attribute;
 use gshear_store::trajectory::{GrainShape, RunHeader};
@@ -122,7 +122,7 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
             number(t, u64::from(i) << 32 | u64::from(j), 26 + c as u64)
         }),
     };
-    let place = |id| GrainPlace {
+    let place = |id| GrainPosition {
         id: id as u32,
         body: 0,
         position: [27, 28].map(|c| number(t, id, c)),
@@ -133,7 +133,7 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         normal_force: number(t, u64::from(i) << 32 | u64::from(j), 29),
         tangential_force: number(t, u64::from(i) << 32 | u64::from(j), 30),
     };
-    let travel = |id| Travel {
+    let displacement = |id| Displacement {
         id: id as u32,
         body: 0,
         start: [31, 32, 33].map(|c| number(t, id, c)),
@@ -147,6 +147,6 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
             grains: (0..grains).map(place).collect(),
             contacts: pairs(t, grains).into_iter().map(force).collect(),
         }),
-        travels: Some((0..grains).map(travel).collect()),
+        displacements: Some((0..grains).map(displacement).collect()),
     }
 }

@@ -30,9 +30,9 @@ pub fn run(arguments: &[String]) {
 }
 
 fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
-    let mine = |t: u64, id: u64| owner(t, id, world.size()) == world.rank();
+    let is_owned = |t: u64, id: u64| owner(t, id, world.size()) == world.rank();
     let mut shapes = shapes(grains);
-    shapes.retain(|g| mine(0, u64::from(g.id)));
+    shapes.retain(|g| is_owned(0, u64::from(g.id)));
     // What follows differs between the ranks and must not be written: rank 0's counts.
     let mut attributes = attributes();
     if world.rank() > 0 {
@@ -48,13 +48,13 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
     let frame = |writer: &mut TrajectoryWriter, t: u64| {
         let of_rank: Vec<GrainSample> = (0..grains)
             .rev()
-            .filter(|&id| mine(t, id))
+            .filter(|&id| is_owned(t, id))
             .map(|id| grain(t, id))
             .collect();
         let pairs = pairs(t, grains)
             .into_iter()
             .rev()
-            .filter(|p| mine(t, u64::from(p.0)));
+            .filter(|p| is_owned(t, u64::from(p.0)));
         let contacts: Vec<ContactSample> = pairs.map(|p| contact(t, p)).collect();
         writer.frame(world, 10 * t, t as f64 * 0.1, &of_rank, &contacts)
     };
@@ -92,15 +92,15 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
 
     for t in [5, 6] {
         let mut part = snapshot(t, grains);
-        part.grains.retain(|g| mine(t, u64::from(g.id)));
-        part.contacts.retain(|c| mine(t, u64::from(c.i)));
+        part.grains.retain(|g| is_owned(t, u64::from(g.id)));
+        part.contacts.retain(|c| is_owned(t, u64::from(c.i)));
         part.grains.reverse();
         if let Some(frame) = &mut part.analysed {
-            frame.grains.retain(|g| mine(t, u64::from(g.id)));
-            frame.contacts.retain(|c| mine(t, u64::from(c.i)));
+            frame.grains.retain(|g| is_owned(t, u64::from(g.id)));
+            frame.contacts.retain(|c| is_owned(t, u64::from(c.i)));
         }
-        if let Some(travels) = &mut part.travels {
-            travels.retain(|g| mine(t, u64::from(g.id)));
+        if let Some(displacements) = &mut part.displacements {
+            displacements.retain(|g| is_owned(t, u64::from(g.id)));
         }
         checkpoint::write(world, folder, "seed = 1\n", &part)?;
     }
@@ -114,7 +114,9 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
             grains: together(world, &frame.grains),
             contacts: together(world, &frame.contacts),
         }),
-        travels: part.travels.map(|travels| together(world, &travels)),
+        displacements: part
+            .displacements
+            .map(|displacements| together(world, &displacements)),
     };
     assert_eq!(whole, snapshot(6, grains));
     Ok(())
@@ -147,19 +149,19 @@ fn time(world: &World, folder: &Path) -> Result<(), Failure> {
     };
     for (grains, frames) in [(1_000u64, 2560u64), (20_000, 160)] {
         // Slabs: each rank has a stretch of the ids, and grains near its ends change rank.
-        let mine = |id: u64| {
+        let is_owned = |id: u64| {
             (id * 97 % grains / 8 + id) * world.size() as u64 / (grains + grains / 8)
                 == world.rank() as u64
         };
         let of_rank: Vec<GrainSample> = (0..grains)
-            .filter(|&id| mine(id))
+            .filter(|&id| is_owned(id))
             .map(|id| grain(1, id))
             .collect();
         let pairs = (0..grains as u32 - 2).flat_map(|i| (1..=2).map(move |k| (i, i + k)));
-        let pairs = pairs.filter(|p| mine(u64::from(p.0)) && (p.1 - p.0 == 1 || p.0 % 10 < 3));
+        let pairs = pairs.filter(|p| is_owned(u64::from(p.0)) && (p.1 - p.0 == 1 || p.0 % 10 < 3));
         let contacts: Vec<ContactSample> = pairs.map(|p| contact(1, p)).collect();
         let mut shapes = shapes(grains);
-        shapes.retain(|g| mine(u64::from(g.id)));
+        shapes.retain(|g| is_owned(u64::from(g.id)));
         world.barrier();
         let start = Instant::now();
         let mut writer =

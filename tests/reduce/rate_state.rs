@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gshear_analysis::rate_state::{Evolution, Law, Segment, Slider};
+use gshear_analysis::rate_state::{DriveSegment, Evolution, RateStateLaw, RateStateSlider};
 use gshear_dem::state::SeriesRow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -13,7 +13,7 @@ use crate::results::assert_well_formed;
 use crate::{alone, done, refused};
 
 /// FR's with a and b exchanged: a law that weakens, k̄_c = 1.3 /m.
-const LAW: Law = Law {
+const LAW: RateStateLaw = RateStateLaw {
     evolution: Evolution::Slip,
     mu_star: 0.35,
     a: 0.0178,
@@ -26,17 +26,17 @@ const NORMAL_FORCE: f64 = 450.0;
 /// N/m: k̄ = 2000 /m, so soft that a slip law sees something of a hold.
 const STIFFNESS: f64 = 9e5;
 
-const SLIDE: Segment = Segment {
+const SLIDE: DriveSegment = DriveSegment {
     velocity: 0.02,
     duration: 2.0,
 };
 
-fn segment(velocity: f64, duration: f64) -> Segment {
-    Segment { velocity, duration }
+fn segment(velocity: f64, duration: f64) -> DriveSegment {
+    DriveSegment { velocity, duration }
 }
 
 /// Slide-hold-slide, then a step up and one down.
-fn protocol() -> Vec<Segment> {
+fn protocol() -> Vec<DriveSegment> {
     let hold = |duration| segment(0.0, duration);
     vec![
         SLIDE,
@@ -52,7 +52,7 @@ fn protocol() -> Vec<Segment> {
 }
 
 /// A run under a spring with rows every `interval` (s) and white noise of standard deviation σ in μ.
-fn run(drive: &[Segment], interval: f64, sigma: f64, seed: u64) -> Fixture {
+fn run(drive: &[DriveSegment], interval: f64, sigma: f64, seed: u64) -> Fixture {
     let total: f64 = drive.iter().map(|s| s.duration).sum();
     let steps = (interval / TIME_STEP).round() as u64;
     let rows = (total / interval).round() as u64;
@@ -61,7 +61,7 @@ fn run(drive: &[Segment], interval: f64, sigma: f64, seed: u64) -> Fixture {
     let time: Vec<f64> = (0..=rows)
         .map(|row| (row * steps) as f64 * TIME_STEP)
         .collect();
-    let mut slider = Slider::new(LAW, STIFFNESS / NORMAL_FORCE);
+    let mut slider = RateStateSlider::new(LAW, STIFFNESS / NORMAL_FORCE);
     slider.tolerance = 1e-10;
     let start = LAW.steady(drive[0].velocity);
     let states = slider.motion(drive, start, &time).expect("a motion");

@@ -1,7 +1,7 @@
 //! What is read, and what is refused.
 
 use gshear_dem::state::Frame;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 
 use crate::fixture::{Fixture, strain_of};
 use crate::{alone, done, folder_with, refused};
@@ -11,7 +11,7 @@ fn what_was_written_is_read() {
     let _alone = alone();
     let fixture = Fixture::small();
     let (folder, _) = folder_with(&fixture);
-    let run = Run::open(folder.path()).expect("a run");
+    let run = RunFile::open(folder.path()).expect("a run");
     assert_eq!(*run.grains(), fixture.grains);
     assert_eq!(run.block(0..6).expect("frames"), fixture.frames);
     assert_eq!(run.frame(4).expect("a frame"), fixture.frames[4]);
@@ -49,7 +49,7 @@ fn a_run_that_was_stopped_early_is_read_as_far_as_it_goes() {
         .resize([33])
         .expect("resized");
     file.close().expect("closed");
-    let run = Run::open(folder.path()).expect("a run");
+    let run = RunFile::open(folder.path()).expect("a run");
     assert_eq!((run.frames(), run.series().rows()), (4, 33));
     assert_eq!(run.block(0..4).expect("frames"), fixture.frames[..4]);
     assert!(done(&["info", &path]).contains("stopped early"));
@@ -66,7 +66,7 @@ fn a_run_that_was_stopped_early_is_read_as_far_as_it_goes() {
         .resize([two + 1])
         .expect("resized");
     file.close().expect("closed");
-    assert_eq!(Run::open(folder.path()).expect("a run").frames(), 2);
+    assert_eq!(RunFile::open(folder.path()).expect("a run").frames(), 2);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
+use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_analysis::stress::ratio_on_top;
 use tempfile::TempDir;
 
@@ -48,7 +48,12 @@ fn the_scalars_of_every_frame_are_those_of_its_pair() {
     let mut rows = vec![[f64::NAN; FrameScalars::COLUMNS.len()]];
     for pair in fixture.frames.windows(2) {
         let of = |k: usize| Stressed::new(&fixture.grains, pair[k].clone());
-        let scalars = frame_scalars(&fixture.grains, &of(0), &of(1), &mut Scratch::default());
+        let scalars = frame_scalars(
+            &fixture.grains,
+            &of(0),
+            &of(1),
+            &mut ScalarScratch::default(),
+        );
         rows.push(scalars.columns());
     }
     for (k, name) in FrameScalars::COLUMNS.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Where a contact begins and where the law ends; a grain that touches nothing; grains that are crushed.
+//! The first touch, the greatest overlap of the law, a grain without contacts, and crushed grains.
 
 use gshear_dem::dimension::Two;
 use gshear_dem::drive::{Drive, GrainWalls, Piston, Planes, Slider};
@@ -23,7 +23,7 @@ fn setting(step: f64) -> Setting {
     }
 }
 
-/// Two grains one above the other, whose distance can be set to the bit.
+/// Two grains, one above the other, at a distance that can be set to the bit.
 struct Tower {
     rig: Rig<Full>,
     radii: [f64; 2],
@@ -41,7 +41,8 @@ impl Tower {
         Self { rig, radii }
     }
 
-    /// δ (m), F_n (N/m) and k_t (Pa) at this distance, zeros where nothing touches; or nothing where it is outside the law.
+    /// δ (m), F_n (N/m) and k_t (Pa) at this distance, zeros if they do not touch; `None` if the
+    /// overlap is outside the law.
     fn at(&mut self, distance: f64) -> Option<[f64; 3]> {
         let place = Place {
             position: [4e-6, distance],
@@ -58,8 +59,8 @@ impl Tower {
         })
     }
 
-    /// Largest relative error of F_n and of k_t at this distance, against the implicit law solved by itself; infinite where
-    /// something is no number or outside the law.
+    /// Largest relative error of F_n and of k_t at this distance, against an independent solution
+    /// of the implicit law; infinite if a result is not finite or outside the law.
     fn error(&mut self, distance: f64) -> f64 {
         let [r_i, r_j] = self.radii;
         let expected = r_i + r_j - distance;
@@ -87,7 +88,7 @@ impl Tower {
 
 const SIZES: [[f64; 2]; 3] = [[1e-6, 1e-6], [0.7e-6, 1e-6], [0.05e-6, 1e-6]];
 
-/// From 60 ulps of a gap to 60 ulps of overlap, bit by bit.
+/// Every distance from a gap of 60 ulps to an overlap of 60 ulps.
 pub fn touch() -> Vec<Line> {
     SIZES
         .into_iter()
@@ -108,7 +109,7 @@ pub fn touch() -> Vec<Line> {
                     1e6 * radii[0],
                     1e6 * radii[1]
                 ),
-                "0 up to the touch, then F_n and k_t of the law to 1e-12",
+                "no force before the touch, then F_n and k_t of the law to 1e-12",
                 format!(
                     "error {worst:.1e}; at the first ulp δ/(R_i+R_j) = {:.1e}, F_n = {normal:.1e} N/m",
                     overlap / sum
@@ -119,7 +120,7 @@ pub fn touch() -> Vec<Line> {
         .collect()
 }
 
-/// From the touch to the last overlap, and where that is.
+/// Overlaps up to the greatest one of the law, and the position of the latter.
 pub fn end() -> Vec<Line> {
     SIZES
         .into_iter()
@@ -131,7 +132,7 @@ pub fn end() -> Vec<Line> {
                 .map(|k| last * (1.0 - 1e-9) * 10f64.powf(-0.006 * f64::from(k)))
                 .map(|overlap| tower.error(sum - overlap))
                 .fold(0.0, f64::max);
-            // Down to neighbouring floats.
+            // Bisection down to neighbouring floats.
             let (mut inside, mut beyond) = (sum - 0.9 * last, sum - 1.1 * last);
             assert!(tower.at(inside).is_some() && tower.at(beyond).is_none());
             while inside.next_down() > beyond {
@@ -145,7 +146,7 @@ pub fn end() -> Vec<Line> {
             let found = (sum - inside) / last - 1.0;
             line(
                 format!(
-                    "radii {:.2} and {:.2} µm, overlaps from 1e-12 of the last one to it",
+                    "radii {:.2} and {:.2} µm, overlaps from 1e-12 of the greatest one up to it",
                     1e6 * radii[0],
                     1e6 * radii[1]
                 ),
@@ -153,14 +154,15 @@ pub fn end() -> Vec<Line> {
                     "F_n and k_t of the law to 1e-12; the end at a/R = 0.3, δ/(R_i+R_j) = {:.4}",
                     last / sum
                 ),
-                format!("error {worst:.1e}; the end is off by {found:.1e}"),
+                format!("error {worst:.1e}; error of the end {found:.1e}"),
                 worst < 1e-12 && found.abs() < 1e-12,
             )
         })
         .collect()
 }
 
-/// Powers of two all, so that the closed form is exact: not one bit may differ, the seam crossed hundreds of times.
+/// All constants are powers of two, so the closed form is exact: no bit may differ, although the
+/// grain crosses the periodic boundary many times.
 pub fn lone_grain() -> Vec<Line> {
     const STEPS: u32 = 1_000_000;
     let two = |exponent: i32| 2f64.powi(exponent);
@@ -191,17 +193,17 @@ pub fn lone_grain() -> Vec<Line> {
     }
     let turns = f64::from(STEPS) * step * velocity[0] / length;
     vec![line(
-        format!("a grain that touches nothing, {STEPS} steps, {turns:.0} times round the cell"),
+        format!("a grain without contacts, {STEPS} steps, {turns:.0} times through the cell"),
         "a straight line at constant velocity and spin, to the last bit",
-        format!("{wrong} steps off"),
+        format!("{wrong} steps differ"),
         wrong == 0,
     )]
 }
 
 const RADIUS: f64 = 1e-6;
 
-/// A piston that presses `times` as hard as the law can bear, `height` (m) over the bottom.
-fn press(times: f64, height: f64) -> Piston {
+/// A piston at `height` (m) with `times` the greatest load of the law.
+fn pressed_piston(times: f64, height: f64) -> Piston {
     let last = overlap_at(0.3, RADIUS, RADIUS);
     Piston {
         height,
@@ -225,7 +227,7 @@ fn between_walls(times: f64, step: f64) -> Rig<Full, GrainWalls> {
         at(2, body::TOP, height),
     ];
     let walls = GrainWalls {
-        piston: press(times, height),
+        piston: pressed_piston(times, height),
         slider: Slider::new(Protocol::new(step, [(0.5, 1_000_000)]), None),
         along: false,
         top: Vec::new(),
@@ -234,7 +236,7 @@ fn between_walls(times: f64, step: f64) -> Rig<Full, GrainWalls> {
     Rig::new(law, walls, setting(step), grains, Vec::new()).expect("not yet pressed")
 }
 
-/// What frames say of a wall's grains is how the wall moves at the full step.
+/// In frames, the grains of a wall have the full-step velocity of the wall.
 pub fn wall_velocity() -> Vec<Line> {
     const STEPS: usize = 2000;
     let mut rig = between_walls(0.01, 5e-11);
@@ -250,13 +252,13 @@ pub fn wall_velocity() -> Vec<Line> {
     }
     vec![line(
         format!("a wall that bounces {turns} times on a grain, {STEPS} steps"),
-        "its grains have its velocity after every step, to the last bit",
-        format!("{wrong} steps off"),
+        "wall grains have the wall's velocity after every step, to the last bit",
+        format!("{wrong} steps differ"),
         wrong == 0 && turns > 2,
     )]
 }
 
-/// Until it fails: the failure, and whether everything was still a number then.
+/// Steps until the run fails. Returns the failure, and whether all numbers were finite then.
 fn until_failure<D: Drive<Two>>(mut rig: Rig<Full, D>) -> (Failure, bool) {
     for _ in 0..1_000_000 {
         if let Err(failure) = rig.advance() {
@@ -267,7 +269,7 @@ fn until_failure<D: Drive<Two>>(mut rig: Rig<Full, D>) -> (Failure, bool) {
             return (failure, finite);
         }
     }
-    panic!("ten times the load of the law is borne");
+    panic!("no failure at ten times the greatest load of the law");
 }
 
 pub fn crushed() -> Vec<Line> {
@@ -276,7 +278,7 @@ pub fn crushed() -> Vec<Line> {
     let grains = vec![grain(0, RADIUS, [4e-6, RADIUS], [0.0; 2], 0.0)];
     let planes = Planes::new(
         Box::new(program_law::<false, false>(&LAW)),
-        press(10.0, 2.001 * RADIUS),
+        pressed_piston(10.0, 2.001 * RADIUS),
         0.0,
     );
     let rig = Rig::new(law(), planes, setting(step), grains, Vec::new()).expect("not yet pressed");
@@ -301,7 +303,7 @@ pub fn crushed() -> Vec<Line> {
         let clear = parts.iter().all(|part| said.contains(part)) && said.contains(" at (");
         line(
             done,
-            "exit code 3, a message with step, grains and place; all numbers finite",
+            "exit code 3, a message with step, grains and position; all numbers finite",
             format!("exit code {}: {said}", failure.exit_code()),
             failure.exit_code() == 3 && clear && finite,
         )

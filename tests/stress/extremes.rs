@@ -1,4 +1,4 @@
-//! Grains of very different sizes, contacts of very different loads, and places far from the origin, against the reference.
+//! Large ratios of sizes and of loads, and positions far from the origin, against the reference.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -9,8 +9,9 @@ use crate::rig::{Rig, Setting};
 use crate::scenes::{self, FIELDS, LAW, LOOKS, Scene, grain, program_law};
 use crate::table::{Line, line};
 
-/// A free grain squeezed between fixed neighbours, of which the second one moves at `speed` (m/s): (radius, angle, overlap over the sum of the
-/// radii) of each. It starts at rest, out of balance by little.
+/// A free grain squeezed between fixed neighbours, of which the second one moves at `speed` (m/s):
+/// (radius, angle, overlap over the sum of the radii) of each. It starts at rest, slightly out of
+/// balance.
 fn squeezed(radius: f64, neighbours: &[(f64, f64, f64)], speed: f64) -> Scene {
     let law = Law {
         rolling_friction: 0.5,
@@ -54,7 +55,7 @@ fn squeezed(radius: f64, neighbours: &[(f64, f64, f64)], speed: f64) -> Scene {
     scene
 }
 
-/// Errors at √(m/k)/64 and at half of that: of second order, and small.
+/// Errors at Δt = √(m/k)/64 and at half of that: of second order, and small.
 fn second_order(done: &str, scene: &Scene) -> Line {
     let reference = scene.reference(800);
     assert_eq!(reference.0.switches, [], "{done}: the regime changes");
@@ -75,7 +76,7 @@ fn second_order(done: &str, scene: &Scene) -> Line {
         done,
         format!("order 2 in {}, against the reference", FIELDS.join(", ")),
         format!(
-            "orders {least:.2} … {most:.2}; at Δt = √(m/k)/128 the greatest error is {error:.1e} (the reference's {itself:.0e})"
+            "orders {least:.2} … {most:.2}; at Δt = √(m/k)/128 the greatest error is {error:.1e} (reference: {itself:.0e})"
         ),
         least > 1.9 && most < 2.1 && error < 1e-3 && itself < 0.01 * error,
     )
@@ -84,15 +85,15 @@ fn second_order(done: &str, scene: &Scene) -> Line {
 pub fn sizes_and_loads() -> Vec<Line> {
     vec![
         second_order(
-            "a grain between two that are 20 times as large (masses 1:400), one of which passes",
+            "a grain between two 20 times as large (masses 1:400), one of which moves past it",
             &squeezed(0.05e-6, &[(1e-6, -1.4, 2e-4), (1e-6, 1.72, 2e-4)], 0.03),
         ),
         second_order(
-            "the same, 100 times as large: ω² = k/m of grains that touch differs by 1e4",
+            "the same, 100 times as large: ω² = k/m of touching grains differs by a factor of 1e4",
             &squeezed(0.02e-6, &[(2e-6, -1.4, 4e-5), (2e-6, 1.72, 4e-5)], 0.01),
         ),
         second_order(
-            "two contacts with 1e4 times the force of two others on the same grain (its k_n hardly differ: one material)",
+            "a grain with two contacts of 1e4 times the force of its two others (similar k_n: one material)",
             &squeezed(
                 1e-6,
                 &[
@@ -107,10 +108,12 @@ pub fn sizes_and_loads() -> Vec<Line> {
     ]
 }
 
-/// An oblique impact far away, in a cell as wide, against the same near the origin, both at the same Δt.
+/// An oblique impact far from the origin, in a wide cell, against the same near the origin, both at
+/// the same Δt.
 ///
-/// A coordinate X is good to ½εX, and so is what a step adds to it: over N steps two grains lose at most NεX of their separation,
-/// over the greatest overlap δ the part NεX/δ; roundings at random lose about √N εX/δ.
+/// A coordinate X is rounded to ½εX in every step: over N steps the separation of two grains
+/// changes by at most NεX, which is NεX/δ of the greatest overlap δ; random roundings change it by
+/// about √N εX/δ.
 pub fn far_from_the_origin() -> Vec<Line> {
     const STEPS: usize = 200;
     const DIAMETER: f64 = 2e-6;
@@ -160,8 +163,8 @@ pub fn far_from_the_origin() -> Vec<Line> {
             let one = f64::EPSILON * x / overlap;
             let most = STEPS as f64 * one;
             lines.push(line(
-                format!("an impact {away:.0e} diameters away along {axis}, {STEPS} steps, δ = {:.1} nm", 1e9 * overlap),
-                format!("the same but for εX/δ = {one:.1e} a rounding: {:.0e} at random, {most:.0e} at most", one * (STEPS as f64).sqrt()),
+                format!("an impact {away:.0e} diameters from the origin along {axis}, {STEPS} steps, δ = {:.1} nm", 1e9 * overlap),
+                format!("as at the origin up to rounding, εX/δ = {one:.1e} per operation: {:.0e} at random, {most:.0e} at most", one * (STEPS as f64).sqrt()),
                 format!("separation differs by {lost:.1e} δ, velocities by {speed:.1e} of 1 m/s, F_t by {tangential:.1e}"),
                 lost <= most && speed <= most && tangential <= most,
             ));

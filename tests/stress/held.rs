@@ -1,4 +1,4 @@
-//! Contacts that last: turned a thousand times, held for a hundred million steps.
+//! Persistent contacts: rotated a thousand times, at rest for a hundred million steps.
 
 use std::f64::consts::PI;
 
@@ -32,7 +32,8 @@ fn setting(step: f64) -> Setting {
     }
 }
 
-/// A pair that is turned as one, as a whole number of steps to the revolution; its spins are `spin` times the rate of turning.
+/// A pair that rotates rigidly, with a whole number of steps per revolution; its spins are `spin`
+/// times the rate of rotation.
 struct Turning {
     rig: Rig<Full>,
     steps: usize,
@@ -68,7 +69,7 @@ impl Turning {
         }
     }
 
-    /// From the k-th angle to the next.
+    /// Rotates the pair from the k-th angle to the next.
     fn one(&mut self, k: usize) {
         let [last, now] = [k, k + 1].map(|k| self.directions[k % self.steps]);
         for (g, side) in [(0, 1.0), (1, -1.0)] {
@@ -95,7 +96,7 @@ fn normal_force() -> f64 {
     LAW.stiffnesses(RADIUS, RADIUS, OVERLAP)[0] * OVERLAP
 }
 
-/// Where the grain on this side of the pair is.
+/// The position of the grain on this side of the pair.
 fn place(side: f64, direction: [f64; 2]) -> [f64; 2] {
     let arm = side * (RADIUS - 0.5 * OVERLAP);
     [
@@ -108,7 +109,8 @@ fn at(id: u32, side: f64, direction: [f64; 2]) -> GrainState {
     grain(id, RADIUS, place(side, direction), [0.0; 2], 0.0)
 }
 
-/// A sliding pair keeps μ_s F_n. Stored as a number along t̂, F_t turns with the pair.
+/// A sliding pair keeps F_t = μ_s F_n. F_t is stored as its component along t̂, so it rotates with
+/// the pair.
 pub fn sliding_pair() -> Vec<Line> {
     const REVOLUTIONS: usize = 1000;
     const STEPS: usize = 10_000;
@@ -123,16 +125,17 @@ pub fn sliding_pair() -> Vec<Line> {
     }
     vec![line(
         format!(
-            "a loaded sliding pair turned through {REVOLUTIONS} revolutions, {STEPS} steps each, spins included"
+            "a loaded sliding pair rotated rigidly by {REVOLUTIONS} revolutions of {STEPS} steps"
         ),
-        "F_t stays to 1e-9",
+        "F_t constant to 1e-9",
         format!("largest change {furthest:.1e}"),
         furthest < 1e-9 && (before - 1.0).abs() < 1e-9,
     )]
 }
 
-/// With levers of the full radii a pair that turns as one, spins included, slips by δ per radian: its surfaces meet at R_i + R_j,
-/// its centres are closer. F_t^e grows by k_t δ per radian; with spins smaller by δ/(R_i + R_j) nothing slips.
+/// The lever arms are the full radii, but the centres are closer than R_i + R_j. So a pair that
+/// rotates rigidly slips by δ per radian, and F_t^e grows by k_t δ per radian; with spins smaller
+/// by δ/(R_i + R_j) it does not slip.
 pub fn sticking_pair() -> Vec<Line> {
     const STEPS: usize = 100_000;
     let [k_n, k_t] = LAW.stiffnesses(RADIUS, RADIUS, OVERLAP);
@@ -152,15 +155,17 @@ pub fn sticking_pair() -> Vec<Line> {
     let rolling = tenth(1.0 - PART);
     vec![
         line(
-            "a loaded sticking pair turned by a tenth of a revolution, spins included",
-            format!("levers of the full radii slip by δ per radian: F_t = {expected:.6} μ_s F_n"),
+            "a loaded sticking pair rotated rigidly by a tenth of a revolution",
+            format!(
+                "lever arms are the full radii, so it slips by δ per radian: F_t = {expected:.6} μ_s F_n"
+            ),
             format!("{with_spins:.6} μ_s F_n"),
             (with_spins / expected - 1.0).abs() < 1e-4,
         ),
         line(
-            "the same with spins less by δ/(R_i + R_j), so that nothing slips",
+            "the same with spins smaller by δ/(R_i + R_j), so that it does not slip",
             format!(
-                "F_t stays, but for what {STEPS} chords to the circle leave: {of_chords:.3e} μ_s F_n"
+                "F_t changes only because {STEPS} chords replace the circle: by {of_chords:.3e} μ_s F_n"
             ),
             format!("{rolling:.3e} μ_s F_n"),
             (rolling - of_chords).abs() < 1e-3 * of_chords.abs() + 1e-10,
@@ -168,7 +173,8 @@ pub fn sticking_pair() -> Vec<Line> {
     ]
 }
 
-/// A grain that three fixed ones hold, with tangential forces and rolling torques in balance; then `steps` more steps.
+/// A grain held by three fixed ones, with tangential forces and rolling torques in balance, over
+/// `steps` steps.
 fn disk_held(steps: u64) -> Line {
     let law = Law {
         rolling_friction: 0.5,
@@ -213,8 +219,8 @@ fn disk_held(steps: u64) -> Line {
     )
 }
 
-/// How far grain 0 moves (m) in `steps` steps after its dampers have taken all motion, and how much these parts of the histories change,
-/// over the greatest of them. No contact opens.
+/// The displacement of grain 0 (m) in `steps` steps after its dampers have stopped it, and the
+/// change of these parts of the histories over the greatest of them. No contact opens.
 fn drift<C: ContactLaw + Stiffness, const N: usize>(
     rig: &mut Rig<C>,
     steps: u64,
@@ -240,12 +246,12 @@ fn drift<C: ContactLaw + Stiffness, const N: usize>(
     (moved, parts.map(change))
 }
 
-/// A sphere that four fixed ones hold, with tangential forces; then `steps` more steps.
+/// A sphere held by four fixed ones, with tangential forces, over `steps` steps.
 fn sphere_held(steps: u64) -> Line {
     const RADIUS: f64 = 1e-3;
     const OVERLAP: f64 = 2.0 * RADIUS * PART;
     const CENTRE: [f64; 3] = [4.0 * RADIUS, 3.0 * RADIUS, 5.0 * RADIUS];
-    /// Of the normal motion.
+    /// Damping of the normal motion.
     const DAMPING_RATIO: f64 = 0.2;
     let mut spheres = Spheres {
         young_modulus: 1e9,
@@ -270,7 +276,7 @@ fn sphere_held(steps: u64) -> Line {
         ..Zeroable::zeroed()
     };
     let (mut grains, mut contacts) = (vec![free], vec![]);
-    // Near the corners of a tetrahedron; u a part of δ, across n.
+    // Near the corners of a tetrahedron; u is a fraction of δ, perpendicular to n.
     for (j, corner, part) in [
         (1, [1.0, 1.1, 0.9], 0.2),
         (2, [1.05, -0.95, -1.0], -0.1),

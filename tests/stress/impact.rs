@@ -1,4 +1,4 @@
-//! Oblique impacts gain no energy, a fault of other codes.
+//! Oblique impacts gain no energy, unlike in some other codes.
 
 use crate::reference::{Law, World};
 use crate::scenes::{self, LAW, LOOKS, Scene};
@@ -6,7 +6,7 @@ use crate::table::{Line, line};
 
 /// μ_s.
 const FRICTION: f64 = 0.5;
-/// Phases of the touch within a step.
+/// Phases of the first touch within a step.
 const PHASES: usize = 12;
 
 fn law(damping_ratio: f64) -> Law {
@@ -25,7 +25,7 @@ fn scene(damping_ratio: f64, degrees: f64, speed: f64) -> Scene {
     scenes::oblique(law(damping_ratio), approach, sideways)
 }
 
-/// Changes of the kinetic energy over the impact at Δt (s), over that before, for every phase.
+/// Relative changes of the kinetic energy in the impact at Δt (s), for every phase.
 fn changes(scene: &Scene, step: f64) -> Vec<f64> {
     let (world, start) = scene.world(1);
     let before = world.kinetic_energy(&start);
@@ -77,9 +77,9 @@ pub fn no_gain() -> Vec<Line> {
         lines.push(line(
             format!(
                 "{count} impacts at 5° … 85° and 76°, μ_s = {FRICTION}, α = {damping_ratio}, 0.1 to 10 m/s, Δt from the default down to a \
-                 64th, {PHASES} phases of the touch in the step"
+                 64th, {PHASES} phases of the first touch within a step"
             ),
-            "no gain of energy in any of them",
+            "none gains energy",
             format!(
                 "the least loss is {:.1e} of the energy, at {degrees}°, {speed} m/s, Δt = {part} of the default",
                 -change
@@ -90,8 +90,9 @@ pub fn no_gain() -> Vec<Line> {
     lines
 }
 
-/// Sliding throughout, the tangential impulse is μ_s times the normal one, 2 m* v_n without damping; of v_t it takes
-/// J_t (1/m* + R_i²/I_i + R_j²/I_j) = 3 J_t/m*. That is so beyond tan⁻¹(6 μ_s) = 71.6°. The line of centres turns by a thousandth meanwhile.
+/// In an impact that slides throughout, the tangential impulse J_t is μ_s times the normal one, 2
+/// m* v_n without damping; it reduces v_t by J_t (1/m* + R_i²/I_i + R_j²/I_j) = 3 J_t/m*. This
+/// holds beyond tan⁻¹(6 μ_s) = 71.6°. The line of centres rotates by about 1e-3 rad.
 pub fn sliding_loss() -> Vec<Line> {
     [76.0f64, 85.0]
         .into_iter()
@@ -114,7 +115,7 @@ pub fn sliding_loss() -> Vec<Line> {
                 .fold(0.0, f64::max);
             line(
                 format!("an impact at {degrees}° with μ_s = {FRICTION}, sliding throughout, at the default Δt"),
-                format!("the impulses of sliding take {expected:.4} of the energy"),
+                format!("sliding dissipates {expected:.4} of the energy"),
                 format!(
                     "{:.4} to {:.4}",
                     -found.iter().fold(f64::MIN, |a, &b| a.max(b)),

@@ -1,4 +1,5 @@
-//! How the stress tests hold a few grains: all that they know of the program's inside is here.
+//! A few grains for the stress tests: the only code of theirs that uses the interfaces of the
+//! crates directly.
 
 use gshear_dem::contact::ContactLaw;
 use gshear_dem::contact::stiffness::Stiffness;
@@ -7,12 +8,12 @@ use gshear_dem::domain::Solo;
 use gshear_dem::drive::{Drive, NoWalls};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::ContactForces;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
 use gshear_dem::system::{ListSettings, Outside, Setup, System};
 
-/// Some grains under a law and between walls, or without any, on one rank.
+/// Grains on one rank, with a law, and with or without walls.
 pub struct Rig<C: ContactLaw, D = NoWalls> {
     pub system: System<C::Space>,
     pub drive: D,
@@ -20,7 +21,7 @@ pub struct Rig<C: ContactLaw, D = NoWalls> {
     samples: ContactForces,
 }
 
-/// What a contact does, as the program reports it: F_n, F_t (N/m), δ (m).
+/// A contact as the program reports it: F_n, F_t (N/m), δ (m).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     pub normal: f64,
@@ -28,7 +29,7 @@ pub struct Sample {
     pub overlap: f64,
 }
 
-/// Where a grain is and how it moves, at the full step and at the half step before it.
+/// Position and velocities of a grain, at the full step and at the half step before it.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
     pub position: [f64; 2],
@@ -37,7 +38,7 @@ pub struct Place {
     pub spin: f64,
 }
 
-/// What the box and the grains are made of.
+/// Parameters of the cell, the grains and the list.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting {
     /// L_x, in 3D L_y as well (m).
@@ -46,12 +47,15 @@ pub struct Setting {
     pub density: f64,
     /// Δt (s).
     pub step: f64,
-    /// Of the list, over the mean diameter; `None` adapts it.
+    /// Skin of the list over the mean diameter; `None` adapts it.
     pub skin: Option<f64>,
 }
 
 impl<C: ContactLaw + Stiffness> Rig<C> {
-    /// Without walls, forces computed; or why they cannot be.
+    /// Grains without walls, with their initial forces.
+    ///
+    /// # Errors
+    /// Forces that fail.
     pub fn free(
         law: C,
         setting: Setting,
@@ -77,7 +81,7 @@ impl<C: ContactLaw + Stiffness, D: Drive<C::Space>> Rig<C, D> {
             rebuild_every: 0,
         };
         let setup = Setup {
-            level: Level::detect(),
+            isa: Isa::detect(),
             list,
             cell: Cell::between_walls([setting.length; 2]),
             largest_radius: radii.fold(0.0, f64::max),
@@ -116,7 +120,7 @@ impl<C: ContactLaw + Stiffness, D: Drive<C::Space>> Rig<C, D> {
 }
 
 impl<C: ContactLaw<Space = Two> + Stiffness, D: Drive<Two>> Rig<C, D> {
-    /// Puts a grain somewhere, for [`Rig::pass`].
+    /// Moves a grain, before [`Rig::pass`].
     pub fn place(&mut self, grain: usize, place: Place) {
         let r = self.system.grains_mut().fields_mut(grain);
         let mut put = |at: usize, values: &[f64]| r[at..at + values.len()].copy_from_slice(values);
@@ -127,7 +131,8 @@ impl<C: ContactLaw<Space = Two> + Stiffness, D: Drive<Two>> Rig<C, D> {
         put(Two::HALF_SPIN, &[place.spin]);
     }
 
-    /// The forces where the grains are; histories advance by `step` (s). Or what is outside the law.
+    /// Computes the forces at the present positions and advances the histories by `step` (s).
+    /// Returns what is outside the law.
     pub fn pass(&mut self, step: f64) -> Result<(), Outside> {
         let (system, drive) = (&mut self.system, &mut self.drive);
         let outside = forces(

@@ -1,11 +1,12 @@
-//! Whole runs through the program: soft and hard samples, grains of very different sizes, rates and overlaps beyond all measure.
+//! Whole runs of the program: soft and stiff samples, large ratios of sizes, and rates and overlaps
+//! that are too great.
 
 use std::path::Path;
 
 use gshear_dem::domain::Solo;
 use gshear_dem::state::{GrainState, body, nearest_image};
 use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 
 use crate::common::{Outcome, alone, datasets, gshear_mpi};
 use crate::table::{Line, line};
@@ -13,7 +14,7 @@ use crate::table::{Line, line};
 /// 220 disks, I = 0.1, κ = 1e3.
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 
-/// One rank, the scene with these values set.
+/// Runs the scene with these values on one rank.
 fn run(folder: &Path, set: &[String]) -> Outcome {
     let _alone = alone();
     let set = set.iter().map(|s| format!("--set={s}"));
@@ -35,8 +36,8 @@ fn message(outcome: &Outcome) -> String {
     said.join(" / ")
 }
 
-/// How many numbers `run.h5` and `log.csv` hold, and how many of them are not finite. τ = S/N is undefined while nothing touches the
-/// wall: there, and only there, it has to be NaN.
+/// The number of values in `run.h5` and `log.csv`, and the number that are not finite. τ = S/N is
+/// undefined while nothing touches the wall: then, and only then, it must be NaN.
 fn numbers(folder: &Path) -> (usize, usize) {
     const RATIO: &str = "stress_ratio";
     const FORCE: &str = "normal_force";
@@ -77,8 +78,9 @@ fn numbers(folder: &Path) -> (usize, usize) {
     (all.len() + ratios.len(), not_finite.count() + wrong.count())
 }
 
-/// κ through the program. The overlaps are those of the definition: P d̄ makes d̄/κ, and by the virial a contact of a packing of
-/// solid fraction φ and z contacts per grain bears on average 4π⟨R²⟩P/(φ z d̄).
+/// Runs the scene at κ and checks the overlaps. A force P d̄ gives the overlap d̄/κ, and by the
+/// virial a contact of a packing of solid fraction φ and z contacts per grain bears on average
+/// 4π⟨R²⟩P/(φ z d̄).
 fn stiffness_number(kappa: f64, more: &[&str]) -> Line {
     let folder = tempfile::tempdir().expect("a folder");
     let mut values = sets(&[
@@ -91,12 +93,12 @@ fn stiffness_number(kappa: f64, more: &[&str]) -> Line {
     values.extend(sets(more));
     let outcome = run(folder.path(), &values);
     let done = format!("plane shear of 220 disks at κ = {kappa:e}");
-    let expected = "runs; no NaN; F = N on the wall; mean overlap that of the virial, to 20 %";
+    let expected = "runs; no NaN; F = N on the wall; mean overlap as by the virial, to 20 %";
     if outcome.code != 0 {
         return line(done, expected, message(&outcome), false);
     }
     let (count, not_finite) = numbers(folder.path());
-    let run = Run::open(folder.path()).expect("a run");
+    let run = RunFile::open(folder.path()).expect("a run");
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let series = |name: &str| {
         let column = run.series().column(name);
@@ -143,8 +145,9 @@ pub fn great_stiffness_numbers() -> Vec<Line> {
         .into()
 }
 
-/// What a run sheared at the speed of the paper leaves of its energy, over the work done, without slip and with it. The order of the energy budget
-/// in Δt is a matter of `tests/accuracy`: another Δt packs another sample.
+/// The energy residual of a run at the paper's shear rate over the work, without sliding and with
+/// it. `tests/accuracy` tests the order of the energy budget in Δt: another Δt packs another
+/// sample.
 pub fn energy_budget() -> Vec<Line> {
     let bound = |done: &str, more: &[&str], slides: bool| {
         let mut values = sets(&[
@@ -159,13 +162,13 @@ pub fn energy_budget() -> Vec<Line> {
         let folder = tempfile::tempdir().expect("a folder");
         let outcome = run(folder.path(), &values);
         assert_eq!(outcome.code, 0, "{}", outcome.text);
-        let run = Run::open(folder.path()).expect("a run");
+        let run = RunFile::open(folder.path()).expect("a run");
         let last = |name: &str| *run.series().column(name).last().expect("a row");
         let (left, work) = (last("energy_residual"), last("work_drive"));
         let slid = last("dissipated_friction") + last("dissipated_rolling");
         line(
             format!("220 disks at I = 4e-6 to γ = 2e-5, {done}"),
-            "energy missing, over the work done: below 1e-6",
+            "energy residual below 1e-6 of the work",
             format!(
                 "{left:.1e}; {:.2} of the work dissipated by slip",
                 slid / work.abs()
@@ -183,7 +186,8 @@ pub fn energy_budget() -> Vec<Line> {
     ]
 }
 
-/// Uniform radii from 0.05 to 1 µm: the smallest disk is 400 times as light as the largest and rules Δt.
+/// Uniform radii from 0.05 to 1 µm: the mass of the smallest disk, which limits Δt, is 1/400 of
+/// that of the largest.
 pub fn size_ratio() -> Vec<Line> {
     let folder = tempfile::tempdir().expect("a folder");
     let values = sets(&[
@@ -200,7 +204,7 @@ pub fn size_ratio() -> Vec<Line> {
         return vec![line(done, expected, message(&outcome), false)];
     }
     let (count, not_finite) = numbers(folder.path());
-    let run = Run::open(folder.path()).expect("a run");
+    let run = RunFile::open(folder.path()).expect("a run");
     let radii = &run.grains().radius;
     let greatest = radii.iter().fold(0.0, |a: f64, &b| a.max(b));
     let least = radii.iter().fold(f64::MAX, |a: f64, &b| a.min(b));
@@ -219,7 +223,7 @@ pub fn size_ratio() -> Vec<Line> {
     )]
 }
 
-/// A frictional packing has rattlers that spin: they, too, come to rest.
+/// A frictional packing has rattlers that spin: they come to rest as well.
 pub fn packing_with_friction() -> Vec<Line> {
     let folder = tempfile::tempdir().expect("a folder");
     let values = sets(&[
@@ -231,7 +235,7 @@ pub fn packing_with_friction() -> Vec<Line> {
     let outcome = run(folder.path(), &values);
     let rest = outcome.text.lines().find(|l| l.contains("at rest after"));
     vec![line(
-        "packing with friction and rolling resistance, rattlers spinning",
+        "packing with friction, rolling resistance and spinning rattlers",
         "at rest",
         rest.map_or_else(
             || message(&outcome),
@@ -241,7 +245,8 @@ pub fn packing_with_friction() -> Vec<Line> {
     )]
 }
 
-/// The least stable Δt of strong damping is far below a tenth of √(m/k): the default must know.
+/// With strong damping the stability limit is far below √(m/k)/10; the default Δt must take this
+/// into account.
 pub fn strong_damping() -> Vec<Line> {
     let set = |more: &[&str]| {
         let folder = tempfile::tempdir().expect("a folder");
@@ -265,8 +270,8 @@ pub fn strong_damping() -> Vec<Line> {
             default.code == 0,
         ),
         line(
-            "the same with a tenth of √(m/k), four times the stated limit, forced",
-            "blows up: exit code 3",
+            "the same with Δt = √(m/k)/10, four times the stated limit, by `time.force`",
+            "fails: exit code 3",
             format!("exit code {}: {}", tenth.code, message(&tenth)),
             tenth.code == 3,
         ),
@@ -284,7 +289,7 @@ pub fn shear_rate() -> Vec<Line> {
         .all(|part| said.contains(part));
     vec![line(
         "a shear rate 10³ times too high (I = 100)",
-        "exit code 3, one message with step, grain and place; no NaN in any file",
+        "exit code 3, one message with step, grains and position; no NaN in any file",
         format!(
             "exit code {}: {said}; {count} numbers, {not_finite} not finite",
             outcome.code
@@ -293,8 +298,8 @@ pub fn shear_rate() -> Vec<Line> {
     )]
 }
 
-/// Of two touching grains one is put so far into the other that a/R is `part` of the law's last one, in the checkpoint of a
-/// run; then the run goes on from there for one step.
+/// In the checkpoint of a run, moves one of two touching grains until a/R is `part` of the greatest
+/// one of the law. Then resumes the run for one step.
 fn crushed(part: f64) -> (Outcome, (u32, u32)) {
     let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
@@ -329,7 +334,7 @@ fn crushed(part: f64) -> (Outcome, (u32, u32)) {
         part,
     );
     for g in [i, j] {
-        // So that they are where they were put when the forces are computed.
+        // The grains must not move before the forces are computed.
         snapshot.grains[g].velocity = [0.0; 3];
         snapshot.grains[g].force = [0.0; 3];
     }
@@ -339,7 +344,7 @@ fn crushed(part: f64) -> (Outcome, (u32, u32)) {
     (outcome, (snapshot.grains[i].id, snapshot.grains[j].id))
 }
 
-/// `a` on its side of `b`, with a/R of the smaller one `part` of 0.3.
+/// Moves `a` along the line of centres until a/R of the smaller grain is `part` of 0.3.
 fn put(a: &GrainState, b: &GrainState, from: [f64; 2], part: f64) -> GrainState {
     let distance = (a.radius + b.radius) - overlap_at(part * 0.3, a.radius, b.radius);
     let now = from[0].hypot(from[1]);
@@ -359,7 +364,7 @@ pub fn overlap_at(ratio: f64, r1: f64, r2: f64) -> f64 {
     a * a * (r1 + r2) / (4.0 * r1 * r2) * ((4.0 * r1 / a).ln() + (4.0 * r2 / a).ln() - 1.0)
 }
 
-/// Just inside the law's last overlap, and just beyond, through the program.
+/// Runs the program just below and just above the greatest overlap of the law.
 pub fn end_of_the_law() -> Vec<Line> {
     let (inside, _) = crushed(1.0 - 1e-6);
     let (beyond, (i, j)) = crushed(1.0 + 1e-6);
@@ -373,13 +378,13 @@ pub fn end_of_the_law() -> Vec<Line> {
     vec![
         line(
             "two grains of a run pressed together to a/R = 0.3 (1 - 1e-6)",
-            "goes on: exit code 75 at the next checkpoint",
+            "continues: exit code 75 at the next checkpoint",
             format!("exit code {}", inside.code),
             inside.code == 75,
         ),
         line(
             "the same to a/R = 0.3 (1 + 1e-6)",
-            "exit code 3, one message with step, both grains and their places",
+            "exit code 3, one message with step, both grains and their positions",
             format!("exit code {}: {said}", beyond.code),
             beyond.code == 3 && names.iter().all(|n| said.contains(n)),
         ),

@@ -1,7 +1,8 @@
-//! The longest stable Δt, found by running, against that of the linearised contacts.
+//! The greatest stable Δt of the program against that of the linearised contacts.
 //!
-//! For small motions about a load the scheme is linear: M a = -K q - C v, the dampers with v + Δt a of the step before. A mode
-//! first grows as it changes sign in every step; q' = -q, v = 0, a' = -a gives
+//! For small motions about a load the scheme is linear: M a = -K q - C v, the dampers with v + Δt a
+//! of the step before. A mode first grows as it changes sign in every step; q' = -q, v = 0, a' = -a
+//! gives
 //!
 //!     λ_max(¼Δt² M⁻¹K + Δt M⁻¹C) = 1,    without dampers Δt = 2/ω_max.
 
@@ -19,21 +20,22 @@ use crate::rig::{Rig, Setting};
 use crate::scenes::{LAW, grain, program_law};
 use crate::table::{Line, line};
 
-/// A contact for small motions about a load without F_t and M, and how to run the program with it. A further law is a further
-/// list of these.
+/// A contact for small motions about a load without F_t and M, and a run of the program with it.
+/// Every law has a list of these.
 pub struct Candidate {
     name: String,
     /// ρ (kg/m³).
     density: f64,
-    /// Of radii (m) and overlap (m).
+    /// The linearised contact of two radii (m) at an overlap (m).
     linear: Box<dyn Fn([f64; 2], f64) -> Linear>,
     departs: Departs,
 }
 
-/// Whether the program departs from rest in this arrangement at this Δt (s).
+/// Whether the program is unstable in this arrangement at this Δt (s).
 type Departs = Box<dyn Fn(&Arrangement, f64) -> bool>;
 
-/// Stiffnesses dF_n/dδ, k_t (Pa), k_r (N/rad), damping constants to them, and F_n (N/m), which turns with n.
+/// Stiffnesses dF_n/dδ, k_t (Pa), k_r (N/rad), damping constants to them, and F_n (N/m), which
+/// turns with n.
 #[derive(Debug, Clone, Copy)]
 pub struct Linear {
     stiffness: [f64; 3],
@@ -79,7 +81,8 @@ fn lee_hurley(law: Law) -> Vec<Candidate> {
     ]
 }
 
-/// From the formulas of the reference, not from the program. `parts`: 1 for each spring that there is, else 0.
+/// By the formulas of the reference, not of the program. `parts`: 1 for each spring that the law
+/// has, else 0.
 fn lee_hurley_linear(law: &Law, parts: [f64; 3], radii: [f64; 2], overlap: f64) -> Linear {
     let [r_i, r_j] = radii;
     let [k_n, k_t] = law.stiffnesses(r_i, r_j, overlap);
@@ -116,7 +119,7 @@ pub struct Arrangement {
 }
 
 impl Arrangement {
-    /// One free grain amid `count` wall grains, `ratio` times as large, at even angles.
+    /// One free grain between `count` wall grains, `ratio` times as large, at even angles.
     fn amid(count: usize, ratio: f64, part: f64) -> Self {
         let centre = [8.0 * RADIUS, 0.0];
         let distance = (1.0 + ratio) * RADIUS * (1.0 - part);
@@ -134,7 +137,7 @@ impl Arrangement {
             format!(" {ratio} times as large")
         };
         Self {
-            name: format!("a grain amid {count} fixed ones{size}"),
+            name: format!("a grain between {count} fixed ones{size}"),
             length: 16.0 * RADIUS,
             part,
             grains: std::iter::once(at(0, RADIUS, centre, body::FREE))
@@ -143,7 +146,8 @@ impl Arrangement {
         }
     }
 
-    /// A triangular lattice, six grains to the period, four rows of free ones between two fixed rows.
+    /// A triangular lattice, six grains per period: four rows of free grains between two fixed
+    /// rows.
     fn lattice(part: f64) -> Self {
         const COLUMNS: u32 = 6;
         const ROWS: u32 = 4;
@@ -207,7 +211,8 @@ impl Arrangement {
             let t = [-n[1], n[0]];
             let turn = -contact.force / (sum * (1.0 - self.part));
             let [k, c] = [contact.stiffness, contact.damping];
-            // How x, y, θ of i and of j stretch the normal, the tangential, the rolling spring, and turn n under F_n.
+            // Derivatives of the stretch of the normal, tangential and rolling springs, and of the
+            // rotation of n under F_n, by x, y, θ of i and j.
             for (on_i, on_j, k, c) in [
                 ([n[0], n[1], 0.0], [-n[0], -n[1], 0.0], k[0], c[0]),
                 (
@@ -247,7 +252,7 @@ fn greatest(of: DMatrix<f64>) -> f64 {
     SymmetricEigen::new(of).eigenvalues.max()
 }
 
-/// The longest stable Δt (s) of the linearised contacts.
+/// The greatest stable Δt (s) of the linearised contacts.
 fn limit([stiffness, damping]: &[DMatrix<f64>; 2]) -> f64 {
     let undamped = 2.0 / greatest(stiffness.clone()).sqrt();
     let beyond = |h: f64| greatest(0.25 * h * h * stiffness + h * damping) > 1.0;
@@ -258,7 +263,7 @@ fn limit([stiffness, damping]: &[DMatrix<f64>; 2]) -> f64 {
 /// q' = q + Δt v + ½Δt² a, a' = -K q' - C (v + Δt a), v' = v + ½Δt (a + a').
 fn map_grows([stiffness, damping]: &[DMatrix<f64>; 2], step: f64) -> bool {
     let n = stiffness.nrows();
-    // Time in steps, so that no number of the map is far from 1.
+    // Time in units of Δt, so that the elements of the map are of order 1.
     let (stiffness, damping) = (step * step * stiffness, step * damping);
     let one = DMatrix::<f64>::identity(n, n);
     let none = DMatrix::<f64>::zeros(n, n);
@@ -279,13 +284,14 @@ fn map_grows([stiffness, damping]: &[DMatrix<f64>; 2], step: f64) -> bool {
             map.view_mut((row * n, k * n), (n, n)).copy_from(block);
         }
     }
-    // A grain that turns freely is a double eigenvalue 1, which rounding splits by the root of ε.
+    // A freely rotating grain has a double eigenvalue 1, which rounding splits by √ε.
     map.complex_eigenvalues()
         .iter()
         .any(|e| e.norm() > 1.0 + 1e-6)
 }
 
-/// Where `unstable` begins, between 0.01 and 1.2 times `scale`, to the given part.
+/// The least value for which `unstable` holds, between 0.01 and 1.2 times `scale`, to the given
+/// relative accuracy.
 fn bisected(scale: f64, part: f64, unstable: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (0.01 * scale, 1.2 * scale);
     assert!(!unstable(low), "unstable already at {low:e}");
@@ -301,8 +307,9 @@ fn bisected(scale: f64, part: f64, unstable: impl Fn(f64) -> bool) -> f64 {
     0.5 * (low + high)
 }
 
-/// Whether the program, from a state out of balance by 1e-9 of the overlap, departs from it by a thousandth of the overlap:
-/// far from sliding and from parting, so that what grows are the linear modes.
+/// Whether the program, from a state out of balance by 1e-9 of the overlap, moves away from it by
+/// 1e-3 of the overlap. No contact slides or opens at this amplitude, so only linear modes can
+/// grow.
 fn departs<C: ContactLaw<Space = Two> + Stiffness>(
     law: C,
     of: &Arrangement,
@@ -352,7 +359,7 @@ fn departs<C: ContactLaw<Space = Two> + Stiffness>(
     false
 }
 
-/// The rolling limit is far away, so that contacts stick in every way.
+/// The rolling limit is high, so that contacts neither slide nor roll.
 fn sticking(damping_ratio: f64, rolling_damping_ratio: f64) -> Law {
     Law {
         rolling_friction: 0.5,
@@ -362,7 +369,8 @@ fn sticking(damping_ratio: f64, rolling_damping_ratio: f64) -> Law {
     }
 }
 
-/// Every law in every arrangement: the program becomes unstable where the linearised contacts say.
+/// Every law in every arrangement: the program becomes unstable at the Δt of the linearised
+/// contacts.
 pub fn found_by_running() -> Vec<Line> {
     const PART: f64 = 1e-3;
     let arrangements = [
@@ -381,7 +389,7 @@ pub fn found_by_running() -> Vec<Line> {
                 lines.push(line(
                     format!("{}, {}", of.name, candidate.name),
                     format!("unstable from {:.4} ns on", 1e9 * expected),
-                    format!("{:.4} ns ({ratio:.4} of it)", 1e9 * found),
+                    format!("{:.4} ns (ratio {ratio:.4})", 1e9 * found),
                     (ratio - 1.0).abs() < 2e-3,
                 ));
             }
@@ -437,8 +445,8 @@ fn scene(law: &Law, ratio: f64, stiffness_number: f64) -> Scene {
     gshear_scene::load(&Source::new("limit.toml", text), &[]).expect("a sound scene")
 }
 
-/// The limit that the program states, and its default Δt, at ten times the mean overlap, everything sticking: in a lattice, and for the
-/// smallest grain amid as many of the largest as have room around it.
+/// The program's stability limit and default Δt at ten times the mean overlap, without sliding: in
+/// a lattice, and for the smallest grain between as many of the largest as fit around it.
 pub fn stated_by_the_program() -> Vec<Line> {
     let mut cases = Vec::new();
     for stiffness_number in [200.0, 1e4, 1e7] {
@@ -468,7 +476,7 @@ pub fn stated_by_the_program() -> Vec<Line> {
                 ),
                 format!("limit and default Δt below {:.4} ns", 1e9 * exact),
                 format!(
-                    "limit {:.4} ns ({:.2} of it), default {:.4} ns ({:.2} of it)",
+                    "limit {:.4} ns (ratio {:.2}), default {:.4} ns (ratio {:.2})",
                     1e9 * stated.limit,
                     stated.limit / exact,
                     1e9 * stated.step,

@@ -1,9 +1,9 @@
-//! What a stress test says: what was done, what was expected, what came out.
+//! The table of the stress tests: what each test does, what it expects, and the result.
 
 use std::fmt::Write;
 use std::time::Instant;
 
-/// A title, and the lines under it.
+/// A title, and the function that computes the lines under it.
 pub type Point = (&'static str, fn() -> Vec<Line>);
 
 /// One line of the table.
@@ -15,7 +15,7 @@ pub struct Line {
     holds: bool,
 }
 
-/// A line of the table. `holds`: what came out is what was expected.
+/// A line of the table. `holds`: whether the result is as expected.
 pub fn line(
     done: impl Into<String>,
     expected: impl Into<String>,
@@ -30,12 +30,12 @@ pub fn line(
     }
 }
 
-/// Fails where a line does not hold.
+/// Panics if a line does not hold.
 pub fn check(lines: &[Line]) {
     assert!(!lines.is_empty());
     for l in lines {
         println!(
-            "{} | expected: {} | came out: {}",
+            "{} | expected: {} | result: {}",
             l.done, l.expected, l.found
         );
     }
@@ -43,7 +43,8 @@ pub fn check(lines: &[Line]) {
     assert!(broken.is_empty(), "{broken:#?}");
 }
 
-/// Does all points, one after the other, and returns them as Markdown, with the number of lines that do not hold.
+/// Computes all points, one after the other. Returns them as Markdown, and the number of lines that
+/// do not hold.
 pub fn markdown(points: &[Point]) -> (String, usize) {
     let (mut out, mut broken) = (String::new(), 0);
     for (title, lines) in points {
@@ -52,13 +53,13 @@ pub fn markdown(points: &[Point]) -> (String, usize) {
         println!("{title}: {:.1} s", start.elapsed().as_secs_f64());
         write!(
             out,
-            "\n## {title}\n\n| what was done | expected | came out |\n| --- | --- | --- |\n"
+            "\n## {title}\n\n| test | expected | result |\n| --- | --- | --- |\n"
         )
         .expect("into a string");
         for l in lines {
             broken += usize::from(!l.holds);
             let mark = if l.holds { "" } else { " **not as expected**" };
-            // A bar would end the cell.
+            // An unescaped bar would end the cell.
             let cells = [&l.done, &l.expected, &l.found].map(|cell| cell.replace('|', "\\|"));
             writeln!(out, "| {} | {} | {}{mark} |", cells[0], cells[1], cells[2])
                 .expect("into a string");

@@ -3,7 +3,7 @@
 
 use super::frame_scalars::FrameScalars;
 use super::measures::{self, Measured};
-use super::ranges::{self, Range, Row};
+use super::ranges::{self, KeyedPair, ValueRange};
 use super::regions::MinPoints;
 use super::spearman::Correlation;
 
@@ -181,11 +181,11 @@ impl Regime {
     }
 
     /// Returns ρ and p in every half-decade of Δτ or Δτ_p.
-    pub fn correlate(&self, subject: Subject) -> Vec<(Range, Correlation)> {
+    pub fn correlate(&self, subject: Subject) -> Vec<(ValueRange, Correlation)> {
         ranges::correlations(&self.rows(subject), &ranges::of_stress_changes())
     }
 
-    fn rows(&self, subject: Subject) -> Vec<Row> {
+    fn rows(&self, subject: Subject) -> Vec<KeyedPair> {
         let intervals = |of: fn(&FrameScalars) -> f64| {
             let rows = (1..self.tau.len()).map(|k| {
                 let change = self.tau[k] - self.tau[k - 1];
@@ -212,10 +212,10 @@ impl Regime {
         by: Quantity,
         unit: f64,
         quantity: Quantity,
-    ) -> Vec<(Range, Correlation)> {
+    ) -> Vec<(ValueRange, Correlation)> {
         let long = self.phases.iter().filter(|phase| Length::Long.has(phase));
-        let rows: Vec<Row> = long
-            .map(|phase| Row {
+        let rows: Vec<KeyedPair> = long
+            .map(|phase| KeyedPair {
                 by: by.of(phase) / unit,
                 pair: [phase.phase.change, quantity.of(phase)],
             })
@@ -225,8 +225,8 @@ impl Regime {
     }
 }
 
-fn row(change: f64, value: f64) -> Row {
-    Row {
+fn row(change: f64, value: f64) -> KeyedPair {
+    KeyedPair {
         by: change,
         pair: [change, value],
     }

@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::neighbourhood::{NearPairs, separation};
 use super::rattlers;
-use gshear_dem::simd::{Lanes, Level, Work};
+use gshear_dem::simd::{Isa, Lanes, Work};
 use gshear_dem::state::{Disks, Frame};
 
 /// Radius of the neighbourhood over r̄ (LH section 3.2).
@@ -29,7 +29,7 @@ pub struct NonAffine {
     rattler: Vec<bool>,
     moving: Vec<Moving>,
     within: Vec<(u32, [f64; 2])>,
-    moments: Vec<Moments>,
+    moments: Vec<MomentSums>,
     neighbours: Vec<u32>,
     /// G = Γ - 1 of every grain; NaN where it is undefined.
     gradient: Vec<Matrix2<f64>>,
@@ -45,7 +45,7 @@ struct Moving {
 
 /// Sums over a grain's neighbours, b being the earlier separation and u its change: Σ b ⊗ b (xx,
 /// xy, yy), Σ u ⊗ b (xx, xy, yx, yy), Σ u² (m²).
-type Moments = [f64; 8];
+type MomentSums = [f64; 8];
 
 impl NonAffine {
     /// Computes D²min of every grain between two frames (LH B1–B4).
@@ -99,7 +99,7 @@ impl NonAffine {
         self.moments.resize(self.moving.len(), [0.0; 8]);
         self.neighbours.clear();
         self.neighbours.resize(self.moving.len(), 0);
-        Level::detect().run(SumMoments {
+        Isa::detect().run(SumMoments {
             length,
             radius,
             near: &self.near,
@@ -141,7 +141,7 @@ struct SumMoments<'a> {
     near: &'a NearPairs,
     moving: &'a [Moving],
     within: &'a mut Vec<(u32, [f64; 2])>,
-    moments: &'a mut [Moments],
+    moments: &'a mut [MomentSums],
     neighbours: &'a mut [u32],
 }
 
@@ -208,7 +208,7 @@ fn change(from: &Moving, to: &Moving) -> [f64; 2] {
 }
 
 /// G: B4 minus the identity.
-fn best_fit(moments: &Moments, neighbours: u32) -> Matrix2<f64> {
+fn best_fit(moments: &MomentSums, neighbours: u32) -> Matrix2<f64> {
     let [bxx, bxy, byy, xx, xy, yx, yy, _] = *moments;
     let y = Matrix2::new(bxx, bxy, bxy, byy);
     // This form counts NaN as singular.

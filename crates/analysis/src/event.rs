@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use gshear_dem::dimension::Dimension;
-use gshear_dem::neighbour::{Bins, Window};
+use gshear_dem::neighbour::{Bins, LocalExtent};
 use gshear_dem::state::Cell;
 
 /// Returns D²min of every grain between two states, `[N]` (m²): the mean square residual of the
@@ -28,7 +28,7 @@ pub fn non_affine<D: Dimension>(
         r.iter_mut().skip(D::AXES).for_each(|x| *x = 0.0);
         r
     };
-    let bins = Bins::<D>::new(cell, Window::whole(cell.periods[0]), radius, earlier);
+    let bins = Bins::<D>::new(cell, LocalExtent::whole(cell.periods[0]), radius, earlier);
     let of = |i: usize| {
         if !counts(i) {
             return f64::NAN;

@@ -66,7 +66,7 @@ impl Stressed {
 
 /// Buffers reused from frame to frame, with the per-grain quantities behind the last scalars.
 #[derive(Debug, Default)]
-pub struct Scratch {
+pub struct ScalarScratch {
     /// D²min of the last interval.
     pub non_affine: NonAffine,
     /// GR regions of the last interval.
@@ -88,10 +88,10 @@ pub fn frame_scalars(
     grains: &Disks,
     earlier: &Stressed,
     later: &Stressed,
-    scratch: &mut Scratch,
+    scratch: &mut ScalarScratch,
 ) -> FrameScalars {
     let radius = dmin::RADIUS * grains.mean_radius();
-    let Scratch {
+    let ScalarScratch {
         non_affine,
         regions,
         dmin,
@@ -125,8 +125,9 @@ pub fn frame_scalars(
     }
 }
 
-/// Greatest value and mean of the greatest tenth (a rounded number of values, at least one), NaN left
-/// out. The sum runs from the greatest down, so that it does not depend on the order of the grains.
+/// Greatest value and mean of the greatest tenth (a rounded number of values, at least one), NaN
+/// left out. The sum runs from the greatest down, so that it does not depend on the order of the
+/// grains.
 fn greatest(values: &[f64], keys: &mut Vec<u64>) -> (f64, f64) {
     keys.clear();
     let defined = values.iter().filter(|value| !value.is_nan());
@@ -199,13 +200,16 @@ mod tests {
                 Stressed::new(&grains, frame)
             })
             .collect();
-        let bits = |pair: &[Stressed], scratch: &mut Scratch| {
+        let bits = |pair: &[Stressed], scratch: &mut ScalarScratch| {
             let scalars = frame_scalars(&grains, &pair[0], &pair[1], scratch);
             scalars.columns().map(f64::to_bits)
         };
-        let mut used = Scratch::default();
+        let mut used = ScalarScratch::default();
         for pair in frames.windows(2) {
-            assert_eq!(bits(pair, &mut used), bits(pair, &mut Scratch::default()));
+            assert_eq!(
+                bits(pair, &mut used),
+                bits(pair, &mut ScalarScratch::default())
+            );
         }
         let fewer = grains_in(40.0, &[1.0; 200]);
         let points = scattered(9, 200, 40.0, 30.0);

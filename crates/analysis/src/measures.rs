@@ -78,7 +78,7 @@ fn least(a: f64, b: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::phases::Kind;
+    use crate::phases::PhaseKind;
 
     /// Scalars with gD²min, g_t10%D²min, regions and mean angle; the median is twice the mean.
     fn scalars(rows: &[[f64; 4]]) -> Vec<FrameScalars> {
@@ -114,7 +114,7 @@ mod tests {
         let [slip, stick] = [found[0], found[1]];
         assert_eq!(
             (slip.phase.kind, slip.phase.is_long(), slip.phase.change),
-            (Kind::Slip, true, -7.0)
+            (PhaseKind::Slip, true, -7.0)
         );
         assert_eq!((slip.dmin_max, slip.top_max), (8.0, 3.0));
         assert_eq!(

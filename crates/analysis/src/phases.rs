@@ -5,19 +5,19 @@ pub const LONG: usize = 3;
 
 /// Kind of a phase.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum PhaseKind {
     /// τ increases.
     Stick,
     /// τ decreases.
     Slip,
 }
 
-impl Kind {
+impl PhaseKind {
     /// Returns the name in tables: `stick` or `slip`.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::Stick => "stick",
-            Kind::Slip => "slip",
+            PhaseKind::Stick => "stick",
+            PhaseKind::Slip => "slip",
         }
     }
 }
@@ -35,7 +35,7 @@ pub struct Phase {
     /// Δτ_p = τ(end) - τ(start).
     pub change: f64,
     /// Stick or slip.
-    pub kind: Kind,
+    pub kind: PhaseKind,
 }
 
 impl Phase {
@@ -86,7 +86,7 @@ pub fn find(strain: &[f64], tau: &[f64]) -> Vec<Phase> {
 fn find_finite(strain: &[f64], tau: &[f64], from: usize, to: usize, phases: &mut Vec<Phase>) {
     let mut start = from;
     let mut kind = None;
-    let mut close = |start: usize, end: usize, kind: Kind| {
+    let mut close = |start: usize, end: usize, kind: PhaseKind| {
         let (strain, change) = ([strain[start], strain[end]], tau[end] - tau[start]);
         phases.push(Phase {
             start,
@@ -98,9 +98,9 @@ fn find_finite(strain: &[f64], tau: &[f64], from: usize, to: usize, phases: &mut
     };
     for k in from + 1..to {
         let now = if tau[k] < tau[k - 1] {
-            Kind::Slip
+            PhaseKind::Slip
         } else if tau[k] > tau[k - 1] {
-            Kind::Stick
+            PhaseKind::Stick
         } else {
             continue;
         };
@@ -118,7 +118,7 @@ fn find_finite(strain: &[f64], tau: &[f64], from: usize, to: usize, phases: &mut
 
 /// Returns the slip with the greatest loss of τ; the first one if several are equal.
 pub fn largest_drop(phases: &[Phase]) -> Option<&Phase> {
-    let slips = phases.iter().filter(|phase| phase.kind == Kind::Slip);
+    let slips = phases.iter().filter(|phase| phase.kind == PhaseKind::Slip);
     slips.reduce(|most, phase| {
         if phase.change < most.change {
             phase
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     /// (start, end, Δτ_p, kind) of the phases of τ on γ = 0, 1, 2, …
-    fn phases(tau: &[f64]) -> Vec<(usize, usize, f64, Kind)> {
+    fn phases(tau: &[f64]) -> Vec<(usize, usize, f64, PhaseKind)> {
         let strain: Vec<f64> = (0..tau.len()).map(|k| k as f64).collect();
         let found = find(&strain, tau);
         for phase in &found {
@@ -145,7 +145,7 @@ mod tests {
             .collect()
     }
 
-    use Kind::{Slip, Stick};
+    use PhaseKind::{Slip, Stick};
 
     #[test]
     fn phases_alternate_and_share_their_ends() {

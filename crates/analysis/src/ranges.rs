@@ -17,14 +17,14 @@ const EDGES: [f64; 9] = [
 
 /// A range of values of one sign: `nearer` ≤ |value| < `farther` in absolute values.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
+pub struct ValueRange {
     /// End nearer to zero, included.
     pub nearer: f64,
     /// End farther from zero, excluded.
     pub farther: f64,
 }
 
-impl Range {
+impl ValueRange {
     /// Returns whether the value lies in the range. Zero and NaN lie in none.
     pub fn contains(&self, value: f64) -> bool {
         value.signum() == self.farther.signum()
@@ -41,12 +41,12 @@ impl Range {
 /// Returns the 16 half-decades of Δτ and Δτ_p: from -1e-1 to -1e-5, then from 1e-5 to 1e-1.
 ///
 /// LH use whole decades, the last one open; half-decades that end at 0.1 are a choice of this code.
-pub fn of_stress_changes() -> Vec<Range> {
-    let up = EDGES.windows(2).map(|edge| Range {
+pub fn of_stress_changes() -> Vec<ValueRange> {
+    let up = EDGES.windows(2).map(|edge| ValueRange {
         nearer: edge[0],
         farther: edge[1],
     });
-    let down = up.clone().rev().map(|range| Range {
+    let down = up.clone().rev().map(|range| ValueRange {
         nearer: -range.nearer,
         farther: -range.farther,
     });
@@ -55,7 +55,7 @@ pub fn of_stress_changes() -> Vec<Range> {
 
 /// Returns the half-decades that hold all positive finite `values`, at most the greatest 24 of
 /// them. Empty if no value is positive and finite.
-pub fn around(values: impl Iterator<Item = f64>) -> Vec<Range> {
+pub fn around(values: impl Iterator<Item = f64>) -> Vec<ValueRange> {
     let halves = values
         .filter(|v| v.is_finite() && *v > 0.0)
         .map(|v| (2.0 * v.log10()).floor() as i32);
@@ -67,7 +67,7 @@ pub fn around(values: impl Iterator<Item = f64>) -> Vec<Range> {
         return Vec::new();
     };
     let edge = |k: i32| 10f64.powf(0.5 * f64::from(k));
-    let range = |k: i32| Range {
+    let range = |k: i32| ValueRange {
         nearer: edge(k),
         farther: edge(k + 1),
     };
@@ -76,7 +76,7 @@ pub fn around(values: impl Iterator<Item = f64>) -> Vec<Range> {
 
 /// A pair of values and the value that decides which range it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row {
+pub struct KeyedPair {
     /// Value that selects the range.
     pub by: f64,
     /// The two values to correlate.
@@ -84,9 +84,9 @@ pub struct Row {
 }
 
 /// Returns Spearman's ρ and p of the pairs in each range.
-pub fn correlations(rows: &[Row], ranges: &[Range]) -> Vec<(Range, Correlation)> {
+pub fn correlations(rows: &[KeyedPair], ranges: &[ValueRange]) -> Vec<(ValueRange, Correlation)> {
     let mut spearman = Spearman::default();
-    let within = |range: &Range| {
+    let within = |range: &ValueRange| {
         let rows = rows.iter().filter(|row| range.contains(row.by));
         (*range, spearman.of(rows.map(|row| row.pair)))
     };
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn only_the_rows_of_a_range_are_correlated() {
-        let row = |by: f64, value: f64| Row {
+        let row = |by: f64, value: f64| KeyedPair {
             by,
             pair: [by, value],
         };

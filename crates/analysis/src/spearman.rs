@@ -1,7 +1,7 @@
 //! Spearman's rank correlation and its two-sided p (LH section 3.3).
 //!
-//! Own code because no crate gives ρ with p, and the ranks of statrs 0.19 take four times as long (198 against 50 µs for 5,000
-//! values).
+//! Own code because no crate gives ρ with p, and the ranks of statrs 0.19 take four times as long
+//! (198 against 50 µs for 5,000 values).
 
 use super::student;
 

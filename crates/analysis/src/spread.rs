@@ -1,6 +1,7 @@
 //! Mean, standard error and order statistics of one quantity over several runs.
 //!
-//! Own code because the running moments of statrs round differently from these sums, and would save five lines.
+//! Own code because the running moments of statrs round differently from these sums, and would save
+//! five lines.
 
 /// Statistics of the values that are not NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]

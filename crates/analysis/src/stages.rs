@@ -1,7 +1,7 @@
 //! The three stages around a large drop of τ (LH section 3.2, figure 2b). LH choose them by eye;
 //! the rule here is that of [`Stages::around`].
 
-use super::phases::{Kind, Phase};
+use super::phases::{Phase, PhaseKind};
 
 /// Stage II lies within this many intervals of the largest slip, or within the slip's own duration
 /// if that is longer: half of the window that LH plot around their drop.
@@ -64,7 +64,7 @@ impl Stages {
         let calm = calm.unwrap_or(largest.end);
         let further = phases.iter().filter(|phase| {
             let within = phase.start >= largest.end && phase.end <= calm;
-            within && phase.kind == Kind::Slip && phase.change <= FURTHER * largest.change
+            within && phase.kind == PhaseKind::Slip && phase.change <= FURTHER * largest.change
         });
         let slips = std::iter::once(largest).chain(further);
         let around = AROUND.max(calm - drop);

@@ -1,14 +1,14 @@
 //! K of every law in `LAWS`, chosen as a run chooses it, against differences of its own forces: in
 //! every dimension it has, with and without friction and rolling resistance.
 
-use gshear_analysis::jacobian::{History, Jacobian, State, assemble};
+use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::laws::keys::{Key, Values};
+use gshear_dem::laws::keys::{KeyReader, LawKey};
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
 use gshear_dem::step::forces;
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -28,22 +28,22 @@ const H: f64 = 2e-5;
 /// Gives every key its example; of keys that exclude each other the first.
 struct Examples;
 
-impl Values for Examples {
-    fn number(&mut self, key: &Key) -> Option<f64> {
+impl KeyReader for Examples {
+    fn number(&mut self, key: &LawKey) -> Option<f64> {
         Some(key.example.parse().expect("an example is a number"))
     }
 
-    fn required(&mut self, key: &Key) -> f64 {
+    fn required(&mut self, key: &LawKey) -> f64 {
         self.number(key).unwrap_or(f64::NAN)
     }
 
-    fn exactly_one(&mut self, _: &[&Key], _: &str) -> usize {
+    fn exactly_one(&mut self, _: &[&LawKey], _: &str) -> usize {
         0
     }
 
-    fn useless(&mut self, _: &Key, _: &str) {}
+    fn useless(&mut self, _: &LawKey, _: &str) {}
 
-    fn refuse(&mut self, key: &Key, what: &str) {
+    fn refuse(&mut self, key: &LawKey, what: &str) {
         panic!(
             "the examples of the keys do not fit together: {} {what}",
             key.path
@@ -129,7 +129,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
             })
             .expect("one packing of many");
         let setup = Setup {
-            level: Level::detect(),
+            isa: Isa::detect(),
             list: ListSettings {
                 skin: Some(0.1),
                 rebuild_every: 0,
@@ -175,7 +175,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
         let mut samples = ContactForces::default();
         self.forces(Some(&mut samples));
         self.system.grains_mut().record.copy_from_slice(&before);
-        let rows = self.law.history_rows();
+        let rows = self.law.history_lanes();
         let at: Vec<_> = self.system.contacts.touching().collect();
         for (k, at) in at.into_iter().enumerate() {
             let normal = samples.normal[at.block].0[at.lane];
@@ -215,7 +215,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
 
     fn jacobian(&mut self) -> Jacobian {
         let contacts = self.system.contact_states(self.law);
-        let state = State {
+        let state = NetworkState {
             grains: &self.system.grain_states(),
             contacts: &contacts,
             cell: self.system.cell,
@@ -323,7 +323,7 @@ fn rolling_resistance_reaches_the_forces() {
         };
         let law = Law::read(kind, &mut Examples);
         let force = Two::pair_force(&law, &contact).expect("a law of disks");
-        force.history_rows()
+        force.history_lanes()
     };
     for kind in LAWS.iter().filter(|kind| kind.rolling) {
         assert_eq!(rows(kind, 0.1), rows(kind, 0.0) + 1, "{}", kind.name);

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::contact::dissipation;
 use crate::contact::model::PairModel;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
-use crate::simd::{LANES, Level, Row};
+use crate::simd::{Isa, LANES, Lanes16};
 use crate::state::{Contacts, Units};
 
 /// Kinds of elastic energy: normal, tangential, rolling.
@@ -17,21 +17,21 @@ const ELASTIC: usize = 3;
 #[derive(Debug, Clone)]
 pub struct EnergyBudget {
     unit: f64,
-    /// Twice the dissipated energies, summed over the steps; of the dampers' power at the start of
-    /// the shear half.
+    /// Twice the dissipated energies, summed over the steps by the trapezoidal rule: the power of
+    /// dampers at the start of the shear counts half.
     twice_dissipated: [i128; dissipation::KINDS],
     /// The power of dampers at the end of the last step, times Δt; 0 for the other kinds.
     last_power: [i128; dissipation::KINDS],
-    /// Something was too great to be counted.
+    /// Whether an energy was too great to be counted.
     uncounted: bool,
-    /// Of all ranks: the work done along x on the sample, and the force that did it last.
+    /// The work done along x on the sample, and the force along x in the last step, over all ranks.
     work: f64,
     force: f64,
-    /// As the shear began; `None` until then.
+    /// The sample at the start of the shear; `None` until then.
     pub begin: Option<Begin>,
 }
 
-/// The sample as the shear began.
+/// The sample at the start of the shear.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Begin {
     /// Kinetic and elastic energy (J/m).
@@ -62,12 +62,12 @@ pub struct EnergyBalance {
     pub work_load: f64,
     /// Energy dissipated, by [`dissipation`].
     pub dissipated: [f64; dissipation::KINDS],
-    /// Work that is not found in the energies, over the sum of both works' magnitudes.
+    /// Work not accounted for by the energies, over the sum of both works' magnitudes.
     pub residual: f64,
 }
 
 impl EnergyBalance {
-    /// Without an energy budget.
+    /// The values without an energy budget: NaN.
     pub const NONE: Self = Self {
         elastic: [f64::NAN; ELASTIC],
         work_drive: f64::NAN,
@@ -80,8 +80,8 @@ impl EnergyBalance {
 impl EnergyBudget {
     /// `largest_radius` in m.
     pub fn new(units: Units, largest_radius: f64) -> Self {
-        // 2^-76 F_max R, far below what even a creeping contact dissipates in a step: energies below
-        // half a unit are not counted.
+        // 2^-76 F_max R, far below what even a creeping contact dissipates in a step: energies
+        // below half a unit are not counted.
         let radius = f64::from_bits(largest_radius.to_bits() & 0x7ff << 52);
         Self {
             unit: units.force * radius * 2f64.powi(-26),
@@ -94,13 +94,13 @@ impl EnergyBudget {
         }
     }
 
-    /// Of energies (J/m).
+    /// The unit of the counted energies (J; J/m in 2D).
     pub fn unit(&self) -> f64 {
         self.unit
     }
 
-    /// Adds the energies that this rank's contacts dissipated in a step. `uncounted`: some of them
-    /// were too great to be counted.
+    /// Adds the energies that this rank's contacts dissipated in a step. `uncounted`: whether one
+    /// of them was too great to be counted.
     pub fn step(&mut self, dissipated: [i128; dissipation::KINDS], uncounted: bool) {
         for (sum, more) in self.twice_dissipated.iter_mut().zip(dissipated) {
             *sum += 2 * more;
@@ -109,13 +109,14 @@ impl EnergyBudget {
         self.uncounted |= uncounted;
     }
 
-    /// The same step: the force on the sample along x, of all ranks, and how far it moved the top (m).
+    /// Adds the work along x of a step: `force` on the sample (N; N/m in 2D), summed over the
+    /// ranks, times the displacement `slid` of the top (m).
     pub fn push(&mut self, force: f64, slid: f64) {
         self.work += 0.5 * (self.force + force) * slid;
         self.force = force;
     }
 
-    /// Continues from a checkpoint: rank 0 takes all that is summed over the ranks.
+    /// Continues from a checkpoint. Rank 0 takes the sums over the ranks.
     pub fn resume(&mut self, saved: &SavedBudget, rank: usize) {
         let number = |text: &String| text.parse::<i128>().unwrap_or(0);
         if rank == 0 {
@@ -125,7 +126,7 @@ impl EnergyBudget {
         (self.work, self.force, self.begin) = (saved.work, saved.force, saved.begin);
     }
 
-    /// For a checkpoint; collective.
+    /// The energy budget of all ranks, for a checkpoint; collective.
     pub fn save(&self, exchange: &dyn Exchange) -> SavedBudget {
         let (dissipated, uncounted) = self.sums(exchange, [0; dissipation::KINDS]);
         SavedBudget {
@@ -137,8 +138,8 @@ impl EnergyBudget {
         }
     }
 
-    /// Twice the energies dissipated on all ranks minus `less`, and whether any energy was too great to
-    /// be counted. Collective.
+    /// Twice the energies dissipated on all ranks minus `less`, and whether any energy was too
+    /// great to be counted. Collective.
     fn sums(
         &self,
         exchange: &dyn Exchange,
@@ -162,14 +163,14 @@ impl EnergyBudget {
     pub fn balance(
         &mut self,
         exchange: &dyn Exchange,
-        level: Level,
+        isa: Isa,
         law: &dyn PairModel,
-        of: Sample<'_>,
+        of: SampleState<'_>,
     ) -> EnergyBalance {
         // Elastic energies are greater than the energy dissipated in a step.
         let elastic_unit = FixedPoint::new(self.unit * 2f64.powi(36));
         let mut elastic = [Accumulator::default(); ELASTIC];
-        add_elastic(level, law, &of, elastic_unit, &mut elastic);
+        add_elastic(isa, law, &of, elastic_unit, &mut elastic);
         let elastic = elastic_unit.total(exchange, elastic);
         let energy = of.kinetic + elastic.iter().sum::<f64>();
         let begin = *self.begin.get_or_insert_with(|| {
@@ -180,7 +181,7 @@ impl EnergyBudget {
                 height: of.height,
             }
         });
-        // Of a power trapezoids: at the last end half.
+        // Trapezoidal rule: the power at the end of the last step counts half.
         let (dissipated, uncounted) = self.sums(exchange, self.last_power);
         let dissipated = dissipated.map(|n| match uncounted {
             true => f64::NAN,
@@ -200,43 +201,43 @@ impl EnergyBudget {
     }
 }
 
-/// The state of the sample that the energy budget needs.
+/// The state of the sample from which [`EnergyBudget::balance`] computes the energies.
 #[derive(Debug, Clone, Copy)]
-pub struct Sample<'a> {
+pub struct SampleState<'a> {
     /// The contacts of this rank.
     pub contacts: &'a Contacts,
     /// δ (m) of every block.
-    pub overlap: &'a [Row],
-    /// N.
+    pub overlap: &'a [Lanes16],
+    /// The load N (N; N/m in 2D).
     pub load: f64,
-    /// Of the piston (m).
+    /// Height of the piston (m).
     pub height: f64,
-    /// Energy of all that moves freely upwards or in all directions.
+    /// Kinetic energy of the free grains and of the piston (J; J/m in 2D).
     pub kinetic: f64,
 }
 
 /// Adds the elastic energies of the contacts whose first grain this rank owns.
 fn add_elastic(
-    level: Level,
+    isa: Isa,
     law: &dyn PairModel,
-    of: &Sample<'_>,
+    of: &SampleState<'_>,
     unit: FixedPoint,
     sums: &mut [Accumulator; ELASTIC],
 ) {
     let contacts = of.contacts;
-    let owned = contacts.mine;
-    let mut energies = vec![[Row::ZERO; ELASTIC]; owned];
+    let owned = contacts.owned_blocks;
+    let mut energies = vec![[Lanes16::ZERO; ELASTIC]; owned];
     law.energies(
-        level,
+        isa,
         &contacts.parameters,
         &contacts.history,
         of.overlap,
         &mut energies,
     );
     for (energies, touching) in energies.iter().zip(&contacts.touching) {
-        for (sum, row) in sums.iter_mut().zip(energies) {
+        for (sum, lanes) in sums.iter_mut().zip(energies) {
             for lane in (0..LANES).filter(|lane| touching >> lane & 1 == 1) {
-                unit.add(sum, row.0[lane]);
+                unit.add(sum, lanes.0[lane]);
             }
         }
     }

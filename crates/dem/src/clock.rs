@@ -6,7 +6,7 @@ use crate::domain::Exchange;
 
 /// Phases of a step, in the order of `step::advance`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
+pub enum StepPhase {
     /// Kicks, drift and the motion of the walls.
     Motion,
     /// Waiting for the records of the ghosts.
@@ -22,13 +22,13 @@ pub enum Phase {
 }
 
 /// All phases with their names in the table.
-pub const PHASES: [(Phase, &str); 6] = [
-    (Phase::Motion, "motion"),
-    (Phase::Exchange, "halo exchange"),
-    (Phase::Contacts, "contacts"),
-    (Phase::Walls, "walls, global sums"),
-    (Phase::Rebuild, "migrate, rebuild"),
-    (Phase::Output, "output"),
+pub const PHASES: [(StepPhase, &str); 6] = [
+    (StepPhase::Motion, "motion"),
+    (StepPhase::Exchange, "halo exchange"),
+    (StepPhase::Contacts, "contacts"),
+    (StepPhase::Walls, "walls, global sums"),
+    (StepPhase::Rebuild, "migrate, rebuild"),
+    (StepPhase::Output, "output"),
 ];
 
 /// Seconds spent in each phase on this rank.
@@ -57,14 +57,14 @@ impl Clock {
     }
 
     /// Adds the time since the last call to `phase`.
-    pub fn end(&mut self, phase: Phase) {
+    pub fn end(&mut self, phase: StepPhase) {
         let now = Instant::now();
         self.seconds[phase as usize] += (now - self.since).as_secs_f64();
         self.since = now;
     }
 
     /// Mean seconds per step in a phase on this rank.
-    pub fn per_step(&self, phase: Phase) -> f64 {
+    pub fn per_step(&self, phase: StepPhase) -> f64 {
         self.seconds[phase as usize] / self.steps.max(1) as f64
     }
 

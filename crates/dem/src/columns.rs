@@ -1,5 +1,5 @@
-//! Tables of numbers. Each column is declared once: name, unit, documentation and, as a field of the
-//! row, its value.
+//! Tables of numbers. Each column is declared once: name, unit, documentation and, as a field of
+//! the row, its value.
 //!
 //! ```
 //! gshear_dem::columns! {
@@ -75,9 +75,9 @@ pub fn joined_names(columns: &[Column], separator: &str) -> String {
 
 /// Declares the row of a table: a struct of `f64` with `COLUMNS`, `columns` and `from_columns`.
 ///
-/// A field has a doc comment, its name, its unit (see [`Column::unit`](crate::columns::Column::unit))
-/// and, if it was renamed, `formerly` and the former name; see [`columns`](mod@crate::columns). The
-/// calling crate needs `bytemuck`.
+/// A field has a doc comment, its name, its unit (see
+/// [`Column::unit`](crate::columns::Column::unit)) and, if it was renamed, `formerly` and the
+/// former name; see [`columns`](mod@crate::columns). The calling crate needs `bytemuck`.
 #[macro_export]
 macro_rules! columns {
     (@former) => { None };

@@ -9,7 +9,7 @@ use std::ops::DerefMut;
 
 use bytemuck::Pod;
 
-use crate::simd::{Lanes, Line, Oct, PairList, Quad, Row};
+use crate::simd::{CacheLine, Force2, Force3, Lanes, Lanes16, PairList};
 
 /// A vector of lanes.
 pub type Vector<L> = [L; 3];
@@ -26,7 +26,7 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     /// I/(m R²).
     const INERTIA: f64;
 
-    // Places in a grain's record.
+    // Indices in a grain's record.
     /// Wrapped position (m).
     const POSITION: usize = 0;
     /// Velocity of the full step (m/s); predicted while the forces are computed.
@@ -37,16 +37,16 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     const HALF_SPIN: usize = 3 * Self::AXES;
     /// Angular velocity of the full step (rad/s); predicted while the forces are computed.
     const SPIN: usize = 3 * Self::AXES + Self::SPINS;
-    /// Place of the torques in [`Dimension::Force`]; forces begin at 0.
+    /// Index of the torques in [`Dimension::Force`]; forces begin at 0.
     const TORQUE: usize = Self::AXES;
 
     /// The fields of a grain that the kernel reads, in one cache line or two.
     type Record: Pod + Debug + PartialEq + Send + Sync;
     /// Force and torque on a grain.
     type Force: Pod + Debug + PartialEq + Send + Sync + DerefMut<Target = [f64]>;
-    /// A row for each field of a record.
-    type Fields: Copy + Debug + AsRef<[Row]> + AsMut<[Row]> + Send + Sync;
-    /// Rows of zeros.
+    /// Each field of the records of sixteen grains.
+    type Fields: Copy + Debug + AsRef<[Lanes16]> + AsMut<[Lanes16]> + Send + Sync;
+    /// Zeros.
     const NO_FIELDS: Self::Fields;
 
     /// The numbers of a record.
@@ -59,25 +59,25 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     /// R² or R³: the volume over π or (4/3)π.
     fn power<L: Lanes>(radius: L) -> L;
 
-    /// Differences of the records of a block of pairs.
-    fn differ<L: Lanes>(
+    /// Loads the records of a block of pairs, and transposes their differences i - j into lanes.
+    fn load_differences<L: Lanes>(
         token: L::Token,
         records: &[Self::Record],
         list: &PairList,
         block: usize,
         out: &mut Self::Fields,
     );
-    /// Angular velocities of the grains j: of the half step, then of the full step.
+    /// Loads the angular velocities of the grains j: of the half step, then of the full step.
     fn spins_of_j<L: Lanes>(
         token: L::Token,
         records: &[Self::Record],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 6],
+        out: &mut [Lanes16; 6],
     );
     /// Adds forces and torques to the grains of a block of pairs: (`force`, `torque_i`) to i,
     /// (-`force`, `torque_j`) to j.
-    fn add<L: Lanes>(
+    fn add_forces<L: Lanes>(
         force: Vector<L>,
         torque_i: Vector<L>,
         torque_j: Vector<L>,
@@ -88,10 +88,10 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
 
     /// a·b.
     fn dot<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> L;
-    /// The tangential part of v, given v_n = v·n.
-    fn across<L: Lanes>(n: &Vector<L>, v: &Vector<L>, v_n: L) -> Vector<L>;
-    /// n × s, tangential: the surface velocity of spins s = R_i ω_i + R_j ω_j.
-    fn turning<L: Lanes>(n: &Vector<L>, s: &Vector<L>) -> Vector<L>;
+    /// v - v_n n, given v_n = v·n.
+    fn tangential_part<L: Lanes>(n: &Vector<L>, v: &Vector<L>, v_n: L) -> Vector<L>;
+    /// n × s: the relative surface velocity that the spins give, with s = R_i ω_i + R_j ω_j.
+    fn surface_velocity<L: Lanes>(n: &Vector<L>, s: &Vector<L>) -> Vector<L>;
     /// n × F of a tangential force F: the torque per lever arm.
     fn moment<L: Lanes>(n: &Vector<L>, f: &Vector<L>) -> Vector<L>;
     /// F_n n + F_t.
@@ -115,18 +115,18 @@ impl Dimension for Two {
     const AXES: usize = 2;
     const SPINS: usize = 1;
     const INERTIA: f64 = 0.5;
-    type Record = [Line; 1];
-    type Force = Quad;
-    type Fields = [Row; 8];
-    const NO_FIELDS: [Row; 8] = [Row::ZERO; 8];
+    type Record = [CacheLine; 1];
+    type Force = Force2;
+    type Fields = [Lanes16; 8];
+    const NO_FIELDS: [Lanes16; 8] = [Lanes16::ZERO; 8];
 
     #[inline(always)]
-    fn fields(record: &[Line; 1]) -> &[f64] {
+    fn fields(record: &[CacheLine; 1]) -> &[f64] {
         &record[0].0
     }
 
     #[inline(always)]
-    fn fields_mut(record: &mut [Line; 1]) -> &mut [f64] {
+    fn fields_mut(record: &mut [CacheLine; 1]) -> &mut [f64] {
         &mut record[0].0
     }
 
@@ -140,12 +140,12 @@ impl Dimension for Two {
     }
 
     #[inline(always)]
-    fn differ<L: Lanes>(
+    fn load_differences<L: Lanes>(
         token: L::Token,
-        records: &[[Line; 1]],
+        records: &[[CacheLine; 1]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 8],
+        out: &mut [Lanes16; 8],
     ) {
         L::differences::<0, 1>(token, records, list, block, out);
     }
@@ -153,27 +153,27 @@ impl Dimension for Two {
     #[inline(always)]
     fn spins_of_j<L: Lanes>(
         token: L::Token,
-        records: &[[Line; 1]],
+        records: &[[CacheLine; 1]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 6],
+        out: &mut [Lanes16; 6],
     ) {
-        let [half, full] = L::end_of_j::<0, 1>(token, records, list, block);
+        let [half, full] = L::last_two_of_j::<0, 1>(token, records, list, block);
         half.store(&mut out[0]);
         full.store(&mut out[1]);
     }
 
     #[inline(always)]
-    fn add<L: Lanes>(
+    fn add_forces<L: Lanes>(
         force: Vector<L>,
         torque_i: Vector<L>,
         torque_j: Vector<L>,
-        sums: &mut [Quad],
+        sums: &mut [Force2],
         list: &PairList,
         block: usize,
     ) {
         let terms = [force[0], force[1], torque_i[0], torque_j[0]];
-        L::add_quads(terms, sums, list, block);
+        L::add_forces_2d(terms, sums, list, block);
     }
 
     #[inline(always)]
@@ -182,12 +182,12 @@ impl Dimension for Two {
     }
 
     #[inline(always)]
-    fn across<L: Lanes>(n: &Vector<L>, v: &Vector<L>, _: L) -> Vector<L> {
+    fn tangential_part<L: Lanes>(n: &Vector<L>, v: &Vector<L>, _: L) -> Vector<L> {
         [v[1].mul_add(n[0], -(v[0] * n[1])); 3]
     }
 
     #[inline(always)]
-    fn turning<L: Lanes>(_: &Vector<L>, s: &Vector<L>) -> Vector<L> {
+    fn surface_velocity<L: Lanes>(_: &Vector<L>, s: &Vector<L>) -> Vector<L> {
         [-s[0]; 3]
     }
 
@@ -215,18 +215,18 @@ impl Dimension for Three {
     const AXES: usize = 3;
     const SPINS: usize = 3;
     const INERTIA: f64 = 0.4;
-    type Record = [Line; 2];
-    type Force = Oct;
-    type Fields = [Row; 16];
-    const NO_FIELDS: [Row; 16] = [Row::ZERO; 16];
+    type Record = [CacheLine; 2];
+    type Force = Force3;
+    type Fields = [Lanes16; 16];
+    const NO_FIELDS: [Lanes16; 16] = [Lanes16::ZERO; 16];
 
     #[inline(always)]
-    fn fields(record: &[Line; 2]) -> &[f64] {
+    fn fields(record: &[CacheLine; 2]) -> &[f64] {
         bytemuck::cast_slice(record)
     }
 
     #[inline(always)]
-    fn fields_mut(record: &mut [Line; 2]) -> &mut [f64] {
+    fn fields_mut(record: &mut [CacheLine; 2]) -> &mut [f64] {
         bytemuck::cast_slice_mut(record)
     }
 
@@ -240,12 +240,12 @@ impl Dimension for Three {
     }
 
     #[inline(always)]
-    fn differ<L: Lanes>(
+    fn load_differences<L: Lanes>(
         token: L::Token,
-        records: &[[Line; 2]],
+        records: &[[CacheLine; 2]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 16],
+        out: &mut [Lanes16; 16],
     ) {
         let (lines, _) = out.as_chunks_mut();
         L::differences::<0, 2>(token, records, list, block, &mut lines[0]);
@@ -255,27 +255,27 @@ impl Dimension for Three {
     #[inline(always)]
     fn spins_of_j<L: Lanes>(
         token: L::Token,
-        records: &[[Line; 2]],
+        records: &[[CacheLine; 2]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 6],
+        out: &mut [Lanes16; 6],
     ) {
-        let line = L::line_of_j::<1, 2>(token, records, list, block);
-        for (field, row) in line[Self::HALF_SPIN - 8..].iter().zip(out) {
-            field.store(row);
+        let line = L::cache_line_of_j::<1, 2>(token, records, list, block);
+        for (field, lanes) in line[Self::HALF_SPIN - 8..].iter().zip(out) {
+            field.store(lanes);
         }
     }
 
     #[inline(always)]
-    fn add<L: Lanes>(
+    fn add_forces<L: Lanes>(
         force: Vector<L>,
         torque_i: Vector<L>,
         torque_j: Vector<L>,
-        sums: &mut [Oct],
+        sums: &mut [Force3],
         list: &PairList,
         block: usize,
     ) {
-        L::add_octs([force, torque_i, torque_j], sums, list, block);
+        L::add_forces_3d([force, torque_i, torque_j], sums, list, block);
     }
 
     #[inline(always)]
@@ -284,7 +284,7 @@ impl Dimension for Three {
     }
 
     #[inline(always)]
-    fn across<L: Lanes>(n: &Vector<L>, v: &Vector<L>, v_n: L) -> Vector<L> {
+    fn tangential_part<L: Lanes>(n: &Vector<L>, v: &Vector<L>, v_n: L) -> Vector<L> {
         [
             (-v_n).mul_add(n[0], v[0]),
             (-v_n).mul_add(n[1], v[1]),
@@ -293,7 +293,7 @@ impl Dimension for Three {
     }
 
     #[inline(always)]
-    fn turning<L: Lanes>(n: &Vector<L>, s: &Vector<L>) -> Vector<L> {
+    fn surface_velocity<L: Lanes>(n: &Vector<L>, s: &Vector<L>) -> Vector<L> {
         cross(n, s)
     }
 

@@ -7,7 +7,7 @@ use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{PairForce, Pass, Scratch};
 use crate::protocol::Protocol;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::state::{CandidatePair, Cell, Contacts, Grains, body};
 
 /// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the Verlet scheme of the
@@ -45,7 +45,7 @@ impl Piston {
 
 /// The force of the grains on the top (N; N/m in 2D). The component along x is 0 unless requested.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Load {
+pub struct TopForce {
     /// Upwards, along the last axis.
     pub up: f64,
     /// Along x.
@@ -64,26 +64,26 @@ pub trait Drive<D: Dimension> {
         0.0
     }
     /// Computes the accelerations before the first step.
-    fn start(&mut self, _: Load) {}
+    fn start(&mut self, _: TopForce) {}
     /// First half kick and drift of the walls.
     fn drift(&mut self, _step: f64, _: &mut Grains<D>) {}
     /// Gives the wall grains their predicted velocities, after the drift.
     fn predict(&mut self, _step: f64, _: &mut Grains<D>) {}
     /// Adds forces of the walls on the grains that are not contacts between grains. Returns a grain
     /// whose overlap is outside the law.
-    fn forces(&mut self, _: Level, _: Cell, _step: f64, _: &mut Grains<D>) -> Option<usize> {
+    fn forces(&mut self, _: Isa, _: Cell, _step: f64, _: &mut Grains<D>) -> Option<usize> {
         None
     }
     /// Adds this rank's part of the force on the top: upwards, and along x.
     fn load(&self, _: &Grains<D>, _: &FixedPoint, _to: &mut [Accumulator; 2]) {}
     /// Second half kick, by the force on the top.
-    fn kick(&mut self, _step: f64, _: Load, _: &mut Grains<D>) {}
+    fn kick(&mut self, _step: f64, _: TopForce, _: &mut Grains<D>) {}
     /// Displacement of the top along x in the last step (m).
     fn slid(&self) -> f64 {
         0.0
     }
     /// The rank's grains were renumbered; until the next call they move by at most half a skin (m).
-    fn renumber(&mut self, _: Level, _: &Grains<D>, _skin: f64) {}
+    fn renumber(&mut self, _: Isa, _: &Grains<D>, _skin: f64) {}
 }
 
 /// Smooth rigid planes at 0 and at the piston's height along the last axis, the upper one pressed
@@ -98,8 +98,8 @@ pub struct Planes<D: Dimension> {
     /// The drag on grains and planes (1/s).
     pub drag: f64,
     law: Box<dyn PairForce<D>>,
-    /// Grains near a plane, and whether it is the upper one.
-    near: Vec<(u32, bool)>,
+    /// Grains within the cutoff of a plane, and whether it is the upper one.
+    candidates: Vec<(u32, bool)>,
     record: Vec<D::Record>,
     force: Vec<D::Force>,
     contacts: Contacts,
@@ -113,7 +113,7 @@ impl<D: Dimension> Planes<D> {
             piston,
             drag,
             law,
-            near: Vec::new(),
+            candidates: Vec::new(),
             record: Vec::new(),
             force: Vec::new(),
             contacts: Contacts::default(),
@@ -123,7 +123,7 @@ impl<D: Dimension> Planes<D> {
 
     /// Adds this rank's part of the force on a plane, away from the sample.
     pub fn load_on(&self, upper: bool, fixed: &FixedPoint, to: &mut Accumulator) {
-        for (k, &(_, side)) in self.near.iter().enumerate() {
+        for (k, &(_, side)) in self.candidates.iter().enumerate() {
             if side == upper {
                 fixed.add(to, self.force[2 * k][D::UP].abs());
             }
@@ -141,7 +141,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.piston.velocity.abs()
     }
 
-    fn start(&mut self, load: Load) {
+    fn start(&mut self, load: TopForce) {
         self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
     }
 
@@ -151,35 +151,29 @@ impl<D: Dimension> Drive<D> for Planes<D> {
 
     fn predict(&mut self, _: f64, _: &mut Grains<D>) {}
 
-    fn forces(
-        &mut self,
-        level: Level,
-        cell: Cell,
-        step: f64,
-        grains: &mut Grains<D>,
-    ) -> Option<usize> {
+    fn forces(&mut self, isa: Isa, cell: Cell, step: f64, grains: &mut Grains<D>) -> Option<usize> {
         let up = D::UP;
         let velocity = self.piston.predicted(step);
-        for (k, &(g, upper)) in self.near.iter().enumerate() {
+        for (k, &(g, upper)) in self.candidates.iter().enumerate() {
             let (plane, speed) = if upper {
                 (self.piston.height, velocity)
             } else {
                 (0.0, 0.0)
             };
-            let own = grains.record[g as usize];
-            let mut image = own;
+            let record = grains.record[g as usize];
+            let mut image = record;
             let mirrored = D::fields_mut(&mut image);
             mirrored[up] = 2.0 * plane - mirrored[up];
             let v = &mut mirrored[D::VELOCITY + up];
             *v = 2.0 * speed - *v;
-            self.record[2 * k] = own;
+            self.record[2 * k] = record;
             self.record[2 * k + 1] = image;
         }
         self.force.fill(Zeroable::zeroed());
         let all = 0..self.contacts.blocks();
         let part = self.contacts.part(all);
-        let found = self.law.pass(
-            level,
+        let outcome = self.law.pass(
+            isa,
             Pass {
                 record: &self.record,
                 force: &mut self.force,
@@ -192,12 +186,12 @@ impl<D: Dimension> Drive<D> for Planes<D> {
             },
             &mut self.scratch,
         );
-        for (k, &(g, _)) in self.near.iter().enumerate() {
+        for (k, &(g, _)) in self.candidates.iter().enumerate() {
             grains.force[g as usize][up] += self.force[2 * k][up];
         }
-        found.outside.or(found.too_strong).map(|(block, lane)| {
+        outcome.outside.or(outcome.too_strong).map(|(block, lane)| {
             let k = self.contacts.pairs.blocks()[block].i[lane] as usize / 2;
-            self.near[k].0 as usize
+            self.candidates[k].0 as usize
         })
     }
 
@@ -205,18 +199,18 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.load_on(true, fixed, up);
     }
 
-    fn kick(&mut self, step: f64, load: Load, _: &mut Grains<D>) {
+    fn kick(&mut self, step: f64, load: TopForce, _: &mut Grains<D>) {
         self.piston.full_kick(step, load.up, self.drag);
     }
 
-    fn renumber(&mut self, level: Level, grains: &Grains<D>, skin: f64) {
-        self.near.clear();
+    fn renumber(&mut self, isa: Isa, grains: &Grains<D>, skin: f64) {
+        self.candidates.clear();
         for g in 0..grains.owned {
             let y = grains.fields(g)[D::UP];
-            let reach = grains.radius[g] + skin;
+            let cutoff = grains.radius[g] + skin;
             for (upper, gap) in [(false, y), (true, self.piston.height - y)] {
-                if gap < reach {
-                    self.near.push((g as u32, upper));
+                if gap < cutoff {
+                    self.candidates.push((g as u32, upper));
                 }
             }
         }
@@ -224,10 +218,10 @@ impl<D: Dimension> Drive<D> for Planes<D> {
             grains: [2 * k, 2 * k + 1],
             gap: 0.0,
         };
-        let near: Vec<_> = (0..self.near.len() as u32).map(with_image).collect();
-        let id: Vec<_> = (0..2 * self.near.len() as u32).collect();
+        let pairs: Vec<_> = (0..self.candidates.len() as u32).map(with_image).collect();
+        let id: Vec<_> = (0..2 * self.candidates.len() as u32).collect();
         let radius: Vec<_> = self
-            .near
+            .candidates
             .iter()
             .flat_map(|&(g, _)| [grains.radius[g as usize]; 2])
             .collect();
@@ -236,9 +230,9 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.force.clear();
         self.force.resize(radius.len(), Zeroable::zeroed());
         self.contacts.replace(
-            level,
+            isa,
             self.law.as_ref(),
-            &near,
+            &pairs,
             &[],
             (&id, &radius),
             radius.len(),
@@ -359,14 +353,14 @@ impl GrainWalls {
 
     /// Gives the top grains the velocity of the plate, also as that of the half step, from which
     /// the deferred second kick starts.
-    fn impose_own<D: Dimension>(&self, grains: &mut Grains<D>) {
-        let own = [self.slider.state.velocity, self.piston.velocity];
-        self.impose(&[D::VELOCITY, D::HALF_VELOCITY], own, grains);
+    fn impose_plate_velocity<D: Dimension>(&self, grains: &mut Grains<D>) {
+        let velocity = [self.slider.state.velocity, self.piston.velocity];
+        self.impose(&[D::VELOCITY, D::HALF_VELOCITY], velocity, grains);
     }
 }
 
 impl<D: Dimension> Drive<D> for GrainWalls {
-    fn start(&mut self, load: Load) {
+    fn start(&mut self, load: TopForce) {
         self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
         self.slider.accelerate(load.along, self.piston.mass);
     }
@@ -374,7 +368,7 @@ impl<D: Dimension> Drive<D> for GrainWalls {
     fn drift(&mut self, step: f64, grains: &mut Grains<D>) {
         self.piston.half_kick_and_drift(step);
         self.slider.half_kick_and_drift(step);
-        self.impose_own(grains);
+        self.impose_plate_velocity(grains);
     }
 
     fn predict(&mut self, step: f64, grains: &mut Grains<D>) {
@@ -393,20 +387,20 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         }
     }
 
-    fn kick(&mut self, step: f64, load: Load, grains: &mut Grains<D>) {
+    fn kick(&mut self, step: f64, load: TopForce, grains: &mut Grains<D>) {
         self.piston.full_kick(step, load.up, 0.0);
         if self.slider.spring.is_some() {
             self.slider.accelerate(load.along, self.piston.mass);
             self.slider.state.velocity += 0.5 * step * self.slider.state.acceleration;
         }
-        self.impose_own(grains);
+        self.impose_plate_velocity(grains);
     }
 
     fn slid(&self) -> f64 {
         self.slider.state.slid
     }
 
-    fn renumber(&mut self, _: Level, grains: &Grains<D>, _: f64) {
+    fn renumber(&mut self, _: Isa, grains: &Grains<D>, _: f64) {
         self.top = grains.of_body(body::TOP);
     }
 }

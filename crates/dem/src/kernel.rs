@@ -13,20 +13,20 @@ use std::ops::Range;
 
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
-use crate::contact::{CARRY, ContactLaw, Motion, Response, dissipation, store_vector, vector};
+use crate::contact::{CARRY, ContactLaw, PairMotion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
-use crate::simd::{LANES, Lanes, Level, Mask, Row, Work, ask_for, inverse_sqrt};
-use crate::state::{Cell, Part, Units};
+use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch};
+use crate::state::{BlockRange, Cell, Units};
 
 /// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
 #[derive(Debug, Default)]
 pub struct ContactForces {
     /// F_n.
-    pub normal: Vec<Row>,
+    pub normal: Vec<Lanes16>,
     /// F_t; only [`Dimension::SPINS`] components are set.
-    pub tangential: Vec<[Row; 3]>,
+    pub tangential: Vec<[Lanes16; 3]>,
     /// δ (m).
-    pub overlap: Vec<Row>,
+    pub overlap: Vec<Lanes16>,
     /// Lanes at the Coulomb limit.
     pub sliding: Vec<u16>,
 }
@@ -34,17 +34,17 @@ pub struct ContactForces {
 impl ContactForces {
     /// Makes room for this number of blocks.
     pub fn prepare(&mut self, blocks: usize) {
-        for rows in [&mut self.normal, &mut self.overlap] {
-            rows.clear();
-            rows.resize(blocks, Row::ZERO);
+        for lanes in [&mut self.normal, &mut self.overlap] {
+            lanes.clear();
+            lanes.resize(blocks, Lanes16::ZERO);
         }
         self.tangential.clear();
-        self.tangential.resize(blocks, [Row::ZERO; 3]);
+        self.tangential.resize(blocks, [Lanes16::ZERO; 3]);
         self.sliding.clear();
         self.sliding.resize(blocks, 0);
     }
 
-    /// The part of some blocks.
+    /// Borrows the room for some blocks.
     pub fn part(&mut self, blocks: Range<usize>) -> Samples<'_> {
         Samples {
             normal: &mut self.normal[blocks.clone()],
@@ -57,9 +57,9 @@ impl ContactForces {
 
 /// Room for the [`ContactForces`] of some blocks.
 pub struct Samples<'a> {
-    normal: &'a mut [Row],
-    tangential: &'a mut [[Row; 3]],
-    overlap: &'a mut [Row],
+    normal: &'a mut [Lanes16],
+    tangential: &'a mut [[Lanes16; 3]],
+    overlap: &'a mut [Lanes16],
     sliding: &'a mut [u16],
 }
 
@@ -94,7 +94,7 @@ pub struct Pass<'a, D: Dimension> {
     /// The forces on all local grains, to which the pass adds.
     pub force: &'a mut [D::Force],
     /// The contacts.
-    pub part: Part<'a>,
+    pub part: BlockRange<'a>,
     /// The units to which forces and torques are rounded.
     pub units: Units,
     /// The cell.
@@ -118,7 +118,7 @@ pub struct Counting {
 
 /// The result of a pass.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Found {
+pub struct PassOutcome {
     /// A pair (block, lane) whose overlap is outside the law.
     pub outside: Option<(usize, usize)>,
     /// A pair (block, lane) whose force is too great to be rounded to the unit.
@@ -129,9 +129,9 @@ pub struct Found {
     pub uncounted: bool,
 }
 
-impl Found {
-    /// Both findings together; of two places the first.
-    pub fn and(mut self, other: Self) -> Self {
+impl PassOutcome {
+    /// Combines two outcomes; of two pairs it keeps the first.
+    pub fn merge(mut self, other: Self) -> Self {
         self.outside = self.outside.or(other.outside);
         self.too_strong = self.too_strong.or(other.too_strong);
         self.uncounted |= other.uncounted;
@@ -146,34 +146,34 @@ impl Found {
 /// virtual call per pass. Implemented for every [`ContactLaw`]; [`crate::laws`] makes them.
 pub trait PairForce<D: Dimension>: PairModel {
     /// Adds the contact forces to the grains and advances the histories.
-    fn pass(&self, level: Level, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> Found;
+    fn pass(&self, isa: Isa, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome;
 }
 
 impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
     fn pass(
         &self,
-        level: Level,
+        isa: Isa,
         pass: Pass<'_, C::Space>,
         scratch: &mut Scratch<C::Space>,
-    ) -> Found {
+    ) -> PassOutcome {
         let (law, first) = (self, pass.part.first);
-        let mut found = match (pass.counting, level.vector()) {
-            (None, Some(vector)) => vector.run(Blocks::<C, false> { law, pass, scratch }),
+        let mut outcome = match (pass.counting, isa.vector()) {
+            (None, Some(vector)) => vector.run(PassWork::<C, false> { law, pass, scratch }),
             // The portable arrays always account for the dissipation: one instance a law suffices.
-            _ => level.run(Blocks::<C, true> { law, pass, scratch }),
+            _ => isa.run(PassWork::<C, true> { law, pass, scratch }),
         };
-        for (block, _) in [&mut found.outside, &mut found.too_strong]
+        for (block, _) in [&mut outcome.outside, &mut outcome.too_strong]
             .into_iter()
             .flatten()
         {
             *block += first;
         }
-        found
+        outcome
     }
 }
 
 /// One pass; blocks are numbered from the first of the part.
-struct Blocks<'a, C: ContactLaw, const BUDGET: bool> {
+struct PassWork<'a, C: ContactLaw, const BUDGET: bool> {
     law: &'a C,
     pass: Pass<'a, C::Space>,
     scratch: &'a mut Scratch<C::Space>,
@@ -194,11 +194,11 @@ const CACHED: usize = 8 << 20;
 pub struct Scratch<D: Dimension> {
     /// Differences of the records, and the angular velocities of the second grain.
     difference: [D::Fields; CHUNK],
-    spins_of_j: [[Row; 6]; CHUNK],
-    motion: [Motion; CHUNK],
+    spins_of_j: [[Lanes16; 6]; CHUNK],
+    motion: [PairMotion; CHUNK],
     /// n.
-    direction: [[Row; 3]; CHUNK],
-    carry: [[Row; CARRY]; CHUNK],
+    direction: [[Lanes16; 3]; CHUNK],
+    carry: [[Lanes16; CARRY]; CHUNK],
     response: [Response; CHUNK],
     /// Block, lane and damping factor of pairs that touch for the first time; set with an energy
     /// budget only.
@@ -209,18 +209,18 @@ impl<D: Dimension> Default for Scratch<D> {
     fn default() -> Self {
         Self {
             difference: [D::NO_FIELDS; CHUNK],
-            spins_of_j: [[Row::ZERO; 6]; CHUNK],
-            motion: [Motion::ZERO; CHUNK],
-            direction: [[Row::ZERO; 3]; CHUNK],
-            carry: [[Row::ZERO; CARRY]; CHUNK],
+            spins_of_j: [[Lanes16::ZERO; 6]; CHUNK],
+            motion: [PairMotion::ZERO; CHUNK],
+            direction: [[Lanes16::ZERO; 3]; CHUNK],
+            carry: [[Lanes16::ZERO; CARRY]; CHUNK],
             response: [Response::NONE; CHUNK],
             touched: Vec::new(),
         }
     }
 }
 
-impl<C: ContactLaw, const BUDGET: bool> Work for Blocks<'_, C, BUDGET> {
-    type Output = Found;
+impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
+    type Output = PassOutcome;
 
     /// Runs in phases with short chains of operations, so that the processor works on several
     /// blocks at a time.
@@ -232,20 +232,20 @@ impl<C: ContactLaw, const BUDGET: bool> Work for Blocks<'_, C, BUDGET> {
             scratch,
         } = self;
         let pass = &mut pass;
-        let mut found = Found::default();
+        let mut outcome = PassOutcome::default();
         let blocks = pass.part.blocks();
-        let ahead = size_of_val(pass.record) > CACHED;
+        let prefetches = size_of_val(pass.record) > CACHED;
         for first in (0..blocks).step_by(CHUNK) {
             let chunk = first..blocks.min(first + CHUNK);
-            if ahead {
+            if prefetches {
                 for block in chunk.end..blocks.min(chunk.end + CHUNK) {
                     let block = pass.part.first + block;
-                    ask_for(pass.record, pass.part.pairs, block);
-                    ask_for(pass.force, pass.part.pairs, block);
+                    prefetch(pass.record, pass.part.pairs, block);
+                    prefetch(pass.force, pass.part.pairs, block);
                 }
             }
-            differ::<C, L>(token, pass, chunk.clone(), scratch);
-            let active = move_pairs::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);
+            load_differences::<C, L>(token, pass, chunk.clone(), scratch);
+            let active = relative_motion::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);
             // In later blocks nothing touches or touched a step ago: their histories are zero
             // already.
             let chunk = first..first + active;
@@ -253,20 +253,20 @@ impl<C: ContactLaw, const BUDGET: bool> Work for Blocks<'_, C, BUDGET> {
                 continue;
             }
             let outside = evaluate::<C, L, BUDGET>(token, law, pass, chunk.clone(), scratch);
-            found.outside = found.outside.or(outside);
+            outcome.outside = outcome.outside.or(outside);
             if BUDGET {
-                account::<C, L>(token, pass, chunk.clone(), scratch, &mut found);
+                count_dissipation::<C, L>(token, pass, chunk.clone(), scratch, &mut outcome);
             }
-            let too_strong = add::<C, L>(token, pass, chunk, scratch);
-            found.too_strong = found.too_strong.or(too_strong);
+            let too_strong = add_forces::<C, L>(token, pass, chunk, scratch);
+            outcome.too_strong = outcome.too_strong.or(too_strong);
         }
-        found
+        outcome
     }
 }
 
-/// Loads the records of the pairs, subtracts and transposes them.
+/// Loads the records of the pairs, and transposes their differences into lanes.
 #[inline(always)]
-fn differ<C: ContactLaw, L: Lanes>(
+fn load_differences<C: ContactLaw, L: Lanes>(
     token: L::Token,
     pass: &mut Pass<'_, C::Space>,
     chunk: Range<usize>,
@@ -278,7 +278,7 @@ fn differ<C: ContactLaw, L: Lanes>(
         .zip(&mut scratch.spins_of_j)
     {
         let block = part.first + block;
-        C::Space::differ::<L>(token, record, part.pairs, block, difference);
+        C::Space::load_differences::<L>(token, record, part.pairs, block, difference);
         if C::FRICTION {
             C::Space::spins_of_j::<L>(token, record, part.pairs, block, spins_of_j);
         }
@@ -289,7 +289,7 @@ fn differ<C: ContactLaw, L: Lanes>(
 /// of their histories with n. Returns the number of blocks up to the last in which a pair touches
 /// or touched a step ago.
 #[inline(always)]
-fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
+fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     token: L::Token,
     pass: &mut Pass<'_, C::Space>,
     chunk: Range<usize>,
@@ -297,11 +297,12 @@ fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
 ) -> usize {
     let mut active = 0;
     let c = |v| L::splat(token, v);
-    let load = |row: &Row| L::load(token, row);
+    let load = |lanes: &Lanes16| L::load(token, lanes);
     let zero = c(0.0);
     let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
     let step = c(pass.step);
-    let [slip_shift, turn_shift] = [pass.units.slip, Units::TURN].map(|u| c(Units::shift(u)));
+    let [slip_shift, rotation_shift] =
+        [pass.units.slip, Units::ROTATION].map(|u| c(Units::shift(u)));
     let contacts = &mut pass.part;
     if BUDGET {
         scratch.touched.clear();
@@ -333,8 +334,9 @@ fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let square = C::Space::dot(&r, &r);
         let per_distance = inverse_sqrt(token, square);
         // To 0.501 ulp, because the overlap is the small difference of two lengths.
-        let near = square * per_distance;
-        let distance = (c(0.5) * per_distance).mul_add((-near).mul_add(near, square), near);
+        let estimate = square * per_distance;
+        let distance =
+            (c(0.5) * per_distance).mul_add((-estimate).mul_add(estimate, square), estimate);
         let mut n = r;
         for axis in 0..axes {
             n[axis] = r[axis] * per_distance;
@@ -362,10 +364,10 @@ fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             let of_difference = vector::<L>(token, &difference[C::Space::SPIN..], spins);
             let of_j = vector::<L>(token, of_j, spins);
             let s = weighted(r_i, &of_difference, sum, &of_j);
-            let turning = C::Space::turning(&n, &s);
-            let across = C::Space::across(&n, &v, v_n);
+            let rotational = C::Space::surface_velocity(&n, &s);
+            let tangential = C::Space::tangential_part(&n, &v, v_n);
             for k in 0..spins {
-                (across[k] + turning[k]).store(&mut motion.tangential_velocity[k]);
+                (tangential[k] + rotational[k]).store(&mut motion.tangential_velocity[k]);
             }
             // The half-step velocity belongs to the tangent plane of the half step, when r was
             // r - ½Δt v. Without this correction F_t^e would be of first order if n rotates. In
@@ -375,23 +377,23 @@ fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             let of_difference = vector::<L>(token, &difference[C::Space::HALF_SPIN..], spins);
             let of_j = vector::<L>(token, half_of_j, spins);
             let half_s = weighted(r_i, &of_difference, sum, &of_j);
-            let turning = C::Space::turning(&n, &half_s);
-            let across = C::Space::across(&n, &half_v, half_normal);
+            let rotational = C::Space::surface_velocity(&n, &half_s);
+            let tangential = C::Space::tangential_part(&n, &half_v, half_normal);
             let mut slip = [zero; 3];
             for k in 0..spins {
-                slip[k] = across[k].mul_add(longer, turning[k]);
+                slip[k] = tangential[k].mul_add(longer, rotational[k]);
             }
             if spins == 3 {
                 // The spins, too, are rotated from that plane into this one: a part of the twist
                 // becomes tangential.
                 let twist = half_step * C::Space::dot(&n, &half_s);
-                let aside = C::Space::turning(&n, &half_v);
+                let aside = C::Space::surface_velocity(&n, &half_v);
                 for k in 0..spins {
                     slip[k] = twist.mul_add(aside[k], slip[k]);
                 }
-                let rows = (chunk.start + k) * C::HISTORY;
-                let history = &mut contacts.history[rows..rows + 3];
-                turn_with_normal::<L>(token, history, &n, &across, half_step * longer);
+                let first = (chunk.start + k) * C::HISTORY;
+                let history = &mut contacts.history[first..first + 3];
+                rotate_with_normal::<L>(token, history, &n, &tangential, half_step * longer);
             }
             for k in 0..spins {
                 let slip = slip[k].mul_add(step, slip_shift) - slip_shift;
@@ -400,9 +402,9 @@ fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         }
         if C::ROLLING {
             motion.rolling_velocity = difference[C::Space::SPIN];
-            let turn =
-                load(&difference[C::Space::HALF_SPIN]).mul_add(step, turn_shift) - turn_shift;
-            turn.store(&mut motion.rolling_increment);
+            let rotation = load(&difference[C::Space::HALF_SPIN]).mul_add(step, rotation_shift)
+                - rotation_shift;
+            rotation.store(&mut motion.rolling_increment);
         }
         let before = *touching;
         *touching = overlap.greater(zero).bits();
@@ -410,12 +412,12 @@ fn move_pairs<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             active = k + 1;
         }
         // A pair that touched a step ago overlaps by more than it has approached since.
-        let nearer = -half_normal * step;
-        let new = nearer.greater(overlap).bits() & *touching;
+        let approach = -half_normal * step;
+        let new = approach.greater(overlap).bits() & *touching;
         if new != 0 {
-            let nearer = nearer.to_row();
+            let approach = approach.to_lanes16();
             for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
-                let factor = first_touch(motion, lane, nearer.0[lane]);
+                let factor = first_touch(motion, lane, approach.0[lane]);
                 if BUDGET {
                     scratch.touched.push((k, lane, factor));
                 }
@@ -439,17 +441,17 @@ fn weighted<L: Lanes>(a: L, x: &[L; 3], b: L, y: &[L; 3]) -> [L; 3] {
 /// the half-angle vector τ = ½Δt v_t/|r| of the half step, u becomes u - p (n - τ), whose length is
 /// that of u to third order in the angle.
 #[inline(always)]
-fn turn_with_normal<L: Lanes>(
+fn rotate_with_normal<L: Lanes>(
     token: L::Token,
-    history: &mut [Row],
+    history: &mut [Lanes16],
     n: &[L; 3],
-    across: &[L; 3],
+    tangential: &[L; 3],
     half_step: L,
 ) {
     let mut u = vector::<L>(token, history, 3);
     let p = Three::dot(&u, n);
     for k in 0..3 {
-        let aside = half_step.mul_add(across[k], -n[k]);
+        let aside = half_step.mul_add(tangential[k], -n[k]);
         u[k] = p.mul_add(aside, u[k]);
     }
     store_vector(&u, history, 3);
@@ -465,12 +467,12 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     scratch: &mut Scratch<C::Space>,
 ) -> Option<(usize, usize)> {
     let contacts = &mut pass.part;
-    let rows = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
+    let range = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
     law.evaluate::<L, BUDGET>(
         token,
         &mut crate::contact::Blocks {
-            parameters: &contacts.parameters[rows(C::PARAMETERS)],
-            history: &mut contacts.history[rows(C::HISTORY)],
+            parameters: &contacts.parameters[range(C::PARAMETERS)],
+            history: &mut contacts.history[range(C::HISTORY)],
             motion: &scratch.motion[..chunk.len()],
             carry: &mut scratch.carry[..chunk.len()],
             response: &mut scratch.response[..chunk.len()],
@@ -492,24 +494,24 @@ const MOST_UNITS: f64 = (1u64 << 50) as f64;
 
 /// Adds up the dissipation of the contacts.
 #[inline(always)]
-fn account<C: ContactLaw, L: Lanes>(
+fn count_dissipation<C: ContactLaw, L: Lanes>(
     token: L::Token,
     pass: &mut Pass<'_, C::Space>,
     chunk: Range<usize>,
     scratch: &mut Scratch<C::Space>,
-    found: &mut Found,
+    outcome: &mut PassOutcome,
 ) {
     for &(k, lane, factor) in &scratch.touched {
         // Both the damping force and the velocity were scaled; the power needs only the force
         // scaled.
         scratch.response[k].dissipated[dissipation::DAMPING].0[lane] /= factor;
     }
-    let load = |row: &Row| L::load(token, row);
+    let load = |lanes: &Lanes16| L::load(token, lanes);
     let c = |v| L::splat(token, v);
     let part = &pass.part;
     let (unit, step) = pass.counting.map_or((1.0, 0.0), |c| (c.unit, c.step));
-    let mine = chunk.end.min(part.mine.saturating_sub(part.first));
-    let blocks = chunk.start..mine.max(chunk.start);
+    let owned = chunk.end.min(part.owned_blocks.saturating_sub(part.first));
+    let blocks = chunk.start..owned.max(chunk.start);
     for kind in 0..dissipation::KINDS {
         let mut sums = L::no_counts(token);
         let per_unit = match kind {
@@ -520,23 +522,23 @@ fn account<C: ContactLaw, L: Lanes>(
             let units = load(&response.dissipated[kind]) * per_unit;
             let few = c(MOST_UNITS).greater(units.abs());
             if few.bits() != u16::MAX {
-                count_many(&units.to_row(), few.bits(), found, kind);
+                count_many(&units.to_lanes16(), few.bits(), outcome, kind);
             }
             sums = units.select(few, c(0.0)).count(sums);
         }
-        found.dissipated[kind] += L::total(sums);
+        outcome.dissipated[kind] += L::total(sums);
     }
 }
 
 /// Counts the energies (in units) of the lanes that are not in `few`.
 #[cold]
-fn count_many(units: &Row, few: u16, found: &mut Found, kind: usize) {
+fn count_many(units: &Lanes16, few: u16, outcome: &mut PassOutcome, kind: usize) {
     for lane in (0..LANES).filter(|lane| few >> lane & 1 == 0) {
         let units = units.0[lane].round_ties_even();
         if units.abs() < 2f64.powi(100) {
-            found.dissipated[kind] += units as i128;
+            outcome.dissipated[kind] += units as i128;
         } else {
-            found.uncounted = true;
+            outcome.uncounted = true;
         }
     }
 }
@@ -544,13 +546,13 @@ fn count_many(units: &Row, few: u16, found: &mut Found, kind: usize) {
 /// Adds forces and torques to the grains; pairs that do not touch add zeros. Returns a pair whose
 /// force is too great to be rounded to the unit, if there is one.
 #[inline(always)]
-fn add<C: ContactLaw, L: Lanes>(
+fn add_forces<C: ContactLaw, L: Lanes>(
     token: L::Token,
     pass: &mut Pass<'_, C::Space>,
     chunk: Range<usize>,
     scratch: &Scratch<C::Space>,
 ) -> Option<(usize, usize)> {
-    let load = |row: &Row| L::load(token, row);
+    let load = |lanes: &Lanes16| L::load(token, lanes);
     let c = |v| L::splat(token, v);
     let zero = c(0.0);
     let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
@@ -614,7 +616,7 @@ fn add<C: ContactLaw, L: Lanes>(
             on_i[k] = (on_i[k] + torque_shift) - torque_shift;
             on_j[k] = (on_j[k] + torque_shift) - torque_shift;
         }
-        C::Space::add(
+        C::Space::add_forces(
             force,
             on_i,
             on_j,
@@ -627,23 +629,23 @@ fn add<C: ContactLaw, L: Lanes>(
 }
 
 /// Corrects the motion of one lane in the step in which a pair comes to touch. Returns the factor
-/// of the damping. `nearer` is -v_n Δt (m).
+/// of the damping. `approach` is -v_n Δt (m).
 ///
 /// The pair touches for a part θ = δ/(-v_n Δt) of the step only, so the increments are scaled by θ.
 /// The kicks of this force stand for the time from t-½Δt to t+½Δt, of which the pair touches ½+θ,
 /// so the damping, which begins with a jump, is scaled by that. Without these corrections an impact
 /// would be of first order in Δt.
 #[cold]
-fn first_touch(motion: &mut Motion, lane: usize, nearer: f64) -> f64 {
-    let part = motion.overlap.0[lane] / nearer;
-    for row in &mut motion.tangential_increment {
-        row.0[lane] *= part;
+fn first_touch(motion: &mut PairMotion, lane: usize, approach: f64) -> f64 {
+    let part = motion.overlap.0[lane] / approach;
+    for lanes in &mut motion.tangential_increment {
+        lanes.0[lane] *= part;
     }
     motion.rolling_increment.0[lane] *= part;
     let factor = 0.5 + part;
     motion.normal_velocity.0[lane] *= factor;
-    for row in &mut motion.tangential_velocity {
-        row.0[lane] *= factor;
+    for lanes in &mut motion.tangential_velocity {
+        lanes.0[lane] *= factor;
     }
     motion.rolling_velocity.0[lane] *= factor;
     factor

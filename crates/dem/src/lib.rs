@@ -14,10 +14,10 @@
 //! use gshear_dem::dimension::Two;
 //! use gshear_dem::domain::Solo;
 //! use gshear_dem::drive::NoWalls;
-//! use gshear_dem::laws::keys::{Key, Values};
+//! use gshear_dem::laws::keys::{LawKey, KeyReader};
 //! use gshear_dem::laws::{self, Contact, Law, LawSpace};
 //! use gshear_dem::observe::digest;
-//! use gshear_dem::simd::Level;
+//! use gshear_dem::simd::Isa;
 //! use gshear_dem::state::{Cell, GrainState, body};
 //! use gshear_dem::step::{StepRequest, advance, initial_forces};
 //! use gshear_dem::system::{ListSettings, Setup, System};
@@ -25,19 +25,19 @@
 //! /// The values of a law's keys, by path. A program reads them from its configuration.
 //! struct Table(&'static [(&'static str, f64)]);
 //!
-//! impl Values for Table {
-//!     fn number(&mut self, key: &Key) -> Option<f64> {
+//! impl KeyReader for Table {
+//!     fn number(&mut self, key: &LawKey) -> Option<f64> {
 //!         let row = self.0.iter().find(|(path, _)| *path == key.path);
 //!         row.map(|&(_, x)| x)
 //!     }
-//!     fn required(&mut self, key: &Key) -> f64 {
+//!     fn required(&mut self, key: &LawKey) -> f64 {
 //!         self.number(key).expect(key.path)
 //!     }
-//!     fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize {
+//!     fn exactly_one(&mut self, keys: &[&LawKey], what: &str) -> usize {
 //!         keys.iter().position(|key| self.number(key).is_some()).expect(what)
 //!     }
-//!     fn useless(&mut self, _: &Key, _: &str) {}
-//!     fn refuse(&mut self, key: &Key, what: &str) {
+//!     fn useless(&mut self, _: &LawKey, _: &str) {}
+//!     fn refuse(&mut self, key: &LawKey, what: &str) {
 //!         panic!("{} {what}", key.path)
 //!     }
 //! }
@@ -67,7 +67,7 @@
 //! };
 //! let grains = vec![grain(0, 4e-3, 0.1), grain(1, 6.1e-3, 0.0), grain(2, 8.2e-3, -0.1)];
 //! let mut system = System::<Two>::new(&Solo, Setup {
-//!     level: Level::detect(),
+//!     isa: Isa::detect(),
 //!     list: ListSettings::default(),
 //!     cell: Cell::between_walls([20e-3, f64::INFINITY]),
 //!     largest_radius: 1e-3,

@@ -5,16 +5,17 @@ use std::marker::PhantomData;
 use crate::dimension::Dimension;
 use crate::state::{CandidatePair, Cell, Grains, body};
 
-/// The interval along x, by [`Cell::along`], that holds the owned grains and ghosts of a rank.
+/// The interval along x, by [`Cell::slab_coordinate`], that holds the owned grains and ghosts of a
+/// rank.
 #[derive(Debug, Clone, Copy)]
-pub struct Window {
+pub struct LocalExtent {
     /// Its start (m); may be negative.
     pub from: f64,
     /// Its width (m), at most the period.
     pub width: f64,
 }
 
-impl Window {
+impl LocalExtent {
     /// A whole period (m).
     pub fn whole(period: f64) -> Self {
         Self {
@@ -26,16 +27,16 @@ impl Window {
 
 /// The cutoff of the list.
 #[derive(Debug, Clone, Copy)]
-pub struct Range {
+pub struct Cutoff {
     /// At least the greatest R_i + R_j + `skin` (m).
-    pub reach: f64,
+    pub greatest: f64,
     /// Pairs closer than R_i + R_j + `skin` (m) are listed.
     pub skin: f64,
 }
 
 /// Cells along one axis.
 #[derive(Debug, Clone, Copy)]
-struct Axis {
+struct CellAxis {
     low: f64,
     width: f64,
     /// Number of cells, and of cells in a period, if there is one.
@@ -45,11 +46,11 @@ struct Axis {
     first: i64,
 }
 
-impl Axis {
-    /// Cells of at least `reach` (m) in a period, for the interval of this `width` (m) that begins
+impl CellAxis {
+    /// Cells of at least `cutoff` (m) in a period, for the interval of this `width` (m) that begins
     /// at `from`.
-    fn periodic(period: f64, from: f64, width: f64, reach: f64) -> Self {
-        let all = ((period / reach) as usize).max(1);
+    fn periodic(period: f64, from: f64, width: f64, cutoff: f64) -> Self {
+        let all = ((period / cutoff) as usize).max(1);
         let cell = period / all as f64;
         Self {
             low: 0.0,
@@ -60,8 +61,8 @@ impl Axis {
         }
     }
 
-    fn open(low: f64, high: f64, reach: f64) -> Self {
-        let count = (((high - low) / reach) as usize).max(1);
+    fn open(low: f64, high: f64, cutoff: f64) -> Self {
+        let count = (((high - low) / cutoff) as usize).max(1);
         Self {
             low,
             width: (high - low) / count as f64,
@@ -81,7 +82,7 @@ impl Axis {
     }
 
     /// The cell and its neighbours, each once.
-    fn near(&self, cell: usize) -> impl Iterator<Item = usize> + Clone {
+    fn with_neighbours(&self, cell: usize) -> impl Iterator<Item = usize> + Clone {
         let ring = self.period == Some(self.count);
         let count = self.count;
         let before = match cell {
@@ -102,7 +103,7 @@ impl Axis {
 #[derive(Debug)]
 pub struct Bins<D: Dimension> {
     cell: Cell,
-    axes: [Axis; 3],
+    axes: [CellAxis; 3],
     /// First of the members of each cell, and one more at the end.
     start: Vec<u32>,
     member: Vec<u32>,
@@ -110,15 +111,21 @@ pub struct Bins<D: Dimension> {
 }
 
 impl<D: Dimension> Bins<D> {
-    /// Cells of at least `reach` (m) for these positions (m), which lie in the window.
-    pub fn new(cell: Cell, window: Window, reach: f64, position: &[[f64; 3]]) -> Self {
-        // Slowest along x, which may be limited to a window; fastest along the last axis.
-        let mut axes = [Axis::open(0.0, 0.0, 1.0); 3];
+    /// Cells of at least `cutoff` (m) for these positions (m), which lie in the extent.
+    pub fn new(cell: Cell, extent: LocalExtent, cutoff: f64, position: &[[f64; 3]]) -> Self {
+        // The index runs slowest along x, which may be limited to the extent of a rank; fastest
+        // along the last axis.
+        let mut axes = [CellAxis::open(0.0, 0.0, 1.0); 3];
         for (axis, cells) in axes[..D::UP].iter_mut().enumerate() {
             let period = cell.periods[axis];
             *cells = match axis {
-                0 => Axis::periodic(period, window.from, window.width, cell.reach_along(reach)),
-                _ => Axis::periodic(period, 0.0, period, reach),
+                0 => CellAxis::periodic(
+                    period,
+                    extent.from,
+                    extent.width,
+                    cell.cutoff_along_x(cutoff),
+                ),
+                _ => CellAxis::periodic(period, 0.0, period, cutoff),
             };
         }
         let (low, high) = position
@@ -128,8 +135,8 @@ impl<D: Dimension> Bins<D> {
                 (a.min(x), b.max(x))
             });
         axes[D::UP] = match &cell.sheared {
-            None => Axis::open(low, high, reach),
-            Some(sheared) => Axis::periodic(sheared.height, 0.0, sheared.height, reach),
+            None => CellAxis::open(low, high, cutoff),
+            Some(sheared) => CellAxis::periodic(sheared.height, 0.0, sheared.height, cutoff),
         };
         let mut bins = Self {
             cell,
@@ -139,7 +146,7 @@ impl<D: Dimension> Bins<D> {
             dimension: PhantomData,
         };
 
-        // In counting order.
+        // Counting sort.
         let all = axes[..D::AXES].iter().map(|a| a.count).product::<usize>();
         bins.start = vec![0u32; all + 1];
         let cells: Vec<u32> = position
@@ -162,7 +169,7 @@ impl<D: Dimension> Bins<D> {
     }
 
     fn at(&self, x: &[f64; 3]) -> [usize; 3] {
-        let mut at = [self.axes[0].cell(self.cell.along::<D>(x)), 0, 0];
+        let mut at = [self.axes[0].cell(self.cell.slab_coordinate::<D>(x)), 0, 0];
         for axis in 1..D::AXES {
             at[axis] = self.axes[axis].cell(x[axis]);
         }
@@ -174,27 +181,29 @@ impl<D: Dimension> Bins<D> {
         cells.fold(0, |index, (at, axis)| index * axis.count + at)
     }
 
-    /// Calls `found` once with every position that may lie within the reach of x (m), including x
+    /// Calls `visit` once with every position that may lie within the cutoff of x (m), including x
     /// itself.
     #[inline]
-    pub fn each_near(&self, x: &[f64; 3], mut found: impl FnMut(u32)) {
+    pub fn each_near(&self, x: &[f64; 3], mut visit: impl FnMut(u32)) {
         let here = self.at(x);
         // Members of consecutive cells along the last axis are contiguous. If that axis is periodic
         // and the cells wrap around, all of them are taken.
-        let column = self.axes[D::UP].near(here[D::UP]);
+        let column = self.axes[D::UP].with_neighbours(here[D::UP]);
         let (bottom, top) = column.fold((usize::MAX, 0), |(a, b), k| (a.min(k), b.max(k)));
-        let mut look = |mut place: [usize; 3]| {
+        let mut visit_column = |mut place: [usize; 3]| {
             place[D::UP] = bottom;
             let from = self.start[self.index(place)] as usize;
             place[D::UP] = top;
             let to = self.start[self.index(place) + 1] as usize;
-            self.member[from..to].iter().for_each(|&b| found(b));
+            self.member[from..to].iter().for_each(|&b| visit(b));
         };
-        for x in self.axes[0].near(here[0]) {
+        for x in self.axes[0].with_neighbours(here[0]) {
             if D::UP == 1 {
-                look([x, 0, 0]);
+                visit_column([x, 0, 0]);
             } else {
-                self.axes[1].near(here[1]).for_each(|y| look([x, y, 0]));
+                self.axes[1]
+                    .with_neighbours(here[1])
+                    .for_each(|y| visit_column([x, y, 0]));
             }
         }
     }
@@ -206,10 +215,10 @@ impl<D: Dimension> Bins<D> {
 pub fn pairs<D: Dimension>(
     grains: &Grains<D>,
     cell: Cell,
-    window: Window,
-    range: Range,
+    extent: LocalExtent,
+    cutoff: Cutoff,
 ) -> Vec<CandidatePair> {
-    let Range { reach, skin } = range;
+    let Cutoff { greatest, skin } = cutoff;
     let local = grains.local();
     let position: Vec<[f64; 3]> = (0..local)
         .map(|g| {
@@ -218,7 +227,7 @@ pub fn pairs<D: Dimension>(
             x
         })
         .collect();
-    let bins = Bins::<D>::new(cell, window, reach, &position);
+    let bins = Bins::<D>::new(cell, extent, greatest, &position);
 
     let mut by_id: Vec<u32> = (0..local as u32).collect();
     by_id.sort_unstable_by_key(|&g| grains.id[g as usize]);
@@ -258,8 +267,8 @@ mod tests {
     use crate::state::{GrainState, Masses, Sheared};
     use bytemuck::Zeroable;
 
-    /// Against all pairs, in narrow and wide cells, with ghosts; `offset` over L_x of a sheared
-    /// cell.
+    /// Compares with a search over all pairs, in narrow and wide cells, with ghosts; `offset` over
+    /// L_x of a sheared cell.
     fn compare<D: Dimension>(offset: Option<f64>) {
         for (length, width, count, owned) in [
             (2.5, 3.0, 12, 12),
@@ -301,32 +310,32 @@ mod tests {
             for ghost in &states[owned..] {
                 grains.push(ghost);
             }
-            let window = Window {
+            let extent = LocalExtent {
                 from: 0.0,
                 width: length,
             };
-            let range = Range {
-                reach: 1.1,
+            let cutoff = Cutoff {
+                greatest: 1.1,
                 skin: 0.1,
             };
-            let found = pairs(&grains, cell, window, range);
+            let found = pairs(&grains, cell, extent, cutoff);
             let mut expected = Vec::new();
             for a in 0..states.len() {
                 for b in a + 1..states.len() {
                     let (p, q) = (&states[a], &states[b]);
-                    // `separation` is held to a search over images by the tests of the cell.
+                    // The tests of the cell compare `separation` with a search over images.
                     let apart = cell.separation::<D>(&p.position, &q.position);
                     let square: f64 = apart.iter().map(|x| x * x).sum();
                     let both_ghosts = a >= owned && b >= owned;
                     let both_wall = p.body != 0 && q.body != 0;
-                    let near = f64::sqrt(square) < p.radius + q.radius + 0.1;
-                    if near && !both_ghosts && !both_wall {
+                    let listed = f64::sqrt(square) < p.radius + q.radius + 0.1;
+                    if listed && !both_ghosts && !both_wall {
                         expected.push([a as u32, b as u32]);
                     }
                 }
             }
             assert!(!expected.is_empty());
-            let found: Vec<_> = found.iter().map(|near| near.grains).collect();
+            let found: Vec<_> = found.iter().map(|pair| pair.grains).collect();
             assert_eq!(found, expected);
         }
     }

@@ -1,4 +1,5 @@
-//! What is measured of a run: time series rows, frames, the digest. None of it reaches the trajectory.
+//! Measured quantities: rows of the time series, frames, the digest. None of them changes the
+//! trajectory.
 
 use xxhash_rust::xxh3::xxh3_128;
 
@@ -12,21 +13,22 @@ use crate::kernel::ContactForces;
 use crate::state::{Cell, ContactSample, GrainSample, SeriesRow, body};
 use crate::system::System;
 
-/// What the time series needs to know of the whole sample.
+/// Constants of the sample from which rows of the time series are computed.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame {
-    /// Thickness of both walls together (m): the piston's height less this is that of the sheared layer.
+pub struct SampleConstants {
+    /// Thickness of both walls together (m): the height of the sheared layer is the piston's less
+    /// this.
     pub walls: f64,
     /// Volume of the free grains (m³; area, m², in 2D).
     pub free_volume: f64,
     /// The number of free grains.
     pub free_grains: u64,
-    /// For energies (J/m).
+    /// Fixed-point numbers for sums of energies (J; J/m in 2D).
     pub energy: FixedPoint,
 }
 
-impl Frame {
-    /// Of the grains as they are; collective.
+impl SampleConstants {
+    /// Measures the grains as they are. `energy`: a typical energy (J; J/m in 2D). Collective.
     pub fn measure<D: Dimension>(
         exchange: &dyn Exchange,
         system: &mut System<D>,
@@ -64,10 +66,10 @@ pub fn kinetic_energy<D: Dimension>(
     system: &mut System<D>,
     energy: &FixedPoint,
 ) -> f64 {
-    energy.total(exchange, [own_kinetic_energy(system, energy)])[0]
+    energy.total(exchange, [owned_kinetic_energy(system, energy)])[0]
 }
 
-fn own_kinetic_energy<D: Dimension>(system: &mut System<D>, energy: &FixedPoint) -> Accumulator {
+fn owned_kinetic_energy<D: Dimension>(system: &mut System<D>, energy: &FixedPoint) -> Accumulator {
     let grains = system.grains();
     let mut sum = Accumulator::default();
     for g in 0..grains.owned {
@@ -89,11 +91,11 @@ pub fn series<D: Dimension>(
     system: &mut System<D>,
     samples: &ContactForces,
     walls: &GrainWalls,
-    frame: &Frame,
+    constants: &SampleConstants,
     height: f64,
 ) -> SeriesRow {
     let (piston, slider) = (&walls.piston, &walls.slider.state);
-    let kinetic = own_kinetic_energy(system, &frame.energy);
+    let kinetic = owned_kinetic_energy(system, &constants.energy);
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
     for g in 0..grains.owned {
@@ -102,7 +104,7 @@ pub fn series<D: Dimension>(
             system.fixed.add(&mut normal, grains.force[g][D::UP]);
         }
     }
-    // Contacts, sliding contacts, and the ends of contacts that are at free grains.
+    // The number of contacts, of sliding contacts, and of contacts of each free grain, summed.
     let mut counts = [0i64; 3];
     for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
         let free = |g: usize| i64::from(grains.body[g] == body::FREE);
@@ -126,8 +128,8 @@ pub fn series<D: Dimension>(
         unreachable!("three counts were sent")
     };
     let (shear_force, normal_force) = (system.fixed.value(part(0)), system.fixed.value(part(1)));
-    let wall_height = piston.height - frame.walls;
-    let kinetic_energy = frame.energy.value(part(2));
+    let wall_height = piston.height - constants.walls;
+    let kinetic_energy = constants.energy.value(part(2));
     let moving = kinetic_energy + 0.5 * piston.mass * piston.velocity * piston.velocity;
     let energy = system
         .budget
@@ -135,9 +137,9 @@ pub fn series<D: Dimension>(
         .map_or(EnergyBalance::NONE, |budget| {
             budget.balance(
                 exchange,
-                system.level,
+                system.isa,
                 law,
-                budget::Sample {
+                budget::SampleState {
                     contacts: &system.contacts,
                     overlap: &samples.overlap,
                     load: piston.load,
@@ -152,8 +154,8 @@ pub fn series<D: Dimension>(
         normal_force,
         shear_force,
         wall_height,
-        solid_fraction: frame.free_volume / (base::<D>(system.cell) * wall_height),
-        coordination: ends as f64 / frame.free_grains as f64,
+        solid_fraction: constants.free_volume / (base::<D>(system.cell) * wall_height),
+        coordination: ends as f64 / constants.free_grains as f64,
         kinetic_energy,
         sliding_fraction: if contacts > 0 {
             sliding as f64 / contacts as f64
@@ -189,15 +191,7 @@ pub fn frame<D: Dimension>(
 ) -> (Vec<GrainSample>, Vec<ContactSample>) {
     system.finish_step();
     let grains = (0..system.grains.owned)
-        .map(|g| {
-            let state = system.grains.state(g);
-            GrainSample {
-                id: u64::from(state.id),
-                position: state.position,
-                velocity: state.velocity,
-                angular_velocity: state.angular_velocity,
-            }
-        })
+        .map(|g| GrainSample::from(&system.grains.state(g)))
         .collect();
     let contacts = system
         .contacts
@@ -205,7 +199,7 @@ pub fn frame<D: Dimension>(
         .filter(|at| at.i < system.grains.owned)
         .map(|at| {
             let state = system.contacts.state(law, at, &system.grains.id);
-            let force = samples.tangential[at.block].map(|row| row.0[at.lane]);
+            let force = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
             let planar = D::SPINS == 1;
             let tangential = |v: [f64; 3]| if planar { [v[0], 0.0, 0.0] } else { v };
             ContactSample {
@@ -223,8 +217,9 @@ pub fn frame<D: Dimension>(
     (grains, contacts)
 }
 
-/// Digest of the state: every grain, every touching contact with its history, the walls or whatever else (`more`), the step. It is the sum of 128-bit
-/// hashes of them, so it does not depend on who holds what; collective.
+/// The digest of the state: of every grain, every touching contact with its history, `more` (such
+/// as the walls) and the step. It is the sum of their 128-bit hashes, so it does not depend on
+/// which rank has them; collective.
 pub fn digest<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -232,7 +227,7 @@ pub fn digest<D: Dimension>(
     more: &[u8],
     step: u64,
 ) -> String {
-    // Two sums of 64 bits, each wrapping.
+    // The lower and the upper 64 bits are summed separately, so the sums wrap.
     let mut halves = [0i64; 2];
     let mut add = |bytes: &[u8]| {
         let hash = xxh3_128(bytes);
@@ -242,7 +237,7 @@ pub fn digest<D: Dimension>(
     for g in system.grain_states() {
         add(bytemuck::bytes_of(&g));
     }
-    for c in system.own_contact_states(law) {
+    for c in system.owned_contact_states(law) {
         add(bytemuck::bytes_of(&c));
     }
     if exchange.rank() == 0 {

@@ -8,16 +8,16 @@ use std::ops::Range;
 
 use bytemuck::Zeroable;
 
-use crate::clock::Phase;
+use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{Drive, Load};
+use crate::drive::{Drive, TopForce};
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Counting, Found, PairForce};
+use crate::kernel::{ContactForces, Counting, PairForce, PassOutcome};
 use crate::simd::{Lanes, Work};
 use crate::state::{Cell, Grains, Units, body};
 use crate::system::{Outside, System};
-use crate::threads::{Own, Setting};
+use crate::threads::{OwnedPart, SharedInput};
 
 /// Options of a step.
 #[derive(Debug, Default)]
@@ -56,27 +56,28 @@ pub fn advance<D: Dimension>(
     system.steps += 1;
     system.clock.start();
 
-    // Not at the end of the last step, whose samples belong to the list they were taken with.
+    // Not at the end of the last step, because its samples are indexed by the blocks of the old
+    // list.
     if system.list.due {
         system.rebuild(exchange, law, drive)?;
-        system.clock.end(Phase::Rebuild);
+        system.clock.end(StepPhase::Rebuild);
     }
     drive.drift(step, &mut system.grains);
-    system.cell.lean(step);
-    let (level, cell) = (system.level, system.cell);
+    system.cell.advance_offset(step);
+    let (isa, cell) = (system.isa, system.cell);
     let mut fastest = drive.speed();
-    let kick_is_due = std::mem::take(&mut system.kick_is_due);
-    system.team.over_own(
+    let second_kick_deferred = std::mem::take(&mut system.second_kick_deferred);
+    system.pool.over_owned(
         &mut system.grains,
-        |own| match kick_is_due {
-            true => level.run(HalfKickAndDrift::<_, true> { own, step, cell }),
-            false => level.run(HalfKickAndDrift::<_, false> { own, step, cell }),
+        |part| match second_kick_deferred {
+            true => isa.run(HalfKickAndDrift::<_, true> { part, step, cell }),
+            false => isa.run(HalfKickAndDrift::<_, false> { part, step, cell }),
         },
         |speed| fastest = greater_or_nan(fastest, speed),
     );
     drive.predict(step, &mut system.grains);
     let rebuild = system.list.moved(fastest, step, &system.grains, &cell);
-    system.clock.end(Phase::Motion);
+    system.clock.end(StepPhase::Motion);
 
     let outside = add_forces(exchange, system, law, drive, step, request.samples);
 
@@ -90,15 +91,15 @@ pub fn advance<D: Dimension>(
     });
     let (load, [due, stop]) = message.read(exchange, system, outside)?;
     system.list.due = due;
-    system.kick_is_due = true;
+    system.second_kick_deferred = true;
     if let Some(budget) = &mut system.budget {
         budget.push(-load.along, drive.slid());
     }
-    system.clock.end(Phase::Walls);
+    system.clock.end(StepPhase::Walls);
 
     // Last, because the second kick leaves grains of walls at the velocity of the half step.
     drive.kick(step, load, &mut system.grains);
-    system.clock.end(Phase::Motion);
+    system.clock.end(StepPhase::Motion);
 
     Ok(stop)
 }
@@ -116,7 +117,7 @@ pub fn initial_forces<D: Dimension>(
     samples: Option<&mut ContactForces>,
 ) -> Result<(), Failure> {
     // The time until now belongs to the first list.
-    system.clock.end(Phase::Rebuild);
+    system.clock.end(StepPhase::Rebuild);
     let outside = forces(exchange, system, law, drive, 0.0, samples);
     let mut message = Message::new(system, drive, outside, []);
     exchange.sum_during(&mut message.0, &mut || ());
@@ -165,12 +166,12 @@ impl<const K: usize> Message<K> {
         exchange: &dyn Exchange,
         system: &System<D>,
         outside: Option<Outside>,
-    ) -> Result<(Load, [bool; K]), Failure> {
+    ) -> Result<(TopForce, [bool; K]), Failure> {
         let force = |k: usize| {
             let limbs = &self.0[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)];
             system.fixed.value(Accumulator::read(limbs))
         };
-        let load = Load {
+        let load = TopForce {
             up: force(0),
             along: force(1),
         };
@@ -208,29 +209,29 @@ fn add_forces<D: Dimension>(
     mut samples: Option<&mut ContactForces>,
 ) -> Option<Outside> {
     let System {
-        level,
+        isa,
         cell,
         grains,
         contacts,
         slabs,
         clock,
         list,
-        team,
+        pool,
         budget,
         gravity,
         step: full_step,
         ..
     } = system;
-    team.clear(&mut grains.force[grains.owned..]);
+    pool.clear(&mut grains.force[grains.owned..]);
     if *gravity > 0.0 {
         weigh(grains, *gravity);
     }
-    let at_plane = drive.forces(*level, *cell, step, grains);
+    let at_plane = drive.forces(*isa, *cell, step, grains);
     if let Some(samples) = &mut samples {
         samples.prepare(contacts.blocks());
     }
-    let setting = Setting {
-        level: *level,
+    let input = SharedInput {
+        isa: *isa,
         law,
         units: grains.units,
         cell: *cell,
@@ -244,49 +245,51 @@ fn add_forces<D: Dimension>(
     let (record, force) = (&mut grains.record, &mut grains.force);
     let mut work = |record: &[D::Record], group: Range<usize>| {
         let samples = samples.as_deref_mut();
-        team.contact_forces(setting, record, force, contacts, group, samples)
+        pool.contact_forces(input, record, force, contacts, group, samples)
     };
-    let mut found = Found::default();
-    slabs.exchange(exchange, record, grains.owned, |own| {
-        clock.end(Phase::Exchange);
-        found = work(own, 0..inner);
-        clock.end(Phase::Contacts);
+    let mut outcome = PassOutcome::default();
+    slabs.exchange(exchange, record, grains.owned, |part| {
+        clock.end(StepPhase::Exchange);
+        outcome = work(part, 0..inner);
+        clock.end(StepPhase::Contacts);
     });
-    clock.end(Phase::Exchange);
-    found = found.and(work(record, inner..all));
-    team.gather(&mut grains.force);
-    clock.end(Phase::Contacts);
+    clock.end(StepPhase::Exchange);
+    outcome = outcome.merge(work(record, inner..all));
+    pool.gather(&mut grains.force);
+    clock.end(StepPhase::Contacts);
 
     if let Some(budget) = budget {
-        budget.step(found.dissipated, found.uncounted);
+        budget.step(outcome.dissipated, outcome.uncounted);
     }
     let pair = |at: Option<(usize, usize)>, why: fn(usize, usize) -> Outside| {
         at.map(|(block, lane)| why(block, lane))
     };
-    let at_pair = pair(found.outside, Outside::Pair).or(pair(found.too_strong, Outside::Force));
+    let at_pair = pair(outcome.outside, Outside::Pair).or(pair(outcome.too_strong, Outside::Force));
     let unsound = list.unsound.then_some(Outside::Number);
     at_plane.map(Outside::Plane).or(at_pair).or(unsound)
 }
 
 /// Computes v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces.
-/// Returns the greatest speed (m/s), or NaN if one is NaN. `KICK_IS_DUE`: gives the deferred second
-/// kick of the last step first.
-struct HalfKickAndDrift<'a, D: Dimension, const KICK_IS_DUE: bool> {
-    own: Own<'a, D>,
+/// Returns the greatest speed (m/s), or NaN if one is NaN. `SECOND_KICK_DEFERRED`: gives the
+/// deferred second kick of the last step first.
+struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool> {
+    part: OwnedPart<'a, D>,
     step: f64,
     cell: Cell,
 }
 
-impl<D: Dimension, const KICK_IS_DUE: bool> Work for HalfKickAndDrift<'_, D, KICK_IS_DUE> {
+impl<D: Dimension, const SECOND_KICK_DEFERRED: bool> Work
+    for HalfKickAndDrift<'_, D, SECOND_KICK_DEFERRED>
+{
     type Output = f64;
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) -> f64 {
-        let Self { own, step, cell } = self;
+        let Self { part, step, cell } = self;
         // The bits of the squared speed, which are greatest for NaN: integers are compared in one
         // cycle, a chain of floating-point maxima would wait for each result.
         let mut fastest = 0;
-        let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
+        let grains = part.record.iter_mut().zip(part.force).zip(part.half_kick);
         for ((record, force), kick) in grains {
             let r = D::fields_mut(record);
             let [linear, angular] = *kick;
@@ -294,7 +297,7 @@ impl<D: Dimension, const KICK_IS_DUE: bool> Work for HalfKickAndDrift<'_, D, KIC
             let (mut dv, mut v) = ([0.0; 3], [0.0; 3]);
             for axis in 0..D::AXES {
                 dv[axis] = linear * force[axis];
-                v[axis] = match KICK_IS_DUE {
+                v[axis] = match SECOND_KICK_DEFERRED {
                     true => (r[D::HALF_VELOCITY + axis] + dv[axis]) + dv[axis],
                     false => r[D::VELOCITY + axis] + dv[axis],
                 };
@@ -313,7 +316,7 @@ impl<D: Dimension, const KICK_IS_DUE: bool> Work for HalfKickAndDrift<'_, D, KIC
             let (mut dw, mut w) = ([0.0; 3], [0.0; 3]);
             for k in 0..D::SPINS {
                 dw[k] = angular * force[D::TORQUE + k];
-                w[k] = match KICK_IS_DUE {
+                w[k] = match SECOND_KICK_DEFERRED {
                     true => (r[D::HALF_SPIN + k] + dw[k]) + dw[k],
                     false => r[D::SPIN + k] + dw[k],
                 };
@@ -331,7 +334,7 @@ impl<D: Dimension, const KICK_IS_DUE: bool> Work for HalfKickAndDrift<'_, D, KIC
                     *x = Cell::wrapped(*x, period);
                 }
             }
-            cell.wrap_up::<D>(r);
+            cell.wrap_last_axis::<D>(r);
             *force = Zeroable::zeroed();
             fastest = speed.to_bits().max(fastest);
         }

@@ -9,9 +9,9 @@ use crate::drive::Drive;
 use crate::failure::Failure;
 use crate::kernel::PairForce;
 use crate::neighbour;
-use crate::simd::{Lanes, Level, Work};
+use crate::simd::{Isa, Lanes, Work};
 use crate::state::{Cell, ContactState, Contacts, GrainState, Grains, Masses, Units, length};
-use crate::threads::{Own, Team};
+use crate::threads::{OwnedPart, ThreadPool};
 
 /// Bounds of an adaptive skin over d̄.
 const THINNEST_SKIN: f64 = 0.002;
@@ -24,7 +24,7 @@ const BEST_LIFE: f64 = 400.0;
 #[derive(Debug)]
 pub struct System<D: Dimension> {
     /// The instruction set.
-    pub level: Level,
+    pub isa: Isa,
     /// The cell.
     pub cell: Cell,
     /// The masses of the grains.
@@ -47,11 +47,11 @@ pub struct System<D: Dimension> {
     /// The second kick of the last step is deferred: velocities are those of the half step. The
     /// next step gives it with its own first kick; the accessors of the grains give it before they
     /// return.
-    pub(crate) kick_is_due: bool,
+    pub(crate) second_kick_deferred: bool,
     /// The time spent in each phase.
     pub clock: Clock,
     /// The threads of this rank.
-    pub team: Team<D>,
+    pub pool: ThreadPool<D>,
     /// The energy budget, if it is kept.
     pub budget: Option<EnergyBudget>,
 }
@@ -75,8 +75,8 @@ pub struct List {
     pub due: bool,
     /// Upper bound of the displacements since the last rebuild (m).
     bound: f64,
-    /// How far the images above have moved since then (m).
-    leaned: f64,
+    /// Change of the Lees–Edwards offset since then (m).
+    offset_change: f64,
     /// Positions of the owned grains at the last rebuild.
     origin: Vec<[f64; 3]>,
     /// Whether a coordinate is NaN or a grain moved further than half a skin before a rebuild.
@@ -101,14 +101,14 @@ impl List {
         };
         let [length, width] = cell.periods;
         let higher = cell.sheared.map_or(f64::INFINITY, |s| 0.5 * s.height);
-        // How much longer the reach is along x where the images lean.
-        let longer = cell.longest_reach_along(1.0);
+        // The factor by which the tilt of the images lengthens the cutoff along x.
+        let longer = cell.greatest_cutoff_along_x(1.0);
         let widest = 0.98 * (length / (longer * size as f64)).min(width).min(higher) - diameter;
         let range = [thin * mean_diameter, (thick * mean_diameter).min(widest)];
         let most = most_ranks(0.98 * length, longer * (diameter + range[0]));
         if range[1] < range[0] {
             return Err(Failure::input(format!(
-                "{size} ranks are too many for this cell: a slab must be wider than the interaction range (the greatest \
+                "{size} ranks are too many for this cell: a slab must be wider than the cutoff (the greatest \
                  diameter and the skin, {:.4e} m), and the cell is sample.length = {length:.4e} m long; run it on 1 to {} ranks",
                 diameter + range[0],
                 most.max(1),
@@ -123,7 +123,7 @@ impl List {
             rebuilds: 0,
             due: false,
             bound: 0.0,
-            leaned: 0.0,
+            offset_change: 0.0,
             origin: Vec::new(),
             unsound: false,
         })
@@ -138,15 +138,15 @@ impl List {
         grains: &Grains<D>,
         cell: &Cell,
     ) -> bool {
-        let leaning = step * cell.sheared.map_or(0.0, |s| s.velocity.abs());
-        self.leaned += leaning;
+        let offset_step = step * cell.sheared.map_or(0.0, |s| s.velocity.abs());
+        self.offset_change += offset_step;
         // Half of it for a pair across the top, and all of it for a grain that was wrapped there,
         // whose displacement is measured with this error.
-        let more = 1.5 * self.leaned;
+        let more = 1.5 * self.offset_change;
         let half = 0.5 * self.skin;
-        self.bound += step * fastest + 1.5 * leaning;
+        self.bound += step * fastest + 1.5 * offset_step;
         // The next step may be up to twice as fast.
-        let margin = 2.0 * step * fastest + 1.5 * leaning;
+        let margin = 2.0 * step * fastest + 1.5 * offset_step;
         if self.bound + margin > half {
             let exact = self.displacement(grains, cell) + more;
             self.bound = exact;
@@ -190,7 +190,7 @@ impl List {
         self.every > 0 && steps - self.built >= self.every
     }
 
-    fn reach(&self) -> f64 {
+    fn cutoff(&self) -> f64 {
         self.diameter + self.skin
     }
 
@@ -218,7 +218,7 @@ pub struct ListSettings {
 #[derive(Debug, Clone, Copy)]
 pub struct Setup {
     /// The instruction set.
-    pub level: Level,
+    pub isa: Isa,
     /// Settings of the list of pairs.
     pub list: ListSettings,
     /// The cell.
@@ -246,7 +246,7 @@ impl<D: Dimension> System<D> {
     /// If the slabs would be too narrow, or the threads cannot be started.
     pub fn new(exchange: &dyn Exchange, of: Setup) -> Result<Self, Failure> {
         Ok(Self {
-            level: of.level,
+            isa: of.isa,
             cell: of.cell,
             masses: of.masses,
             step: of.step,
@@ -263,9 +263,9 @@ impl<D: Dimension> System<D> {
                 of.largest_radius,
                 of.mean_diameter,
             )?,
-            kick_is_due: false,
+            second_kick_deferred: false,
             clock: Clock::default(),
-            team: Team::new(of.threads)?,
+            pool: ThreadPool::new(of.threads)?,
             budget: None,
         })
     }
@@ -301,10 +301,10 @@ impl<D: Dimension> System<D> {
     /// Gives the deferred second kick, if it is due, by the same operations as the next step would,
     /// so with the same bits.
     pub(crate) fn finish_step(&mut self) {
-        if std::mem::take(&mut self.kick_is_due) {
-            let level = self.level;
-            self.team
-                .over_own(&mut self.grains, |own| level.run(SecondKick(own)), |()| ());
+        if std::mem::take(&mut self.second_kick_deferred) {
+            let isa = self.isa;
+            self.pool
+                .over_owned(&mut self.grains, |part| isa.run(SecondKick(part)), |()| ());
         }
     }
 
@@ -325,7 +325,7 @@ impl<D: Dimension> System<D> {
     }
 
     /// The touching contacts whose first grain this rank owns: each contact on one rank.
-    pub fn own_contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
+    pub fn owned_contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
         self.contacts
             .touching()
             .filter(|at| at.i < self.grains.owned)
@@ -361,33 +361,41 @@ impl<D: Dimension> System<D> {
         grains: Vec<GrainState>,
         contacts: Vec<ContactState>,
     ) -> Result<(), Failure> {
-        let reach = self.list.reach();
-        let (own, remembered) = self
+        let cutoff = self.list.cutoff();
+        let (owned, remembered) = self
             .slabs
-            .redistribute(exchange, self.cell, grains, contacts, reach)?;
-        self.kick_is_due = false;
-        self.grains.replace(&own, self.masses, self.step);
+            .redistribute(exchange, self.cell, grains, contacts, cutoff)?;
+        self.second_kick_deferred = false;
+        self.grains.replace(&owned, self.masses, self.step);
         let largest = 0.5 * self.list.diameter;
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
-            .attach_ghosts(exchange, self.cell, &mut self.grains, reach);
-        let window = self.slabs.window(exchange, self.cell.reach_along(reach));
-        let range = neighbour::Range {
-            reach,
+            .attach_ghosts(exchange, self.cell, &mut self.grains, cutoff);
+        let extent = self
+            .slabs
+            .local_extent(exchange, self.cell.cutoff_along_x(cutoff));
+        let list_cutoff = neighbour::Cutoff {
+            greatest: cutoff,
             skin: self.list.skin,
         };
-        let near = neighbour::pairs(&self.grains, self.cell, window, range);
+        let candidates = neighbour::pairs(&self.grains, self.cell, extent, list_cutoff);
         let Grains {
             id, radius, owned, ..
         } = &self.grains;
-        self.contacts
-            .replace(self.level, law, &near, &remembered, (id, radius), *owned);
-        self.team.assign(&self.contacts, self.grains.local());
-        drive.renumber(self.level, &self.grains, self.list.skin);
+        self.contacts.replace(
+            self.isa,
+            law,
+            &candidates,
+            &remembered,
+            (id, radius),
+            *owned,
+        );
+        self.pool.assign(&self.contacts, self.grains.local());
+        drive.renumber(self.isa, &self.grains, self.list.skin);
 
         self.list.due = false;
         self.list.bound = 0.0;
-        self.list.leaned = 0.0;
+        self.list.offset_change = 0.0;
         self.list.built = self.steps;
         self.list.rebuilds += 1;
         self.list.origin.clear();
@@ -473,7 +481,7 @@ impl<D: Dimension> System<D> {
     pub fn memory(&self) -> usize {
         self.grains.memory()
             + self.contacts.memory()
-            + self.team.memory()
+            + self.pool.memory()
             + self.list.origin.capacity() * size_of::<[f64; 3]>()
     }
 }
@@ -493,15 +501,15 @@ pub enum Outside {
 }
 
 /// Replaces the predicted v(t+Δt) by that of the second kick.
-struct SecondKick<'a, D: Dimension>(Own<'a, D>);
+struct SecondKick<'a, D: Dimension>(OwnedPart<'a, D>);
 
 impl<D: Dimension> Work for SecondKick<'_, D> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) {
-        let own = self.0;
-        let grains = own.record.iter_mut().zip(own.force).zip(own.half_kick);
+        let part = self.0;
+        let grains = part.record.iter_mut().zip(part.force).zip(part.half_kick);
         for ((record, force), kick) in grains {
             let r = D::fields_mut(record);
             let [linear, angular] = *kick;

@@ -1,5 +1,5 @@
-//! The threads inside a rank. Each thread sums the forces of its own contacts, and the sums are
-//! added. Sums of forces are exact, so the bits are the same with any number of threads.
+//! The thread pool of a rank. Every thread sums the forces of its part of the contacts, and then
+//! the pool adds these sums. They are exact, so the number of threads does not change a bit.
 
 use std::ops::Range;
 
@@ -8,36 +8,36 @@ use rayon::prelude::*;
 
 use crate::dimension::Dimension;
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Counting, Found, PairForce, Pass, Scratch};
-use crate::simd::Level;
+use crate::kernel::{ContactForces, Counting, PairForce, Pass, PassOutcome, Scratch};
+use crate::simd::Isa;
 use crate::state::{Cell, Contacts, Grains, Units};
 
 /// Number of grains whose forces a thread clears and adds together.
 const PAGE: usize = 256;
 
-/// The threads, and the forces that all but the first of them sum.
+/// The threads of a rank, and the partial forces of all but the first.
 #[derive(Debug)]
-pub struct Team<D: Dimension> {
+pub struct ThreadPool<D: Dimension> {
     /// `None` for a single thread.
-    pool: Option<rayon::ThreadPool>,
+    workers: Option<rayon::ThreadPool>,
     scratch: Box<Scratch<D>>,
-    others: Vec<Other<D>>,
+    partial: Vec<PartialForces<D>>,
 }
 
-/// The forces that one of the other threads sums, over all local grains; only some pages are used.
+/// The forces on all local grains by the contacts of one thread; only some pages are used.
 #[derive(Debug)]
-struct Other<D: Dimension> {
+struct PartialForces<D: Dimension> {
     force: Vec<D::Force>,
     /// Whether each page is used.
     used: Vec<bool>,
     scratch: Box<Scratch<D>>,
 }
 
-/// What all parts of a pass have in common; see [`Pass`].
+/// The inputs that all parts of a pass share; see [`Pass`].
 #[derive(Clone, Copy)]
-pub struct Setting<'a, D: Dimension> {
+pub struct SharedInput<'a, D: Dimension> {
     /// The instruction set.
-    pub level: Level,
+    pub isa: Isa,
     /// The contact law.
     pub law: &'a dyn PairForce<D>,
     /// The units to which forces and torques are rounded.
@@ -50,28 +50,28 @@ pub struct Setting<'a, D: Dimension> {
     pub counting: Option<Counting>,
 }
 
-impl<D: Dimension> Team<D> {
-    /// A pool of `threads` threads, with the calling one.
+impl<D: Dimension> ThreadPool<D> {
+    /// Starts a pool of `threads` threads, the calling one included.
     ///
     /// # Errors
     /// If the threads cannot be started.
     pub fn new(threads: usize) -> Result<Self, Failure> {
         if threads <= 1 {
             return Ok(Self {
-                pool: None,
+                workers: None,
                 scratch: Box::default(),
-                others: Vec::new(),
+                partial: Vec::new(),
             });
         }
-        let pool = rayon::ThreadPoolBuilder::new()
+        let workers = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .map_err(|e| Failure::Other(format!("{threads} threads: {e}")))?;
         Ok(Self {
-            pool: Some(pool),
+            workers: Some(workers),
             scratch: Box::default(),
-            others: (1..threads)
-                .map(|_| Other {
+            partial: (1..threads)
+                .map(|_| PartialForces {
                     force: Vec::new(),
                     used: Vec::new(),
                     scratch: Box::default(),
@@ -82,92 +82,100 @@ impl<D: Dimension> Team<D> {
 
     /// Number of threads.
     pub fn threads(&self) -> usize {
-        1 + self.others.len()
+        1 + self.partial.len()
     }
 
-    /// Finds the pages that each thread's contacts use. Must be called for every new list.
+    /// Divides a new list of contacts among the threads, and finds the pages that each part uses.
+    /// Must be called for every new list.
     pub fn assign(&mut self, contacts: &Contacts, local: usize) {
         let threads = self.threads();
         let all = contacts.blocks();
-        for (k, other) in self.others.iter_mut().enumerate() {
-            other.used.clear();
-            other.used.resize(local.div_ceil(PAGE), false);
+        for (k, partial) in self.partial.iter_mut().enumerate() {
+            partial.used.clear();
+            partial.used.resize(local.div_ceil(PAGE), false);
             for group in [0..contacts.inner, contacts.inner..all] {
                 let begin = |part: usize| group.start + group.len() * part / threads;
                 for pairs in &contacts.pairs.blocks()[begin(k + 1)..begin(k + 2)] {
                     for &g in pairs.i.iter().chain(&pairs.j) {
-                        other.used[g as usize / PAGE] = true;
+                        partial.used[g as usize / PAGE] = true;
                     }
                 }
             }
-            other.force.clear();
-            other.force.resize(local, D::Force::zeroed());
+            partial.force.clear();
+            partial.force.resize(local, D::Force::zeroed());
         }
     }
 
-    /// Computes the contact forces of a group of blocks. The first thread adds them to `force`, the
-    /// others to their own sums.
+    /// Computes the contact forces of a group of blocks. The first thread adds its part to `force`,
+    /// each other thread to its partial forces.
     pub fn contact_forces(
         &mut self,
-        setting: Setting<'_, D>,
+        input: SharedInput<'_, D>,
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
         group: Range<usize>,
         samples: Option<&mut ContactForces>,
-    ) -> Found {
+    ) -> PassOutcome {
         let pass = |part, force, samples, scratch: &mut Scratch<D>| {
-            setting.law.pass(
-                setting.level,
+            input.law.pass(
+                input.isa,
                 Pass {
                     record,
                     force,
                     part,
-                    units: setting.units,
-                    cell: setting.cell,
-                    step: setting.step,
+                    units: input.units,
+                    cell: input.cell,
+                    step: input.step,
                     samples,
-                    counting: setting.counting,
+                    counting: input.counting,
                 },
                 scratch,
             )
         };
         let mut samples = samples.map(|s| s.part(group.clone()));
         let mut part = contacts.part(group.clone());
-        let Some(pool) = &self.pool else {
+        let Some(workers) = &self.workers else {
             return pass(part, force, samples, &mut self.scratch);
         };
-        let threads = 1 + self.others.len();
-        let mut found = vec![Found::default(); threads];
-        pool.in_place_scope(|scope| {
+        let threads = 1 + self.partial.len();
+        let mut outcomes = vec![PassOutcome::default(); threads];
+        workers.in_place_scope(|scope| {
             let pass = &pass;
-            let (here, elsewhere) = found.split_at_mut(1);
+            let (first, others) = outcomes.split_at_mut(1);
             // From the last part to the first, which this thread computes.
-            for (k, (other, found)) in self.others.iter_mut().zip(elsewhere).enumerate().rev() {
+            for (k, (partial, outcome)) in self.partial.iter_mut().zip(others).enumerate().rev() {
                 let begin = group.start + group.len() * (k + 1) / threads;
-                let own = begin - part.first;
+                let blocks = begin - part.first;
                 let (before, after) = part.split(begin);
-                let (samples_before, samples_after) = samples.map(|s| s.split(own)).unzip();
+                let (samples_before, samples_after) = samples.map(|s| s.split(blocks)).unzip();
                 (part, samples) = (before, samples_before);
                 scope.spawn(move |_| {
-                    *found = pass(after, &mut other.force, samples_after, &mut other.scratch);
+                    *outcome = pass(
+                        after,
+                        &mut partial.force,
+                        samples_after,
+                        &mut partial.scratch,
+                    );
                 });
             }
-            here[0] = pass(part, force, samples, &mut self.scratch);
+            first[0] = pass(part, force, samples, &mut self.scratch);
         });
-        found.into_iter().fold(Found::default(), Found::and)
+        outcomes
+            .into_iter()
+            .fold(PassOutcome::default(), PassOutcome::merge)
     }
 
-    /// Clears these forces and the sums of the other threads.
+    /// Clears `force` and the partial forces.
     pub fn clear(&mut self, force: &mut [D::Force]) {
         let zero = D::Force::zeroed();
-        let Some(pool) = &self.pool else {
+        let Some(workers) = &self.workers else {
             return force.fill(zero);
         };
-        pool.in_place_scope(|scope| {
-            for other in &mut self.others {
+        workers.in_place_scope(|scope| {
+            for partial in &mut self.partial {
                 scope.spawn(move |_| {
-                    let pages = other.force.chunks_mut(PAGE).zip(&other.used);
+                    let pages = partial.force.chunks_mut(PAGE).zip(&partial.used);
                     for (page, _) in pages.filter(|(_, used)| **used) {
                         page.fill(zero);
                     }
@@ -177,76 +185,76 @@ impl<D: Dimension> Team<D> {
         });
     }
 
-    /// Adds the sums of the other threads to the forces on the grains.
+    /// Adds the partial forces to the forces on the grains.
     pub fn gather(&self, force: &mut [D::Force]) {
-        let Some(pool) = &self.pool else {
+        let Some(workers) = &self.workers else {
             return;
         };
         let add = |(page, sums): (usize, &mut [D::Force])| {
-            for other in self.others.iter().filter(|other| other.used[page]) {
-                for (sum, more) in sums.iter_mut().zip(&other.force[page * PAGE..]) {
+            for partial in self.partial.iter().filter(|partial| partial.used[page]) {
+                for (sum, more) in sums.iter_mut().zip(&partial.force[page * PAGE..]) {
                     for (sum, more) in sum.iter_mut().zip(&more[..]) {
                         *sum += more;
                     }
                 }
             }
         };
-        pool.install(|| force.par_chunks_mut(PAGE).enumerate().for_each(add));
+        workers.install(|| force.par_chunks_mut(PAGE).enumerate().for_each(add));
     }
 
-    /// Runs `work` on the owned grains, in parts of about the same size, and calls `each` with
-    /// every result.
-    pub fn over_own<R: Send + Default>(
+    /// Divides the owned grains into parts of about the same size, one per thread, runs `work` on
+    /// each, and calls `each` with every result.
+    pub fn over_owned<R: Send + Default>(
         &self,
         grains: &mut Grains<D>,
-        work: impl Fn(Own<'_, D>) -> R + Sync,
+        work: impl Fn(OwnedPart<'_, D>) -> R + Sync,
         mut each: impl FnMut(R),
     ) {
-        let own = grains.owned;
-        let mut rest = Own {
-            record: &mut grains.record[..own],
-            force: &mut grains.force[..own],
+        let owned = grains.owned;
+        let mut rest = OwnedPart {
+            record: &mut grains.record[..owned],
+            force: &mut grains.force[..owned],
             half_kick: &grains.half_kick,
         };
-        let Some(pool) = &self.pool else {
+        let Some(workers) = &self.workers else {
             return each(work(rest));
         };
         let threads = self.threads();
-        let mut found: Vec<R> = (0..threads).map(|_| R::default()).collect();
-        pool.in_place_scope(|scope| {
+        let mut results: Vec<R> = (0..threads).map(|_| R::default()).collect();
+        workers.in_place_scope(|scope| {
             let work = &work;
-            for (k, found) in found.iter_mut().enumerate() {
-                let size = own * (k + 1) / threads - own * k / threads;
+            for (k, result) in results.iter_mut().enumerate() {
+                let size = owned * (k + 1) / threads - owned * k / threads;
                 let (record, record_after) = rest.record.split_at_mut(size);
                 let (force, force_after) = rest.force.split_at_mut(size);
                 let (half_kick, half_kick_after) = rest.half_kick.split_at(size);
-                rest = Own {
+                rest = OwnedPart {
                     record: record_after,
                     force: force_after,
                     half_kick: half_kick_after,
                 };
-                let part = Own {
+                let part = OwnedPart {
                     record,
                     force,
                     half_kick,
                 };
-                scope.spawn(move |_| *found = work(part));
+                scope.spawn(move |_| *result = work(part));
             }
         });
-        found.into_iter().for_each(each);
+        results.into_iter().for_each(each);
     }
 
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
-        self.others
+        self.partial
             .iter()
-            .map(|o| o.force.capacity() * size_of::<D::Force>())
+            .map(|partial| partial.force.capacity() * size_of::<D::Force>())
             .sum()
     }
 }
 
-/// Some owned grains, for the kicks and the drift; see [`Grains`].
-pub struct Own<'a, D: Dimension> {
+/// Part of the owned grains, for the kicks and the drift; see [`Grains`].
+pub struct OwnedPart<'a, D: Dimension> {
     /// Their records.
     pub record: &'a mut [D::Record],
     /// Their forces and torques.

@@ -1,4 +1,5 @@
-//! The second kick of a step is given when someone looks, or by the next step: the bits are the same.
+//! The second kick of a step is given before grains are read, or by the next step: the bits are the
+//! same.
 
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Dimension, Three, Two};
@@ -10,7 +11,7 @@ use gshear_dem::laws::hertz::{Hertz, Spheres};
 use gshear_dem::laws::hooke::{Hooke, Springs};
 use gshear_dem::observe;
 use gshear_dem::protocol::Protocol;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -23,20 +24,20 @@ const LAYERS: usize = 5;
 const SPACING: f64 = 1.98 * RADIUS;
 const STEPS: u64 = 300;
 
-/// How the grains are looked at during a run, before the end.
-type Look<D> = fn(&mut System<D>, &GrainWalls);
+/// An access to the grains during a run, before the end.
+type Access<D> = fn(&mut System<D>, &GrainWalls);
 
-/// A pressed layer between a fixed wall and one that a spring pulls along: its grains move, collide and cross the seam. Returns the
-/// digest of grains, contacts and walls.
-fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, look: Look<D>) -> String {
+/// A pressed layer between a fixed wall and one that a spring pulls along: its grains move, collide
+/// and cross the periodic boundary. Returns the digest of grains, contacts and walls.
+fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Access<D>) -> String {
     let length = SIDE as f64 * SPACING;
     let width = match D::AXES {
         2 => f64::INFINITY,
         _ => length,
     };
     let setup = Setup {
-        level: Level::detect(),
-        // So that lists are rebuilt after steps that are looked at, and after others.
+        isa: Isa::detect(),
+        // Lists are then rebuilt after steps with and without access.
         list: ListSettings {
             skin: Some(0.1),
             rebuild_every: 7,
@@ -76,7 +77,7 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, look: Look<D
     for k in 1..=STEPS {
         advance(&Solo, &mut system, law, &mut walls, StepRequest::default()).expect("sound");
         if every > 0 && k % every == 0 {
-            look(&mut system, &walls);
+            access(&mut system, &walls);
         }
     }
     assert!(system.list.rebuilds > STEPS / 8);
@@ -125,7 +126,8 @@ fn grains<D: Dimension>() -> Vec<GrainState> {
     (0..LAYERS * per_layer).map(grain).collect()
 }
 
-/// What an immediate kick gives: v(t+½Δt) + ½Δt F/m and the same of spins; the walls move as they say.
+/// The result of an immediate kick: v(t+½Δt) + ½Δt F/m, and likewise for spins; the drive sets the
+/// velocities of the walls.
 fn at_the_full_step<D: Dimension>(system: &mut System<D>, walls: &GrainWalls) {
     let grains = system.grains();
     let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
@@ -150,13 +152,13 @@ fn at_the_full_step<D: Dimension>(system: &mut System<D>, walls: &GrainWalls) {
     assert!(moving > 0, "no free grain is pushed");
 }
 
-fn cannot_be_seen<D: Dimension>(law: &dyn PairForce<D>, step: f64) {
+fn access_changes_nothing<D: Dimension>(law: &dyn PairForce<D>, step: f64) {
     let never = run(law, step, 0, at_the_full_step);
     for every in [1, 3, STEPS] {
         assert_eq!(run(law, step, every, at_the_full_step), never, "{every}");
     }
-    // Every way of looking.
-    let ways: [Look<D>; 4] = [
+    // Every accessor.
+    let accessors: [Access<D>; 4] = [
         |system, _| drop(system.grain_states()),
         |system, _| {
             system.grains_mut();
@@ -169,8 +171,8 @@ fn cannot_be_seen<D: Dimension>(law: &dyn PairForce<D>, step: f64) {
             system.grains();
         },
     ];
-    for look in ways {
-        assert_eq!(run(law, step, 2, look), never);
+    for access in accessors {
+        assert_eq!(run(law, step, 2, access), never);
     }
 }
 
@@ -190,7 +192,7 @@ fn of_disks() {
     };
     let mass = DENSITY * Two::volume(RADIUS);
     let step = 0.1 * (mass / springs.normal_stiffness).sqrt();
-    cannot_be_seen(&Hooke::<Two, true, true>::new(&springs, &CONTACT), step);
+    access_changes_nothing(&Hooke::<Two, true, true>::new(&springs, &CONTACT), step);
 }
 
 #[test]
@@ -205,5 +207,5 @@ fn of_spheres() {
     let mass = DENSITY * Three::volume(RADIUS);
     let stiffness = spheres.normal_stiffness() * (0.5 * RADIUS * 0.02 * RADIUS).sqrt();
     let step = 0.1 * (mass / stiffness).sqrt();
-    cannot_be_seen(&Hertz::<true>::new(&spheres, &CONTACT), step);
+    access_changes_nothing(&Hertz::<true>::new(&spheres, &CONTACT), step);
 }

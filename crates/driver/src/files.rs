@@ -1,4 +1,4 @@
-//! What a stage writes into the run's folder: a file of frames and time series, `log.csv`, `scene.toml`.
+//! The files of a stage in the run's folder: frames and time series, `log.csv`, `scene.toml`.
 
 use std::path::Path;
 
@@ -16,27 +16,27 @@ use gshear_store::provenance;
 use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
 use serde::{Deserialize, Serialize};
 
-/// The file of the shear.
+/// Name of the file of frames and time series of the shear.
 pub const RUN_FILE: &str = "run.h5";
-/// Its time series as text.
+/// Name of the time series of the shear as text.
 pub const LOG_FILE: &str = "log.csv";
-/// The scene with every default filled in.
+/// Name of the copy of the scene, with all defaults.
 pub const SCENE_FILE: &str = "scene.toml";
 
 /// The files of a stage. Every call is collective.
 pub struct Files {
     trajectory: TrajectoryWriter,
     log: Option<Log>,
-    /// What failed of the log since the last flush.
+    /// The first failure of the log since the last flush.
     log_state: Result<(), Failure>,
-    /// Rows of scalars before, if none are computed now.
+    /// Rows of scalars that an earlier part of the run wrote, if none are computed now.
     scalars_before: u64,
     resumed: bool,
 }
 
-/// Where the files of a run go, and what they say about it.
+/// The folder of a run's files, and the scene that they record.
 #[derive(Clone, Copy)]
-pub struct Place<'a> {
+pub struct Destination<'a> {
     /// The ranks.
     pub exchange: &'a dyn Parallel,
     /// The folder of the results.
@@ -45,7 +45,7 @@ pub struct Place<'a> {
     pub toml: &'a str,
 }
 
-/// What a stage writes.
+/// The content of the files of a stage.
 pub struct Format<'a> {
     /// The name of the file of frames and time series.
     pub name: &'a str,
@@ -55,15 +55,15 @@ pub struct Format<'a> {
     pub walls: bool,
     /// Height of the box (m).
     pub height: f64,
-    /// Attributes beside those of every run.
+    /// Attributes in addition to those of every run.
     pub attributes: Vec<(&'static str, Attribute)>,
-    /// Whether there is a log.
+    /// Whether `log.csv` is written.
     pub log: bool,
     /// Whether the run computes scalars of frames.
     pub scalars: bool,
 }
 
-/// How much the files of a stage hold.
+/// The number of frames and rows in the files of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Written {
@@ -77,13 +77,13 @@ pub struct Written {
 }
 
 impl Files {
-    /// Opens the files of the run that resumes, cut back to what was `written` at its checkpoint; new
-    /// files if there are none, or nothing was written.
+    /// Opens the files of a resumed run and truncates them to the frames and rows `written` at its
+    /// checkpoint. Creates new files if there are none, or nothing was written.
     ///
     /// # Errors
-    /// Files that cannot be made, or are not those of this run.
+    /// Files that cannot be created, or belong to another run.
     pub fn open<D: Dimension>(
-        place: Place<'_>,
+        place: Destination<'_>,
         system: &mut System<D>,
         format: &Format<'_>,
         written: Option<Written>,
@@ -123,7 +123,7 @@ impl Files {
     }
 
     fn create<D: Dimension>(
-        place: Place<'_>,
+        place: Destination<'_>,
         system: &mut System<D>,
         format: &Format<'_>,
     ) -> Result<Self, Failure> {
@@ -150,7 +150,7 @@ impl Files {
             ("dimension", Attribute::Count(D::AXES as u64)),
         ];
         attributes.extend(format.attributes.iter().cloned());
-        // L_x, height and nothing; in three dimensions L_x, L_y and height.
+        // L_x, height, 0; in three dimensions L_x, L_y, height.
         let mut edges = [0.0; 3];
         edges[..D::UP].copy_from_slice(&system.cell.periods[..D::UP]);
         edges[D::UP] = format.height;
@@ -174,12 +174,12 @@ impl Files {
         })
     }
 
-    /// Whether the files are those of the run that resumes.
+    /// Whether the files of a resumed run were opened.
     pub fn resumed(&self) -> bool {
         self.resumed
     }
 
-    /// The next row of the time series, the same on every rank.
+    /// Writes the next row of the time series, which is the same on every rank.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -193,15 +193,15 @@ impl Files {
         self.trajectory.series(exchange, step, time, row)
     }
 
-    /// The same row in the log.
+    /// Writes a row to the log.
     pub fn log(&mut self, step: u64, time: f64, row: &SeriesRow) {
-        // A failure of the log is rank 0's alone: all learn of it at the next flush.
+        // Only rank 0 knows of a failure of the log; the next flush tells all ranks.
         if let (Some(log), Ok(())) = (&mut self.log, &self.log_state) {
             self.log_state = log.row(step, time, row);
         }
     }
 
-    /// The next frame: this rank's grains, and the contacts whose first grain it owns.
+    /// Writes the next frame: the grains of this rank, and the contacts whose first grain it owns.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -216,7 +216,7 @@ impl Files {
             .frame(exchange, step, time, grains, contacts)
     }
 
-    /// The next scalars of frames, the same on every rank.
+    /// Writes the next rows of scalars of frames, which are the same on every rank.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -228,7 +228,7 @@ impl Files {
         self.trajectory.scalars(exchange, rows)
     }
 
-    /// Brings everything to the files. Returns what they hold.
+    /// Writes everything to disk. Returns the number of frames and rows in the files.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -259,22 +259,17 @@ impl Files {
     }
 }
 
-/// What never changes of this rank's grains.
+/// The constant properties of the grains that this rank owns.
 pub fn shapes<D: Dimension>(system: &mut System<D>) -> Vec<GrainShape> {
     let grains = system.grains();
-    let shape = |g: usize| GrainShape {
-        id: grains.id[g],
-        body: grains.body[g],
-        radius: grains.radius[g],
-        mass: grains.mass[g],
-    };
+    let shape = |g: usize| GrainShape::new(&grains.state(g), grains.mass[g]);
     (0..grains.owned).map(shape).collect()
 }
 
-/// Makes the folder of the results, if it is missing; collective.
+/// Creates the folder of the results, if it is missing; collective.
 ///
 /// # Errors
-/// A folder that cannot be made.
+/// A folder that cannot be created.
 pub fn folder(exchange: &dyn Parallel, out: &Path) -> Result<(), Failure> {
     let made = if exchange.rank() == 0 {
         std::fs::create_dir_all(out)

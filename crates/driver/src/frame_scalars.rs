@@ -1,47 +1,50 @@
-//! The scalars of frames, computed while the run goes on by the reducer's own function, so that frames need not be stored.
+//! The scalars of frames, computed during the run by the function of the reducer, so that the
+//! frames need not be stored.
 //!
-//! Frames are kept until there are intervals for every rank; then each rank is sent the frames of its share of them, in a row.
+//! Frames are collected until there are intervals for every rank. Then each rank receives the
+//! consecutive frames of its share of the intervals.
 
 use crate::files::shapes;
 use bytemuck::Zeroable;
-use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
+use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{
-    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPlace, GrainSample,
+    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPosition, GrainSample,
 };
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::{IdBlocks, gathered, records_of};
 
-/// Bytes of frames gathered before they are analysed, on each rank in the mean.
+/// Bytes of frames to collect before they are analysed, per rank on average.
 const BATCH_BYTES: usize = 1 << 20;
-/// Most intervals that a rank works on in one go.
+/// Greatest number of intervals per rank in a batch.
 const MOST_INTERVALS: usize = 16;
 
-/// A row of the scalars: the step, and what is between this frame and the one before it.
-pub type Row = (u64, FrameScalars);
+/// A row of the scalars: the step of a frame, and the scalars of the interval that ends there.
+pub type ScalarsRow = (u64, FrameScalars);
 
-/// Frames on their way to scalars.
-pub struct Analysis {
+/// Frames that wait for their scalars to be computed.
+pub struct FrameAnalysis {
     grains: Disks,
-    /// This rank's part of the frames: the last one that is done with, then those that wait.
+    /// This rank's part of the frames: the last analysed one, then those that wait.
     frames: Vec<FramePart>,
-    /// Of those that wait.
+    /// Steps of the frames that wait.
     steps: Vec<u64>,
-    /// Intervals that are worked on in one go.
+    /// Number of intervals in a batch.
     batch: usize,
-    scratch: Scratch,
+    scratch: ScalarScratch,
 }
 
-impl Analysis {
-    /// Of the system's grains, going on from the frame that was analysed last, if there is one. Collective.
+impl FrameAnalysis {
+    /// Starts with the grains of the system, after the last analysed frame, if there is one.
+    /// Collective.
     pub fn new<D: Dimension>(
         exchange: &dyn Parallel,
         system: &mut System<D>,
         before: Option<FramePart>,
     ) -> Self {
         let shapes = gathered(exchange, &shapes(system), |g| g.id);
-        let frame = shapes.len() * (size_of::<GrainPlace>() + 2 * size_of::<ContactForce>());
+        let frame = shapes.len() * (size_of::<GrainPosition>() + 2 * size_of::<ContactForce>());
         let each = (BATCH_BYTES / frame.max(1)).clamp(1, MOST_INTERVALS);
         Self {
             grains: Disks {
@@ -53,19 +56,19 @@ impl Analysis {
             frames: before.into_iter().collect(),
             steps: Vec::new(),
             batch: each * exchange.size(),
-            scratch: Scratch::default(),
+            scratch: ScalarScratch::default(),
         }
     }
 
-    /// The next frame: this rank's grains, and the contacts whose first grain it owns. Returns the rows that are ready, the same
-    /// on every rank. Few calls send anything.
+    /// Adds a frame: the grains of this rank, and the contacts whose first grain it owns. Returns
+    /// the rows that are ready, the same on every rank. Collective if a batch is full.
     pub fn frame(
         &mut self,
         exchange: &dyn Parallel,
         step: u64,
         grains: &[GrainSample],
         contacts: &[ContactSample],
-    ) -> Vec<Row> {
+    ) -> Vec<ScalarsRow> {
         let first = self.frames.is_empty();
         self.frames.push(part(grains, contacts));
         if first {
@@ -78,8 +81,8 @@ impl Analysis {
         self.flush(exchange)
     }
 
-    /// The rows of all frames that wait, the same on every rank. Collective.
-    pub fn flush(&mut self, exchange: &dyn Parallel) -> Vec<Row> {
+    /// Computes the rows of all frames that wait, the same on every rank. Collective.
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Vec<ScalarsRow> {
         let intervals = self.steps.len();
         if intervals == 0 {
             return Vec::new();
@@ -117,35 +120,27 @@ impl Analysis {
             .steps
             .drain(..)
             .zip(rows.map(FrameScalars::from_columns));
-        let rows: Vec<Row> = rows.collect();
+        let rows: Vec<ScalarsRow> = rows.collect();
         assert_eq!(rows.len(), intervals, "every interval has its scalars");
         self.frames.drain(..intervals);
         rows
     }
 
-    /// The frame that the next scalars begin with. Panics while frames wait.
+    /// The frame at which the next interval begins.
+    ///
+    /// # Panics
+    /// If frames wait.
     pub fn last(&self) -> Option<&FramePart> {
         assert!(self.steps.is_empty(), "frames wait to be analysed");
         self.frames.last()
     }
 }
 
-/// What the scalars need of a frame.
+/// The positions and forces from which the scalars are computed.
 fn part(grains: &[GrainSample], contacts: &[ContactSample]) -> FramePart {
-    let place = |g: &GrainSample| GrainPlace {
-        id: g.id as u32,
-        body: 0,
-        position: [g.position[0], g.position[1]],
-    };
-    let force = |c: &ContactSample| ContactForce {
-        i: c.i,
-        j: c.j,
-        normal_force: c.normal_force,
-        tangential_force: c.tangential_force[0],
-    };
     FramePart {
-        grains: grains.iter().map(place).collect(),
-        contacts: contacts.iter().map(force).collect(),
+        grains: grains.iter().map(GrainPosition::from).collect(),
+        contacts: contacts.iter().map(ContactForce::from).collect(),
     }
 }
 
@@ -156,7 +151,8 @@ fn write(part: &FramePart, message: &mut Vec<u8>) {
     message.extend_from_slice(bytemuck::cast_slice(&part.contacts));
 }
 
-/// The frames of one message of each rank. Panics where a grain is missing or comes twice: a fault of the program.
+/// Assembles frames from one message of each rank. Panics if a grain is missing or occurs twice,
+/// which is a bug.
 fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
     let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
     let mut frames = Vec::new();
@@ -168,9 +164,9 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
         let mut seen = 0;
         for rest in &mut rest {
             let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(rest, 16));
-            let places = take(rest, counts[0] as usize * size_of::<GrainPlace>());
+            let places = take(rest, counts[0] as usize * size_of::<GrainPosition>());
             let forces = take(rest, counts[1] as usize * size_of::<ContactForce>());
-            for place in records_of::<GrainPlace>(places) {
+            for place in records_of::<GrainPosition>(places) {
                 frame.position[place.id as usize] = place.position;
                 seen += 1;
             }
@@ -190,7 +186,7 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
     frames
 }
 
-/// The next so many bytes.
+/// Takes the next bytes.
 fn take<'a>(bytes: &mut &'a [u8], length: usize) -> &'a [u8] {
     let (now, later) = bytes.split_at(length);
     *bytes = later;

@@ -1,4 +1,4 @@
-//! What a checkpoint says about the run beside grains and contacts.
+//! The header of a checkpoint: everything but grains and contacts.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use gshear_scene::{PackingFile, Scene, Source};
 
 use crate::files::Written;
 
-/// How far a run has come: the stage, and what it needs to resume.
+/// The progress of a run: the stage, and the data with which it resumes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "stage", rename_all = "kebab-case", deny_unknown_fields)]
 #[expect(clippy::large_enum_variant, reason = "a run has one header")]
@@ -40,7 +40,7 @@ pub enum Header {
         slider: Option<SliderState>,
         /// H (m).
         height: f64,
-        /// What the files hold.
+        /// Number of frames and rows in the files.
         written: Written,
         /// The energy budget, if the scene has one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -51,20 +51,20 @@ pub enum Header {
     },
     /// Strain steps of a periodic box.
     Aqs {
-        /// How far the strain steps have come.
+        /// The progress of the strain steps.
         progress: Progress,
-        /// What the files hold.
+        /// Number of frames and rows in the files.
         written: Written,
     },
     /// Newton's equations in a periodic box.
     Newtonian {
         /// Steps done.
         step: u64,
-        /// Of the strain steps before.
+        /// The progress of the strain steps before.
         progress: Progress,
-        /// What the files hold.
+        /// Number of frames and rows in the files.
         written: Written,
-        /// Lines of the file of eigenvalues.
+        /// Number of lines in the file of eigenvalues.
         lines: u64,
     },
 }
@@ -89,7 +89,7 @@ impl Header {
         }
     }
 
-    /// Steps of the stage that are done.
+    /// Completed steps of the stage.
     pub fn step(&self) -> u64 {
         match self {
             Header::Pack { step, .. }
@@ -106,8 +106,8 @@ impl Header {
         }
     }
 
-    /// The scene of a checkpoint (`name` in messages, `toml` its text) with overrides, without reading
-    /// the file that the grains may have come from.
+    /// The scene of a checkpoint (`name` in messages, text `toml`) with overrides. Does not read
+    /// the file of the packing.
     ///
     /// # Errors
     /// An override that contradicts the scene, or changes its grains.
@@ -123,14 +123,14 @@ impl Header {
     }
 }
 
-/// How far the strain steps have come.
+/// The progress of the strain steps.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Progress {
-    /// Strain steps that are done.
+    /// Number of completed strain steps.
     pub steps: u64,
     /// Lees–Edwards offset: displacement of the image above along x.
     pub offset: f64,
-    /// Of the first complex pair, if it has been born.
+    /// The birth of the first complex pair; `None` before it.
     pub birth: Option<Birth>,
     /// Complex pairs after the last strain step.
     pub pairs: u64,
@@ -140,7 +140,7 @@ pub struct Progress {
     pub fell_back: u64,
 }
 
-/// The strains between which the first complex pair is born: the last without and the first with it.
+/// The birth of the first complex pair: the strains between which it appears.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Birth {
     /// γ of the last state without a pair.

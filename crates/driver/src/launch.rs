@@ -1,4 +1,4 @@
-//! What a run begins with: a scene and its grains, or a checkpoint.
+//! The start of a run: from a scene and its grains, or from a checkpoint.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::header::Header;
 use crate::run::{Options, Outcome, Run, Start};
 use crate::stages::{periodic, walls};
 
-/// A scene, and what its run begins with.
+/// A scene, and the state from which its run starts.
 pub struct Task {
     /// The scene.
     pub scene: Scene,
@@ -33,14 +33,14 @@ impl Task {
     pub fn run(self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
         let Self { scene, start } = self;
         let mut run = Run::new(exchange, &scene.toml, &scene.bookkeeping, options)?;
-        run.terminal.header(exchange, &scene, run.level);
+        run.terminal.header(exchange, &scene, run.isa);
         match scene.dimension {
             Dimensions::Two => stages::<Two>(&mut run, &scene, start),
             Dimensions::Three => stages::<Three>(&mut run, &scene, start),
         }
     }
 
-    /// The file that has a digest when all stages are done.
+    /// The file of the last stage, whose attribute `digest` marks a finished run.
     pub(crate) fn last_file(&self) -> &'static str {
         match &self.scene.boundary {
             Boundary::Walls(_) => RUN_FILE,
@@ -57,13 +57,13 @@ fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result
     }
 }
 
-/// The scene and, if it has a packing, its grains: rank 0 reads them. Collective.
+/// Loads a scene and, if it has a packing, its grains, which rank 0 reads. Collective.
 ///
 /// # Errors
-/// A configuration or a packing that is refused.
+/// An invalid configuration or packing.
 ///
 /// # Panics
-/// Never: rank 0 writes what the others read.
+/// If the packing holds a number that is not finite, which [`Packing::read`] refuses.
 pub fn from_the_start(
     exchange: &dyn Parallel,
     source: &Source,
@@ -90,10 +90,10 @@ pub fn from_the_start(
     Ok(Task { scene, start })
 }
 
-/// The scene of a checkpoint, and its state. Collective.
+/// Loads a checkpoint: its scene with the overrides `set`, and its state. Collective.
 ///
 /// # Errors
-/// A checkpoint that is damaged or of another version, overrides that are refused.
+/// A checkpoint that is damaged or of another version, or an invalid override.
 pub fn from_checkpoint(
     exchange: &dyn Parallel,
     path: &Path,

@@ -1,8 +1,9 @@
-//! Runs of gshear-mpi: a program of stages, from a scene or a checkpoint to the last file.
+//! Runs of gshear-mpi: a sequence of stages, from a scene or a checkpoint to the last file.
 //!
-//! A scene between walls is packed and sheared; a periodic box is prepared, strained quasi-statically
-//! and, if the scene asks for it, moved by Newton's equations. Each of these is a [`run::Stage`];
-//! stops, signals, wall time, checkpoints and the terminal are in [`run`], once for all of them.
+//! A scene between walls is packed and sheared; a periodic box is prepared, strained
+//! quasi-statically and, with a table `[newtonian]`, moved by Newton's equations. Each of these is
+//! a [`run::Stage`]; stops, signals, wall time, checkpoints and the terminal are in [`run`], once
+//! for all of them.
 
 pub mod files;
 mod frame_scalars;

@@ -1,23 +1,23 @@
-//! One run: who takes part, where its files go, and the loop over the steps of a stage.
+//! A run: its ranks, its options, and the loop over the steps of a stage.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Failure;
-use gshear_dem::simd::Level;
-use gshear_dem::state::{ContactState, FramePart, GrainState, Snapshot, Travel};
+use gshear_dem::simd::Isa;
+use gshear_dem::state::{ContactState, Displacement, FramePart, GrainState, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Bookkeeping;
-use gshear_scene::schedule::Window;
+use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 
-use crate::files::{self, Place};
+use crate::files::{self, Destination};
 use crate::header::Header;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 
-/// What the command line says beside the scene.
+/// Options of the command line other than the scene.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
     /// Folder of the results.
@@ -28,50 +28,50 @@ pub struct Options {
     pub wall_time: Option<Duration>,
     /// Threads inside each rank.
     pub threads: usize,
-    /// Compute only the stretch from the checkpoint to the end of this window, silently and into new
-    /// files.
-    pub replay: Option<Window>,
+    /// Compute only the steps from the checkpoint to the end of this window, without terminal
+    /// output and into new files.
+    pub replay: Option<ReplayWindow>,
 }
 
-/// How a run ended that did not fail.
+/// The outcome of a run that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// All its stages are done.
+    /// All stages are done.
     Done,
-    /// At a checkpoint, before the last step.
+    /// The run stopped at a checkpoint before its last step.
     Stopped,
 }
 
-/// This rank's part of a state with which a stage begins or resumes.
+/// This rank's part of the state with which a stage begins or resumes.
 #[derive(Debug, Clone, Default)]
-pub struct State {
-    /// The grains, on any rank.
+pub struct StageState {
+    /// Grains; each may be on any rank.
     pub grains: Vec<GrainState>,
-    /// The contacts, each on the ranks that have its grains.
+    /// Contacts, each on the ranks that have its grains.
     pub contacts: Vec<ContactState>,
     /// The last frame whose scalars were computed.
     pub analysed: Option<FramePart>,
     /// Displacements since the stage began.
-    pub travels: Option<Vec<Travel>>,
+    pub displacements: Option<Vec<Displacement>>,
 }
 
-impl State {
-    /// The state of a checkpoint; collective.
+impl StageState {
+    /// The state in a checkpoint; collective.
     pub fn restore(exchange: &dyn Parallel, snapshot: Snapshot) -> Self {
         let contacts = checkpoint::to_both_holders(exchange, &snapshot);
         Self {
             grains: snapshot.grains,
             contacts,
             analysed: snapshot.analysed,
-            travels: snapshot.travels,
+            displacements: snapshot.displacements,
         }
     }
 }
 
-/// Checkpoints of stages without a schedule of their own are written at this interval (s).
+/// Interval between checkpoints of stages without a schedule for them (s).
 const CHECKPOINT_INTERVAL: f64 = 60.0;
 
-/// What a run begins with; of grains this rank's part, whichever they are.
+/// The start of a run. Grains are this rank's part of all grains, in any distribution.
 #[derive(Debug, Clone)]
 pub enum Start {
     /// Grains that the scene inserts.
@@ -82,10 +82,10 @@ pub enum Start {
     Checkpoint(Snapshot),
 }
 
-/// When the state after a step is saved. A stop saves it in any case.
+/// Whether a checkpoint is due after a step. A stop always writes one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Save {
-    /// Not.
+    /// No checkpoint.
     No,
     /// If the last checkpoint is a minute old.
     IfOld,
@@ -93,12 +93,12 @@ pub enum Save {
     Now,
 }
 
-/// A part of a run, step by step. Calls are collective.
+/// A stage of a run, which takes one step at a time. Calls are collective.
 pub trait Stage {
     /// The name in messages.
     fn name(&self) -> &'static str;
 
-    /// Steps that are done.
+    /// Number of completed steps.
     fn steps(&self) -> u64;
 
     /// The number by which `--stop-at` counts the next step; `None` if it does not count it.
@@ -107,48 +107,49 @@ pub trait Stage {
     /// Whether all steps are done.
     fn is_done(&self) -> bool;
 
-    /// Before the first step: forces of the initial state. Not called when a stage resumes.
+    /// Computes the forces of the initial state, before the first step. Not called when a stage
+    /// resumes.
     ///
     /// # Errors
     /// Numbers that fail.
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
 
-    /// Takes one step. `stop`: a stop is asked for after it, beside signals and wall time. Returns
-    /// whether the run stops, the same on every rank.
+    /// Takes one step. `stop`: whether a stop was requested on this rank. Returns whether the run
+    /// stops after this step, the same on every rank.
     ///
     /// # Errors
     /// Numbers that fail.
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure>;
 
-    /// Writes what is due after the last step.
+    /// Writes the output that is due after the last step.
     ///
     /// # Errors
     /// A file that cannot be written.
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
 
-    /// When the state after the last step is saved.
+    /// Whether a checkpoint is due after the last step.
     fn save_due(&self) -> Save;
 
-    /// Brings the files up to date and hands over the state.
+    /// Flushes the files and returns the state.
     ///
     /// # Errors
     /// A file that cannot be written.
     fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure>;
 
-    /// Reports to the terminal.
+    /// Prints the progress to the terminal.
     fn progress(&mut self, _: &mut Run<'_>) {}
 }
 
-/// One run.
+/// A run.
 pub struct Run<'a> {
     /// The ranks.
     pub exchange: &'a dyn Parallel,
-    /// What the command line says.
+    /// Options of the command line.
     pub options: &'a Options,
-    /// The scene as TOML, every default filled in.
+    /// The scene as TOML, with all defaults.
     pub toml: &'a str,
     /// The instruction set of the kernel.
-    pub level: Level,
+    pub isa: Isa,
     pub(crate) terminal: Terminal,
     signals: Signals,
     started: Instant,
@@ -165,14 +166,14 @@ impl<'a> Run<'a> {
         options: &'a Options,
     ) -> Result<Self, Failure> {
         let name = bookkeeping.simd;
-        let level = Level::named(name)
+        let isa = Isa::named(name)
             .ok_or_else(|| Failure::input(format!("this processor has no {name}")))?;
         let now = Instant::now();
         Ok(Self {
             exchange,
             options,
             toml,
-            level,
+            isa,
             terminal: Terminal::new(exchange.rank() == 0 && options.replay.is_none()),
             signals: Signals::catch()?,
             started: now,
@@ -180,11 +181,12 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Takes the steps of a stage until it is done or the run is stopped; with `begins` from its first
-    /// one on. Collective.
+    /// Takes the steps of a stage until it is done or the run stops. `begins`: whether this is the
+    /// start of the stage. Collective.
     ///
     /// # Errors
-    /// What fails in a step, with the stage's name before it, or in a file.
+    /// Numbers that fail, with the stage's name before the message, or a file that cannot be
+    /// written.
     pub(crate) fn drive(
         &mut self,
         stage: &mut dyn Stage,
@@ -219,23 +221,23 @@ impl<'a> Run<'a> {
         Ok(Outcome::Done)
     }
 
-    /// Where its files go.
-    pub(crate) fn place(&self) -> Place<'a> {
-        Place {
+    /// The folder of the files, and the scene that they record.
+    pub(crate) fn place(&self) -> Destination<'a> {
+        Destination {
             exchange: self.exchange,
             folder: &self.options.out,
             toml: self.toml,
         }
     }
 
-    /// Whether this rank was asked to stop, by a signal or the wall time.
+    /// Whether a signal or the wall time requests a stop on this rank.
     pub(crate) fn asked_to_stop(&self) -> bool {
         let wall_time = self.options.wall_time;
         self.signals.received()
             || (self.exchange.rank() == 0 && wall_time.is_some_and(|t| self.started.elapsed() >= t))
     }
 
-    /// The same decision on every rank, as their clocks differ; collective.
+    /// Decides by the greatest age over the ranks, because their clocks differ; collective.
     fn last_checkpoint_is_old(&self) -> bool {
         self.exchange.maximum(self.saved.elapsed().as_secs_f64()) > CHECKPOINT_INTERVAL
     }
@@ -260,7 +262,7 @@ impl<'a> Run<'a> {
             grains: state.grains,
             contacts: state.contacts,
             analysed: state.analysed,
-            travels: state.travels,
+            displacements: state.displacements,
         };
         checkpoint::write(exchange, out, self.toml, &snapshot)?;
         let kept = match (keep, exchange.rank()) {
@@ -271,13 +273,13 @@ impl<'a> Run<'a> {
     }
 }
 
-/// What a stage hands over to be saved: each contact on the rank that has its first grain.
+/// The data of a stage for a checkpoint. Each contact is on the rank that has its first grain.
 pub struct Checkpoint {
-    /// How far the run has come.
+    /// The header of the checkpoint.
     pub header: Header,
     /// This rank's part of the state.
-    pub state: State,
-    /// Keep it under the name of its step, too.
+    pub state: StageState,
+    /// Whether to keep the checkpoint under the name of its step as well.
     pub keep: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Signals by which a batch system, or a person, asks a run to stop at a checkpoint.
+//! Signals by which a batch system or a user requests a stop at a checkpoint.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,7 +7,8 @@ use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 
 use gshear_dem::failure::Failure;
 
-/// SIGTERM, SIGINT, SIGUSR1 and SIGUSR2, remembered until the end of a step. A second SIGINT or SIGTERM ends the program at once.
+/// Catches SIGTERM, SIGINT, SIGUSR1 and SIGUSR2, which the run reads after each step. A second
+/// SIGINT or SIGTERM ends the program at once.
 pub struct Signals(Arc<AtomicBool>);
 
 impl Signals {

@@ -1,4 +1,4 @@
-//! The runs of a sweep, one by one.
+//! The runs of a sweep.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -16,30 +16,31 @@ use crate::run::{Options, Outcome};
 
 /// The runs of a configuration with a sweep.
 pub struct Sweep<'a> {
-    /// The configuration, without its sweep.
+    /// The configuration without its `[sweep]`.
     pub source: Source,
-    /// The runs, in their order.
+    /// The runs, in order.
     pub members: Vec<Member>,
-    /// `--set`, of all runs.
+    /// The overrides `--set`, for all runs.
     pub set: &'a [String],
-    /// The folder with those of the runs.
+    /// The folder that contains the folders of the runs.
     pub out: PathBuf,
 }
 
-/// How far a run of a sweep has come.
+/// The progress of a run of a sweep.
 #[derive(Debug, Clone, PartialEq)]
-enum Progress {
+enum MemberProgress {
     New,
-    /// With this checkpoint.
+    /// Stopped at this checkpoint.
     Stopped(PathBuf),
     Done,
 }
 
 impl<'a> Sweep<'a> {
-    /// The sweep of a configuration; `set` are the overrides of all runs, `out` the folder of their folders.
+    /// The sweep of a configuration. `set`: overrides for all runs; `out`: the folder that contains
+    /// their folders.
     ///
     /// # Errors
-    /// A configuration without a sweep or with a wrong one; an override of a key of the sweep.
+    /// A configuration without a sweep or with an invalid one; an override of a key of the sweep.
     pub fn new(source: &Source, set: &'a [String], out: PathBuf) -> Result<Self, Failure> {
         let Some(members) = gshear_scene::sweep::members(source)? else {
             return Err(Failure::input(format!(
@@ -63,17 +64,17 @@ impl<'a> Sweep<'a> {
         })
     }
 
-    /// Prints the runs and how far they have come; collective.
+    /// Prints the runs and their progress; collective.
     ///
     /// # Errors
-    /// A run whose scene is refused.
+    /// A run with an invalid scene.
     pub fn list(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
         for (k, member) in self.members.iter().enumerate() {
             let task = from_the_start(exchange, &self.source, &self.values(member))?;
             let state = match self.progress(exchange, member, &task)? {
-                Progress::New => "new",
-                Progress::Stopped(_) => "stopped",
-                Progress::Done => "done",
+                MemberProgress::New => "new",
+                MemberProgress::Stopped(_) => "stopped",
+                MemberProgress::Done => "done",
             };
             say(
                 exchange,
@@ -83,10 +84,10 @@ impl<'a> Sweep<'a> {
         Ok(())
     }
 
-    /// Runs the `number`-th run, from 1, from its start or its checkpoint, unless it is done; collective.
+    /// Starts or resumes run `number`, counted from 1, unless it is done; collective.
     ///
     /// # Errors
-    /// A number without a run, a folder with a run of another scene, and what fails in a run.
+    /// A number without a run, a folder with a run of another scene, or a run that fails.
     pub fn one(
         &self,
         exchange: &dyn Parallel,
@@ -102,12 +103,12 @@ impl<'a> Sweep<'a> {
         };
         let task = from_the_start(exchange, &self.source, &self.values(member))?;
         let task = match self.progress(exchange, member, &task)? {
-            Progress::Done => {
+            MemberProgress::Done => {
                 say(exchange, &format!("sweep: {} is done", member.name));
                 return Ok(Outcome::Done);
             }
-            Progress::Stopped(path) => from_checkpoint(exchange, &path, &[])?,
-            Progress::New => task,
+            MemberProgress::Stopped(path) => from_checkpoint(exchange, &path, &[])?,
+            MemberProgress::New => task,
         };
         let all = self.members.len();
         say(
@@ -121,13 +122,14 @@ impl<'a> Sweep<'a> {
         task.run(exchange, &options)
     }
 
-    /// Runs all of them, one after the other, until one is stopped. Goes on after a run whose numbers fail; collective.
+    /// Runs all of them, one after the other, until one stops early. Goes on after a run whose
+    /// numbers fail; collective.
     ///
     /// # Errors
-    /// What fails in a run; at the end, the first run whose numbers failed.
+    /// A run that fails; if only numbers failed, the first such run, after all runs.
     pub fn all(&self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
         let begun = Instant::now();
-        // Scenes that will not do are told before hours have passed.
+        // Finds invalid scenes before the first run starts.
         for member in &self.members {
             from_the_start(exchange, &self.source, &self.values(member))?;
         }
@@ -157,18 +159,19 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// The values of a run, those of `--set` among them.
+    /// The overrides of a run, those of `--set` included.
     pub fn values(&self, member: &Member) -> Vec<String> {
         member.set.iter().chain(self.set).cloned().collect()
     }
 
-    /// What is in the run's folder. Errors: a run of another scene. Collective.
+    /// Reads the progress of a run from its folder. Fails if it holds a run of another scene.
+    /// Collective.
     fn progress(
         &self,
         exchange: &dyn Parallel,
         member: &Member,
         task: &Task,
-    ) -> Result<Progress, Failure> {
+    ) -> Result<MemberProgress, Failure> {
         let folder = self.out.join(&member.name);
         let [run, newest] = [task.last_file(), checkpoint::NAME].map(|name| folder.join(name));
         let there = [u8::from(run.exists()), u8::from(newest.exists())];
@@ -189,14 +192,14 @@ impl<'a> Sweep<'a> {
             let toml = exchange.broadcast(agree(exchange, read)?);
             if !toml.is_empty() {
                 same(&String::from_utf8_lossy(&toml))?;
-                return Ok(Progress::Done);
+                return Ok(MemberProgress::Done);
             }
         }
         if there[1] == 0 {
-            return Ok(Progress::New);
+            return Ok(MemberProgress::New);
         }
         same(&checkpoint::read(exchange, &newest)?.0)?;
-        Ok(Progress::Stopped(newest))
+        Ok(MemberProgress::Stopped(newest))
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a person sees of a run. Rank 0 speaks.
+//! Terminal output of a run, by rank 0.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -7,21 +7,20 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::header::{Birth, Progress};
-use gshear_dem::clock::Phase;
+use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::state::SeriesRow;
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{
-    Boundary, Dimensions, Drive as SceneDrive, Law, Motion, Origin, PlaneShear, Scene, TimeStep,
-    Walls,
+    Boundary, Dimensions, Law, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed, Walls,
 };
 use gshear_store::provenance;
 
-/// Lines of progress, and a bar where there is a terminal.
+/// Lines of progress, and a progress bar if the output is a terminal.
 pub struct Terminal {
     speaks: bool,
     bar: ProgressBar,
@@ -54,14 +53,14 @@ impl Terminal {
         }
     }
 
-    pub fn header(&self, exchange: &dyn Parallel, scene: &Scene, level: Level) {
+    pub fn header(&self, exchange: &dyn Parallel, scene: &Scene, isa: Isa) {
         self.say(format!("{}: {}", provenance::printed(), scene.title));
         let sample = &scene.sample;
         let grains = format!(
             "{} on {} ({}); {} grains",
             ranks(exchange.size()),
             provenance::processor(),
-            level.name(),
+            isa.name(),
             sample.grains
         );
         let law = law(&scene.law);
@@ -104,9 +103,9 @@ impl Terminal {
         self.say(format!("step:  dt = {step:.4e} s, limit {limit:.4e} s"));
     }
 
-    /// `kinetic`: energy per grain over P d̄ δ̄.
+    /// Progress of the packing. `kinetic`: kinetic energy per grain over P d̄ δ̄.
     pub fn packing(&mut self, step: u64, piston: &Piston, kinetic: f64) {
-        // Ever more rarely, since nobody knows how long it takes.
+        // At growing intervals, because the number of steps is unknown.
         if step >= self.next_packing_line {
             self.next_packing_line = 2 * step;
             self.say(format!(
@@ -145,8 +144,8 @@ impl Terminal {
         match &plane_shear.shear.motion {
             Motion::Strain { drive, .. } => {
                 let given = match drive {
-                    SceneDrive::InertialNumber(_) => "I given",
-                    SceneDrive::Velocity(_) => "V given",
+                    WallSpeed::InertialNumber(_) => "I given",
+                    WallSpeed::Velocity(_) => "V given",
                 };
                 let speed = segments[0].velocity;
                 self.say(format!(
@@ -247,7 +246,7 @@ impl Terminal {
         ));
     }
 
-    /// `rate`: grain-steps per second and rank.
+    /// Summary at the end of a run. `rate`: grain-steps per second and rank.
     pub fn end(
         &self,
         exchange: &dyn Parallel,
@@ -268,8 +267,8 @@ impl Terminal {
             self.say(format!(
                 "per step from rank 0: {messages} messages of {bytes} bytes in all and 1 sum of {} bytes; with what they wait for, {:.1} and {:.1} us",
                 gshear_dem::step::MESSAGE_BYTES,
-                micro(Phase::Exchange),
-                micro(Phase::Walls),
+                micro(StepPhase::Exchange),
+                micro(StepPhase::Walls),
             ));
         }
         self.say(format!(
@@ -281,7 +280,7 @@ impl Terminal {
     }
 }
 
-/// The law's name and what follows from its constants.
+/// The law's name and its derived constants.
 fn law(law: &Law) -> String {
     let derived = law.derived().into_iter();
     let derived = derived.map(|(symbol, value, unit)| format!("{symbol} = {value:.4e} {unit}"));
@@ -299,9 +298,9 @@ fn ranks(n: usize) -> String {
     }
 }
 
-/// Of runs in a periodic box.
+/// Output of runs in a periodic box.
 impl Terminal {
-    /// `steps` of overdamped dynamics at the solid fraction asked for.
+    /// End of the preparation, after `steps` of overdamped dynamics.
     pub fn prepared(&self, steps: u64) {
         self.say(format!(
             "pack:  at rest without friction after {steps} steps of overdamped dynamics"
@@ -321,7 +320,7 @@ impl Terminal {
 
     pub fn strained(&self, progress: &Progress, digest: &str) {
         self.say(format!(
-            "aqs:   done after {} steps, {} of them by overdamped dynamics as Newton's method did not do; digest {digest}",
+            "aqs:   done after {} steps, {} of them by overdamped dynamics because Newton's method did not converge; digest {digest}",
             progress.steps, progress.fell_back
         ));
     }

@@ -27,34 +27,34 @@ struct Terms {
 
 /// A mailbox for messages of one rank to one neighbour.
 #[repr(C, align(128))]
-struct Letterbox {
+struct Mailbox {
     /// Number of messages written.
     sent: AtomicU64,
-    _apart: [u64; 15],
+    _padding_after_sent: [u64; 15],
     /// Number of messages read, counted by the neighbour.
     taken: AtomicU64,
-    _apart_too: [u64; 15],
+    _padding_after_taken: [u64; 15],
     message: [f64; MOST_NUMBERS],
 }
 
-/// The memory of a rank that the others read. Everything exists twice and is used in turn, because
-/// a rank may be one message ahead.
+/// The part of the shared memory that one rank writes and the others read. Terms and mailboxes
+/// exist twice and are used in turn, because a rank may be one message ahead.
 #[repr(C)]
-struct Desk {
+struct SharedSlot {
     terms: [Terms; 2],
-    /// To the next rank, and to the rank before.
-    boxes: [[Letterbox; 2]; 2],
+    /// Mailboxes to the next rank, and to the rank before.
+    mailboxes: [[Mailbox; 2]; 2],
 }
 
 /// The shared memory of the ranks on this node.
 pub struct Node {
     /// By rank in the job; null for ranks on other nodes.
-    desks: Vec<*mut Desk>,
+    slots: Vec<*mut SharedSlot>,
     rank: usize,
     sums: Cell<u64>,
     /// Number of messages sent to, and received from, the next rank and the rank before.
     sent: [Cell<u64>; 2],
-    had: [Cell<u64>; 2],
+    received: [Cell<u64>; 2],
     window: ffi::MPI_Win,
     // Dropped after the window.
     _communicator: SimpleCommunicator,
@@ -70,22 +70,22 @@ impl Node {
         }
         let mut ranks = vec![0i32; here as usize];
         communicator.all_gather_into(&world.rank(), &mut ranks[..]);
-        let mut desks = vec![null_mut(); world.size() as usize];
-        // A desk begins at the first multiple of its alignment, the same offset on all ranks
+        let mut slots = vec![null_mut(); world.size() as usize];
+        // A slot begins at the first multiple of its alignment, the same offset on all ranks
         // because memory is shared by pages.
-        let room = (size_of::<Desk>() + align_of::<Desk>()).next_multiple_of(4096);
+        let room = (size_of::<SharedSlot>() + align_of::<SharedSlot>()).next_multiple_of(4096);
         // SAFETY: the calls are collective over `communicator`; the out pointers are valid; the
         // library returns memory of at least `room` bytes that lives until the window is freed, set
-        // to zero by the system, in which a valid desk is found.
+        // to zero by the system, and zeros are a valid slot.
         let window = unsafe {
             let mut window = ffi::RSMPI_WIN_NULL;
-            let mut own: *mut u8 = null_mut();
+            let mut local: *mut u8 = null_mut();
             ffi::MPI_Win_allocate_shared(
                 room as ffi::MPI_Aint,
                 1,
                 ffi::RSMPI_INFO_NULL,
                 communicator.as_raw(),
-                (&raw mut own).cast(),
+                (&raw mut local).cast(),
                 &raw mut window,
             );
             for (k, &rank) in ranks.iter().enumerate() {
@@ -98,19 +98,21 @@ impl Node {
                     &raw mut unit,
                     (&raw mut begin).cast(),
                 );
-                assert!(size as usize >= room, "the window holds a desk");
-                desks[rank as usize] = begin.add(begin.align_offset(align_of::<Desk>())).cast();
+                assert!(size as usize >= room, "the window holds a slot");
+                slots[rank as usize] = begin
+                    .add(begin.align_offset(align_of::<SharedSlot>()))
+                    .cast();
             }
             window
         };
         communicator.barrier();
         let zero = || [Cell::new(0), Cell::new(0)];
         Some(Self {
-            desks,
+            slots,
             rank: world.rank() as usize,
             sums: Cell::new(0),
             sent: zero(),
-            had: zero(),
+            received: zero(),
             window,
             _communicator: communicator,
         })
@@ -118,14 +120,14 @@ impl Node {
 
     /// Whether all ranks of the job are on this node.
     pub fn holds_all(&self) -> bool {
-        self.desks.iter().all(|d| !d.is_null())
+        self.slots.iter().all(|d| !d.is_null())
     }
 
     /// The mailbox for messages from `from` to `to`: 0 to the next rank, 1 to the rank before;
     /// `None` if there is none.
     fn direction(&self, from: usize, to: usize) -> Option<usize> {
-        let size = self.desks.len();
-        if self.desks[from].is_null() || self.desks[to].is_null() || from == to {
+        let size = self.slots.len();
+        if self.slots[from].is_null() || self.slots[to].is_null() || from == to {
             None
         } else if to == (from + 1) % size {
             Some(0)
@@ -138,55 +140,56 @@ impl Node {
 
     /// Whether messages of at most this many numbers from and to this rank use shared memory. Both
     /// ranks get the same answer.
-    pub fn reaches(&self, rank: usize, numbers: usize) -> bool {
+    pub fn connects(&self, rank: usize, numbers: usize) -> bool {
         numbers <= MOST_NUMBERS && self.direction(self.rank, rank).is_some()
     }
 
     /// Writes the chosen records into the neighbour's mailbox.
     ///
     /// # Panics
-    /// If [`Node::reaches`] is false, or a chosen record does not exist.
+    /// If [`Node::connects`] is false, or a chosen record does not exist.
     pub fn send(&self, to: usize, records: &[f64], width: usize, chosen: &[u32]) {
         let direction = self.direction(self.rank, to).expect("a neighbour");
         assert!(chosen.len() * width <= MOST_NUMBERS, "a message that fits");
         let number = self.sent[direction].get() + 1;
         self.sent[direction].set(number);
-        // SAFETY: the desk lives as long as the window. What is written is read by the neighbour
-        // only between `sent` reaching this number and its own `taken`, and this box was used last
-        // for the message before the last, which was taken. Until then the message, which was set
-        // to zero once and is aligned as the box, is this rank's alone.
+        // SAFETY: the slot lives as long as the window. What is written is read by the neighbour
+        // only between `sent` reaching this number and its own `taken`, and this rank last used
+        // this mailbox for the message before the last, which the neighbour has taken. Until then
+        // no other rank accesses the message, which is aligned as the mailbox and was set to zero
+        // once.
         unsafe {
-            let desk = self.desks[self.rank];
-            let letterbox = &raw mut (*desk).boxes[direction][number as usize % 2];
-            wait_for(&(*letterbox).taken, number.saturating_sub(2));
-            let message = (&raw mut (*letterbox).message).cast::<f64>();
+            let slot = self.slots[self.rank];
+            let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
+            wait_for(&(*mailbox).taken, number.saturating_sub(2));
+            let message = (&raw mut (*mailbox).message).cast::<f64>();
             let message = from_raw_parts_mut(message, chosen.len() * width);
             copy_chosen(records, width, chosen, message);
-            (*letterbox).sent.store(number, Ordering::Release);
+            (*mailbox).sent.store(number, Ordering::Release);
         }
     }
 
     /// Reads a message from a neighbour's mailbox.
     ///
     /// # Panics
-    /// If [`Node::reaches`] is false.
+    /// If [`Node::connects`] is false.
     pub fn receive(&self, from: usize, message: &mut [f64]) {
         let direction = self.direction(from, self.rank).expect("a neighbour");
         assert!(message.len() <= MOST_NUMBERS, "a message that fits");
-        let number = self.had[direction].get() + 1;
-        self.had[direction].set(number);
-        // SAFETY: the desk lives as long as the window. The neighbour has written the message
-        // before `sent`, and writes no other into this box before `taken`.
+        let number = self.received[direction].get() + 1;
+        self.received[direction].set(number);
+        // SAFETY: the slot lives as long as the window. The neighbour has written the message
+        // before `sent`, and writes no other into this mailbox before `taken`.
         unsafe {
-            let desk = self.desks[from];
-            let letterbox = &raw mut (*desk).boxes[direction][number as usize % 2];
-            wait_for(&(*letterbox).sent, number);
+            let slot = self.slots[from];
+            let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
+            wait_for(&(*mailbox).sent, number);
             copy_nonoverlapping(
-                (&raw const (*letterbox).message).cast(),
+                (&raw const (*mailbox).message).cast(),
                 message.as_mut_ptr(),
                 message.len(),
             );
-            (*letterbox).taken.store(number, Ordering::Release);
+            (*mailbox).taken.store(number, Ordering::Release);
         }
     }
 
@@ -199,20 +202,20 @@ impl Node {
         let number = self.sums.get() + 1;
         self.sums.set(number);
         let terms = |rank: usize| {
-            let desk = self.desks[rank];
-            assert!(!desk.is_null(), "all ranks are here");
-            // SAFETY: the desk lives as long as the window, and terms are atomic.
-            unsafe { &(*desk).terms[number as usize % 2] }
+            let slot = self.slots[rank];
+            assert!(!slot.is_null(), "all ranks are here");
+            // SAFETY: the slot lives as long as the window, and terms are atomic.
+            unsafe { &(*slot).terms[number as usize % 2] }
         };
-        // Every rank has read the sum before the last from here: only then did it write its terms
-        // of the last one.
-        let own = terms(self.rank);
-        for (to, value) in own.term.iter().zip(&*values) {
+        // Every rank has read the terms of the sum before the last, because it did so before it
+        // wrote its terms of the last sum.
+        let local = terms(self.rank);
+        for (to, value) in local.term.iter().zip(&*values) {
             to.store(*value, Ordering::Relaxed);
         }
-        own.count.store(number, Ordering::Release);
+        local.count.store(number, Ordering::Release);
         meanwhile();
-        for rank in (0..self.desks.len()).filter(|&r| r != self.rank) {
+        for rank in (0..self.slots.len()).filter(|&r| r != self.rank) {
             let other = terms(rank);
             wait_for(&other.count, number);
             for (sum, term) in values.iter_mut().zip(&other.term) {
@@ -231,9 +234,9 @@ impl Drop for Node {
     }
 }
 
-/// Waits until the counter has reached a number. Yields the core soon, because ranks may share it.
+/// Waits until a counter has reached a number. Yields the core after [`SPIN_COUNT`] polls.
 fn wait_for(counter: &AtomicU64, number: u64) {
-    for _ in 0..PATIENCE {
+    for _ in 0..SPIN_COUNT {
         if counter.load(Ordering::Acquire) >= number {
             return;
         }
@@ -244,9 +247,9 @@ fn wait_for(counter: &AtomicU64, number: u64) {
     }
 }
 
-/// Spin count before the core is yielded: about two microseconds, because there may be more ranks
-/// than cores.
-const PATIENCE: u32 = 50;
+/// Polls of a slot before the rank yields its core: about two microseconds. More would delay the
+/// other ranks if there are more ranks than cores.
+const SPIN_COUNT: u32 = 50;
 
 /// Copies the chosen records, of `width` numbers each, one after the other.
 ///

@@ -30,8 +30,8 @@ pub struct World {
 const OPEN_MPI: [(&str, &str); 2] = [
     // A halo message of 4 KiB just exceeds the default, above which a handshake comes first.
     ("OMPI_MCA_btl_vader_eager_limit", "16384"),
-    // A waiting rank lets others have its core. It costs nothing where each rank has one; where
-    // other work shares the cores, two ranks ran several times as fast.
+    // A waiting rank yields its core. This costs nothing if each rank has one; with other work on
+    // the cores, two ranks ran several times as fast.
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
 
@@ -115,7 +115,7 @@ fn addressable(bytes: &[u8]) -> &[u8] {
 }
 
 impl Parallel for World {
-    /// `None` for a single rank: HDF5's plain driver serves it faster.
+    /// `None` for a single rank, for which HDF5's serial driver is faster.
     fn communicator(&self) -> Option<mpi::ffi::MPI_Comm> {
         (self.size > 1).then(|| self.communicator.as_raw())
     }
@@ -135,7 +135,7 @@ impl Exchange for World {
         if self.size == 1 {
             return send;
         }
-        let own = std::mem::take(&mut send[self.rank]);
+        let local = std::mem::take(&mut send[self.rank]);
         let (counts, starts, _) = Self::layout(send.iter().map(Vec::len));
         let mut arriving = vec![0i32; self.size];
         self.communicator
@@ -148,7 +148,7 @@ impl Exchange for World {
             &mut PartitionMut::new(&mut incoming[..], &arriving[..], &places[..]),
         );
         let mut received = Self::split(&incoming, &arriving, &places);
-        received[self.rank] = own;
+        received[self.rank] = local;
         received
     }
 
@@ -160,23 +160,23 @@ impl Exchange for World {
             .iter()
             .enumerate()
             .all(|(k, a)| links[k + 1..].iter().all(|b| a.rank != b.rank));
-        let near = |link: &Link<'_>| {
+        let shared_memory = |link: &Link<'_>| {
             let node = self.node.as_ref().filter(|_| single)?;
             let numbers = (link.chosen.len() * link.width).max(link.receive.len());
-            node.reaches(link.rank, numbers).then_some(node)
+            node.connects(link.rank, numbers).then_some(node)
         };
         for link in &*links {
-            if let Some(node) = near(link) {
+            if let Some(node) = shared_memory(link) {
                 node.send(link.rank, link.records, link.width, link.chosen);
             }
         }
-        if links.iter().all(|link| near(link).is_some()) {
+        if links.iter().all(|link| shared_memory(link).is_some()) {
             meanwhile();
         } else {
             mpi::request::scope(|scope| {
                 let (mut receives, mut sends) = (Vec::new(), Vec::new());
                 for link in links.iter_mut() {
-                    if near(link).is_some() {
+                    if shared_memory(link).is_some() {
                         continue;
                     }
                     crate::node::copy_chosen(link.records, link.width, link.chosen, link.buffer);
@@ -197,7 +197,7 @@ impl Exchange for World {
             });
         }
         for link in links {
-            if let Some(node) = near(link) {
+            if let Some(node) = shared_memory(link) {
                 node.receive(link.rank, link.receive);
             }
         }
@@ -245,12 +245,12 @@ impl Exchange for World {
         if self.rank == 0 { 0 } else { below }
     }
 
-    /// NaN if the value of any rank is, which MPI's own maximum may lose.
+    /// NaN if the value of any rank is NaN, which MPI's own maximum does not guarantee.
     fn maximum(&self, value: f64) -> f64 {
         if self.size == 1 {
             return value;
         }
-        let mine = [
+        let local = [
             f64::from(u8::from(value.is_nan())),
             if value.is_nan() {
                 f64::NEG_INFINITY
@@ -260,7 +260,7 @@ impl Exchange for World {
         ];
         let mut all = [0.0; 2];
         self.communicator
-            .all_reduce_into(&mine[..], &mut all[..], SystemOperation::max());
+            .all_reduce_into(&local[..], &mut all[..], SystemOperation::max());
         if all[0] > 0.0 { f64::NAN } else { all[1] }
     }
 

@@ -9,8 +9,8 @@ use gshear_analysis as analysis;
 use gshear_analysis::regions::MinPoints;
 use gshear_dem::failure::Failure;
 use gshear_report as report;
-use gshear_report::lee_hurley::Choice;
-use gshear_store::run_reader::Run;
+use gshear_report::lee_hurley::StudyOptions;
+use gshear_store::run_reader::RunFile;
 
 use super::{
     compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum, study,
@@ -29,7 +29,7 @@ pub struct Arguments {
     /// Number of threads [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -69,7 +69,7 @@ pub enum Command {
     },
     /// Write the stick and slip phases of τ into phases.csv
     ///
-    /// A phase is a maximal monotone stretch of τ in the time series. Durations t_p are counted in
+    /// A phase is a maximal monotone run of τ in the time series. Durations t_p are counted in
     /// intervals Δγ of the series.
     Phases {
         /// A run.h5, or the folder that holds one
@@ -122,7 +122,7 @@ pub enum Command {
         run: PathBuf,
         /// Format of the file
         #[arg(long, value_enum)]
-        format: export::Format,
+        format: export::ExportFormat,
         /// Frame: its number, from 0 on, or last [default: last]
         #[arg(long, value_name = "N")]
         frame: Option<export::Which>,
@@ -134,7 +134,7 @@ pub enum Command {
     ///
     /// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ between
     /// realisations. Writes the mean series, tables of segments, steps, holds and fits (CSV),
-    /// rate-state.json, and figures. Intervals are of 95 %.
+    /// rate-state.json, and figures. Intervals are 95 % confidence intervals.
     RateState {
         /// A run.h5, or the folder that holds one; several are realisations or further protocols
         #[arg(required = true, value_name = "RUN")]
@@ -152,7 +152,7 @@ pub enum Command {
     /// eigenvalues nearest the shift, by shift-invert. Trust a pair only if its verdict is pair;
     /// doubtful pairs may be rounding errors (docs/spectrum.md). Writes spectrum.csv, spectrum.h5
     /// with the eigenvectors, and spectrum.svg.
-    Spectrum(spectrum::Options),
+    Spectrum(spectrum::SpectrumOptions),
     /// Compute a part of a run again, with frames, from the checkpoint before it
     ///
     /// Writes a run.h5 into a folder of its own. The run must have kept its checkpoints
@@ -198,7 +198,7 @@ pub enum Command {
         out: Option<PathBuf>,
         /// Repeat a published study
         #[arg(long, value_enum)]
-        study: Option<Study>,
+        study: Option<PaperStudy>,
         /// Shear strain at which the stick-slip regime begins [default: the paper's: 0.022 small,
         /// 0.054 large sample]
         #[arg(long, value_name = "STRAIN", requires = "study")]
@@ -214,7 +214,7 @@ type Strains = [f64; 2];
 
 /// A study that can be repeated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Study {
+pub enum PaperStudy {
     /// Lee & Hurley: microscopic dynamics of rearrangement and stick-slip
     LeeHurley,
     /// Bonfanti et al.: oscillatory instabilities in a periodic box
@@ -235,25 +235,25 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
     // Threads of a replay.
     let threads = arguments.threads.map_or(1, usize::from);
     match &arguments.command {
-        Command::Info { run } => info::print(&Run::open(run)?, output)?,
+        Command::Info { run } => info::print(&RunFile::open(run)?, output)?,
         Command::Compare { a, b } => {
-            let comparison = compare::runs(&Run::open(a)?, &Run::open(b)?)?;
-            comparison.print(output).map_err(lost)?;
+            let comparison = compare::runs(&RunFile::open(a)?, &RunFile::open(b)?)?;
+            comparison.print(output).map_err(cannot_write)?;
             return Ok(i32::from(!comparison.equal()));
         }
         Command::Dmin { run, out, radius } => {
-            let run = Run::open(run)?;
+            let run = RunFile::open(run)?;
             let path = dmin::write(&run, out.as_deref().unwrap_or(run.folder()), *radius)?;
-            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+            writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
         }
         Command::Phases { run, out } => {
-            let run = Run::open(run)?;
+            let run = RunFile::open(run)?;
             phases::write(&run, out.as_deref().unwrap_or(run.folder()), output)?;
         }
         Command::Regions { run, out } => {
-            let run = Run::open(run)?;
+            let run = RunFile::open(run)?;
             let path = regions::write(&run, out.as_deref().unwrap_or(run.folder()))?;
-            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+            writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
         }
         Command::Correlate {
             run,
@@ -261,10 +261,10 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             from,
             min_points,
         } => {
-            let run = Run::open(run)?;
+            let run = RunFile::open(run)?;
             let folder = out.as_deref().unwrap_or(run.folder());
             for path in correlate::write(&run, folder, *from, reading(*min_points))? {
-                writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+                writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
             }
         }
         Command::Export {
@@ -274,12 +274,12 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             out,
         } => {
             let path = export::write(run, *format, *frame, out.as_deref())?;
-            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+            writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
         }
         Command::RateState { runs, law, out } => {
-            let runs: Vec<Run> = runs
+            let runs: Vec<RunFile> = runs
                 .iter()
-                .map(|run| Run::open(run))
+                .map(|run| RunFile::open(run))
                 .collect::<Result<_, _>>()?;
             let folder = out
                 .clone()
@@ -301,12 +301,12 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             let Some(strain) = strain else {
                 return Err(Failure::input("replay: give --strain A..B or --time A..B"));
             };
-            let wanted = replay::Wanted {
+            let request = replay::ReplayRequest {
                 strain: *strain,
                 every: *every,
                 threads,
             };
-            replay::write(&Run::open(run)?, wanted, out.as_deref(), output)?;
+            replay::write(&RunFile::open(run)?, request, out.as_deref(), output)?;
         }
         Command::Spectrum(options) => spectrum::write(options, output)?,
         Command::Report {
@@ -316,16 +316,16 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             from,
             min_points,
         } => {
-            if let Some(Study::Bonfanti) = study {
+            if let Some(PaperStudy::Bonfanti) = study {
                 let page = study::bonfanti(runs, out.as_deref())?;
-                writeln!(output, "wrote {}", page.display()).map_err(lost)?;
+                writeln!(output, "wrote {}", page.display()).map_err(cannot_write)?;
                 return Ok(0);
             }
-            let first = Run::open(&runs[0])?;
+            let first = RunFile::open(&runs[0])?;
             let folder = |name: &str| out.clone().unwrap_or_else(|| first.folder().join(name));
             let page = match study {
                 Some(_) => {
-                    let choice = Choice {
+                    let choice = StudyOptions {
                         onset: *from,
                         min_points: reading(*min_points),
                     };
@@ -339,10 +339,10 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
                 }
                 None => report::write(&first, &folder("report"))?,
             };
-            writeln!(output, "wrote {}", page.display()).map_err(lost)?;
+            writeln!(output, "wrote {}", page.display()).map_err(cannot_write)?;
         }
     }
-    output.flush().map_err(lost)?;
+    output.flush().map_err(cannot_write)?;
     Ok(0)
 }
 
@@ -354,6 +354,6 @@ fn reading(min_points: u8) -> MinPoints {
 }
 
 /// Returns the failure of output that could not be written to a terminal or a pipe.
-pub(super) fn lost(error: std::io::Error) -> Failure {
+pub(super) fn cannot_write(error: std::io::Error) -> Failure {
     Failure::other(format!("standard output: {error}"))
 }

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, FrameRecords, SeriesRow};
 use gshear_scene::Dimensions;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 
 /// Parameters that describe how, where and when a run was made, not its results.
 const PROVENANCE: [&str; 7] = [
@@ -25,7 +25,7 @@ const PARTS: [&str; 3] = [" x", " y", " z"];
 
 /// Where two values differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Place {
+pub enum Location {
     /// No place, as for a number of the whole run.
     Nowhere,
     /// Grain.
@@ -40,22 +40,22 @@ pub enum Place {
     ContactOf(usize, u32, u32),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::Nowhere => f.write_str("-"),
-            Place::Grain(n) => write!(f, "grain {n}"),
-            Place::Row(row) => write!(f, "row {row}"),
-            Place::Frame(t) => write!(f, "frame {t}"),
-            Place::GrainOf(t, n, part) => write!(f, "frame {t} grain {n}{part}"),
-            Place::ContactOf(t, i, j) => write!(f, "frame {t} contact {i}-{j}"),
+            Location::Nowhere => f.write_str("-"),
+            Location::Grain(n) => write!(f, "grain {n}"),
+            Location::Row(row) => write!(f, "row {row}"),
+            Location::Frame(t) => write!(f, "frame {t}"),
+            Location::GrainOf(t, n, part) => write!(f, "frame {t} grain {n}{part}"),
+            Location::ContactOf(t, i, j) => write!(f, "frame {t} contact {i}-{j}"),
         }
     }
 }
 
 /// Comparison of one field. A difference with NaN on one side only is infinite.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Field {
+pub struct FieldComparison {
     /// Name of the field.
     pub name: String,
     /// Number of values compared.
@@ -63,22 +63,22 @@ pub struct Field {
     /// Number of values with different bits (NaN equals NaN).
     pub differing: u64,
     /// First difference in the order of the file.
-    pub first: Place,
+    pub first: Location,
     /// Largest |a - b|.
     pub absolute: f64,
     /// Place of the largest |a - b|.
-    pub absolute_at: Place,
+    pub absolute_at: Location,
     /// Largest |a - b|/max(|a|, |b|).
     pub relative: f64,
     /// Place of the largest |a - b|/max(|a|, |b|).
-    pub relative_at: Place,
+    pub relative_at: Location,
 }
 
-impl Field {
+impl FieldComparison {
     fn new(name: impl Into<String>) -> Self {
         let name = name.into();
-        let at = Place::Nowhere;
-        Field {
+        let at = Location::Nowhere;
+        FieldComparison {
             name,
             compared: 0,
             differing: 0,
@@ -90,7 +90,7 @@ impl Field {
         }
     }
 
-    fn see(&mut self, a: f64, b: f64, at: Place) {
+    fn see(&mut self, a: f64, b: f64, at: Location) {
         self.compared += 1;
         if a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan()) {
             return;
@@ -126,7 +126,7 @@ impl Field {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Comparison {
     /// Fields compared value by value.
-    pub fields: Vec<Field>,
+    pub fields: Vec<FieldComparison>,
     /// Differing numbers of frames, rows, grains; differing digests.
     pub unequal: Vec<String>,
     /// Differences in parameters that do not count as results.
@@ -208,7 +208,7 @@ impl Comparison {
 ///
 /// # Errors
 /// [`Failure::Input`] if a file is damaged.
-pub fn runs(a: &Run, b: &Run) -> Result<Comparison, Failure> {
+pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison, Failure> {
     let mut found = Comparison::default();
     parameters(a, b, &mut found);
     let grains = found.count("number of grains", a.grains().count(), b.grains().count());
@@ -224,19 +224,19 @@ pub fn runs(a: &Run, b: &Run) -> Result<Comparison, Failure> {
         found.unequal.push("disks against spheres".into());
         return Ok(found);
     }
-    let mut cell = Field::new("box");
-    cell.see(a.grains().length, b.grains().length, Place::Nowhere);
+    let mut cell = FieldComparison::new("box");
+    cell.see(a.grains().length, b.grains().length, Location::Nowhere);
     if dimension == Dimensions::Three {
         let [x, y] = [a, b].map(|run| run.cell().periods[1]);
-        cell.see(x, y, Place::Nowhere);
+        cell.see(x, y, Location::Nowhere);
     }
-    cell.see(a.height(), b.height(), Place::Nowhere);
+    cell.see(a.height(), b.height(), Location::Nowhere);
     found.fields.push(cell);
     let (x, y) = (a.grains(), b.grains());
     if grains == x.count() && grains == y.count() {
         let mut column = |name: &str, of: &dyn Fn(usize) -> (f64, f64)| {
-            let mut field = Field::new(name);
-            (0..grains).for_each(|n| field.see(of(n).0, of(n).1, Place::Grain(n)));
+            let mut field = FieldComparison::new(name);
+            (0..grains).for_each(|n| field.see(of(n).0, of(n).1, Location::Grain(n)));
             found.fields.push(field);
         };
         column("radius", &|n| (x.radius[n], y.radius[n]));
@@ -246,25 +246,25 @@ pub fn runs(a: &Run, b: &Run) -> Result<Comparison, Failure> {
     }
 
     let (x, y) = (a.series(), b.series());
-    let mut step = Field::new("series step");
-    let mut time = Field::new("series time");
+    let mut step = FieldComparison::new("series step");
+    let mut time = FieldComparison::new("series time");
     for row in 0..rows {
-        step.see(x.step[row] as f64, y.step[row] as f64, Place::Row(row));
-        time.see(x.time[row], y.time[row], Place::Row(row));
+        step.see(x.step[row] as f64, y.step[row] as f64, Location::Row(row));
+        time.see(x.time[row], y.time[row], Location::Row(row));
     }
     found.fields.extend([step, time]);
     for column in SeriesRow::COLUMNS {
-        let mut field = Field::new(column.name);
+        let mut field = FieldComparison::new(column.name);
         let pairs = x.column(column.name).iter().zip(y.column(column.name));
         pairs
             .enumerate()
-            .for_each(|(row, (a, b))| field.see(*a, *b, Place::Row(row)));
+            .for_each(|(row, (a, b))| field.see(*a, *b, Location::Row(row)));
         found.fields.push(field);
     }
     Ok(found)
 }
 
-fn parameters(a: &Run, b: &Run, found: &mut Comparison) {
+fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
     let mut names: Vec<&String> = a.parameters().keys().chain(b.parameters().keys()).collect();
     names.sort_unstable();
     names.dedup();
@@ -291,8 +291,8 @@ fn parameters(a: &Run, b: &Run, found: &mut Comparison) {
 }
 
 /// Compares the fields of frames, read in blocks.
-fn frames_of(a: &Run, b: &Run, frames: usize) -> Result<Vec<Field>, Failure> {
-    let mut fields = FrameFields::new(a.dimension());
+fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>, Failure> {
+    let mut fields = FrameComparison::new(a.dimension());
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);
@@ -316,42 +316,43 @@ const CONTACT_FIELDS: [ContactField; 6] = [
     ("sliding", false, |c| [c.sliding as f64; 3]),
 ];
 
-struct FrameFields {
+struct FrameComparison {
     dimension: Dimensions,
-    step: Field,
-    time: Field,
-    position: Field,
-    velocity: Field,
-    angular_velocity: Field,
+    step: FieldComparison,
+    time: FieldComparison,
+    position: FieldComparison,
+    velocity: FieldComparison,
+    angular_velocity: FieldComparison,
     /// Whether a contact is in both runs.
-    pairs: Field,
-    contacts: Vec<Field>,
+    pairs: FieldComparison,
+    contacts: Vec<FieldComparison>,
 }
 
-impl FrameFields {
+impl FrameComparison {
     fn new(dimension: Dimensions) -> Self {
-        FrameFields {
+        FrameComparison {
             dimension,
-            step: Field::new("frame step"),
-            time: Field::new("frame time"),
-            position: Field::new("position"),
-            velocity: Field::new("velocity"),
-            angular_velocity: Field::new("angular_velocity"),
-            pairs: Field::new("contacts"),
+            step: FieldComparison::new("frame step"),
+            time: FieldComparison::new("frame time"),
+            position: FieldComparison::new("position"),
+            velocity: FieldComparison::new("velocity"),
+            angular_velocity: FieldComparison::new("angular_velocity"),
+            pairs: FieldComparison::new("contacts"),
             contacts: CONTACT_FIELDS
                 .iter()
-                .map(|(name, ..)| Field::new(format!("c. {name}")))
+                .map(|(name, ..)| FieldComparison::new(format!("c. {name}")))
                 .collect(),
         }
     }
 
     fn see(&mut self, t: usize, a: &FrameRecords, b: &FrameRecords) {
-        self.step.see(a.step as f64, b.step as f64, Place::Frame(t));
-        self.time.see(a.time, b.time, Place::Frame(t));
+        self.step
+            .see(a.step as f64, b.step as f64, Location::Frame(t));
+        self.time.see(a.time, b.time, Location::Frame(t));
         let axes = self.dimension.axes();
         for (n, (a, b)) in a.grains.iter().zip(&b.grains).enumerate() {
             for (k, part) in PARTS.into_iter().enumerate().take(axes) {
-                let at = Place::GrainOf(t, n, part);
+                let at = Location::GrainOf(t, n, part);
                 self.position.see(a.position[k], b.position[k], at);
                 self.velocity.see(a.velocity[k], b.velocity[k], at);
             }
@@ -360,7 +361,7 @@ impl FrameFields {
                 Dimensions::Three => 0..3,
             };
             for k in spins {
-                let at = Place::GrainOf(t, n, PARTS[k]);
+                let at = Location::GrainOf(t, n, PARTS[k]);
                 self.angular_velocity
                     .see(a.angular_velocity[k], b.angular_velocity[k], at);
             }
@@ -382,7 +383,7 @@ impl FrameFields {
             } else {
                 &a[0]
             };
-            let at = Place::ContactOf(t, sample.i, sample.j);
+            let at = Location::ContactOf(t, sample.i, sample.j);
             self.pairs.see(
                 (order != Ordering::Greater).into(),
                 (order != Ordering::Less).into(),
@@ -403,7 +404,7 @@ impl FrameFields {
         }
     }
 
-    fn into_fields(self) -> Vec<Field> {
+    fn into_fields(self) -> Vec<FieldComparison> {
         let mut fields = vec![
             self.step,
             self.time,
@@ -423,33 +424,33 @@ mod tests {
 
     #[test]
     fn one_nan_differs_and_two_do_not() {
-        let mut field = Field::new("f");
-        field.see(f64::NAN, -f64::NAN, Place::Row(0));
+        let mut field = FieldComparison::new("f");
+        field.see(f64::NAN, -f64::NAN, Location::Row(0));
         assert_eq!(field.differing, 0);
-        field.see(f64::NAN, 1.0, Place::Row(1));
-        field.see(5.0, 1.0, Place::Row(2));
+        field.see(f64::NAN, 1.0, Location::Row(1));
+        field.see(5.0, 1.0, Location::Row(2));
         assert_eq!((field.compared, field.differing), (3, 2));
         assert_eq!(
             (field.absolute, field.absolute_at),
-            (f64::INFINITY, Place::Row(1))
+            (f64::INFINITY, Location::Row(1))
         );
     }
 
     #[test]
     fn zeros_of_different_sign_differ_by_nothing() {
-        let mut field = Field::new("f");
-        field.see(0.0, -0.0, Place::Grain(3));
-        assert_eq!((field.differing, field.first), (1, Place::Grain(3)));
+        let mut field = FieldComparison::new("f");
+        field.see(0.0, -0.0, Location::Grain(3));
+        assert_eq!((field.differing, field.first), (1, Location::Grain(3)));
         assert_eq!((field.absolute, field.relative), (0.0, 0.0));
     }
 
     #[test]
     fn absolute_and_relative_differences_keep_their_own_places() {
-        let mut field = Field::new("f");
-        field.see(1000.0, 1001.0, Place::Row(0));
-        field.see(0.5, 0.25, Place::Row(1));
-        assert_eq!((field.absolute, field.absolute_at), (1.0, Place::Row(0)));
-        assert_eq!((field.relative, field.relative_at), (0.5, Place::Row(1)));
+        let mut field = FieldComparison::new("f");
+        field.see(1000.0, 1001.0, Location::Row(0));
+        field.see(0.5, 0.25, Location::Row(1));
+        assert_eq!((field.absolute, field.absolute_at), (1.0, Location::Row(0)));
+        assert_eq!((field.relative, field.relative_at), (0.5, Location::Row(1)));
     }
 
     #[test]
@@ -461,14 +462,14 @@ mod tests {
         };
         let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
-        let mut fields = FrameFields::new(Dimensions::Two);
+        let mut fields = FrameComparison::new(Dimensions::Two);
         fields.see_contacts(7, &a, &b);
         assert_eq!((fields.pairs.compared, fields.pairs.differing), (4, 2));
-        assert_eq!(fields.pairs.first, Place::ContactOf(7, 0, 1));
+        assert_eq!(fields.pairs.first, Location::ContactOf(7, 0, 1));
         let force = &fields.contacts[0];
         assert_eq!(
             (force.compared, force.differing, force.first),
-            (2, 1, Place::ContactOf(7, 4, 5))
+            (2, 1, Location::ContactOf(7, 4, 5))
         );
     }
 }

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use super::scalars::FrameSeries;
 use gshear_analysis::correlate::{CONFIGURATIONS, Quantity, Regime, SUBJECTS, Subject};
-use gshear_analysis::ranges::Range;
+use gshear_analysis::ranges::ValueRange;
 use gshear_analysis::regions::MinPoints;
 use gshear_analysis::spearman::Correlation;
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
 use gshear_store::text_writer;
 
@@ -18,7 +18,7 @@ use gshear_store::text_writer;
 /// # Errors
 /// An unfit or damaged run, a file that cannot be written.
 pub fn write(
-    run: &Run,
+    run: &RunFile,
     folder: &Path,
     onset: f64,
     reading: MinPoints,
@@ -65,8 +65,8 @@ fn measures(regime: &Regime) -> String {
 
 /// Returns one line per range of every correlation, insignificant ones included.
 fn correlations(regime: &Regime, unit: f64) -> String {
-    let mut rows: Vec<([&str; 4], Range, Correlation)> = Vec::new();
-    let mut add = |head: [&'static str; 4], found: Vec<(Range, Correlation)>| {
+    let mut rows: Vec<([&str; 4], ValueRange, Correlation)> = Vec::new();
+    let mut add = |head: [&'static str; 4], found: Vec<(ValueRange, Correlation)>| {
         rows.extend(found.into_iter().map(|(range, c)| (head, range, c)));
     };
     for subject in SUBJECTS {

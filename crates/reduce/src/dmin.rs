@@ -14,14 +14,14 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::FrameRecords;
 use gshear_scene::Dimensions;
 use gshear_store::reduced_writer::ReducedWriter;
-use gshear_store::run_reader::{Fields, Run};
+use gshear_store::run_reader::{FrameFields, RunFile};
 
 /// Writes `reduced.h5` into `folder` and returns its path. `radius`: radius of the neighbourhood
 /// over r̄. Memory holds two blocks of frames, whatever their number.
 ///
 /// # Errors
 /// A radius that is not positive, a damaged run, a file that cannot be written.
-pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> {
+pub fn write(run: &RunFile, folder: &Path, radius: f64) -> Result<PathBuf, Failure> {
     if !(radius.is_finite() && radius > 0.0) {
         return Err(Failure::input(format!(
             "--radius {radius}: must be a positive number of mean radii"
@@ -45,7 +45,7 @@ pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> 
             each_pair(
                 run,
                 &writer,
-                |range| run.block_of(range, Fields::Pairs),
+                |range| run.block_of(range, FrameFields::Pairs),
                 || pool.lend(),
                 |non_affine, earlier, later, row| {
                     let non_affine = &mut non_affine.buffer;
@@ -75,7 +75,7 @@ pub fn write(run: &Run, folder: &Path, radius: f64) -> Result<PathBuf, Failure> 
 
 /// Writes one row per pair of consecutive frames, computed by `value` with a buffer per thread.
 fn each_pair<F: Send + Sync, B>(
-    run: &Run,
+    run: &RunFile,
     writer: &ReducedWriter,
     read: impl Fn(Range<usize>) -> Result<Vec<F>, Failure> + Sync,
     buffer: impl Fn() -> B + Sync + Send,

@@ -11,37 +11,41 @@ use gshear_dem::state::{Cell, GrainSample};
 use gshear_driver::header::Header;
 use gshear_scene::lammps_data::{self, Atom, DataFile};
 use gshear_scene::{Boundary, Dimensions};
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 use gshear_store::{checkpoint, provenance, text_writer};
 
 /// Format of the exported file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Format {
+pub enum ExportFormat {
     /// LAMMPS data file of atom_style sphere
     LammpsData,
     /// The same for LIGGGHTS, which takes the density as that of a disk in 2D
     LiggghtsData,
 }
 
-impl Format {
+impl ExportFormat {
     fn extension(self) -> &'static str {
         match self {
-            Format::LammpsData | Format::LiggghtsData => "data",
+            ExportFormat::LammpsData | ExportFormat::LiggghtsData => "data",
         }
     }
 
-    fn text(self, state: &State) -> String {
+    fn text(self, state: &ExportedState) -> String {
         match (self, state.dimension) {
             (_, Dimensions::Three) => data_file(state, self.program(), &[], Three::volume),
-            (Format::LammpsData, _) => data_file(state, self.program(), &SPHERES, Three::volume),
-            (Format::LiggghtsData, _) => data_file(state, self.program(), &DISKS, Two::volume),
+            (ExportFormat::LammpsData, _) => {
+                data_file(state, self.program(), &SPHERES, Three::volume)
+            }
+            (ExportFormat::LiggghtsData, _) => {
+                data_file(state, self.program(), &DISKS, Two::volume)
+            }
         }
     }
 
     fn program(self) -> &'static str {
         match self {
-            Format::LammpsData => "LAMMPS",
-            Format::LiggghtsData => "LIGGGHTS",
+            ExportFormat::LammpsData => "LAMMPS",
+            ExportFormat::LiggghtsData => "LIGGGHTS",
         }
     }
 }
@@ -74,7 +78,7 @@ impl Which {
     ///
     /// # Errors
     /// [`Failure::Input`] if the run has no such frame.
-    pub(super) fn of(self, run: &Run) -> Result<usize, Failure> {
+    pub(super) fn of(self, run: &RunFile) -> Result<usize, Failure> {
         let frames = run.frames();
         let asked = match self {
             Which::Number(t) if t < frames => return Ok(t),
@@ -94,7 +98,7 @@ impl Which {
 }
 
 /// State to export, in SI units; grains by id.
-struct State {
+struct ExportedState {
     /// Origin of the state, on one line.
     title: String,
     /// File name without extension.
@@ -122,7 +126,7 @@ struct Grain {
 /// A missing frame, a damaged file, a file that cannot be written.
 pub fn write(
     run: &Path,
-    format: Format,
+    format: ExportFormat,
     frame: Option<Which>,
     out: Option<&Path>,
 ) -> Result<PathBuf, Failure> {
@@ -135,7 +139,7 @@ pub fn write(
         }
         of_checkpoint(run)?
     } else {
-        of_run(&Run::open(run)?, frame.unwrap_or(Which::Last))?
+        of_run(&RunFile::open(run)?, frame.unwrap_or(Which::Last))?
     };
     let path = out.map_or_else(
         || {
@@ -153,7 +157,7 @@ pub fn write(
     Ok(path)
 }
 
-fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
+fn of_run(run: &RunFile, which: Which) -> Result<ExportedState, Failure> {
     let t = which.of(run)?;
     let grains = run.grains();
     let frame = run.records(t..t + 1)?.swap_remove(0);
@@ -165,7 +169,7 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
         velocity: of.velocity,
         angular_velocity: of.angular_velocity,
     };
-    Ok(State {
+    Ok(ExportedState {
         title: format!(
             "frame {t} (step {}, strain {:.8}) of {}",
             frame.step,
@@ -179,7 +183,7 @@ fn of_run(run: &Run, which: Which) -> Result<State, Failure> {
     })
 }
 
-fn of_checkpoint(path: &Path) -> Result<State, Failure> {
+fn of_checkpoint(path: &Path) -> Result<ExportedState, Failure> {
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
     let header = Header::read(&snapshot)?;
     let scene = header.scene(path, toml, &[])?;
@@ -197,7 +201,7 @@ fn of_checkpoint(path: &Path) -> Result<State, Failure> {
         velocity: g.velocity,
         angular_velocity: g.angular_velocity,
     };
-    Ok(State {
+    Ok(ExportedState {
         title: format!(
             "step {} of the {} in {}",
             header.step(),
@@ -226,7 +230,7 @@ const DISKS: [&str; 2] = [
 /// Returns a data file of `program`, which computes a grain's mass as density times `volume` of its
 /// radius (m).
 fn data_file(
-    state: &State,
+    state: &ExportedState,
     program: &str,
     density: &[&str],
     volume: impl Fn(f64) -> f64,

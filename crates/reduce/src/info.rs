@@ -3,21 +3,23 @@
 use std::fmt::Write as _;
 use std::io::Write;
 
-use super::commands::lost;
+use super::commands::cannot_write;
 use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::SeriesRow;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 
 /// Prints the content of a run.
 ///
 /// # Errors
 /// Output that cannot be written, a run without the parameters that define its strain.
-pub fn print(run: &Run, output: &mut impl Write) -> Result<(), Failure> {
-    output.write_all(describe(run)?.as_bytes()).map_err(lost)
+pub fn print(run: &RunFile, output: &mut impl Write) -> Result<(), Failure> {
+    output
+        .write_all(describe(run)?.as_bytes())
+        .map_err(cannot_write)
 }
 
-fn describe(run: &Run) -> Result<String, Failure> {
+fn describe(run: &RunFile) -> Result<String, Failure> {
     let mut lines = vec![("run", run.path().display().to_string())];
     let bytes = std::fs::metadata(run.path()).map_or(0, |file| file.len());
     lines.push(("size", format!("{:.1} MB", bytes as f64 / 1e6)));

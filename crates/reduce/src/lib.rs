@@ -11,9 +11,9 @@
 //!
 //! ```no_run
 //! use gshear_reduce::compare;
-//! use gshear_store::run_reader::Run;
+//! use gshear_store::run_reader::RunFile;
 //!
-//! let (a, b) = (Run::open("out/one".as_ref())?, Run::open("out/two".as_ref())?);
+//! let (a, b) = (RunFile::open("out/one".as_ref())?, RunFile::open("out/two".as_ref())?);
 //! let comparison = compare::runs(&a, &b)?;
 //! for field in comparison.fields.iter().filter(|field| field.differing > 0) {
 //!     println!("{}: first at {}", field.name, field.first);

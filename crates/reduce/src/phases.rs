@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::path::Path;
 
-use super::commands::lost;
-use gshear_analysis::phases::{self, Kind, Phase};
+use super::commands::cannot_write;
+use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
 use gshear_store::text_writer;
 
@@ -14,13 +14,13 @@ use gshear_store::text_writer;
 ///
 /// # Errors
 /// A folder or file that cannot be written.
-pub fn write(run: &Run, folder: &Path, output: &mut impl Write) -> Result<(), Failure> {
+pub fn write(run: &RunFile, folder: &Path, output: &mut impl Write) -> Result<(), Failure> {
     let series = run.series();
     let found = phases::find(series.column("strain"), series.column("stress_ratio"));
     let path = folder.join("phases.csv");
     text_writer::write(&path, &table(&found, &series.step))?;
-    summary(&found, output).map_err(lost)?;
-    writeln!(output, "wrote {}", path.display()).map_err(lost)
+    summary(&found, output).map_err(cannot_write)?;
+    writeln!(output, "wrote {}", path.display()).map_err(cannot_write)
 }
 
 /// Returns one line per phase.
@@ -46,7 +46,7 @@ fn summary(found: &[Phase], output: &mut impl Write) -> std::io::Result<()> {
         "{:<8}{:>10}{:>10}{:>16}{:>16}",
         "phases", "number", "long", "mean |Δτ_p|", "mean t_p/Δγ"
     )?;
-    for kind in [Kind::Stick, Kind::Slip] {
+    for kind in [PhaseKind::Stick, PhaseKind::Slip] {
         let of_kind: Vec<&Phase> = found.iter().filter(|phase| phase.kind == kind).collect();
         let count = of_kind.len() as f64;
         let change = of_kind.iter().map(|phase| phase.change.abs()).sum::<f64>() / count;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::scalars::FrameSeries;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
 use gshear_store::text_writer;
 
@@ -13,7 +13,7 @@ use gshear_store::text_writer;
 ///
 /// # Errors
 /// An unfit or damaged run, a file that cannot be written.
-pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
+pub fn write(run: &RunFile, folder: &Path) -> Result<PathBuf, Failure> {
     let path = folder.join("regions.csv");
     text_writer::write(&path, &table(&FrameSeries::of(run)?))?;
     Ok(path)

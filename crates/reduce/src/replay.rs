@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::commands::lost;
+use super::commands::cannot_write;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{SeriesRow, Snapshot};
@@ -11,14 +11,14 @@ use gshear_driver::files::RUN_FILE;
 use gshear_driver::header::Header;
 use gshear_driver::launch::Task;
 use gshear_driver::run::{Options, Outcome, Start};
-use gshear_scene::schedule::Window;
+use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
-use gshear_store::run_reader::{PeriodicRun, Run};
+use gshear_store::run_reader::{PeriodicRunFile, RunFile};
 
 /// The part of a run to replay.
 #[derive(Debug, Clone, Copy)]
-pub struct Wanted {
+pub struct ReplayRequest {
     /// γ at both ends.
     pub strain: [f64; 2],
     /// Steps between frames; `None`: one frame per row of the time series.
@@ -30,7 +30,7 @@ pub struct Wanted {
 /// Result of a replay.
 pub struct Replayed {
     /// The replayed part.
-    pub run: Run,
+    pub run: RunFile,
     /// Step of the checkpoint that the replay started from.
     pub from: u64,
     /// Number of rows of the time series compared, all equal to the last bit.
@@ -42,7 +42,7 @@ pub struct Replayed {
 /// # Errors
 /// A message if the text is not a range of finite strains with 0 ≤ A < B.
 pub fn strains(text: &str) -> Result<[f64; 2], String> {
-    let wrong = || format!("{text:?} is no stretch of strain; write it as 0.1005..0.1006");
+    let wrong = || format!("{text:?} is no range; write it as 0.1005..0.1006");
     let (from, to) = text.split_once("..").ok_or_else(wrong)?;
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
     let (from, to) = (number(from)?, number(to)?);
@@ -53,7 +53,7 @@ pub fn strains(text: &str) -> Result<[f64; 2], String> {
 }
 
 /// Returns whether the run kept checkpoints.
-pub fn can(run: &Run) -> bool {
+pub fn can(run: &RunFile) -> bool {
     !checkpoint::kept(run.folder(), "shear").is_empty()
 }
 
@@ -62,14 +62,14 @@ pub fn can(run: &Run) -> bool {
 /// # Errors
 /// As [`window`].
 pub fn write(
-    run: &Run,
-    wanted: Wanted,
+    run: &RunFile,
+    request: ReplayRequest,
     out: Option<&Path>,
     output: &mut impl Write,
 ) -> Result<(), Failure> {
-    let [from, to] = wanted.strain;
+    let [from, to] = request.strain;
     let default = run.folder().join(format!("replay-{from}-{to}"));
-    let found = window(run, wanted, out.unwrap_or(&default))?;
+    let found = window(run, request, out.unwrap_or(&default))?;
     let steps = found.run.frame_steps();
     writeln!(
         output,
@@ -82,7 +82,7 @@ pub fn write(
         found.rows,
         run.path().display()
     )
-    .map_err(lost)
+    .map_err(cannot_write)
 }
 
 /// Replays the run from the first to the last row of the time series in the range, into
@@ -91,8 +91,8 @@ pub fn write(
 /// # Errors
 /// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
 /// [`Failure::Numbers`] if the time series differs from the stored one.
-pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure> {
-    let window = steps(run, wanted)?;
+pub fn window(run: &RunFile, request: ReplayRequest, out: &Path) -> Result<Replayed, Failure> {
+    let window = steps(run, request)?;
     if same_folder(out, run.folder()) {
         return Err(Failure::input(format!(
             "{}: holds the run itself; give another folder with --out",
@@ -104,8 +104,8 @@ pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure
         "output.keep_checkpoints=false",
         "output.progress_lines=0",
     ];
-    let from = again(run.folder(), "shear", window, &set, (wanted.threads, out))?;
-    let again = Run::open(&out.join(RUN_FILE))?;
+    let from = again(run.folder(), "shear", window, &set, (request.threads, out))?;
+    let again = RunFile::open(&out.join(RUN_FILE))?;
     let rows = compare(run, &again)?;
     Ok(Replayed {
         run: again,
@@ -115,8 +115,8 @@ pub fn window(run: &Run, wanted: Wanted, out: &Path) -> Result<Replayed, Failure
 }
 
 /// Returns the steps of the first and the last row of the time series in the range.
-fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
-    let (series, [from, to]) = (run.series(), wanted.strain);
+fn steps(run: &RunFile, request: ReplayRequest) -> Result<ReplayWindow, Failure> {
+    let (series, [from, to]) = (run.series(), request.strain);
     let strain = series.column("strain");
     let within = |row: &usize| strain[*row] >= from && strain[*row] <= to;
     let mut rows = (0..series.rows()).filter(within);
@@ -128,10 +128,10 @@ fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
             ends[0], ends[1]
         )));
     };
-    let every = wanted
+    let every = request
         .every
         .unwrap_or_else(|| series.step[first + 1] - series.step[first]);
-    Ok(Window {
+    Ok(ReplayWindow {
         first: series.step[first],
         last: series.step[last],
         every,
@@ -143,7 +143,7 @@ fn steps(run: &Run, wanted: Wanted) -> Result<Window, Failure> {
 fn again(
     folder: &Path,
     stage: &str,
-    window: Window,
+    window: ReplayWindow,
     set: &[&str],
     (threads, out): (usize, &Path),
 ) -> Result<u64, Failure> {
@@ -219,7 +219,7 @@ pub fn newtonian(
         )));
     }
     let path = folder.join(NEWTONIAN_FILE);
-    let stored = PeriodicRun::open(&path, &NewtonianRow::COLUMNS)?;
+    let stored = PeriodicRunFile::open(&path, &NewtonianRow::COLUMNS)?;
     let within = |row: &usize| stored.time[*row] >= time[0] && stored.time[*row] <= time[1];
     let mut rows = (0..stored.time.len()).filter(within);
     let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
@@ -232,14 +232,14 @@ pub fn newtonian(
             stored.time.last().unwrap_or(&f64::NAN),
         )));
     };
-    let window = Window {
+    let window = ReplayWindow {
         first: stored.step[first],
         last: stored.step[last],
         every: every.unwrap_or_else(|| stored.step[first + 1] - stored.step[first]),
     };
     let set = ["output.keep_checkpoints=false", "newtonian.spectra=0"];
     let from = again(folder, "newtonian", window, &set, (threads, out))?;
-    let computed = PeriodicRun::open(&out.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)?;
+    let computed = PeriodicRunFile::open(&out.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)?;
     let mut same = 0;
     for (k, step) in computed.step.iter().enumerate() {
         let Ok(row) = stored.step.binary_search(step) else {
@@ -266,11 +266,11 @@ pub fn newtonian(
         frames.last().copied().unwrap_or_default(),
         path.display()
     )
-    .map_err(lost)
+    .map_err(cannot_write)
 }
 
 /// Returns the number of rows that both runs have. Fails if there are none or any differs.
-fn compare(run: &Run, again: &Run) -> Result<usize, Failure> {
+fn compare(run: &RunFile, again: &RunFile) -> Result<usize, Failure> {
     let (one, other) = (run.series(), again.series());
     let (mut rows, mut different, mut first) = (0, 0, None);
     for (k, step) in other.step.iter().enumerate() {

@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use super::pool::{Lent, Pool};
-use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
+use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_analysis::stress::ratio_on_top;
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::{Fields, Run, StoredScalars};
+use gshear_store::run_reader::{FrameFields, RunFile, StoredScalars};
 
 /// Scalars of frames: one row per frame, or per interval for which the run has computed them.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -30,14 +30,14 @@ impl FrameSeries {
     ///
     /// # Errors
     /// A damaged run; a stored scalar without its row in the time series.
-    pub fn of(run: &Run) -> Result<Self, Failure> {
+    pub fn of(run: &RunFile) -> Result<Self, Failure> {
         match run.stored_scalars() {
             Some(stored) => Self::stored(run, stored),
             None => Self::of_frames(run),
         }
     }
 
-    fn stored(run: &Run, stored: &StoredScalars) -> Result<Self, Failure> {
+    fn stored(run: &RunFile, stored: &StoredScalars) -> Result<Self, Failure> {
         let tau = column_at(run, "stress_ratio", &stored.step);
         let strain = column_at(run, "strain", &stored.step);
         let (Some(tau), Some(strain)) = (tau, strain) else {
@@ -58,7 +58,7 @@ impl FrameSeries {
     ///
     /// # Errors
     /// A damaged run.
-    pub fn of_frames(run: &Run) -> Result<Self, Failure> {
+    pub fn of_frames(run: &RunFile) -> Result<Self, Failure> {
         let strain = match column_at(run, "strain", run.frame_steps()) {
             Some(strain) => strain,
             None => run.frame_strains()?,
@@ -74,7 +74,7 @@ impl FrameSeries {
 }
 
 /// Returns a column of the time series at the given steps; `None` if one of them has no row.
-fn column_at(run: &Run, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
+fn column_at(run: &RunFile, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
     let (rows, values) = (&run.series().step, run.series().column(name));
     let value = |step: &u64| rows.binary_search(step).ok().map(|row| values[row]);
     steps.iter().map(value).collect()
@@ -82,12 +82,14 @@ fn column_at(run: &Run, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
 
 /// Returns τ and the scalars of every frame, `[T]`. Memory holds two blocks of frames, whatever
 /// their number.
-fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
+fn compute(run: &RunFile) -> Result<Vec<(f64, FrameScalars)>, Failure> {
     let mut rows = Vec::with_capacity(run.frames());
     let (grains, pool) = (run.grains(), Pool::default());
     let read = |first: usize| -> Result<Vec<Stressed>, Failure> {
         let end = run.frames().min(first + run.block_length());
-        let frames = run.block_of(first..end, Fields::Forces)?.into_par_iter();
+        let frames = run
+            .block_of(first..end, FrameFields::Forces)?
+            .into_par_iter();
         Ok(frames.map(|frame| Stressed::new(grains, frame)).collect())
     };
     let mut frames = read(0)?;
@@ -101,7 +103,7 @@ fn compute(run: &Run) -> Result<Vec<(f64, FrameScalars)>, Failure> {
             || read(next),
             || -> Vec<(f64, FrameScalars)> {
                 let pairs = frames.par_windows(2).with_min_len(8);
-                let row = |scratch: &mut Lent<Scratch>, pair: &[Stressed]| {
+                let row = |scratch: &mut Lent<ScalarScratch>, pair: &[Stressed]| {
                     let scalars = frame_scalars(grains, &pair[0], &pair[1], &mut scratch.buffer);
                     (ratio_on_top(grains, &pair[1].frame), scalars)
                 };

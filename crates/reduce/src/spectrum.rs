@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Par, c64};
 
-use super::commands::lost;
+use super::commands::cannot_write;
 use super::export::Which;
-use super::stiffness::{self, Wanted};
+use super::stiffness::{self, StateSelection};
 use gshear_dem::failure::Failure;
 use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
@@ -26,7 +26,7 @@ const MOST_DENSE: usize = 12_000;
 /// Options of the command.
 #[derive(Debug, clap::Args)]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
-pub struct Options {
+pub struct SpectrumOptions {
     /// A run.h5, the folder that holds one, or a checkpoint, from which K and M are assembled
     #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]
     run: Option<PathBuf>,
@@ -111,7 +111,7 @@ fn resolution(text: &str) -> Result<f64, String> {
 ///
 /// # Errors
 /// Bad matrices, an iteration that does not converge, files that cannot be written.
-pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> {
+pub fn write(options: &SpectrumOptions, output: &mut impl Write) -> Result<(), Failure> {
     let Asked {
         problem,
         source,
@@ -130,16 +130,16 @@ pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> 
         problem.rattling(),
         problem.null().ncols()
     )
-    .map_err(lost)?;
+    .map_err(cannot_write)?;
     let mut spectrum = solve(options, &problem, par, output)?;
-    refine(&mut spectrum, &problem, par, output).map_err(lost)?;
+    refine(&mut spectrum, &problem, par, output).map_err(cannot_write)?;
     let centre = options.shift;
     let spectrum = if options.dense || options.all_pairs {
         spectrum.arranged(|_| true, |e| e.value.re)
     } else {
         spectrum.arranged(|_| true, |e| (e.value - centre).norm())
     };
-    summary(&spectrum, output).map_err(lost)?;
+    summary(&spectrum, output).map_err(cannot_write)?;
 
     let beside = match source.is_dir() {
         true => Some(source.as_path()),
@@ -157,7 +157,7 @@ pub fn write(options: &Options, output: &mut impl Write) -> Result<(), Failure> 
         &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues),
     )?;
     for path in [csv, vectors, svg] {
-        writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+        writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
     }
     Ok(())
 }
@@ -170,7 +170,7 @@ struct Asked {
     grain: Vec<usize>,
 }
 
-fn asked(options: &Options, output: &mut impl Write) -> Result<Asked, Failure> {
+fn asked(options: &SpectrumOptions, output: &mut impl Write) -> Result<Asked, Failure> {
     if let Some(run) = &options.run {
         return of_run(run, options, output);
     }
@@ -184,10 +184,14 @@ fn asked(options: &Options, output: &mut impl Write) -> Result<Asked, Failure> {
     })
 }
 
-fn of_run(run: &Path, options: &Options, output: &mut impl Write) -> Result<Asked, Failure> {
-    let frame = options.frame.map(Wanted::Frame);
-    let wanted = frame.or(options.strain.map(Wanted::Strain));
-    let made = stiffness::of(run, wanted, options.paper_form, output)?;
+fn of_run(
+    run: &Path,
+    options: &SpectrumOptions,
+    output: &mut impl Write,
+) -> Result<Asked, Failure> {
+    let frame = options.frame.map(StateSelection::Frame);
+    let selection = frame.or(options.strain.map(StateSelection::Strain));
+    let made = stiffness::of(run, selection, options.paper_form, output)?;
     let jacobian = &made.jacobian;
     let n = jacobian.unknowns();
     // J contains the masses and has other null vectors.
@@ -211,7 +215,7 @@ fn of_run(run: &Path, options: &Options, output: &mut impl Write) -> Result<Aske
         }
         for (path, matrix) in files {
             matrix_market::write(&path, matrix)?;
-            writeln!(output, "wrote {}", path.display()).map_err(lost)?;
+            writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
         }
     }
     let per_grain = jacobian.per_grain;
@@ -236,7 +240,7 @@ fn sparse(
     SparseColMat::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
 }
 
-fn of_files(matrix: &Path, options: &Options) -> Result<Problem, Failure> {
+fn of_files(matrix: &Path, options: &SpectrumOptions) -> Result<Problem, Failure> {
     let k = matrix_market::read(matrix)?;
     let mass = match &options.mass {
         Some(path) => diagonal(path, &matrix_market::read(path)?)?,
@@ -277,7 +281,7 @@ fn diagonal(path: &Path, m: &SparseColMat<usize, f64>) -> Result<Vec<f64>, Failu
 }
 
 fn solve(
-    options: &Options,
+    options: &SpectrumOptions,
     problem: &Problem,
     par: Par,
     output: &mut impl Write,
@@ -301,7 +305,7 @@ fn solve(
         symbolic.fill(),
         symbolic.operations()
     )
-    .map_err(lost)?;
+    .map_err(cannot_write)?;
     if options.all_pairs {
         return all_pairs(options, problem, &symbolic, par, output);
     }
@@ -312,12 +316,12 @@ fn solve(
         par,
     };
     let found = nearest(problem, &symbolic, request).map_err(unsolved)?;
-    tell(&found, options.shift, output).map_err(lost)?;
+    tell(&found, options.shift, output).map_err(cannot_write)?;
     Ok(found.spectrum)
 }
 
 fn all_pairs(
-    options: &Options,
+    options: &SpectrumOptions,
     problem: &Problem,
     symbolic: &Symbolic,
     par: Par,
@@ -334,10 +338,10 @@ fn all_pairs(
             "scan: {} shifts, {} solves",
             found.disks, found.solves
         )
-        .map_err(lost)?;
+        .map_err(cannot_write)?;
         let (all, null) = (found.spectrum.eigenvalues.len(), problem.null().ncols());
         let n = problem.size();
-        writeln!(output, "scan: {} of {} eigenvalues", all + null, n).map_err(lost)?;
+        writeln!(output, "scan: {} of {} eigenvalues", all + null, n).map_err(cannot_write)?;
         found.spectrum
     };
     let mut known: Vec<c64> = spectrum.eigenvalues.iter().map(|e| e.value).collect();
@@ -359,12 +363,12 @@ fn all_pairs(
             "pairs above the limit of trust: {inside} found; not counted, because an eigenvalue lies on the contour at {at:.3e}"
         ),
     }
-    .map_err(lost)?;
+    .map_err(cannot_write)?;
     Ok(spectrum)
 }
 
 fn amplified(
-    options: &Options,
+    options: &SpectrumOptions,
     problem: &Problem,
     par: Par,
     output: &mut impl Write,
@@ -388,7 +392,7 @@ fn amplified(
             ),
         }
     )
-    .map_err(lost)?;
+    .map_err(cannot_write)?;
     Ok(found.spectrum)
 }
 

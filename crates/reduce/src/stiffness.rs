@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::commands::lost;
+use super::commands::cannot_write;
 use super::export::Which;
-use gshear_analysis::jacobian::{History, Jacobian, State, assemble, paper_form};
+use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble, paper_form};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
@@ -14,20 +14,20 @@ use gshear_dem::state::{Cell, ContactState, GrainState};
 use gshear_driver::header::Header;
 use gshear_scene::{Boundary, Contact, Dimensions, Law, Scene, Source};
 use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 use std::io::Write;
 
 /// The frame to take.
 #[derive(Debug, Clone, Copy)]
-pub enum Wanted {
+pub enum StateSelection {
     /// The last frame, or one by number.
     Frame(Which),
     /// The frame nearest to this shear strain.
     Strain(f64),
 }
 
-/// K, and the paper's J if wanted.
-pub struct Stiffness {
+/// K, and the paper's J if requested.
+pub struct StiffnessMatrix {
     /// K and M.
     pub jacobian: Jacobian,
     /// J in the form of the paper's appendix.
@@ -35,7 +35,7 @@ pub struct Stiffness {
 }
 
 /// A state with its law and cell, from which K is assembled.
-pub struct Found {
+pub struct StoredState {
     law: Law,
     contact: Contact,
     dimension: Dimensions,
@@ -46,23 +46,23 @@ pub struct Found {
     what: String,
 }
 
-impl Found {
+impl StoredState {
     /// Reads a state from a run.h5, the folder that holds one, or a checkpoint.
     ///
     /// # Errors
     /// A damaged file, a file that is neither a run nor a checkpoint, a missing frame, a checkpoint
     /// of the packing stage.
-    pub fn read(path: &Path, wanted: Option<Wanted>) -> Result<Self, Failure> {
+    pub fn read(path: &Path, selection: Option<StateSelection>) -> Result<Self, Failure> {
         if checkpoint::is_checkpoint(path) {
-            return of_checkpoint(path, wanted);
+            return of_checkpoint(path, selection);
         }
-        let wanted = wanted.unwrap_or(Wanted::Frame(Which::Last));
-        of_run(&Run::open(path)?, wanted)
+        let selection = selection.unwrap_or(StateSelection::Frame(Which::Last));
+        of_run(&RunFile::open(path)?, selection)
     }
 
     /// Assembles K and M.
     pub fn jacobian(&self, history: History) -> Jacobian {
-        let state = State {
+        let state = NetworkState {
             grains: &self.grains,
             contacts: &self.contacts,
             cell: self.cell,
@@ -85,14 +85,14 @@ impl Found {
 /// `paper` the contact histories do not turn with the contacts.
 ///
 /// # Errors
-/// As [`Found::read`].
+/// As [`StoredState::read`].
 pub fn of(
     path: &Path,
-    wanted: Option<Wanted>,
+    selection: Option<StateSelection>,
     paper: bool,
     output: &mut impl Write,
-) -> Result<Stiffness, Failure> {
-    let found = Found::read(path, wanted)?;
+) -> Result<StiffnessMatrix, Failure> {
+    let found = StoredState::read(path, selection)?;
     let history = if paper {
         History::Unturned
     } else {
@@ -108,10 +108,10 @@ pub fn of(
         jacobian.contacts,
         jacobian.sliding
     )
-    .map_err(lost)?;
+    .map_err(cannot_write)?;
     let radius = |g: u32| found.grains[g as usize].radius;
     let paper = paper.then(|| paper_form(&jacobian, radius));
-    Ok(Stiffness { jacobian, paper })
+    Ok(StiffnessMatrix { jacobian, paper })
 }
 
 fn of_scene(
@@ -120,8 +120,8 @@ fn of_scene(
     grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
     what: String,
-) -> Found {
-    Found {
+) -> StoredState {
+    StoredState {
         law: scene.law,
         contact: scene.contact,
         dimension: scene.dimension,
@@ -132,8 +132,8 @@ fn of_scene(
     }
 }
 
-fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> {
-    if wanted.is_some() {
+fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<StoredState, Failure> {
+    if selection.is_some() {
         return Err(Failure::input(format!(
             "--frame, --strain: {} is a checkpoint, which holds one state; leave it out",
             path.display()
@@ -173,10 +173,10 @@ fn of_checkpoint(path: &Path, wanted: Option<Wanted>) -> Result<Found, Failure> 
     }
 }
 
-fn of_run(run: &Run, wanted: Wanted) -> Result<Found, Failure> {
-    let t = match wanted {
-        Wanted::Frame(which) => which.of(run)?,
-        Wanted::Strain(strain) => {
+fn of_run(run: &RunFile, selection: StateSelection) -> Result<StoredState, Failure> {
+    let t = match selection {
+        StateSelection::Frame(which) => which.of(run)?,
+        StateSelection::Strain(strain) => {
             let strains = run.frame_strains()?;
             let apart = |&t: &usize| (strains[t] - strain).abs();
             let nearest = (0..strains.len()).min_by(|a, b| apart(a).total_cmp(&apart(b)));

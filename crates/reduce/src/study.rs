@@ -2,16 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use super::replay::{self, Wanted};
+use super::replay::{self, ReplayRequest};
 use super::scalars::FrameSeries;
-use super::stiffness::Found;
+use super::stiffness::StoredState;
 use gshear_analysis::jacobian::History;
 use gshear_dem::failure::Failure;
 use gshear_report::bonfanti;
-use gshear_report::lee_hurley::{self, Choice, Size, Studied, friction};
+use gshear_report::lee_hurley::{self, Size, Studied, StudyOptions, friction};
 use gshear_spectrum::{Spectrum, Verdict};
 use gshear_store::checkpoint;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 
 /// Reduces the runs one after the other and writes the study of Lee & Hurley into `folder`. Returns
 /// the path of the page.
@@ -24,13 +24,13 @@ use gshear_store::run_reader::Run;
 pub fn lee_hurley(
     paths: &[PathBuf],
     folder: &Path,
-    choice: Choice,
+    choice: StudyOptions,
     threads: usize,
 ) -> Result<PathBuf, Failure> {
     // Opens all runs first, so that a wrong name is reported at once.
-    let runs: Vec<Run> = paths
+    let runs: Vec<RunFile> = paths
         .iter()
-        .map(|path| Run::open(path))
+        .map(|path| RunFile::open(path))
         .collect::<Result<_, _>>()?;
     let labels = labels(&runs);
     let mut studied = Vec::new();
@@ -46,13 +46,13 @@ pub fn lee_hurley(
         let curve = [&series.strain[..], &series.tau[..]];
         let mut found = Studied::of(run, label, choice, curve, &series.step, &series.scalars)?;
         if let (Some(strain), true) = (found.missing(), replay::can(run)) {
-            let wanted = Wanted {
+            let request = ReplayRequest {
                 strain,
                 every: None,
                 threads,
             };
             let out = folder.join(format!("replay-{}", k + 1));
-            found.take_frames(&replay::window(run, wanted, &out)?.run)?;
+            found.take_frames(&replay::window(run, request, &out)?.run)?;
         }
         studied.push(found);
     }
@@ -85,7 +85,7 @@ const MOST_UNKNOWNS: usize = 3000;
 /// Returns |v|² of each grain's translation, `[N]`, scaled to a sum of 1, for the complex pair with
 /// the greatest imaginary part; `None` without a pair.
 fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
-    let jacobian = Found::read(checkpoint, None)?.jacobian(History::Turned);
+    let jacobian = StoredState::read(checkpoint, None)?.jacobian(History::Turned);
     if jacobian.unknowns() > MOST_UNKNOWNS {
         return Ok(None);
     }
@@ -113,10 +113,10 @@ fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
 
 /// The friction and, where runs of both sizes are there, the size; numbered where that does not
 /// tell them apart. Without commas, since they stand in tables.
-fn labels(runs: &[Run]) -> Vec<String> {
+fn labels(runs: &[RunFile]) -> Vec<String> {
     let sizes: Vec<Size> = runs.iter().map(|run| Size::of(run.grains())).collect();
     let both = sizes.iter().any(|size| *size != sizes[0]);
-    let label = |(run, size): (&Run, &Size)| {
+    let label = |(run, size): (&RunFile, &Size)| {
         let friction = friction(run).map_or("μ_s unknown".into(), |mu| format!("μ_s = {mu}"));
         if both {
             format!("{friction} {}", size.name())

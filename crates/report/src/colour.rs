@@ -1,6 +1,7 @@
 //! Colours that colour-blind readers can tell apart: the palette of Okabe & Ito, and colour scales.
 //!
-//! Own scales because `DerivedColorMap` of plotters cannot be a constant and panics for NaN, and its Viridis has fewer stops.
+//! Own scales because `DerivedColorMap` of plotters cannot be a constant and panics for NaN, and
+//! its Viridis has fewer stops.
 
 use plotters::style::RGBColor;
 

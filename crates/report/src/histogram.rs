@@ -3,7 +3,7 @@
 use super::colour::{SLIP, STICK};
 use super::plot::{Layout, figure};
 use super::ticks;
-use gshear_analysis::phases::{Kind, Phase};
+use gshear_analysis::phases::{Phase, PhaseKind};
 
 const LAYOUT: Layout = Layout {
     size: [900.0, 400.0],
@@ -22,7 +22,7 @@ pub fn of_changes(phases: &[Phase]) -> String {
             plot.axes(&[], &[], "|Δτ_{p}|", "number of phases");
         });
     };
-    let counts = |kind: Kind| {
+    let counts = |kind: PhaseKind| {
         let mut counts = vec![0u64; (last - first + 1) as usize];
         phases
             .iter()
@@ -30,8 +30,8 @@ pub fn of_changes(phases: &[Phase]) -> String {
             .for_each(|phase| counts[(bin(phase) - first) as usize] += 1);
         counts
     };
-    let kinds =
-        [(Kind::Stick, STICK), (Kind::Slip, SLIP)].map(|(kind, colour)| (counts(kind), colour));
+    let kinds = [(PhaseKind::Stick, STICK), (PhaseKind::Slip, SLIP)]
+        .map(|(kind, colour)| (counts(kind), colour));
     let most = kinds
         .iter()
         .flat_map(|(counts, _)| counts)

@@ -8,9 +8,9 @@
 //! Write the report of a run, as `gshear-reduce report` does:
 //!
 //! ```no_run
-//! use gshear_store::run_reader::Run;
+//! use gshear_store::run_reader::RunFile;
 //!
-//! let run = Run::open("out/plane-shear-2d".as_ref())?;
+//! let run = RunFile::open("out/plane-shear-2d".as_ref())?;
 //! let page = gshear_report::write(&run, &run.folder().join("report"))?;
 //! println!("open {}", page.display());
 //! # Ok::<(), gshear_dem::failure::Failure>(())
@@ -32,15 +32,15 @@ pub mod ticks;
 
 use std::path::{Path, PathBuf};
 
-use self::map::View;
-use self::summary::{Event, Summary};
+use self::map::MapView;
+use self::summary::{DropFrames, Summary};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 use gshear_store::text_writer;
 
 /// A figure of the report: name of its file, caption in HTML, and SVG.
-struct Figure {
+struct ReportFigure {
     name: &'static str,
     caption: String,
     svg: String,
@@ -51,7 +51,7 @@ struct Figure {
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.
-pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
+pub fn write(run: &RunFile, folder: &Path) -> Result<PathBuf, Failure> {
     let summary = Summary::of(run)?;
     let figures = figures(run, &summary);
     for figure in &figures {
@@ -65,13 +65,13 @@ pub fn write(run: &Run, folder: &Path) -> Result<PathBuf, Failure> {
     Ok(page)
 }
 
-fn figures(run: &Run, summary: &Summary) -> Vec<Figure> {
+fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
     let (strain, tau) = (
         run.series().column("strain"),
         run.series().column("stress_ratio"),
     );
     let phases = &summary.phases;
-    let mut figures = vec![Figure {
+    let mut figures = vec![ReportFigure {
         name: "stress-strain",
         caption: "Shear stress ratio over the whole run, with stick (τ increases) and slip (τ decreases) phases.".into(),
         svg: stress::whole(strain, tau, phases, summary.drop.as_ref()),
@@ -83,7 +83,7 @@ fn figures(run: &Run, summary: &Summary) -> Vec<Figure> {
         .or(summary.drop);
     if let Some(drop) = &shown {
         let frames = summary.event.as_ref().map(|event| event.strain);
-        figures.push(Figure {
+        figures.push(ReportFigure {
             name: "largest-drop",
             caption: format!(
                 "The largest drop{}: Δτ<sub>p</sub> = {:.4} over {} intervals of the time series. Shaded: the phases.",
@@ -94,7 +94,7 @@ fn figures(run: &Run, summary: &Summary) -> Vec<Figure> {
             svg: stress::around(strain, tau, phases, drop, frames),
         });
     }
-    figures.push(Figure {
+    figures.push(ReportFigure {
         name: "phase-histogram",
         caption: "Number of stick and slip phases by the magnitude of their change of τ.".into(),
         svg: histogram::of_changes(phases),
@@ -105,8 +105,8 @@ fn figures(run: &Run, summary: &Summary) -> Vec<Figure> {
     figures
 }
 
-fn maps(grains: &Disks, event: &Event) -> [Figure; 4] {
-    let view = View::of(grains, &event.later, event.centre());
+fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
+    let view = MapView::of(grains, &event.later, event.centre());
     let greatest = map::scale_of_forces([&event.earlier, &event.later]);
     let [t, u] = event.frames;
     let [before, after] = event
@@ -121,7 +121,7 @@ fn maps(grains: &Disks, event: &Event) -> [Figure; 4] {
     let network = "Lines join the centres of touching grains; their width and colour give the normal force, \
                    on the same scale before and after. Disks of the walls are grey.";
     [
-        Figure {
+        ReportFigure {
             name: "force-network-before",
             caption: format!("Force network before the drop. {network}{part}"),
             svg: map::forces(
@@ -132,7 +132,7 @@ fn maps(grains: &Disks, event: &Event) -> [Figure; 4] {
                 &format!("frame {t}, {before}"),
             ),
         },
-        Figure {
+        ReportFigure {
             name: "force-network-after",
             caption: format!("Force network after the drop. {network}{part}"),
             svg: map::forces(
@@ -143,7 +143,7 @@ fn maps(grains: &Disks, event: &Event) -> [Figure; 4] {
                 &format!("frame {u}, {after}"),
             ),
         },
-        Figure {
+        ReportFigure {
             name: "force-change",
             caption: format!(
                 "Differential force network over the drop: change of the magnitude of every contact force, \
@@ -151,7 +151,7 @@ fn maps(grains: &Disks, event: &Event) -> [Figure; 4] {
             ),
             svg: map::force_changes(grains, &event.earlier, &event.later, view, &between),
         },
-        Figure {
+        ReportFigure {
             name: "dmin",
             caption: format!(
                 "D²<sub>min</sub> over the drop, in units of the mean radius squared, with neighbours within 5 r̄. \

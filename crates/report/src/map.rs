@@ -20,14 +20,14 @@ const DECADES: f64 = 8.0;
 
 /// The part of the sample that is shown (m).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
+pub struct MapView {
     /// Range of x.
     pub x: [f64; 2],
     /// Range of y.
     pub y: [f64; 2],
 }
 
-impl View {
+impl MapView {
     /// Returns the whole sample, or the part around `centre` with about [`MOST_GRAINS`] grains if
     /// it has more.
     pub fn of(grains: &Disks, frame: &Frame, centre: [f64; 2]) -> Self {
@@ -37,7 +37,7 @@ impl View {
         let high = heights.fold(f64::NEG_INFINITY, f64::max) + reach;
         let share = (MOST_GRAINS as f64 / grains.count() as f64).sqrt();
         if share >= 1.0 {
-            return View {
+            return MapView {
                 x: [0.0, grains.length],
                 y: [low, high],
             };
@@ -47,7 +47,7 @@ impl View {
             let centre = centre.clamp(low + half, high - half);
             [centre - half, centre + half]
         };
-        View {
+        MapView {
             x: part(centre[0], 0.0, grains.length),
             y: part(centre[1], low, high),
         }
@@ -74,7 +74,7 @@ impl View {
         reach: f64,
         length: f64,
     ) -> impl Iterator<Item = f64> + use<> {
-        let View { x: [low, high], .. } = *self;
+        let MapView { x: [low, high], .. } = *self;
         let seen = move |shift: &f64| x + shift + reach >= low && x + shift - reach <= high;
         [-length, 0.0, length].into_iter().filter(seen)
     }
@@ -88,7 +88,7 @@ impl View {
 /// Draws the normal forces of a frame as lines between the centres of touching grains, with width
 /// and colour by F_n. `greatest`: F_n (N/m) at the end of the scale, so that two frames can share
 /// one.
-pub fn forces(grains: &Disks, frame: &Frame, view: View, greatest: f64, title: &str) -> String {
+pub fn forces(grains: &Disks, frame: &Frame, view: MapView, greatest: f64, title: &str) -> String {
     let greatest = if greatest > 0.0 { greatest } else { 1.0 };
     map(view, |plot| {
         background(plot, grains, frame, view);
@@ -136,7 +136,7 @@ pub fn force_changes(
     grains: &Disks,
     earlier: &Frame,
     later: &Frame,
-    view: View,
+    view: MapView,
     title: &str,
 ) -> String {
     let mut changes = Vec::new();
@@ -167,7 +167,7 @@ pub fn force_changes(
 
 /// Draws D²min/r̄² of the grains of a frame on a logarithmic scale; `dmin` is `[N]` (m²). Grains
 /// without a defined value are white.
-pub fn dmin(grains: &Disks, frame: &Frame, dmin: &[f64], view: View, title: &str) -> String {
+pub fn dmin(grains: &Disks, frame: &Frame, dmin: &[f64], view: MapView, title: &str) -> String {
     let square = grains.mean_radius().powi(2);
     let level = |value: f64| (value / square).log10();
     let mut levels: Vec<f64> = dmin
@@ -201,7 +201,7 @@ pub fn dmin(grains: &Disks, frame: &Frame, dmin: &[f64], view: View, title: &str
 }
 
 /// Axes in metres with an SI prefix around what `draw` draws; `draw` must clip.
-fn map(view: View, draw: impl FnOnce(&mut Plot)) -> String {
+fn map(view: MapView, draw: impl FnOnce(&mut Plot)) -> String {
     let (factor, unit) = ticks::prefix(view.x[1] - view.x[0]);
     figure(view.layout(), view.x, view.y, |plot| {
         draw(plot);
@@ -229,7 +229,7 @@ fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
         .collect()
 }
 
-fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: View) {
+fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: MapView) {
     let scale = plot.scale();
     for n in 0..grains.count() {
         let fill = if grains.body[n] == 0 { GRAIN } else { WALL };
@@ -244,7 +244,7 @@ pub(super) fn disk(
     plot: &mut Plot,
     grains: &Disks,
     frame: &Frame,
-    view: View,
+    view: MapView,
     n: usize,
     mut draw: impl FnMut(&mut Plot, [f64; 2], f64),
 ) {
@@ -261,7 +261,7 @@ pub(super) fn lines(
     plot: &mut Plot,
     grains: &Disks,
     frame: &Frame,
-    view: View,
+    view: MapView,
     shares: &[f64],
     faint: f64,
     colour: impl Fn(f64) -> RGBColor,
@@ -318,7 +318,7 @@ mod tests {
             contacts: vec![contact(0, 1, 1.0, 0.0)],
             ..Frame::default()
         };
-        let view = View {
+        let view = MapView {
             x: [0.0, 20.0],
             y: [0.0, 10.0],
         };
@@ -366,7 +366,7 @@ mod tests {
                 .collect(),
             ..Frame::default()
         };
-        let view = View::of(&grains, &frame, [99.0, 20.0]);
+        let view = MapView::of(&grains, &frame, [99.0, 20.0]);
         assert!(
             (view.x[0] - 50.0).abs() < 1e-9 && (view.x[1] - 100.0).abs() < 1e-9,
             "{view:?}"

@@ -1,12 +1,12 @@
 //! The HTML page of a run's report: one self-contained file.
 
-use super::Figure;
+use super::ReportFigure;
 use super::summary::Summary;
-use gshear_analysis::phases::Kind;
-use gshear_store::run_reader::Run;
+use gshear_analysis::phases::PhaseKind;
+use gshear_store::run_reader::RunFile;
 
 /// Returns the report as HTML, figures and style included.
-pub fn html(run: &Run, summary: &Summary, figures: &[Figure]) -> String {
+pub fn html(run: &RunFile, summary: &Summary, figures: &[ReportFigure]) -> String {
     let title = escape(&title(run));
     let lead = match run.digest() {
         Some(_) => "A finished run of gshear-mpi.",
@@ -41,7 +41,7 @@ pub fn html(run: &Run, summary: &Summary, figures: &[Figure]) -> String {
 }
 
 /// The scene's title, or the path of the run.
-fn title(run: &Run) -> String {
+fn title(run: &RunFile) -> String {
     let scene = run.scene().parse::<toml::Table>().ok();
     let title = scene
         .as_ref()
@@ -49,7 +49,7 @@ fn title(run: &Run) -> String {
     title.map_or_else(|| run.path().display().to_string(), str::to_string)
 }
 
-fn facts(run: &Run, summary: &Summary) -> Vec<(String, String)> {
+fn facts(run: &RunFile, summary: &Summary) -> Vec<(String, String)> {
     let mut facts: Vec<(&str, String)> = Vec::new();
     let series = run.series();
     let last = series.column("strain").last().copied();
@@ -72,7 +72,10 @@ fn facts(run: &Run, summary: &Summary) -> Vec<(String, String)> {
         "τ in the latter half: mean, standard deviation",
         format!("{}, {}", number(stress.mean), number(stress.deviation)),
     ));
-    for (kind, name) in [(Kind::Stick, "Stick phases"), (Kind::Slip, "Slip phases")] {
+    for (kind, name) in [
+        (PhaseKind::Stick, "Stick phases"),
+        (PhaseKind::Slip, "Slip phases"),
+    ] {
         let [long, short] = summary.count(kind);
         facts.push((
             name,

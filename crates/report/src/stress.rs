@@ -5,7 +5,7 @@ use plotters::style::RGBColor;
 use super::colour::{GREY, INK, SLIP, STICK, WHITE};
 use super::plot::{Layout, Plot, figure};
 use super::ticks;
-use gshear_analysis::phases::{Kind, Phase};
+use gshear_analysis::phases::{Phase, PhaseKind};
 
 const LAYOUT: Layout = Layout {
     size: [900.0, 400.0],
@@ -109,10 +109,10 @@ pub fn around(
     })
 }
 
-fn colour(kind: Kind) -> RGBColor {
+fn colour(kind: PhaseKind) -> RGBColor {
     match kind {
-        Kind::Stick => STICK,
-        Kind::Slip => SLIP,
+        PhaseKind::Stick => STICK,
+        PhaseKind::Slip => SLIP,
     }
 }
 

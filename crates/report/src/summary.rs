@@ -3,10 +3,10 @@
 use serde_json::{Value, json};
 
 use gshear_analysis::dmin::{NonAffine, RADIUS};
-use gshear_analysis::phases::{self, Kind, Phase};
+use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Disks, Frame};
-use gshear_store::run_reader::{Parameter, Run};
+use gshear_store::run_reader::{Parameter, RunFile};
 
 /// Mean and population standard deviation (divided by the number of values).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,7 +40,7 @@ impl Moments {
 }
 
 /// The two frames around a drop, and D²min between them.
-pub struct Event {
+pub struct DropFrames {
     /// The slip.
     pub drop: Phase,
     /// Index of the last frame at or before the start of the drop, and of the first at or after its
@@ -56,12 +56,12 @@ pub struct Event {
     pub dmin: Vec<f64>,
 }
 
-impl Event {
+impl DropFrames {
     /// Returns the largest drop that lies between two frames; `None` if no slip does.
     ///
     /// # Errors
     /// If a frame cannot be read.
-    pub fn largest(run: &Run, phases: &[Phase]) -> Result<Option<Self>, Failure> {
+    pub fn largest(run: &RunFile, phases: &[Phase]) -> Result<Option<Self>, Failure> {
         let (steps, rows) = (run.frame_steps(), &run.series().step);
         let frames = |phase: &Phase| {
             let earlier = steps
@@ -92,7 +92,7 @@ impl Event {
             &mut dmin,
         );
         let strain = frames.map(|t| strain[t]);
-        Ok(Some(Event {
+        Ok(Some(DropFrames {
             drop,
             frames,
             strain,
@@ -132,7 +132,7 @@ pub struct Summary {
     /// Moments of τ over the latter half of the strain.
     pub stress: Moments,
     /// The drop that the maps show.
-    pub event: Option<Event>,
+    pub event: Option<DropFrames>,
 }
 
 impl Summary {
@@ -140,7 +140,7 @@ impl Summary {
     ///
     /// # Errors
     /// If the run is damaged.
-    pub fn of(run: &Run) -> Result<Self, Failure> {
+    pub fn of(run: &RunFile) -> Result<Self, Failure> {
         let (strain, tau) = (
             run.series().column("strain"),
             run.series().column("stress_ratio"),
@@ -148,7 +148,7 @@ impl Summary {
         let phases = phases::find(strain, tau);
         let half = 0.5 * strain.last().copied().unwrap_or(0.0);
         let latter = &tau[strain.partition_point(|strain| *strain < half)..];
-        let event = Event::largest(run, &phases)?;
+        let event = DropFrames::largest(run, &phases)?;
         Ok(Summary {
             drop: phases::largest_drop(&phases).copied(),
             stress: Moments::of(latter),
@@ -158,14 +158,14 @@ impl Summary {
     }
 
     /// Returns the number of long and of short phases of a kind.
-    pub fn count(&self, kind: Kind) -> [usize; 2] {
+    pub fn count(&self, kind: PhaseKind) -> [usize; 2] {
         let of_kind = self.phases.iter().filter(|phase| phase.kind == kind);
         let long = of_kind.clone().filter(|phase| phase.is_long()).count();
         [long, of_kind.count() - long]
     }
 
     /// Returns the content of `summary.json`.
-    pub fn json(&self, run: &Run) -> Value {
+    pub fn json(&self, run: &RunFile) -> Value {
         let parameters = run.parameters().iter().map(|(name, value)| {
             let value = match value {
                 Parameter::Text(text) => json!(text),
@@ -183,7 +183,7 @@ impl Summary {
                 "intervals": phase.duration(),
             })
         };
-        let count = |kind: Kind| {
+        let count = |kind: PhaseKind| {
             let [long, short] = self.count(kind);
             json!({ "long": long, "short": short })
         };
@@ -204,7 +204,7 @@ impl Summary {
             "series_rows": run.series().rows(),
             "final_strain": run.series().column("strain").last(),
             "stress_ratio_latter_half": { "mean": self.stress.mean, "standard_deviation": self.stress.deviation },
-            "phases": { "stick": count(Kind::Stick), "slip": count(Kind::Slip) },
+            "phases": { "stick": count(PhaseKind::Stick), "slip": count(PhaseKind::Slip) },
             "largest_drop": self.drop.as_ref().map(phase),
             "maps": event,
             "parameters": parameters.collect::<serde_json::Map<_, _>>(),

@@ -1,6 +1,7 @@
 //! Axis ticks at round numbers, and SI prefixes.
 //!
-//! Own code because the key points of plotters come without labels, and labels need the decimals of the step.
+//! Own code because the key points of plotters come without labels, and labels need the decimals of
+//! the step.
 
 /// A tick: its position and its label.
 pub type Tick = (f64, String);

@@ -90,8 +90,8 @@ impl<T: Kind> Declared<T> {
 }
 
 /// A key that a contact law declares.
-impl From<&keys::Key> for Declared<Number> {
-    fn from(key: &keys::Key) -> Self {
+impl From<&keys::LawKey> for Declared<Number> {
+    fn from(key: &keys::LawKey) -> Self {
         Self {
             path: key.path,
             doc: key.doc,

@@ -103,8 +103,8 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
         end: 1 + text.lines().count(),
     };
     lines.rest.next();
-    let (header, mut section) = Header::read(&mut lines)?;
-    let Sizes {
+    let (header, mut section) = DataHeader::read(&mut lines)?;
+    let DataSizes {
         bounds,
         types,
         atoms: count,
@@ -334,16 +334,16 @@ fn is_heading(line: &str) -> bool {
 
 /// What the header has said so far.
 #[derive(Default)]
-struct Header {
+struct DataHeader {
     bounds: [Option<[f64; 2]>; 3],
     types: Option<u32>,
     atoms: Option<u64>,
 }
 
-impl Header {
+impl DataHeader {
     /// Reads up to the first heading, which is returned, too.
     fn read<'a>(lines: &mut Lines<'a>) -> Result<(Self, Heading<'a>), Failure> {
-        let mut header = Header::default();
+        let mut header = DataHeader::default();
         loop {
             let Some((at, line)) = lines.next() else {
                 return Ok((header, None));
@@ -398,11 +398,11 @@ impl Header {
     }
 
     /// All of it, if nothing is missing.
-    fn complete(self, name: &str) -> Result<Sizes, Failure> {
+    fn complete(self, name: &str) -> Result<DataSizes, Failure> {
         let missing =
             |line: &str| Failure::input(format!("{name}: the header lacks the line `{line}`"));
         let bounds = |axis: usize, line| self.bounds[axis].ok_or_else(|| missing(line));
-        Ok(Sizes {
+        Ok(DataSizes {
             atoms: self.atoms.ok_or_else(|| missing("N atoms"))?,
             types: self.types.ok_or_else(|| missing("n atom types"))?,
             bounds: [
@@ -415,7 +415,7 @@ impl Header {
 }
 
 /// A whole header.
-struct Sizes {
+struct DataSizes {
     bounds: [[f64; 2]; 3],
     types: u32,
     atoms: u64,

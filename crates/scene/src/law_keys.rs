@@ -1,6 +1,6 @@
 //! The keys that the contact laws declare.
 
-use gshear_dem::laws::keys::Key;
+use gshear_dem::laws::keys::LawKey;
 use gshear_dem::laws::{LAWS, LawKind};
 
 use crate::key::{Declared, Entry};
@@ -18,12 +18,12 @@ pub const LAW_NAMES: [&str; LAWS.len()] = {
 };
 
 /// The keys of all laws, some more than once.
-pub fn law_keys() -> impl Iterator<Item = &'static Key> {
+pub fn law_keys() -> impl Iterator<Item = &'static LawKey> {
     LAWS.iter().flat_map(|kind| kind.keys.iter().copied())
 }
 
 /// The laws that take a key.
-pub fn laws_with(key: &Key) -> Vec<&'static str> {
+pub fn laws_with(key: &LawKey) -> Vec<&'static str> {
     let takes = |kind: &&&LawKind| kind.keys.iter().any(|known| known.path == key.path);
     LAWS.iter().filter(takes).map(|kind| kind.name).collect()
 }

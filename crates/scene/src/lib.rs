@@ -219,7 +219,7 @@ mod tests {
         scene.plane_shear("the scene").unwrap()
     }
 
-    fn motion(scene: &Scene) -> (Drive, f64) {
+    fn motion(scene: &Scene) -> (WallSpeed, f64) {
         match walls(scene).shear.motion {
             Motion::Strain { drive, strain } => (drive, strain),
             Motion::Protocol(_) => panic!("a protocol"),
@@ -230,7 +230,7 @@ mod tests {
     fn the_embedded_scene_is_the_shipped_one() {
         let scene = load(&Source::embedded(), &[]).unwrap();
         assert_eq!(scene, shipped("plane-shear-2d.toml"));
-        assert_eq!(motion(&scene), (Drive::InertialNumber(2e-4), 0.1));
+        assert_eq!(motion(&scene), (WallSpeed::InertialNumber(2e-4), 0.1));
         assert_eq!(walls(&scene).output.progress_lines, 20);
         assert_eq!(scene.bookkeeping.list.skin, None);
         assert_eq!(scene.time_step.given, StepChoice::Derived);
@@ -243,7 +243,7 @@ mod tests {
         let large = shipped("lee-hurley-large.toml");
         for (scene, frame, start) in [(&small, 7.2e-7, 0.022), (&large, 1.8e-6, 0.054)] {
             let (drive, strain) = motion(scene);
-            assert_eq!(drive, Drive::InertialNumber(4e-6));
+            assert_eq!(drive, WallSpeed::InertialNumber(4e-6));
             assert_eq!(walls(scene).load.stiffness_number, 1e4);
             assert!((13e3..14e3).contains(&walls(scene).load.pressure));
             let mut given = scene.law.given().iter();

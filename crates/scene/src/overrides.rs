@@ -76,7 +76,7 @@ fn parse(value: &str) -> Result<DeValue<'_>, String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Drive, Motion, Source, load};
+    use crate::{Motion, Source, WallSpeed, load};
 
     fn message(sets: &[&str]) -> String {
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(
             scene.plane_shear("the scene").unwrap().shear.motion,
             Motion::Strain {
-                drive: Drive::Velocity(1e-3),
+                drive: WallSpeed::Velocity(1e-3),
                 strain: 0.1
             }
         );

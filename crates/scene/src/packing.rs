@@ -9,7 +9,7 @@ use crate::sample::{columns, freeze_walls, stop_walls};
 use crate::{Boundary, Dimensions, Origin, PackingFile, PlaneShear, Scene, Walls};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_dem::neighbour::{self, Range, Window};
+use gshear_dem::neighbour::{self, Cutoff, LocalExtent};
 use gshear_dem::state::{GrainState, Grains, body, length};
 
 /// Type of the grains of the bottom and of the top wall, where types say what is wall.
@@ -272,14 +272,14 @@ impl Packing {
         let cell = scene.sample.cell();
         let mut grains = Grains::<D>::default();
         grains.replace(states, scene.law.masses(), scene.time_step.step);
-        let window = Window::whole(self.file.length);
-        let range = Range {
-            reach: 2.0 * self.file.radius_max,
+        let extent = LocalExtent::whole(self.file.length);
+        let cutoff = Cutoff {
+            greatest: 2.0 * self.file.radius_max,
             skin: 0.0,
         };
         let mut worst = (1.0, None);
-        for near in neighbour::pairs(&grains, cell, window, range) {
-            let [i, j] = near.grains;
+        for pair in neighbour::pairs(&grains, cell, extent, cutoff) {
+            let [i, j] = pair.grains;
             let (a, b) = (&states[i as usize], &states[j as usize]);
             let apart = cell.separation::<D>(&a.position, &b.position);
             let overlap = a.radius + b.radius - length(apart);

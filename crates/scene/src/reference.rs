@@ -21,7 +21,7 @@ pub const END: &str = "<!-- end of keys -->";
 
 /// The column that a footnote belongs to.
 #[derive(PartialEq)]
-enum Column {
+enum TableColumn {
     Default,
     Allowed,
 }
@@ -29,7 +29,7 @@ enum Column {
 /// A remark on several keys.
 struct Footnote {
     mark: char,
-    column: Column,
+    column: TableColumn,
     paths: &'static [&'static str],
     text: &'static str,
 }
@@ -37,7 +37,7 @@ struct Footnote {
 const FOOTNOTES: [Footnote; 4] = [
     Footnote {
         mark: '¹',
-        column: Column::Default,
+        column: TableColumn::Default,
         paths: &[
             "material.density",
             "material.mass",
@@ -60,7 +60,7 @@ const FOOTNOTES: [Footnote; 4] = [
     },
     Footnote {
         mark: '²',
-        column: Column::Allowed,
+        column: TableColumn::Allowed,
         paths: &["sample.grains", "sample.length"],
         text:
             "The packed sample must have room for two walls of one mean diameter d̄ each and five d̄
@@ -68,7 +68,7 @@ between them. Its height is N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(
     },
     Footnote {
         mark: '³',
-        column: Column::Default,
+        column: TableColumn::Default,
         paths: &["time.step"],
         text: "The default is a tenth of √(m_min/k_n,max), or the stability limit if that is less.
 Intervals of output are rounded to whole steps, so that output never changes the trajectory. An
@@ -77,7 +77,7 @@ that a frame falls on a row.",
     },
     Footnote {
         mark: '⁴',
-        column: Column::Default,
+        column: TableColumn::Default,
         paths: &[
             "sample.grains",
             "sample.radius_min",
@@ -107,8 +107,8 @@ pub fn key_table() -> String {
             format!("`{}`", entry.path),
             entry.doc.clone(),
             entry.unit.clone(),
-            marked(default(entry), entry, Column::Default),
-            marked(allowed(entry), entry, Column::Allowed),
+            marked(default(entry), entry, TableColumn::Default),
+            marked(allowed(entry), entry, TableColumn::Allowed),
         ];
         page.push('|');
         for cell in cells {
@@ -127,7 +127,7 @@ pub fn key_table() -> String {
 }
 
 /// A cell with the marks of its footnotes.
-fn marked(cell: String, entry: &Entry, column: Column) -> String {
+fn marked(cell: String, entry: &Entry, column: TableColumn) -> String {
     let notes = FOOTNOTES
         .iter()
         .filter(|note| note.column == column && note.paths.contains(&entry.path));

@@ -1,6 +1,7 @@
-//! When what happens, in whole steps. Intervals of output are rounded to steps and never reach the trajectory.
+//! When what happens, in whole steps. Intervals of output are rounded to steps and never reach the
+//! trajectory.
 
-use crate::{Drive, Load, Motion, Part, PlaneShear, Scene};
+use crate::{Load, Motion, Part, PlaneShear, Scene, WallSpeed};
 use gshear_dem::protocol::{Protocol, Segment};
 
 /// The shear stage in steps of Δt.
@@ -25,12 +26,13 @@ pub struct Schedule {
     /// Every so many steps; 0 is never.
     pub progress: u64,
     /// Frames of a stretch that is computed again, instead of the segments'.
-    window: Option<Window>,
+    window: Option<ReplayWindow>,
 }
 
-/// A stretch of the shear that is computed again: frames of the steps `first`, `first` + `every`, … up to `last`, where it ends.
+/// The part of the shear that a replay computes again: frames of the steps `first`, `first` +
+/// `every`, … up to `last`, where it ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Window {
+pub struct ReplayWindow {
     /// Step of the first frame.
     pub first: u64,
     /// The last step.
@@ -76,8 +78,8 @@ impl Schedule {
         match &walls.shear.motion {
             Motion::Strain { drive, strain } => {
                 let speed = match drive {
-                    Drive::Velocity(speed) => *speed,
-                    Drive::InertialNumber(i) => i / inertial_time * height,
+                    WallSpeed::Velocity(speed) => *speed,
+                    WallSpeed::InertialNumber(i) => i / inertial_time * height,
                 };
                 let per_step = speed / height * step;
                 let steps = |strain: f64| whole(strain / per_step);
@@ -135,7 +137,7 @@ impl Schedule {
     }
 
     /// The same to the end of a window, with its frames, without checkpoints and scalars.
-    pub fn of_window(mut self, window: Window) -> Self {
+    pub fn of_window(mut self, window: ReplayWindow) -> Self {
         for intervals in &mut self.intervals {
             (intervals.analysis, intervals.checkpoints) = (0, 0);
         }
@@ -145,7 +147,7 @@ impl Schedule {
     }
 
     /// The stretch that is computed again, if it is one.
-    pub fn window(&self) -> Option<Window> {
+    pub fn window(&self) -> Option<ReplayWindow> {
         self.window
     }
 
@@ -248,7 +250,8 @@ mod tests {
         assert!(!schedule.frame_due(3 * whole.frames + 1));
     }
 
-    /// Rows of the time series are there wherever a frame is written or analysed, though no start is a multiple of an interval.
+    /// Rows of the time series are there wherever a frame is written or analysed, though no start
+    /// is a multiple of an interval.
     #[test]
     fn frames_have_rows() {
         let set = [

@@ -1,4 +1,15 @@
-//! Multifrontal LU factors of A - σI.
+//! Multifrontal LU factorisation of A - σI (Duff & Reid 1983).
+//!
+//! A front F has `width` pivots and `reach` later unknowns that the pivots update:
+//!
+//! ```text
+//!     ( F₁₁  F₁₂ )   F₁₁ [width][width]   F₁₂ [width][reach]
+//! F = (          )
+//!     ( F₂₁  F₂₂ )   F₂₁ [reach][width]   F₂₂ [reach][reach]
+//! ```
+//!
+//! With the row permutation P it is eliminated as P F₁₁ = L₁₁ U₁₁, L₂₁ = F₂₁ U₁₁⁻¹, U₁₂ = L₁₁⁻¹ P
+//! F₁₂; the update F₂₂ - L₂₁ U₁₂ is added to the parent front.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
@@ -13,11 +24,11 @@ use faer::{Accum, MatMut, MatRef, Par, Spec, c64};
 use crate::scalar::Scalar;
 use crate::symbolic::{Front, Symbolic};
 
-/// Pivots below this, over the largest entry of A - σI, count as zero: the matrix is singular in
-/// double precision, or needs pivots from outside its front.
+/// Pivots below this times the largest entry of A - σI count as zero. The matrix is then singular
+/// in double precision, or needs a pivot from outside the front.
 const LEAST_PIVOT: f64 = 1e-13;
 
-/// The factors of A - σI: per front P F₁₁ = L₁₁ U₁₁, L₂₁ and U₁₂.
+/// The factors of A - σI, front by front.
 pub struct Lu<'a, T> {
     symbolic: &'a Symbolic,
     factors: Vec<Factor<T>>,
@@ -25,26 +36,26 @@ pub struct Lu<'a, T> {
 }
 
 struct Factor<T> {
-    /// `[width + reach][width]` by columns: L₁₁ and U₁₁ in one square, L₂₁ below.
+    /// `[width + reach][width]` by columns: L₁₁ and U₁₁ share the upper square, L₂₁ is below it.
     panel: Vec<T>,
     /// U₁₂ `[width][reach]` by columns.
     rows: Vec<T>,
-    /// Row `pivot[i]` of the front became row i.
+    /// P: row `pivot[i]` of F₁₁ becomes row i.
     pivot: Vec<usize>,
-    /// Whether the permutation of the rows is odd.
+    /// Whether P is odd, for the sign of the determinant.
     odd: bool,
 }
 
-/// A front has no pivot that is large enough.
+/// The error of the factorisation: the pivots of a front are too small.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Singular;
 
 impl<'a, T: Scalar> Lu<'a, T> {
-    /// Factors A - σI. `values` are those of A in the order of the pattern that `symbolic` was made
-    /// from.
+    /// Factors A - σI with σ = `shift`. `values`: the entries of A, in the order of the pattern
+    /// from which `symbolic` was made.
     ///
     /// # Errors
-    /// [`Singular`] if a pivot vanishes.
+    /// [`Singular`] if a pivot is smaller than `LEAST_PIVOT` allows.
     pub fn new(
         symbolic: &'a Symbolic,
         values: &[f64],
@@ -139,7 +150,8 @@ impl<'a, T: Scalar> Lu<'a, T> {
         phase
     }
 
-    /// Runs `work` on x in the order of elimination, with a scratch buffer.
+    /// Permutes the rows of x to the order of elimination, runs `work` on it with a scratch buffer,
+    /// and permutes them back.
     fn permuted(&self, mut x: MatMut<'_, T>, work: impl FnOnce(MatMut<'_, T>, &mut Vec<T>)) {
         let (n, columns) = (x.nrows(), x.ncols());
         let order = &self.symbolic.order;
@@ -166,7 +178,7 @@ impl<'a, T: Scalar> Lu<'a, T> {
     }
 }
 
-/// Writes to `place` the indices in a front of the pivots `from`.
+/// Writes to `place` the index within `front` of each unknown of `from`, which ascend.
 fn places(front: &Front, from: &[usize], place: &mut [usize]) {
     let mut later = 0;
     for (&pivot, place) in from.iter().zip(place) {
@@ -181,7 +193,8 @@ fn places(front: &Front, from: &[usize], place: &mut [usize]) {
     }
 }
 
-/// Adds the update of a child to the front of its parent. `place` ascends.
+/// Adds the update matrix `added` of a child to its parent front. `place`, ascending: the indices
+/// of its rows and columns within the parent.
 fn add<T: Scalar>(
     added: &[T],
     place: &[usize],
@@ -212,7 +225,7 @@ fn add<T: Scalar>(
 }
 
 impl<T: Scalar> Factor<T> {
-    /// Eliminates the pivots of an assembled front; `update` becomes F₂₂ - L₂₁ U₁₂.
+    /// Eliminates the pivots of an assembled front. `update`: F₂₂, which becomes F₂₂ - L₂₁ U₁₂.
     fn eliminate(
         mut panel: Vec<T>,
         mut rows: Vec<T>,
@@ -261,16 +274,17 @@ impl<T: Scalar> Factor<T> {
         }
     }
 
+    /// Whether all pivots are finite and greater than `least` in magnitude.
     fn regular(&self, width: usize, least: f64) -> bool {
         let height = self.panel.len() / width;
         let pivots = (0..width).map(|j| self.panel[j * height + j].widened().norm());
-        // Written as `pivot > least` so that NaN fails.
+        // Not `!(pivot <= least)`, which NaN would pass.
         pivots
             .into_iter()
             .all(|pivot| pivot.is_finite() && pivot > least)
     }
 
-    /// L₁₁ with U₁₁, L₂₁, and U₁₂.
+    /// The square that holds L₁₁ and U₁₁; L₂₁; U₁₂.
     fn blocks(&self, front: &Front) -> (MatRef<'_, T>, MatRef<'_, T>, MatRef<'_, T>) {
         let (width, reach) = (front.width, front.reach.len());
         let columns = MatRef::from_column_major_slice(&self.panel, width + reach, width);
@@ -282,11 +296,12 @@ impl<T: Scalar> Factor<T> {
         )
     }
 
+    /// Solves with P and L₁₁, and subtracts L₂₁ times the result from the later unknowns.
     fn forward(&self, front: &Front, mut x: MatMut<'_, T>, scratch: &mut Vec<T>, par: Par) {
         let (square, below, _) = self.blocks(front);
-        let mut own = x.rb_mut().subrows_mut(front.begin, front.width);
-        for j in 0..own.ncols() {
-            let mut column = own.rb_mut().col_mut(j);
+        let mut pivots = x.rb_mut().subrows_mut(front.begin, front.width);
+        for j in 0..pivots.ncols() {
+            let mut column = pivots.rb_mut().col_mut(j);
             scratch.clear();
             scratch.extend(self.pivot.iter().map(|&i| column[i]));
             scratch
@@ -294,17 +309,19 @@ impl<T: Scalar> Factor<T> {
                 .enumerate()
                 .for_each(|(i, value)| column[i] = *value);
         }
-        solve_unit_lower_triangular_in_place(square, own.rb_mut(), par);
-        subtract_later(front, x, below, scratch, par);
+        solve_unit_lower_triangular_in_place(square, pivots.rb_mut(), par);
+        subtract_from_later(front, x, below, scratch, par);
     }
 
+    /// Subtracts U₁₂ times the later unknowns, and solves with U₁₁.
     fn backward(&self, front: &Front, mut x: MatMut<'_, T>, scratch: &mut Vec<T>, par: Par) {
         let (square, _, right) = self.blocks(front);
-        subtract_own(front, x.rb_mut(), right, scratch, par);
-        let own = x.subrows_mut(front.begin, front.width);
-        solve_upper_triangular_in_place(square, own, par);
+        subtract_from_pivots(front, x.rb_mut(), right, scratch, par);
+        let pivots = x.subrows_mut(front.begin, front.width);
+        solve_upper_triangular_in_place(square, pivots, par);
     }
 
+    /// Solves with U₁₁ᵀ, and subtracts U₁₂ᵀ times the result from the later unknowns.
     fn forward_transposed(
         &self,
         front: &Front,
@@ -313,11 +330,12 @@ impl<T: Scalar> Factor<T> {
         par: Par,
     ) {
         let (square, _, right) = self.blocks(front);
-        let own = x.rb_mut().subrows_mut(front.begin, front.width);
-        solve_lower_triangular_in_place(square.transpose(), own, par);
-        subtract_later(front, x, right.transpose(), scratch, par);
+        let pivots = x.rb_mut().subrows_mut(front.begin, front.width);
+        solve_lower_triangular_in_place(square.transpose(), pivots, par);
+        subtract_from_later(front, x, right.transpose(), scratch, par);
     }
 
+    /// Subtracts L₂₁ᵀ times the later unknowns, and solves with L₁₁ᵀ and Pᵀ.
     fn backward_transposed(
         &self,
         front: &Front,
@@ -326,11 +344,11 @@ impl<T: Scalar> Factor<T> {
         par: Par,
     ) {
         let (square, below, _) = self.blocks(front);
-        subtract_own(front, x.rb_mut(), below.transpose(), scratch, par);
-        let mut own = x.subrows_mut(front.begin, front.width);
-        solve_unit_upper_triangular_in_place(square.transpose(), own.rb_mut(), par);
-        for j in 0..own.ncols() {
-            let mut column = own.rb_mut().col_mut(j);
+        subtract_from_pivots(front, x.rb_mut(), below.transpose(), scratch, par);
+        let mut pivots = x.subrows_mut(front.begin, front.width);
+        solve_unit_upper_triangular_in_place(square.transpose(), pivots.rb_mut(), par);
+        for j in 0..pivots.ncols() {
+            let mut column = pivots.rb_mut().col_mut(j);
             scratch.clear();
             scratch.extend((0..front.width).map(|i| column[i]));
             let back = self.pivot.iter().zip(scratch.iter());
@@ -339,8 +357,9 @@ impl<T: Scalar> Factor<T> {
     }
 }
 
-/// x`[reach]` -= block · x`[own]`.
-fn subtract_later<T: Scalar>(
+/// Subtracts `block` times the rows of x at the pivots of the front from the rows at its later
+/// unknowns.
+fn subtract_from_later<T: Scalar>(
     front: &Front,
     mut x: MatMut<'_, T>,
     block: MatRef<'_, T>,
@@ -353,9 +372,9 @@ fn subtract_later<T: Scalar>(
     }
     scratch.clear();
     scratch.resize(reach * columns, T::of(0.0));
-    let own = x.rb().subrows(front.begin, front.width);
+    let pivots = x.rb().subrows(front.begin, front.width);
     let product = MatMut::from_column_major_slice_mut(scratch, reach, columns);
-    matmul(product, Accum::Replace, block, own, T::of(1.0), par);
+    matmul(product, Accum::Replace, block, pivots, T::of(1.0), par);
     for (j, product) in scratch.chunks_exact(reach).enumerate() {
         let mut column = x.rb_mut().col_mut(j);
         front
@@ -366,8 +385,9 @@ fn subtract_later<T: Scalar>(
     }
 }
 
-/// x`[own]` -= block · x`[reach]`.
-fn subtract_own<T: Scalar>(
+/// Subtracts `block` times the rows of x at the later unknowns of the front from the rows at its
+/// pivots.
+fn subtract_from_pivots<T: Scalar>(
     front: &Front,
     mut x: MatMut<'_, T>,
     block: MatRef<'_, T>,
@@ -384,6 +404,6 @@ fn subtract_own<T: Scalar>(
         scratch.extend(front.reach.iter().map(|&i| column[i]));
     }
     let later = MatRef::from_column_major_slice(scratch.as_slice(), reach, columns);
-    let own = x.rb_mut().subrows_mut(front.begin, front.width);
-    matmul(own, Accum::Add, block, later, T::of(-1.0), par);
+    let pivots = x.rb_mut().subrows_mut(front.begin, front.width);
+    matmul(pivots, Accum::Add, block, later, T::of(-1.0), par);
 }

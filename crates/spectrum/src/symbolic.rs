@@ -20,7 +20,7 @@ pub struct Symbolic {
     /// Fronts in the order of elimination.
     pub(crate) fronts: Vec<Front>,
     /// Entries of A per front.
-    pub(crate) entries: Vec<Vec<Entry>>,
+    pub(crate) entries: Vec<Vec<MatrixEntry>>,
 }
 
 /// Pivots that are eliminated together, and the later pivots that they update.
@@ -36,7 +36,7 @@ pub(crate) struct Front {
 }
 
 /// A value of A and where it goes in a front.
-pub(crate) struct Entry {
+pub(crate) struct MatrixEntry {
     /// Index in the panel `[width + reach][width]`, by columns; from its end on, index in the rows
     /// `[width][reach]`.
     pub place: u32,
@@ -129,12 +129,12 @@ fn entries(
     a: SymbolicSparseColMatRef<'_, usize>,
     rank: &[usize],
     fronts: &[Front],
-) -> Vec<Vec<Entry>> {
+) -> Vec<Vec<MatrixEntry>> {
     let mut front_of = vec![0; a.ncols()];
     for (s, front) in fronts.iter().enumerate() {
         front_of[front.begin..front.begin + front.width].fill(s);
     }
-    let mut entries: Vec<Vec<Entry>> = fronts.iter().map(|_| Vec::new()).collect();
+    let mut entries: Vec<Vec<MatrixEntry>> = fronts.iter().map(|_| Vec::new()).collect();
     let mut value = 0u32;
     for (j, &column) in rank.iter().enumerate() {
         for &i in a.row_idx_of_col_raw(j) {
@@ -148,7 +148,7 @@ fn entries(
             } else {
                 front.width * height + (j - front.width) * front.width + i
             };
-            entries[s].push(Entry {
+            entries[s].push(MatrixEntry {
                 place: u32::try_from(place).expect("a front of less than 2³² entries"),
                 value,
             });

@@ -189,7 +189,7 @@ struct Rows {
 }
 
 /// The entries of one row of a block of vectors.
-type Lanes = [f64; BLOCK];
+type Panel = [f64; BLOCK];
 
 impl Rows {
     /// `of`: the transpose of A.
@@ -235,7 +235,7 @@ impl Rows {
         let row = |x: &MatMut<'_, f64>, i: usize| {
             std::array::from_fn(|c| if c < columns { x[(i, c)] } else { 0.0 })
         };
-        let mut before: Vec<Lanes> = (0..n).map(|i| row(&x, i)).collect();
+        let mut before: Vec<Panel> = (0..n).map(|i| row(&x, i)).collect();
         let mut now = vec![[0.0; BLOCK]; n];
         self.step(&before, &mut now, par);
         now.iter_mut().flatten().for_each(|t| *t *= 0.5);
@@ -255,11 +255,11 @@ impl Rows {
     }
 
     /// before ← (4A/b - 2) now - before.
-    fn step(&self, now: &[Lanes], before: &mut [Lanes], par: Par) {
+    fn step(&self, now: &[Panel], before: &mut [Panel], par: Par) {
         let arch = Arch::new();
-        let work = |(chunk, before): (usize, &mut [Lanes])| {
+        let work = |(chunk, before): (usize, &mut [Panel])| {
             let first = chunk * ROWS;
-            arch.dispatch(Step {
+            arch.dispatch(RecurrenceStep {
                 rows: self,
                 first,
                 now,
@@ -288,14 +288,14 @@ fn projection_interval(spectrum: &Spectrum, end: f64, degree: usize) -> usize {
 }
 
 /// One step of the recurrence over some rows.
-struct Step<'a> {
+struct RecurrenceStep<'a> {
     rows: &'a Rows,
     first: usize,
-    now: &'a [Lanes],
-    before: &'a mut [Lanes],
+    now: &'a [Panel],
+    before: &'a mut [Panel],
 }
 
-impl WithSimd for Step<'_> {
+impl WithSimd for RecurrenceStep<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -133,7 +133,7 @@ impl Frames {
 }
 
 /// One rank's share of a batch, as columns.
-pub struct Part {
+pub struct ShareColumns {
     /// One array per entry of [`elements`], `[frame][id][width]` over the share.
     pub values: [Vec<f64>; 3],
     /// Number of contacts of each frame of the share.
@@ -145,12 +145,12 @@ pub struct Part {
     pub sliding: Vec<u8>,
 }
 
-impl Part {
+impl ShareColumns {
     /// Assembles the share from one message of each rank. Panics if a grain is missing or anything
     /// occurs twice, which is a bug.
-    pub fn assemble(messages: &[Vec<u8>], share: &Share, axes: usize) -> Part {
+    pub fn assemble(messages: &[Vec<u8>], share: &Share, axes: usize) -> ShareColumns {
         let (frames, block) = (length(&share.frames) as usize, length(&share.ids) as usize);
-        let mut part = Part {
+        let mut part = ShareColumns {
             values: elements(axes).map(|(_, width)| vec![0.0; frames * block * width]),
             counts: Vec::with_capacity(frames),
             i: Vec::new(),
@@ -301,7 +301,7 @@ mod tests {
             let (mut x, mut pairs, mut counts) = (Vec::new(), Vec::new(), [0; 2]);
             for (rank, message) in frames.messages(&shares).into_iter().enumerate() {
                 let share = shares.of(rank);
-                let part = Part::assemble(&[message], &share, 2);
+                let part = ShareColumns::assemble(&[message], &share, 2);
                 x.extend(part.values[0].chunks(3).map(|p| p[0]));
                 pairs.extend(part.i.iter().copied().zip(part.j));
                 share
@@ -332,6 +332,6 @@ mod tests {
             grains: 2,
             ranks: 1,
         };
-        Part::assemble(&frames.messages(&shares), &shares.of(0), 2);
+        ShareColumns::assemble(&frames.messages(&shares), &shares.of(0), 2);
     }
 }

@@ -11,7 +11,7 @@ use std::ops::Range;
 /// # Errors
 /// The failure of the lowest rank that has failed, on every rank.
 pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T, Failure> {
-    let mine = match &result {
+    let local = match &result {
         Ok(_) => Vec::new(),
         Err(failure) => {
             let kind = match failure {
@@ -24,7 +24,7 @@ pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T
             message
         }
     };
-    match exchange.gather(&mine).iter().find(|m| !m.is_empty()) {
+    match exchange.gather(&local).iter().find(|m| !m.is_empty()) {
         None => result,
         Some(message) => {
             let text = String::from_utf8_lossy(&message[1..]);
@@ -40,9 +40,9 @@ pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T
 /// The first failure in a sequence of collective calls. The other ranks would wait for a rank that
 /// leaves the sequence early, so every rank notes its failures and continues.
 #[derive(Default)]
-pub struct Outcome(Option<Failure>);
+pub struct CollectiveOutcome(Option<Failure>);
 
-impl Outcome {
+impl CollectiveOutcome {
     /// Stores the failure of a call, unless an earlier call has failed already.
     pub fn note(&mut self, result: Result<(), Failure>) {
         if let Err(failure) = result {

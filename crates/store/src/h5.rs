@@ -1,7 +1,7 @@
 //! HDF5 files written by all ranks together. The `hdf5` crate has no collective transfers, so this
 //! module calls the C library for them; it holds the only unsafe code of this crate.
 
-use super::collective::Outcome;
+use super::collective::CollectiveOutcome;
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use hdf5::types::{FixedAscii, VarLenUnicode};
@@ -294,7 +294,11 @@ impl H5File {
     ///
     /// # Errors
     /// As [`agree`](super::collective::agree).
-    pub fn agree(&self, exchange: &dyn Parallel, outcome: Outcome) -> Result<(), Failure> {
+    pub fn agree(
+        &self,
+        exchange: &dyn Parallel,
+        outcome: CollectiveOutcome,
+    ) -> Result<(), Failure> {
         let agreed = outcome.agree(exchange);
         if agreed.is_err() {
             self.context.failed.set(true);

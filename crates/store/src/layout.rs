@@ -239,8 +239,8 @@ pub fn by_root<T: H5Type + Copy>(
     data: &[T],
 ) -> Result<(), Failure> {
     let after = before + data.len() as u64;
-    let mine = if root { data } else { &[] };
-    column.append(after, Slab::rows(before, mine.len() as u64, 1), mine)
+    let local = if root { data } else { &[] };
+    column.append(after, Slab::rows(before, local.len() as u64, 1), local)
 }
 
 /// Writes the groups and attributes that H5MD 1.1 requires. `walls`: the box is bounded along its

@@ -18,9 +18,9 @@
 //! Print the stress ratio of a run and the number of contacts in its last frame:
 //!
 //! ```no_run
-//! use gshear_store::run_reader::Run;
+//! use gshear_store::run_reader::RunFile;
 //!
-//! let run = Run::open("out/plane-shear-2d".as_ref())?;
+//! let run = RunFile::open("out/plane-shear-2d".as_ref())?;
 //! let series = run.series();
 //! for (strain, tau) in series.column("strain").iter().zip(series.column("stress_ratio")) {
 //!     println!("{strain} {tau}");

@@ -24,7 +24,7 @@ enum Symmetry {
 }
 
 /// The first line of a file.
-struct Header {
+struct MatrixHeader {
     coordinate: bool,
     pattern: bool,
     symmetry: Symmetry,
@@ -78,7 +78,10 @@ pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failu
     save().map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
 }
 
-fn coordinates(lines: &mut Lines, header: &Header) -> Result<SparseColMat<usize, f64>, Failure> {
+fn coordinates(
+    lines: &mut Lines,
+    header: &MatrixHeader,
+) -> Result<SparseColMat<usize, f64>, Failure> {
     let [rows, columns, count] = lines.sizes("rows, columns and number of entries")?;
     let mut entries = Vec::new();
     for read in 0..count {
@@ -106,7 +109,7 @@ fn coordinates(lines: &mut Lines, header: &Header) -> Result<SparseColMat<usize,
     Ok(matrix(rows, columns, &entries))
 }
 
-fn array(lines: &mut Lines, header: &Header) -> Result<SparseColMat<usize, f64>, Failure> {
+fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize, f64>, Failure> {
     let [rows, columns] = lines.sizes("rows and columns")?;
     let mut entries = Vec::new();
     for column in 0..columns {
@@ -173,7 +176,7 @@ struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    fn header(&mut self) -> Result<Header, Failure> {
+    fn header(&mut self) -> Result<MatrixHeader, Failure> {
         const RIGHT: &str = "must be %%MatrixMarket matrix coordinate|array real|integer|pattern general|symmetric|skew-symmetric";
         self.read()?;
         let text = self.text.to_ascii_lowercase();
@@ -197,7 +200,7 @@ impl Lines<'_> {
             "skew-symmetric" => Symmetry::Skew,
             _ => return Err(self.wrong(format!("{symmetry}: {RIGHT}"))),
         };
-        Ok(Header {
+        Ok(MatrixHeader {
             coordinate,
             pattern,
             symmetry,

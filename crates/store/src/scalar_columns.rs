@@ -1,6 +1,6 @@
 //! Scalars of frames in `run.h5`: `observables/gshear/`, one row per frame.
 
-use super::collective::Outcome;
+use super::collective::CollectiveOutcome;
 use super::h5::{Dataset, H5File};
 use super::layout::{CHUNK_ROWS, by_root, set_unit, stored_name};
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -72,7 +72,7 @@ impl ScalarColumns {
     }
 
     /// Writes the buffered rows, by rank 0. Collective.
-    pub fn write(&mut self, root: bool, outcome: &mut Outcome) {
+    pub fn write(&mut self, root: bool, outcome: &mut CollectiveOutcome) {
         let rows = std::mem::take(&mut self.rows);
         if rows.is_empty() {
             return;

@@ -11,24 +11,24 @@ use serde::de::DeserializeOwned;
 use gshear_dem::failure::Failure;
 
 /// A value that a cell can hold. Numbers have the shortest form that reads back to the same bits.
-pub trait Cell {
+pub trait TableCell {
     /// Returns the text of the cell, without quotes.
     fn text(&self) -> Cow<'_, str>;
 }
 
-impl Cell for str {
+impl TableCell for str {
     fn text(&self) -> Cow<'_, str> {
         self.into()
     }
 }
 
-impl Cell for String {
+impl TableCell for String {
     fn text(&self) -> Cow<'_, str> {
         self.into()
     }
 }
 
-impl Cell for f64 {
+impl TableCell for f64 {
     fn text(&self) -> Cow<'_, str> {
         format!("{self:?}").into()
     }
@@ -36,7 +36,7 @@ impl Cell for f64 {
 
 macro_rules! cells_by_display {
     ($($kind:ty)*) => {$(
-        impl Cell for $kind {
+        impl TableCell for $kind {
             fn text(&self) -> Cow<'_, str> {
                 self.to_string().into()
             }
@@ -46,16 +46,16 @@ macro_rules! cells_by_display {
 
 cells_by_display!(char u8 u32 u64 usize);
 
-impl<C: Cell + ?Sized> Cell for &C {
+impl<C: TableCell + ?Sized> TableCell for &C {
     fn text(&self) -> Cow<'_, str> {
         (**self).text()
     }
 }
 
 /// `None` is an empty cell.
-impl<C: Cell> Cell for Option<C> {
+impl<C: TableCell> TableCell for Option<C> {
     fn text(&self) -> Cow<'_, str> {
-        self.as_ref().map_or("".into(), Cell::text)
+        self.as_ref().map_or("".into(), TableCell::text)
     }
 }
 
@@ -63,12 +63,12 @@ impl<C: Cell> Cell for Option<C> {
 pub struct Table<'a, I: IntoIterator> {
     rows: I,
     names: StringRecord,
-    values: Vec<Values<'a, I::Item>>,
+    values: Vec<CellWriter<'a, I::Item>>,
     quotes: QuoteStyle,
 }
 
 /// Appends the cells of some columns to a record.
-type Values<'a, R> = Box<dyn Fn(&R, &mut StringRecord) + 'a>;
+type CellWriter<'a, R> = Box<dyn Fn(&R, &mut StringRecord) + 'a>;
 
 impl<'a, I: IntoIterator> Table<'a, I> {
     /// Creates a table without columns.
@@ -82,12 +82,12 @@ impl<'a, I: IntoIterator> Table<'a, I> {
     }
 
     /// Adds a column.
-    pub fn column<C: Cell>(self, name: &str, value: impl Fn(&I::Item) -> C + 'a) -> Self {
+    pub fn column<C: TableCell>(self, name: &str, value: impl Fn(&I::Item) -> C + 'a) -> Self {
         self.columns([name], move |row| [value(row)])
     }
 
     /// Adds several columns. `values` must return one value per name.
-    pub fn columns<V: IntoIterator<Item: Cell>>(
+    pub fn columns<V: IntoIterator<Item: TableCell>>(
         mut self,
         names: impl IntoIterator<Item: AsRef<str>>,
         values: impl Fn(&I::Item) -> V + 'a,
@@ -205,7 +205,7 @@ impl TableFile {
     ///
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
-    pub fn row(&mut self, cells: impl IntoIterator<Item: Cell>) -> Result<(), Failure> {
+    pub fn row(&mut self, cells: impl IntoIterator<Item: TableCell>) -> Result<(), Failure> {
         let record: StringRecord = cells
             .into_iter()
             .map(|cell| cell.text().into_owned())

@@ -1,7 +1,7 @@
 //! The writer of `run.h5`: frames and time series, written by all ranks together in batches.
 
-use super::batch::{Frames, Part, Shares, length};
-use super::collective::{IdBlocks, Outcome, agree, records_of};
+use super::batch::{Frames, ShareColumns, Shares, length};
+use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::h5::{Attribute, H5File, Slab};
 use super::layout::{
     BOX, CHUNK_FRAMES, Datasets, Mode, OBSERVABLES, PARAMETERS, PARTICLES, by_root, describe,
@@ -13,7 +13,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactSample, GrainSample};
+use gshear_dem::state::{ContactSample, GrainSample, GrainState};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
 use std::path::Path;
@@ -31,6 +31,18 @@ pub struct GrainShape {
     pub radius: f64,
     /// m (kg; kg/m in 2D).
     pub mass: f64,
+}
+
+impl GrainShape {
+    /// The constant properties of a grain in this state. `mass`: m (kg; kg/m in 2D).
+    pub fn new(grain: &GrainState, mass: f64) -> Self {
+        Self {
+            id: grain.id,
+            body: grain.body,
+            radius: grain.radius,
+            mass,
+        }
+    }
 }
 
 /// Content of `run.h5` from the start of the run.
@@ -164,7 +176,7 @@ impl TrajectoryWriter {
             writer.contacts_written,
             writer.rows_written,
         ) = (frames, contacts, rows);
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         for name in AT_THE_END {
             outcome.note(writer.file.remove_attribute(PARAMETERS, name));
         }
@@ -226,7 +238,7 @@ impl TrajectoryWriter {
         let file = &self.file;
         let grains = self.blocks.grains as usize;
         let name = |part: &str| format!("{PARTICLES}/{part}");
-        let mine = Slab::rows(ids.start, length(&ids), 1);
+        let local = Slab::rows(ids.start, length(&ids), 1);
         let id: Vec<u32> = shapes.iter().map(|g| g.id).collect();
         let body: Vec<u8> = shapes.iter().map(|g| g.body as u8).collect();
         let radius: Vec<f64> = shapes.iter().map(|g| g.radius).collect();
@@ -235,11 +247,11 @@ impl TrajectoryWriter {
         let edges = if root { &header.edges[..] } else { &[] };
         let all = Slab::rows(0, edges.len() as u64, 1);
 
-        let mut outcome = Outcome::default();
-        outcome.note(fixed(file, &name("id"), grains, mine, &id));
-        outcome.note(fixed(file, &name("body"), grains, mine, &body));
-        outcome.note(fixed(file, &name("radius"), grains, mine, &radius));
-        outcome.note(fixed(file, &name("mass"), grains, mine, &mass));
+        let mut outcome = CollectiveOutcome::default();
+        outcome.note(fixed(file, &name("id"), grains, local, &id));
+        outcome.note(fixed(file, &name("body"), grains, local, &body));
+        outcome.note(fixed(file, &name("radius"), grains, local, &radius));
+        outcome.note(fixed(file, &name("mass"), grains, local, &mass));
         outcome.note(fixed(file, &format!("{BOX}/edges"), 3, all, edges));
         outcome.note(by_root(root, &mut self.columns.offset, 0, &[0]));
         self.file.agree(exchange, outcome)?;
@@ -357,7 +369,7 @@ impl TrajectoryWriter {
         let attributes = attributes
             .iter()
             .map(|(name, value)| (name.to_string(), value.clone()));
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         for (name, value) in shared(exchange, attributes.collect()) {
             outcome.note(self.file.attribute(PARAMETERS, &name, &value));
         }
@@ -378,7 +390,7 @@ impl TrajectoryWriter {
         };
         let messages = exchange.all_to_all(self.frames.messages(&shares));
         let share = shares.of(exchange.rank());
-        let part = Part::assemble(&messages, &share, self.columns.axes);
+        let part = ShareColumns::assemble(&messages, &share, self.columns.axes);
         drop(messages);
 
         // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
@@ -403,7 +415,7 @@ impl TrajectoryWriter {
         };
         let root = exchange.rank() == 0;
         let columns = &mut self.columns;
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         for (column, values) in columns.values.iter_mut().zip(&part.values) {
             outcome.note(column.append(after, block, values));
         }
@@ -436,7 +448,7 @@ impl TrajectoryWriter {
     }
 
     fn flush_file(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         outcome.note(self.file.flush());
         self.flushed = Instant::now();
         self.file.agree(exchange, outcome)
@@ -451,7 +463,7 @@ impl TrajectoryWriter {
         let root = exchange.rank() == 0;
         let before = self.rows_written;
         let columns = &mut self.columns;
-        let mut outcome = Outcome::default();
+        let mut outcome = CollectiveOutcome::default();
         let step: Vec<u64> = rows.iter().map(|r| r.0).collect();
         outcome.note(by_root(root, &mut columns.row_step, before, &step));
         let time: Vec<f64> = rows.iter().map(|r| r.1).collect();
@@ -562,7 +574,7 @@ fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<[u6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run_reader::Run;
+    use crate::run_reader::RunFile;
     use gshear_dem::domain::Solo;
     use gshear_dem::state::SeriesRow;
 
@@ -625,7 +637,7 @@ mod tests {
         (2..5).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
         writer.finish(&Solo, &[]).unwrap();
 
-        let run = Run::open(&path).unwrap();
+        let run = RunFile::open(&path).unwrap();
         assert_eq!(run.series().step, [0, 1, 2, 3, 4]);
         for (c, column) in SeriesRow::COLUMNS.iter().enumerate() {
             let values: Vec<f64> = (0..5).map(|k| row(k).columns()[c]).collect();

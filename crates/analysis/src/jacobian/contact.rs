@@ -19,7 +19,7 @@ type Vector = [f64; 3];
 type Matrix = [Vector; 3];
 
 /// A contact with positive overlap and the derivatives of its force.
-pub struct Contact {
+pub struct LinearContact {
     radii: [f64; 2],
     /// Unit normal, from j to i.
     n: Vector,
@@ -27,7 +27,7 @@ pub struct Contact {
     derivatives: Derivatives,
 }
 
-impl Contact {
+impl LinearContact {
     /// Evaluates the derivatives of the law at this contact. `radii` are those of i and j.
     pub fn new<D: Dimension>(
         law: &dyn Stiffness,

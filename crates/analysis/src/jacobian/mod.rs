@@ -12,7 +12,7 @@ mod pattern;
 use faer::Mat;
 use faer::sparse::SparseColMat;
 
-use contact::Contact;
+use contact::LinearContact;
 use gshear_dem::contact::stiffness::Stiffness;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, body, length};
@@ -23,7 +23,7 @@ pub use paper::paper_form;
 
 /// The state at which K is evaluated.
 #[derive(Debug, Clone, Copy)]
-pub struct State<'a> {
+pub struct NetworkState<'a> {
     /// All grains, in the order of their ids 0 … N-1.
     pub grains: &'a [GrainState],
     /// Contacts, each once. Those without overlap add nothing.
@@ -120,8 +120,12 @@ impl Jacobian {
 ///
 /// # Panics
 /// If `state.grains` is not in the order of the ids 0 … N-1.
-pub fn assemble<D: Dimension>(state: State<'_>, law: &dyn Stiffness, history: History) -> Jacobian {
-    let State {
+pub fn assemble<D: Dimension>(
+    state: NetworkState<'_>,
+    law: &dyn Stiffness,
+    history: History,
+) -> Jacobian {
+    let NetworkState {
         grains, contacts, ..
     } = state;
     let in_order = grains.iter().enumerate().all(|(k, g)| g.id as usize == k);
@@ -135,7 +139,7 @@ pub fn assemble<D: Dimension>(state: State<'_>, law: &dyn Stiffness, history: Hi
         place[g.id as usize] = Some(free.len());
         free.push(g.id);
     }
-    let touching: Vec<(Contact, [Option<usize>; 2])> = contacts
+    let touching: Vec<(LinearContact, [Option<usize>; 2])> = contacts
         .iter()
         .filter_map(|c| {
             let pair = [&grains[c.i as usize], &grains[c.j as usize]];
@@ -185,11 +189,11 @@ fn touch<D: Dimension>(
     history: [f64; 3],
     cell: Cell,
     law: &dyn Stiffness,
-) -> Option<Contact> {
+) -> Option<LinearContact> {
     let r = cell.separation::<D>(&a.position, &b.position);
     let distance = length(r);
     let overlap = a.radius + b.radius - distance;
     let radii = [a.radius, b.radius];
     let n = r.map(|x| x / distance);
-    (overlap > 0.0).then(|| Contact::new::<D>(law, radii, n, distance, overlap, history))
+    (overlap > 0.0).then(|| LinearContact::new::<D>(law, radii, n, distance, overlap, history))
 }

@@ -4,19 +4,19 @@ use std::ops::Range;
 
 use super::fit::{Fit, chi_squared, fit};
 use super::law::Evolution;
-use super::measures::{self, Healing, Hold, Peaks, Steady, Step};
-use super::record::Record;
-use super::window::Window;
+use super::measures::{self, Healing, Hold, Peaks, Steady, VelocityStep};
+use super::record::SliderRecord;
+use super::window::FitWindow;
 
 /// A record with everything measured on it without a law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Experiment {
     /// The record: one run, or the mean of several realisations.
-    pub record: Record,
+    pub record: SliderRecord,
     /// `[segments]` Steady friction; `None` for holds.
     pub steady: Vec<Option<Steady>>,
     /// Velocity steps.
-    pub steps: Vec<Step>,
+    pub steps: Vec<VelocityStep>,
     /// Holds after a slide.
     pub holds: Vec<Hold>,
     /// Fits of healing against ln t_hold.
@@ -25,7 +25,7 @@ pub struct Experiment {
 
 impl Experiment {
     /// Measures a record. `d_c` (m): see [`Peaks::d_c`].
-    pub fn of(record: Record, d_c: Option<f64>) -> Self {
+    pub fn of(record: SliderRecord, d_c: Option<f64>) -> Self {
         let steady = measures::steady_segments(&record);
         let peaks = Peaks { d_c };
         let steps = measures::steps(&record, &steady, peaks);
@@ -42,14 +42,14 @@ impl Experiment {
 }
 
 /// Segments of each velocity step: the one before and the one after.
-fn step_ranges(record: &Record) -> Vec<Range<usize>> {
+fn step_ranges(record: &SliderRecord) -> Vec<Range<usize>> {
     let slides = |k: &usize| !record.drive[*k - 1].is_hold() && !record.drive[*k].is_hold();
     let after = (1..record.drive.len()).filter(slides);
     after.map(|k| k - 1..k + 1).collect()
 }
 
 /// Segments of each hold: the slide before, the hold, and the slide after it if there is one.
-fn hold_ranges(record: &Record) -> Vec<Range<usize>> {
+fn hold_ranges(record: &SliderRecord) -> Vec<Range<usize>> {
     let count = record.drive.len();
     let holds = (1..count).filter(|k| record.drive[*k].is_hold());
     holds.map(|k| k - 1..count.min(k + 2)).collect()
@@ -70,7 +70,7 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    fn of(name: &'static str, windows: &[Window], laws: &[Evolution]) -> Self {
+    fn of(name: &'static str, windows: &[FitWindow], laws: &[Evolution]) -> Self {
         let fits: Vec<_> = laws.iter().map(|law| (*law, fit(windows, *law))).collect();
         let done = fits.iter().filter_map(|(_, fit)| fit.as_ref().ok());
         let best = done.min_by(|a, b| a.rms.total_cmp(&b.rms));
@@ -95,18 +95,18 @@ impl Fitted {
 
 /// Fits the laws to all records together; then, if there are both kinds, to all velocity steps and
 /// to all slide-hold-slide tests; then, if there are several, to each step and each hold.
-pub fn fit_all(records: &[Record], laws: &[Evolution]) -> Vec<Fitted> {
-    let window = |(k, range): &(usize, Range<usize>)| Window::of(&records[*k], range.clone());
-    let of_all = |ranges: fn(&Record) -> Vec<Range<usize>>| -> Vec<(usize, Range<usize>)> {
+pub fn fit_all(records: &[SliderRecord], laws: &[Evolution]) -> Vec<Fitted> {
+    let window = |(k, range): &(usize, Range<usize>)| FitWindow::of(&records[*k], range.clone());
+    let of_all = |ranges: fn(&SliderRecord) -> Vec<Range<usize>>| -> Vec<(usize, Range<usize>)> {
         let of = |(k, record)| ranges(record).into_iter().map(move |range| (k, range));
         records.iter().enumerate().flat_map(of).collect()
     };
-    let of_whole = |(k, record): (usize, &Record)| (k, 0..record.drive.len());
+    let of_whole = |(k, record): (usize, &SliderRecord)| (k, 0..record.drive.len());
     let whole: Vec<_> = records.iter().enumerate().map(of_whole).collect();
     let steps = of_all(step_ranges);
     let holds = of_all(hold_ranges);
     let together = |name, ranges: &[(usize, Range<usize>)]| {
-        let windows: Vec<Window> = ranges.iter().map(window).collect();
+        let windows: Vec<FitWindow> = ranges.iter().map(window).collect();
         Fitted::of(name, &windows, laws)
     };
     let mut fitted = vec![together("all", &whole)];

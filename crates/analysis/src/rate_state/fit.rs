@@ -7,10 +7,10 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationRe
 use nalgebra::storage::Owned;
 use nalgebra::{Dyn, Matrix4, OMatrix, OVector, U4, Vector4};
 
-use super::law::{Evolution, Law};
+use super::law::{Evolution, RateStateLaw};
 use super::measures::student;
 use super::noise::correlation;
-use super::window::Window;
+use super::window::FitWindow;
 
 /// An estimate with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,7 +43,7 @@ impl Estimate {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// The law at the estimates.
-    pub law: Law,
+    pub law: RateStateLaw,
     /// a, the direct effect.
     pub a: Estimate,
     /// b, the evolution effect.
@@ -107,12 +107,12 @@ const MODEL_ERROR: f64 = 1e-7;
 /// # Errors
 /// Says why there is no fit: no windows, no convergence, a failed integration, or data that do not
 /// determine the parameters.
-pub fn fit(windows: &[Window], evolution: Evolution) -> Result<Fit, String> {
+pub fn fit(windows: &[FitWindow], evolution: Evolution) -> Result<Fit, String> {
     let Some(first) = windows.first() else {
         return Err("no window to fit: give at least one record with a slide".into());
     };
     let v_star = first.drive[0].velocity;
-    let mut problem = Problem {
+    let mut problem = FitProblem {
         windows,
         evolution,
         v_star,
@@ -134,7 +134,7 @@ pub fn fit(windows: &[Window], evolution: Evolution) -> Result<Fit, String> {
 /// The χ² of `noise_of` itself is its `effective`. Of two laws fitted to the same
 /// windows, the one with the lesser χ² is more likely; take the noise from the fit with the lesser
 /// `rms`.
-pub fn chi_squared(windows: &[Window], fit: &Fit, noise_of: &Fit) -> f64 {
+pub fn chi_squared(windows: &[FitWindow], fit: &Fit, noise_of: &Fit) -> f64 {
     let mut sum = 0.0;
     for ((window, residuals), noise) in windows.iter().zip(&fit.residuals).zip(&noise_of.noise) {
         for (means, noise) in window.segments.iter().zip(noise) {
@@ -158,8 +158,8 @@ struct Noise {
 
 /// The least-squares problem at a point.
 #[derive(Clone)]
-struct Problem<'a> {
-    windows: &'a [Window],
+struct FitProblem<'a> {
+    windows: &'a [FitWindow],
     evolution: Evolution,
     v_star: f64,
     /// `[windows][segments]` square roots of the weights.
@@ -168,7 +168,7 @@ struct Problem<'a> {
     at: Vector4<f64>,
 }
 
-fn equal_weights(windows: &[Window]) -> Vec<Vec<f64>> {
+fn equal_weights(windows: &[FitWindow]) -> Vec<Vec<f64>> {
     let root = |means: &Range<usize>| (means.len().max(1) as f64).sqrt().recip();
     windows
         .iter()
@@ -176,9 +176,9 @@ fn equal_weights(windows: &[Window]) -> Vec<Vec<f64>> {
         .collect()
 }
 
-impl Problem<'_> {
-    fn law(&self, at: &Vector4<f64>) -> Law {
-        Law {
+impl FitProblem<'_> {
+    fn law(&self, at: &Vector4<f64>) -> RateStateLaw {
+        RateStateLaw {
             evolution: self.evolution,
             mu_star: at[3],
             a: at[0].exp(),
@@ -192,7 +192,7 @@ impl Problem<'_> {
     /// the friction at the end of every slide.
     fn guess(&self) -> Vector4<f64> {
         let slides = self.windows.iter().flat_map(|window| {
-            let of = move |(k, segment): (usize, &super::protocol::Segment)| {
+            let of = move |(k, segment): (usize, &super::protocol::DriveSegment)| {
                 let ln_v = (segment.velocity / self.v_star).ln();
                 (!segment.is_hold())
                     .then(|| ([ln_v, window.steady_friction(k)], segment.distance()))
@@ -284,7 +284,7 @@ impl Problem<'_> {
     /// `[windows][means]` measured less model.
     fn residuals_of_windows(&self) -> Result<Vec<Vec<f64>>, String> {
         let law = self.law(&self.at);
-        let of = |window: &Window| {
+        let of = |window: &FitWindow| {
             let model = window.model_means(&law)?;
             let pairs = window.friction.iter().zip(model);
             Ok(pairs.map(|(measured, model)| measured - model).collect())
@@ -399,7 +399,7 @@ impl Covariance {
 /// Least eigenvalue of the scaled JᵀJ; below it the finite differences of the model are noise.
 const SINGULAR: f64 = 1e-9;
 
-impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {
+impl LeastSquaresProblem<f64, Dyn, U4> for FitProblem<'_> {
     type ParameterStorage = Owned<f64, U4>;
     type ResidualStorage = Owned<f64, Dyn>;
     type JacobianStorage = Owned<f64, Dyn, U4>;

@@ -5,8 +5,8 @@ use super::experiment::Fitted;
 use super::fit::{Estimate, Fit, fit};
 use super::law::Evolution;
 use super::measures::student;
-use super::record::{Record, mean};
-use super::window::Window;
+use super::record::{SliderRecord, mean};
+use super::window::FitWindow;
 
 /// Least number of realisations per protocol.
 const FEWEST: usize = 3;
@@ -21,7 +21,7 @@ const FEWEST: usize = 3;
 /// for p = ln a, b, a - b, ln D_c and μ*. `groups`: indices into `records` of the realisations of
 /// each experiment. `None` if an experiment has fewer than three realisations. If one of the fits
 /// fails, so does that law's result.
-pub fn jackknife(records: &[Record], groups: &[Vec<usize>], all: &Fitted) -> Option<Fitted> {
+pub fn jackknife(records: &[SliderRecord], groups: &[Vec<usize>], all: &Fitted) -> Option<Fitted> {
     if groups.iter().any(|group| group.len() < FEWEST) {
         return None;
     }
@@ -39,8 +39,8 @@ pub fn jackknife(records: &[Record], groups: &[Vec<usize>], all: &Fitted) -> Opt
     })
 }
 
-fn with_spread(records: &[Record], groups: &[Vec<usize>], full: Fit) -> Result<Fit, String> {
-    let windows: Vec<Window> = groups
+fn with_spread(records: &[SliderRecord], groups: &[Vec<usize>], full: Fit) -> Result<Fit, String> {
+    let windows: Vec<FitWindow> = groups
         .iter()
         .map(|group| whole(records, group.iter().copied()))
         .collect();
@@ -78,9 +78,9 @@ fn parameters(fit: &Fit) -> [f64; 5] {
     [law.a.ln(), law.b, law.a - law.b, law.d_c.ln(), law.mu_star]
 }
 
-fn whole(records: &[Record], members: impl Iterator<Item = usize>) -> Window {
-    let members: Vec<&Record> = members.map(|k| &records[k]).collect();
+fn whole(records: &[SliderRecord], members: impl Iterator<Item = usize>) -> FitWindow {
+    let members: Vec<&SliderRecord> = members.map(|k| &records[k]).collect();
     let record = mean(&members);
     let segments = record.drive.len();
-    Window::of(&record, 0..segments)
+    FitWindow::of(&record, 0..segments)
 }

@@ -21,7 +21,7 @@ impl Evolution {
 
 /// Rate-and-state law μ = μ* + a ln(V/V*) + b ln(V*θ/D_c).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Law {
+pub struct RateStateLaw {
     /// Evolution of θ.
     pub evolution: Evolution,
     /// μ*: friction of steady sliding at V*.
@@ -38,40 +38,40 @@ pub struct Law {
 
 /// Velocity and state as logarithms, which stay moderate while V and θ vary over many decades.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct State {
+pub struct LogState {
     /// ln(V/V*).
     pub ln_v: f64,
     /// ln(V*θ/D_c).
     pub ln_theta: f64,
 }
 
-impl Law {
+impl RateStateLaw {
     /// Returns μ of a state.
-    pub fn friction(&self, state: State) -> f64 {
+    pub fn friction(&self, state: LogState) -> f64 {
         self.mu_star + self.a * state.ln_v + self.b * state.ln_theta
     }
 
     /// Returns V (m/s).
-    pub fn velocity(&self, state: State) -> f64 {
+    pub fn velocity(&self, state: LogState) -> f64 {
         self.v_star * state.ln_v.exp()
     }
 
     /// Returns θ (s).
-    pub fn theta(&self, state: State) -> f64 {
+    pub fn theta(&self, state: LogState) -> f64 {
         self.d_c / self.v_star * state.ln_theta.exp()
     }
 
     /// Returns the state of steady sliding at V > 0 (m/s): θ = D_c/V.
-    pub fn steady(&self, velocity: f64) -> State {
+    pub fn steady(&self, velocity: f64) -> LogState {
         let ln_v = (velocity / self.v_star).ln();
-        State {
+        LogState {
             ln_v,
             ln_theta: -ln_v,
         }
     }
 
     /// Returns d ln θ/dt (1/s).
-    pub fn evolution_rate(&self, state: State) -> f64 {
+    pub fn evolution_rate(&self, state: LogState) -> f64 {
         let slipping = self.velocity(state) / self.d_c;
         match self.evolution {
             Evolution::Aging => 1.0 / self.theta(state) - slipping,
@@ -80,7 +80,7 @@ impl Law {
     }
 
     /// Returns the derivatives of [`Self::evolution_rate`] by ln V and ln θ (1/s).
-    pub fn evolution_gradient(&self, state: State) -> [f64; 2] {
+    pub fn evolution_gradient(&self, state: LogState) -> [f64; 2] {
         let slipping = self.velocity(state) / self.d_c;
         match self.evolution {
             Evolution::Aging => [-slipping, -1.0 / self.theta(state)],

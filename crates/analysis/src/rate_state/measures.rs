@@ -4,7 +4,7 @@
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::noise::block_error;
-use super::record::Record;
+use super::record::SliderRecord;
 
 /// Steady friction, averaged over the latter half of a slide.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,7 +40,7 @@ const PEAK_MEAN: f64 = 0.05;
 
 /// A velocity step: a change from one slide to another.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
+pub struct VelocityStep {
     /// Index of the segment after the step.
     pub segment: usize,
     /// V_drive before and after (m/s).
@@ -102,7 +102,7 @@ pub struct Healing {
 
 /// Returns the steady friction of each segment; `None` for holds and for slides without rows in
 /// their latter half.
-pub fn steady_segments(record: &Record) -> Vec<Option<Steady>> {
+pub fn steady_segments(record: &SliderRecord) -> Vec<Option<Steady>> {
     let of = |segment: usize| {
         let drive = record.drive[segment];
         let [_, half] = record.halves(segment);
@@ -127,12 +127,12 @@ pub fn steady_segments(record: &Record) -> Vec<Option<Steady>> {
 }
 
 /// Returns the velocity steps: changes from one slide to the next.
-pub fn steps(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Step> {
+pub fn steps(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> Vec<VelocityStep> {
     let of = |segment: usize| {
         let (before, after) = (steady[segment - 1]?, steady[segment]?);
         let up = after.velocity > before.velocity;
         let extreme = peaks.extreme(record, segment, up)?;
-        Some(Step {
+        Some(VelocityStep {
             segment,
             velocities: [before.velocity, after.velocity],
             direct: [
@@ -153,7 +153,7 @@ pub fn steps(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<St
 }
 
 /// Returns the holds that follow a slide.
-pub fn holds(record: &Record, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Hold> {
+pub fn holds(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Hold> {
     let of = |segment: usize| {
         let before = steady[segment - 1]?;
         let rows = record.rows(segment);
@@ -194,7 +194,7 @@ struct Extreme {
 
 impl Peaks {
     /// The maximum or the minimum of μ in a segment.
-    fn extreme(self, record: &Record, segment: usize, greatest: bool) -> Option<Extreme> {
+    fn extreme(self, record: &SliderRecord, segment: usize, greatest: bool) -> Option<Extreme> {
         let [half, rest] = record.halves(segment);
         if half.is_empty() || rest.is_empty() {
             return None;

@@ -27,13 +27,13 @@ mod tests;
 pub use experiment::{Experiment, Fitted, fit_all};
 pub use fit::{Estimate, Fit, chi_squared, fit};
 pub use jackknife::jackknife;
-pub use law::{Evolution, Law, State};
+pub use law::{Evolution, LogState, RateStateLaw};
 pub use measures::{
-    Healing, Hold, Peaks, Reslide, Steady, Step, healing, holds, steady_segments, steps,
+    Healing, Hold, Peaks, Reslide, Steady, VelocityStep, healing, holds, steady_segments, steps,
 };
-pub use noise::{Correlation, block_error, correlation};
-pub use protocol::{Segment, of_drive};
-pub use record::{Record, merge};
-pub use slider::Slider;
-pub use stack::{Piece, Stack, stacks};
-pub use window::{Window, modelled};
+pub use noise::{Autocorrelation, block_error, correlation};
+pub use protocol::{DriveSegment, of_drive};
+pub use record::{SliderRecord, merge};
+pub use slider::RateStateSlider;
+pub use stack::{SlipInterval, Stack, stacks};
+pub use window::{FitWindow, modelled};

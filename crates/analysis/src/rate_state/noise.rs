@@ -2,7 +2,7 @@
 
 /// Variance and autocorrelation of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Correlation {
+pub struct Autocorrelation {
     /// γ_0: mean square.
     pub variance: f64,
     /// Statistical inefficiency g = 1 + 2 Σ ρ_l ≥ 1: n values are worth n/g independent ones.
@@ -11,7 +11,7 @@ pub struct Correlation {
     pub window: usize,
 }
 
-impl Correlation {
+impl Autocorrelation {
     /// Returns γ_0 g, which is n times the variance of the mean of n values.
     pub fn spectral_variance(&self) -> f64 {
         self.variance * self.inefficiency
@@ -23,7 +23,7 @@ impl Correlation {
 ///
 /// The sum over ρ ends at the first lag that is at least 5 g/2 (Sokal 1997, eq. 3.19), or at half
 /// the number of values.
-pub fn correlation(values: &[f64]) -> Correlation {
+pub fn correlation(values: &[f64]) -> Autocorrelation {
     let n = values.len();
     let product =
         |lag: usize| -> f64 { values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum() };
@@ -38,7 +38,7 @@ pub fn correlation(values: &[f64]) -> Correlation {
             }
         }
     }
-    Correlation {
+    Autocorrelation {
         variance: square / n.max(1) as f64,
         inefficiency: inefficiency.clamp(1.0, n.max(1) as f64),
         window,

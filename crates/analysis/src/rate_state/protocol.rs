@@ -2,14 +2,14 @@
 
 /// A segment of the drive: the spring's far end moves at constant velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Segment {
+pub struct DriveSegment {
     /// Velocity (m/s); 0 in a hold.
     pub velocity: f64,
     /// Duration (s).
     pub duration: f64,
 }
 
-impl Segment {
+impl DriveSegment {
     /// Returns whether the segment is a hold.
     pub fn is_hold(&self) -> bool {
         self.velocity == 0.0
@@ -38,7 +38,7 @@ pub fn of_drive(
     time: &[f64],
     velocity: &[f64],
     displacement: &[f64],
-) -> Result<Vec<Segment>, String> {
+) -> Result<Vec<DriveSegment>, String> {
     if let Some(row) = velocity.iter().position(|v| v.is_nan() || *v < 0.0) {
         return Err(format!(
             "row {row} is {:e} m/s; the drive's velocity must be positive, or 0 in a hold",
@@ -65,13 +65,13 @@ pub fn of_drive(
             ));
         }
         let end = time[k - 1] + change.clamp(0.0, interval);
-        segments.push(Segment {
+        segments.push(DriveSegment {
             velocity: earlier,
             duration: end - begin,
         });
         begin = end;
     }
-    segments.push(Segment {
+    segments.push(DriveSegment {
         velocity: velocity[time.len() - 1],
         duration: time[time.len() - 1] - begin,
     });

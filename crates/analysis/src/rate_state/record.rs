@@ -3,15 +3,15 @@
 
 use std::ops::Range;
 
-use super::protocol::Segment;
+use super::protocol::DriveSegment;
 
 /// Time series of a slider under one protocol; L rows.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Record {
+pub struct SliderRecord {
     /// k̄: stiffness of the spring over the normal force (1/m).
     pub stiffness: f64,
     /// Segments of the drive, counted from the first row.
-    pub drive: Vec<Segment>,
+    pub drive: Vec<DriveSegment>,
     /// `[L]` Time (s), ascending.
     pub time: Vec<f64>,
     /// `[L]` Slip of the slider (m).
@@ -29,7 +29,7 @@ const SAME_PROTOCOL: f64 = 1e-3;
 /// Likewise for k̄, whose normal force varies a little from sample to sample.
 const SAME_STIFFNESS: f64 = 0.05;
 
-impl Record {
+impl SliderRecord {
     /// Returns the time when a segment begins (s).
     pub fn begin(&self, segment: usize) -> f64 {
         let before: f64 = self.drive[..segment].iter().map(|s| s.duration).sum();
@@ -64,13 +64,13 @@ impl Record {
     }
 
     /// Returns the record restricted to a range of segments.
-    pub fn cut(&self, segments: Range<usize>) -> Record {
+    pub fn cut(&self, segments: Range<usize>) -> SliderRecord {
         let rows = self.rows(segments.start).start..self.rows(segments.end - 1).end;
         let of = |values: &[f64]| values[rows.clone()].to_vec();
         let mut drive = self.drive[segments.clone()].to_vec();
         // The first row of the cut record lies a little after the start of its first segment.
         drive[0].duration -= self.time[rows.start] - self.begin(segments.start);
-        Record {
+        SliderRecord {
             stiffness: self.stiffness,
             drive,
             time: of(&self.time),
@@ -81,7 +81,7 @@ impl Record {
         }
     }
 
-    fn same_protocol(&self, other: &Record) -> bool {
+    fn same_protocol(&self, other: &SliderRecord) -> bool {
         let near = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs());
         let segments = self.drive.len();
         // A run may be stopped at any time, so the last segment's duration is not compared.
@@ -101,7 +101,7 @@ impl Record {
 ///
 /// Protocols are in the order of their first realisation; each comes with the indices of its
 /// records.
-pub fn merge(records: &[Record]) -> Vec<(Record, Vec<usize>)> {
+pub fn merge(records: &[SliderRecord]) -> Vec<(SliderRecord, Vec<usize>)> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (k, record) in records.iter().enumerate() {
         let group = groups
@@ -113,14 +113,14 @@ pub fn merge(records: &[Record]) -> Vec<(Record, Vec<usize>)> {
         }
     }
     let joined = |group: Vec<usize>| {
-        let members: Vec<&Record> = group.iter().map(|k| &records[*k]).collect();
+        let members: Vec<&SliderRecord> = group.iter().map(|k| &records[*k]).collect();
         (mean(&members), group)
     };
     groups.into_iter().map(joined).collect()
 }
 
 /// Returns the mean of realisations of one protocol. Panics if there are none.
-pub(super) fn mean(members: &[&Record]) -> Record {
+pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
     let [first, ..] = members else {
         unreachable!("a group has a member");
     };
@@ -128,11 +128,11 @@ pub(super) fn mean(members: &[&Record]) -> Record {
         return (*first).clone();
     }
     let count = members.len() as f64;
-    let last = |r: &&Record| r.time[r.time.len() - 1] - r.time[0];
+    let last = |r: &&SliderRecord| r.time[r.time.len() - 1] - r.time[0];
     let end = members.iter().map(last).fold(f64::INFINITY, f64::min);
     // Times count from each record's first row.
     let rows = first.time.partition_point(|t| t - first.time[0] <= end);
-    let mut joined = Record {
+    let mut joined = SliderRecord {
         stiffness: members.iter().map(|r| r.stiffness).sum::<f64>() / count,
         drive: first.drive.clone(),
         time: first.time[..rows].to_vec(),
@@ -142,7 +142,7 @@ pub(super) fn mean(members: &[&Record]) -> Record {
         realisations: members.len(),
     };
     for time in &joined.time {
-        let at = |values: fn(&Record) -> &[f64]| -> Vec<f64> {
+        let at = |values: fn(&SliderRecord) -> &[f64]| -> Vec<f64> {
             let since = time - first.time[0];
             members
                 .iter()

@@ -2,8 +2,8 @@
 
 use differential_equations::prelude::*;
 
-use super::law::{Law, State as Friction};
-use super::protocol::Segment;
+use super::law::{LogState as Friction, RateStateLaw};
+use super::protocol::DriveSegment;
 
 /// A slider without inertia on a spring: dμ/dt = k̄ (V_drive - V), with V from the law.
 ///
@@ -11,9 +11,9 @@ use super::protocol::Segment;
 /// equations for ln V and ψ. They are stiff because V responds over a slip of a/k̄, far less than
 /// D_c.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Slider {
+pub struct RateStateSlider {
     /// The law.
-    pub law: Law,
+    pub law: RateStateLaw,
     /// k̄: stiffness of the spring over the normal force (1/m).
     pub stiffness: f64,
     /// Relative and absolute tolerance of a step in ln V and ln θ.
@@ -26,10 +26,10 @@ pub const TOLERANCE: f64 = 1e-9;
 /// leaves the range of f64.
 const LARGEST_LOGARITHM: f64 = 300.0;
 
-impl Slider {
+impl RateStateSlider {
     /// Creates a slider with the default tolerance; `stiffness` is k̄ (1/m).
-    pub fn new(law: Law, stiffness: f64) -> Self {
-        Slider {
+    pub fn new(law: RateStateLaw, stiffness: f64) -> Self {
+        RateStateSlider {
             law,
             stiffness,
             tolerance: TOLERANCE,
@@ -48,7 +48,7 @@ impl Slider {
     /// soft. The message names the time.
     pub fn motion(
         &self,
-        drive: &[Segment],
+        drive: &[DriveSegment],
         start: Friction,
         times: &[f64],
     ) -> Result<Vec<Friction>, String> {
@@ -99,7 +99,7 @@ impl Slider {
             .rtol(self.tolerance)
             .atol(self.tolerance)
             .newton_tol(newton_tolerance(self.tolerance));
-        let mut output = Output {
+        let mut output = OutputTimes {
             times,
             states,
             now: start,
@@ -147,21 +147,21 @@ impl Friction {
 }
 
 struct Driven<'a> {
-    slider: &'a Slider,
+    slider: &'a RateStateSlider,
     /// V_drive (m/s).
     drive: f64,
 }
 
 impl ODE<f64, [f64; 2]> for Driven<'_> {
     fn diff(&self, _time: f64, y: &[f64; 2], rate: &mut [f64; 2]) {
-        let Slider { law, stiffness, .. } = self.slider;
+        let RateStateSlider { law, stiffness, .. } = self.slider;
         let state = Friction::of(y);
         rate[1] = law.evolution_rate(state);
         rate[0] = (stiffness * (self.drive - law.velocity(state)) - law.b * rate[1]) / law.a;
     }
 
     fn jacobian(&self, _time: f64, y: &[f64; 2], j: &mut Matrix<f64>) {
-        let Slider { law, stiffness, .. } = self.slider;
+        let RateStateSlider { law, stiffness, .. } = self.slider;
         let state = Friction::of(y);
         let [by_v, by_theta] = law.evolution_gradient(state);
         j[(1, 0)] = by_v;
@@ -173,14 +173,14 @@ impl ODE<f64, [f64; 2]> for Driven<'_> {
 
 /// Collects the states at the requested times, and the last state. The end of the last step may
 /// miss the last time by rounding.
-struct Output<'a> {
+struct OutputTimes<'a> {
     /// Times still to come.
     times: &'a [f64],
     states: &'a mut Vec<Friction>,
     now: Friction,
 }
 
-impl Solout<f64, [f64; 2]> for Output<'_> {
+impl Solout<f64, [f64; 2]> for OutputTimes<'_> {
     fn solout<I>(
         &mut self,
         time: f64,

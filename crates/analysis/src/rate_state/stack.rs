@@ -2,7 +2,7 @@
 //! reduces noise that hides the effect in a single run.
 
 use super::measures::steady_segments;
-use super::record::Record;
+use super::record::SliderRecord;
 
 /// Ends of the intervals of slip, over the least slip after any of the steps.
 const ENDS: [f64; 10] = [0.0, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
@@ -13,12 +13,12 @@ pub struct Stack {
     /// V_drive before and after (m/s).
     pub velocities: [f64; 2],
     /// Intervals of slip with their averages.
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<SlipInterval>,
 }
 
 /// Average over an interval of slip, over the steps that have rows in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Piece {
+pub struct SlipInterval {
     /// Start and end of the interval: slip since the step (m).
     pub slip: [f64; 2],
     /// Number of steps averaged.
@@ -31,7 +31,7 @@ pub struct Piece {
 
 /// Returns the averages over all records, in the order in which pairs of velocities first occur.
 /// μ_ss is that of each run.
-pub fn stacks(records: &[Record]) -> Vec<Stack> {
+pub fn stacks(records: &[SliderRecord]) -> Vec<Stack> {
     let mut groups: Vec<([f64; 2], Vec<Followed>)> = Vec::new();
     for followed in records.iter().flat_map(followed) {
         let same = |(velocities, _): &&mut ([f64; 2], _)| *velocities == followed.velocities;
@@ -63,7 +63,7 @@ struct Followed {
     change: Vec<f64>,
 }
 
-fn followed(record: &Record) -> Vec<Followed> {
+fn followed(record: &SliderRecord) -> Vec<Followed> {
     let steady = steady_segments(record);
     let of = |segment: usize| {
         let before = steady[segment - 1]?;
@@ -83,7 +83,7 @@ fn followed(record: &Record) -> Vec<Followed> {
     (1..record.drive.len()).filter_map(of).collect()
 }
 
-fn piece(steps: &[Followed], slip: [f64; 2]) -> Option<Piece> {
+fn piece(steps: &[Followed], slip: [f64; 2]) -> Option<SlipInterval> {
     let within = |s: f64| slip[0] <= s && s < slip[1];
     let mean_of = |step: &Followed| {
         let rows = step.slip.iter().zip(&step.change);
@@ -94,7 +94,7 @@ fn piece(steps: &[Followed], slip: [f64; 2]) -> Option<Piece> {
     let count = means.len() as f64;
     let change = means.iter().sum::<f64>() / count;
     let square: f64 = means.iter().map(|m| (m - change) * (m - change)).sum();
-    (!means.is_empty()).then_some(Piece {
+    (!means.is_empty()).then_some(SlipInterval {
         slip,
         steps: means.len(),
         change,

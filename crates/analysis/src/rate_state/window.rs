@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use super::law::Law;
-use super::protocol::Segment;
-use super::record::Record;
-use super::slider::Slider;
+use super::law::RateStateLaw;
+use super::protocol::DriveSegment;
+use super::record::SliderRecord;
+use super::slider::RateStateSlider;
 
 /// Greatest number of means per segment; rows are averaged in groups so that the cost of a fit does
 /// not grow with the number of rows.
@@ -14,11 +14,11 @@ const MEANS: usize = 400;
 /// Consecutive segments of a record. The first one is a slide; only its latter half is used, where
 /// sliding is taken as steady.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Window {
+pub struct FitWindow {
     /// k̄ (1/m).
     pub stiffness: f64,
     /// Segments; the first one shortened to the half that is used.
-    pub drive: Vec<Segment>,
+    pub drive: Vec<DriveSegment>,
     /// `[rows]` Time since the start of the window (s).
     pub time: Vec<f64>,
     /// `[means]` Rows of each mean.
@@ -29,14 +29,14 @@ pub struct Window {
     pub segments: Vec<Range<usize>>,
 }
 
-impl Window {
+impl FitWindow {
     /// Takes the segments of `record` in the range. The first one must be a slide.
-    pub fn of(record: &Record, range: Range<usize>) -> Self {
+    pub fn of(record: &SliderRecord, range: Range<usize>) -> Self {
         let first = range.start;
         let mut drive = record.drive[range.clone()].to_vec();
         drive[0].duration *= 0.5;
         let begin = record.begin(first) + drive[0].duration;
-        let mut window = Window {
+        let mut window = FitWindow {
             stiffness: record.stiffness,
             drive,
             time: Vec::new(),
@@ -71,10 +71,11 @@ impl Window {
     /// Returns μ of the law at every row, on the window's spring and from steady sliding.
     ///
     /// # Errors
-    /// If the integration fails; see [`Slider::motion`].
-    pub fn model(&self, law: &Law) -> Result<Vec<f64>, String> {
+    /// If the integration fails; see [`RateStateSlider::motion`].
+    pub fn model(&self, law: &RateStateLaw) -> Result<Vec<f64>, String> {
         let start = law.steady(self.drive[0].velocity);
-        let states = Slider::new(*law, self.stiffness).motion(&self.drive, start, &self.time)?;
+        let states =
+            RateStateSlider::new(*law, self.stiffness).motion(&self.drive, start, &self.time)?;
         Ok(states
             .into_iter()
             .map(|state| law.friction(state))
@@ -84,8 +85,8 @@ impl Window {
     /// Returns μ of the law averaged over the same groups of rows as `friction`.
     ///
     /// # Errors
-    /// If the integration fails; see [`Slider::motion`].
-    pub fn model_means(&self, law: &Law) -> Result<Vec<f64>, String> {
+    /// If the integration fails; see [`RateStateSlider::motion`].
+    pub fn model_means(&self, law: &RateStateLaw) -> Result<Vec<f64>, String> {
         let rows = self.model(law)?;
         let mean =
             |group: &Range<usize>| rows[group.clone()].iter().sum::<f64>() / group.len() as f64;
@@ -104,14 +105,14 @@ impl Window {
 /// the middle of the first segment, μ is constant.
 ///
 /// # Errors
-/// If the integration fails; see [`Slider::motion`].
-pub fn modelled(record: &Record, law: &Law) -> Result<Record, String> {
-    let window = Window::of(record, 0..record.drive.len());
+/// If the integration fails; see [`RateStateSlider::motion`].
+pub fn modelled(record: &SliderRecord, law: &RateStateLaw) -> Result<SliderRecord, String> {
+    let window = FitWindow::of(record, 0..record.drive.len());
     let model = window.model(law)?;
     let before = record.time.len() - model.len();
     let first = model.first().copied().unwrap_or(f64::NAN);
     let friction = std::iter::repeat_n(first, before).chain(model).collect();
-    Ok(Record {
+    Ok(SliderRecord {
         friction,
         ..record.clone()
     })

@@ -5,7 +5,7 @@ pub mod model;
 pub mod stiffness;
 
 use crate::dimension::{Dimension, Three, Vector};
-use crate::simd::{Lanes, Portable, PortableToken, Row, inverse_sqrt, ln};
+use crate::simd::{Lanes, Lanes16, Portable, PortableToken, inverse_sqrt, ln};
 
 /// Relative motion of sixteen pairs of grains, of i with respect to j; n points from j to i. SI
 /// units.
@@ -13,57 +13,57 @@ use crate::simd::{Lanes, Portable, PortableToken, Row, inverse_sqrt, ln};
 /// Tangential vectors have one component in two dimensions, along t̂ = ẑ × n, and in three
 /// dimensions the three of a vector in the tangent plane.
 #[derive(Debug, Clone, Copy)]
-pub struct Motion {
+pub struct PairMotion {
     /// δ (m), positive where the pair touches.
-    pub overlap: Row,
+    pub overlap: Lanes16,
     /// v_n of the full step, positive where the pair separates (m/s).
-    pub normal_velocity: Row,
+    pub normal_velocity: Lanes16,
     /// v_n(t + ½Δt) Δt (m); set with an energy budget only.
-    pub normal_increment: Row,
+    pub normal_increment: Lanes16,
     /// v_t of the full step (m/s).
-    pub tangential_velocity: Vector<Row>,
+    pub tangential_velocity: Vector<Lanes16>,
     /// v_t(t + ½Δt) Δt (m), in the tangent plane of the full step.
-    pub tangential_increment: Vector<Row>,
+    pub tangential_increment: Vector<Lanes16>,
     /// ω_i - ω_j of the full step (rad/s).
-    pub rolling_velocity: Row,
+    pub rolling_velocity: Lanes16,
     /// (ω_i - ω_j)(t + ½Δt) Δt (rad).
-    pub rolling_increment: Row,
+    pub rolling_increment: Lanes16,
 }
 
-impl Motion {
+impl PairMotion {
     /// A pair that does not move.
     pub const ZERO: Self = Self {
-        overlap: Row::ZERO,
-        normal_velocity: Row::ZERO,
-        normal_increment: Row::ZERO,
-        tangential_velocity: [Row::ZERO; 3],
-        tangential_increment: [Row::ZERO; 3],
-        rolling_velocity: Row::ZERO,
-        rolling_increment: Row::ZERO,
+        overlap: Lanes16::ZERO,
+        normal_velocity: Lanes16::ZERO,
+        normal_increment: Lanes16::ZERO,
+        tangential_velocity: [Lanes16::ZERO; 3],
+        tangential_increment: [Lanes16::ZERO; 3],
+        rolling_velocity: Lanes16::ZERO,
+        rolling_increment: Lanes16::ZERO,
     };
 }
 
-/// Input and output of a law for some blocks, one or more rows per block.
+/// Input and output of a law for some blocks of sixteen pairs.
 ///
 /// A law processes the blocks in several loops with short chains of operations, and passes
 /// intermediate results from loop to loop in `carry`. The processor then works on several blocks at
 /// a time; in one long loop it would wait for each result.
 pub struct Blocks<'a> {
-    /// [`ContactLaw::PARAMETERS`] rows per block.
-    pub parameters: &'a [Row],
-    /// The histories, [`ContactLaw::HISTORY`] rows per block, which the law updates; zeros where
-    /// the pair does not touch. With friction a tangential vector comes first, which in three
+    /// [`ContactLaw::PARAMETERS`] quantities per block.
+    pub parameters: &'a [Lanes16],
+    /// The histories, [`ContactLaw::HISTORY`] quantities per block, which the law updates; zeros in
+    /// lanes that do not touch. With friction a tangential vector comes first, which in three
     /// dimensions has been rotated with n.
-    pub history: &'a mut [Row],
-    /// How the pairs move.
-    pub motion: &'a [Motion],
-    /// Rows that the loops of a law hand on.
-    pub carry: &'a mut [[Row; CARRY]],
+    pub history: &'a mut [Lanes16],
+    /// The relative motion of the pairs.
+    pub motion: &'a [PairMotion],
+    /// Intermediate results that one loop of a law passes to the next.
+    pub carry: &'a mut [[Lanes16; CARRY]],
     /// Receives the forces.
     pub response: &'a mut [Response],
 }
 
-/// Kinds of dissipation: the rows of [`Response::dissipated`].
+/// Kinds of dissipation: the indices of [`Response::dissipated`].
 pub mod dissipation {
     /// By dampers: the power at the end of the step (W; W/m in 2D). The other kinds are energies
     /// dissipated in the step (J; J/m in 2D).
@@ -83,33 +83,33 @@ pub mod dissipation {
 #[derive(Debug, Clone, Copy)]
 pub struct Response {
     /// F_n ≥ 0 along n.
-    pub normal: Row,
+    pub normal: Lanes16,
     /// F_t.
-    pub tangential: Vector<Row>,
+    pub tangential: Vector<Lanes16>,
     /// Rolling torque about z.
-    pub rolling: Row,
+    pub rolling: Lanes16,
     /// Lanes at the Coulomb limit.
     pub sliding: u16,
     /// Lanes with an overlap outside the law.
     pub beyond: u16,
     /// Dissipation by [`dissipation`], if an energy budget is kept; also of contacts that have just
     /// opened, and 0 elsewhere.
-    pub dissipated: [Row; dissipation::KINDS],
+    pub dissipated: [Lanes16; dissipation::KINDS],
 }
 
 impl Response {
     /// No forces.
     pub const NONE: Self = Self {
-        normal: Row::ZERO,
-        tangential: [Row::ZERO; 3],
-        rolling: Row::ZERO,
+        normal: Lanes16::ZERO,
+        tangential: [Lanes16::ZERO; 3],
+        rolling: Lanes16::ZERO,
         sliding: 0,
         beyond: 0,
-        dissipated: [Row::ZERO; dissipation::KINDS],
+        dissipated: [Lanes16::ZERO; dissipation::KINDS],
     };
 }
 
-/// Number of rows that a law may pass from one of its loops to the next.
+/// Number of quantities that a loop of a law may pass to the next loop.
 pub const CARRY: usize = 4;
 
 /// A contact law, as the kernel calls it.
@@ -125,8 +125,8 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     /// Whether rolling torques can arise.
     const ROLLING: bool;
 
-    /// Computes the parameters of pairs of radii r_i, r_j (m), one row each.
-    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]);
+    /// Computes the parameters of pairs of radii r_i, r_j (m), one [`Lanes16`] each.
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]);
 
     /// The elastic F_n of two grains of this radius (m) at the largest overlap within the law.
     fn largest_force(&self, radius: f64) -> f64;
@@ -140,9 +140,9 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
-        parameters: &[Row],
+        parameters: &[Lanes16],
         overlap: L,
-        history: &[Row],
+        history: &[Lanes16],
     ) -> [L; 3];
 
     /// Converts a history to the layout of [`crate::state::ContactState`].
@@ -204,28 +204,28 @@ pub(crate) fn scaled<L: Lanes>(v: &Vector<L>, by: L) -> Vector<L> {
     [v[0] * by, v[1] * by, v[2] * by]
 }
 
-/// A vector with `n` components from rows; the others repeat the first.
+/// Loads a vector of `n` components; the others repeat the first.
 #[inline(always)]
-pub(crate) fn vector<L: Lanes>(token: L::Token, rows: &[Row], n: usize) -> Vector<L> {
-    let mut v = [L::load(token, &rows[0]); 3];
+pub(crate) fn vector<L: Lanes>(token: L::Token, lanes: &[Lanes16], n: usize) -> Vector<L> {
+    let mut v = [L::load(token, &lanes[0]); 3];
     for k in 1..n {
-        v[k] = L::load(token, &rows[k]);
+        v[k] = L::load(token, &lanes[k]);
     }
     v
 }
 
 #[inline(always)]
-pub(crate) fn store_vector<L: Lanes>(v: &Vector<L>, rows: &mut [Row], n: usize) {
+pub(crate) fn store_vector<L: Lanes>(v: &Vector<L>, lanes: &mut [Lanes16], n: usize) {
     for k in 0..n {
-        v[k].store(&mut rows[k]);
+        v[k].store(&mut lanes[k]);
     }
 }
 
 /// Adds the power of a damper to [`dissipation::DAMPING`].
 #[inline(always)]
 pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, power: L) {
-    let row = &mut response.dissipated[dissipation::DAMPING];
-    (L::load(token, row) + power).store(row);
+    let lanes = &mut response.dissipated[dissipation::DAMPING];
+    (L::load(token, lanes) + power).store(lanes);
 }
 
 /// Natural logarithm of a positive normal number, the same on every platform.
@@ -254,7 +254,7 @@ pub fn portable_exp(x: f64) -> f64 {
 
 /// A portable computation on one number.
 pub(crate) fn scalar(f: impl FnOnce(PortableToken) -> Portable) -> f64 {
-    let mut out = Row::ZERO;
+    let mut out = Lanes16::ZERO;
     f(PortableToken).store(&mut out);
     out.0[0]
 }

@@ -4,30 +4,31 @@ use std::fmt::Debug;
 
 use super::ContactLaw;
 use super::stiffness::Stiffness;
-use crate::simd::{Lanes, Level, Row, Work};
+use crate::simd::{Isa, Lanes, Lanes16, Work};
 
 /// Properties of a contact law other than its forces. Implemented for every [`ContactLaw`].
 ///
-/// A row holds sixteen pairs. A block of sixteen pairs has [`PairModel::parameter_rows`] rows of
-/// parameters and [`PairModel::history_rows`] rows of histories.
+/// A block of sixteen pairs has [`PairModel::parameter_lanes`] times [`Lanes16`] of parameters and
+/// [`PairModel::history_lanes`] times [`Lanes16`] of histories.
 pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// Whether forces other than F_n can arise.
     fn has_friction(&self) -> bool;
 
-    /// Number of rows per block that depend on the two grains alone.
-    fn parameter_rows(&self) -> usize;
+    /// Number of quantities per pair that depend on the two grains alone.
+    fn parameter_lanes(&self) -> usize;
 
-    /// Number of rows per block that a contact keeps from step to step.
-    fn history_rows(&self) -> usize;
+    /// Number of quantities that a contact keeps from step to step.
+    fn history_lanes(&self) -> usize;
 
     /// Computes the parameters of all blocks from their R_i + R_j and R_i (m). Lanes that fill up a
     /// block have negative sums.
-    fn set_parameters(&self, level: Level, geometry: &[[Row; 2]], out: &mut [Row]);
+    fn set_parameters(&self, isa: Isa, geometry: &[[Lanes16; 2]], out: &mut [Lanes16]);
 
     /// The largest F_n (N; N/m in 2D) of two grains of this radius (m) within the law.
     fn largest_normal_force(&self, radius: f64) -> f64;
 
-    /// Converts the history rows of a contact to the layout of [`crate::state::ContactState`].
+    /// Converts the history of a contact, as the law keeps it, to the layout of
+    /// [`crate::state::ContactState`].
     fn to_state(&self, history: [f64; 3]) -> [f64; 3];
 
     /// The reverse of [`PairModel::to_state`].
@@ -41,11 +42,11 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// Arbitrary for lanes that do not touch. `overlap`: δ (m).
     fn energies(
         &self,
-        level: Level,
-        parameters: &[Row],
-        history: &[Row],
-        overlap: &[Row],
-        out: &mut [[Row; 3]],
+        isa: Isa,
+        parameters: &[Lanes16],
+        history: &[Lanes16],
+        overlap: &[Lanes16],
+        out: &mut [[Lanes16; 3]],
     );
 }
 
@@ -54,16 +55,16 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
         C::FRICTION
     }
 
-    fn parameter_rows(&self) -> usize {
+    fn parameter_lanes(&self) -> usize {
         C::PARAMETERS
     }
 
-    fn history_rows(&self) -> usize {
+    fn history_lanes(&self) -> usize {
         C::HISTORY
     }
 
-    fn set_parameters(&self, level: Level, geometry: &[[Row; 2]], out: &mut [Row]) {
-        level.run(Parameters {
+    fn set_parameters(&self, isa: Isa, geometry: &[[Lanes16; 2]], out: &mut [Lanes16]) {
+        isa.run(Parameters {
             law: self,
             geometry,
             out,
@@ -84,13 +85,13 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
 
     fn energies(
         &self,
-        level: Level,
-        parameters: &[Row],
-        history: &[Row],
-        overlap: &[Row],
-        out: &mut [[Row; 3]],
+        isa: Isa,
+        parameters: &[Lanes16],
+        history: &[Lanes16],
+        overlap: &[Lanes16],
+        out: &mut [[Lanes16; 3]],
     ) {
-        level.run(Energies {
+        isa.run(Energies {
             law: self,
             parameters,
             history,
@@ -102,8 +103,8 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
 
 struct Parameters<'a, C> {
     law: &'a C,
-    geometry: &'a [[Row; 2]],
-    out: &'a mut [Row],
+    geometry: &'a [[Lanes16; 2]],
+    out: &'a mut [Lanes16],
 }
 
 impl<C: ContactLaw> Work for Parameters<'_, C> {
@@ -122,10 +123,10 @@ impl<C: ContactLaw> Work for Parameters<'_, C> {
 
 struct Energies<'a, C> {
     law: &'a C,
-    parameters: &'a [Row],
-    history: &'a [Row],
-    overlap: &'a [Row],
-    out: &'a mut [[Row; 3]],
+    parameters: &'a [Lanes16],
+    history: &'a [Lanes16],
+    overlap: &'a [Lanes16],
+    out: &'a mut [[Lanes16; 3]],
 }
 
 impl<C: ContactLaw> Work for Energies<'_, C> {
@@ -140,8 +141,8 @@ impl<C: ContactLaw> Work for Energies<'_, C> {
             let energies = self
                 .law
                 .elastic_energies(token, parameters, overlap, history);
-            for (row, energy) in out.iter_mut().zip(energies) {
-                energy.store(row);
+            for (lanes, energy) in out.iter_mut().zip(energies) {
+                energy.store(lanes);
             }
         }
     }

@@ -7,15 +7,16 @@ use bytemuck::{Zeroable, allocation::pod_collect_to_vec, cast_slice, cast_slice_
 use super::{Exchange, Link};
 use crate::dimension::Dimension;
 use crate::failure::Failure;
-use crate::neighbour::Window;
+use crate::neighbour::LocalExtent;
 use crate::state::{Cell, ContactState, GrainState, Grains};
 
-/// Bins per rank of the histogram that balances the cuts, up to a number of ranks.
-const BINS_OF_A_RANK: usize = 256;
+/// Bins per rank of the histogram that balances the cuts, and the number of ranks beyond which no
+/// bins are added.
+const BINS_PER_RANK: usize = 256;
 const MOST_RANKS_WITH_BINS: usize = 256;
 
 /// Cost of a contact in a step over that of a grain: about 20 ns to 3 ns.
-const COST_OF_A_CONTACT: i64 = 6;
+const CONTACT_COST: i64 = 6;
 
 /// The slabs of all ranks, and this rank's part of the halo exchange.
 #[derive(Debug)]
@@ -38,10 +39,10 @@ struct Neighbour<D: Dimension> {
     ghosts: Range<usize>,
 }
 
-/// The greatest number of slabs wider than `reach` (m) in a cell of this `length` (m).
-pub fn most_ranks(length: f64, reach: f64) -> usize {
-    let slabs = (length / reach) as usize;
-    if slabs as f64 * reach < length {
+/// The greatest number of slabs wider than `cutoff` (m) in a cell of this `length` (m).
+pub fn most_ranks(length: f64, cutoff: f64) -> usize {
+    let slabs = (length / cutoff) as usize;
+    if slabs as f64 * cutoff < length {
         slabs
     } else {
         slabs - 1
@@ -68,8 +69,8 @@ impl<D: Dimension> Slabs<D> {
     }
 
     /// Moves the cuts to balance the work, then every grain with its contacts to the rank that owns
-    /// it. `reach` is the cutoff (m). Returns the owned grains by id, and all their contacts,
-    /// including those with ghosts, by (i, j).
+    /// it. `cutoff` in m. Returns the owned grains by id, and all their contacts, including those
+    /// with ghosts, by (i, j).
     ///
     /// # Errors
     /// Too many ranks: a slab must be wider than the cutoff.
@@ -79,18 +80,24 @@ impl<D: Dimension> Slabs<D> {
         cell: Cell,
         grains: Vec<GrainState>,
         mut contacts: Vec<ContactState>,
-        reach: f64,
+        cutoff: f64,
     ) -> Result<(Vec<GrainState>, Vec<ContactState>), Failure> {
         let (size, me) = (exchange.size(), exchange.rank());
-        let mut mine = grains;
+        let mut owned = grains;
         if size > 1 {
-            mine.sort_unstable_by_key(|g| g.id);
-            self.balance(exchange, cell, &mine, &contacts, cell.reach_along(reach))?;
+            owned.sort_unstable_by_key(|g| g.id);
+            self.balance(
+                exchange,
+                cell,
+                &owned,
+                &contacts,
+                cell.cutoff_along_x(cutoff),
+            )?;
             let mut leaving: Vec<(u32, usize)> = Vec::new();
             let mut grains_to = vec![Vec::new(); size];
             let mut contacts_to = vec![Vec::new(); size];
-            mine.retain(|g| {
-                let owner = self.owner(cell.along::<D>(&g.position));
+            owned.retain(|g| {
+                let owner = self.owner(cell.slab_coordinate::<D>(&g.position));
                 if owner != me {
                     leaving.push((g.id, owner));
                     grains_to[owner].push(*g);
@@ -111,16 +118,16 @@ impl<D: Dimension> Slabs<D> {
                 }
             }
             for bytes in exchange.all_to_all(as_bytes(&grains_to)) {
-                mine.extend(pod_collect_to_vec::<u8, GrainState>(&bytes));
+                owned.extend(pod_collect_to_vec::<u8, GrainState>(&bytes));
             }
             for bytes in exchange.all_to_all(as_bytes(&contacts_to)) {
                 contacts.extend(pod_collect_to_vec::<u8, ContactState>(&bytes));
             }
         }
-        mine.sort_unstable_by_key(|g| g.id);
+        owned.sort_unstable_by_key(|g| g.id);
         contacts.sort_unstable_by_key(|c| (c.i, c.j));
         contacts.dedup_by_key(|c| (c.i, c.j));
-        Ok((mine, contacts))
+        Ok((owned, contacts))
     }
 
     /// Balances the cuts; `grains` are sorted by id.
@@ -130,13 +137,13 @@ impl<D: Dimension> Slabs<D> {
         cell: Cell,
         grains: &[GrainState],
         contacts: &[ContactState],
-        reach: f64,
+        cutoff: f64,
     ) -> Result<(), Failure> {
         let size = exchange.size();
-        let most = most_ranks(self.length, reach);
+        let most = most_ranks(self.length, cutoff);
         if size > most {
             return Err(Failure::input(format!(
-                "{size} ranks are too many: a slab must be wider than the interaction range of {reach:.4e} m, and the cell is \
+                "{size} ranks are too many: a slab must be wider than the cutoff of {cutoff:.4e} m, and the cell is \
                  {:.4e} m long; run it on 1 to {} ranks",
                 self.length,
                 most.max(1),
@@ -146,29 +153,29 @@ impl<D: Dimension> Slabs<D> {
         let mut cost = vec![1i64; grains.len()];
         for contact in contacts {
             if let Ok(first) = grains.binary_search_by_key(&contact.i, |g| g.id) {
-                cost[first] += COST_OF_A_CONTACT;
+                cost[first] += CONTACT_COST;
             }
         }
-        let bins = BINS_OF_A_RANK * size.min(MOST_RANKS_WITH_BINS);
+        let bins = BINS_PER_RANK * size.min(MOST_RANKS_WITH_BINS);
         let mut histogram = vec![0i64; bins];
         for (g, cost) in grains.iter().zip(cost) {
-            let bin = (cell.along::<D>(&g.position) / self.length * bins as f64) as usize;
+            let bin = (cell.slab_coordinate::<D>(&g.position) / self.length * bins as f64) as usize;
             histogram[bin.min(bins - 1)] += cost;
         }
         exchange.sum(&mut histogram);
         let total: i64 = histogram.iter().sum();
         let (mut below, mut bin) = (0, 0);
         for r in 1..size {
-            let wanted = total * r as i64 / size as i64;
-            while below + histogram[bin] < wanted {
+            let target = total * r as i64 / size as i64;
+            while below + histogram[bin] < target {
                 below += histogram[bin];
                 bin += 1;
             }
-            let part = (wanted - below) as f64 / histogram[bin].max(1) as f64;
+            let part = (target - below) as f64 / histogram[bin].max(1) as f64;
             self.cuts[r] = self.length * (bin as f64 + part) / bins as f64;
         }
         // Slightly more than the cutoff, so that rounding cannot make a slab too narrow.
-        let narrowest = reach + (self.length / size as f64 - reach) * 1e-3;
+        let narrowest = cutoff + (self.length / size as f64 - cutoff) * 1e-3;
         for r in 1..size {
             self.cuts[r] = self.cuts[r].max(self.cuts[r - 1] + narrowest);
         }
@@ -178,16 +185,16 @@ impl<D: Dimension> Slabs<D> {
         Ok(())
     }
 
-    /// Finds the owned grains within `reach` (m) of a neighbour's slab, and adds those of the
+    /// Finds the owned grains within `cutoff` (m) of a neighbour's slab, and adds those of the
     /// neighbours as ghosts.
     pub fn attach_ghosts(
         &mut self,
         exchange: &dyn Exchange,
         cell: Cell,
         grains: &mut Grains<D>,
-        reach: f64,
+        cutoff: f64,
     ) {
-        let reach = cell.reach_along(reach);
+        let cutoff = cell.cutoff_along_x(cutoff);
         let (size, me) = (exchange.size(), exchange.rank());
         self.links.clear();
         if size == 1 {
@@ -195,15 +202,17 @@ impl<D: Dimension> Slabs<D> {
         }
         let (left, right) = ((me + size - 1) % size, (me + 1) % size);
         let (from, to) = (self.cuts[me], self.cuts[me + 1]);
-        let near = |g: &u32, side: usize| {
-            let x = cell.along::<D>(grains.fields(*g as usize));
-            (side == left && x - from < reach) || (side == right && to - x < reach)
+        let is_border = |g: &u32, side: usize| {
+            let x = cell.slab_coordinate::<D>(grains.fields(*g as usize));
+            (side == left && x - from < cutoff) || (side == right && to - x < cutoff)
         };
         let mut states = vec![Vec::new(); size];
         let mut ranks = vec![left, right];
         ranks.dedup();
         for rank in ranks {
-            let send: Vec<u32> = (0..grains.owned as u32).filter(|g| near(g, rank)).collect();
+            let send: Vec<u32> = (0..grains.owned as u32)
+                .filter(|g| is_border(g, rank))
+                .collect();
             states[rank] = send.iter().map(|&g| grains.state(g as usize)).collect();
             self.links.push(Neighbour {
                 rank,
@@ -231,9 +240,9 @@ impl<D: Dimension> Slabs<D> {
         owned: usize,
         mut meanwhile: impl FnMut(&[D::Record]),
     ) {
-        let (own, mut ghosts) = record.split_at_mut(owned);
+        let (owned_records, mut ghosts) = record.split_at_mut(owned);
         if self.links.is_empty() {
-            return meanwhile(own);
+            return meanwhile(owned_records);
         }
         let mut messages = Vec::with_capacity(2);
         for link in &mut self.links {
@@ -242,25 +251,25 @@ impl<D: Dimension> Slabs<D> {
             messages.push(Link {
                 rank: link.rank,
                 width: size_of::<D::Record>() / size_of::<f64>(),
-                records: cast_slice(own),
+                records: cast_slice(owned_records),
                 chosen: &link.send,
                 buffer: cast_slice_mut(&mut link.buffer),
                 receive: cast_slice_mut(receive),
             });
         }
-        exchange.halo(&mut messages, &mut || meanwhile(own));
+        exchange.halo(&mut messages, &mut || meanwhile(owned_records));
     }
 
     /// The part of the cell that holds this rank's grains and ghosts.
-    pub fn window(&self, exchange: &dyn Exchange, reach: f64) -> Window {
+    pub fn local_extent(&self, exchange: &dyn Exchange, cutoff: f64) -> LocalExtent {
         let me = exchange.rank();
         let (from, to) = (self.cuts[me], self.cuts[me + 1]);
-        let wide = to - from + 2.0 * reach;
+        let wide = to - from + 2.0 * cutoff;
         if exchange.size() == 1 || wide >= self.length {
-            Window::whole(self.length)
+            LocalExtent::whole(self.length)
         } else {
-            Window {
-                from: from - reach,
+            LocalExtent {
+                from: from - cutoff,
                 width: wide,
             }
         }
@@ -268,8 +277,8 @@ impl<D: Dimension> Slabs<D> {
 
     /// Bytes and messages that this rank sends per step.
     pub fn traffic(&self) -> (usize, usize) {
-        let rows: usize = self.links.iter().map(|l| l.send.len()).sum();
-        (rows * size_of::<D::Record>(), self.links.len())
+        let records: usize = self.links.iter().map(|l| l.send.len()).sum();
+        (records * size_of::<D::Record>(), self.links.len())
     }
 }
 

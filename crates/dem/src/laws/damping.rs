@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::keys::{DAMPING_RATIO, RESTITUTION, Values};
+use super::keys::{DAMPING_RATIO, KeyReader, RESTITUTION};
 use crate::contact::portable_ln;
 
 /// α of a linear damper whose restitution is e: e = exp(-πα/√(1-α²)), 0 < e ≤ 1 (LH A4, A12).
@@ -12,7 +12,7 @@ pub fn damping_ratio(restitution: f64) -> f64 {
 }
 
 /// Reads α from `contact.damping_ratio` or `contact.restitution`.
-pub(super) fn read_ratio(values: &mut dyn Values) -> f64 {
+pub(super) fn read_ratio(values: &mut dyn KeyReader) -> f64 {
     let chosen = values.exactly_one(
         &[&DAMPING_RATIO, &RESTITUTION],
         "the damping: damping_ratio (alpha), such as damping_ratio = 0.1, or restitution",

@@ -17,8 +17,8 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::keys::{
-    DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, Key, NORMAL_DAMPING, POISSON_RATIO, RESTITUTION,
-    TANGENTIAL_DAMPING, Values, YOUNG_MODULUS,
+    DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, KeyReader, LawKey, NORMAL_DAMPING, POISSON_RATIO,
+    RESTITUTION, TANGENTIAL_DAMPING, YOUNG_MODULUS,
 };
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, Stiffness};
@@ -27,7 +27,7 @@ use crate::contact::{
 };
 use crate::dimension::{Dimension, Dimensions, Three};
 use crate::kernel::PairForce;
-use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
+use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
 use crate::state::Masses;
 
 /// The law as scenes name it.
@@ -77,7 +77,7 @@ impl Spheres {
     }
 
     /// The material, undamped.
-    pub(super) fn read_material(values: &mut dyn Values) -> Self {
+    pub(super) fn read_material(values: &mut dyn KeyReader) -> Self {
         Self {
             young_modulus: values.required(&YOUNG_MODULUS),
             poisson_ratio: values.required(&POISSON_RATIO),
@@ -87,7 +87,7 @@ impl Spheres {
         }
     }
 
-    fn read(values: &mut dyn Values) -> Self {
+    fn read(values: &mut dyn KeyReader) -> Self {
         let mut spheres = Self::read_material(values);
         let chosen = values.exactly_one(
             &[&NORMAL_DAMPING, &RESTITUTION],
@@ -167,7 +167,7 @@ impl Constants for Spheres {
         Some(2.943_275_194_3 * deepest / speed)
     }
 
-    fn default_of(&self, key: &Key) -> Option<f64> {
+    fn default_of(&self, key: &LawKey) -> Option<f64> {
         (key.path == TANGENTIAL_DAMPING.path).then_some(self.tangential_damping)
     }
 
@@ -336,7 +336,7 @@ const DAMPING: usize = 1;
 /// Largest overlap (m).
 const LARGEST: usize = 2;
 
-// Place in the carried rows: √(δR*).
+// Index in `Blocks::carry`: √(δR*).
 const ROOT: usize = 0;
 
 /// Lower bound of δR* (m²), also for pairs that do not touch.
@@ -350,7 +350,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     const ROLLING: bool = false;
 
     #[inline(always)]
-    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
         let density = c(self.density);
         let (m_i, m_j) = (density * Three::power(r_i), density * Three::power(r_j));
@@ -368,7 +368,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         for (((p, motion), carry), response) in blocks
             .parameters
@@ -394,7 +394,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
             }
         }
         if FRICTION {
-            self.rub::<L, BUDGET>(token, blocks);
+            self.tangential_force::<L, BUDGET>(token, blocks);
         }
     }
 
@@ -403,9 +403,9 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
-        parameters: &[Row],
+        parameters: &[Lanes16],
         overlap: L,
-        history: &[Row],
+        history: &[Lanes16],
     ) -> [L; 3] {
         let c = |v| L::splat(token, v);
         let root = (overlap.max(c(0.0)) * L::load(token, &parameters[RADIUS])).sqrt();
@@ -430,9 +430,13 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
 impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
     /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn tangential_force<L: Lanes, const BUDGET: bool>(
+        &self,
+        token: L::Token,
+        blocks: &mut Blocks<'_>,
+    ) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         let k_t = c(self.tangential_stiffness);
         for ((((p, history), motion), carry), response) in blocks

@@ -30,15 +30,15 @@ use std::sync::Arc;
 
 use super::damping::{of_ratio, read_ratio};
 use super::keys::{
-    DAMPING_RATIO, DENSITY, Key, NORMAL_STIFFNESS, RESTITUTION, TANGENTIAL_STIFFNESS, Values,
+    DAMPING_RATIO, DENSITY, KeyReader, LawKey, NORMAL_STIFFNESS, RESTITUTION, TANGENTIAL_STIFFNESS,
 };
-use super::rolling::{self, Places, Rolling, roll};
+use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
 use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
-use crate::simd::{Lanes, Mask, Row};
+use crate::simd::{Lanes, Lanes16, Mask};
 use crate::state::Masses;
 
 /// The law as scenes name it.
@@ -72,7 +72,7 @@ pub struct Springs {
 }
 
 impl Springs {
-    fn read(values: &mut dyn Values) -> Self {
+    fn read(values: &mut dyn KeyReader) -> Self {
         let [normal_stiffness, tangential_stiffness] =
             read_stiffnesses(values, &NORMAL_STIFFNESS, &TANGENTIAL_STIFFNESS);
         Self {
@@ -86,9 +86,9 @@ impl Springs {
 
 /// Reads k_n and k_t; k_t is at most k_n, and 2/7 of it by default.
 pub(super) fn read_stiffnesses(
-    values: &mut dyn Values,
-    normal: &Key,
-    tangential: &Key,
+    values: &mut dyn KeyReader,
+    normal: &LawKey,
+    tangential: &LawKey,
 ) -> [f64; 2] {
     let k_n = values.required(normal);
     let k_t = values.number(tangential);
@@ -138,7 +138,7 @@ impl Constants for Springs {
         }
     }
 
-    fn default_of(&self, key: &Key) -> Option<f64> {
+    fn default_of(&self, key: &LawKey) -> Option<f64> {
         (key.path == TANGENTIAL_STIFFNESS.path).then_some(self.tangential_stiffness)
     }
 
@@ -226,7 +226,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     const ROLLING: bool = ROLLING;
 
     #[inline(always)]
-    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
         let density = c(self.density);
         let (m_i, m_j) = (density * D::power(r_i), density * D::power(r_j));
@@ -247,7 +247,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         for ((p, motion), response) in blocks
             .parameters
@@ -315,7 +315,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 parameters: (Self::PARAMETERS, PLAIN),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, BUDGET>(token, blocks, places);
+            rolling_force::<L, BUDGET>(token, blocks, places);
         }
     }
 
@@ -323,17 +323,17 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
-        parameters: &[Row],
+        parameters: &[Lanes16],
         overlap: L,
-        history: &[Row],
+        history: &[Lanes16],
     ) -> [L; 3] {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let normal = c(0.5 * self.normal_stiffness) * overlap * overlap;
         let (mut tangential, mut rolling) = (c(0.0), c(0.0));
         if FRICTION {
-            for row in &history[..D::SPINS] {
-                let force = load(row);
+            for lanes in &history[..D::SPINS] {
+                let force = load(lanes);
                 tangential =
                     (c(0.5 / self.tangential_stiffness) * force).mul_add(force, tangential);
             }
@@ -392,7 +392,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::{CARRY, Motion, Response};
+    use crate::contact::{CARRY, PairMotion, Response};
     use crate::simd::{LANES, Portable, PortableToken};
 
     const SPRINGS: Springs = Springs {
@@ -409,23 +409,23 @@ mod tests {
     const RADII: [f64; 2] = [0.5e-3, 1e-3];
 
     /// The response of two disks of `RADII`: F_n, F_t and M; sliding and beyond; the new history.
-    /// `motion` is in the order of `Motion`.
+    /// `motion` is in the order of `PairMotion`.
     fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
         type Law = Hooke<Two, true, true>;
         let law = Law::new(&SPRINGS, &CONTACT);
-        let mut parameters = [Row::ZERO; Law::PARAMETERS];
+        let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
         let c = |v| Portable::splat(PortableToken, v);
         law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
-        let mut history = history.map(|v| Row([v; LANES]));
-        let [overlap, v_n, v_t, slip, spin, roll] = motion.map(|v| Row([v; LANES]));
-        let motion = Motion {
+        let mut history = history.map(|v| Lanes16([v; LANES]));
+        let [overlap, v_n, v_t, slip, spin, rotation] = motion.map(|v| Lanes16([v; LANES]));
+        let motion = PairMotion {
             overlap,
             normal_velocity: v_n,
             tangential_velocity: [v_t; 3],
             tangential_increment: [slip; 3],
             rolling_velocity: spin,
-            rolling_increment: roll,
-            ..Motion::ZERO
+            rolling_increment: rotation,
+            ..PairMotion::ZERO
         };
         let mut response = [Response::NONE];
         law.evaluate::<Portable, false>(
@@ -434,15 +434,15 @@ mod tests {
                 parameters: &parameters,
                 history: &mut history,
                 motion: &[motion],
-                carry: &mut [[Row::ZERO; CARRY]],
+                carry: &mut [[Lanes16::ZERO; CARRY]],
                 response: &mut response,
             },
         );
         let [r] = response;
         (
-            [r.normal, r.tangential[0], r.rolling].map(|row| row.0[3]),
+            [r.normal, r.tangential[0], r.rolling].map(|lanes| lanes.0[3]),
             [r.sliding != 0, r.beyond != 0],
-            history.map(|row| row.0[3]),
+            history.map(|lanes| lanes.0[3]),
         )
     }
 

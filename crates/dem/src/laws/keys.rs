@@ -100,7 +100,7 @@ fn short(x: f64) -> String {
 
 /// A number of the configuration that a law takes.
 #[derive(Debug, Clone, Copy)]
-pub struct Key {
+pub struct LawKey {
     /// The table and the name: `material.young_modulus`.
     pub path: &'static str,
     /// The symbol, or what it is, in ASCII for messages: `E`.
@@ -117,7 +117,7 @@ pub struct Key {
     pub default: &'static str,
 }
 
-impl Key {
+impl LawKey {
     /// The name without the table.
     pub fn name(&self) -> &'static str {
         self.path
@@ -158,7 +158,7 @@ impl Key {
 }
 
 /// E.
-pub const YOUNG_MODULUS: Key = Key::new(
+pub const YOUNG_MODULUS: LawKey = LawKey::new(
     "material.young_modulus",
     "E",
     "Pa",
@@ -167,7 +167,7 @@ pub const YOUNG_MODULUS: Key = Key::new(
     "Young's modulus E of the grains",
 );
 /// ν.
-pub const POISSON_RATIO: Key = Key::new(
+pub const POISSON_RATIO: LawKey = LawKey::new(
     "material.poisson_ratio",
     "nu",
     "",
@@ -176,7 +176,7 @@ pub const POISSON_RATIO: Key = Key::new(
     "Poisson's ratio ν of the grains",
 );
 /// ρ.
-pub const DENSITY: Key = Key::new(
+pub const DENSITY: LawKey = LawKey::new(
     "material.density",
     "rho",
     "kg/m³",
@@ -185,7 +185,7 @@ pub const DENSITY: Key = Key::new(
     "density ρ of the grains",
 );
 /// m.
-pub const MASS: Key = Key::new(
+pub const MASS: LawKey = LawKey::new(
     "material.mass",
     "m",
     "kg, in 2D kg/m",
@@ -194,7 +194,7 @@ pub const MASS: Key = Key::new(
     "mass m of every grain, whatever its size, instead of ρ",
 );
 /// k_n of a linear spring.
-pub const NORMAL_STIFFNESS: Key = Key::new(
+pub const NORMAL_STIFFNESS: LawKey = LawKey::new(
     "contact.normal_stiffness",
     "k_n",
     "N/m, in 2D Pa",
@@ -203,7 +203,7 @@ pub const NORMAL_STIFFNESS: Key = Key::new(
     "normal stiffness k_n",
 );
 /// k_t of a linear spring.
-pub const TANGENTIAL_STIFFNESS: Key = Key::new(
+pub const TANGENTIAL_STIFFNESS: LawKey = LawKey::new(
     "contact.tangential_stiffness",
     "k_t",
     "N/m, in 2D Pa",
@@ -213,19 +213,19 @@ pub const TANGENTIAL_STIFFNESS: Key = Key::new(
 )
 .default("(2/7) k_n");
 /// k_n of a spring F = k δ^(3/2).
-pub const NORMAL_STIFFNESS_3_2: Key = Key {
+pub const NORMAL_STIFFNESS_3_2: LawKey = LawKey {
     unit: "N/m^1.5, in 2D N/m^2.5",
     example: "1e10",
     ..NORMAL_STIFFNESS
 };
 /// k_t of a spring F = k δ^(1/2) t.
-pub const TANGENTIAL_STIFFNESS_3_2: Key = Key {
+pub const TANGENTIAL_STIFFNESS_3_2: LawKey = LawKey {
     unit: "N/m^1.5, in 2D N/m^2.5",
     example: "3e9",
     ..TANGENTIAL_STIFFNESS
 };
 /// γ_n.
-pub const NORMAL_DAMPING: Key = Key::new(
+pub const NORMAL_DAMPING: LawKey = LawKey::new(
     "contact.normal_damping",
     "gamma_n",
     "1/(m s)",
@@ -234,7 +234,7 @@ pub const NORMAL_DAMPING: Key = Key::new(
     "normal damping γ_n",
 );
 /// γ_t.
-pub const TANGENTIAL_DAMPING: Key = Key::new(
+pub const TANGENTIAL_DAMPING: LawKey = LawKey::new(
     "contact.tangential_damping",
     "gamma_t",
     "1/(m s)",
@@ -244,7 +244,7 @@ pub const TANGENTIAL_DAMPING: Key = Key::new(
 )
 .default("γ_n/2");
 /// γ_t/γ_n.
-pub const TANGENTIAL_DAMPING_RATIO: Key = Key::new(
+pub const TANGENTIAL_DAMPING_RATIO: LawKey = LawKey::new(
     "contact.tangential_damping_ratio",
     "gamma_t/gamma_n",
     "",
@@ -254,7 +254,7 @@ pub const TANGENTIAL_DAMPING_RATIO: Key = Key::new(
 )
 .default("0.5");
 /// The speed of an impact.
-pub const IMPACT_SPEED: Key = Key::new(
+pub const IMPACT_SPEED: LawKey = LawKey::new(
     "contact.impact_speed",
     "the speed at which two equal spheres collide with that restitution",
     "m/s",
@@ -263,7 +263,7 @@ pub const IMPACT_SPEED: Key = Key::new(
     "with `restitution`: the speed at which two equal spheres collide with that restitution",
 );
 /// The diameter of the colliding spheres.
-pub const IMPACT_DIAMETER: Key = Key::new(
+pub const IMPACT_DIAMETER: LawKey = LawKey::new(
     "contact.impact_diameter",
     "the diameter of those spheres",
     "m",
@@ -272,7 +272,7 @@ pub const IMPACT_DIAMETER: Key = Key::new(
     "with `impact_speed`: the diameter of those spheres",
 );
 /// α.
-pub const DAMPING_RATIO: Key = Key::new(
+pub const DAMPING_RATIO: LawKey = LawKey::new(
     "contact.damping_ratio",
     "alpha",
     "",
@@ -281,7 +281,7 @@ pub const DAMPING_RATIO: Key = Key::new(
     "normal and tangential damping ratio α",
 );
 /// e.
-pub const RESTITUTION: Key = Key::new(
+pub const RESTITUTION: LawKey = LawKey::new(
     "contact.restitution",
     "e",
     "",
@@ -290,17 +290,17 @@ pub const RESTITUTION: Key = Key::new(
     "coefficient of restitution e, instead of the damping",
 );
 
-/// The values of a law's keys, from whoever reads the configuration. Problems are noted there.
-pub trait Values {
+/// Reads the values of a law's keys from a configuration, and collects the errors.
+pub trait KeyReader {
     /// A number within the key's bounds; `None` if it is not given.
-    fn number(&mut self, key: &Key) -> Option<f64>;
+    fn number(&mut self, key: &LawKey) -> Option<f64>;
     /// A number that must be given; NaN if it is not.
-    fn required(&mut self, key: &Key) -> f64;
+    fn required(&mut self, key: &LawKey) -> f64;
     /// Ways to give one quantity, of which exactly one must be given. Returns its place; `what`
     /// names the ways.
-    fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize;
+    fn exactly_one(&mut self, keys: &[&LawKey], what: &str) -> usize;
     /// Refuses a key that means nothing beside the others.
-    fn useless(&mut self, key: &Key, why: &str);
+    fn useless(&mut self, key: &LawKey, why: &str);
     /// Refuses the value of a key.
-    fn refuse(&mut self, key: &Key, what: &str);
+    fn refuse(&mut self, key: &LawKey, what: &str);
 }

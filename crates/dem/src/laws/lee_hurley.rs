@@ -25,14 +25,14 @@ use std::f64::consts::{LN_2, PI};
 use std::sync::Arc;
 
 use super::damping::{of_ratio, read_ratio};
-use super::keys::{DAMPING_RATIO, DENSITY, POISSON_RATIO, RESTITUTION, Values, YOUNG_MODULUS};
-use super::rolling::{self, Places, Rolling, roll};
+use super::keys::{DAMPING_RATIO, DENSITY, KeyReader, POISSON_RATIO, RESTITUTION, YOUNG_MODULUS};
+use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, Stiffness};
 use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
-use crate::simd::{Lanes, Mask, Portable, Row, inverse, inverse_sqrt, ln};
+use crate::simd::{Lanes, Lanes16, Mask, Portable, inverse, inverse_sqrt, ln};
 use crate::state::Masses;
 
 /// The law as scenes name it.
@@ -69,7 +69,7 @@ pub struct Material {
 const NORMAL_PER_TANGENTIAL: f64 = 1.22;
 
 impl Material {
-    fn read(values: &mut dyn Values) -> Self {
+    fn read(values: &mut dyn KeyReader) -> Self {
         Self {
             young_modulus: values.required(&YOUNG_MODULUS),
             poisson_ratio: values.required(&POISSON_RATIO),
@@ -264,7 +264,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     const ROLLING: bool = ROLLING;
 
     #[inline(always)]
-    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
         let (one, four) = (c(1.0), c(4.0));
         let density = c(self.density);
@@ -295,16 +295,16 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
 
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        self.press::<L, BUDGET>(token, blocks);
+        self.normal_force::<L, BUDGET>(token, blocks);
         if FRICTION {
-            self.rub::<L, BUDGET>(token, blocks);
+            self.tangential_force::<L, BUDGET>(token, blocks);
         }
         if ROLLING {
             let places = Places {
                 parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
                 history: (Self::HISTORY, Self::HISTORY - 1),
             };
-            roll::<L, BUDGET>(token, blocks, places);
+            rolling_force::<L, BUDGET>(token, blocks, places);
         }
     }
 
@@ -314,12 +314,12 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
-        parameters: &[Row],
+        parameters: &[Lanes16],
         overlap: L,
-        history: &[Row],
+        history: &[Lanes16],
     ) -> [L; 3] {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let per_size = load(&parameters[INVERSE_SIZE]);
         let y = (overlap * per_size).max(c(SMALLEST_Y));
         let g = rough_inverse(token, y);
@@ -354,7 +354,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     }
 }
 
-// Places in the carried rows. Later quantities replace those that are no longer needed.
+// Indices in `Blocks::carry`. Later quantities replace those that are no longer needed.
 const Y: usize = 0;
 const ROOT_X: usize = Y;
 const G: usize = 1;
@@ -366,9 +366,9 @@ const ROOT_COMPLIANCE: usize = 3;
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     /// Computes F_n; carries m and √x.
     #[inline(always)]
-    fn press<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn normal_force<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
         let carry = &mut *blocks.carry;
         for ((p, motion), carry) in parameters().zip(blocks.motion).zip(&mut *carry) {
@@ -426,9 +426,13 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 
     /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn tangential_force<L: Lanes, const BUDGET: bool>(
+        &self,
+        token: L::Token,
+        blocks: &mut Blocks<'_>,
+    ) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
         let carry = &mut blocks.carry[..blocks.motion.len()];
@@ -517,7 +521,7 @@ impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION
 }
 
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
-    /// k_t (Pa) of A8 and A9 from m = ℓ-1 and √x, as in `rub`.
+    /// k_t (Pa) of A8 and A9 from m = ℓ-1 and √x, as in `tangential_force`.
     fn tangential_stiffness(&self, [r_i, r_j]: [f64; 2], m: f64, root_x: f64) -> f64 {
         let penalty = |of: f64, other: f64| {
             let a = 4.0 * (other / of).sqrt() * root_x;
@@ -535,7 +539,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::{CARRY, Motion, Response};
+    use crate::contact::{CARRY, PairMotion, Response};
     use crate::simd::LANES;
 
     const MATERIAL: Material = Material {
@@ -607,19 +611,25 @@ mod tests {
     }
 
     /// History of one contact of equal radii after one step.
-    fn touch(law: &LeeHurley<true, true>, r: f64, overlap: f64, slip: f64, roll: f64) -> [f64; 3] {
+    fn touch(
+        law: &LeeHurley<true, true>,
+        r: f64,
+        overlap: f64,
+        slip: f64,
+        rotation: f64,
+    ) -> [f64; 3] {
         type Law = LeeHurley<true, true>;
-        let mut parameters = [Row::ZERO; Law::PARAMETERS];
-        let mut history = [Row::ZERO; Law::HISTORY];
+        let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
+        let mut history = [Lanes16::ZERO; Law::HISTORY];
         let token = crate::simd::PortableToken;
         let c = |v| Portable::splat(token, v);
         law.parameters(token, c(r), c(r), &mut parameters);
-        let row = |v| Row([v; LANES]);
-        let motion = Motion {
-            overlap: row(overlap),
-            tangential_increment: [row(slip); 3],
-            rolling_increment: row(roll),
-            ..Motion::ZERO
+        let lanes = |v| Lanes16([v; LANES]);
+        let motion = PairMotion {
+            overlap: lanes(overlap),
+            tangential_increment: [lanes(slip); 3],
+            rolling_increment: lanes(rotation),
+            ..PairMotion::ZERO
         };
         law.evaluate::<Portable, false>(
             token,
@@ -627,10 +637,10 @@ mod tests {
                 parameters: &parameters,
                 history: &mut history,
                 motion: &[motion],
-                carry: &mut [[Row::ZERO; CARRY]],
+                carry: &mut [[Lanes16::ZERO; CARRY]],
                 response: &mut [Response::NONE],
             },
         );
-        history.map(|row| row.0[3])
+        history.map(|lanes| lanes.0[3])
     }
 }

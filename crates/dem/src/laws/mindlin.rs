@@ -15,13 +15,15 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::hooke::read_stiffnesses;
-use super::keys::{DENSITY, Key, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2, Values};
+use super::keys::{
+    DENSITY, KeyReader, LawKey, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2,
+};
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, Stiffness};
 use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
-use crate::simd::{Lanes, Mask, Row, inverse, inverse_sqrt};
+use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
 use crate::state::Masses;
 
 /// The law as scenes name it.
@@ -52,7 +54,7 @@ pub struct MindlinSprings {
 }
 
 impl MindlinSprings {
-    fn read(values: &mut dyn Values) -> Self {
+    fn read(values: &mut dyn KeyReader) -> Self {
         let [normal_stiffness, tangential_stiffness] =
             read_stiffnesses(values, &NORMAL_STIFFNESS_3_2, &TANGENTIAL_STIFFNESS_3_2);
         let chosen = values.exactly_one(
@@ -102,7 +104,7 @@ impl Constants for MindlinSprings {
         }
     }
 
-    fn default_of(&self, key: &Key) -> Option<f64> {
+    fn default_of(&self, key: &LawKey) -> Option<f64> {
         (key.path == TANGENTIAL_STIFFNESS_3_2.path).then_some(self.tangential_stiffness)
     }
 
@@ -145,7 +147,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
     }
 
     /// t*/δ.
-    fn reach(&self) -> f64 {
+    fn threshold_per_overlap(&self) -> f64 {
         self.friction * self.normal_stiffness / self.tangential_stiffness
     }
 }
@@ -154,7 +156,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
 /// Largest overlap (m).
 const LARGEST: usize = 0;
 
-// Place in the carried rows: √δ.
+// Index in `Blocks::carry`: √δ.
 const ROOT: usize = 0;
 
 /// Lower bound of δ (m), also for pairs that do not touch.
@@ -168,7 +170,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
     const ROLLING: bool = false;
 
     #[inline(always)]
-    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let smaller = r_i.select(r_j.greater(r_i), r_j);
         (L::splat(token, 2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
     }
@@ -182,7 +184,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         for (((p, motion), carry), response) in blocks
             .parameters
             .chunks_exact(Self::PARAMETERS)
@@ -197,11 +199,11 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
             (c(self.normal_stiffness) * depth * root).store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
             if BUDGET {
-                response.dissipated = [Row::ZERO; dissipation::KINDS];
+                response.dissipated = [Lanes16::ZERO; dissipation::KINDS];
             }
         }
         if FRICTION {
-            self.rub::<L, BUDGET>(token, blocks);
+            self.tangential_force::<L, BUDGET>(token, blocks);
         }
     }
 
@@ -210,9 +212,9 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
     fn elastic_energies<L: Lanes>(
         &self,
         token: L::Token,
-        _: &[Row],
+        _: &[Lanes16],
         overlap: L,
-        history: &[Row],
+        history: &[Lanes16],
     ) -> [L; 3] {
         let c = |v| L::splat(token, v);
         let depth = overlap.max(c(NO_OVERLAP));
@@ -245,7 +247,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
         } else {
             norm(token, t).0
         };
-        length * inverse(token, L::splat(token, self.reach()) * depth)
+        length * inverse(token, L::splat(token, self.threshold_per_overlap()) * depth)
     }
 
     /// -F_t/t.
@@ -271,9 +273,13 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
 
     /// Computes F_t.
     #[inline(always)]
-    fn rub<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+    fn tangential_force<L: Lanes, const BUDGET: bool>(
+        &self,
+        token: L::Token,
+        blocks: &mut Blocks<'_>,
+    ) {
         let c = |v| L::splat(token, v);
-        let load = |row: &Row| L::load(token, row);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
         let (zero, one) = (c(0.0), c(1.0));
         let spins = D::SPINS;
         for (((history, motion), carry), response) in blocks
@@ -343,7 +349,7 @@ impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
         }
         let length = stiffness::norm(history);
         d.direction = stiffness::unit(history, length);
-        let s = length / (self.reach() * overlap);
+        let s = length / (self.threshold_per_overlap() * overlap);
         let k_t = self.tangential_stiffness * root;
         if s < 1.0 {
             let secant = 1.0 + s - s * s;

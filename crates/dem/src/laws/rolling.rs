@@ -10,9 +10,9 @@
 //! the contact (LH A22).
 
 use crate::contact::{Blocks, Limited, add_damping, dissipation};
-use crate::simd::{Lanes, Row, inverse};
+use crate::simd::{Lanes, Lanes16, inverse};
 
-/// Rows of [`Rolling::parameters`].
+/// Number of quantities that [`Rolling::parameters`] computes.
 pub const PARAMETERS: usize = 3;
 
 /// Constants of a rolling resistance.
@@ -28,12 +28,12 @@ pub struct Rolling {
     pub damping_ratio: f64,
 }
 
-/// Where a law keeps the rows of rolling resistance.
+/// Where a law keeps the quantities of rolling resistance.
 #[derive(Debug, Clone, Copy)]
 pub struct Places {
-    /// Rows of parameters per block, and the first row of rolling among them.
+    /// Number of parameters per block, and the index of the first one of rolling.
     pub parameters: (usize, usize),
-    /// Rows of histories per block, and the row of rolling among them.
+    /// Number of history quantities per block, and the index of that of rolling.
     pub history: (usize, usize),
 }
 
@@ -46,7 +46,7 @@ impl Rolling {
 
     /// Computes k_r, C_r and μ_r R_r.
     #[inline(always)]
-    pub fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Row]) {
+    pub fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
         let r_r = r_i * r_j / (r_i + r_j);
         let k_r = c(self.stiffness) * r_r * r_r;
@@ -64,17 +64,17 @@ impl Rolling {
 
 /// Computes M; F_n must be set.
 #[inline(always)]
-pub fn roll<L: Lanes, const BUDGET: bool>(
+pub fn rolling_force<L: Lanes, const BUDGET: bool>(
     token: L::Token,
     blocks: &mut Blocks<'_>,
     places: Places,
 ) {
-    let load = |row: &Row| L::load(token, row);
+    let load = |lanes: &Lanes16| L::load(token, lanes);
     let zero = L::splat(token, 0.0);
-    let ((rows, at), (histories, place)) = (places.parameters, places.history);
+    let ((parameters, at), (histories, place)) = (places.parameters, places.history);
     for (((p, history), motion), response) in blocks
         .parameters
-        .chunks_exact(rows)
+        .chunks_exact(parameters)
         .zip(blocks.history.chunks_exact_mut(histories))
         .zip(blocks.motion)
         .zip(&mut *blocks.response)

@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Line, Mask, Oct, PairList, Pairs, Quad, Row,
-    TO_INTEGER, Work,
+    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
+    PairList, Pairs, TO_INTEGER, Work,
 };
 
 /// Proof that this processor has AVX2 and FMA.
@@ -20,7 +20,7 @@ impl Avx2Token {
     }
 }
 
-/// The work, compiled for this instruction set.
+/// Does the work, compiled for this instruction set.
 pub(super) fn run<W: Work>(token: Avx2Token, work: W) -> W::Output {
     #[target_feature(enable = "avx2,fma")]
     fn compiled<W: Work>(token: Avx2Token, work: W) -> W::Output {
@@ -40,7 +40,7 @@ macro_rules! operator {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                // SAFETY: a value of this type exists only where a token was shown.
+                // SAFETY: a value of this type is only made from a token.
                 self.zip(other, |a, b| unsafe { $intrinsic(a, b) })
             }
         }
@@ -51,7 +51,8 @@ operator!(Sub, sub, _mm256_sub_pd);
 operator!(Mul, mul, _mm256_mul_pd);
 operator!(Div, div, _mm256_div_pd);
 
-/// `[f(0), …, f(3)]`, inlined whatever the compiler thinks of it: what is not, is not compiled for the instruction set.
+/// `[f(0), …, f(3)]`. Unlike `array::from_fn` it is always inlined; code that is not inlined is not
+/// compiled for the instruction set.
 #[inline(always)]
 fn each<T>(f: impl Fn(usize) -> T) -> [T; 4] {
     [f(0), f(1), f(2), f(3)]
@@ -73,7 +74,7 @@ impl Neg for Avx2 {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe { _mm256_xor_pd(x, _mm256_set1_pd(-0.0)) })
     }
 }
@@ -84,13 +85,13 @@ pub struct Mask2([__m256d; 4]);
 impl Mask for Mask2 {
     #[inline(always)]
     fn and(self, other: Self) -> Self {
-        // SAFETY: a mask exists only where a token was shown.
+        // SAFETY: a mask is only made from a token.
         Mask2(each(|k| unsafe { _mm256_and_pd(self.0[k], other.0[k]) }))
     }
 
     #[inline(always)]
     fn bits(self) -> u16 {
-        // SAFETY: a mask exists only where a token was shown.
+        // SAFETY: a mask is only made from a token.
         let four = each(|k| unsafe { _mm256_movemask_pd(self.0[k]) });
         (four[0] | four[1] << 4 | four[2] << 8 | four[3] << 12) as u16
     }
@@ -100,7 +101,8 @@ impl Mask for Mask2 {
 #[derive(Debug, Clone, Copy)]
 pub struct Counts2([__m256i; 4]);
 
-/// Integers from 0 to 7, as a permutation of the 32-bit words of half a table and which half it is.
+/// Integers from 0 to 7: each a permutation of the 32-bit words of half a table of eight f64, and,
+/// in the sign, which half.
 #[derive(Debug, Clone, Copy)]
 pub struct Eighths2([(__m256i, __m256d); 4]);
 
@@ -117,24 +119,26 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn load(_: Avx2Token, from: &Row) -> Self {
-        // SAFETY: the token proves AVX2; a row holds sixteen f64 and is aligned, four from each pointer.
+    fn load(_: Avx2Token, from: &Lanes16) -> Self {
+        // SAFETY: the token proves AVX2; `Lanes16` holds sixteen f64 and is aligned; four are read
+        // from each pointer.
         Avx2(each(|k| unsafe {
             _mm256_load_pd(from.0.as_ptr().add(4 * k))
         }))
     }
 
     #[inline(always)]
-    fn store(self, to: &mut Row) {
+    fn store(self, to: &mut Lanes16) {
         for (k, part) in self.0.into_iter().enumerate() {
-            // SAFETY: a value of this type exists only where a token was shown; a row holds sixteen f64 and is aligned.
+            // SAFETY: a value of this type is only made from a token; `Lanes16` holds sixteen f64
+            // and is aligned.
             unsafe { _mm256_store_pd(to.0.as_mut_ptr().add(4 * k), part) }
         }
     }
 
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         Avx2(each(|k| unsafe {
             _mm256_fmadd_pd(self.0[k], factor.0[k], term.0[k])
         }))
@@ -142,19 +146,19 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn sqrt(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe { _mm256_sqrt_pd(x) })
     }
 
     #[inline(always)]
     fn abs(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), x) })
     }
 
     #[inline(always)]
     fn round(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe {
             _mm256_round_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(x)
         })
@@ -162,13 +166,13 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.zip(other, |a, b| unsafe { _mm256_max_pd(a, b) })
     }
 
     #[inline(always)]
     fn copy_sign(self, sign: Self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.zip(sign, |x, s| unsafe {
             let bit = _mm256_set1_pd(-0.0);
             _mm256_or_pd(_mm256_andnot_pd(bit, x), _mm256_and_pd(bit, s))
@@ -177,7 +181,7 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn greater(self, other: Self) -> Mask2 {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         Mask2(
             self.zip(other, |a, b| unsafe { _mm256_cmp_pd::<_CMP_GT_OQ>(a, b) })
                 .0,
@@ -186,7 +190,7 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn select(self, mask: Mask2, other: Self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         Avx2(each(|k| unsafe {
             _mm256_blendv_pd(other.0[k], self.0[k], mask.0[k])
         }))
@@ -194,9 +198,9 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn exponent_mantissa(self) -> (Self, Self) {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         let exponent = self.map(|x| unsafe { exponent(_mm256_castpd_si256(x)) });
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         let mantissa = self.map(|x| unsafe {
             _mm256_castsi256_pd(_mm256_or_si256(
                 _mm256_and_si256(
@@ -211,9 +215,9 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn exponent_eighth(self) -> (Self, Self, Eighths2) {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         unsafe {
-            // Not by closures, which the compiler finds too long to inline.
+            // No closures: the compiler does not inline ones of this length.
             let [a, b, c, d] = self.0;
             let exponent = [
                 exponent(rounded(a)),
@@ -234,7 +238,8 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn look_up(_: Avx2Token, table: &[f64; 8], k: Eighths2) -> Self {
-        // SAFETY: the token proves that the processor has AVX2; four f64 are read from each pointer.
+        // SAFETY: the token proves that the processor has AVX2; four f64 are read from each
+        // pointer.
         unsafe {
             let (low, high) = (
                 _mm256_castpd_ps(_mm256_loadu_pd(table.as_ptr())),
@@ -261,7 +266,7 @@ impl Lanes for Avx2 {
     fn count(self, sums: Counts2) -> Counts2 {
         let mut sums = sums;
         for (sum, x) in sums.0.iter_mut().zip(self.0) {
-            // SAFETY: a value of this type exists only where a token was shown.
+            // SAFETY: a value of this type is only made from a token.
             unsafe {
                 let shifted = _mm256_add_pd(x, _mm256_set1_pd(TO_INTEGER));
                 let zero = _mm256_set1_epi64x(TO_INTEGER.to_bits() as i64);
@@ -276,7 +281,7 @@ impl Lanes for Avx2 {
     fn total(sums: Counts2) -> i128 {
         let mut all = [0i64; 16];
         for (k, sum) in sums.0.into_iter().enumerate() {
-            // SAFETY: sums exist only where a token was shown; four i64 are written from each pointer.
+            // SAFETY: sums are only made from a token; four i64 are written from each pointer.
             unsafe { _mm256_storeu_si256(all.as_mut_ptr().add(4 * k).cast(), sum) }
         }
         all.iter().copied().map(i128::from).sum()
@@ -284,7 +289,7 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn inverse_start(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe {
             _mm256_castsi256_pd(_mm256_sub_epi64(
                 _mm256_set1_epi64x(INVERSE_MAGIC as i64),
@@ -295,7 +300,7 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn inverse_sqrt_start(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe {
             _mm256_castsi256_pd(_mm256_sub_epi64(
                 _mm256_set1_epi64x(INVERSE_SQRT_MAGIC as i64),
@@ -307,33 +312,36 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn differences<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 8],
+        out: &mut [Lanes16; 8],
     ) {
         let pairs = list.within(block, records.len());
         for lane in (0..LANES).step_by(4) {
             for from in [0, 4] {
-                // SAFETY: the token proves AVX2; the indices were checked by `within`, and every line holds eight f64 and is aligned.
+                // SAFETY: the token proves AVX2; the indices were checked by `within`, and every
+                // cache line holds eight f64 and is aligned.
                 let columns = unsafe { columns::<LINE, LINES>(records, pairs, lane, from) };
-                for (column, row) in columns.into_iter().zip(&mut out[from..]) {
-                    // SAFETY: a row holds sixteen f64 and is aligned, four are written from a fourth of them on.
-                    unsafe { _mm256_store_pd(row.0.as_mut_ptr().add(lane), column) }
+                for (column, lanes) in columns.into_iter().zip(&mut out[from..]) {
+                    // SAFETY: `Lanes16` holds sixteen f64 and is aligned; four are written, from a
+                    // multiple of four on.
+                    unsafe { _mm256_store_pd(lanes.0.as_mut_ptr().add(lane), column) }
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn line_of_j<const LINE: usize, const LINES: usize>(
+    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 8] {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX2; the indices were checked by `within`, and every line holds eight f64 and is aligned.
+        // SAFETY: the token proves AVX2; the indices were checked by `within`, and every cache line
+        // holds eight f64 and is aligned.
         unsafe {
             let mut low = [[_mm256_setzero_pd(); 4]; 4];
             let mut high = low;
@@ -346,14 +354,15 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn end_of_j<const LINE: usize, const LINES: usize>(
+    fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 2] {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX2; the indices were checked by `within`, and a line holds eight f64, of which the last two are read.
+        // SAFETY: the token proves AVX2; the indices were checked by `within`, and a cache line
+        // holds eight f64, of which the last two are read.
         unsafe {
             let mut even = [_mm256_setzero_pd(); 4];
             let mut odd = even;
@@ -369,10 +378,10 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
-        // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every quad holds
-        // four f64 and is aligned.
+        // SAFETY: a value of this type is only made from a token; the indices were checked by
+        // `within`, and every element of `sums` holds four f64 and is aligned.
         unsafe {
             let [a, b, c, d] = terms;
             let zero = _mm256_setzero_pd();
@@ -392,10 +401,10 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize) {
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
-        // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every oct holds
-        // eight f64 and is aligned.
+        // SAFETY: a value of this type is only made from a token; the indices were checked by
+        // `within`, and every element of `sums` holds eight f64 and is aligned.
         unsafe {
             let [a, b, c] = terms;
             let zero = _mm256_setzero_pd();
@@ -424,7 +433,8 @@ impl Lanes for Avx2 {
     }
 }
 
-/// Eight quantities of sixteen pairs, of the first four and the last four of four pairs each.
+/// Eight quantities of sixteen pairs: `low` has the first four, `high` the last four, of four pairs
+/// each.
 #[inline(always)]
 fn joined(low: [[__m256d; 4]; 4], high: [[__m256d; 4]; 4]) -> [Avx2; 8] {
     [
@@ -439,23 +449,23 @@ fn joined(low: [[__m256d; 4]; 4], high: [[__m256d; 4]; 4]) -> [Avx2; 8] {
     ]
 }
 
-/// The bits of x, half an eighth of its power of two further.
+/// The bits of x plus half an eighth of its power of two: rounds the mantissa to eighths.
 ///
 /// # Safety
 /// The processor has AVX2.
 #[inline(always)]
 unsafe fn rounded(x: __m256d) -> __m256i {
-    // SAFETY: register operations only, with the feature that the caller promises.
+    // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe { _mm256_add_epi64(_mm256_castpd_si256(x), _mm256_set1_epi64x(1 << 48)) }
 }
 
-/// x over the power of two that is nearest in eighths, given by its bits.
+/// x over its power of two, after rounding to eighths: in [31/32, 31/16).
 ///
 /// # Safety
 /// The processor has AVX2.
 #[inline(always)]
 unsafe fn mantissa_about_one(x: __m256d) -> __m256d {
-    // SAFETY: register operations only, with the feature that the caller promises.
+    // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe {
         let power = _mm256_and_si256(rounded(x), _mm256_set1_epi64x(0xfff << 52));
         let raised = _mm256_add_epi64(_mm256_castpd_si256(x), _mm256_set1_epi64x(1023 << 52));
@@ -463,16 +473,17 @@ unsafe fn mantissa_about_one(x: __m256d) -> __m256d {
     }
 }
 
-/// Which eighth of its power of two x is nearest to.
+/// The k for which the mantissa of x is nearest to 1 + k/8, as in [`Eighths2`].
 ///
 /// # Safety
 /// The processor has AVX2.
 #[inline(always)]
 unsafe fn eighth(x: __m256d) -> (__m256i, __m256d) {
-    // SAFETY: register operations only, with the feature that the caller promises.
+    // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe {
         let bits = rounded(x);
-        // Twice k mod 4 and the next in the two halves of a lane, for a permutation of 32-bit words.
+        // 2 (k mod 4) and 2 (k mod 4) + 1 in the halves of a lane, for a permutation of 32-bit
+        // words.
         let twice = _mm256_and_si256(_mm256_srli_epi64::<48>(bits), _mm256_set1_epi64x(6));
         let next = _mm256_or_si256(_mm256_slli_epi64::<32>(twice), _mm256_set1_epi64x(1 << 32));
         // k ≥ 4 in the sign.
@@ -483,18 +494,19 @@ unsafe fn eighth(x: __m256d) -> (__m256i, __m256d) {
     }
 }
 
-/// Columns of four differences, of the `lane` and the next three, from the field `from` on.
+/// Transposed differences of four pairs, from `lane` on: four fields, from the field `from` on.
 ///
 /// # Safety
 /// The processor has AVX, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn columns<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     lane: usize,
     from: usize,
 ) -> [__m256d; 4] {
-    // SAFETY: as the caller promises; every line holds eight f64 and is aligned, four of which are read from `from` on.
+    // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned, four of
+    // which are read from `from` on.
     unsafe {
         let mut rows = [_mm256_setzero_pd(); 4];
         for (k, row) in rows.iter_mut().enumerate() {
@@ -511,18 +523,20 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
     }
 }
 
-/// Columns of a line of four records `pairs.j`, of the `lane` and the next three, from the field `from` on.
+/// Transposed cache lines of four records `pairs.j`, from `lane` on: four fields, from the field
+/// `from` on.
 ///
 /// # Safety
 /// The processor has AVX, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     lane: usize,
     from: usize,
 ) -> [__m256d; 4] {
-    // SAFETY: as the caller promises; every line holds eight f64 and is aligned, four of which are read from `from` on.
+    // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned, four of
+    // which are read from `from` on.
     unsafe {
         let mut rows = [_mm256_setzero_pd(); 4];
         for (k, row) in rows.iter_mut().enumerate() {
@@ -533,17 +547,17 @@ unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
     }
 }
 
-/// The last two fields of a line of the records `pairs.j` of a lane and the next but one.
+/// The last two fields of a cache line of the records `pairs.j` of `lane` and `lane + 2`.
 ///
 /// # Safety
 /// The processor has AVX, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn two_ends<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     lane: usize,
 ) -> __m256d {
-    // SAFETY: as the caller promises; every line holds eight f64 and is aligned.
+    // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned.
     unsafe {
         let a = &records.get_unchecked(pairs.j[lane] as usize)[LINE];
         let b = &records.get_unchecked(pairs.j[lane + 2] as usize)[LINE];
@@ -560,7 +574,7 @@ unsafe fn two_ends<const LINE: usize, const LINES: usize>(
 /// The processor has AVX2.
 #[inline(always)]
 unsafe fn exponent(bits: __m256i) -> __m256d {
-    // SAFETY: register operations only, with the feature that the caller promises.
+    // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe {
         // The biased exponent in the low bits of 2^52 is 2^52 + exponent, exactly.
         let shifted = _mm256_or_si256(
@@ -574,13 +588,13 @@ unsafe fn exponent(bits: __m256i) -> __m256d {
     }
 }
 
-/// Columns of four rows.
+/// Transposes a matrix of four rows.
 ///
 /// # Safety
 /// The processor has AVX.
 #[inline(always)]
 unsafe fn transpose(r: [__m256d; 4]) -> [__m256d; 4] {
-    // SAFETY: register operations only, with the feature that the caller promises.
+    // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe {
         let (a0, a1) = (
             _mm256_unpacklo_pd(r[0], r[1]),

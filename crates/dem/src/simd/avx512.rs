@@ -1,12 +1,12 @@
-//! AVX-512 (F and DQ): two registers, so that two chains of operations are always under way.
+//! AVX-512 (F and DQ): two registers, so that the processor overlaps two chains of operations.
 
 #[allow(clippy::wildcard_imports, reason = "dozens of intrinsics")]
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Line, Mask, Oct, PairList, Pairs, Quad, Row,
-    TO_INTEGER, Work,
+    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Lanes16, Mask, PairList,
+    Pairs, TO_INTEGER, Work,
 };
 
 /// Proof that this processor has AVX-512 F and DQ.
@@ -24,7 +24,7 @@ impl Avx512Token {
     }
 }
 
-/// The work, compiled for this instruction set.
+/// Does the work, compiled for this instruction set.
 pub(super) fn run<W: Work>(token: Avx512Token, work: W) -> W::Output {
     #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
     fn compiled<W: Work>(token: Avx512Token, work: W) -> W::Output {
@@ -44,7 +44,7 @@ macro_rules! operator {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                // SAFETY: a value of this type exists only where a token was shown.
+                // SAFETY: a value of this type is only made from a token.
                 self.zip(other, |a, b| unsafe { $intrinsic(a, b) })
             }
         }
@@ -71,7 +71,7 @@ impl Neg for Avx512 {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe { _mm512_xor_pd(x, _mm512_set1_pd(-0.0)) })
     }
 }
@@ -95,7 +95,7 @@ impl Mask for Mask512 {
 #[derive(Debug, Clone, Copy)]
 pub struct Counts512([__m512i; 2]);
 
-/// Integers whose last three bits count.
+/// Integers from 0 to 7, in the last three bits.
 #[derive(Debug, Clone, Copy)]
 pub struct Eighths512([__m512i; 2]);
 
@@ -112,8 +112,9 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn load(_: Avx512Token, from: &Row) -> Self {
-        // SAFETY: the token proves AVX-512; a row holds sixteen f64 and is aligned, eight from each pointer.
+    fn load(_: Avx512Token, from: &Lanes16) -> Self {
+        // SAFETY: the token proves AVX-512; `Lanes16` holds sixteen f64 and is aligned; eight are
+        // read from each pointer.
         Avx512(unsafe {
             [
                 _mm512_load_pd(from.0.as_ptr()),
@@ -123,8 +124,9 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn store(self, to: &mut Row) {
-        // SAFETY: a value of this type exists only where a token was shown; a row holds sixteen f64 and is aligned.
+    fn store(self, to: &mut Lanes16) {
+        // SAFETY: a value of this type is only made from a token; `Lanes16` holds sixteen f64 and
+        // is aligned.
         unsafe {
             _mm512_store_pd(to.0.as_mut_ptr(), self.0[0]);
             _mm512_store_pd(to.0.as_mut_ptr().add(8), self.0[1]);
@@ -133,7 +135,7 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         Avx512(unsafe {
             [
                 _mm512_fmadd_pd(self.0[0], factor.0[0], term.0[0]),
@@ -144,19 +146,19 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn sqrt(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe { _mm512_sqrt_pd(x) })
     }
 
     #[inline(always)]
     fn abs(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe { _mm512_andnot_pd(_mm512_set1_pd(-0.0), x) })
     }
 
     #[inline(always)]
     fn round(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe {
             _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(x)
         })
@@ -164,13 +166,13 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.zip(other, |a, b| unsafe { _mm512_max_pd(a, b) })
     }
 
     #[inline(always)]
     fn copy_sign(self, sign: Self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.zip(sign, |x, s| unsafe {
             let bit = _mm512_set1_pd(-0.0);
             _mm512_or_pd(_mm512_andnot_pd(bit, x), _mm512_and_pd(bit, s))
@@ -179,7 +181,7 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn greater(self, other: Self) -> Mask512 {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         Mask512(unsafe {
             [
                 _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0[0], other.0[0]),
@@ -190,7 +192,7 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn select(self, mask: Mask512, other: Self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         Avx512(unsafe {
             [
                 _mm512_mask_blend_pd(mask.0[0], other.0[0], self.0[0]),
@@ -201,7 +203,7 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn exponent_mantissa(self) -> (Self, Self) {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         unsafe {
             (
                 self.map(|x| _mm512_getexp_pd(x)),
@@ -212,7 +214,7 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn exponent_eighth(self) -> (Self, Self, Eighths512) {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         unsafe {
             (
                 self.map(|x| _mm512_getexp_pd(_mm512_castsi512_pd(rounded(x)))),
@@ -232,7 +234,8 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn look_up(_: Avx512Token, table: &[f64; 8], k: Eighths512) -> Self {
-        // SAFETY: the token proves that the processor has AVX-512; eight f64 are read; of an index the last three bits count.
+        // SAFETY: the token proves that the processor has AVX-512; eight f64 are read; of an index
+        // the last three bits count.
         Avx512(unsafe {
             let table = _mm512_loadu_pd(table.as_ptr());
             [
@@ -252,7 +255,7 @@ impl Lanes for Avx512 {
     fn count(self, sums: Counts512) -> Counts512 {
         let mut sums = sums;
         for (sum, x) in sums.0.iter_mut().zip(self.0) {
-            // SAFETY: a value of this type exists only where a token was shown.
+            // SAFETY: a value of this type is only made from a token.
             unsafe {
                 let shifted = _mm512_add_pd(x, _mm512_set1_pd(TO_INTEGER));
                 let zero = _mm512_set1_epi64(TO_INTEGER.to_bits() as i64);
@@ -267,7 +270,7 @@ impl Lanes for Avx512 {
     fn total(sums: Counts512) -> i128 {
         let mut all = [0i64; 16];
         for (k, sum) in sums.0.into_iter().enumerate() {
-            // SAFETY: sums exist only where a token was shown; eight i64 are written from each pointer.
+            // SAFETY: sums are only made from a token; eight i64 are written from each pointer.
             unsafe { _mm512_storeu_si512(all.as_mut_ptr().add(8 * k).cast(), sum) }
         }
         all.iter().copied().map(i128::from).sum()
@@ -275,7 +278,7 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn inverse_start(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe {
             _mm512_castsi512_pd(_mm512_sub_epi64(
                 _mm512_set1_epi64(INVERSE_MAGIC as i64),
@@ -286,7 +289,7 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn inverse_sqrt_start(self) -> Self {
-        // SAFETY: a value of this type exists only where a token was shown.
+        // SAFETY: a value of this type is only made from a token.
         self.map(|x| unsafe {
             _mm512_castsi512_pd(_mm512_sub_epi64(
                 _mm512_set1_epi64(INVERSE_SQRT_MAGIC as i64),
@@ -298,33 +301,35 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn differences<const LINE: usize, const LINES: usize>(
         _: Avx512Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 8],
+        out: &mut [Lanes16; 8],
     ) {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every line holds eight f64 and is aligned.
+        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every cache
+        // line holds eight f64 and is aligned.
         let (a, b) = unsafe {
             (
                 columns::<LINE, LINES>(records, pairs, 0),
                 columns::<LINE, LINES>(records, pairs, 8),
             )
         };
-        for (k, row) in out.iter_mut().enumerate() {
-            Avx512([a[k], b[k]]).store(row);
+        for (k, lanes) in out.iter_mut().enumerate() {
+            Avx512([a[k], b[k]]).store(lanes);
         }
     }
 
     #[inline(always)]
-    fn line_of_j<const LINE: usize, const LINES: usize>(
+    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
         _: Avx512Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 8] {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every line holds eight f64 and is aligned.
+        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every cache
+        // line holds eight f64 and is aligned.
         unsafe {
             joined(
                 columns_of_j::<LINE, LINES>(records, pairs, 0),
@@ -334,14 +339,15 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn end_of_j<const LINE: usize, const LINES: usize>(
+    fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: Avx512Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 2] {
         let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and a line holds eight f64, of which the last two are read.
+        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and a cache line
+        // holds eight f64, of which the last two are read.
         unsafe {
             let (a, b) = (
                 (
@@ -361,10 +367,10 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
-        // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every quad holds
-        // four f64 and is aligned.
+        // SAFETY: a value of this type is only made from a token; the indices were checked by
+        // `within`, and every element of `sums` holds four f64 and is aligned.
         unsafe {
             let zero = _mm512_setzero_pd();
             let [a, b, c, d] = terms;
@@ -374,24 +380,24 @@ impl Lanes for Avx512 {
                 let (ab_even, ab_odd) = (_mm512_unpacklo_pd(a, b), _mm512_unpackhi_pd(a, b));
                 let (c_even, c_odd) = (_mm512_unpacklo_pd(c, zero), _mm512_unpackhi_pd(c, zero));
                 let (d_even, d_odd) = (_mm512_unpacklo_pd(d, zero), _mm512_unpackhi_pd(d, zero));
-                let on_i = quads([ab_even, ab_odd], [c_even, c_odd]);
-                let on_j = quads([ab_even, ab_odd], [d_even, d_odd]);
+                let on_i = interleaved([ab_even, ab_odd], [c_even, c_odd]);
+                let on_j = interleaved([ab_even, ab_odd], [d_even, d_odd]);
                 for k in 0..8 {
                     let lane = 8 * part + k;
                     let to = sums.as_mut_ptr().add(pairs.i[lane] as usize).cast::<f64>();
-                    _mm256_store_pd(to, _mm256_add_pd(_mm256_load_pd(to), quad(&on_i, k)));
+                    _mm256_store_pd(to, _mm256_add_pd(_mm256_load_pd(to), of_lane(&on_i, k)));
                     let to = sums.as_mut_ptr().add(pairs.j[lane] as usize).cast::<f64>();
-                    _mm256_store_pd(to, _mm256_sub_pd(_mm256_load_pd(to), quad(&on_j, k)));
+                    _mm256_store_pd(to, _mm256_sub_pd(_mm256_load_pd(to), of_lane(&on_j, k)));
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize) {
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
-        // SAFETY: a value of this type exists only where a token was shown; the indices were checked by `within`, and every oct holds
-        // eight f64 and is aligned.
+        // SAFETY: a value of this type is only made from a token; the indices were checked by
+        // `within`, and every element of `sums` holds eight f64 and is aligned.
         unsafe {
             let zero = _mm512_setzero_pd();
             let [a, b, c] = terms;
@@ -415,9 +421,10 @@ impl Lanes for Avx512 {
     }
 }
 
-// What follows are functions and no closures: a closure that is not inlined is not compiled for the instruction set.
+// Functions instead of closures: a closure that is not inlined is not compiled for the instruction
+// set.
 
-/// Eight quantities of sixteen pairs, of those of the first eight and of the last eight.
+/// Eight quantities of sixteen pairs: `a` has the first eight pairs, `b` the last eight.
 #[inline(always)]
 fn joined(a: [__m512d; 8], b: [__m512d; 8]) -> [Avx512; 8] {
     [
@@ -432,17 +439,17 @@ fn joined(a: [__m512d; 8], b: [__m512d; 8]) -> [Avx512; 8] {
     ]
 }
 
-/// Columns of the differences of eight pairs, from the `first` on.
+/// Transposed differences of eight pairs, from `first` on.
 ///
 /// # Safety
 /// The processor has AVX-512 F, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn columns<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     first: usize,
 ) -> [__m512d; 8] {
-    // SAFETY: as the caller promises; every line holds eight f64 and is aligned.
+    // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned.
     unsafe {
         let mut rows = [_mm512_setzero_pd(); 8];
         for (k, row) in rows.iter_mut().enumerate() {
@@ -456,17 +463,17 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
     }
 }
 
-/// Columns of a line of eight records `pairs.j`, from the `first` on.
+/// Transposed cache lines of eight records `pairs.j`, from `first` on.
 ///
 /// # Safety
 /// The processor has AVX-512 F, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     first: usize,
 ) -> [__m512d; 8] {
-    // SAFETY: as the caller promises; every line holds eight f64 and is aligned.
+    // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned.
     unsafe {
         let mut rows = [_mm512_setzero_pd(); 8];
         for (k, row) in rows.iter_mut().enumerate() {
@@ -477,17 +484,18 @@ unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
     }
 }
 
-/// The last two fields of a line of the records `pairs.j` of every other lane, four of them, from the `first` on.
+/// The last two fields of a cache line of four records `pairs.j`, of every other lane from `first`
+/// on.
 ///
 /// # Safety
 /// The processor has AVX-512 DQ, and the indices are below `records.len()`.
 #[inline(always)]
 unsafe fn four_ends<const LINE: usize, const LINES: usize>(
-    records: &[[Line; LINES]],
+    records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     first: usize,
 ) -> __m512d {
-    // SAFETY: as the caller promises; every line holds eight f64 and is aligned.
+    // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned.
     unsafe {
         let mut ends = [_mm512_setzero_pd(); 4];
         for (k, end) in ends.iter_mut().enumerate() {
@@ -500,23 +508,24 @@ unsafe fn four_ends<const LINE: usize, const LINES: usize>(
     }
 }
 
-/// The bits of x, half an eighth of its power of two further.
+/// The bits of x plus half an eighth of its power of two: rounds the mantissa to eighths.
 ///
 /// # Safety
 /// The processor has AVX-512 F.
 #[inline(always)]
 unsafe fn rounded(x: __m512d) -> __m512i {
-    // SAFETY: register operations only, with the feature that the caller promises.
+    // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe { _mm512_add_epi64(_mm512_castpd_si512(x), _mm512_set1_epi64(1 << 48)) }
 }
 
-/// (a, b, c, 0) of lanes {0, 2}, {1, 3}, {4, 6} and {5, 7}, of (a, b) and (c, 0) of the even and the odd lanes.
+/// Interleaves (a, b) and (c, 0) of the even and the odd lanes to (a, b, c, 0) of the lanes {0, 2},
+/// {1, 3}, {4, 6} and {5, 7}.
 ///
 /// # Safety
 /// The processor has AVX-512 F.
 #[inline(always)]
-unsafe fn quads(ab: [__m512d; 2], c: [__m512d; 2]) -> [__m512d; 4] {
-    // SAFETY: register operations only, with the feature that the caller promises.
+unsafe fn interleaved(ab: [__m512d; 2], c: [__m512d; 2]) -> [__m512d; 4] {
+    // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe {
         let low = _mm512_set_epi64(11, 10, 3, 2, 9, 8, 1, 0);
         let high = _mm512_set_epi64(15, 14, 7, 6, 13, 12, 5, 4);
@@ -529,37 +538,38 @@ unsafe fn quads(ab: [__m512d; 2], c: [__m512d; 2]) -> [__m512d; 4] {
     }
 }
 
-/// That of one lane.
+/// (a, b, c, 0) of one lane, from the result of [`interleaved`].
 ///
 /// # Safety
 /// The processor has AVX-512 F.
 #[inline(always)]
-unsafe fn quad(quads: &[__m512d; 4], lane: usize) -> __m256d {
-    let row = quads[lane % 2 + lane / 4 * 2];
-    // SAFETY: register operations only, with the feature that the caller promises.
+unsafe fn of_lane(terms: &[__m512d; 4], lane: usize) -> __m256d {
+    let both = terms[lane % 2 + lane / 4 * 2];
+    // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe {
         if (lane / 2).is_multiple_of(2) {
-            _mm512_castpd512_pd256(row)
+            _mm512_castpd512_pd256(both)
         } else {
-            _mm512_extractf64x4_pd::<1>(row)
+            _mm512_extractf64x4_pd::<1>(both)
         }
     }
 }
 
-/// Columns of eight rows.
+/// Transposes a matrix of eight rows.
 ///
 /// # Safety
 /// The processor has AVX-512 F.
 #[inline(always)]
 unsafe fn transpose(r: [__m512d; 8]) -> [__m512d; 8] {
-    // SAFETY: register operations only, with the feature that the caller promises.
+    // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe {
         let mut a = [_mm512_setzero_pd(); 8];
         for k in 0..4 {
             a[k] = _mm512_unpacklo_pd(r[2 * k], r[2 * k + 1]);
             a[k + 4] = _mm512_unpackhi_pd(r[2 * k], r[2 * k + 1]);
         }
-        // b: columns {0, 4} or {2, 6} of the first four rows and of the last four, then {1, 5} or {3, 7}.
+        // b: columns {0, 4} or {2, 6} of the first four rows and of the last four, then {1, 5} or
+        // {3, 7}.
         let mut b = [_mm512_setzero_pd(); 8];
         for k in 0..4 {
             b[2 * k] = _mm512_shuffle_f64x2::<0x88>(a[2 * k], a[2 * k + 1]);

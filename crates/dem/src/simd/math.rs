@@ -2,11 +2,17 @@
 
 use super::Lanes;
 
-/// Natural logarithm of positive normal numbers, without division: to an ulp of it or of 1, whichever is more; around 1, from
-/// 31/32 to 17/16, to an ulp of it.
+/// Natural logarithm of positive normal numbers, without division. The error is at most an ulp of
+/// the result or of 1, whichever is greater; for x from 31/32 to 17/16 it is at most an ulp of the
+/// result.
 ///
-/// x = m 2^e with m near 1 + k/8: f = m r_k - 1 with r_k ≈ 1/(1 + k/8), so |f| ≤ 1/16 and
-/// ln x = e ln 2 - ln r_k + ln(1+f); ln(1+f) = f - f²/2 + f³ q(f), q minimax (ln to 4.1e-17). r_0 is 1: no cancellation near 1.
+/// ```text
+/// x = m 2^e with m near 1 + k/8;  f = m r_k - 1 with r_k ≈ 1/(1 + k/8), so |f| ≤ 1/16
+/// ln x = e ln 2 - ln r_k + ln(1+f)
+/// ln(1+f) = f - f²/2 + f³ q(f) with minimax q (ln to 4.1e-17)
+/// ```
+///
+/// r_0 = 1 avoids cancellation near 1.
 #[inline(always)]
 pub fn ln<L: Lanes>(token: L::Token, x: L) -> L {
     const INVERSE: [f64; 8] = [
@@ -42,7 +48,7 @@ pub fn ln<L: Lanes>(token: L::Token, x: L) -> L {
         .mul_add(f, c(-0.24999999999877187))
         .mul_add(f, c(0.3333333333331666));
     let log_1_f = f2.mul_add(f.mul_add(q, c(-0.5)), f);
-    // The first 32 bits of ln 2, whose product with e is exact, and the rest.
+    // ln 2 is split into its first 32 bits, whose product with e is exact, and the rest.
     let low = e.mul_add(c(1.908_214_929_270_587_7e-10), log_1_f);
     e.mul_add(
         c(6.931_471_803_691_238e-1),
@@ -50,9 +56,11 @@ pub fn ln<L: Lanes>(token: L::Token, x: L) -> L {
     )
 }
 
-/// 1/x of positive normal numbers, to about an ulp: faster than a division where those are many.
+/// 1/x of positive normal numbers, to about an ulp: faster than a division in code with many
+/// divisions.
 ///
-/// With e = 1 - x y, 1/x = y p(e): p ≈ 1/(1-e) minimax for the start from the bits (5e-10), then one step of Newton's method.
+/// With e = 1 - x y and the first approximation y, 1/x = y p(e): p ≈ 1/(1-e) is minimax (5e-10),
+/// and one step of Newton's method follows.
 #[inline(always)]
 pub fn inverse<L: Lanes>(token: L::Token, x: L) -> L {
     let c = |v| L::splat(token, v);
@@ -70,8 +78,8 @@ pub fn inverse<L: Lanes>(token: L::Token, x: L) -> L {
 
 /// x^(-1/2) of positive normal numbers, to about an ulp, without division or root.
 ///
-/// With e = 1 - x y², x^(-1/2) = y (1-e)^(-1/2) = y (1 + e p(e)): p minimax for the start from the bits (1.5e-9), then one
-/// step of Newton's method.
+/// With e = 1 - x y² and the first approximation y, x^(-1/2) = y (1-e)^(-1/2) = y (1 + e p(e)): p
+/// is minimax (1.5e-9), and one step of Newton's method follows.
 #[inline(always)]
 pub fn inverse_sqrt<L: Lanes>(token: L::Token, x: L) -> L {
     let c = |v| L::splat(token, v);
@@ -89,18 +97,18 @@ pub fn inverse_sqrt<L: Lanes>(token: L::Token, x: L) -> L {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Portable, PortableToken, Row};
+    use super::super::{Lanes16, Portable, PortableToken};
     use super::*;
 
     #[test]
     fn logarithm_is_good_to_an_ulp_of_it_or_of_one() {
-        // std's ln is itself within an ulp, so two are allowed between them.
+        // `f64::ln` is itself within an ulp, so the two may differ by two ulps.
         let mut x = 1e-300;
         while x < 1e300 {
-            let row = Row(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
-            let mut out = Row::ZERO;
-            ln(PortableToken, Portable::load(PortableToken, &row)).store(&mut out);
-            for (v, y) in row.0.iter().zip(out.0) {
+            let lanes = Lanes16(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
+            let mut out = Lanes16::ZERO;
+            ln(PortableToken, Portable::load(PortableToken, &lanes)).store(&mut out);
+            for (v, y) in lanes.0.iter().zip(out.0) {
                 let reference = v.ln();
                 assert!(
                     (y - reference).abs() <= 2.0 * f64::EPSILON * reference.abs().max(1.0),
@@ -114,7 +122,7 @@ mod tests {
     #[test]
     fn logarithm_near_one_keeps_its_digits() {
         for x in [1.0, 1.0 + 1e-9, 1.0 - 1e-9, 1.0625, 0.96875, 1.05, 0.97] {
-            let mut out = Row::ZERO;
+            let mut out = Lanes16::ZERO;
             ln(PortableToken, Portable::splat(PortableToken, x)).store(&mut out);
             let reference = f64::ln(x);
             assert!(
@@ -129,11 +137,11 @@ mod tests {
     fn inverses_are_good_to_an_ulp() {
         let mut x = 1e-300;
         while x < 1e300 {
-            let row = Row(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
-            let lanes = Portable::load(PortableToken, &row);
-            let root = inverse_sqrt(PortableToken, lanes).to_row();
-            let inverse = inverse(PortableToken, lanes).to_row();
-            for (k, v) in row.0.into_iter().enumerate() {
+            let x16 = Lanes16(std::array::from_fn(|k| x * (1.0 + 0.37 * k as f64)));
+            let lanes = Portable::load(PortableToken, &x16);
+            let root = inverse_sqrt(PortableToken, lanes).to_lanes16();
+            let inverse = inverse(PortableToken, lanes).to_lanes16();
+            for (k, v) in x16.0.into_iter().enumerate() {
                 for (y, reference) in [(root.0[k], 1.0 / v.sqrt()), (inverse.0[k], 1.0 / v)] {
                     assert!(
                         (y / reference - 1.0).abs() <= 2.0 * f64::EPSILON,

@@ -1,9 +1,11 @@
 //! Sixteen f64 at a time, with the same bits on every processor.
 //!
-//! Every operation is exactly one IEEE operation per lane (fused multiply-add included), so AVX-512, AVX2 with FMA
-//! and the portable arrays agree to the last bit. The instruction set is chosen once, at run time.
+//! Every operation is exactly one IEEE operation per lane (fused multiply-add included), so
+//! AVX-512, AVX2 with FMA and the portable arrays agree to the last bit. The instruction set
+//! ([`Isa`]) is chosen once, at run time.
 //!
-//! Soundness: a value of [`Avx512`] or [`Avx2`] can only be made from its token, and a token only by asking the processor.
+//! Soundness: a value of [`Avx512`] or [`Avx2`] can only be made from its token, and a token only
+//! if the processor has the instruction set.
 
 #![allow(
     unsafe_code,
@@ -26,57 +28,57 @@ pub use portable::{Portable, PortableToken};
 /// Number of lanes.
 pub const LANES: usize = 16;
 
-/// One quantity of sixteen contacts.
+/// One quantity of sixteen contacts, in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub struct Row(pub [f64; LANES]);
+pub struct Lanes16(pub [f64; LANES]);
 
-/// Eight f64 on one cache line. A grain, as the kernel reads it, takes one or two: its record.
+/// Eight f64 on one cache line. The record of a grain, which the kernel reads, takes one or two.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub struct Line(pub [f64; 8]);
+pub struct CacheLine(pub [f64; 8]);
 
-impl Line {
+impl CacheLine {
     /// Zeros.
-    pub const ZERO: Self = Line([0.0; 8]);
+    pub const ZERO: Self = CacheLine([0.0; 8]);
 }
 
-impl Row {
+impl Lanes16 {
     /// Zeros.
-    pub const ZERO: Self = Row([0.0; LANES]);
+    pub const ZERO: Self = Lanes16([0.0; LANES]);
 }
 
-/// Half a cache line: what is added to one grain.
+/// Force and torque on a disk, and padding: half a cache line.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
-pub struct Quad(pub [f64; 4]);
+pub struct Force2(pub [f64; 4]);
 
-impl Deref for Quad {
+impl Deref for Force2 {
     type Target = [f64];
     fn deref(&self) -> &[f64] {
         &self.0
     }
 }
 
-impl DerefMut for Quad {
+impl DerefMut for Force2 {
     fn deref_mut(&mut self) -> &mut [f64] {
         &mut self.0
     }
 }
 
-/// A cache line: what is added to one grain in three dimensions.
+/// Force and torque on a sphere, and padding: a cache line.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub struct Oct(pub [f64; 8]);
+pub struct Force3(pub [f64; 8]);
 
-impl Deref for Oct {
+impl Deref for Force3 {
     type Target = [f64];
     fn deref(&self) -> &[f64] {
         &self.0
     }
 }
 
-impl DerefMut for Oct {
+impl DerefMut for Force3 {
     fn deref_mut(&mut self) -> &mut [f64] {
         &mut self.0
     }
@@ -92,7 +94,8 @@ pub struct Pairs {
     pub j: [u32; LANES],
 }
 
-/// Pairs of indices in blocks, and what those of a block are below: whoever has an array of that length may use them unchecked.
+/// Pairs of indices in blocks of sixteen, with an upper bound of the indices of each block. One
+/// check of the bound allows unchecked access with all indices of the block.
 #[derive(Debug, Default)]
 pub struct PairList {
     blocks: Vec<Pairs>,
@@ -106,8 +109,10 @@ impl PairList {
         self.below.clear();
     }
 
+    /// Appends a block.
+    ///
     /// # Panics
-    /// Where an index is `u32::MAX`.
+    /// If an index is `u32::MAX`.
     pub fn push(&mut self, pairs: Pairs) {
         let most = pairs.i.iter().chain(&pairs.j).fold(0, |a, &b| a.max(b));
         assert!(most < u32::MAX, "an index has to be below {}", u32::MAX);
@@ -125,10 +130,10 @@ impl PairList {
         self.blocks.capacity() * size_of::<Pairs>() + self.below.capacity() * size_of::<u32>()
     }
 
-    /// A block, all of whose indices are below `length`.
+    /// A block; checks that all its indices are below `length`.
     ///
     /// # Panics
-    /// Where they may not be.
+    /// If one is not.
     #[inline(always)]
     fn within(&self, block: usize, length: usize) -> &Pairs {
         assert!(
@@ -139,7 +144,7 @@ impl PairList {
     }
 }
 
-/// Sixteen f64.
+/// Sixteen f64 in registers.
 pub trait Lanes:
     Copy
     + Add<Output = Self>
@@ -148,7 +153,7 @@ pub trait Lanes:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// Proof that the processor can do this.
+    /// Proof that the processor has the instruction set.
     type Token: Copy;
     /// One truth value per lane.
     type Mask: Mask;
@@ -159,16 +164,16 @@ pub trait Lanes:
 
     /// The same number in every lane.
     fn splat(token: Self::Token, x: f64) -> Self;
-    /// The lanes of a row.
-    fn load(token: Self::Token, from: &Row) -> Self;
-    /// Writes the lanes to a row.
-    fn store(self, to: &mut Row);
-    /// The lanes as a row.
+    /// Reads the lanes from memory.
+    fn load(token: Self::Token, from: &Lanes16) -> Self;
+    /// Writes the lanes to memory.
+    fn store(self, to: &mut Lanes16);
+    /// The lanes in memory.
     #[inline(always)]
-    fn to_row(self) -> Row {
-        let mut row = Row::ZERO;
-        self.store(&mut row);
-        row
+    fn to_lanes16(self) -> Lanes16 {
+        let mut lanes = Lanes16::ZERO;
+        self.store(&mut lanes);
+        lanes
     }
     /// `self * factor + term`, rounded once.
     fn mul_add(self, factor: Self, term: Self) -> Self;
@@ -178,81 +183,87 @@ pub trait Lanes:
     fn abs(self) -> Self;
     /// To the nearest integer, ties to even.
     fn round(self) -> Self;
-    /// `self` where it is greater, else `other` (so `other` where `self` is NaN).
+    /// `self` in lanes in which it is greater, else `other`; `other` if `self` is NaN.
     fn max(self, other: Self) -> Self;
     /// Magnitude of `self`, sign of `sign`.
     fn copy_sign(self, sign: Self) -> Self;
-    /// False where either is NaN.
+    /// Whether `self` is greater; false if either is NaN.
     fn greater(self, other: Self) -> Self::Mask;
     /// Lane-wise `mask ? self : other`.
     fn select(self, mask: Self::Mask, other: Self) -> Self;
     /// Exponent e and mantissa m in [1, 2) of normal positive numbers: x = m 2^e.
     fn exponent_mantissa(self) -> (Self, Self);
-    /// Normal positive numbers as x = m 2^e with m in [31/32, 31/16), and the k for which m is nearest to 1 + k/8.
+    /// Normal positive numbers as x = m 2^e with m in [31/32, 31/16): e, m, and the k for which m
+    /// is nearest to 1 + k/8.
     fn exponent_eighth(self) -> (Self, Self, Self::Index);
     /// `table[k]`.
     fn look_up(token: Self::Token, table: &[f64; 8], k: Self::Index) -> Self;
-    /// Sums of nothing.
+    /// Sums that are zero.
     fn no_counts(token: Self::Token) -> Self::Counts;
     /// Adds `self`, rounded to the nearest integer; |self| < 2^51.
     fn count(self, sums: Self::Counts) -> Self::Counts;
-    /// All sums together.
+    /// The sum of all lanes.
     fn total(sums: Self::Counts) -> i128;
-    /// A start for 1/x of normal positive numbers, from the bits: |1 - x y| < 0.0506.
+    /// A first approximation y of 1/x from the bits of normal positive numbers: |1 - x y| < 0.0506.
     fn inverse_start(self) -> Self;
-    /// A start for x^(-1/2) of normal positive numbers, from the bits: |1 - x y²| < 0.0682.
+    /// A first approximation y of x^(-1/2) from the bits of normal positive numbers:
+    /// |1 - x y²| < 0.0682.
     fn inverse_sqrt_start(self) -> Self;
-    /// `records[i] - records[j]` of a block of pairs, of one line, transposed: row k gets field k of the sixteen differences.
+    /// Transposes `records[i] - records[j]` of a block of pairs, one cache line of each: `out[k]`
+    /// gets field k of the sixteen differences.
     ///
     /// # Panics
-    /// Where an index of the list is outside `records`.
+    /// If an index of the list is outside `records`.
     fn differences<const LINE: usize, const LINES: usize>(
         token: Self::Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 8],
+        out: &mut [Lanes16; 8],
     );
-    /// One line of the records j, transposed.
+    /// One cache line of the records j, transposed: element k is field k of the sixteen records.
     ///
     /// # Panics
-    /// Where an index of the list is outside `records`.
-    fn line_of_j<const LINE: usize, const LINES: usize>(
+    /// If an index of the list is outside `records`.
+    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
         token: Self::Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 8];
-    /// The last two fields of one line of the records j.
+    /// The last two fields of one cache line of the records j.
     ///
     /// # Panics
-    /// Where an index of the list is outside `records`.
-    fn end_of_j<const LINE: usize, const LINES: usize>(
+    /// If an index of the list is outside `records`.
+    fn last_two_of_j<const LINE: usize, const LINES: usize>(
         token: Self::Token,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 2];
-    /// Adds (a, b, c, 0) to `sums[i]` and (-a, -b, d, 0) to `sums[j]` of a block of pairs, one pair after the other.
+    /// Adds (a, b, c, 0) to `sums[i]` and (-a, -b, d, 0) to `sums[j]` of a block of pairs, pair by
+    /// pair; `terms` are a, b, c, d.
     ///
     /// # Panics
-    /// Where an index of the list is outside `sums`.
-    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize);
-    /// Adds (a, b, 0, 0) to `sums[i]` and (-a, c, 0, 0) to `sums[j]`, where a, b and c are three numbers each.
+    /// If an index of the list is outside `sums`.
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize);
+    /// Adds (a, b, 0, 0) to `sums[i]` and (-a, c, 0, 0) to `sums[j]`; `terms` are the vectors a, b,
+    /// c.
     ///
     /// # Panics
-    /// Where an index of the list is outside `sums`.
-    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize);
+    /// If an index of the list is outside `sums`.
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize);
 }
 
-/// Asks for what the second of each pair of a block has in `of`, before it is needed; without such an instruction, nothing.
+/// Prefetches the elements of `of` at the second indices of a block of pairs. Does nothing on
+/// processors other than x86-64.
 #[inline(always)]
-pub fn ask_for<T>(of: &[T], list: &PairList, block: usize) {
+pub fn prefetch<T>(of: &[T], list: &PairList, block: usize) {
     #[cfg(target_arch = "x86_64")]
     for &j in &list.within(block, of.len()).j {
         let first = of.as_ptr().wrapping_add(j as usize).cast::<i8>();
         for line in 0..size_of::<T>().div_ceil(64) {
-            // SAFETY: no memory is accessed as far as the program can see.
+            // SAFETY: a prefetch neither faults nor changes what the program reads.
             unsafe {
                 use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
                 _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line));
@@ -261,32 +272,34 @@ pub fn ask_for<T>(of: &[T], list: &PairList, block: usize) {
     }
 }
 
-/// What brings a number below 2^51 to integers in the last bits.
+/// 3·2^51: added to a number below 2^51, it rounds to an integer and leaves that in the last bits.
 const TO_INTEGER: f64 = (3u64 << 51) as f64;
 
-/// Magic numbers of [`Lanes::inverse_start`] and [`Lanes::inverse_sqrt_start`]: their errors are the same on both sides.
+/// Constants of [`Lanes::inverse_start`] and [`Lanes::inverse_sqrt_start`], chosen so that the
+/// greatest errors of both signs are equal.
 const INVERSE_MAGIC: u64 = 0x7fde_6238_5024_84ba;
 const INVERSE_SQRT_MAGIC: u64 = 0x5fe6_e8ea_de98_a944;
 
 /// Sixteen truth values.
 pub trait Mask: Copy {
-    /// True where both are.
+    /// Lanes that are true in both.
     fn and(self, other: Self) -> Self;
     /// Lane k in bit k.
     fn bits(self) -> u16;
 }
 
-/// Something to do sixteen lanes at a time, on whichever instruction set there is.
+/// A computation on sixteen lanes at a time that is compiled for every instruction set.
 pub trait Work {
     /// The result.
     type Output;
-    /// To be `#[inline(always)]`, with all that it calls: what is not inlined is not compiled for the instruction set.
+    /// Does the computation. Must be `#[inline(always)]`, with all that it calls: code that is not
+    /// inlined is not compiled for the instruction set.
     fn run<L: Lanes>(self, token: L::Token) -> Self::Output;
 }
 
 /// The instruction sets that the kernel is built for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Level {
+pub enum Isa {
     /// AVX-512.
     Avx512(Avx512Token),
     /// AVX2 with FMA.
@@ -295,25 +308,26 @@ pub enum Level {
     Portable,
 }
 
-impl Level {
-    /// The widest that this processor has.
+impl Isa {
+    /// The widest instruction set of this processor.
     pub fn detect() -> Self {
         if let Some(token) = Avx512Token::detect() {
-            Level::Avx512(token)
+            Isa::Avx512(token)
         } else if let Some(token) = Avx2Token::detect() {
-            Level::Avx2(token)
+            Isa::Avx2(token)
         } else {
-            Level::Portable
+            Isa::Portable
         }
     }
 
-    /// `auto`, or one by name; `None` where the name is unknown or this processor lacks it.
+    /// `auto`, or an instruction set by its name; `None` if the name is unknown or this processor
+    /// lacks it.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "auto" => Some(Self::detect()),
-            "avx512" => Avx512Token::detect().map(Level::Avx512),
-            "avx2" => Avx2Token::detect().map(Level::Avx2),
-            "portable" => Some(Level::Portable),
+            "avx512" => Avx512Token::detect().map(Isa::Avx512),
+            "avx2" => Avx2Token::detect().map(Isa::Avx2),
+            "portable" => Some(Isa::Portable),
             _ => None,
         }
     }
@@ -329,18 +343,18 @@ impl Level {
     /// The instruction set, if it has vector instructions.
     pub fn vector(self) -> Option<Vector> {
         match self {
-            Level::Avx512(token) => Some(Vector::Avx512(token)),
-            Level::Avx2(token) => Some(Vector::Avx2(token)),
-            Level::Portable => None,
+            Isa::Avx512(token) => Some(Vector::Avx512(token)),
+            Isa::Avx2(token) => Some(Vector::Avx2(token)),
+            Isa::Portable => None,
         }
     }
 
-    /// The name that [`Level::named`] takes.
+    /// The name that [`Isa::named`] takes.
     pub fn name(self) -> &'static str {
         match self {
-            Level::Avx512(_) => "avx512",
-            Level::Avx2(_) => "avx2",
-            Level::Portable => "portable",
+            Isa::Avx512(_) => "avx512",
+            Isa::Avx2(_) => "avx2",
+            Isa::Portable => "portable",
         }
     }
 }
@@ -368,7 +382,7 @@ impl Vector {
 mod tests {
     use super::*;
 
-    /// All that the kernel uses, once, on awkward numbers.
+    /// Every operation that the kernel uses, once, on extreme numbers.
     struct Exercise;
 
     impl Work for Exercise {
@@ -382,15 +396,15 @@ mod tests {
 
     #[inline(always)]
     fn exercise<L: Lanes>(token: L::Token) -> Vec<u64> {
-        let twice = |x: [f64; 8]| Row(std::array::from_fn(|k| x[k % 8] * [1.0, 1.1][k / 8]));
+        let twice = |x: [f64; 8]| Lanes16(std::array::from_fn(|k| x[k % 8] * [1.0, 1.1][k / 8]));
         let a = twice([1.5, -2.25, 3.0e-7, 1e300, -0.0, 7.5, 0.1, -1e-200]);
         let b = twice([0.5, 2.5, -3.5, 1e-300, 4.0, -7.5, 0.3, 2.0]);
         let (x, y) = (L::load(token, &a), L::load(token, &b));
         let positive = twice([1.0, 1.9999999, 2.5e-12, 1e300, 3e-308, 0.7, 42.0, 1e-5]);
         let (e, m) = L::load(token, &positive).exponent_mantissa();
-        let line = |k: usize| Line(std::array::from_fn(|f| (k * k) as f64 + 0.1 * f as f64));
-        let records: Vec<[Line; 2]> = (0..20).map(|k| [line(k), line(2 * k + 1)]).collect();
-        // Records that occur more than once, as first and as second.
+        let line = |k: usize| CacheLine(std::array::from_fn(|f| (k * k) as f64 + 0.1 * f as f64));
+        let records: Vec<[CacheLine; 2]> = (0..20).map(|k| [line(k), line(2 * k + 1)]).collect();
+        // Some indices occur more than once, as first and as second of a pair.
         let mut list = PairList::default();
         list.push(Pairs {
             i: [0, 0, 5, 7, 11, 13, 17, 19, 0, 1, 1, 1, 3, 4, 7, 18],
@@ -421,25 +435,25 @@ mod tests {
             inverse::<L>(token, L::load(token, &positive)),
             inverse_sqrt::<L>(token, L::load(token, &positive)),
         ];
-        let mut rows = [Row::ZERO; 8];
+        let mut rows = [Lanes16::ZERO; 8];
         L::differences::<0, 2>(token, &records, &list, 0, &mut rows);
         out.extend(rows.iter().map(|row| L::load(token, row)));
         L::differences::<1, 2>(token, &records, &list, 0, &mut rows);
         out.extend(rows.iter().map(|row| L::load(token, row)));
-        out.extend(L::line_of_j::<1, 2>(token, &records, &list, 0));
-        out.extend(L::end_of_j::<1, 2>(token, &records, &list, 0));
+        out.extend(L::cache_line_of_j::<1, 2>(token, &records, &list, 0));
+        out.extend(L::last_two_of_j::<1, 2>(token, &records, &list, 0));
         let mut bits = Vec::new();
         for lanes in out {
-            let mut row = Row::ZERO;
+            let mut row = Lanes16::ZERO;
             lanes.store(&mut row);
             bits.extend(row.0.map(f64::to_bits));
         }
-        let mut sums: Vec<Quad> = (0..20).map(|k| Quad([0.1 * f64::from(k); 4])).collect();
-        L::add_quads([x, y, x + y, x - y], &mut sums, &list, 0);
+        let mut sums: Vec<Force2> = (0..20).map(|k| Force2([0.1 * f64::from(k); 4])).collect();
+        L::add_forces_2d([x, y, x + y, x - y], &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
-        let mut sums: Vec<Oct> = (0..20).map(|k| Oct([0.1 * f64::from(k); 8])).collect();
+        let mut sums: Vec<Force3> = (0..20).map(|k| Force3([0.1 * f64::from(k); 8])).collect();
         let terms = [[x, y, x + y], [x - y, x * y, -x], [y, -y, y - x]];
-        L::add_octs(terms, &mut sums, &list, 0);
+        L::add_forces_3d(terms, &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
         let small = L::splat(token, 2.5)
             .max(x)
@@ -453,18 +467,18 @@ mod tests {
     }
 
     #[test]
-    fn every_level_gives_the_same_bits() {
-        let expected = Level::Portable.run(Exercise);
-        for level in ["avx2", "avx512"].into_iter().filter_map(Level::named) {
-            assert_eq!(level.run(Exercise), expected, "{}", level.name());
+    fn every_instruction_set_gives_the_same_bits() {
+        let expected = Isa::Portable.run(Exercise);
+        for isa in ["avx2", "avx512"].into_iter().filter_map(Isa::named) {
+            assert_eq!(isa.run(Exercise), expected, "{}", isa.name());
         }
     }
 
     #[test]
     fn rounds_ties_to_even() {
         let eight = [0.5, 1.5, 2.5, -0.5, -1.5, 0.49999999999999994, -0.6, 3.2];
-        let x = Row(std::array::from_fn(|k| eight[k % 8]));
-        let mut out = Row::ZERO;
+        let x = Lanes16(std::array::from_fn(|k| eight[k % 8]));
+        let mut out = Lanes16::ZERO;
         Portable::load(PortableToken, &x).round().store(&mut out);
         assert_eq!(out.0[..8], [0.0, 2.0, 2.0, 0.0, -2.0, 0.0, -1.0, 3.0]);
     }

@@ -7,8 +7,8 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Line, Mask, Oct, PairList, Quad, Row,
-    TO_INTEGER,
+    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
+    PairList, TO_INTEGER,
 };
 
 /// The token of the portable lanes; every processor has it.
@@ -33,8 +33,8 @@ impl Portable {
     }
 }
 
-/// a b + c with one rounding. Out of line on x86: without its own instruction each lane is a call of
-/// the C library, and sixteen of them at every place would be most of the program.
+/// a b + c with one rounding. Not inlined on x86: without an instruction for it, every lane calls
+/// the C library, and sixteen calls at every use would be most of the program's code.
 #[cfg_attr(target_arch = "x86_64", inline(never))]
 #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
 fn fused(a: &[f64; LANES], b: &[f64; LANES], c: &[f64; LANES]) -> [f64; LANES] {
@@ -89,12 +89,12 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn load(_: PortableToken, from: &Row) -> Self {
+    fn load(_: PortableToken, from: &Lanes16) -> Self {
         Portable(from.0)
     }
 
     #[inline(always)]
-    fn store(self, to: &mut Row) {
+    fn store(self, to: &mut Lanes16) {
         to.0 = self.0;
     }
 
@@ -217,10 +217,10 @@ impl Lanes for Portable {
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn differences<const LINE: usize, const LINES: usize>(
         _: PortableToken,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
-        out: &mut [Row; 8],
+        out: &mut [Lanes16; 8],
     ) {
         let pairs = list.within(block, records.len());
         for lane in 0..LANES {
@@ -228,17 +228,17 @@ impl Lanes for Portable {
                 &records[pairs.i[lane] as usize][LINE],
                 &records[pairs.j[lane] as usize][LINE],
             );
-            for (field, row) in out.iter_mut().enumerate() {
-                row.0[lane] = a.0[field] - b.0[field];
+            for (field, lanes) in out.iter_mut().enumerate() {
+                lanes.0[lane] = a.0[field] - b.0[field];
             }
         }
     }
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn line_of_j<const LINE: usize, const LINES: usize>(
+    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
         _: PortableToken,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 8] {
@@ -248,19 +248,19 @@ impl Lanes for Portable {
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn end_of_j<const LINE: usize, const LINES: usize>(
+    fn last_two_of_j<const LINE: usize, const LINES: usize>(
         token: PortableToken,
-        records: &[[Line; LINES]],
+        records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
     ) -> [Self; 2] {
-        let [.., a, b] = Self::line_of_j::<LINE, LINES>(token, records, list, block);
+        let [.., a, b] = Self::cache_line_of_j::<LINE, LINES>(token, records, list, block);
         [a, b]
     }
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn add_quads(terms: [Self; 4], sums: &mut [Quad], list: &PairList, block: usize) {
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         let [a, b, c, d] = terms;
         for lane in 0..LANES {
@@ -277,7 +277,7 @@ impl Lanes for Portable {
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn add_octs(terms: [[Self; 3]; 3], sums: &mut [Oct], list: &PairList, block: usize) {
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         let [a, b, c] = terms;
         for lane in 0..LANES {

@@ -17,19 +17,19 @@ pub struct Cell {
     pub sheared: Option<Sheared>,
 }
 
-/// The last axis of a Lees–Edwards cell: the image above is displaced along x.
+/// The last axis of a Lees–Edwards cell, whose image above is displaced along x.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sheared {
     /// Period along the last axis (m).
     pub height: f64,
-    /// Displacement of the image above along x (m), in [-L_x/2, L_x/2].
+    /// The Lees–Edwards offset: displacement of the image above along x (m), in [-L_x/2, L_x/2].
     pub offset: f64,
     /// Its velocity along x (m/s): γ̇ times the height.
     pub velocity: f64,
 }
 
 impl Sheared {
-    /// dx/dz of a line of images.
+    /// dx/dz along a column of images.
     fn tilt(&self) -> f64 {
         self.offset / self.height
     }
@@ -69,19 +69,19 @@ impl Cell {
         if inside >= period { 0.0 } else { inside }
     }
 
-    /// Wraps a grain that has left a sheared cell along the last axis: position and velocities of
-    /// its record.
+    /// Wraps the position of a record that has left a sheared cell along the last axis, and changes
+    /// its velocities by that of the image.
     #[inline(always)]
-    pub fn wrap_up<D: Dimension>(&self, fields: &mut [f64]) {
+    pub fn wrap_last_axis<D: Dimension>(&self, fields: &mut [f64]) {
         if let Some(sheared) = &self.sheared
             && !(0.0..sheared.height).contains(&fields[D::UP])
         {
-            self.through_the_top::<D>(sheared, fields);
+            self.wrap_through_image::<D>(sheared, fields);
         }
     }
 
     #[cold]
-    fn through_the_top<D: Dimension>(&self, sheared: &Sheared, fields: &mut [f64]) {
+    fn wrap_through_image<D: Dimension>(&self, sheared: &Sheared, fields: &mut [f64]) {
         let images = if fields[D::UP] < 0.0 { 1.0 } else { -1.0 };
         fields[D::UP] = Self::wrapped(fields[D::UP], sheared.height);
         let x = fields[0] + images * sheared.offset;
@@ -94,10 +94,10 @@ impl Cell {
         fields[D::HALF_VELOCITY] += images * sheared.velocity;
     }
 
-    /// The coordinate of a grain along x among the slabs (m), in [0, L_x). The cuts between slabs
-    /// tilt with the images of a sheared cell, so that a grain and its image above are in the same
-    /// slab.
-    pub fn along<D: Dimension>(&self, position: &[f64]) -> f64 {
+    /// The coordinate of a grain by which slabs are cut (m), in [0, L_x): x, or in a sheared cell x
+    /// less the tilt. The cuts between slabs tilt with the images of a sheared cell, so that a
+    /// grain and its image above are in the same slab.
+    pub fn slab_coordinate<D: Dimension>(&self, position: &[f64]) -> f64 {
         let Some(sheared) = &self.sheared else {
             return position[0];
         };
@@ -110,18 +110,19 @@ impl Cell {
         }
     }
 
-    /// The greatest difference of [`Cell::along`] between two grains that are `reach` (m) apart.
-    pub fn reach_along(&self, reach: f64) -> f64 {
+    /// The greatest difference of [`Cell::slab_coordinate`] between two grains that are `cutoff`
+    /// (m) apart.
+    pub fn cutoff_along_x(&self, cutoff: f64) -> f64 {
         match &self.sheared {
-            None => reach,
+            None => cutoff,
             // 1e-9 more, for the rounding of `along`.
-            Some(sheared) => reach * (1.0 + sheared.tilt() * sheared.tilt()).sqrt() * (1.0 + 1e-9),
+            Some(sheared) => cutoff * (1.0 + sheared.tilt() * sheared.tilt()).sqrt() * (1.0 + 1e-9),
         }
     }
 
-    /// [`Cell::reach_along`] at the greatest offset of the images.
-    pub fn longest_reach_along(&self, reach: f64) -> f64 {
-        let leaning = |sheared| Self {
+    /// [`Cell::cutoff_along_x`] at the greatest offset of the images.
+    pub fn greatest_cutoff_along_x(&self, cutoff: f64) -> f64 {
+        let at_greatest_offset = |sheared| Self {
             sheared: Some(Sheared {
                 offset: 0.5 * self.periods[0],
                 ..sheared
@@ -129,11 +130,11 @@ impl Cell {
             ..*self
         };
         self.sheared
-            .map_or(reach, |s| leaning(s).reach_along(reach))
+            .map_or(cutoff, |s| at_greatest_offset(s).cutoff_along_x(cutoff))
     }
 
-    /// Moves the images for a time step (s).
-    pub fn lean(&mut self, step: f64) {
+    /// Advances the Lees–Edwards offset by a time step (s).
+    pub fn advance_offset(&mut self, step: f64) {
         if let Some(Sheared { velocity, .. }) = self.sheared
             && velocity != 0.0
         {
@@ -141,7 +142,7 @@ impl Cell {
         }
     }
 
-    /// Displaces the image above further along x, by this length (m).
+    /// Adds this length (m) to the Lees–Edwards offset.
     pub fn shear(&mut self, by: f64) {
         let period = self.periods[0];
         if let Some(sheared) = &mut self.sheared {
@@ -211,9 +212,9 @@ mod tests {
                 for (r, best) in r.iter().zip(best) {
                     assert!((r - best).abs() < 1e-12, "{r} {best}");
                 }
-                let along = cell.along::<D>(&a) - cell.along::<D>(&b);
-                assert!(nearest_image(along, 5.0).abs() <= cell.reach_along(least));
-                assert!(cell.reach_along(least) <= cell.longest_reach_along(least));
+                let along = cell.slab_coordinate::<D>(&a) - cell.slab_coordinate::<D>(&b);
+                assert!(nearest_image(along, 5.0).abs() <= cell.cutoff_along_x(least));
+                assert!(cell.cutoff_along_x(least) <= cell.greatest_cutoff_along_x(least));
             }
         }
     }
@@ -238,10 +239,10 @@ mod tests {
         for (x, z) in [(0.5, 6.25), (4.75, -0.125)] {
             let mut fields = vec![0.0; 16];
             (fields[0], fields[Two::UP]) = (x, z);
-            let before = cell.along::<Two>(&fields);
-            cell.wrap_up::<Two>(&mut fields);
+            let before = cell.slab_coordinate::<Two>(&fields);
+            cell.wrap_last_axis::<Two>(&mut fields);
             assert!((0.0..5.0).contains(&fields[0]) && (0.0..6.0).contains(&fields[1]));
-            assert!((cell.along::<Two>(&fields) - before).abs() < 1e-14);
+            assert!((cell.slab_coordinate::<Two>(&fields) - before).abs() < 1e-14);
             assert!(length(cell.separation::<Two>(&fields, &[x, z])) < 1e-14);
             let faster = if z < 0.0 { 0.25 } else { -0.25 };
             assert_eq!(fields[Two::VELOCITY], faster);

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::contact::model::PairModel;
-use crate::simd::{LANES, Level, PairList, Pairs, Row};
+use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs};
 
 use super::ContactState;
 
@@ -11,8 +11,8 @@ use super::ContactState;
 ///
 /// There are three groups of blocks: inner pairs, of which this rank owns both grains, then pairs
 /// of which it owns i, then pairs of which it owns j. In a group the pairs are sorted by (id of i,
-/// id of j), and then, window by window, contacts before pairs that do not touch, and these by
-/// their gaps. So blocks in which nothing touches follow each other.
+/// id of j). Within every run of 1,024 of them, contacts then come first, followed by the other
+/// pairs in order of their gaps, so that blocks in which nothing touches follow each other.
 ///
 /// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
 /// order and the extent of the list do not change the numbers: sums of forces are exact, and pairs
@@ -22,24 +22,24 @@ pub struct Contacts {
     /// Blocks of inner pairs, which come first.
     pub inner: usize,
     /// Blocks of pairs of which this rank owns i, the inner ones included.
-    pub mine: usize,
+    pub owned_blocks: usize,
     /// The pairs, by the local indices of their grains.
     pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
-    pub geometry: Vec<[Row; 2]>,
-    /// [`Contacts::parameter_rows`] rows per block.
-    pub parameters: Vec<Row>,
-    /// [`Contacts::history_rows`] rows per block.
-    pub history: Vec<Row>,
-    /// Rows per block that the law takes for its parameters.
-    pub parameter_rows: usize,
-    /// Rows per block that the law takes for its histories.
-    pub history_rows: usize,
+    pub geometry: Vec<[Lanes16; 2]>,
+    /// [`Contacts::parameter_lanes`] elements per block.
+    pub parameters: Vec<Lanes16>,
+    /// [`Contacts::history_lanes`] elements per block.
+    pub history: Vec<Lanes16>,
+    /// [`PairModel::parameter_lanes`] of the law.
+    pub parameter_lanes: usize,
+    /// [`PairModel::history_lanes`] of the law.
+    pub history_lanes: usize,
     /// Lanes that touched when the forces were last computed.
     pub touching: Vec<u16>,
 }
 
-/// Two local grains that touch or may come to touch, the one of lower id first.
+/// Two local grains closer than the cutoff, the one of lower id first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CandidatePair {
     /// Local indices.
@@ -49,27 +49,28 @@ pub struct CandidatePair {
 }
 
 impl Contacts {
-    /// Replaces the list by the pairs of `near`, which are sorted by their ids, with the histories
-    /// of `remembered`, which is sorted by (i, j). Other pairs start without a history. `id` and
+    /// Replaces the list by `candidates`, which are sorted by their ids, with the histories of
+    /// `remembered`, which is sorted by (i, j). Other pairs start without a history. `id` and
     /// `radius` are those of the local grains; this rank owns the first `owned`.
     pub fn replace(
         &mut self,
-        level: Level,
+        isa: Isa,
         law: &dyn PairModel,
-        near: &[CandidatePair],
+        candidates: &[CandidatePair],
         remembered: &[ContactState],
         (id, radius): (&[u32], &[f64]),
         owned: usize,
     ) {
-        let own = |g: u32| (g as usize) < owned;
+        let is_owned = |g: u32| (g as usize) < owned;
         let group = |of_i: bool, of_j: bool| {
-            let kind =
-                |near: &&CandidatePair| own(near.grains[0]) == of_i && own(near.grains[1]) == of_j;
-            in_order(near.iter().filter(kind), remembered, id)
+            let kind = |pair: &&CandidatePair| {
+                is_owned(pair.grains[0]) == of_i && is_owned(pair.grains[1]) == of_j
+            };
+            in_order(candidates.iter().filter(kind), remembered, id)
         };
         let groups = [group(true, true), group(true, false), group(false, true)];
-        self.parameter_rows = law.parameter_rows();
-        self.history_rows = law.history_rows();
+        self.parameter_lanes = law.parameter_lanes();
+        self.history_lanes = law.history_lanes();
         self.pairs.clear();
         self.geometry.clear();
         self.history.clear();
@@ -79,10 +80,11 @@ impl Contacts {
                 i: [0; LANES],
                 j: [0; LANES],
             };
-            let mut geometry = [Row([FILLER; LANES]), Row([-0.5 * FILLER; LANES])];
+            let mut geometry = [Lanes16([FILLER; LANES]), Lanes16([-0.5 * FILLER; LANES])];
             let mut touching = 0;
             let first = self.history.len();
-            self.history.resize(first + self.history_rows, Row::ZERO);
+            self.history
+                .resize(first + self.history_lanes, Lanes16::ZERO);
             for (lane, listed) in block.iter().enumerate() {
                 let [i, j] = listed.grains;
                 of_block.i[lane] = i;
@@ -92,8 +94,8 @@ impl Contacts {
                 if let Some(history) = listed.history {
                     touching |= 1 << lane;
                     let history = law.from_state(history);
-                    for (row, from) in self.history[first..].iter_mut().zip(history) {
-                        row.0[lane] = from;
+                    for (lanes, from) in self.history[first..].iter_mut().zip(history) {
+                        lanes.0[lane] = from;
                     }
                 }
             }
@@ -103,25 +105,25 @@ impl Contacts {
         }
         let blocks = self.geometry.len();
         self.inner = groups[0].len().div_ceil(LANES);
-        self.mine = self.inner + groups[1].len().div_ceil(LANES);
+        self.owned_blocks = self.inner + groups[1].len().div_ceil(LANES);
         self.parameters.clear();
         self.parameters
-            .resize(blocks * self.parameter_rows, Row::ZERO);
-        law.set_parameters(level, &self.geometry, &mut self.parameters);
+            .resize(blocks * self.parameter_lanes, Lanes16::ZERO);
+        law.set_parameters(isa, &self.geometry, &mut self.parameters);
     }
 
     /// Borrows some blocks, for the kernel.
-    pub fn part(&mut self, blocks: Range<usize>) -> Part<'_> {
+    pub fn part(&mut self, blocks: Range<usize>) -> BlockRange<'_> {
         let of = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
-        Part {
+        BlockRange {
             first: blocks.start,
-            mine: self.mine,
-            parameter_rows: self.parameter_rows,
-            history_rows: self.history_rows,
+            owned_blocks: self.owned_blocks,
+            parameter_lanes: self.parameter_lanes,
+            history_lanes: self.history_lanes,
             pairs: &self.pairs,
             geometry: &self.geometry[of(1)],
-            parameters: &self.parameters[of(self.parameter_rows)],
-            history: &mut self.history[of(self.history_rows)],
+            parameters: &self.parameters[of(self.parameter_lanes)],
+            history: &mut self.history[of(self.history_lanes)],
             touching: &mut self.touching[of(1)],
         }
     }
@@ -151,9 +153,9 @@ impl Contacts {
     /// The history of a touching contact, with the ids of its grains.
     pub fn state(&self, law: &dyn PairModel, at: Touching, id: &[u32]) -> ContactState {
         let mut history = [0.0; 3];
-        let rows = &self.history[at.block * self.history_rows..][..self.history_rows];
-        for (to, row) in history.iter_mut().zip(rows) {
-            *to = row.0[at.lane];
+        let lanes = &self.history[at.block * self.history_lanes..][..self.history_lanes];
+        for (to, lanes) in history.iter_mut().zip(lanes) {
+            *to = lanes.0[at.lane];
         }
         ContactState {
             i: id[at.i],
@@ -166,8 +168,8 @@ impl Contacts {
     pub fn memory(&self) -> usize {
         use std::mem::size_of;
         self.pairs.memory()
-            + self.geometry.capacity() * size_of::<[Row; 2]>()
-            + (self.parameters.capacity() + self.history.capacity()) * size_of::<Row>()
+            + self.geometry.capacity() * size_of::<[Lanes16; 2]>()
+            + (self.parameters.capacity() + self.history.capacity()) * size_of::<Lanes16>()
             + self.touching.capacity()
     }
 }
@@ -180,7 +182,7 @@ struct Listed {
 
 /// Number of pairs among which contacts come first: enough that few blocks hold both kinds, and few
 /// enough that their data stay in the cache.
-const WINDOW: usize = 64 * LANES;
+const SORTED_TOGETHER: usize = 64 * LANES;
 
 /// A group in the order of the list.
 fn in_order<'a>(
@@ -190,76 +192,76 @@ fn in_order<'a>(
 ) -> Vec<Listed> {
     let mut rest = remembered.iter().peekable();
     let mut all: Vec<(f64, Listed)> = group
-        .map(|near| {
-            let [i, j] = near.grains.map(|g| id[g as usize]);
+        .map(|pair| {
+            let [i, j] = pair.grains.map(|g| id[g as usize]);
             while rest.next_if(|c| (c.i, c.j) < (i, j)).is_some() {}
             let contact = rest.next_if(|c| (c.i, c.j) == (i, j));
             let listed = Listed {
-                grains: near.grains,
+                grains: pair.grains,
                 history: contact.map(|c| c.history),
             };
-            (contact.map_or(near.gap, |_| f64::NEG_INFINITY), listed)
+            (contact.map_or(pair.gap, |_| f64::NEG_INFINITY), listed)
         })
         .collect();
-    for window in all.chunks_mut(WINDOW) {
+    for run in all.chunks_mut(SORTED_TOGETHER) {
         // Stable: contacts stay in order.
-        window.sort_by(|a, b| a.0.total_cmp(&b.0));
+        run.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
     all.into_iter().map(|(_, listed)| listed).collect()
 }
 
 /// Some blocks of the list, as the kernel uses them.
-pub struct Part<'a> {
+pub struct BlockRange<'a> {
     /// The first of them in the list.
     pub first: usize,
-    /// [`Contacts::mine`].
-    pub mine: usize,
-    /// [`Contacts::parameter_rows`].
-    pub parameter_rows: usize,
-    /// [`Contacts::history_rows`].
-    pub history_rows: usize,
+    /// [`Contacts::owned_blocks`].
+    pub owned_blocks: usize,
+    /// [`Contacts::parameter_lanes`].
+    pub parameter_lanes: usize,
+    /// [`Contacts::history_lanes`].
+    pub history_lanes: usize,
     /// [`Contacts::pairs`], of the whole list.
     pub pairs: &'a PairList,
     /// [`Contacts::geometry`] of these blocks.
-    pub geometry: &'a [[Row; 2]],
+    pub geometry: &'a [[Lanes16; 2]],
     /// [`Contacts::parameters`] of these blocks.
-    pub parameters: &'a [Row],
+    pub parameters: &'a [Lanes16],
     /// [`Contacts::history`] of these blocks.
-    pub history: &'a mut [Row],
+    pub history: &'a mut [Lanes16],
     /// [`Contacts::touching`] of these blocks.
     pub touching: &'a mut [u16],
 }
 
-impl<'a> Part<'a> {
+impl<'a> BlockRange<'a> {
     /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.geometry.len()
     }
 
     /// The blocks before block `until` of the list, and the others.
-    pub fn split(self, until: usize) -> (Part<'a>, Part<'a>) {
+    pub fn split(self, until: usize) -> (BlockRange<'a>, BlockRange<'a>) {
         let here = until - self.first;
         let (geometry, geometry_after) = self.geometry.split_at(here);
-        let (parameters, parameters_after) = self.parameters.split_at(here * self.parameter_rows);
-        let (history, history_after) = self.history.split_at_mut(here * self.history_rows);
+        let (parameters, parameters_after) = self.parameters.split_at(here * self.parameter_lanes);
+        let (history, history_after) = self.history.split_at_mut(here * self.history_lanes);
         let (touching, touching_after) = self.touching.split_at_mut(here);
         (
-            Part {
+            BlockRange {
                 first: self.first,
-                mine: self.mine,
-                parameter_rows: self.parameter_rows,
-                history_rows: self.history_rows,
+                owned_blocks: self.owned_blocks,
+                parameter_lanes: self.parameter_lanes,
+                history_lanes: self.history_lanes,
                 pairs: self.pairs,
                 geometry,
                 parameters,
                 history,
                 touching,
             },
-            Part {
+            BlockRange {
                 first: until,
-                mine: self.mine,
-                parameter_rows: self.parameter_rows,
-                history_rows: self.history_rows,
+                owned_blocks: self.owned_blocks,
+                parameter_lanes: self.parameter_lanes,
+                history_lanes: self.history_lanes,
                 pairs: self.pairs,
                 geometry: geometry_after,
                 parameters: parameters_after,

@@ -1,4 +1,4 @@
-//! The grains of this rank: its own, sorted by id, then its ghosts.
+//! The grains of this rank: owned grains, sorted by id, then ghosts.
 
 use bytemuck::Zeroable;
 
@@ -39,7 +39,7 @@ pub struct Units {
 
 impl Units {
     /// Of rotations (rad).
-    pub const TURN: f64 = 1.0 / (1u64 << 53) as f64;
+    pub const ROTATION: f64 = 1.0 / (1u64 << 53) as f64;
 
     /// The units for the greatest force (N; N/m in 2D) and radius (m) of a contact, both positive.
     pub fn new(largest_force: f64, largest_radius: f64) -> Self {
@@ -48,7 +48,7 @@ impl Units {
         Self {
             force,
             torque: 2.0 * force * radius,
-            slip: Self::TURN * radius,
+            slip: Self::ROTATION * radius,
         }
     }
 
@@ -109,9 +109,9 @@ pub struct Grains<D: Dimension> {
     pub force: Vec<D::Force>,
     /// The units of the contact forces.
     pub units: Units,
-    /// m (kg; kg/m in 2D), own grains.
+    /// m (kg; kg/m in 2D), owned grains.
     pub mass: Vec<f64>,
-    /// ½Δt/m and ½Δt/I, own grains; 0 for those of walls.
+    /// ½Δt/m and ½Δt/I, owned grains; 0 for those of walls.
     pub half_kick: Vec<[f64; 2]>,
 }
 
@@ -131,34 +131,34 @@ impl<D: Dimension> Default for Grains<D> {
     }
 }
 
-/// The first of the axes about which grains turn: z alone in two dimensions.
+/// The first axis of the spins: z in two dimensions, x in three.
 const fn first_spin<D: Dimension>() -> usize {
     3 - D::SPINS
 }
 
 impl<D: Dimension> Grains<D> {
-    /// Number of own grains and ghosts.
+    /// Number of owned grains and ghosts.
     pub fn local(&self) -> usize {
         self.id.len()
     }
 
-    /// Own grains, sorted by id, without ghosts. `step`: Δt (s).
-    pub fn replace(&mut self, own: &[GrainState], masses: Masses, step: f64) {
-        self.owned = own.len();
+    /// Replaces all grains by these owned ones, sorted by id, without ghosts. `step`: Δt (s).
+    pub fn replace(&mut self, owned: &[GrainState], masses: Masses, step: f64) {
+        self.owned = owned.len();
         self.id.clear();
         self.body.clear();
         self.radius.clear();
         self.record.clear();
         self.force.clear();
         self.mass.clear();
-        for g in own {
+        for g in owned {
             self.push(g);
             self.mass.push(masses.of(D::volume(g.radius)));
         }
         self.set_step(step);
     }
 
-    /// Own grain or ghost.
+    /// Appends an owned grain or a ghost.
     pub fn push(&mut self, g: &GrainState) {
         self.id.push(g.id);
         self.body.push(g.body);
@@ -230,7 +230,7 @@ impl<D: Dimension> Grains<D> {
         }
     }
 
-    /// Own grains of a body.
+    /// The owned grains of a body.
     pub fn of_body(&self, body: u32) -> Vec<u32> {
         (0..self.owned as u32)
             .filter(|&g| self.body[g as usize] == body)

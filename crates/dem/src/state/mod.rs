@@ -1,4 +1,20 @@
 //! Grains, contacts, the cell, and the records of frames and checkpoints.
+//!
+//! [`GrainState`] is the state of a grain: what ranks exchange, what a checkpoint holds, and what
+//! the digest covers. [`Grains`] stores the same states as a structure of arrays, for the grains of
+//! one rank and their ghosts; [`Grains::push`] and [`Grains::state`] convert. All other types of a
+//! grain are views of its state. Each is made by one function beside its declaration:
+//!
+//! | view | made from | used for |
+//! | --- | --- | --- |
+//! | [`GrainSample`] | [`GrainState`] | a grain's row of a frame |
+//! | [`GrainPosition`] | [`GrainSample`] | scalars of a frame |
+//! | [`Displacement`] | [`GrainState`] | mean square displacement since the start of a stage |
+//! | `GrainShape` of `gshear-store` | [`GrainState`] and mass | constants of the grains in `run.h5` |
+//! | [`Disks`], [`Frame`] | `run.h5` | analysis: constants and frames of all grains, by id |
+//!
+//! In the same way [`ContactState`] is the state of a contact, [`Contacts`] stores the contacts of
+//! one rank, and [`ContactSample`] and [`ContactForce`] are views.
 
 mod cell;
 mod contacts;
@@ -8,10 +24,10 @@ mod sample;
 mod snapshot;
 
 pub use cell::{Cell, Sheared, length, nearest_image};
-pub use contacts::{CandidatePair, Contacts, Part, Touching};
+pub use contacts::{BlockRange, CandidatePair, Contacts, Touching};
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
 pub use sample::{ContactSample, GrainSample, SeriesRow};
 pub use snapshot::{
-    ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
+    ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, Snapshot,
 };

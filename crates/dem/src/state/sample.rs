@@ -1,8 +1,11 @@
-//! What leaves the run: frames and time series.
+//! Records of frames and of the time series.
 
 use bytemuck::{Pod, Zeroable};
 
-/// A grain in a frame: wrapped position (m), velocity (m/s), angular velocity (rad/s); zeros for what two dimensions lack.
+use super::GrainState;
+
+/// A grain in a frame: its row of `particles/trajectory` in `run.h5`. In two dimensions the unused
+/// components are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainSample {
@@ -16,7 +19,19 @@ pub struct GrainSample {
     pub angular_velocity: [f64; 3],
 }
 
-/// A touching contact in a frame; `i < j` are grain ids. Forces are per unit depth in 2D (N/m).
+impl From<&GrainState> for GrainSample {
+    fn from(grain: &GrainState) -> Self {
+        Self {
+            id: u64::from(grain.id),
+            position: grain.position,
+            velocity: grain.velocity,
+            angular_velocity: grain.angular_velocity,
+        }
+    }
+}
+
+/// A touching contact in a frame: its row of `contacts` in `run.h5`; `i < j` are grain ids. Forces
+/// are per unit depth in 2D (N/m).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ContactSample {
@@ -24,17 +39,19 @@ pub struct ContactSample {
     pub i: u32,
     /// Higher id.
     pub j: u32,
-    /// F_n ≥ 0, repulsive, elastic and damping.
+    /// F_n ≥ 0, the sum of the elastic and the damping part.
     pub normal_force: f64,
-    /// F_t on i, elastic and damping: in 2D the one number along t̂ = ẑ × n (n from j to i), in 3D a vector.
+    /// F_t on i, the sum of the elastic and the damping part: in 2D the component along t̂ = ẑ × n
+    /// (n from j to i), in 3D a vector.
     pub tangential_force: [f64; 3],
-    /// What the contact remembers of it: its elastic part, or the displacement of its spring (m); components as of F_t.
+    /// The history of F_t: its elastic part, or the displacement of its spring (m); components as
+    /// of F_t.
     pub tangential_history: [f64; 3],
-    /// Elastic part of the rolling torque on i (N): the contact's history.
+    /// The history of the rolling torque on i: its elastic part (N).
     pub rolling_history: f64,
     /// δ (m).
     pub overlap: f64,
-    /// 1 where the elastic tangential force is at the Coulomb limit, else 0.
+    /// 1 if the elastic tangential force is at the Coulomb limit, else 0.
     pub sliding: u64,
 }
 

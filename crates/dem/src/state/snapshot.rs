@@ -3,6 +3,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::{ContactSample, GrainSample};
+
 /// The state of a grain, SI units; in two dimensions the unused components are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -41,16 +43,26 @@ pub struct ContactState {
     pub history: [f64; 3],
 }
 
-/// The position of a grain in a frame, for the scalars of the frame.
+/// The position of a disk in a frame, for the scalars of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct GrainPlace {
+pub struct GrainPosition {
     /// Id.
     pub id: u32,
-    /// Body, as in [`GrainState`].
+    /// 0; the scalars do not use it.
     pub body: u32,
     /// Wrapped position (m).
     pub position: [f64; 2],
+}
+
+impl From<&GrainSample> for GrainPosition {
+    fn from(grain: &GrainSample) -> Self {
+        Self {
+            id: grain.id as u32,
+            body: 0,
+            position: [grain.position[0], grain.position[1]],
+        }
+    }
 }
 
 /// The forces of a contact in a frame, `i < j`, for the scalars of the frame.
@@ -67,12 +79,23 @@ pub struct ContactForce {
     pub tangential_force: f64,
 }
 
+impl From<&ContactSample> for ContactForce {
+    fn from(contact: &ContactSample) -> Self {
+        Self {
+            i: contact.i,
+            j: contact.j,
+            normal_force: contact.normal_force,
+            tangential_force: contact.tangential_force[0],
+        }
+    }
+}
+
 /// This rank's part of a frame whose scalars are computed. Over all ranks, every grain and every
 /// contact occurs once.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FramePart {
     /// Owned grains.
-    pub grains: Vec<GrainPlace>,
+    pub grains: Vec<GrainPosition>,
     /// Contacts whose first grain this rank owns.
     pub contacts: Vec<ContactForce>,
 }
@@ -80,7 +103,7 @@ pub struct FramePart {
 /// The displacement of a grain since the start of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Travel {
+pub struct Displacement {
     /// Id.
     pub id: u32,
     /// Body, as in [`GrainState`].
@@ -89,6 +112,18 @@ pub struct Travel {
     pub start: [f64; 3],
     /// Its rotation since (rad), summed over the steps.
     pub angle: [f64; 3],
+}
+
+impl From<&GrainState> for Displacement {
+    /// No displacement, from this state on.
+    fn from(grain: &GrainState) -> Self {
+        Self {
+            id: grain.id,
+            body: grain.body,
+            start: grain.position,
+            angle: [0.0; 3],
+        }
+    }
 }
 
 /// This rank's part of a checkpoint.
@@ -104,5 +139,5 @@ pub struct Snapshot {
     /// ranks or on none.
     pub analysed: Option<FramePart>,
     /// The displacements of a stage that measures them; on all ranks or on none.
-    pub travels: Option<Vec<Travel>>,
+    pub displacements: Option<Vec<Displacement>>,
 }

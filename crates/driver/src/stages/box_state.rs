@@ -1,4 +1,5 @@
-//! What is measured of a packing in a box: sums over all contacts in one order, so that they do not depend on the ranks.
+//! Stress, pressure and elastic energy of a packing in a box. Sums over the contacts are in one
+//! order, so that they do not depend on the ranks.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -6,7 +7,7 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::ContactForces;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::simd::Row;
+use gshear_dem::simd::Lanes16;
 use gshear_dem::state::length;
 use gshear_dem::step::forces;
 use gshear_dem::system::System;
@@ -18,20 +19,20 @@ use gshear_store::collective::gathered;
 pub(crate) struct Observed {
     /// σ_xz (σ_xy in 2D): -(1/V) Σ r^x F^z over the contacts (BO section IV).
     pub shear_stress: f64,
-    /// A D-th of the trace of (1/V) Σ r F.
+    /// Trace of (1/V) Σ r F over the contacts, divided by the number of dimensions.
     pub pressure: f64,
-    /// Of normal and tangential springs.
+    /// Elastic energy of normal and tangential springs.
     pub elastic_energy: f64,
     pub contacts: u64,
     pub coordination: f64,
-    /// Contacts at the Coulomb limit over all.
+    /// Fraction of the contacts at the Coulomb limit.
     pub sliding_fraction: f64,
 }
 
-/// One contact's part in the sums.
+/// The terms of one contact.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Share {
+struct ContactTerms {
     i: u32,
     j: u32,
     /// r^x F^z and r·F.
@@ -41,7 +42,7 @@ struct Share {
     sliding: f64,
 }
 
-/// Of the system as it is, at rest or not. Collective.
+/// Measures the system, which need not be at rest. Collective.
 pub(super) fn observe<D: Dimension>(
     exchange: &dyn Parallel,
     system: &mut System<D>,
@@ -49,8 +50,8 @@ pub(super) fn observe<D: Dimension>(
     samples: &mut ContactForces,
     grains: u32,
 ) -> Observed {
-    // What the grains feel and the contacts remember is put back: a pass without a step, too, projects histories anew on their planes,
-    // which changes their last bits.
+    // Forces and histories are restored afterwards, because a pass with Δt = 0 also rotates
+    // histories into the tangent planes, which changes their last bits.
     let felt = system.grains().force.clone();
     let remembered = system.contacts.history.clone();
     let outside = forces(
@@ -66,7 +67,7 @@ pub(super) fn observe<D: Dimension>(
     system.contacts.history = remembered;
     let shares = shares(system, law, samples);
     let all = gathered(exchange, &shares, |c| (c.i, c.j));
-    let sum = |of: fn(&Share) -> f64| all.iter().map(of).sum::<f64>();
+    let sum = |of: fn(&ContactTerms) -> f64| all.iter().map(of).sum::<f64>();
     let height = system.cell.sheared.map_or(f64::NAN, |s| s.height);
     let base: f64 = system.cell.periods[..D::UP].iter().product();
     let volume = base * height;
@@ -85,31 +86,31 @@ pub(super) fn observe<D: Dimension>(
     }
 }
 
-/// Of the contacts whose first grain is this rank's.
+/// Terms of the contacts whose first grain this rank owns.
 fn shares<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     samples: &ContactForces,
-) -> Vec<Share> {
-    let (level, cell) = (system.level, system.cell);
+) -> Vec<ContactTerms> {
+    let (isa, cell) = (system.isa, system.cell);
     let (grains, contacts) = system.grains_and_contacts();
     let (axes, up) = (D::AXES, D::UP);
-    let mut energies = vec![[Row::ZERO; 3]; contacts.mine];
+    let mut energies = vec![[Lanes16::ZERO; 3]; contacts.owned_blocks];
     law.energies(
-        level,
+        isa,
         &contacts.parameters,
         &contacts.history,
         &samples.overlap,
         &mut energies,
     );
-    let own = contacts.touching().filter(|at| at.i < grains.owned);
-    own.map(|at| {
+    let iter = contacts.touching().filter(|at| at.i < grains.owned);
+    iter.map(|at| {
         let r = cell.separation::<D>(grains.fields(at.i), grains.fields(at.j));
         let per_length = 1.0 / length(r);
         let normal = samples.normal[at.block].0[at.lane];
-        let tangential = samples.tangential[at.block].map(|row| row.0[at.lane]);
-        let across = match axes {
-            // Along t̂ = ẑ × n.
+        let tangential = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
+        let tangential_vector = match axes {
+            // The component along t̂ = ẑ × n.
             2 => [
                 -r[1] * per_length * tangential[0],
                 r[0] * per_length * tangential[0],
@@ -121,11 +122,11 @@ fn shares<D: Dimension>(
         for axis in 0..axes {
             force[axis] = normal * r[axis] * per_length;
             if law.has_friction() {
-                force[axis] += across[axis];
+                force[axis] += tangential_vector[axis];
             }
         }
         let energy = |k: usize| energies[at.block][k].0[at.lane];
-        Share {
+        ContactTerms {
             i: grains.id[at.i],
             j: grains.id[at.j],
             shear: r[0] * force[up],

@@ -1,15 +1,16 @@
-//! The stages of runs, and the programs made of them.
+//! The stages of runs, and the sequences of stages of each kind of scene.
 
 mod box_state;
 mod newtonian;
 mod pack;
+pub mod periodic;
 mod prepare;
 mod relax;
+mod rest;
 mod setup;
 mod shear;
 mod spectra_file;
 mod spectrum;
 mod strain;
+mod top_wall;
 pub mod walls;
-
-pub mod periodic;

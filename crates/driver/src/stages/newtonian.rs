@@ -2,76 +2,76 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use gshear_dem::clock::Phase;
+use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{digest, frame};
-use gshear_dem::state::{GrainState, Travel};
+use gshear_dem::state::Displacement;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
-use gshear_scene::schedule::Window;
+use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::gathered;
 use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
 
 use super::box_state::observe;
 use super::spectra_file::SpectraFile;
-use super::spectrum::Whole;
+use super::spectrum::GlobalState;
 use crate::files::{Files, Format, Written};
 use crate::header::{Header, Pair, Progress};
-use crate::run::{Checkpoint, Run, Save, Stage, State};
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
-/// Without a pair, its growth time is taken to be so many steps.
+/// Growth time (steps) that is assumed without a complex pair.
 const STEPS_WITHOUT_A_PAIR: f64 = 1000.0;
 
-/// The motion of a box by Newton's equations.
-pub(super) struct Newtonian<'a, D: Dimension> {
+/// The stage that integrates Newton's equations of a box.
+pub(super) struct NewtonianStage<'a, D: Dimension> {
     scene: &'a Scene,
     law: &'a dyn PairForce<D>,
     system: System<D>,
-    motion: Motion,
+    motion: GrainMotion,
     files: Files,
     spectra: Option<SpectraFile>,
-    /// Of the strain steps before.
+    /// The progress of the strain steps before.
     progress: Progress,
     samples: ContactForces,
     step: u64,
     due: Due,
 }
 
-/// What the stage begins with, or resumes.
+/// The state from which the stage starts.
 pub(super) struct From {
     /// γ after the strain steps.
     pub strain: f64,
-    /// Of the strain steps.
+    /// The progress of the strain steps.
     pub progress: Progress,
     pub resumed: Option<Resumed>,
 }
 
-/// A stage that resumes.
+/// The data with which the stage resumes.
 pub(super) struct Resumed {
-    /// Steps done.
+    /// Completed steps.
     pub step: u64,
     pub written: Written,
     /// Lines of the file of eigenvalues.
     pub lines: u64,
-    pub travels: Vec<Travel>,
+    pub displacements: Vec<Displacement>,
 }
 
-/// Which steps are written; a number of steps that never comes is never.
+/// The steps at which output is due. An interval longer than the stage disables an output.
 struct Due {
-    /// All steps.
+    /// Number of steps of the stage.
     steps: u64,
     rows: u64,
     frames: u64,
     spectra: u64,
     dense: Option<Dense>,
-    /// Frames of a stretch that is computed again.
-    window: Option<Window>,
+    /// The window of a replay.
+    window: Option<ReplayWindow>,
 }
 
 impl Due {
@@ -89,7 +89,8 @@ impl Due {
             (Some(pair), wanted) if wanted != u64::MAX => strobe(pair, wanted, step),
             (_, wanted) => wanted,
         };
-        // All rows lie at multiples of the dense ones' interval, so that none is between two of them.
+        // All rows lie at multiples of the interval of the dense rows, so that none falls between
+        // two of them.
         let grid = dense.as_ref().map_or(1, |dense| dense.every);
         Self {
             steps,
@@ -101,8 +102,8 @@ impl Due {
         }
     }
 
-    /// Only the stretch to the end of a window, with its frames.
-    fn of_window(mut self, window: Window) -> Self {
+    /// Restricts the stage to the end of a replay window, with frames in the window.
+    fn of_window(mut self, window: ReplayWindow) -> Self {
         self.steps = self.steps.min(window.last);
         self.spectra = u64::MAX;
         self.window = Some(window);
@@ -116,7 +117,7 @@ impl Due {
 
     fn frame(&self, step: u64) -> bool {
         match self.window {
-            Some(Window { first, every, .. }) => {
+            Some(ReplayWindow { first, every, .. }) => {
                 step >= first && (step - first).is_multiple_of(every)
             }
             None => step.is_multiple_of(self.frames),
@@ -128,7 +129,7 @@ impl Due {
     }
 }
 
-impl<'a, D: Dimension> Newtonian<'a, D> {
+impl<'a, D: Dimension> NewtonianStage<'a, D> {
     pub fn new(
         run: &Run<'_>,
         scene: &'a Scene,
@@ -167,10 +168,10 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
             Some(SpectraFile::open(exchange, &path, lines)?)
         };
         let motion = if let Some(resumed) = &resumed {
-            Motion::resume(exchange, &mut system, &resumed.travels)
+            GrainMotion::resume(exchange, &mut system, &resumed.displacements)
         } else {
             system.rebuild(exchange, law, &mut NoWalls)?;
-            Motion::begin(&mut system)
+            GrainMotion::begin(&mut system)
         };
         Ok(Self {
             scene,
@@ -186,7 +187,7 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
         })
     }
 
-    /// Closes the file of the stage, which is done.
+    /// Closes the file of the finished stage.
     pub fn finish(mut self, run: &Run<'_>) -> Result<(), Failure> {
         let offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
         let digest = digest(
@@ -206,7 +207,7 @@ impl<'a, D: Dimension> Newtonian<'a, D> {
     }
 }
 
-impl<D: Dimension> Stage for Newtonian<'_, D> {
+impl<D: Dimension> Stage for NewtonianStage<'_, D> {
     fn name(&self) -> &'static str {
         "newtonian"
     }
@@ -215,7 +216,7 @@ impl<D: Dimension> Stage for Newtonian<'_, D> {
         self.step
     }
 
-    /// Behind the strain steps.
+    /// Newton's equations follow the strain steps.
     fn count(&self) -> Option<u64> {
         Some(self.progress.steps + self.step + 1)
     }
@@ -226,7 +227,7 @@ impl<D: Dimension> Stage for Newtonian<'_, D> {
 
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
-            // A window before the first checkpoint is replayed from it.
+            // A window before the first checkpoint is replayed from the state at rest.
             let checkpoint = self.checkpoint(run)?;
             run.save_as(checkpoint)?;
         }
@@ -277,13 +278,13 @@ impl<D: Dimension> Stage for Newtonian<'_, D> {
             }
         }
         if self.due.spectrum(step) {
-            let whole = Whole::gather(exchange, &mut self.system, self.law);
+            let whole = GlobalState::gather(exchange, &mut self.system, self.law);
             let found = whole.eigenvalues::<D>(exchange, &mut self.system, self.law)?;
             if let Some(spectra) = &mut self.spectra {
                 spectra.write(exchange, time, &found)?;
             }
         }
-        self.system.clock.end(Phase::Output);
+        self.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
@@ -307,18 +308,18 @@ impl<D: Dimension> Stage for Newtonian<'_, D> {
                 written,
                 lines,
             },
-            state: State {
+            state: StageState {
                 grains: self.system.grain_states(),
-                contacts: self.system.own_contact_states(self.law),
+                contacts: self.system.owned_contact_states(self.law),
                 analysed: None,
-                travels: Some(self.motion.travels.clone()),
+                displacements: Some(self.motion.displacements.clone()),
             },
             keep: self.scene.keep_checkpoints,
         })
     }
 }
 
-/// Attributes of the file.
+/// Attributes of `newtonian.h5`.
 fn attributes(scene: &Scene, from: &From) -> Vec<(&'static str, Attribute)> {
     let number = Attribute::Number;
     let progress = &from.progress;
@@ -338,15 +339,15 @@ fn attributes(scene: &Scene, from: &From) -> Vec<(&'static str, Attribute)> {
     attributes
 }
 
-/// Steps between frames, about as many as `wanted`, but a 24th of a period of the pair more than whole ones: frame by frame, the
-/// oscillation is seen slowed down.
+/// Steps between frames: about `wanted`, adjusted to whole periods of the pair plus 1/24 of a
+/// period, so that the sequence of frames shows the oscillation in slow motion.
 fn strobe(pair: &Pair, wanted: u64, step: f64) -> u64 {
     let period = std::f64::consts::TAU / pair.omega_r / step;
     let whole = (wanted as f64 / period).round();
     ((whole + 1.0 / 24.0) * period).round().max(1.0) as u64
 }
 
-/// Two stretches in which rows lie so densely that they show the oscillation of the pair.
+/// Two intervals with rows dense enough to resolve the oscillation of the pair.
 struct Dense {
     begins: [u64; 2],
     length: u64,
@@ -354,7 +355,8 @@ struct Dense {
 }
 
 impl Dense {
-    /// Where they begin, over the whole stage; periods of the mean square displacement, π/ω_r, in each; rows in each period.
+    /// Their starts as fractions of the stage; the number of periods of the mean square
+    /// displacement, π/ω_r, in each; rows per period.
     const BEGINS: [f64; 2] = [0.5, 0.7];
     const PERIODS: f64 = 20.0;
     const ROWS: f64 = 16.0;
@@ -378,15 +380,15 @@ impl Dense {
     }
 }
 
-/// How the grains have moved since the start.
-struct Motion {
-    /// Of the own grains, in their order.
-    travels: Vec<Travel>,
-    /// Rebuilds of the list, at which grains change hands.
+/// The displacements of the grains since the start of the stage.
+struct GrainMotion {
+    /// Displacements of the owned grains, in their order.
+    displacements: Vec<Displacement>,
+    /// Number of rebuilds of the list, at which grains migrate.
     rebuilds: u64,
 }
 
-/// Sums over the grains.
+/// Terms of a grain in the sums over all grains.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Moved {
@@ -396,46 +398,41 @@ pub(super) struct Moved {
     pub kinetic_energy: f64,
 }
 
-impl Motion {
+impl GrainMotion {
     fn begin<D: Dimension>(system: &mut System<D>) -> Self {
-        let at_rest = |g: &GrainState| Travel {
-            id: g.id,
-            body: g.body,
-            start: g.position,
-            angle: [0.0; 3],
-        };
+        let states = system.grain_states();
         Self {
-            travels: system.grain_states().iter().map(at_rest).collect(),
+            displacements: states.iter().map(Displacement::from).collect(),
             rebuilds: system.list.rebuilds,
         }
     }
 
-    /// From all grains' travels, over the ranks in any order.
+    /// Takes the displacements of all grains, in any distribution over the ranks.
     fn resume<D: Dimension>(
         exchange: &dyn Parallel,
         system: &mut System<D>,
-        travels: &[Travel],
+        displacements: &[Displacement],
     ) -> Self {
-        let all = gathered(exchange, travels, |travel| travel.id);
+        let all = gathered(exchange, displacements, |displacement| displacement.id);
         let grains = system.grains();
-        let own = grains.id[..grains.owned].iter();
+        let owned = grains.id[..grains.owned].iter();
         Self {
-            travels: own.map(|&id| all[id as usize]).collect(),
+            displacements: owned.map(|&id| all[id as usize]).collect(),
             rebuilds: system.list.rebuilds,
         }
     }
 
-    /// The turns of the step that is done.
+    /// Adds the rotations of the last step.
     fn turn<D: Dimension>(&mut self, exchange: &dyn Parallel, system: &mut System<D>) {
         if self.rebuilds != system.list.rebuilds {
-            *self = Self::resume(exchange, system, &self.travels);
+            *self = Self::resume(exchange, system, &self.displacements);
         }
         let step = system.step;
         let grains = system.grains();
-        for (g, travel) in self.travels.iter_mut().enumerate() {
+        for (g, displacement) in self.displacements.iter_mut().enumerate() {
             let fields = grains.fields(g);
             for k in 0..D::SPINS {
-                travel.angle[k] += step * fields[D::HALF_SPIN + k];
+                displacement.angle[k] += step * fields[D::HALF_SPIN + k];
             }
         }
     }
@@ -444,25 +441,25 @@ impl Motion {
         let cell = system.cell;
         let grains = system.grains();
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
-        let own: Vec<Moved> = self
-            .travels
+        let owned: Vec<Moved> = self
+            .displacements
             .iter()
             .enumerate()
-            .map(|(g, travel)| {
+            .map(|(g, displacement)| {
                 let (fields, radius) = (grains.fields(g), grains.radius[g]);
-                let moved = square(&cell.separation::<D>(fields, &travel.start));
+                let moved = square(&cell.separation::<D>(fields, &displacement.start));
                 let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
                 let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
                 Moved {
-                    id: travel.id.into(),
-                    msd: moved + radius * radius * square(&travel.angle),
+                    id: displacement.id.into(),
+                    msd: moved + radius * radius * square(&displacement.angle),
                     kinetic_energy: 0.5
                         * grains.mass[g]
                         * (velocity + D::INERTIA * radius * radius * spin),
                 }
             })
             .collect();
-        let all = gathered(exchange, &own, |moved| moved.id);
+        let all = gathered(exchange, &owned, |moved| moved.id);
         Moved {
             id: 0,
             msd: all.iter().map(|m| m.msd).sum::<f64>() / all.len() as f64,

@@ -1,12 +1,12 @@
 //! Compression of a sample between smooth planes until it is at rest.
 
-use gshear_dem::clock::Phase;
+use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Accumulator;
 use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::observe::{self, Frame};
+use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::sample::freeze_walls;
@@ -14,30 +14,33 @@ use gshear_scene::schedule::inertial_time;
 use gshear_scene::{PlaneShear, Scene};
 
 use super::setup::system;
-use super::walls::{self, DRAG_RESTING};
+use super::top_wall::{height_between, mass_of_top};
 use crate::header::Header;
-use crate::run::{Checkpoint, Run, Save, Stage, State};
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
-/// Steps between two looks at whether the sample is at rest.
-const LOOK: u64 = 1000;
+/// Drag of the rest after the compression, in inverse inertial times.
+const DRAG_RESTING: f64 = 1.0;
+
+/// Steps between two checks whether the sample is at rest.
+const CHECK_INTERVAL: u64 = 1000;
 /// Steps between checkpoints.
 const PACK_CHECKPOINT: u64 = 500_000;
 
-/// The sample between its planes.
-pub(super) struct Pack<'a, D: Dimension> {
+/// The stage that compresses the sample between planes.
+pub(super) struct PackStage<'a, D: Dimension> {
     scene: &'a Scene,
     plane_shear: &'a PlaneShear,
     law: Box<dyn PairForce<D>>,
     system: System<D>,
     drive: Planes<D>,
     step: u64,
-    /// P d̄ δ̄, and what measures energies.
+    /// P d̄ δ̄, and the fixed-point numbers for sums of energies.
     unit: f64,
-    energy: Frame,
+    energy: SampleConstants,
     at_rest: bool,
 }
 
-impl<'a, D: Dimension> Pack<'a, D> {
+impl<'a, D: Dimension> PackStage<'a, D> {
     /// The sample after `step` steps; `plane` is the law of the planes.
     pub fn new(
         run: &Run<'_>,
@@ -45,7 +48,7 @@ impl<'a, D: Dimension> Pack<'a, D> {
         plane_shear: &'a PlaneShear,
         [law, plane]: [Box<dyn PairForce<D>>; 2],
         (step, piston, drag): (u64, Piston, f64),
-        state: State,
+        state: StageState,
     ) -> Result<Self, Failure> {
         let mut system = system(run, scene, scene.sample.cell())?;
         system.steps = step;
@@ -61,7 +64,7 @@ impl<'a, D: Dimension> Pack<'a, D> {
         let mean_force = load.pressure * sample.mean_section();
         let unit = mean_force * load.mean_overlap(sample);
         Ok(Self {
-            energy: Frame::measure(run.exchange, &mut system, 0.0, unit),
+            energy: SampleConstants::measure(run.exchange, &mut system, 0.0, unit),
             scene,
             plane_shear,
             law,
@@ -73,8 +76,9 @@ impl<'a, D: Dimension> Pack<'a, D> {
         })
     }
 
-    /// Freezes the walls out of the sample at rest. Returns the top, and the state for the shear.
-    pub fn finish(mut self, run: &Run<'_>) -> (Piston, State) {
+    /// Makes walls of grains of the sample at rest. Returns the top wall, and the state for the
+    /// shear.
+    pub fn finish(mut self, run: &Run<'_>) -> (Piston, StageState) {
         let sample = &self.scene.sample;
         let contacts = self.system.contact_states(self.law.as_ref());
         let mut grains = self.system.grain_states();
@@ -83,21 +87,21 @@ impl<'a, D: Dimension> Pack<'a, D> {
         let piston = Piston {
             velocity: 0.0,
             acceleration: 0.0,
-            mass: walls::mass_of_top(run, self.scene, &grains),
+            mass: mass_of_top(run, self.scene, &grains),
             ..self.drive.piston
         };
         run.terminal
-            .packed(self.step, walls::height_between(self.scene, &piston));
-        let state = State {
+            .packed(self.step, height_between(self.scene, &piston));
+        let state = StageState {
             grains,
             contacts,
-            ..State::default()
+            ..StageState::default()
         };
         (piston, state)
     }
 }
 
-impl<D: Dimension> Stage for Pack<'_, D> {
+impl<D: Dimension> Stage for PackStage<'_, D> {
     fn name(&self) -> &'static str {
         "packing"
     }
@@ -136,9 +140,10 @@ impl<D: Dimension> Stage for Pack<'_, D> {
         Ok(stop)
     }
 
-    /// Every so many steps: more load when the bottom feels it, and whether the sample is at rest.
+    /// Raises the load once the bottom bears it, and checks whether the sample is at rest, every
+    /// [`CHECK_INTERVAL`] steps.
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
-        if self.step == 0 || !self.step.is_multiple_of(LOOK) {
+        if self.step == 0 || !self.step.is_multiple_of(CHECK_INTERVAL) {
             return Ok(());
         }
         let (scene, exchange) = (self.scene, run.exchange);
@@ -154,15 +159,15 @@ impl<D: Dimension> Stage for Pack<'_, D> {
         let per_grain = kinetic / (self.unit * grains);
         run.terminal
             .packing(self.step, &self.drive.piston, per_grain);
-        // The bottom feels the load only when the sample is compressed all through.
+        // The bottom bears the load only once the whole sample is compressed.
         if carried > 0.5 {
             self.drive.piston.load = (2.0 * pressing).min(load.normal_force);
-            // In inertial times of the load as it is.
+            // In units of the inertial time at the present load.
             let part = self.drive.piston.load / load.normal_force;
             self.drive.drag = DRAG_RESTING / inertial_time(scene, load) * part.sqrt();
         }
         let loaded = pressing == load.normal_force;
-        // The energy of a wave goes with the square of its pressure.
+        // The energy of a wave is proportional to the square of its pressure.
         let balance = tolerance.sqrt().max(1e-3);
         let energy_at_rest = tolerance * self.unit * grains;
         if loaded && kinetic < energy_at_rest && (carried - 1.0).abs() < balance {
@@ -174,7 +179,7 @@ impl<D: Dimension> Stage for Pack<'_, D> {
                 self.step,
             )));
         }
-        self.system.clock.end(Phase::Output);
+        self.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
@@ -193,10 +198,10 @@ impl<D: Dimension> Stage for Pack<'_, D> {
                 drag: self.drive.drag,
                 packing: self.plane_shear.origin.file().cloned(),
             },
-            state: State {
+            state: StageState {
                 grains: self.system.grain_states(),
-                contacts: self.system.own_contact_states(self.law.as_ref()),
-                ..State::default()
+                contacts: self.system.owned_contact_states(self.law.as_ref()),
+                ..StageState::default()
             },
             keep: false,
         })

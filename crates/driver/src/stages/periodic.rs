@@ -2,22 +2,17 @@
 //! mechanical equilibrium, then moved by Newton's equations.
 
 use gshear_dem::clock::Clock;
-use gshear_dem::dimension::Dimension;
-use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, LawSpace};
-use gshear_dem::state::{Cell, ContactState, GrainState};
-use gshear_dem::system::System;
-use gshear_mpi_exchange::Parallel;
 use gshear_scene::{PeriodicBox, Scene};
 
-use super::newtonian::{From, Newtonian, Resumed};
+use super::newtonian::{From, NewtonianStage, Resumed};
 use super::prepare;
+use super::rest::RestState;
 use super::setup::{force, system};
 use super::strain::Strain;
 use crate::header::{Header, Progress};
-use crate::run::{Outcome, Run, Start, State};
+use crate::run::{Outcome, Run, StageState, Start};
 
 /// Runs the scene from `start` to its last step; collective.
 ///
@@ -33,7 +28,7 @@ pub fn run<D: LawSpace>(
     let law = law.as_ref();
     let (header, state) = if let Start::Checkpoint(snapshot) = start {
         let header = Header::read(&snapshot)?;
-        (Some(header), State::restore(run.exchange, snapshot))
+        (Some(header), StageState::restore(run.exchange, snapshot))
     } else {
         let smooth = Contact {
             friction: 0.0,
@@ -54,11 +49,11 @@ pub fn run<D: LawSpace>(
             return Err(Failure::input("the checkpoint is not of a periodic box"));
         }
     };
-    let travels = state.travels.clone();
+    let displacements = state.displacements.clone();
     let mut system = system::<D>(run, scene, scene.sample.sheared_cell(progress.offset))?;
-    // With the forces of the state: to compute them anew is not what a run without a stop does.
+    // Keeps the forces of the state, because a run without a stop does not compute them again here.
     let cell = system.cell;
-    Snapshot { cell, state }.put_back(run.exchange, &mut system, law)?;
+    RestState { cell, state }.put_back(run.exchange, &mut system, law)?;
 
     let mut resumed = None;
     let (mut system, progress) = if let Some(Header::Newtonian {
@@ -72,7 +67,7 @@ pub fn run<D: LawSpace>(
             step,
             written,
             lines,
-            travels: travels.unwrap_or_default(),
+            displacements: displacements.unwrap_or_default(),
         });
         (system, progress)
     } else {
@@ -95,45 +90,10 @@ pub fn run<D: LawSpace>(
         progress,
         resumed,
     };
-    let mut stage = Newtonian::new(run, scene, newtonian, law, system, from)?;
+    let mut stage = NewtonianStage::new(run, scene, newtonian, law, system, from)?;
     let outcome = run.drive(&mut stage, begins)?;
     if outcome == Outcome::Done {
         stage.finish(run)?;
     }
     Ok(outcome)
-}
-
-/// The state at rest, this rank's part of it, to go back to.
-#[derive(Debug, Clone)]
-pub(super) struct Snapshot {
-    cell: Cell,
-    state: State,
-}
-
-impl Snapshot {
-    pub fn of<D: Dimension>(system: &mut System<D>, law: &dyn PairForce<D>) -> Self {
-        let (grains, contacts): (Vec<GrainState>, Vec<ContactState>) =
-            (system.grain_states(), system.contact_states(law));
-        Self {
-            cell: system.cell,
-            state: State {
-                grains,
-                contacts,
-                ..State::default()
-            },
-        }
-    }
-
-    pub fn put_back<D: Dimension>(
-        self,
-        exchange: &dyn Parallel,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
-    ) -> Result<(), Failure> {
-        system.cell = self.cell;
-        let State {
-            grains, contacts, ..
-        } = self.state;
-        system.replace(exchange, law, &mut NoWalls, grains, contacts)
-    }
 }

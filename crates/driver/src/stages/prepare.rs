@@ -1,4 +1,5 @@
-//! A packing at its solid fraction: grains on a loose lattice, compressed step by step without friction, and brought to rest.
+//! Preparation of a packing at its solid fraction: grains on a loose lattice are compressed step by
+//! step without friction, and brought to rest.
 
 use bytemuck::Zeroable;
 use rand::seq::SliceRandom;
@@ -7,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::relax::overdamped;
 use super::setup::system;
-use crate::run::{Run, State};
+use crate::run::{Run, StageState};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
@@ -17,11 +18,11 @@ use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_scene::sample::radius;
 use gshear_scene::{PeriodicBox, Scene, Sizes};
 
-/// Room of a lattice site, over the greatest diameter.
+/// Lattice constant over the greatest diameter.
 const ROOM: f64 = 1.1;
-/// By how much the box shrinks in a step.
+/// Relative change of the box length in a compression step.
 const SHRINKING: f64 = 0.995;
-/// Steps for which the grains move in a box before it shrinks on, and their drag there in 1/Δt.
+/// Steps of overdamped dynamics between two compression steps, and the drag in 1/Δt.
 const SETTLING: u64 = 300;
 const DRAG: f64 = 0.02;
 
@@ -31,7 +32,7 @@ pub(super) fn prepare<D: Dimension>(
     scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<State, Failure> {
+) -> Result<StageState, Failure> {
     let exchange = run.exchange;
     let target = scene.sample.length;
     let (mut length, mut grains) = insert(scene, &periodic.sizes, exchange.rank(), exchange.size());
@@ -44,7 +45,8 @@ pub(super) fn prepare<D: Dimension>(
         };
         let in_stage = |e| in_preparation(e, length);
         initial_forces(exchange, &mut system, law, &mut drive, None).map_err(in_stage)?;
-        // At the end until the waves of the last steps have died down, which a weak drag of the scene might not keep within the law.
+        // At the end the waves of the last steps must decay before the relaxation: with a weak drag
+        // of the scene they might lead to overlaps outside the law.
         let settling = if length == target {
             10 * SETTLING
         } else {
@@ -64,10 +66,10 @@ pub(super) fn prepare<D: Dimension>(
             let steps =
                 overdamped(&periodic.relax, exchange, &mut system, law).map_err(in_stage)?;
             run.terminal.prepared(steps);
-            return Ok(State {
+            return Ok(StageState {
                 grains: system.grain_states(),
                 contacts: system.contact_states(law),
-                ..State::default()
+                ..StageState::default()
             });
         }
         grains = system.grain_states();
@@ -96,7 +98,7 @@ fn in_preparation(failure: Failure, length: f64) -> Failure {
     }
 }
 
-/// The length of a box in which nothing touches, and this rank's part of the grains, at rest.
+/// The length of a box in which no grains touch, and this rank's part of the grains, at rest.
 fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<GrainState>) {
     let sample = &scene.sample;
     let count = sample.grains;
@@ -120,7 +122,7 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
         let mut site = u64::from(id) * sites / u64::from(count);
         let mut position = [0.0; 3];
         let free = room - 2.0 * radius;
-        // Along x last, so that ids run up along it.
+        // x varies most slowly, so that ids ascend along it.
         for axis in (0..axes as usize).rev() {
             let at = site % u64::from(side);
             site /= u64::from(side);
@@ -137,14 +139,14 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
     (room * f64::from(side), grains)
 }
 
-/// Which grains of a binary mixture are the large ones: as many as its fraction says, to the grain.
+/// The large grains of a binary mixture: exactly the number given by its fraction.
 fn large(scene: &Scene, sizes: &Sizes) -> Vec<bool> {
     let count = scene.sample.grains as usize;
     let mut large = vec![false; count];
     if let Sizes::Binary { large_fraction } = sizes {
         let many = (large_fraction * count as f64).round() as usize;
         large[..many].fill(true);
-        // A stream that no grain has.
+        // A stream of random numbers that no grain uses.
         let mut random = ChaCha8Rng::seed_from_u64(scene.seed);
         random.set_stream(u64::MAX);
         large.shuffle(&mut random);

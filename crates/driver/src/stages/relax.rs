@@ -1,7 +1,7 @@
 //! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
 
-use super::periodic::Snapshot;
-use super::spectrum::{Whole, newton_step};
+use super::rest::RestState;
+use super::spectrum::{GlobalState, Move, newton_step};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
@@ -13,28 +13,26 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Method, Relax, Sample};
 use gshear_spectrum::Solver;
 
-/// Factorisations of Newton's method, of which one or two are enough where the way is smooth.
+/// Greatest number of factorisations; one or two suffice if no contact opens, closes or reaches a
+/// limit.
 const MOST_FACTORISATIONS: u64 = 12;
-/// Factors serve as long as a step leaves less than this of the residual.
+/// Factors are reused as long as a step leaves less than this fraction of the residual.
 const SERVING: f64 = 0.1;
-/// A step of it may move no grain further, over d̄: beyond, the way is not smooth.
+/// Greatest displacement of a grain in a step of Newton's method, over d̄.
 pub(super) const LONGEST: f64 = 0.02;
-/// Overdamped dynamics is looked at every so many steps.
+/// Steps of overdamped dynamics between two checks of the residual.
 const LOOK: u64 = 100;
 
-/// How an equilibrium was found.
+/// Statistics of a relaxation.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Equilibrium {
     /// Factorisations of K.
     pub factorisations: u64,
     /// Steps of overdamped dynamics.
     pub steps: u64,
-    /// Newton's method was tried and did not do.
+    /// Whether overdamped dynamics was needed because Newton's method did not converge.
     pub fell_back: bool,
 }
-
-/// dr and dθ of a grain; zeros for what two dimensions lack.
-pub(super) type Move = [[f64; 3]; 2];
 
 /// Brings packings of a box to mechanical equilibrium.
 pub(super) struct Relaxation {
@@ -53,7 +51,7 @@ impl Relaxation {
         }
     }
 
-    /// Brings the system, whose forces are those of its positions, to rest.
+    /// Relaxes the system, whose forces must be those of its positions.
     pub fn relax<D: Dimension>(
         &mut self,
         exchange: &dyn Parallel,
@@ -62,7 +60,7 @@ impl Relaxation {
     ) -> Result<Equilibrium, Failure> {
         let mut found = Equilibrium::default();
         if self.relax.method == Method::Newton {
-            let before = Snapshot::of(system, law);
+            let before = RestState::of(system, law);
             if self.newton(exchange, system, law, &mut found.factorisations)? {
                 return Ok(found);
             }
@@ -73,9 +71,10 @@ impl Relaxation {
         Ok(found)
     }
 
-    /// Newton's method on the forces as the histories follow the displacements: each step is one step of the dynamics. K is factorised
-    /// anew only where the last factors do not serve any more. Returns whether it has come to rest, and no contact has opened and closed again
-    /// on the way, which would have forgotten.
+    /// Newton's method. Every displacement is one step of the dynamics, so that the histories
+    /// follow it. K is factorised again only if the last factors no longer reduce the residual.
+    /// Returns whether it converged and no contact opened and closed again on the way, because that
+    /// contact would have lost its history.
     fn newton<D: Dimension>(
         &mut self,
         exchange: &dyn Parallel,
@@ -84,7 +83,7 @@ impl Relaxation {
         factorisations: &mut u64,
     ) -> Result<bool, Failure> {
         let tolerance = self.relax.tolerance;
-        let before = Whole::gather(exchange, system, law);
+        let before = GlobalState::gather(exchange, system, law);
         let longest = LONGEST * self.mean_diameter;
         let mut opened = Vec::new();
         let mut left = residual(exchange, system, 0.0);
@@ -93,7 +92,7 @@ impl Relaxation {
                 return Ok(false);
             }
             *factorisations += 1;
-            let whole = Whole::gather(exchange, system, law);
+            let whole = GlobalState::gather(exchange, system, law);
             let tangent = whole.tangent(exchange, system, law);
             let factors = tangent.as_ref().and_then(|t| t.factor(&mut self.solver));
             loop {
@@ -112,8 +111,8 @@ impl Relaxation {
                     return Ok(false);
                 }
                 let now = residual(exchange, system, 0.0);
-                opened.extend(Whole::gather(exchange, system, law).opened_since(&before));
-                // NaN is no progress.
+                opened.extend(GlobalState::gather(exchange, system, law).opened_since(&before));
+                // NaN counts as no progress.
                 let falls = now < left;
                 if !falls {
                     return Ok(false);
@@ -125,12 +124,13 @@ impl Relaxation {
                 }
             }
         }
-        let after = Whole::gather(exchange, system, law);
+        let after = GlobalState::gather(exchange, system, law);
         Ok(!opened.into_iter().any(|pair| after.has(pair)))
     }
 }
 
-/// BO's overdamped dynamics, until no force is greater than the tolerance. Returns its steps.
+/// BO's overdamped dynamics, until no force is greater than the tolerance. Returns the number of
+/// steps.
 pub(super) fn overdamped<D: Dimension>(
     relax: &Relax,
     exchange: &dyn Parallel,
@@ -165,7 +165,8 @@ pub(super) fn overdamped<D: Dimension>(
     Ok(steps)
 }
 
-/// The greatest |F|, and |T|/R, on a grain: of the contacts, and of the drag (1/time) that is among the forces. Collective.
+/// The greatest |F| or |T|/R on a grain, without the `drag` (1/time) that the forces contain.
+/// Collective.
 pub(super) fn residual<D: Dimension>(
     exchange: &dyn Parallel,
     system: &mut System<D>,
@@ -194,15 +195,16 @@ pub(super) fn residual<D: Dimension>(
     exchange.maximum(greatest)
 }
 
-/// Takes all velocities away.
+/// Sets all velocities to zero.
 pub(super) fn stop<D: Dimension>(system: &mut System<D>) {
     for g in 0..system.owned() {
         system.grains_mut().fields_mut(g)[D::VELOCITY..D::SPIN + D::SPINS].fill(0.0);
     }
 }
 
-/// Moves the own grains, and the images above by `shear` along x, in one step after which all are at rest again: contacts remember
-/// what they remember of a step of the dynamics. The list must be new, and wide enough. Returns whether the law holds there.
+/// Displaces the owned grains, and the images above by `shear` along x, in one step of the
+/// dynamics, which advances the histories, and sets all velocities to zero. The list must be new,
+/// with a sufficient skin. Returns whether all overlaps are within the law.
 pub(super) fn displace<D: Dimension>(
     exchange: &dyn Parallel,
     system: &mut System<D>,
@@ -232,14 +234,14 @@ pub(super) fn displace<D: Dimension>(
         for k in 0..spins {
             fields[D::HALF_SPIN + k] = turn[3 - spins + k] / step;
         }
-        cell.wrap_up::<D>(fields);
+        cell.wrap_last_axis::<D>(fields);
     }
     let outside = forces(exchange, system, law, &mut NoWalls, step, None);
     stop(system);
     if let Some(sheared) = &mut system.cell.sheared {
         sheared.velocity = 0.0;
     }
-    // At rest, without the dampers.
+    // The forces at rest, without dampers.
     let outside = outside.or(forces(exchange, system, law, &mut NoWalls, 0.0, None));
     exchange.maximum(f64::from(u8::from(outside.is_some()))) == 0.0
 }

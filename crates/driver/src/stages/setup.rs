@@ -35,7 +35,7 @@ pub(super) fn system<D: Dimension>(
         }
     };
     let setup = Setup {
-        level: run.level,
+        isa: run.isa,
         list: scene.bookkeeping.list,
         cell,
         largest_radius: sample.radius_max,

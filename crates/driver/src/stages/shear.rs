@@ -1,14 +1,14 @@
-//! Shear of the sample between walls frozen out of it.
+//! Shear of the sample between walls made of its grains.
 
 use std::time::Instant;
 
 use gshear_dem::budget::{EnergyBudget, SavedBudget};
-use gshear_dem::clock::Phase;
+use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{GrainWalls, Piston, Slider, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::observe::{self, Frame};
+use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::{SeriesRow, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
@@ -18,12 +18,12 @@ use gshear_store::h5::Attribute;
 
 use super::setup::system;
 use crate::files::{Files, Format, RUN_FILE, Written};
-use crate::frame_scalars::Analysis;
+use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
-use crate::run::{Checkpoint, Run, Save, Stage, State};
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
-/// The sheared sample, and what is written of it.
-pub(super) struct Shear<'a, D: Dimension> {
+/// The stage that shears the sample.
+pub(super) struct ShearStage<'a, D: Dimension> {
     scene: &'a Scene,
     /// The file that the grains came from.
     packing: Option<&'a PackingFile>,
@@ -31,17 +31,17 @@ pub(super) struct Shear<'a, D: Dimension> {
     schedule: Schedule,
     system: System<D>,
     walls: GrainWalls,
-    /// What the time series needs to know of the whole sample.
-    frame: Frame,
+    /// Constants of the sample for the time series.
+    frame: SampleConstants,
     files: Files,
-    analysis: Option<Analysis>,
+    analysis: Option<FrameAnalysis>,
     samples: ContactForces,
     step: u64,
     first: u64,
     started: Instant,
 }
 
-/// What a shear begins with, or resumes.
+/// The data with which a shear begins or resumes.
 pub(super) struct From {
     /// Steps done.
     pub step: u64,
@@ -54,15 +54,15 @@ pub(super) struct From {
     pub energy_budget: Option<SavedBudget>,
 }
 
-impl<'a, D: Dimension> Shear<'a, D> {
-    /// The sample, and its files opened.
+impl<'a, D: Dimension> ShearStage<'a, D> {
+    /// Takes the sample and opens its files.
     pub fn new(
         run: &mut Run<'_>,
         scene: &'a Scene,
         plane_shear: &'a PlaneShear,
         law: Box<dyn PairForce<D>>,
         from: From,
-        mut state: State,
+        mut state: StageState,
     ) -> Result<Self, Failure> {
         let exchange = run.exchange;
         let mut schedule = Schedule::new(scene, plane_shear, from.height);
@@ -96,7 +96,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
         let thickness = scene.sample.mean_diameter;
         let (load, sample) = (&plane_shear.load, &scene.sample);
         let energy = load.pressure * sample.mean_section() * load.mean_overlap(sample);
-        let frame = Frame::measure(exchange, &mut system, 2.0 * thickness, energy);
+        let frame = SampleConstants::measure(exchange, &mut system, 2.0 * thickness, energy);
         if plane_shear.output.energy {
             let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
             if let Some(saved) = &from.energy_budget {
@@ -117,10 +117,10 @@ impl<'a, D: Dimension> Shear<'a, D> {
             scalars: plane_shear.analysis.scalars,
         };
         let files = Files::open(run.place(), &mut system, &format, written)?;
-        // Scalars of new files begin with a frame that has none before it.
+        // The first row of new scalars is of a frame without a frame before it.
         let before = state.analysed.filter(|_| files.resumed());
         let analysis = match plane_shear.analysis.scalars {
-            true => Some(Analysis::new(exchange, &mut system, before)),
+            true => Some(FrameAnalysis::new(exchange, &mut system, before)),
             false => None,
         };
         Ok(Self {
@@ -140,7 +140,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
         })
     }
 
-    /// Closes the files; with `complete` they say that the run is done.
+    /// Closes the files; `complete` marks the run as finished.
     pub fn finish(mut self, run: &Run<'_>, complete: bool) -> Result<(), Failure> {
         let exchange = run.exchange;
         let seconds = exchange.maximum(self.started.elapsed().as_secs_f64());
@@ -176,7 +176,7 @@ impl<'a, D: Dimension> Shear<'a, D> {
         Ok(())
     }
 
-    /// Where something is due after the step `next`: rows, frames, frames to be analysed.
+    /// The output due after the step `next`: a row, a frame, a frame to be analysed.
     fn due(&self, next: u64) -> [bool; 3] {
         [
             self.schedule.series_due(next),
@@ -197,17 +197,21 @@ impl<'a, D: Dimension> Shear<'a, D> {
         }
     }
 
-    fn state(&mut self) -> State {
-        State {
+    fn state(&mut self) -> StageState {
+        StageState {
             grains: self.system.grain_states(),
-            contacts: self.system.own_contact_states(self.law.as_ref()),
-            analysed: self.analysis.as_ref().and_then(Analysis::last).cloned(),
-            travels: None,
+            contacts: self.system.owned_contact_states(self.law.as_ref()),
+            analysed: self
+                .analysis
+                .as_ref()
+                .and_then(FrameAnalysis::last)
+                .cloned(),
+            displacements: None,
         }
     }
 }
 
-impl<D: Dimension> Stage for Shear<'_, D> {
+impl<D: Dimension> Stage for ShearStage<'_, D> {
     fn name(&self) -> &'static str {
         "shear"
     }
@@ -224,10 +228,10 @@ impl<D: Dimension> Stage for Shear<'_, D> {
         self.step >= self.schedule.total
     }
 
-    /// The state before the first step is looked at as well.
+    /// Also records the state before the first step.
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
-            // The packed sample: a window before the first checkpoint is replayed from it.
+            // A window before the first checkpoint is replayed from the packed sample.
             run.save_as(Checkpoint {
                 header: self.header(run, Written::default()),
                 state: self.state(),
@@ -293,7 +297,7 @@ impl<D: Dimension> Stage for Shear<'_, D> {
                 self.files.scalars(exchange, &rows)?;
             }
         }
-        self.system.clock.end(Phase::Output);
+        self.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
@@ -319,7 +323,7 @@ impl<D: Dimension> Stage for Shear<'_, D> {
     }
 
     fn progress(&mut self, run: &mut Run<'_>) {
-        self.system.clock.end(Phase::Output);
+        self.system.clock.end(StepPhase::Output);
         if self.schedule.progress_due(self.step) {
             let grains = self.scene.sample.grains;
             let elapsed = self.started.elapsed();
@@ -329,8 +333,7 @@ impl<D: Dimension> Stage for Shear<'_, D> {
     }
 }
 
-/// Attributes of the file. What is one number for a run at one speed is that of the first part of a
-/// protocol.
+/// Attributes of `run.h5`. With a protocol, intervals are those of its first part.
 fn attributes(plane_shear: &PlaneShear, schedule: &Schedule) -> Vec<(&'static str, Attribute)> {
     let load = &plane_shear.load;
     let velocity = schedule.protocol.velocity(0);

@@ -1,11 +1,11 @@
-//! `spectra.csv`: eigenvalues in time.
+//! `spectra.csv`: eigenvalues as a function of time.
 
 use std::path::Path;
 
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::agree;
-use gshear_store::table::{Cell, TableFile};
+use gshear_store::table::{TableCell, TableFile};
 
 use super::spectrum::Eigenvalues;
 
@@ -18,7 +18,7 @@ pub(super) struct SpectraFile {
 }
 
 impl SpectraFile {
-    /// A new file, or the one that is there with its first `rows` rows.
+    /// Creates the file, or opens an existing one and truncates it to its first `rows` rows.
     pub fn open(exchange: &dyn Parallel, path: &Path, rows: Option<u64>) -> Result<Self, Failure> {
         let opened = match (exchange.rank(), rows) {
             (0, None) => TableFile::create(path, &COLUMNS).map(Some),
@@ -31,7 +31,7 @@ impl SpectraFile {
         })
     }
 
-    /// Appends all eigenvalues at a time.
+    /// Appends all eigenvalues of one time.
     pub fn write(
         &mut self,
         exchange: &dyn Parallel,
@@ -42,14 +42,14 @@ impl SpectraFile {
         let wrote = match &mut self.file {
             None => Ok(()),
             Some(file) => eigenvalues.all().try_for_each(|(value, verdict)| {
-                let cells: [&dyn Cell; 4] = [&time, &value.re, &value.im, &verdict.name()];
+                let cells: [&dyn TableCell; 4] = [&time, &value.re, &value.im, &verdict.name()];
                 file.row(cells.map(|cell| cell.text().into_owned()))
             }),
         };
         agree(exchange, wrote)
     }
 
-    /// Brings all rows to the file. Returns their number.
+    /// Writes all rows to disk. Returns their number.
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<u64, Failure> {
         agree(
             exchange,

@@ -1,10 +1,9 @@
-//! The whole packing on one rank: K of it, Newton's step by it, and its eigenvalues.
+//! K of the whole packing on one rank: the step of Newton's method, and the eigenvalues.
 
 use bytemuck::allocation::pod_collect_to_vec;
 use bytemuck::cast_slice;
 use faer::c64;
 
-use super::relax::Move;
 use crate::header::Pair;
 use gshear_analysis::jacobian::{self, History, Jacobian};
 use gshear_dem::dimension::Dimension;
@@ -16,20 +15,23 @@ use gshear_mpi_exchange::Parallel;
 use gshear_spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
 use gshear_store::collective::{agree, gathered};
 
+/// dr and dθ of a grain; unused components are 0 in two dimensions.
+pub(super) type Move = [[f64; 3]; 2];
+
 /// All grains by id, and all touching contacts by (i, j).
-pub(super) struct Whole {
+pub(super) struct GlobalState {
     pub grains: Vec<GrainState>,
     pub contacts: Vec<ContactState>,
 }
 
-impl Whole {
-    /// Collective; on every rank.
+impl GlobalState {
+    /// Gathers them on every rank; collective.
     pub fn gather<D: Dimension>(
         exchange: &dyn Parallel,
         system: &mut System<D>,
         law: &dyn PairForce<D>,
     ) -> Self {
-        let contacts = system.own_contact_states(law);
+        let contacts = system.owned_contact_states(law);
         Self {
             grains: gathered(exchange, &system.grain_states(), |g| g.id),
             contacts: gathered(exchange, &contacts, |c| (c.i, c.j)),
@@ -48,9 +50,9 @@ impl Whole {
     }
 }
 
-impl Whole {
+impl GlobalState {
     fn jacobian<D: Dimension>(&self, system: &mut System<D>, law: &dyn PairForce<D>) -> Jacobian {
-        let state = jacobian::State {
+        let state = jacobian::NetworkState {
             grains: &self.grains,
             contacts: &self.contacts,
             cell: system.cell,
@@ -59,7 +61,7 @@ impl Whole {
         jacobian::assemble::<D>(state, law, History::Turned)
     }
 
-    /// K, on rank 0; `None` on the others, and where it is no matrix of finite numbers.
+    /// K on rank 0; `None` on other ranks, and if an element is not finite.
     pub fn tangent<D: Dimension>(
         &self,
         exchange: &dyn Parallel,
@@ -74,10 +76,10 @@ impl Whole {
         Some(Tangent { jacobian, problem })
     }
 
-    /// All eigenvalues of K v = λ M v; on every rank. Rank 0 finds them; collective.
+    /// All eigenvalues of K v = λ M v, on every rank; rank 0 computes them. Collective.
     ///
     /// # Errors
-    /// K is no matrix of finite numbers.
+    /// If an element of K is not finite.
     pub fn eigenvalues<D: Dimension>(
         &self,
         exchange: &dyn Parallel,
@@ -97,7 +99,7 @@ impl Whole {
         })
     }
 
-    /// Real and imaginary part, and the place of the verdict among all.
+    /// Real and imaginary part, and the index of the verdict in the list of verdicts.
     fn spectrum<D: Dimension>(
         &self,
         system: &mut System<D>,
@@ -122,12 +124,12 @@ pub(super) struct Tangent {
 }
 
 impl Tangent {
-    /// `None` where a pivot vanishes.
+    /// `None` if a pivot is too small.
     pub fn factor<'a>(&'a self, solver: &'a mut Solver) -> Option<Factors<'a>> {
         solver.factor(&self.problem).ok()
     }
 
-    /// dq of K dq = F, without zero modes, of all grains by id.
+    /// The solution dq of K dq = F without zero modes, for all grains by id.
     fn solve(&self, factors: &Factors<'_>, grains: &[GrainState]) -> Vec<Move> {
         let force = self.jacobian.unknowns_of(|id| {
             let g = &grains[id as usize];
@@ -142,8 +144,8 @@ impl Tangent {
     }
 }
 
-/// Newton's step of the own grains; `None` where there are no factors. Rank 0 has them and solves, so that all move by the same bits;
-/// collective.
+/// The step of Newton's method for the owned grains; `None` without factors. Only rank 0 has the
+/// factors and solves, so that the bits do not depend on the ranks; collective.
 pub(super) fn newton_step<D: Dimension>(
     exchange: &dyn Parallel,
     system: &mut System<D>,
@@ -154,11 +156,11 @@ pub(super) fn newton_step<D: Dimension>(
     let bytes = exchange.broadcast(cast_slice(&solved).to_vec());
     let moves: Vec<Move> = pod_collect_to_vec(&bytes);
     let grains = system.grains();
-    let own = &grains.id[..grains.owned];
-    (!moves.is_empty()).then(|| own.iter().map(|&id| moves[id as usize]).collect())
+    let owned = &grains.id[..grains.owned];
+    (!moves.is_empty()).then(|| owned.iter().map(|&id| moves[id as usize]).collect())
 }
 
-/// All eigenvalues of a packing, with what they are evidence of.
+/// All eigenvalues of a packing with their verdicts.
 pub(crate) struct Eigenvalues {
     all: Vec<(c64, Verdict)>,
 }
@@ -168,7 +170,7 @@ impl Eigenvalues {
         self.all.iter().copied()
     }
 
-    /// Those above the real axis.
+    /// Complex eigenvalues above the real axis.
     fn upper(&self) -> impl Iterator<Item = c64> + '_ {
         let upper = |(value, verdict): &(c64, Verdict)| *verdict == Verdict::Pair && value.im > 0.0;
         self.all().filter(upper).map(|(value, _)| value)
@@ -185,14 +187,14 @@ impl Eigenvalues {
         greatest.map(|value| Pair::new(value.re, value.im))
     }
 
-    /// The least real part of what is not zero.
+    /// The least real part of the eigenvalues that are not zero.
     pub fn least_real(&self) -> f64 {
         let real = self.all().filter(|(_, verdict)| *verdict != Verdict::Zero);
         real.map(|(value, _)| value.re)
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Zero modes.
+    /// Number of zero modes.
     pub fn zeros(&self) -> u64 {
         self.all()
             .filter(|(_, verdict)| *verdict == Verdict::Zero)

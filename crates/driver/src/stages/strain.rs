@@ -1,5 +1,5 @@
-//! Athermal quasi-static shear: strain steps, each brought to mechanical equilibrium, and the birth of
-//! the first complex pair.
+//! Athermal quasi-static shear: strain steps, each brought to mechanical equilibrium, and the birth
+//! of the first complex pair.
 
 use std::fmt;
 
@@ -14,14 +14,14 @@ use gshear_store::columns::{AQS_FILE, AqsRow};
 use gshear_store::h5::Attribute;
 
 use super::box_state::{Observed, observe};
-use super::periodic::Snapshot;
 use super::relax::{Equilibrium, LONGEST, Relaxation, displace, residual};
-use super::spectrum::{Eigenvalues, Whole};
+use super::rest::RestState;
+use super::spectrum::{Eigenvalues, GlobalState};
 use crate::files::{Files, Format, Written};
 use crate::header::{Birth, Header, Progress};
-use crate::run::{Checkpoint, Run, Save, Stage, State};
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
-/// The strain steps of a box.
+/// The stage of the strain steps.
 pub(super) struct Strain<'a, D: Dimension> {
     scene: &'a Scene,
     periodic: &'a PeriodicBox,
@@ -31,8 +31,8 @@ pub(super) struct Strain<'a, D: Dimension> {
     files: Files,
     progress: Progress,
     samples: ContactForces,
-    /// The state before the last strain step, and how its equilibrium was found.
-    before: Option<(Snapshot, Progress)>,
+    /// The state before the last strain step, and the statistics of its relaxation.
+    before: Option<(RestState, Progress)>,
     found: Equilibrium,
 }
 
@@ -72,7 +72,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         })
     }
 
-    /// Closes the file; with `complete` it says that the strain steps are done.
+    /// Closes the file; `complete` marks the strain steps as finished.
     pub fn finish(
         mut self,
         run: &Run<'_>,
@@ -103,14 +103,14 @@ impl<'a, D: Dimension> Strain<'a, D> {
         Ok((self.system, progress))
     }
 
-    /// Whether the pair is such that the strain steps end.
+    /// Whether the pair ends the strain steps.
     fn has_grown(&self) -> bool {
         let until = self.periodic.aqs.until_imaginary;
         let great = |pair: crate::header::Pair| pair.lambda_i >= until;
         until > 0.0 && self.progress.pairs == 1 && self.progress.pair.is_some_and(great)
     }
 
-    /// One strain step by `by`, brought to rest.
+    /// Takes a strain step by `by` and relaxes.
     fn strain(&mut self, run: &Run<'_>, by: f64) -> Result<Equilibrium, Failure> {
         let (exchange, system) = (run.exchange, &mut self.system);
         let height = system.cell.sheared.map_or(0.0, |s| s.height);
@@ -131,12 +131,18 @@ impl<'a, D: Dimension> Strain<'a, D> {
     }
 
     fn eigenvalues(&mut self, run: &Run<'_>) -> Result<Eigenvalues, Failure> {
-        let whole = Whole::gather(run.exchange, &mut self.system, self.law);
+        let whole = GlobalState::gather(run.exchange, &mut self.system, self.law);
         whole.eigenvalues::<D>(run.exchange, &mut self.system, self.law)
     }
 
-    /// By bisection between the states before and after a strain step, from the state before it.
-    fn birth(&mut self, run: &Run<'_>, mut before: Snapshot, steps: u64) -> Result<Birth, Failure> {
+    /// Bisects the strain of the birth between the states before and after a strain step, starting
+    /// from the state before it.
+    fn birth(
+        &mut self,
+        run: &Run<'_>,
+        mut before: RestState,
+        steps: u64,
+    ) -> Result<Birth, Failure> {
         let aqs = self.periodic.aqs;
         let start = aqs.strain_step * steps as f64;
         let (mut low, mut high) = (0.0, aqs.strain_step);
@@ -150,7 +156,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
                 high = middle;
             } else {
                 low = middle;
-                before = Snapshot::of(&mut self.system, self.law);
+                before = RestState::of(&mut self.system, self.law);
             }
         }
         Ok(Birth {
@@ -185,19 +191,19 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
-        let before = Snapshot::of(&mut self.system, self.law);
+        let before = RestState::of(&mut self.system, self.law);
         self.before = Some((before, self.progress));
         self.found = self.strain(run, self.periodic.aqs.strain_step)?;
         let progress = &mut self.progress;
         progress.steps += 1;
         progress.offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
         progress.fell_back += u64::from(self.found.fell_back);
-        // A step takes long: what was asked for meanwhile counts.
+        // A strain step takes long, so requests to stop during it count.
         let stop = stop || run.asked_to_stop();
         Ok(run.exchange.maximum(f64::from(u8::from(stop))) > 0.0)
     }
 
-    /// Measures the packing, and looks for the birth of a pair if the step has brought one.
+    /// Measures the packing. If the step has led to the first complex pair, bisects its birth.
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         let (exchange, aqs) = (run.exchange, &self.periodic.aqs);
         let observed = observe(
@@ -215,7 +221,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             (self.progress.pairs, self.progress.pair) = (found.pairs(), found.greatest_pair());
         }
         let step = self.progress.steps;
-        let row = Row {
+        let row = StrainRow {
             step,
             strain: aqs.strain_step * step as f64,
             offset: self.progress.offset,
@@ -237,7 +243,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             return Ok(());
         };
         if of.birth.is_none() && self.progress.pairs > 0 {
-            let after = Snapshot::of(&mut self.system, self.law);
+            let after = RestState::of(&mut self.system, self.law);
             let birth = self.birth(run, before, of.steps)?;
             self.progress.birth = Some(birth);
             run.terminal.born(&birth);
@@ -259,18 +265,18 @@ impl<D: Dimension> Stage for Strain<'_, D> {
                 progress: self.progress,
                 written: self.files.flush(run.exchange)?,
             },
-            state: State {
+            state: StageState {
                 grains: self.system.grain_states(),
-                contacts: self.system.own_contact_states(self.law),
-                ..State::default()
+                contacts: self.system.owned_contact_states(self.law),
+                ..StageState::default()
             },
             keep: self.scene.keep_checkpoints,
         })
     }
 }
 
-/// What is found after a strain step.
-pub(crate) struct Row {
+/// The results of a strain step.
+pub(crate) struct StrainRow {
     pub step: u64,
     pub strain: f64,
     pub offset: f64,
@@ -280,7 +286,7 @@ pub(crate) struct Row {
     pub eigenvalues: Option<Eigenvalues>,
 }
 
-impl Row {
+impl StrainRow {
     fn columns(&self) -> AqsRow {
         let of = |value: fn(&Eigenvalues) -> f64| self.eigenvalues.as_ref().map_or(f64::NAN, value);
         let imaginary = of(|e| e.greatest_pair().map_or(0.0, |pair| pair.lambda_i));
@@ -308,8 +314,8 @@ impl Row {
     }
 }
 
-/// The line on the terminal.
-impl fmt::Display for Row {
+/// The line of progress on the terminal.
+impl fmt::Display for StrainRow {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let observed = &self.observed;
         let pairs = match &self.eigenvalues {

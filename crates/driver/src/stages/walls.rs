@@ -1,28 +1,26 @@
-//! A scene between walls: packed, then sheared.
+//! Runs of scenes between walls: packing, then shear.
 
-use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, LawSpace};
-use gshear_dem::state::{GrainState, body};
 use gshear_scene::sample::Lattice;
 use gshear_scene::schedule::{inertial_time, mean_mass};
 use gshear_scene::{Load, Origin, PlaneShear, Scene};
 
-use super::pack::Pack;
+use super::pack::PackStage;
 use super::setup::force;
-use super::shear::{From, Shear};
+use super::shear::{From, ShearStage};
+use super::top_wall::{height_between, mass_of_top};
 use crate::files::Written;
 use crate::header::Header;
-use crate::run::{Outcome, Run, Start, State};
+use crate::run::{Outcome, Run, StageState, Start};
 
-/// Drag of the compression, and of the rest after it, in inverse inertial times.
+/// Drag during the compression, in inverse inertial times.
 const DRAG_FALLING: f64 = 0.01;
-pub(super) const DRAG_RESTING: f64 = 1.0;
-/// κ from which on the loose sample bears the whole load at once, of disks and of spheres. At first a
-/// few grains carry all of it, some fifteen times their share, and more in space; a softer sample
-/// begins with the part of the load that overlaps them no more.
+/// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.
+/// At first few grains bear it, each about fifteen times its share in 2D and more in 3D. A softer
+/// sample starts with the fraction of the load that gives the same overlaps.
 const BEARS_ALL: [f64; 2] = [1e3, 1e4];
 
 /// Runs the scene from `start` to its last step; collective.
@@ -42,7 +40,7 @@ pub fn run<D: LawSpace>(
         } => {
             let laws = packing_laws::<D>(scene, plane_shear);
             let begin = (step, piston, drag);
-            let mut pack = Pack::new(run, scene, plane_shear, laws, begin, state)?;
+            let mut pack = PackStage::new(run, scene, plane_shear, laws, begin, state)?;
             if run.drive(&mut pack, step == 0)? == Outcome::Stopped {
                 return Ok(Outcome::Stopped);
             }
@@ -84,24 +82,24 @@ pub fn run<D: LawSpace>(
     };
     let law = force::<D>(&scene.law, scene.contact);
     let begins = from.step == 0;
-    let mut shear = Shear::new(run, scene, plane_shear, law, from, state)?;
+    let mut shear = ShearStage::new(run, scene, plane_shear, law, from, state)?;
     let outcome = run.drive(&mut shear, begins)?;
     shear.finish(run, outcome == Outcome::Done)?;
     Ok(outcome)
 }
 
-/// The stage with which the run begins, and its state.
+/// The first stage of the run, and its state.
 fn begin(
     run: &Run<'_>,
     scene: &Scene,
     plane_shear: &PlaneShear,
     start: Start,
-) -> Result<(Header, State), Failure> {
+) -> Result<(Header, StageState), Failure> {
     let load = &plane_shear.load;
     let (height, grains) = match (start, &plane_shear.origin) {
         (Start::Checkpoint(snapshot), _) => {
             let header = Header::read(&snapshot)?;
-            return Ok((header, State::restore(run.exchange, snapshot)));
+            return Ok((header, StageState::restore(run.exchange, snapshot)));
         }
         (Start::Grains(grains), Origin::Packing { file, .. }) => (file.height(), grains),
         (_, Origin::Packing { .. }) => unreachable!("a packing that was not read"),
@@ -117,7 +115,7 @@ fn begin(
         height,
         velocity: 0.0,
         acceleration: 0.0,
-        // About that of the wall to come.
+        // About the mass of the later wall.
         mass: mean_mass(scene) * scene.sample.base() / scene.sample.mean_section(),
         load: load.normal_force * first_load,
     };
@@ -141,14 +139,14 @@ fn begin(
             packing: None,
         }
     };
-    let state = State {
+    let state = StageState {
         grains,
-        ..State::default()
+        ..StageState::default()
     };
     Ok((header, state))
 }
 
-/// The laws of the grains and of the planes while the sample is packed.
+/// The laws of grains and of planes during the packing.
 fn packing_laws<D: LawSpace>(
     scene: &Scene,
     plane_shear: &PlaneShear,
@@ -161,7 +159,7 @@ fn packing_laws<D: LawSpace>(
         rolling_friction: 0.0,
         ..scene.contact
     };
-    // Without friction there is no rolling resistance either: it packs densest.
+    // Without friction also no rolling resistance, which gives the densest packing.
     let contact = match pack.friction > 0.0 {
         true => Contact {
             friction: pack.friction,
@@ -177,25 +175,7 @@ fn up(scene: &Scene) -> usize {
     scene.dimension.axes() - 1
 }
 
-/// The part of N with which the packing begins.
+/// The fraction of N with which the packing begins.
 fn first_load(scene: &Scene, load: &Load) -> f64 {
     (load.stiffness_number / BEARS_ALL[up(scene) - 1]).min(1.0)
-}
-
-/// Mass of the top wall (kg; kg/m in 2D), of which each rank has a part; collective.
-pub(super) fn mass_of_top(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -> f64 {
-    let masses = FixedPoint::new(mean_mass(scene));
-    let mut mass = Accumulator::default();
-    let of_grain = scene.law.masses();
-    for g in grains.iter().filter(|g| g.body == body::TOP) {
-        let volume = scene.dimension.volume(g.radius);
-        masses.add(&mut mass, of_grain.of(volume));
-    }
-    let [mass] = masses.total(run.exchange, [mass]);
-    mass
-}
-
-/// H (m), between the planes at which the walls end.
-pub(super) fn height_between(scene: &Scene, piston: &Piston) -> f64 {
-    piston.height - 2.0 * scene.sample.mean_diameter
 }

@@ -9,14 +9,14 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
-use super::commands::lost;
+use super::commands::cannot_write;
 use gshear_analysis::rate_state::{
-    Estimate, Evolution, Experiment, Fit, Fitted, Record, Stack, fit_all, jackknife, merge,
+    Estimate, Evolution, Experiment, Fit, Fitted, SliderRecord, Stack, fit_all, jackknife, merge,
     modelled, stacks,
 };
 use gshear_dem::failure::Failure;
 use gshear_report::rate_state as figures;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 use gshear_store::text_writer;
 
 /// Evolution laws to fit.
@@ -58,7 +58,7 @@ struct Reduction {
 /// # Errors
 /// Runs that are not spring-slider tests, a run given twice, files that cannot be written.
 pub fn write(
-    runs: &[Run],
+    runs: &[RunFile],
     laws: Laws,
     folder: &Path,
     output: &mut impl Write,
@@ -70,19 +70,19 @@ pub fn write(
     for (name, text) in &files {
         text_writer::write(&folder.join(name), text)?;
     }
-    summary(&reduction, output).map_err(lost)?;
+    summary(&reduction, output).map_err(cannot_write)?;
     writeln!(
         output,
         "wrote {} files into {}",
         files.len(),
         folder.display()
     )
-    .map_err(lost)
+    .map_err(cannot_write)
 }
 
-fn reduce(runs: &[Run], laws: Laws) -> Result<Reduction, Failure> {
+fn reduce(runs: &[RunFile], laws: Laws) -> Result<Reduction, Failure> {
     for (k, run) in runs.iter().enumerate() {
-        let same = |other: &&Run| other.digest().is_some() && other.digest() == run.digest();
+        let same = |other: &&RunFile| other.digest().is_some() && other.digest() == run.digest();
         if let Some(other) = runs[..k].iter().find(same) {
             return Err(Failure::input(format!(
                 "{} and {} are the same run (equal digests); realisations differ by their seed",
@@ -91,8 +91,9 @@ fn reduce(runs: &[Run], laws: Laws) -> Result<Reduction, Failure> {
             )));
         }
     }
-    let records: Vec<Record> = runs.iter().map(read::record).collect::<Result<_, _>>()?;
-    let (joined, groups): (Vec<Record>, Vec<Vec<usize>>) = merge(&records).into_iter().unzip();
+    let records: Vec<SliderRecord> = runs.iter().map(read::record).collect::<Result<_, _>>()?;
+    let (joined, groups): (Vec<SliderRecord>, Vec<Vec<usize>>) =
+        merge(&records).into_iter().unzip();
     let mut fitted = fit_all(&joined, laws.list());
     if let Some(spread) = jackknife(&records, &groups, &fitted[0]) {
         fitted.insert(1, spread);
@@ -100,7 +101,7 @@ fn reduce(runs: &[Run], laws: Laws) -> Result<Reduction, Failure> {
     let stacks = stacks(&records);
     let records = joined;
     let d_c = fitted[0].best().map(|fit| fit.law.d_c);
-    let models = |record: &Record| -> Vec<(Evolution, Experiment)> {
+    let models = |record: &SliderRecord| -> Vec<(Evolution, Experiment)> {
         let of = |(law, fit): &(Evolution, Result<Fit, String>)| {
             let record = modelled(record, &fit.as_ref().ok()?.law).ok()?;
             Some((*law, Experiment::of(record, d_c)))

@@ -1,9 +1,9 @@
 //! Reads the record of an experiment from a run. Only this module knows the names of columns and
 //! keys.
 
-use gshear_analysis::rate_state::{Record, of_drive};
+use gshear_analysis::rate_state::{SliderRecord, of_drive};
 use gshear_dem::failure::Failure;
-use gshear_store::run_reader::Run;
+use gshear_store::run_reader::RunFile;
 
 /// Smallest number of rows of the time series in a segment.
 const FEWEST_ROWS: usize = 20;
@@ -13,7 +13,7 @@ const FEWEST_ROWS: usize = 20;
 ///
 /// # Errors
 /// No spring, no velocity step or hold, segments with too few rows.
-pub fn record(run: &Run) -> Result<Record, Failure> {
+pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
     let wrong = |what: String| Failure::input(format!("{}: {what}", run.path().display()));
     let spring = run.number("spring_stiffness").ok_or_else(|| {
         wrong(
@@ -52,7 +52,7 @@ pub fn record(run: &Run) -> Result<Record, Failure> {
             "observables/normal_force: its mean is {force:e} N, must be positive: the slider must press on the sample"
         )));
     }
-    let record = Record {
+    let record = SliderRecord {
         stiffness: spring / force,
         drive,
         deviation: vec![f64::NAN; time.len()],
@@ -66,7 +66,7 @@ pub fn record(run: &Run) -> Result<Record, Failure> {
 
 /// Cuts the record to start at its first slide, and checks the number of segments and of their
 /// rows.
-fn tested(record: &Record) -> Result<Record, String> {
+fn tested(record: &SliderRecord) -> Result<SliderRecord, String> {
     let Some(first) = record.drive.iter().position(|segment| !segment.is_hold()) else {
         return Err(
             "observables/drive_velocity: no velocity is above 0; rate-state needs a run that slides".into(),

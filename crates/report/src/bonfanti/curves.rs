@@ -2,14 +2,14 @@
 
 use plotters::style::RGBColor;
 
-use super::{Drawn, Eigenvalue};
+use super::{SpectrumRow, SvgWithData};
 use crate::colour::{CURVES, GREY, INK, SLIP, STICK};
 use crate::compose::grid_of;
 use crate::plot::{Layout, figure};
 use crate::stress::{decimate, padded};
 use crate::ticks;
 use gshear_analysis::growth::Growth;
-use gshear_store::run_reader::PeriodicRun;
+use gshear_store::run_reader::PeriodicRunFile;
 use gshear_store::table::Table;
 
 const WIDE: Layout = Layout {
@@ -100,7 +100,7 @@ fn zipped(x: &[f64], y: &[f64]) -> Vec<[f64; 2]> {
 }
 
 /// Draws figure 1: the extreme imaginary parts against strain.
-pub fn imaginary(run: &PeriodicRun) -> Result<Drawn, &'static str> {
+pub fn imaginary(run: &PeriodicRunFile) -> Result<SvgWithData, &'static str> {
     let [strain, least, greatest] =
         ["strain", "imaginary_least", "imaginary_greatest"].map(|name| run.column(name));
     if greatest.iter().all(|x| x.is_nan()) {
@@ -115,7 +115,7 @@ pub fn imaginary(run: &PeriodicRun) -> Result<Drawn, &'static str> {
         line(least, STICK, "least"),
         line(greatest, CURVES[2], "greatest"),
     ];
-    Ok(Drawn {
+    Ok(SvgWithData {
         svg: panel(WIDE, "", ["strain γ", "Im λ"], false, &lines),
         csv: rows(&[
             ("strain", strain),
@@ -126,7 +126,7 @@ pub fn imaginary(run: &PeriodicRun) -> Result<Drawn, &'static str> {
 }
 
 /// Figure 2.
-pub(super) fn spectra(rows: &[Eigenvalue]) -> Drawn {
+pub(super) fn spectra(rows: &[SpectrumRow]) -> SvgWithData {
     let points: Vec<[f64; 2]> = rows.iter().map(|row| [row.time, row.imaginary]).collect();
     let x = padded(points.iter().map(|p| p[0]), 0.01);
     let y = padded(points.iter().map(|p| p[1]), 0.06);
@@ -155,11 +155,11 @@ pub(super) fn spectra(rows: &[Eigenvalue]) -> Drawn {
         .column("real", |row| row.real)
         .column("imaginary", |row| row.imaginary)
         .csv();
-    Drawn { svg, csv }
+    SvgWithData { svg, csv }
 }
 
 /// Draws figure 3: growth of the mean square displacement.
-pub fn growth(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
+pub fn growth(run: &PeriodicRunFile, growth: Option<&Growth>) -> SvgWithData {
     let msd = run.column("msd");
     let log = |points: &[[f64; 2]]| -> Vec<[f64; 2]> {
         let positive = points.iter().filter(|p| p[1] > 0.0);
@@ -212,7 +212,7 @@ pub fn growth(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
             &[zoomed],
         ));
     }
-    Drawn {
+    SvgWithData {
         svg: grid_of(1, &panels),
         csv: rows(&[("time", &run.time), ("msd", msd)]),
     }
@@ -232,7 +232,10 @@ fn dense(time: &[f64]) -> Option<std::ops::Range<usize>> {
 }
 
 /// Draws figure 4: trajectories of the fastest grains.
-pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'static str> {
+pub fn spirals(
+    run: &PeriodicRunFile,
+    growth: Option<&Growth>,
+) -> Result<SvgWithData, &'static str> {
     let growth = growth.ok_or("the mean square displacement does not grow exponentially")?;
     let end = run
         .frame_time
@@ -271,7 +274,7 @@ pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'st
         });
     }
     let labels = ["Δx over the greatest", "Δy over the greatest"];
-    Ok(Drawn {
+    Ok(SvgWithData {
         svg: panel(SQUARE, "", labels, false, &lines),
         csv: Table::of(rows)
             .column("time", |(time, ..)| *time)
@@ -282,7 +285,7 @@ pub fn spirals(run: &PeriodicRun, growth: Option<&Growth>) -> Result<Drawn, &'st
 }
 
 /// Draws figure 6: D²min of the slip against |v|² in the growing pair.
-pub fn slip(mode_weight: &[f64], dmin: &[f64]) -> Drawn {
+pub fn slip(mode_weight: &[f64], dmin: &[f64]) -> SvgWithData {
     let points: Vec<[f64; 2]> = mode_weight
         .iter()
         .zip(dmin)
@@ -306,14 +309,14 @@ pub fn slip(mode_weight: &[f64], dmin: &[f64]) -> Drawn {
             "D^{2}_{min} of the slip",
         );
     });
-    Drawn {
+    SvgWithData {
         svg,
         csv: rows(&[("eigenvector_square", mode_weight), ("dmin", dmin)]),
     }
 }
 
 /// Draws figure 5: shear stress against time.
-pub fn stress(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
+pub fn stress(run: &PeriodicRunFile, growth: Option<&Growth>) -> SvgWithData {
     let stress = run.column("shear_stress");
     let line = |points| Line {
         points,
@@ -335,7 +338,7 @@ pub fn stress(run: &PeriodicRun, growth: Option<&Growth>) -> Drawn {
         let labels = ["time", "change of σ_{xz}"];
         panels.push(panel(WIDE, "(b)", labels, false, &[line(change)]));
     }
-    Drawn {
+    SvgWithData {
         svg: grid_of(1, &panels),
         csv: rows(&[("time", &run.time), ("shear_stress", stress)]),
     }

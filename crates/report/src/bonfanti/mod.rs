@@ -11,7 +11,7 @@ use gshear_analysis::growth::{self, Growth};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
-use gshear_store::run_reader::PeriodicRun;
+use gshear_store::run_reader::PeriodicRunFile;
 use gshear_store::table::{self, Table};
 use gshear_store::text_writer;
 
@@ -19,10 +19,10 @@ use gshear_store::text_writer;
 const LINEAR: f64 = 1e-11;
 
 /// The data of a run.
-struct Studied {
-    strain: PeriodicRun,
-    newtonian: Option<PeriodicRun>,
-    spectra: Vec<Eigenvalue>,
+struct BoxRun {
+    strain: PeriodicRunFile,
+    newtonian: Option<PeriodicRunFile>,
+    spectra: Vec<SpectrumRow>,
     growth: Option<Growth>,
     /// |v|² in the growing pair, and D²min of the slip that follows it, `[N]` each.
     slip: Option<[Vec<f64>; 2]>,
@@ -30,27 +30,27 @@ struct Studied {
 
 /// A row of `spectra.csv`.
 #[derive(serde::Deserialize)]
-struct Eigenvalue {
+struct SpectrumRow {
     time: f64,
     real: f64,
     imaginary: f64,
 }
 
 /// A figure under the paper's number, or why there is none.
-struct Figure {
+struct PaperFigure {
     number: u8,
     caption: &'static str,
-    drawn: Result<Drawn, &'static str>,
+    drawn: Result<SvgWithData, &'static str>,
 }
 
 /// A figure as SVG, and its data as CSV.
-struct Drawn {
+struct SvgWithData {
     svg: String,
     csv: String,
 }
 
 /// A quantity, its value in the paper, and that of the run.
-struct Number {
+struct PaperValue {
     what: &'static str,
     paper: &'static str,
     ours: String,
@@ -62,7 +62,7 @@ struct Number {
 /// # Errors
 /// If files are missing or damaged, or cannot be written.
 pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<PathBuf, Failure> {
-    let studied = Studied::read(run, mode_weight)?;
+    let studied = BoxRun::read(run, mode_weight)?;
     let figures = studied.figures();
     let numbers = studied.numbers();
     for figure in &figures {
@@ -84,12 +84,12 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
     Ok(page)
 }
 
-impl Studied {
+impl BoxRun {
     fn read(run: &Path, mode_weight: Option<&[f64]>) -> Result<Self, Failure> {
-        let strain = PeriodicRun::open(&run.join(AQS_FILE), &AqsRow::COLUMNS)?;
+        let strain = PeriodicRunFile::open(&run.join(AQS_FILE), &AqsRow::COLUMNS)?;
         let path = run.join(NEWTONIAN_FILE);
         let newtonian = match path.exists() {
-            true => Some(PeriodicRun::open(&path, &NewtonianRow::COLUMNS)?),
+            true => Some(PeriodicRunFile::open(&path, &NewtonianRow::COLUMNS)?),
             false => None,
         };
         let path = run.join(SPECTRA_FILE);
@@ -114,18 +114,18 @@ impl Studied {
         })
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<PaperFigure> {
         let moving = self
             .newtonian
             .as_ref()
             .ok_or("the run has no [newtonian] stage");
         vec![
-            Figure {
+            PaperFigure {
                 number: 1,
                 caption: "Least and greatest imaginary part of the eigenvalues of K v = λ M v against strain.",
                 drawn: curves::imaginary(&self.strain),
             },
-            Figure {
+            PaperFigure {
                 number: 2,
                 caption: "Imaginary parts of all eigenvalues against time, under Newton's equations.",
                 drawn: match self.spectra.is_empty() {
@@ -133,24 +133,24 @@ impl Studied {
                     false => Ok(curves::spectra(&self.spectra)),
                 },
             },
-            Figure {
+            PaperFigure {
                 number: 3,
                 caption: "(a) Mean square displacement (eq. 10), its fitted exponential growth, and that of the complex pair. \
                           (b) One of the intervals in which the oscillation is resolved.",
                 drawn: moving.map(|run| curves::growth(run, self.growth.as_ref())),
             },
-            Figure {
+            PaperFigure {
                 number: 4,
                 caption: "Trajectories of the eight spheres with the greatest displacement at the end of the linear growth, over the greatest displacement, seen along z. \
                           The interval of the frames is a little more than a whole number of periods, so they show the oscillation slowed down.",
                 drawn: moving.and_then(|run| curves::spirals(run, self.growth.as_ref())),
             },
-            Figure {
+            PaperFigure {
                 number: 5,
                 caption: "(a) Shear stress (virial) against time. (b) Its change during the linear growth.",
                 drawn: moving.map(|run| curves::stress(run, self.growth.as_ref())),
             },
-            Figure {
+            PaperFigure {
                 number: 6,
                 caption: "Not in the paper: D²min between the first and the last frame against |v|² of the growing pair, one point per sphere.",
                 drawn: self
@@ -162,11 +162,11 @@ impl Studied {
         ]
     }
 
-    fn numbers(&self) -> Vec<Number> {
+    fn numbers(&self) -> Vec<PaperValue> {
         let mut numbers = Vec::new();
         let mut add = |what, paper, ours: Option<String>| {
             let ours = ours.unwrap_or_else(|| "–".into());
-            numbers.push(Number { what, paper, ours });
+            numbers.push(PaperValue { what, paper, ours });
         };
         let of_strain = |name| self.strain.number(name);
         add(
@@ -243,7 +243,7 @@ impl Studied {
 
 /// D²min of every grain between the first and the last frame, with neighbours within 5 mean radii
 /// as in LH.
-fn dmin_of(run: &PeriodicRun) -> Option<Vec<f64>> {
+fn dmin_of(run: &PeriodicRunFile) -> Option<Vec<f64>> {
     let (first, last) = (run.positions.first()?, run.positions.last()?);
     let radius = 5.0 * run.radius.iter().sum::<f64>() / run.radius.len() as f64;
     Some(match run.is_planar() {
@@ -252,7 +252,7 @@ fn dmin_of(run: &PeriodicRun) -> Option<Vec<f64>> {
     })
 }
 
-fn html(studied: &Studied, numbers: &[Number], figures: &[Figure]) -> String {
+fn html(studied: &BoxRun, numbers: &[PaperValue], figures: &[PaperFigure]) -> String {
     let mut body = String::new();
     for figure in figures {
         match &figure.drawn {

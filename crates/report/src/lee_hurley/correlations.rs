@@ -10,7 +10,7 @@ use crate::compose::grid_of;
 use crate::plot::{Layout, Marker, figure};
 use crate::ticks::{self, Tick};
 use gshear_analysis::correlate::{Length, Quantity, Subject};
-use gshear_analysis::ranges::Range;
+use gshear_analysis::ranges::ValueRange;
 use gshear_analysis::spearman::Correlation;
 use gshear_store::table::Table;
 
@@ -40,17 +40,17 @@ const PANELS: [Subject; 10] = [
 ];
 const OMITTED: &str = "Points with p > 0.05 are left out, but kept in the table.";
 
-struct Curve {
+struct RunCurve {
     name: String,
     colour: RGBColor,
     marker: Marker,
-    points: Vec<(Range, Correlation)>,
+    points: Vec<(ValueRange, Correlation)>,
     /// Half-length of the error bar at every point; empty without bars.
     bars: Vec<f64>,
 }
 
-fn curve(k: usize, name: String, points: Vec<(Range, Correlation)>) -> Curve {
-    Curve {
+fn curve(k: usize, name: String, points: Vec<(ValueRange, Correlation)>) -> RunCurve {
+    RunCurve {
         name,
         colour: CURVES[k % CURVES.len()],
         marker: Marker::ALL[k % Marker::ALL.len()],
@@ -181,14 +181,14 @@ pub fn key(subject: Subject) -> [&'static str; 2] {
 }
 
 /// Coefficients of a panel and run, for a table.
-struct Found<'a> {
+struct PanelCoefficients<'a> {
     panel: char,
     run: &'a Studied,
     of: &'static str,
     with: &'static str,
     over: &'static str,
     range_of: String,
-    points: Vec<(Range, Correlation)>,
+    points: Vec<(ValueRange, Correlation)>,
 }
 
 fn letter(k: usize) -> char {
@@ -261,12 +261,12 @@ pub fn seeds(families: &[&Family]) -> String {
             let found = family.correlate(subject);
             let points = found.iter().map(|(range, mean, _)| (*range, *mean));
             let name = family.label().replace("μ_s", "μ_{s}");
-            Curve {
+            RunCurve {
                 bars: found.iter().map(|(_, _, spread)| spread.error).collect(),
                 ..curve(c, name, points.collect())
             }
         };
-        let curves: Vec<Curve> = families.iter().enumerate().map(of_family).collect();
+        let curves: Vec<RunCurve> = families.iter().enumerate().map(of_family).collect();
         drawn.push(panel_of_stress(&title(k, subject), &curves));
     }
     grid_of(2, &drawn)
@@ -289,15 +289,15 @@ fn found_by_stress<'a>(
     panel: char,
     run: &'a Studied,
     subject: Subject,
-    points: &[(Range, Correlation)],
-) -> Found<'a> {
+    points: &[(ValueRange, Correlation)],
+) -> PanelCoefficients<'a> {
     let [with, over] = key(subject);
     let of = if over == "intervals" {
         "delta_tau"
     } else {
         "delta_tau_p"
     };
-    Found {
+    PanelCoefficients {
         panel,
         run,
         of,
@@ -308,7 +308,7 @@ fn found_by_stress<'a>(
     }
 }
 
-fn table(found: &[Found]) -> String {
+fn table(found: &[PanelCoefficients]) -> String {
     let rows = found
         .iter()
         .flat_map(|found| found.points.iter().map(move |point| (found, point)));
@@ -336,7 +336,7 @@ fn by_measure(number: u8, run: &Studied, quantities: &[Quantity], caption: Strin
         let mut curves = Vec::new();
         for (c, quantity) in quantities.iter().enumerate() {
             let points = run.regime.correlate_by(by, unit, *quantity);
-            found.push(Found {
+            found.push(PanelCoefficients {
                 panel: letter(k),
                 run,
                 of: "delta_tau_p",
@@ -368,7 +368,7 @@ fn place(change: f64) -> f64 {
     (change.abs().log10() - LEAST + GAP).copysign(change)
 }
 
-fn panel_of_stress(title: &str, curves: &[Curve]) -> String {
+fn panel_of_stress(title: &str, curves: &[RunCurve]) -> String {
     let end = -1.0 - LEAST + GAP;
     let tick = |power: i32, sign: f64| -> Tick {
         let at = place(sign * 10f64.powi(power));
@@ -390,7 +390,7 @@ fn panel_of_stress(title: &str, curves: &[Curve]) -> String {
     )
 }
 
-fn panel_of_measure(title: &str, x_label: &str, curves: &[Curve]) -> String {
+fn panel_of_measure(title: &str, x_label: &str, curves: &[RunCurve]) -> String {
     let ranges = curves
         .iter()
         .flat_map(|curve| &curve.points)
@@ -417,7 +417,7 @@ fn panel(
     x: [f64; 2],
     x_ticks: &[Tick],
     x_label: &str,
-    curves: &[Curve],
+    curves: &[RunCurve],
     place: &dyn Fn(f64) -> f64,
 ) -> String {
     let y_ticks = ticks::round(0.0, 1.0, 5);
@@ -428,7 +428,7 @@ fn panel(
         }
         for curve in curves {
             // A line joins neighbouring ranges that are both significant.
-            let points = |pair: &[(Range, Correlation)]| -> Option<Vec<[f64; 2]>> {
+            let points = |pair: &[(ValueRange, Correlation)]| -> Option<Vec<[f64; 2]>> {
                 let all = pair.iter().all(|(_, found)| found.is_significant());
                 all.then(|| {
                     pair.iter()
@@ -436,7 +436,7 @@ fn panel(
                         .collect()
                 })
             };
-            let same_side = |pair: &&[(Range, Correlation)]| {
+            let same_side = |pair: &&[(ValueRange, Correlation)]| {
                 pair[0].0.farther.signum() == pair[1].0.farther.signum()
             };
             for line in curve.points.windows(2).filter(same_side).filter_map(points) {

@@ -1,6 +1,6 @@
 //! τ(γ): figures 2, 12, 14 and 24.
 
-use super::studied::{Event, Size, Stage, Studied};
+use super::studied::{DropStage, Event, Size, Studied};
 use super::{Drawn, Figure, no_run};
 use crate::colour::{CURVES, GREY, INK, STAGES};
 use crate::compose::grid_of;
@@ -158,8 +158,8 @@ pub fn shade(plot: &mut Plot, run: &Studied, event: &Event) {
     }
 }
 
-/// Panel a: every row of the time series of `runs`. Panel b: the rows around the largest drop of `with_event`; the stage is
-/// that of the interval which a row ends.
+/// Panel a: every row of the time series of `runs`. Panel b: the rows around the largest drop of
+/// `with_event`; the stage is that of the interval which a row ends.
 fn table(runs: &[&Studied], with_event: Option<&Studied>) -> String {
     let whole = runs.iter().flat_map(|run| {
         let curve = run.strain.iter().zip(&run.tau);
@@ -189,10 +189,10 @@ fn table(runs: &[&Studied], with_event: Option<&Studied>) -> String {
 /// Returns the name of the stage that contains the interval ending at a row.
 pub fn stage_of(event: &Event, row: usize) -> &'static str {
     if row <= event.stages.drop {
-        Stage::Before.name()
+        DropStage::Before.name()
     } else if row <= event.stages.calm {
-        Stage::Drop.name()
+        DropStage::Drop.name()
     } else {
-        Stage::After.name()
+        DropStage::After.name()
     }
 }

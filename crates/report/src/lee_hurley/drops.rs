@@ -1,18 +1,20 @@
 //! The largest drops of τ, with the time steps to replay them from.
 
 use super::studied::Studied;
-use gshear_analysis::phases::{Kind, Phase};
+use gshear_analysis::phases::{Phase, PhaseKind};
 use gshear_store::table::Table;
 
-/// Number of drops listed per run.
+/// QuotedNumber of drops listed per run.
 const LISTED: usize = 20;
-/// Number of drops after the largest one in the table of numbers.
+/// QuotedNumber of drops after the largest one in the table of numbers.
 const NEXT: usize = 3;
 
 /// The slips of a regime by loss of τ, the greatest first; of equal ones the first in time.
 fn largest(run: &Studied) -> Vec<Phase> {
     let phases = run.regime.phases.iter().map(|measured| measured.phase);
-    let mut slips: Vec<Phase> = phases.filter(|phase| phase.kind == Kind::Slip).collect();
+    let mut slips: Vec<Phase> = phases
+        .filter(|phase| phase.kind == PhaseKind::Slip)
+        .collect();
     slips.sort_by(|a, b| a.change.total_cmp(&b.change));
     slips.truncate(LISTED);
     slips

@@ -3,8 +3,8 @@
 use super::correlations::{key, seeds};
 use super::studied::{Size, Studied};
 use gshear_analysis::correlate::{SUBJECTS, Subject};
-use gshear_analysis::phases::Kind;
-use gshear_analysis::ranges::Range;
+use gshear_analysis::phases::PhaseKind;
+use gshear_analysis::ranges::ValueRange;
 use gshear_analysis::spearman::Correlation;
 use gshear_analysis::spread::Spread;
 use gshear_store::table::Table;
@@ -39,7 +39,7 @@ impl Family<'_> {
 
     /// Returns for every range the mean ρ of the runs with at least five pairs, their median p and
     /// least number of pairs, and the spread of ρ.
-    pub fn correlate(&self, subject: Subject) -> Vec<(Range, Correlation, Spread)> {
+    pub fn correlate(&self, subject: Subject) -> Vec<(ValueRange, Correlation, Spread)> {
         let all: Vec<_> = self
             .runs
             .iter()
@@ -79,7 +79,7 @@ impl Family<'_> {
         };
         let slips = |run: &Studied| -> Vec<f64> {
             let phases = run.regime.phases.iter().map(|m| m.phase);
-            let slips = phases.filter(|phase| phase.kind == Kind::Slip);
+            let slips = phases.filter(|phase| phase.kind == PhaseKind::Slip);
             slips.map(|phase| phase.change).collect()
         };
         [

@@ -18,7 +18,7 @@ const PANEL: Layout = Layout {
     margin: [72.0, 62.0, 16.0, 58.0],
 };
 
-type Curve<'a> = (&'a str, RGBColor, Box<dyn Fn(&FrameScalars) -> f64>);
+type ScalarCurve<'a> = (&'a str, RGBColor, Box<dyn Fn(&FrameScalars) -> f64>);
 
 /// Draws Spearman's ρ of |Δσ_p| with D²min, the greatest D²min, the number of GR regions and their
 /// contact angles around the drop.
@@ -105,7 +105,7 @@ fn panel(
     letter: &str,
     y_label: &str,
     logarithmic: bool,
-    curves: &[Curve],
+    curves: &[ScalarCurve],
 ) -> String {
     let rows: Vec<usize> = (event.stages.begin + 1..=event.stages.end).collect();
     let percent = stress::percent_of(&run.regime.strain);

@@ -14,13 +14,13 @@ mod studied;
 
 use std::path::{Path, PathBuf};
 
-pub use self::studied::{Choice, Event, Size, Stage, Step, Studied, friction};
+pub use self::studied::{DropStage, Event, MapStep, Size, Studied, StudyOptions, friction};
 use gshear_dem::failure::Failure;
 use gshear_store::text_writer;
 
 /// A figure with its number in the paper.
 pub struct Figure {
-    /// Number in the paper.
+    /// QuotedNumber in the paper.
     pub number: u8,
     /// Caption in HTML.
     pub caption: String,

@@ -3,7 +3,7 @@
 use super::drops;
 use super::studied::{Size, Studied};
 use gshear_analysis::correlate::{CONFIGURATIONS, Length, Quantity, Subject};
-use gshear_analysis::ranges::Range;
+use gshear_analysis::ranges::ValueRange;
 use gshear_analysis::spearman::Correlation;
 use gshear_store::table::Table;
 
@@ -17,7 +17,7 @@ const MODERATE: f64 = 0.4;
 const STRONG: f64 = 0.6;
 
 /// A line of the table.
-pub struct Number {
+pub struct QuotedNumber {
     /// Label of the run.
     pub run: String,
     /// The quantity or statement.
@@ -29,12 +29,12 @@ pub struct Number {
 }
 
 /// Returns the lines of every run, one run after the other.
-pub fn of(runs: &[Studied]) -> Vec<Number> {
+pub fn of(runs: &[Studied]) -> Vec<QuotedNumber> {
     runs.iter().flat_map(of_run).collect()
 }
 
 /// Returns the content of `numbers.csv`.
-pub fn csv(numbers: &[Number]) -> String {
+pub fn csv(numbers: &[QuotedNumber]) -> String {
     Table::of(numbers)
         .column("run", |number| &number.run)
         .column("what", |number| &number.what)
@@ -44,11 +44,11 @@ pub fn csv(numbers: &[Number]) -> String {
         .csv()
 }
 
-fn of_run(run: &Studied) -> Vec<Number> {
+fn of_run(run: &Studied) -> Vec<QuotedNumber> {
     let mut lines: Vec<(String, String, String)> = basics(run);
     lines.extend(drop(run));
     lines.extend(statements(run));
-    let number = |(what, paper, ours)| Number {
+    let number = |(what, paper, ours)| QuotedNumber {
         run: run.label.clone(),
         what,
         paper,
@@ -61,8 +61,8 @@ fn known(value: Option<f64>) -> String {
     value.map_or("unknown".into(), |value| format!("{value:.3e}"))
 }
 
-/// Number of phases in the paper, by size and friction (sections 4 and 5, appendix C), each in
-/// about 130,000 intervals.
+/// QuotedNumber of phases in the paper, by size and friction (sections 4 and 5, appendix C), each
+/// in about 130,000 intervals.
 fn phases_of_paper(run: &Studied) -> Option<f64> {
     let of_friction = match run.size {
         Size::Small => [18e3, 46e3, 52e3, 42e3],
@@ -197,7 +197,7 @@ fn drop(run: &Studied) -> Vec<(String, String, String)> {
 }
 
 /// A statement that one correlation is stronger than another in some ranges.
-struct Comparison {
+struct PaperComparison {
     what: &'static str,
     stronger: Subject,
     weaker: Subject,
@@ -263,7 +263,7 @@ fn statements(run: &Studied) -> Vec<(String, String, String)> {
             [1e-1, 1e-5],
         ),
     ];
-    let comparisons = comparisons.map(|(what, stronger, weaker, within)| Comparison {
+    let comparisons = comparisons.map(|(what, stronger, weaker, within)| PaperComparison {
         what,
         stronger,
         weaker,
@@ -274,7 +274,7 @@ fn statements(run: &Studied) -> Vec<(String, String, String)> {
         .map(|comparison| compare(run, comparison))
         .collect();
 
-    let slip = |range: &Range, [great, small]: [f64; 2]| {
+    let slip = |range: &ValueRange, [great, small]: [f64; 2]| {
         range.farther < 0.0 && -range.farther <= great * 1.001 && -range.nearer >= small * 0.999
     };
     for (quantity, words) in [(TopMax, "mg_t10%"), (TopSum, "sg_t10%")] {
@@ -318,11 +318,11 @@ fn statements(run: &Studied) -> Vec<(String, String, String)> {
     lines
 }
 
-fn compare(run: &Studied, comparison: &Comparison) -> (String, String, String) {
+fn compare(run: &Studied, comparison: &PaperComparison) -> (String, String, String) {
     let [great, small] = comparison.within;
     let [stronger, weaker] =
         [comparison.stronger, comparison.weaker].map(|subject| run.regime.correlate(subject));
-    let within = |range: &Range| {
+    let within = |range: &ValueRange| {
         range.farther < 0.0 && -range.farther <= great * 1.001 && -range.nearer >= small * 0.999
     };
     let pairs = stronger
@@ -347,7 +347,7 @@ fn compare(run: &Studied, comparison: &Comparison) -> (String, String, String) {
 }
 
 /// Counts the significant coefficients that are weak, moderate and strong, and gives the greatest.
-fn words_of(found: impl Iterator<Item = (Range, Correlation)>) -> String {
+fn words_of(found: impl Iterator<Item = (ValueRange, Correlation)>) -> String {
     let significant: Vec<f64> = found
         .filter(|(_, c)| c.is_significant())
         .map(|(_, c)| c.rho.abs())

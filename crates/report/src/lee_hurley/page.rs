@@ -1,6 +1,6 @@
 //! The HTML page of the study: the figures in the order of the paper, and the tables of numbers.
 
-use super::numbers::Number;
+use super::numbers::QuotedNumber;
 use super::studied::Studied;
 use super::{Drawn, Figure};
 use crate::page::escape;
@@ -9,7 +9,7 @@ use crate::page::escape;
 /// and SVG of the figures over several seeds.
 pub fn html(
     runs: &[Studied],
-    numbers: &[Number],
+    numbers: &[QuotedNumber],
     drawn: &[Drawn],
     seeds: &[(String, String)],
 ) -> String {

@@ -1,13 +1,13 @@
 //! CSV tables of the maps.
 
 use super::steps::top;
-use super::studied::{Step, Studied};
+use super::studied::{MapStep, Studied};
 use gshear_analysis::forces;
 use gshear_dem::state::Disks;
 use gshear_store::table::Table;
 
 /// Returns one line per grain and step; lengths in m, D²min in m².
-pub fn grains_table(run: &Studied, steps: &[&Step]) -> String {
+pub fn grains_table(run: &Studied, steps: &[&MapStep]) -> String {
     let rows = steps.iter().flat_map(|step| {
         let top = top(&step.dmin);
         let grains = 0..step.frame.position.len();
@@ -30,7 +30,7 @@ pub fn grains_table(run: &Studied, steps: &[&Step]) -> String {
 }
 
 /// Returns one line per contact and step: |f| and, if `with_change`, its change.
-pub fn contacts_table(run: &Studied, steps: &[&Step], with_change: bool) -> String {
+pub fn contacts_table(run: &Studied, steps: &[&MapStep], with_change: bool) -> String {
     let rows = steps.iter().flat_map(|step| {
         let contacts = step.frame.contacts.iter().enumerate();
         contacts.map(move |(k, contact)| (*step, k, contact))
@@ -57,7 +57,7 @@ pub fn contacts_table(run: &Studied, steps: &[&Step], with_change: bool) -> Stri
 }
 
 /// Returns one line per grain and step, in m.
-pub fn displacement_table(grains: &Disks, steps: &[&Step]) -> String {
+pub fn displacement_table(grains: &Disks, steps: &[&MapStep]) -> String {
     let rows = steps.iter().flat_map(|step| {
         let displacements = step.displacement.iter().enumerate();
         displacements.map(move |(n, u)| (*step, n, *u))

@@ -1,13 +1,13 @@
 //! Maps of the steps around the largest drop: figures 3 to 7 and 15 to 20.
 
 use super::step_tables::{contacts_table, displacement_table, grains_table};
-use super::studied::{Size, Stage, Step, Studied};
+use super::studied::{DropStage, MapStep, Size, Studied};
 use super::{Drawn, Figure, no_run};
 use plotters::style::RGBColor;
 
 use crate::colour::{CHANGE, FORCE, GREY, INK, PALE, SLIP, VIRIDIS, WALL, WHITE};
 use crate::compose::{gathered, grid_of};
-use crate::map::{self, View};
+use crate::map::{self, MapView};
 use crate::plot::{Layout, Plot, figure};
 use crate::ticks;
 use gshear_analysis::displacement::tension;
@@ -52,24 +52,24 @@ pub fn figures(numbers: [u8; 6], run: Option<&Studied>) -> Vec<Drawn> {
                 .into(),
         ));
     }
-    let of = |stages: &[Stage]| -> Vec<&Step> {
+    let of = |stages: &[DropStage]| -> Vec<&MapStep> {
         steps
             .iter()
             .filter(|step| stages.contains(&step.stage))
             .collect()
     };
     let merged = numbers[2] == 0;
-    let drop: &[Stage] = if merged {
-        &[Stage::Drop, Stage::FurtherDrop]
+    let drop: &[DropStage] = if merged {
+        &[DropStage::Drop, DropStage::FurtherDrop]
     } else {
-        &[Stage::Drop]
+        &[DropStage::Drop]
     };
     let mut drawn = vec![
         stage(
             numbers[0],
             run,
             "Stage I, before the drop",
-            &of(&[Stage::Before]),
+            &of(&[DropStage::Before]),
         ),
         stage(numbers[1], run, "Stage II, during the drop", &of(drop)),
     ];
@@ -78,14 +78,14 @@ pub fn figures(numbers: [u8; 6], run: Option<&Studied>) -> Vec<Drawn> {
             numbers[2],
             run,
             "Stage II, during the further drops",
-            &of(&[Stage::FurtherDrop]),
+            &of(&[DropStage::FurtherDrop]),
         ));
     }
     drawn.push(stage(
         numbers[3],
         run,
         "Stage III, after the drop",
-        &of(&[Stage::After]),
+        &of(&[DropStage::After]),
     ));
     drawn.push(Ok(network(numbers[4], run, steps)));
     drawn.push(Ok(displacements(numbers[5], run, steps)));
@@ -93,7 +93,7 @@ pub fn figures(numbers: [u8; 6], run: Option<&Studied>) -> Vec<Drawn> {
 }
 
 /// The view of all steps: the whole sample, or a part if it is very large.
-fn view(run: &Studied, steps: &[&Step]) -> View {
+fn view(run: &Studied, steps: &[&MapStep]) -> MapView {
     let first = steps[0];
     let centre = first
         .frame
@@ -101,10 +101,10 @@ fn view(run: &Studied, steps: &[&Step]) -> View {
         .get(greatest(first).unwrap_or(0))
         .copied()
         .unwrap_or_default();
-    View::of(&run.grains, &first.frame, centre)
+    MapView::of(&run.grains, &first.frame, centre)
 }
 
-fn panel(view: View, title: [&str; 2], draw: impl FnOnce(&mut Plot)) -> String {
+fn panel(view: MapView, title: [&str; 2], draw: impl FnOnce(&mut Plot)) -> String {
     let ratio = (view.y[1] - view.y[0]) / (view.x[1] - view.x[0]);
     let [left, top, right, bottom] = MARGIN;
     let layout = Layout {
@@ -119,7 +119,7 @@ fn panel(view: View, title: [&str; 2], draw: impl FnOnce(&mut Plot)) -> String {
     }))
 }
 
-fn step_title(step: &Step) -> String {
+fn step_title(step: &MapStep) -> String {
     format!(
         "Step {}, Stage {}, γ = {:.5} %",
         step.number,
@@ -130,7 +130,7 @@ fn step_title(step: &Step) -> String {
 
 /// Draws one row per step: greatest reductions of force, differential force network, greatest
 /// D²min, and D²min.
-fn stage(number: u8, run: &Studied, what: &str, steps: &[&Step]) -> Drawn {
+fn stage(number: u8, run: &Studied, what: &str, steps: &[&MapStep]) -> Drawn {
     if steps.is_empty() {
         return Err((number, format!("{what}: this drop has no such part")));
     }
@@ -203,7 +203,7 @@ pub fn top(dmin: &[f64]) -> Vec<u32> {
 
 /// Draws all grains in pale colours, wall grains darker; without outlines, so that each kind
 /// becomes one path.
-fn background(plot: &mut Plot, run: &Studied, step: &Step, view: View) {
+fn background(plot: &mut Plot, run: &Studied, step: &MapStep, view: MapView) {
     let scale = plot.scale();
     for (wall, colour) in [(false, PALE), (true, WALL)] {
         let of_kind = |n: &usize| (run.grains.body[*n] != 0) == wall;
@@ -222,7 +222,13 @@ fn background(plot: &mut Plot, run: &Studied, step: &Step, view: View) {
     }
 }
 
-fn marked(run: &Studied, step: &Step, view: View, title: [&str; 2], grains: &[u32]) -> String {
+fn marked(
+    run: &Studied,
+    step: &MapStep,
+    view: MapView,
+    title: [&str; 2],
+    grains: &[u32],
+) -> String {
     panel(view, title, |plot| {
         background(plot, run, step, view);
         let scale = plot.scale();
@@ -241,7 +247,7 @@ fn marked(run: &Studied, step: &Step, view: View, title: [&str; 2], grains: &[u3
     })
 }
 
-fn differences(run: &Studied, step: &Step, view: View, greatest: f64) -> String {
+fn differences(run: &Studied, step: &MapStep, view: MapView, greatest: f64) -> String {
     panel(view, ["", "differential force network"], |plot| {
         background(plot, run, step, view);
         let shares: Vec<f64> = step
@@ -269,7 +275,7 @@ struct Levels {
 }
 
 impl Levels {
-    fn of(run: &Studied, steps: &[&Step]) -> Self {
+    fn of(run: &Studied, steps: &[&MapStep]) -> Self {
         let square = run.grains.mean_radius().powi(2);
         let mut levels: Vec<f64> = steps
             .iter()
@@ -285,8 +291,8 @@ impl Levels {
     }
 }
 
-fn dmin(run: &Studied, step: &Step, view: View, levels: &Levels) -> String {
-    /// Number of shades; disks of one shade become one path of the figure.
+fn dmin(run: &Studied, step: &MapStep, view: MapView, levels: &Levels) -> String {
+    /// QuotedNumber of shades; disks of one shade become one path of the figure.
     const SHADES: f64 = 48.0;
     let share = |n: usize| {
         let level = (step.dmin[n] / levels.square).log10();
@@ -342,8 +348,8 @@ fn bar(
 }
 
 /// Draws |f| of every contact at the end of every step.
-fn network(number: u8, run: &Studied, steps: &[Step]) -> Figure {
-    let all: Vec<&Step> = steps.iter().collect();
+fn network(number: u8, run: &Studied, steps: &[MapStep]) -> Figure {
+    let all: Vec<&MapStep> = steps.iter().collect();
     let view = view(run, &all);
     let mut sizes: Vec<f64> = steps
         .iter()
@@ -357,7 +363,7 @@ fn network(number: u8, run: &Studied, steps: &[Step]) -> Figure {
         .copied()
         .filter(|f| *f > 0.0)
         .unwrap_or(1.0);
-    let of_step = |step: &Step| {
+    let of_step = |step: &MapStep| {
         panel(view, [&step_title(step), ""], |plot| {
             let shares: Vec<f64> = step
                 .frame
@@ -398,14 +404,14 @@ fn network(number: u8, run: &Studied, steps: &[Step]) -> Figure {
 }
 
 /// Index of the grain with the greatest D²min.
-fn greatest(step: &Step) -> Option<usize> {
+fn greatest(step: &MapStep) -> Option<usize> {
     (0..step.dmin.len())
         .filter(|n| step.dmin[*n].is_finite())
         .max_by(|a, b| step.dmin[*a].total_cmp(&step.dmin[*b]))
 }
 
 /// Draws grey arrows of tension and compression around the grain with the greatest D²min.
-fn axes(plot: &mut Plot, run: &Studied, step: &Step) {
+fn axes(plot: &mut Plot, run: &Studied, step: &MapStep) {
     let Some(centre) = greatest(step).map(|n| step.frame.position[n]) else {
         return;
     };
@@ -426,10 +432,10 @@ fn axes(plot: &mut Plot, run: &Studied, step: &Step) {
 }
 
 /// Draws the non-affine displacements of every step as arrows.
-fn displacements(number: u8, run: &Studied, steps: &[Step]) -> Figure {
-    let all: Vec<&Step> = steps.iter().collect();
+fn displacements(number: u8, run: &Studied, steps: &[MapStep]) -> Figure {
+    let all: Vec<&MapStep> = steps.iter().collect();
     let view = view(run, &all);
-    let of_step = |step: &Step| {
+    let of_step = |step: &MapStep| {
         let length = |u: &[f64; 2]| u[0].hypot(u[1]);
         let mut sizes: Vec<f64> = step.displacement.iter().map(length).collect();
         sizes.sort_by(f64::total_cmp);
@@ -452,13 +458,13 @@ fn displacements(number: u8, run: &Studied, steps: &[Step]) -> Figure {
                     }
                 }
             }
-            if matches!(step.stage, Stage::Drop | Stage::FurtherDrop) {
+            if matches!(step.stage, DropStage::Drop | DropStage::FurtherDrop) {
                 axes(plot, run, step);
             }
         })
     };
     let panels: Vec<String> = steps.iter().map(of_step).collect();
-    let all_steps: Vec<&Step> = steps.iter().collect();
+    let all_steps: Vec<&MapStep> = steps.iter().collect();
     Figure {
         number,
         caption: format!(

@@ -1,13 +1,13 @@
 //! A run with the statistics that the study needs.
 
 use gshear_analysis::correlate::Regime;
-use gshear_analysis::frame_scalars::{FrameScalars, Scratch, Stressed, frame_scalars};
+use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_analysis::regions::MinPoints;
 use gshear_analysis::stages::Stages;
 use gshear_analysis::{displacement, phases};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Disks, Frame};
-use gshear_store::run_reader::{Fields, Run};
+use gshear_store::run_reader::{FrameFields, RunFile};
 
 /// The paper's sample that a run is compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,7 +51,7 @@ impl Size {
 
 /// Stage of the largest drop (LH section 3.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum DropStage {
     /// Stage I, before the drop.
     Before,
     /// Stage II up to the end of the largest slip.
@@ -62,23 +62,23 @@ pub enum Stage {
     After,
 }
 
-impl Stage {
+impl DropStage {
     /// Returns the Roman numeral of the stage.
     pub fn name(self) -> &'static str {
         match self {
-            Stage::Before => "I",
-            Stage::Drop | Stage::FurtherDrop => "II",
-            Stage::After => "III",
+            DropStage::Before => "I",
+            DropStage::Drop | DropStage::FurtherDrop => "II",
+            DropStage::After => "III",
         }
     }
 }
 
 /// An interval around the drop that the maps show, with its results.
-pub struct Step {
-    /// Number of the step in the maps, from 1 on.
+pub struct MapStep {
+    /// QuotedNumber of the step in the maps, from 1 on.
     pub number: usize,
     /// Stage of the drop.
-    pub stage: Stage,
+    pub stage: DropStage,
     /// Row of the regime at the end of the interval.
     pub row: usize,
     /// γ at the start and the end of the interval.
@@ -100,7 +100,7 @@ pub struct Event {
     /// Its stages.
     pub stages: Stages,
     /// Intervals that the maps show; empty if the run has no frames there.
-    pub steps: Vec<Step>,
+    pub steps: Vec<MapStep>,
 }
 
 /// A run with its statistics.
@@ -139,7 +139,7 @@ pub struct Studied {
 
 /// Options of the study.
 #[derive(Debug, Clone, Copy)]
-pub struct Choice {
+pub struct StudyOptions {
     /// γ at which the regime begins. By default the paper's, or the first frame's if that is later
     /// or all frames end before the paper's.
     pub onset: Option<f64>,
@@ -159,9 +159,9 @@ impl Studied {
     /// # Errors
     /// If the run is damaged.
     pub fn of(
-        run: &Run,
+        run: &RunFile,
         label: String,
-        choice: Choice,
+        choice: StudyOptions,
         [strain, tau]: [&[f64]; 2],
         step: &[u64],
         scalars: &[FrameScalars],
@@ -213,7 +213,7 @@ impl Studied {
     ///
     /// # Errors
     /// If that run is damaged.
-    pub fn take_frames(&mut self, frames: &Run) -> Result<(), Failure> {
+    pub fn take_frames(&mut self, frames: &RunFile) -> Result<(), Failure> {
         if let Some(event) = &mut self.event {
             event.steps = steps(frames, &self.regime, &event.stages, &self.step)?;
         }
@@ -222,15 +222,15 @@ impl Studied {
 }
 
 /// Returns μ_s of the scene; `None` if it has none.
-pub fn friction(run: &Run) -> Option<f64> {
+pub fn friction(run: &RunFile) -> Option<f64> {
     scene(run)?.get("contact")?.get("friction")?.as_float()
 }
 
-fn scene(run: &Run) -> Option<toml::Table> {
+fn scene(run: &RunFile) -> Option<toml::Table> {
     run.scene().parse().ok()
 }
 
-fn family(run: &Run) -> String {
+fn family(run: &RunFile) -> String {
     let mut scene = scene(run).unwrap_or_default();
     for other in ["seed", "title", "output", "analysis", "bookkeeping"] {
         scene.remove(other);
@@ -247,9 +247,14 @@ fn stages(regime: &Regime) -> Option<Stages> {
 
 /// The intervals that the maps show, from the run's frames; empty if a frame is missing. `step`:
 /// time step of each row of the regime.
-fn steps(run: &Run, regime: &Regime, stages: &Stages, step: &[u64]) -> Result<Vec<Step>, Failure> {
+fn steps(
+    run: &RunFile,
+    regime: &Regime,
+    stages: &Stages,
+    step: &[u64],
+) -> Result<Vec<MapStep>, Failure> {
     let mut steps = Vec::new();
-    let mut scratch = Scratch::default();
+    let mut scratch = ScalarScratch::default();
     for (stage, row) in shown(stages) {
         let frames = [row - 1, row].map(|row| run.frame_steps().binary_search(&step[row]));
         let [Ok(earlier), Ok(later)] = frames else {
@@ -259,7 +264,7 @@ fn steps(run: &Run, regime: &Regime, stages: &Stages, step: &[u64]) -> Result<Ve
         };
         let grains = run.grains();
         let read = |t: usize| {
-            run.block_of(t..t + 1, Fields::Forces)
+            run.block_of(t..t + 1, FrameFields::Forces)
                 .map(|mut frames| Stressed::new(grains, frames.swap_remove(0)))
         };
         let (earlier, later) = (read(earlier)?, read(later)?);
@@ -268,7 +273,7 @@ fn steps(run: &Run, regime: &Regime, stages: &Stages, step: &[u64]) -> Result<Ve
         let mut displacement = Vec::new();
         let rattlers = scratch.non_affine.rattlers();
         displacement::non_affine(grains, &earlier, &frame, rattlers, &mut displacement);
-        steps.push(Step {
+        steps.push(MapStep {
             number: steps.len() + 1,
             stage,
             row,
@@ -285,17 +290,17 @@ fn steps(run: &Run, regime: &Regime, stages: &Stages, step: &[u64]) -> Result<Ve
 
 /// Stages and rows of the intervals that the maps show: 3 of Stage I, up to 6 of each part of Stage
 /// II (of the first part the first three are consecutive), 3 of Stage III.
-fn shown(stages: &Stages) -> Vec<(Stage, usize)> {
+fn shown(stages: &Stages) -> Vec<(DropStage, usize)> {
     let [before, drop, after] = stages.intervals();
     let first_end = stages.drops[0][1];
     let parts = [
-        (Stage::Before, before, 3, 0),
-        (Stage::Drop, *drop.start()..=first_end, 6, 3),
-        (Stage::FurtherDrop, first_end + 1..=*drop.end(), 6, 0),
-        (Stage::After, after, 3, 0),
+        (DropStage::Before, before, 3, 0),
+        (DropStage::Drop, *drop.start()..=first_end, 6, 3),
+        (DropStage::FurtherDrop, first_end + 1..=*drop.end(), 6, 0),
+        (DropStage::After, after, 3, 0),
     ];
     let of_part =
-        |(stage, rows, most, dense): (Stage, std::ops::RangeInclusive<usize>, usize, usize)| {
+        |(stage, rows, most, dense): (DropStage, std::ops::RangeInclusive<usize>, usize, usize)| {
             let rows: Vec<usize> = rows.collect();
             spread(rows.len(), most, dense)
                 .into_iter()

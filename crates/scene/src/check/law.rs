@@ -4,10 +4,10 @@ use crate::checker::Checker;
 use crate::key::{Declared, Key};
 use crate::kind::{Number, Text};
 use crate::law_keys::{law_keys, laws_with};
-use crate::raw::{self, Table};
+use crate::raw::{self, KeyTable};
 use crate::words::list;
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::laws::keys::{self, Values};
+use gshear_dem::laws::keys::{self, KeyReader};
 use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, lee_hurley};
 
 /// The values of the laws' keys, as the configuration has them.
@@ -17,7 +17,7 @@ struct Given<'c, 'a> {
 }
 
 impl Given<'_, '_> {
-    fn key(&self, key: &keys::Key) -> Key<Number> {
+    fn key(&self, key: &keys::LawKey) -> Key<Number> {
         let given = self.values.iter().find(|(path, ..)| *path == key.path);
         Key {
             declared: Declared::from(key),
@@ -26,29 +26,29 @@ impl Given<'_, '_> {
     }
 }
 
-impl Values for Given<'_, '_> {
-    fn number(&mut self, key: &keys::Key) -> Option<f64> {
+impl KeyReader for Given<'_, '_> {
+    fn number(&mut self, key: &keys::LawKey) -> Option<f64> {
         let given = self.key(key);
         self.checker.number(&given)
     }
 
-    fn required(&mut self, key: &keys::Key) -> f64 {
+    fn required(&mut self, key: &keys::LawKey) -> f64 {
         let given = self.key(key);
         self.checker.required(&given)
     }
 
-    fn exactly_one(&mut self, keys: &[&keys::Key], what: &str) -> usize {
+    fn exactly_one(&mut self, keys: &[&keys::LawKey], what: &str) -> usize {
         let given: Vec<Key<Number>> = keys.iter().map(|key| self.key(key)).collect();
         self.checker
             .exactly_one(&given.iter().collect::<Vec<_>>(), what)
     }
 
-    fn useless(&mut self, key: &keys::Key, why: &str) {
+    fn useless(&mut self, key: &keys::LawKey, why: &str) {
         let given = self.key(key);
         self.checker.useless(&given, why);
     }
 
-    fn refuse(&mut self, key: &keys::Key, what: &str) {
+    fn refuse(&mut self, key: &keys::LawKey, what: &str) {
         let given = self.key(key);
         self.checker.refuse(&given, what);
     }

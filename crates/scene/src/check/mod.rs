@@ -16,7 +16,7 @@ use crate::scene::{Bookkeeping, Boundary, Dimensions, Scene};
 use crate::source::Input;
 use crate::write;
 use gshear_dem::failure::Failure;
-use gshear_dem::simd::Level;
+use gshear_dem::simd::Isa;
 use gshear_dem::system::ListSettings;
 
 /// Checks every value by itself, then those that must agree, and derives what follows. `tables`
@@ -69,7 +69,7 @@ fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: &raw::Bookkeeping) -> Boo
     let skin = c.number(&bookkeeping.skin);
     let rebuild_every = c.count(&bookkeeping.rebuild_every);
     let simd = c.choice_or_default(&bookkeeping.simd);
-    if let Some(name) = simd.filter(|name| Level::named(name).is_none()) {
+    if let Some(name) = simd.filter(|name| Isa::named(name).is_none()) {
         c.refuse(
             &bookkeeping.simd,
             &format!("this processor has no {name}; give \"auto\", which takes the best it has"),

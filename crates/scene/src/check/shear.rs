@@ -4,7 +4,7 @@ use crate::checker::Checker;
 use crate::key::Key;
 use crate::kind::Parts;
 use crate::raw;
-use crate::scene::{Drive, Load, Motion, Output, Part, Sample, Shear, Spring};
+use crate::scene::{Load, Motion, Output, Part, Sample, Shear, Spring, WallSpeed};
 use crate::words::show;
 
 pub(super) fn check(c: &mut Checker<'_>, shear: &raw::Shear) -> Shear {
@@ -46,8 +46,8 @@ pub(super) fn check(c: &mut Checker<'_>, shear: &raw::Shear) -> Shear {
     let i = c.number(inertial_number).unwrap_or(f64::NAN);
     let v = c.number(velocity).unwrap_or(f64::NAN);
     let drive = match chosen {
-        0 => Drive::InertialNumber(i),
-        _ => Drive::Velocity(v),
+        0 => WallSpeed::InertialNumber(i),
+        _ => WallSpeed::Velocity(v),
     };
     let strain = c.required(strain);
     Shear {

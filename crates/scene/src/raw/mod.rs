@@ -16,7 +16,7 @@ use crate::scene::SIMD_NAMES;
 pub use periodic::{Aqs, BoxTable, Newtonian, Relax};
 pub use sample::{Contact, Material, Sample};
 use table::{FROM_ZERO, table};
-pub use table::{Table, TableEntry};
+pub use table::{KeyTable, TableEntry};
 pub use walls::{Analysis, Load, Pack, Shear};
 
 /// Names of former releases in the tests of renamed keys.

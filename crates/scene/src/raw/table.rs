@@ -12,7 +12,7 @@ pub(super) const FROM_ONE: Integers = at_least(1);
 pub(super) const FROM_ZERO: Integers = at_least(0);
 
 /// A table of the file, or the file itself.
-pub trait Table: Default {
+pub trait KeyTable: Default {
     /// The name; empty for the file.
     const NAME: &'static str;
     /// What it is about.
@@ -33,7 +33,7 @@ pub struct TableEntry {
 }
 
 impl TableEntry {
-    pub(super) fn of<T: Table>() -> Self {
+    pub(super) fn of<T: KeyTable>() -> Self {
         Self {
             name: T::NAME,
             about: T::ABOUT.trim(),
@@ -45,7 +45,7 @@ impl TableEntry {
 /// Reads a table, key by key.
 pub(super) struct Reader<T>(pub PhantomData<T>);
 
-impl<'de, T: Table> Visitor<'de> for Reader<T> {
+impl<'de, T: KeyTable> Visitor<'de> for Reader<T> {
     type Value = T;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -129,7 +129,7 @@ macro_rules! table {
             }
         }
 
-        impl $crate::raw::table::Table for $name {
+        impl $crate::raw::table::KeyTable for $name {
             const NAME: &'static str = $table;
             const ABOUT: &'static str = concat!($($about),+);
 

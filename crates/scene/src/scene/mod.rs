@@ -13,8 +13,8 @@ use gshear_dem::system::ListSettings;
 pub use periodic::{Aqs, Method, Newtonian, PeriodicBox, Relax};
 pub use sample::{Sample, Sizes};
 pub use walls::{
-    Analysis, Drive, Load, LoadChoice, Motion, Origin, Output, Pack, PackingFile, Part, PlaneShear,
-    Shear, Spring, Walls,
+    Analysis, Load, LoadChoice, Motion, Origin, Output, Pack, PackingFile, Part, PlaneShear, Shear,
+    Spring, WallSpeed, Walls,
 };
 
 /// A run, ready to be set up.

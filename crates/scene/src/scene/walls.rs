@@ -151,7 +151,7 @@ pub struct Pack {
 
 /// How fast the top wall moves along x.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Drive {
+pub enum WallSpeed {
     /// I = γ̇ √(m̄/P); V = γ̇ H with H the height after packing.
     InertialNumber(f64),
     /// V (m/s).
@@ -164,7 +164,7 @@ pub enum Motion {
     /// At one speed to this γ.
     Strain {
         /// How fast.
-        drive: Drive,
+        drive: WallSpeed,
         /// γ at the end.
         strain: f64,
     },

@@ -2,7 +2,7 @@
 
 use crate::key::Key;
 use crate::kind::{Flag, Kind, Number, Numbers, Text, Whole};
-use crate::raw::Table;
+use crate::raw::KeyTable;
 use crate::words::show;
 
 /// Lines of TOML.
@@ -15,7 +15,7 @@ impl Lines {
     }
 
     /// Begins a table. Returns its keys.
-    pub fn table<T: Table>(&mut self) -> T {
+    pub fn table<T: KeyTable>(&mut self) -> T {
         self.line(&format!("\n[{}]", T::NAME));
         T::default()
     }

@@ -9,7 +9,7 @@ mod tests;
 mod walls;
 
 use crate::key::Key;
-use crate::raw::{self, Table};
+use crate::raw::{self, KeyTable};
 use crate::scene::{
     Bookkeeping, Boundary, Dimensions, Origin, Sample, Scene, Sizes, StepChoice, TimeStep, Walls,
 };

@@ -2,7 +2,7 @@
 
 use super::lines::Lines;
 use crate::raw;
-use crate::scene::{Dimensions, Drive, Load, LoadChoice, Motion, Part, PlaneShear, Scene};
+use crate::scene::{Dimensions, Load, LoadChoice, Motion, Part, PlaneShear, Scene, WallSpeed};
 use crate::words::show;
 
 /// What follows from the keys, in comments.
@@ -60,8 +60,8 @@ pub(super) fn stages(t: &mut Lines, walls: &PlaneShear, keep_checkpoints: bool) 
     match &walls.shear.motion {
         Motion::Strain { drive, strain } => {
             match drive {
-                Drive::InertialNumber(i) => t.number(&keys.inertial_number, *i),
-                Drive::Velocity(v) => t.number(&keys.velocity, *v),
+                WallSpeed::InertialNumber(i) => t.number(&keys.inertial_number, *i),
+                WallSpeed::Velocity(v) => t.number(&keys.velocity, *v),
             }
             t.number(&keys.strain, *strain);
         }

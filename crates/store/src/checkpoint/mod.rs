@@ -2,12 +2,12 @@
 
 mod records;
 
-use super::collective::{IdBlocks, Outcome, agree, records_of};
+use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::h5::{Attribute, H5File, Word};
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
-    ContactForce, ContactState, FramePart, GrainPlace, GrainState, Snapshot, Travel,
+    ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, Snapshot,
 };
 use gshear_mpi_exchange::Parallel;
 use records::{Record, length, read_records, write_one, write_records};
@@ -80,8 +80,9 @@ pub fn write(
         (grains, contacts)
     });
 
-    let travels = snapshot.travels.as_ref();
-    let travels = travels.map(|travels| of_grains(exchange, blocks, travels, |g| g.id));
+    let displacements = snapshot.displacements.as_ref();
+    let displacements =
+        displacements.map(|displacements| of_grains(exchange, blocks, displacements, |g| g.id));
 
     // Rank 0's texts on every rank, because HDF5 requires equal arguments.
     let header = exchange.broadcast(snapshot.header.clone().into_bytes());
@@ -104,7 +105,7 @@ pub fn write(
     if let Some((grains, contacts)) = &analysed {
         attributes.extend([
             (
-                GrainPlace::CHECKSUM,
+                GrainPosition::CHECKSUM,
                 sum(checksum(exchange, &grains.records)),
             ),
             (
@@ -113,20 +114,20 @@ pub fn write(
             ),
         ]);
     }
-    if let Some(travels) = &travels {
-        let sum = sum(checksum(exchange, &travels.records));
-        attributes.push((Travel::CHECKSUM, sum));
+    if let Some(displacements) = &displacements {
+        let sum = sum(checksum(exchange, &displacements.records));
+        attributes.push((Displacement::CHECKSUM, sum));
     }
     let part = folder.join(PART);
     let file = agree(exchange, H5File::create(&part, exchange.communicator()))?;
-    let mut outcome = Outcome::default();
+    let mut outcome = CollectiveOutcome::default();
     for (name, value) in &attributes {
         outcome.note(file.attribute("/", name, value));
     }
     let root = exchange.rank() == 0;
     for (name, text) in [("header", &header), ("scene", &scene)] {
-        let mine = if root { &text[..] } else { &[] };
-        outcome.note(write_one(&file, name, &[text.len()], 0, mine));
+        let local = if root { &text[..] } else { &[] };
+        outcome.note(write_one(&file, name, &[text.len()], 0, local));
     }
     write_records(&file, &mut outcome, &grains);
     write_records(&file, &mut outcome, &contacts);
@@ -134,8 +135,8 @@ pub fn write(
         write_records(&file, &mut outcome, grains);
         write_records(&file, &mut outcome, contacts);
     }
-    if let Some(travels) = &travels {
-        write_records(&file, &mut outcome, travels);
+    if let Some(displacements) = &displacements {
+        write_records(&file, &mut outcome, displacements);
     }
     file.agree(exchange, outcome)?;
     agree(exchange, file.close())?;
@@ -143,7 +144,7 @@ pub fn write(
     agree(exchange, moved)
 }
 
-/// One rank's stretch of a list.
+/// One rank's part of a list.
 struct Stretch<R> {
     /// Length of the whole list.
     length: u64,
@@ -279,8 +280,8 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
         checked.grains(grains, |g| g.id).map_err(bad)?;
         checked.contacts(contacts, |c| [c.i, c.j]).map_err(bad)?;
     }
-    if let Some(travels) = &pieces.travels {
-        checked.grains(travels, |g| g.id).map_err(bad)?;
+    if let Some(displacements) = &pieces.displacements {
+        checked.grains(displacements, |g| g.id).map_err(bad)?;
     }
     let contacts = blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i);
     Ok((
@@ -293,7 +294,9 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
                 grains: grains.records,
                 contacts: contacts.records,
             }),
-            travels: pieces.travels.map(|travels| travels.records),
+            displacements: pieces
+                .displacements
+                .map(|displacements| displacements.records),
         },
     ))
 }
@@ -347,8 +350,8 @@ struct Pieces {
     blocks: IdBlocks,
     grains: Piece<GrainState>,
     contacts: Piece<ContactState>,
-    analysed: Option<(Piece<GrainPlace>, Piece<ContactForce>)>,
-    travels: Option<Piece<Travel>>,
+    analysed: Option<(Piece<GrainPosition>, Piece<ContactForce>)>,
+    displacements: Option<Piece<Displacement>>,
 }
 
 /// One rank's share of a list, whatever its ids, and the stored checksum of the whole list.
@@ -411,12 +414,12 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         blocks: grains.0,
         grains: piece(&file, grains, word(GrainState::CHECKSUM)?)?,
         contacts: piece(&file, share("contacts/i")?, word(ContactState::CHECKSUM)?)?,
-        analysed: match has(GrainPlace::CHECKSUM) {
+        analysed: match has(GrainPosition::CHECKSUM) {
             true => Some((
                 piece(
                     &file,
                     share("analysed/grains/id")?,
-                    word(GrainPlace::CHECKSUM)?,
+                    word(GrainPosition::CHECKSUM)?,
                 )?,
                 piece(
                     &file,
@@ -426,8 +429,12 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
             )),
             false => None,
         },
-        travels: match has(Travel::CHECKSUM) {
-            true => Some(piece(&file, share("travels/id")?, word(Travel::CHECKSUM)?)?),
+        displacements: match has(Displacement::CHECKSUM) {
+            true => Some(piece(
+                &file,
+                share("travels/id")?,
+                word(Displacement::CHECKSUM)?,
+            )?),
             false => None,
         },
     })
@@ -435,9 +442,9 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
 
 fn piece<R: Record>(
     file: &hdf5::File,
-    (list, mine): (IdBlocks, Range<u64>),
+    (list, local): (IdBlocks, Range<u64>),
     sum: String,
 ) -> Result<Piece<R>, String> {
-    let records = read_records(file, list.grains, mine)?;
+    let records = read_records(file, list.grains, local)?;
     Ok(Piece { records, sum })
 }

@@ -1,11 +1,11 @@
 //! Records of a checkpoint and their fields, each of which is a dataset.
 
 use super::Stretch;
-use crate::collective::Outcome;
+use crate::collective::CollectiveOutcome;
 use crate::h5::{H5File, Slab};
 use bytemuck::Pod;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactForce, ContactState, GrainPlace, GrainState, Travel};
+use gshear_dem::state::{ContactForce, ContactState, Displacement, GrainPosition, GrainState};
 use hdf5::H5Type;
 use std::ops::Range;
 
@@ -82,7 +82,7 @@ impl Record for ContactState {
     }
 }
 
-impl Record for GrainPlace {
+impl Record for GrainPosition {
     const GROUP: &'static str = "analysed/grains";
     const NAME: &'static str = "grains of the analysed frame";
     const CHECKSUM: &'static str = "checksum_analysed_grains";
@@ -113,9 +113,9 @@ impl Record for ContactForce {
     }
 }
 
-impl Record for Travel {
+impl Record for Displacement {
     const GROUP: &'static str = "travels";
-    const NAME: &'static str = "travels";
+    const NAME: &'static str = "displacements";
     const CHECKSUM: &'static str = "checksum_travels";
 
     fn integers() -> Vec<Field<Self, u32>> {
@@ -132,11 +132,11 @@ pub(super) fn write_one<T: H5Type + Copy>(
     name: &str,
     shape: &[usize],
     first: u64,
-    mine: &[T],
+    local: &[T],
 ) -> Result<(), Failure> {
     let width = shape.get(1).copied().unwrap_or(1) as u64;
-    let slab = Slab::rows(first, mine.len() as u64 / width, width);
-    file.dataset::<T>(name, shape, None)?.write(slab, mine)
+    let slab = Slab::rows(first, local.len() as u64 / width, width);
+    file.dataset::<T>(name, shape, None)?.write(slab, local)
 }
 
 fn write_column<R: Record, T: H5Type + Copy>(
@@ -144,9 +144,9 @@ fn write_column<R: Record, T: H5Type + Copy>(
     field: &Field<R, T>,
     all: u64,
     first: u64,
-    mine: &[R],
+    local: &[R],
 ) -> Result<(), Failure> {
-    let values: Vec<T> = mine.iter().flat_map(field.get).copied().collect();
+    let values: Vec<T> = local.iter().flat_map(field.get).copied().collect();
     let name = format!("{}/{}", R::GROUP, field.name);
     let shape = [all as usize, field.width];
     write_one(
@@ -158,14 +158,18 @@ fn write_column<R: Record, T: H5Type + Copy>(
     )
 }
 
-pub(super) fn write_records<R: Record>(file: &H5File, outcome: &mut Outcome, stretch: &Stretch<R>) {
-    let (all, first, mine) = (stretch.length, stretch.first, &stretch.records[..]);
+pub(super) fn write_records<R: Record>(
+    file: &H5File,
+    outcome: &mut CollectiveOutcome,
+    stretch: &Stretch<R>,
+) {
+    let (all, first, local) = (stretch.length, stretch.first, &stretch.records[..]);
     outcome.note(file.group(R::GROUP));
     for field in R::integers() {
-        outcome.note(write_column(file, &field, all, first, mine));
+        outcome.note(write_column(file, &field, all, first, local));
     }
     for field in R::numbers() {
-        outcome.note(write_column(file, &field, all, first, mine));
+        outcome.note(write_column(file, &field, all, first, local));
     }
 }
 
@@ -182,13 +186,13 @@ pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
 pub(super) fn read_records<R: Record>(
     file: &hdf5::File,
     all: u64,
-    mine: Range<u64>,
+    local: Range<u64>,
 ) -> Result<Vec<R>, String> {
     fn fill<R: Record, T: H5Type + Copy>(
         file: &hdf5::File,
         field: &Field<R, T>,
         all: u64,
-        mine: &Range<u64>,
+        local: &Range<u64>,
         records: &mut [R],
     ) -> Result<(), String> {
         let name = format!("{}/{}", R::GROUP, field.name);
@@ -198,7 +202,7 @@ pub(super) fn read_records<R: Record>(
         if dataset.shape() != shape[..if field.width == 1 { 1 } else { 2 }] {
             return Err(damaged(&format!("its shape is {:?}", dataset.shape())));
         }
-        let rows = mine.start as usize..mine.end as usize;
+        let rows = local.start as usize..local.end as usize;
         if rows.is_empty() {
             return Ok(());
         }
@@ -214,12 +218,12 @@ pub(super) fn read_records<R: Record>(
         }
         Ok(())
     }
-    let mut records = vec![R::zeroed(); (mine.end - mine.start) as usize];
+    let mut records = vec![R::zeroed(); (local.end - local.start) as usize];
     for field in R::integers() {
-        fill(file, &field, all, &mine, &mut records)?;
+        fill(file, &field, all, &local, &mut records)?;
     }
     for field in R::numbers() {
-        fill(file, &field, all, &mine, &mut records)?;
+        fill(file, &field, all, &local, &mut records)?;
     }
     Ok(records)
 }

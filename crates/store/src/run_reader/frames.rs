@@ -6,13 +6,13 @@ use hdf5::{Dataset, H5Type};
 use ndarray::{Ix1, Ix2, Ix3, s};
 
 use super::source::one_line;
-use super::{Fields, Run};
+use super::{FrameFields, RunFile};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample};
 use gshear_scene::Dimensions;
 
 /// Contacts of some frames, as far as they were read.
-struct Columns {
+struct ContactValues {
     /// Row of the first contact.
     first: usize,
     i: Vec<u32>,
@@ -25,7 +25,7 @@ struct Columns {
     sliding: Vec<u8>,
 }
 
-impl Columns {
+impl ContactValues {
     fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
         let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
         let contact = |k: usize| ContactSample {
@@ -44,7 +44,7 @@ impl Columns {
     }
 }
 
-impl Run {
+impl RunFile {
     /// Reads the frames of a range within 0 … T, of disks or spheres.
     ///
     /// # Errors
@@ -61,7 +61,7 @@ impl Run {
             Dimensions::Three => self.vectors(&self.angular_velocity, &range)?,
         }
         .into_iter();
-        let contacts = self.contacts(&range, Fields::All)?;
+        let contacts = self.contacts(&range, FrameFields::All)?;
         let frame = |t: usize| FrameRecords {
             step: self.step[t],
             time: self.time[t],
@@ -109,14 +109,18 @@ impl Run {
     /// # Errors
     /// [`Failure::Input`] if the file is damaged or the grains are spheres.
     pub fn block(&self, range: Range<usize>) -> Result<Vec<Frame>, Failure> {
-        self.block_of(range, Fields::All)
+        self.block_of(range, FrameFields::All)
     }
 
     /// Reads the given fields of the frames of a range within 0 … T, of disks.
     ///
     /// # Errors
     /// [`Failure::Input`] if the file is damaged or the grains are spheres.
-    pub fn block_of(&self, range: Range<usize>, fields: Fields) -> Result<Vec<Frame>, Failure> {
+    pub fn block_of(
+        &self,
+        range: Range<usize>,
+        fields: FrameFields,
+    ) -> Result<Vec<Frame>, Failure> {
         if self.dimension == Dimensions::Three {
             return Err(Failure::input(format!(
                 "{}: this command needs disks; for spheres use dmin, compare or export, or commands on the time series",
@@ -125,7 +129,7 @@ impl Run {
         }
         let mut position = self.planar(&self.position, &range)?.into_iter();
         let (mut velocity, mut angular_velocity) = (Vec::new(), Vec::new());
-        if fields == Fields::All {
+        if fields == FrameFields::All {
             velocity = self.planar(&self.velocity, &range)?;
             angular_velocity = self.spins(&range)?;
         }
@@ -190,13 +194,17 @@ impl Run {
         self.offset[frames.start] as usize..self.offset[frames.end] as usize
     }
 
-    fn contacts(&self, frames: &Range<usize>, fields: Fields) -> Result<Columns, Failure> {
+    fn contacts(
+        &self,
+        frames: &Range<usize>,
+        fields: FrameFields,
+    ) -> Result<ContactValues, Failure> {
         let rows = self.rows(frames.clone());
         let columns = &self.contacts;
         // No rows of fields that are not wanted.
-        let rows_from = |least: Fields| if fields >= least { rows.clone() } else { 0..0 };
-        let (forces, others) = (rows_from(Fields::Forces), rows_from(Fields::All));
-        let contacts = Columns {
+        let rows_from = |least: FrameFields| if fields >= least { rows.clone() } else { 0..0 };
+        let (forces, others) = (rows_from(FrameFields::Forces), rows_from(FrameFields::All));
+        let contacts = ContactValues {
             first: rows.start,
             i: self.column::<u32>(&columns.i, &rows)?,
             j: self.column::<u32>(&columns.j, &rows)?,

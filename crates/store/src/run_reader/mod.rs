@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 
 use hdf5::Dataset;
 
-pub use self::periodic::{PeriodicRun, scene_of_finished};
-use self::source::{FOREIGN, Source};
+pub use self::periodic::{PeriodicRunFile, scene_of_finished};
+use self::source::{FOREIGN, OpenFile};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Disks, SeriesRow};
@@ -74,7 +74,7 @@ impl Series {
 /// Which fields of a frame are read. Other fields of the grains are left empty, other fields of the
 /// contacts are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
-pub enum Fields {
+pub enum FrameFields {
     /// Positions and ids of the contacts: enough for D²min.
     Pairs,
     /// The forces as well: enough for the scalars of a frame.
@@ -93,7 +93,7 @@ pub struct StoredScalars {
 }
 
 /// An open `run.h5`. Frames are read on demand, everything else on opening.
-pub struct Run {
+pub struct RunFile {
     path: PathBuf,
     grains: Disks,
     /// Box at the start of the shear (m): L_x, height in 2D; L_x, L_y, height in 3D.
@@ -122,7 +122,7 @@ struct ContactColumns {
     sliding: Dataset,
 }
 
-impl Run {
+impl RunFile {
     /// Opens a run: a `run.h5`, or the folder that holds one.
     ///
     /// A run that was stopped early is read as far as all of its datasets go.
@@ -137,7 +137,7 @@ impl Run {
             run.to_path_buf()
         };
         hdf5::silence_errors(true);
-        let source = Source::open(&path)?;
+        let source = OpenFile::open(&path)?;
 
         let id: Vec<u32> = source.all("particles/trajectory/id")?;
         let n = id.len();
@@ -227,7 +227,7 @@ impl Run {
         time.truncate(frames);
         offset.truncate(frames + 1);
 
-        Ok(Run {
+        Ok(RunFile {
             grains,
             edges: [edges[0], edges[1], edges[2]],
             dimension,

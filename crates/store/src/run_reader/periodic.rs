@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use ndarray::{Ix3, s};
 
 use super::Parameter;
-use super::source::{Source, one_line};
+use super::source::{OpenFile, one_line};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Sheared};
@@ -14,7 +14,7 @@ use gshear_dem::state::{Cell, Sheared};
 const POSITION: &str = "particles/trajectory/position";
 
 /// Time series and positions of a stage in a periodic box: L rows, T frames.
-pub struct PeriodicRun {
+pub struct PeriodicRunFile {
     path: PathBuf,
     parameters: BTreeMap<String, Parameter>,
     /// `[L]` Strain steps, or time steps.
@@ -33,7 +33,7 @@ pub struct PeriodicRun {
     edges: Vec<f64>,
 }
 
-impl PeriodicRun {
+impl PeriodicRunFile {
     /// Reads one of the files, with these columns of its time series.
     ///
     /// # Errors
@@ -42,7 +42,7 @@ impl PeriodicRun {
         const GROUP: &str = "observables";
 
         hdf5::silence_errors(true);
-        let source = Source::open(path)?;
+        let source = OpenFile::open(path)?;
         let mut step: Vec<u64> = source.column(GROUP, &columns[0], "step")?;
         let mut time: Vec<f64> = source.column(GROUP, &columns[0], "time")?;
         let read = |column: &Column| Ok((column.name, source.column(GROUP, column, "value")?));
@@ -97,7 +97,7 @@ impl PeriodicRun {
         &self.path
     }
 
-    /// Returns a column that was given to [`PeriodicRun::open`], `[L]`.
+    /// Returns a column that was given to [`PeriodicRunFile::open`], `[L]`.
     ///
     /// # Panics
     /// On any other name.
@@ -151,7 +151,7 @@ impl PeriodicRun {
 /// [`Failure::Input`] if the file is not of a run.
 pub fn scene_of_finished(path: &Path) -> Result<Option<String>, Failure> {
     hdf5::silence_errors(true);
-    let parameters = Source::open(path)?.parameters()?;
+    let parameters = OpenFile::open(path)?.parameters()?;
     Ok(match (parameters.get("digest"), parameters.get("scene")) {
         (Some(_), Some(Parameter::Text(scene))) => Some(scene.clone()),
         _ => None,

@@ -22,15 +22,15 @@ pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
 const TEXT: usize = 65_536;
 
 /// An open file and its path for messages.
-pub(super) struct Source<'a> {
+pub(super) struct OpenFile<'a> {
     file: File,
     path: &'a Path,
 }
 
-impl<'a> Source<'a> {
+impl<'a> OpenFile<'a> {
     /// Opens the file, which must be HDF5 and whole.
     pub(super) fn open(path: &'a Path) -> Result<Self, Failure> {
-        Ok(Source {
+        Ok(OpenFile {
             file: open_file(path)?,
             path,
         })

@@ -3,11 +3,11 @@
 use bytemuck::Zeroable;
 use ndarray::{Ix2, Ix3, s};
 
-use super::Run;
+use super::RunFile;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactState, GrainState};
 
-impl Run {
+impl RunFile {
     /// Reads positions, radii and bodies of all grains, by id, and the contacts with their
     /// histories, of frame t < T. Velocities and forces are 0.
     ///

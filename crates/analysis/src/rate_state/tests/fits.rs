@@ -15,7 +15,7 @@ fn without_noise_a_fit_returns_the_law() {
         ];
         for drive in [&step_test()[..], &step_test()[..2], &holds] {
             let record = synthetic(&law, drive, 1e-3);
-            let fit = fit(&[Window::of(&record, 0..drive.len())], evolution).expect("a fit");
+            let fit = fit(&[FitWindow::of(&record, 0..drive.len())], evolution).expect("a fit");
             let found = [fit.law.a, fit.law.b, fit.law.d_c, fit.law.mu_star];
             for (found, made) in found.into_iter().zip([law.a, law.b, law.d_c, law.mu_star]) {
                 assert!((found / made - 1.0).abs() < 1e-3, "{found} for {made}");
@@ -32,7 +32,7 @@ fn coverage(evolution: Evolution, sigma: f64, memory: f64) -> ([usize; 4], [f64;
     let clean = synthetic(&law, &step_test(), 2e-3);
     let of = |seed: u64| {
         let record = disturbed(&clean, seed, sigma, memory);
-        let fit = fit(&[Window::of(&record, 0..3)], evolution).expect("a fit");
+        let fit = fit(&[FitWindow::of(&record, 0..3)], evolution).expect("a fit");
         let difference = law.a - law.b;
         [
             (fit.a, law.a),
@@ -89,7 +89,7 @@ fn chi_squared_tells_the_law() {
     ];
     for evolution in BOTH {
         let record = disturbed(&synthetic(&law(evolution), &drive, 2e-3), 5, 1e-3, 3.0);
-        let windows = [Window::of(&record, 0..4)];
+        let windows = [FitWindow::of(&record, 0..4)];
         let fits = BOTH.map(|e| fit(&windows, e).expect("a fit"));
         let best = usize::from(fits[0].rms >= fits[1].rms);
         assert_eq!(BOTH[best], evolution);
@@ -109,7 +109,7 @@ fn data_that_determine_nothing_are_refused() {
         1e-3,
         0.0,
     );
-    let refused = fit(&[Window::of(&record, 0..1)], Evolution::Aging);
+    let refused = fit(&[FitWindow::of(&record, 0..1)], Evolution::Aging);
     assert!(refused.is_err());
     assert!(fit(&[], Evolution::Aging).is_err());
 }
@@ -122,7 +122,7 @@ fn data_that_determine_nothing_are_refused() {
 fn jackknife_sees_what_differs_between_realisations() {
     let clean = synthetic(&law(Evolution::Aging), &step_test(), 4e-3);
     let sigma = 0.01;
-    let records: Vec<Record> = [-3.0, -1.0, 1.0, 3.0]
+    let records: Vec<SliderRecord> = [-3.0, -1.0, 1.0, 3.0]
         .into_iter()
         .map(|shift| {
             let mut record = clean.clone();
@@ -131,7 +131,8 @@ fn jackknife_sees_what_differs_between_realisations() {
             record
         })
         .collect();
-    let (joined, groups): (Vec<Record>, Vec<Vec<usize>>) = merge(&records).into_iter().unzip();
+    let (joined, groups): (Vec<SliderRecord>, Vec<Vec<usize>>) =
+        merge(&records).into_iter().unzip();
     let all = &fit_all(&joined, &[Evolution::Aging])[0];
     let spread = jackknife(&records, &groups, all).expect("four realisations");
     let fit = spread.fits[0].1.as_ref().expect("a fit");

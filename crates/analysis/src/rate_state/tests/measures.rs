@@ -132,7 +132,7 @@ fn steps_and_holds_are_measured() {
 fn realisations_are_joined_by_their_protocol() {
     let law = law(Evolution::Slip);
     let one = synthetic(&law, &step_test(), 2e-3);
-    let up = |record: &Record, by: f64| {
+    let up = |record: &SliderRecord, by: f64| {
         let mut record = record.clone();
         record.friction.iter_mut().for_each(|f| *f += by);
         record.time.iter_mut().for_each(|t| *t += 7.0);
@@ -176,7 +176,7 @@ fn realisations_are_joined_by_their_protocol() {
 fn peaks_are_not_those_of_the_noise() {
     let drive = [segment(0.02, 4.0), segment(0.0, 10.0), segment(0.02, 8.0)];
     let clean = synthetic(&law(Evolution::Aging), &drive, 1e-3);
-    let healing = |record: &Record, d_c: Option<f64>| {
+    let healing = |record: &SliderRecord, d_c: Option<f64>| {
         let steady = steady_segments(record);
         holds(record, &steady, Peaks { d_c })[0]
             .reslide
@@ -221,7 +221,7 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
         time.insert(0, 0.0);
         slip.insert(0, 0.0);
         friction.insert(0, level);
-        Record {
+        SliderRecord {
             stiffness: STIFFNESS,
             drive: drive.to_vec(),
             deviation: vec![f64::NAN; time.len()],

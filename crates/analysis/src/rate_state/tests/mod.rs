@@ -12,8 +12,8 @@ use super::*;
 /// FR's law and stiffness: k̄ d = 425 at d = 3 mm.
 const STIFFNESS: f64 = 1.4e5;
 
-fn law(evolution: Evolution) -> Law {
-    Law {
+fn law(evolution: Evolution) -> RateStateLaw {
+    RateStateLaw {
         evolution,
         mu_star: 0.35,
         a: 0.0247,
@@ -25,18 +25,18 @@ fn law(evolution: Evolution) -> Law {
 
 const BOTH: [Evolution; 2] = [Evolution::Aging, Evolution::Slip];
 
-fn segment(velocity: f64, duration: f64) -> Segment {
-    Segment { velocity, duration }
+fn segment(velocity: f64, duration: f64) -> DriveSegment {
+    DriveSegment { velocity, duration }
 }
 
 /// Synthetic record of the law: a row every `interval` (s), for a drive that begins with steady
 /// sliding.
-fn synthetic(law: &Law, drive: &[Segment], interval: f64) -> Record {
+fn synthetic(law: &RateStateLaw, drive: &[DriveSegment], interval: f64) -> SliderRecord {
     let total: f64 = drive.iter().map(|s| s.duration).sum();
     let rows = (total / interval).round() as usize;
     let time: Vec<f64> = (0..=rows).map(|k| interval * k as f64).collect();
     let start = law.steady(drive[0].velocity);
-    let states = Slider::new(*law, STIFFNESS)
+    let states = RateStateSlider::new(*law, STIFFNESS)
         .motion(drive, start, &time)
         .expect("a motion");
     let friction: Vec<f64> = states.iter().map(|s| law.friction(*s)).collect();
@@ -51,7 +51,7 @@ fn synthetic(law: &Law, drive: &[Segment], interval: f64) -> Record {
             })
             .sum()
     };
-    Record {
+    SliderRecord {
         stiffness: STIFFNESS,
         drive: drive.to_vec(),
         slip: time
@@ -88,7 +88,7 @@ fn noise(seed: u64, count: usize, sigma: f64, memory: f64) -> Vec<f64> {
     (0..count).map(next).collect()
 }
 
-fn disturbed(record: &Record, seed: u64, sigma: f64, memory: f64) -> Record {
+fn disturbed(record: &SliderRecord, seed: u64, sigma: f64, memory: f64) -> SliderRecord {
     let mut record = record.clone();
     let noise = noise(seed, record.time.len(), sigma, memory);
     record
@@ -100,6 +100,6 @@ fn disturbed(record: &Record, seed: u64, sigma: f64, memory: f64) -> Record {
 }
 
 /// A step up and a step down.
-fn step_test() -> [Segment; 3] {
+fn step_test() -> [DriveSegment; 3] {
     [segment(0.02, 2.0), segment(0.2, 0.3), segment(0.02, 3.0)]
 }

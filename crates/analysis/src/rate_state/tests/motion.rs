@@ -6,7 +6,7 @@ use super::*;
 fn sliding_becomes_steady_at_the_friction_of_the_law() {
     for evolution in BOTH {
         let law = law(evolution);
-        let slider = Slider::new(law, STIFFNESS);
+        let slider = RateStateSlider::new(law, STIFFNESS);
         for velocity in [2e-4, 0.1] {
             // 40 D_c.
             let drive = [segment(velocity, 40.0 * law.d_c / velocity)];
@@ -29,7 +29,7 @@ fn stationary_contacts_age_by_the_aging_law_only() {
     for evolution in BOTH {
         let law = law(evolution);
         let start = law.steady(0.02);
-        let slider = Slider::new(law, 1e9);
+        let slider = RateStateSlider::new(law, 1e9);
         let states = slider
             .motion(&[segment(0.0, 1e3)], start, &times)
             .expect("a motion");
@@ -55,7 +55,7 @@ fn the_spring_is_in_balance() {
     let law = law(Evolution::Slip);
     let drive = [segment(0.0, 0.5), segment(0.2, 0.05)];
     let times: Vec<f64> = (0..=110_000).map(|k| 5e-6 * f64::from(k)).collect();
-    let states = Slider::new(law, 300.0)
+    let states = RateStateSlider::new(law, 300.0)
         .motion(&drive, law.steady(0.02), &times)
         .expect("a motion");
     let velocity: Vec<f64> = states.iter().map(|s| law.velocity(*s)).collect();
@@ -73,7 +73,7 @@ fn the_spring_is_in_balance() {
 #[test]
 fn oscillations_grow_below_the_critical_stiffness_only() {
     for evolution in BOTH {
-        let law = Law {
+        let law = RateStateLaw {
             a: 0.01,
             b: 0.015,
             ..law(evolution)
@@ -86,13 +86,13 @@ fn oscillations_grow_below_the_critical_stiffness_only() {
             |stiffness: f64| (stiffness * v * v / (law.a * d_c) - growth(stiffness).powi(2)).sqrt();
         for share in [0.9, 1.0, 1.1] {
             let stiffness = share * critical;
-            let start = State {
+            let start = LogState {
                 ln_v: 1e-4,
                 ln_theta: 0.0,
             };
             let period = 2.0 * std::f64::consts::PI / omega(stiffness);
             let times = [period, 2.0 * period, 3.0 * period];
-            let mut slider = Slider::new(law, stiffness);
+            let mut slider = RateStateSlider::new(law, stiffness);
             slider.tolerance = 1e-11;
             let states = slider
                 .motion(&[segment(v, 1.0)], start, &times)
@@ -138,14 +138,14 @@ fn a_protocol_gives_the_states_of_scipy() {
     for (evolution, expected) in BOTH.into_iter().zip(SCIPY) {
         let law = law(evolution);
         let error = |tolerance: f64| -> f64 {
-            let mut slider = Slider::new(law, STIFFNESS);
+            let mut slider = RateStateSlider::new(law, STIFFNESS);
             slider.tolerance = tolerance;
             let times = [10.0, 12.0, 12.2, 14.2];
             let states = slider
                 .motion(&drive, law.steady(0.02), &times)
                 .expect("a motion");
             let difference =
-                |(s, e): (State, [f64; 2])| (s.ln_v - e[0]).abs().max((s.ln_theta - e[1]).abs());
+                |(s, e): (LogState, [f64; 2])| (s.ln_v - e[0]).abs().max((s.ln_theta - e[1]).abs());
             states
                 .into_iter()
                 .zip(expected)
@@ -168,7 +168,7 @@ fn states_between_the_steps_are_as_good_as_those_at_their_ends() {
         let drive = [segment(0.02, 0.1), segment(0.2, 0.1), segment(0.0, 1.0)];
         let times: Vec<f64> = (1..1200).map(|k| 1e-3 * f64::from(k)).collect();
         let motion = |tolerance: f64| {
-            let mut slider = Slider::new(law, STIFFNESS);
+            let mut slider = RateStateSlider::new(law, STIFFNESS);
             slider.tolerance = tolerance;
             let states = slider
                 .motion(&drive, law.steady(0.02), &times)

@@ -1,0 +1,27 @@
+//! The top wall of a packed sample.
+
+use gshear_dem::domain::{Accumulator, FixedPoint};
+use gshear_dem::drive::Piston;
+use gshear_dem::state::{GrainState, body};
+use gshear_scene::Scene;
+use gshear_scene::schedule::mean_mass;
+
+use crate::run::Run;
+
+/// Mass of the top wall (kg; kg/m in 2D), summed over the ranks; collective.
+pub(super) fn mass_of_top(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -> f64 {
+    let masses = FixedPoint::new(mean_mass(scene));
+    let mut mass = Accumulator::default();
+    let of_grain = scene.law.masses();
+    for g in grains.iter().filter(|g| g.body == body::TOP) {
+        let volume = scene.dimension.volume(g.radius);
+        masses.add(&mut mass, of_grain.of(volume));
+    }
+    let [mass] = masses.total(run.exchange, [mass]);
+    mass
+}
+
+/// H (m): distance between the planes at which the walls were cut.
+pub(super) fn height_between(scene: &Scene, piston: &Piston) -> f64 {
+    piston.height - 2.0 * scene.sample.mean_diameter
+}
