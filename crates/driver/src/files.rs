@@ -13,7 +13,7 @@ use gshear_store::collective::agree;
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
 use gshear_store::provenance;
-use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
+use gshear_store::trajectory::{self, GrainShape, RunHeader, TrajectoryWriter};
 use serde::{Deserialize, Serialize};
 
 /// Name of the file of frames and time series of the shear.
@@ -91,8 +91,11 @@ impl Files {
         let (exchange, out) = (place.exchange, place.folder);
         folder(exchange, out)?;
         let (path, log) = (out.join(format.name), out.join(LOG_FILE));
-        let there = exchange.broadcast(vec![u8::from(path.exists())])[0] == 1;
-        let mut files = match written.filter(|_| there) {
+        let written = match written {
+            Some(written) => trajectory::recover(exchange, &path)?.then_some(written),
+            None => None,
+        };
+        let mut files = match written {
             Some(Written {
                 frames,
                 rows,

@@ -8,6 +8,7 @@
 //! | [`log`] | writes `log.csv`, the time series as text |
 //! | [`reduced_writer`], [`spectrum_writer`] | write `reduced.h5` and `spectrum.h5` |
 //! | [`table`], [`matrix_market`], [`text_writer`] | CSV tables, sparse matrices, small text files |
+//! | [`journal`] | `run.h5.journal`: brings `run.h5` back to its last flush after a kill |
 //! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
 //!
 //! Most files are written under a temporary name and renamed when complete. `run.h5`, `aqs.h5`,
@@ -40,11 +41,13 @@ pub mod columns;
     reason = "collective transfers, which the `hdf5` crate lacks"
 )]
 pub mod h5;
+pub mod journal;
 mod layout;
 pub mod log;
 pub mod matrix_market;
 pub mod provenance;
 pub mod reduced_writer;
+mod room;
 pub mod run_reader;
 mod scalar_columns;
 pub mod spectrum_writer;

@@ -3,6 +3,7 @@
 use super::batch::{Frames, ShareColumns, Shares, length};
 use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::h5::{Attribute, H5File, Slab};
+use super::journal::{self, Journal};
 use super::layout::{
     BOX, CHUNK_FRAMES, Datasets, Mode, OBSERVABLES, PARAMETERS, PARTICLES, by_root, describe,
     forces,
@@ -16,7 +17,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, GrainSample, GrainState};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// The constant properties of a grain.
@@ -62,6 +63,47 @@ pub struct RunHeader<'a> {
     pub attributes: &'a [(&'a str, Attribute)],
 }
 
+/// Prepares the file of a run that resumes: brings one that a killed program left behind back to its
+/// last flush, and sets one aside that cannot be read. Returns whether there is a file to continue.
+/// Collective.
+///
+/// # Errors
+/// If a file can be neither written nor renamed.
+pub fn recover(exchange: &dyn Parallel, path: &Path) -> Result<bool, Failure> {
+    let recovered = match exchange.rank() {
+        0 => recover_file(path),
+        _ => Ok(false),
+    };
+    let recovered = agree(exchange, recovered)?;
+    Ok(exchange.broadcast(vec![u8::from(recovered)])[0] == 1)
+}
+
+fn recover_file(path: &Path) -> Result<bool, Failure> {
+    if !path.exists() {
+        return Ok(false);
+    }
+    if let Some(journal) = Journal::read(path) {
+        journal.restore(path)?;
+    }
+    hdf5::silence_errors(true);
+    let Err(error) = hdf5::File::open(path) else {
+        return Ok(true);
+    };
+    let aside = (1..)
+        .map(|k| path.with_extension(format!("unreadable-{k}.h5")))
+        .find(|aside| !aside.exists())
+        .expect("one of all numbers is free");
+    std::fs::rename(path, &aside)
+        .map_err(|e| Failure::other(format!("{}: cannot be renamed: {e}", path.display())))?;
+    journal::remove(path)?;
+    eprintln!(
+        "note: {} cannot be read ({error}); it is now {}, and a new file begins at the checkpoint",
+        path.display(),
+        aside.display()
+    );
+    Ok(false)
+}
+
 /// Attributes written only when a run ends.
 const AT_THE_END: [&str; 3] = ["digest", "speed", "rank_map"];
 /// Bytes of frames buffered before they are written, over all ranks.
@@ -78,6 +120,7 @@ pub struct TrajectoryWriter {
     /// Where the run computes scalars of frames.
     scalars: Option<ScalarColumns>,
     file: H5File,
+    path: PathBuf,
     blocks: IdBlocks,
     /// Number of frames in a batch.
     batch: usize,
@@ -109,6 +152,12 @@ impl TrajectoryWriter {
             grains,
             ranks: exchange.size() as u64,
         };
+        // One of another run would bring that run's metadata back.
+        let removed = match exchange.rank() {
+            0 => journal::remove(path),
+            _ => Ok(()),
+        };
+        agree(exchange, removed)?;
         let created = (|| {
             let file = H5File::create(path, exchange.communicator())?;
             // Scenes of a periodic box may use any consistent set of units.
@@ -128,7 +177,7 @@ impl TrajectoryWriter {
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, created)?;
-        let mut writer = Self::new(file, columns, blocks);
+        let mut writer = Self::new(file, path, columns, blocks);
         writer.write_statics(exchange, header)?;
         Ok(writer)
     }
@@ -170,7 +219,7 @@ impl TrajectoryWriter {
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, opened)?;
-        let mut writer = Self::new(file, columns, blocks);
+        let mut writer = Self::new(file, path, columns, blocks);
         (
             writer.frames_written,
             writer.contacts_written,
@@ -203,16 +252,19 @@ impl TrajectoryWriter {
             .for_each(|c| outcome.note(c.resize(rows)));
         writer.file.agree(exchange, outcome)?;
         writer.flush_file(exchange)?;
+        // The space of removed rows may be used again, which the last journal does not know.
+        writer.write_journal(exchange)?;
         Ok(writer)
     }
 
-    fn new(file: H5File, columns: Datasets, blocks: IdBlocks) -> Self {
+    fn new(file: H5File, path: &Path, columns: Datasets, blocks: IdBlocks) -> Self {
         // About two contacts a grain.
         let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
         TrajectoryWriter {
             columns,
             scalars: None,
             file,
+            path: path.into(),
             blocks,
             batch: (BATCH_BYTES / (frame * blocks.grains as usize).max(1)).clamp(1, CHUNK_FRAMES),
             frames: Frames::default(),
@@ -235,6 +287,10 @@ impl TrajectoryWriter {
         let complete = shapes.iter().map(|g| u64::from(g.id)).eq(ids.clone());
         assert!(complete, "a run's grains are not 0 … N-1");
 
+        self.file.reserve(
+            exchange,
+            size_of::<GrainShape>() * self.blocks.grains as usize,
+        )?;
         let file = &self.file;
         let grains = self.blocks.grains as usize;
         let name = |part: &str| format!("{PARTICLES}/{part}");
@@ -351,7 +407,8 @@ impl TrajectoryWriter {
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
-        self.flush_file(exchange)
+        self.flush_file(exchange)?;
+        self.write_journal(exchange)
     }
 
     /// Writes all buffers and the attributes of `parameters` known only at the end (rank 0's), and
@@ -375,7 +432,12 @@ impl TrajectoryWriter {
         }
         self.file.agree(exchange, outcome)?;
         drop((self.columns, self.scalars));
-        agree(exchange, self.file.close())
+        agree(exchange, self.file.close())?;
+        let removed = match exchange.rank() {
+            0 => journal::remove(&self.path),
+            _ => Ok(()),
+        };
+        agree(exchange, removed)
     }
 
     fn write_frames(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
@@ -413,6 +475,10 @@ impl TrajectoryWriter {
             start: [before + share.frames.start, share.ids.start, 0],
             count: [length(&share.frames), length(&share.ids), 3],
         };
+        let contacts = end - self.contacts_written;
+        let bytes = count * self.blocks.grains * size_of::<GrainSample>() as u64
+            + contacts * size_of::<ContactSample>() as u64;
+        self.file.reserve(exchange, bytes as usize)?;
         let root = exchange.rank() == 0;
         let columns = &mut self.columns;
         let mut outcome = CollectiveOutcome::default();
@@ -454,12 +520,27 @@ impl TrajectoryWriter {
         self.file.agree(exchange, outcome)
     }
 
+    /// Keeps the metadata of this flush, to which the file returns if the program is killed.
+    fn write_journal(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let raw = agree(exchange, self.file.raw_extents())?;
+        let written = match exchange.rank() {
+            0 => Journal::of(&self.path, raw).and_then(|journal| journal.write(&self.path)),
+            _ => Ok(()),
+        };
+        let mut outcome = CollectiveOutcome::default();
+        outcome.note(written);
+        self.file.agree(exchange, outcome)
+    }
+
     fn write_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
         let scalars = self.scalars.as_ref().map_or(0, ScalarColumns::waiting);
         if self.rows.is_empty() && scalars == 0 {
             return Ok(());
         }
         let rows = std::mem::take(&mut self.rows);
+        let numbers = rows.iter().map(|(_, _, row)| 2 + row.len()).sum::<usize>();
+        let of_scalars = scalars * size_of::<FrameScalars>();
+        self.file.reserve(exchange, 8 * numbers + of_scalars)?;
         let root = exchange.rank() == 0;
         let before = self.rows_written;
         let columns = &mut self.columns;

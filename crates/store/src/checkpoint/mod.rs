@@ -120,6 +120,18 @@ pub fn write(
     }
     let part = folder.join(PART);
     let file = agree(exchange, H5File::create(&part, exchange.communicator()))?;
+    let bytes = |records: u64, of_one: usize| records as usize * of_one;
+    let mut needed = header.len() + scene.len();
+    needed += bytes(grains.length, size_of::<GrainState>());
+    needed += bytes(contacts.length, size_of::<ContactState>());
+    if let Some((grains, contacts)) = &analysed {
+        needed += bytes(grains.length, size_of::<GrainPosition>());
+        needed += bytes(contacts.length, size_of::<ContactForce>());
+    }
+    if displacements.is_some() {
+        needed += bytes(blocks.grains, size_of::<Displacement>());
+    }
+    file.reserve(exchange, needed)?;
     let mut outcome = CollectiveOutcome::default();
     for (name, value) in &attributes {
         outcome.note(file.attribute("/", name, value));
@@ -140,8 +152,46 @@ pub fn write(
     }
     file.agree(exchange, outcome)?;
     agree(exchange, file.close())?;
+    verify(exchange, &part, &attributes)?;
     let moved = if root { replace(folder) } else { Ok(()) };
     agree(exchange, moved)
+}
+
+/// Reads a checkpoint back that has been written, because not every error of parallel writing
+/// reaches the program. Collective.
+fn verify(
+    exchange: &dyn Parallel,
+    path: &Path,
+    attributes: &[(&str, Attribute)],
+) -> Result<(), Failure> {
+    let bad = |why: String| {
+        let path = path.display();
+        Failure::other(format!(
+            "{path}: was not written as it should be: {why}; the checkpoint before it is kept"
+        ))
+    };
+    let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
+    let pieces = agree(exchange, pieces)?;
+    check(exchange, &pieces).map_err(bad)?;
+    let stored = match exchange.rank() {
+        0 => checksums_are(path, attributes).map_err(bad),
+        _ => Ok(()),
+    };
+    agree(exchange, stored)
+}
+
+/// Compares the checksums of a file with those that were to be written.
+fn checksums_are(path: &Path, attributes: &[(&str, Attribute)]) -> Result<(), String> {
+    let file = hdf5::File::open(path).map_err(|e| e.to_string())?;
+    for (name, value) in attributes {
+        if let Attribute::Word(expected) = value {
+            let found = file.attr(name).and_then(|a| a.read_scalar::<Word>());
+            if found.map_err(|e| e.to_string())?.as_str() != expected {
+                return Err(format!("its attribute {name} differs"));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// One rank's part of a list.
@@ -188,19 +238,28 @@ fn of_contacts<R: Record>(
     }
 }
 
-/// Gives the new checkpoint its name. A complete checkpoint exists at every moment.
+/// Gives the new checkpoint its name. `checkpoint.h5` exists and is complete at every moment.
 fn replace(folder: &Path) -> Result<(), Failure> {
-    let (new, old, part) = (folder.join(NAME), folder.join(PREVIOUS), folder.join(PART));
+    let (new, part) = (folder.join(NAME), folder.join(PART));
     let renamed = || -> std::io::Result<()> {
         std::fs::File::open(&part)?.sync_all()?;
         if new.exists() {
-            std::fs::rename(&new, &old)?;
+            link(&new, &folder.join(PREVIOUS))?;
         }
         std::fs::rename(&part, &new)?;
         std::fs::File::open(folder)?.sync_all()
     };
     renamed()
         .map_err(|error| Failure::other(format!("{}: cannot be renamed: {error}", new.display())))
+}
+
+/// Gives a file a second name, which may belong to another file before.
+fn link(from: &Path, to: &Path) -> std::io::Result<()> {
+    let part = to.with_extension("h5.link");
+    let _ = std::fs::remove_file(&part);
+    // Not every file system has hard links.
+    std::fs::hard_link(from, &part).or_else(|_| std::fs::copy(from, &part).map(drop))?;
+    std::fs::rename(&part, to)
 }
 
 /// Stage whose kept checkpoints have only the step in their names.
@@ -225,15 +284,8 @@ fn kept_prefix(stage: &str) -> String {
 /// [`Failure::Other`] if the file can be neither linked nor copied.
 pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<(), Failure> {
     let (newest, kept) = (folder.join(NAME), folder.join(kept_name(stage, step)));
-    let link = || -> std::io::Result<()> {
-        // Linked as .part and renamed, which replaces an older one.
-        let part = folder.join(PART);
-        let _ = std::fs::remove_file(&part);
-        // Not every file system has hard links.
-        std::fs::hard_link(&newest, &part).or_else(|_| std::fs::copy(&newest, &part).map(drop))?;
-        std::fs::rename(&part, &kept)
-    };
-    link().map_err(|e| Failure::other(format!("{}: cannot be kept: {e}", kept.display())))
+    link(&newest, &kept)
+        .map_err(|e| Failure::other(format!("{}: cannot be kept: {e}", kept.display())))
 }
 
 /// Returns the kept checkpoints of a stage in a folder with their steps, sorted by step.
@@ -270,19 +322,8 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
     let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
     let pieces = agree(exchange, pieces)?;
 
+    check(exchange, &pieces).map_err(bad)?;
     let blocks = pieces.blocks;
-    let checked = Checked { exchange, blocks };
-    checked.grains(&pieces.grains, |g| g.id).map_err(bad)?;
-    checked
-        .contacts(&pieces.contacts, |c| [c.i, c.j])
-        .map_err(bad)?;
-    if let Some((grains, contacts)) = &pieces.analysed {
-        checked.grains(grains, |g| g.id).map_err(bad)?;
-        checked.contacts(contacts, |c| [c.i, c.j]).map_err(bad)?;
-    }
-    if let Some(displacements) = &pieces.displacements {
-        checked.grains(displacements, |g| g.id).map_err(bad)?;
-    }
     let contacts = blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i);
     Ok((
         pieces.scene,
@@ -299,6 +340,22 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
                 .map(|displacements| displacements.records),
         },
     ))
+}
+
+/// Checks all lists of a checkpoint. Collective.
+fn check(exchange: &dyn Parallel, pieces: &Pieces) -> Result<(), String> {
+    let blocks = pieces.blocks;
+    let checked = Checked { exchange, blocks };
+    checked.grains(&pieces.grains, |g| g.id)?;
+    checked.contacts(&pieces.contacts, |c| [c.i, c.j])?;
+    if let Some((grains, contacts)) = &pieces.analysed {
+        checked.grains(grains, |g| g.id)?;
+        checked.contacts(contacts, |c| [c.i, c.j])?;
+    }
+    match &pieces.displacements {
+        Some(displacements) => checked.grains(displacements, |g| g.id),
+        None => Ok(()),
+    }
 }
 
 /// Checks the pieces of all ranks, with the same result on every rank.

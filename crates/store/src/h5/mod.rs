@@ -11,8 +11,14 @@ use hdf5_sys::h5i::hid_t;
 use hdf5_sys::{h5d, h5p, h5s};
 use mpi::ffi::MPI_Comm;
 use serde::{Deserialize, Serialize};
-use std::cell::Cell;
+
+mod extents;
+
+use crate::room;
+use extents::RawData;
+use std::cell::{Cell, RefCell};
 use std::marker::PhantomData;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -68,6 +74,9 @@ impl From<Vec<f64>> for Attribute {
 /// Fixed-length text of an attribute.
 pub type Word = FixedAscii<32>;
 
+/// Bytes of metadata that a batch may add.
+const METADATA_BYTES: u64 = 256 << 10;
+
 struct Context {
     path: PathBuf,
     /// Transfer properties: collective if there are several ranks.
@@ -75,6 +84,10 @@ struct Context {
     /// Whether a call has failed. The file is then not closed, because closing it is collective and
     /// could wait for ever.
     failed: Cell<bool>,
+    /// The datasets of the file that were created or opened.
+    raw_data: RefCell<Vec<RawData>>,
+    /// Below this offset (bytes), room has been reserved.
+    reserved: Cell<u64>,
 }
 
 impl Context {
@@ -142,6 +155,8 @@ impl H5File {
                 path: path.into(),
                 transfer,
                 failed: Cell::new(false),
+                raw_data: RefCell::default(),
+                reserved: Cell::new(0),
             }),
         })
     }
@@ -230,6 +245,8 @@ impl H5File {
 
     fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Dataset<T>, Failure> {
         let datatype = Datatype::from_type::<T>();
+        let raw_data = RawData::of(dataset.clone());
+        self.context.raw_data.borrow_mut().push(raw_data);
         Ok(Dataset {
             datatype: datatype.map_err(|e| self.context.failure(name, "describe", &e))?,
             shape: dataset.shape(),
@@ -286,7 +303,43 @@ impl H5File {
     pub fn flush(&self) -> Result<(), Failure> {
         self.file
             .flush()
-            .map_err(|e| self.context.failure("/", "flush", &e))
+            .map_err(|e| self.context.failure("/", "flush", &e))?;
+        // HDF5 sets the file's length, and so gives back what was reserved beyond.
+        self.context.reserved.set(self.file.size());
+        Ok(())
+    }
+
+    /// Returns the byte ranges that hold the data of all datasets created or opened so far.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
+    pub fn raw_extents(&self) -> Result<Vec<Range<u64>>, Failure> {
+        let mut all = Vec::new();
+        for raw_data in &mut *self.context.raw_data.borrow_mut() {
+            let extents = raw_data.extents();
+            all.extend_from_slice(extents.map_err(|e| self.context.failure("/", "look up", &e))?);
+        }
+        Ok(all)
+    }
+
+    /// Reserves room for `bytes` of data more, and for what the file needs beside them, or fails on
+    /// all ranks before anything is written.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if there is no room.
+    pub fn reserve(&self, exchange: &dyn Parallel, bytes: usize) -> Result<(), Failure> {
+        let raw_data = self.context.raw_data.borrow();
+        let beside: u64 = raw_data.iter().map(RawData::chunk_bytes).sum();
+        drop(raw_data);
+        let needed = bytes as u64 + beside + METADATA_BYTES;
+        let (from, to) = (self.context.reserved.get(), self.file.size() + needed);
+        let reserved = match exchange.rank() {
+            0 => room::reserve(&self.context.path, from, to),
+            _ => Ok(()),
+        };
+        let mut outcome = CollectiveOutcome::default();
+        outcome.note(reserved);
+        self.agree(exchange, outcome)
     }
 
     /// Agrees on the failures of the calls so far. After a failure on any rank, no rank closes the
@@ -313,6 +366,7 @@ impl H5File {
     pub fn close(self) -> Result<(), Failure> {
         let file = self.file.clone();
         let context = self.context.clone();
+        context.raw_data.borrow_mut().clear();
         drop(self);
         file.close().map_err(|e| context.failure("/", "close", &e))
     }
@@ -321,8 +375,9 @@ impl H5File {
 impl Drop for H5File {
     fn drop(&mut self) {
         if self.context.failed.get() {
-            // A reference that is never released keeps the file open.
+            // References that are never released keep the file open.
             std::mem::forget(self.file.clone());
+            std::mem::forget(self.context.clone());
         }
     }
 }

@@ -1,0 +1,71 @@
+//! Room on the file system for what is about to be written.
+//!
+//! MPI-IO may lose the error of a full disk on one rank, and the others then wait for ever. So one
+//! rank reserves the room beforehand, with a plain system call whose error is reliable.
+
+use std::fs::File;
+use std::path::Path;
+
+use gshear_dem::failure::Failure;
+use rustix::fs::{FallocateFlags, fallocate, fstatvfs};
+use rustix::io::Errno;
+
+/// Reserves the bytes from `start` to `end` of a file that exists, without changing its length. To
+/// be called on one rank.
+///
+/// File systems that cannot reserve must have as much free space.
+///
+/// # Errors
+/// [`Failure::Other`] if there is no room, or the file cannot be opened.
+pub fn reserve(path: &Path, start: u64, end: u64) -> Result<(), Failure> {
+    if end <= start {
+        return Ok(());
+    }
+    let needed = end - start;
+    let reserved = File::options().write(true).open(path).and_then(|file| {
+        match fallocate(&file, FallocateFlags::KEEP_SIZE, start, needed) {
+            Err(Errno::OPNOTSUPP | Errno::NOSYS) => {
+                let system = fstatvfs(&file)?;
+                match system.f_bavail.saturating_mul(system.f_frsize) >= needed {
+                    true => Ok(()),
+                    false => Err(Errno::NOSPC.into()),
+                }
+            }
+            other => Ok(other?),
+        }
+    });
+    reserved.map_err(|e| {
+        Failure::other(format!(
+            "{}: cannot reserve {:.1} MB for what is to be written next ({e}); free space, then resume from the last checkpoint",
+            path.display(),
+            needed as f64 / 1e6
+        ))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn room_is_reserved_beyond_the_end() {
+        use std::os::unix::fs::MetadataExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        std::fs::write(&path, b"ten bytes.").unwrap();
+        reserve(&path, 0, 1 << 20).unwrap();
+        let file = std::fs::metadata(&path).unwrap();
+        assert_eq!(file.len(), 10);
+        assert!(file.blocks() * 512 >= 1 << 20);
+    }
+
+    #[test]
+    fn more_than_there_is_fails() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        std::fs::write(&path, b"").unwrap();
+        let message = reserve(&path, 0, 1 << 50).unwrap_err().to_string();
+        assert!(message.contains("cannot reserve"), "{message}");
+        assert!(message.contains("run.h5"), "{message}");
+    }
+}
