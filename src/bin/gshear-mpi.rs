@@ -124,8 +124,9 @@ fn main() -> ExitCode {
             if speaks {
                 eprintln!("error: {failure}");
             }
-            if let (Failure::Other(_), true) = (&failure, world.size() > 1) {
-                // When MPI ends, HDF5 would try to close a broken file and could wait for ever.
+            if let Failure::Other(_) = &failure {
+                // When the process ends, HDF5 would try to close a broken file: it could wait for
+                // ever, or crash.
                 world.barrier();
                 world.abort(failure.exit_code());
             }

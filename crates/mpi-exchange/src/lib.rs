@@ -36,7 +36,9 @@
 
 mod node;
 mod parallel;
+mod watchdog;
 mod world;
 
 pub use parallel::Parallel;
+pub use watchdog::Waiting;
 pub use world::World;

@@ -8,6 +8,7 @@ use std::ptr::{copy_nonoverlapping, null_mut};
 use std::slice::from_raw_parts_mut;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 
+use crate::watchdog::{Progress, Ranks};
 use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{AsRaw, Communicator, CommunicatorCollectives};
@@ -41,6 +42,7 @@ struct Mailbox {
 /// exist twice and are used in turn, because a rank may be one message ahead.
 #[repr(C)]
 struct SharedSlot {
+    progress: Progress,
     terms: [Terms; 2],
     /// Mailboxes to the next rank, and to the rank before.
     mailboxes: [[Mailbox; 2]; 2],
@@ -116,6 +118,28 @@ impl Node {
             window,
             _communicator: communicator,
         })
+    }
+
+    /// What this rank publishes.
+    pub fn progress(&self) -> &Progress {
+        // SAFETY: the slot lives as long as the window, and its counters are atomic.
+        unsafe { &(*self.slots[self.rank]).progress }
+    }
+
+    /// What the ranks of this node publish.
+    ///
+    /// # Safety
+    /// It must not be used after this node has been dropped.
+    pub unsafe fn watched(&self) -> NodeRanks {
+        let ranks = self.slots.iter().enumerate();
+        let here = ranks.filter(|(_, slot)| !slot.is_null());
+        NodeRanks {
+            // SAFETY: the slot lives as long as the window.
+            here: here
+                .map(|(rank, &slot)| (rank, unsafe { &raw const (*slot).progress }))
+                .collect(),
+            elsewhere: !self.holds_all(),
+        }
     }
 
     /// Whether all ranks of the job are on this node.
@@ -222,6 +246,31 @@ impl Node {
                 *sum = sum.wrapping_add(term.load(Ordering::Relaxed));
             }
         }
+    }
+}
+
+/// The ranks of a node, for its watchdogs.
+pub struct NodeRanks {
+    here: Vec<(usize, *const Progress)>,
+    elsewhere: bool,
+}
+
+// SAFETY: the counters are atomic, and the addresses stay valid as long as `Node::watched` demands.
+unsafe impl Send for NodeRanks {}
+// SAFETY: as above.
+unsafe impl Sync for NodeRanks {}
+
+impl Ranks for NodeRanks {
+    fn here(&self) -> Vec<(usize, &Progress)> {
+        // SAFETY: as for `Send`.
+        self.here
+            .iter()
+            .map(|&(rank, progress)| (rank, unsafe { &*progress }))
+            .collect()
+    }
+
+    fn elsewhere(&self) -> bool {
+        self.elsewhere
     }
 }
 

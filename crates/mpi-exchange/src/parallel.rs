@@ -2,11 +2,25 @@
 
 use gshear_dem::domain::{Exchange, Solo};
 use mpi::ffi::MPI_Comm;
+use std::time::Duration;
+
+use crate::watchdog::Waiting;
 
 /// A set of ranks that parallel libraries can address, such as HDF5.
 pub trait Parallel: Exchange {
     /// The communicator of the ranks; `None` for a single process.
     fn communicator(&self) -> Option<MPI_Comm>;
+
+    /// Marks that this rank waits for other ranks or for files until the result is dropped; calls
+    /// of [`Exchange`] mark themselves. Not collective.
+    fn waiting(&self) -> Waiting<'_> {
+        Waiting::UNWATCHED
+    }
+
+    /// From now on, ends the job with a message that names the rank if a rank has waited so long
+    /// and no rank of its node computes. On several nodes ten times as long, since the ranks of
+    /// other nodes are not seen. Not collective.
+    fn watch(&self, _: Duration) {}
 }
 
 impl Parallel for Solo {

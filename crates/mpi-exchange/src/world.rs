@@ -2,8 +2,14 @@
 
 use crate::node::Node;
 use crate::parallel::Parallel;
+use crate::watchdog::{Alone, Progress, Ranks, Waiting, Watchdog};
 use bytemuck::cast_slice_mut;
 use gshear_dem::domain::{Exchange, Link};
+use std::cell::RefCell;
+use std::io::Write;
+use std::sync::Arc;
+use std::time::Duration;
+
 use mpi::Threading;
 use mpi::collective::SystemOperation;
 use mpi::datatype::{Partition, PartitionMut};
@@ -17,6 +23,9 @@ use mpi::traits::{
 ///
 /// Dropping it ends MPI, so every file opened with its communicator must be closed before.
 pub struct World {
+    // Dropped before the node, whose memory it reads.
+    watchdog: RefCell<Option<Watchdog>>,
+    alone: Arc<Alone>,
     communicator: SimpleCommunicator,
     rank: usize,
     size: usize,
@@ -70,18 +79,35 @@ impl World {
             .process_at_rank(0)
             .broadcast_into(&mut shares[..]);
         let shares = shares[0] == 1;
+        let (rank, size) = (communicator.rank() as usize, communicator.size() as usize);
+        let alone = Alone {
+            rank,
+            elsewhere: size > 1,
+            ..Alone::default()
+        };
         World {
+            watchdog: RefCell::default(),
+            alone: Arc::new(alone),
             node: shares.then(|| Node::new(&communicator)).flatten(),
-            rank: communicator.rank() as usize,
-            size: communicator.size() as usize,
+            rank,
+            size,
             communicator,
             _universe: universe,
         }
     }
 
-    /// Ends every rank with this exit code, for a failure that only one rank knows. Not collective.
+    /// Ends every rank with this exit code, for a failure that only one rank knows, or after which
+    /// files cannot be closed. Not collective.
     pub fn abort(&self, exit_code: i32) -> ! {
+        if self.size == 1 {
+            end_process(exit_code);
+        }
         self.communicator.abort(exit_code)
+    }
+
+    fn progress(&self) -> &Progress {
+        let alone = &self.alone.progress;
+        self.node.as_ref().map_or(alone, Node::progress)
     }
 
     /// Counts and offsets of pieces (bytes) as MPI takes them, and the total.
@@ -114,7 +140,31 @@ fn addressable(bytes: &[u8]) -> &[u8] {
     if bytes.is_empty() { &[0][..0] } else { bytes }
 }
 
+/// Ends this process at once: nothing is closed. mpirun then ends the other ranks.
+fn end_process(exit_code: i32) -> ! {
+    let _ = std::io::stdout().flush();
+    // SAFETY: it takes any number and does not return.
+    unsafe { libc::_exit(exit_code) }
+}
+
 impl Parallel for World {
+    fn waiting(&self) -> Waiting<'_> {
+        self.progress().wait()
+    }
+
+    fn watch(&self, limit: Duration) {
+        let ranks: Arc<dyn Ranks> = match &self.node {
+            // SAFETY: the watchdog is dropped before the node.
+            Some(node) => Arc::new(unsafe { node.watched() }),
+            None => self.alone.clone(),
+        };
+        let end = |message: &str| {
+            eprintln!("error: {message}");
+            end_process(1);
+        };
+        *self.watchdog.borrow_mut() = Some(Watchdog::start(self.rank, limit, ranks, end));
+    }
+
     /// `None` for a single rank, for which HDF5's serial driver is faster.
     fn communicator(&self) -> Option<mpi::ffi::MPI_Comm> {
         (self.size > 1).then(|| self.communicator.as_raw())
@@ -131,6 +181,7 @@ impl Exchange for World {
     }
 
     fn all_to_all(&self, mut send: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+        let _waiting = self.waiting();
         assert_eq!(send.len(), self.size, "a message for every rank");
         if self.size == 1 {
             return send;
@@ -155,6 +206,7 @@ impl Exchange for World {
     /// Several links with one rank are matched in order: the n-th link with rank r here with the
     /// n-th link with this rank there.
     fn halo(&self, links: &mut [Link<'_>], meanwhile: &mut dyn FnMut()) {
+        let _waiting = self.waiting();
         // A mailbox holds one message, so several links with one rank go through the library.
         let single = links
             .iter()
@@ -204,6 +256,7 @@ impl Exchange for World {
     }
 
     fn sum_during(&self, values: &mut [i64], meanwhile: &mut dyn FnMut()) {
+        let _waiting = self.waiting();
         if let Some(node) = self.node.as_ref().filter(|n| n.holds_all()) {
             return node.sum_during(values, meanwhile);
         }
@@ -224,6 +277,7 @@ impl Exchange for World {
     }
 
     fn sum(&self, values: &mut [i64]) {
+        let _waiting = self.waiting();
         if self.size == 1 {
             return;
         }
@@ -238,6 +292,7 @@ impl Exchange for World {
     }
 
     fn sum_below(&self, value: u64) -> u64 {
+        let _waiting = self.waiting();
         let mut below = 0u64;
         self.communicator
             .exclusive_scan_into(&value, &mut below, SystemOperation::sum());
@@ -247,6 +302,7 @@ impl Exchange for World {
 
     /// NaN if the value of any rank is NaN, which MPI's own maximum does not guarantee.
     fn maximum(&self, value: f64) -> f64 {
+        let _waiting = self.waiting();
         if self.size == 1 {
             return value;
         }
@@ -265,6 +321,7 @@ impl Exchange for World {
     }
 
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        let _waiting = self.waiting();
         let mut lengths = vec![0u64; self.size];
         self.communicator
             .all_gather_into(&(bytes.len() as u64), &mut lengths[..]);
@@ -278,6 +335,7 @@ impl Exchange for World {
     }
 
     fn broadcast(&self, mut bytes: Vec<u8>) -> Vec<u8> {
+        let _waiting = self.waiting();
         if self.size == 1 {
             return bytes;
         }
@@ -292,6 +350,7 @@ impl Exchange for World {
     }
 
     fn barrier(&self) {
+        let _waiting = self.waiting();
         self.communicator.barrier();
     }
 }

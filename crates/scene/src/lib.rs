@@ -335,7 +335,8 @@ mod tests {
             scene.bookkeeping,
             Bookkeeping {
                 list: ListSettings::default(),
-                simd: "auto"
+                simd: "auto",
+                watchdog: 600.0
             }
         );
     }

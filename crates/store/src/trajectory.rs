@@ -142,6 +142,7 @@ impl TrajectoryWriter {
         path: &Path,
         header: &RunHeader<'_>,
     ) -> Result<Self, Failure> {
+        let _waiting = exchange.waiting();
         let grains = total(exchange, header.grains.len() as u64);
         let mut attributes = Vec::new();
         for (name, value) in header.attributes {
@@ -194,6 +195,7 @@ impl TrajectoryWriter {
         frames: u64,
         rows: u64,
     ) -> Result<Self, Failure> {
+        let _waiting = exchange.waiting();
         // Only one rank inspects the file: after a failure in a collective call the others could
         // wait for ever.
         let mut extent = Vec::new();
@@ -405,6 +407,7 @@ impl TrajectoryWriter {
     /// # Errors
     /// If the file cannot be written.
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let _waiting = exchange.waiting();
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
         self.flush_file(exchange)?;
@@ -421,6 +424,7 @@ impl TrajectoryWriter {
         exchange: &dyn Parallel,
         attributes: &[(&str, Attribute)],
     ) -> Result<(), Failure> {
+        let _waiting = exchange.waiting();
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
         let attributes = attributes
@@ -445,6 +449,7 @@ impl TrajectoryWriter {
         if count == 0 {
             return Ok(());
         }
+        let _waiting = exchange.waiting();
         let shares = Shares {
             frames: count,
             grains: self.blocks.grains,
@@ -537,6 +542,7 @@ impl TrajectoryWriter {
         if self.rows.is_empty() && scalars == 0 {
             return Ok(());
         }
+        let _waiting = exchange.waiting();
         let rows = std::mem::take(&mut self.rows);
         let numbers = rows.iter().map(|(_, _, row)| 2 + row.len()).sum::<usize>();
         let of_scalars = scalars * size_of::<FrameScalars>();

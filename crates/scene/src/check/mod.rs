@@ -69,6 +69,7 @@ fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: &raw::Bookkeeping) -> Boo
     let skin = c.number(&bookkeeping.skin);
     let rebuild_every = c.count(&bookkeeping.rebuild_every);
     let simd = c.choice_or_default(&bookkeeping.simd);
+    let watchdog = c.number_or_default(&bookkeeping.watchdog);
     if let Some(name) = simd.filter(|name| Isa::named(name).is_none()) {
         c.refuse(
             &bookkeeping.simd,
@@ -81,5 +82,6 @@ fn check_bookkeeping(c: &mut Checker<'_>, bookkeeping: &raw::Bookkeeping) -> Boo
             rebuild_every,
         },
         simd: simd.unwrap_or("auto"),
+        watchdog,
     }
 }

@@ -105,6 +105,8 @@ table! {
         rebuild_every: Whole { range: FROM_ZERO, default: Some(0) },
         /// instruction set of the kernel; changes speed, not results
         simd: Text { range: &SIMD_NAMES, default: Some(SIMD_NAMES[0]) },
+        /// a run ends if a rank has not answered for so long; 0 is never
+        watchdog: Number { unit: "s", range: NOT_NEGATIVE, default: Some(600.0) },
     }
 }
 

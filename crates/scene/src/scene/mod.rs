@@ -100,6 +100,8 @@ pub struct Bookkeeping {
     pub list: ListSettings,
     /// Instruction set of the kernel: one of `SIMD_NAMES`.
     pub simd: &'static str,
+    /// Time after which a rank that does not answer ends the run (s); 0 is never.
+    pub watchdog: f64,
 }
 
 /// The instruction sets that may be asked for; `auto` is the best that the processor has.

@@ -134,4 +134,5 @@ fn bookkeeping(t: &mut Lines, bookkeeping: &Bookkeeping) {
     }
     t.whole(&keys.rebuild_every, bookkeeping.list.rebuild_every);
     t.text(&keys.simd, bookkeeping.simd);
+    t.number(&keys.watchdog, bookkeeping.watchdog);
 }

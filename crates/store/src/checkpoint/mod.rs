@@ -68,6 +68,7 @@ pub fn write(
     scene_toml: &str,
     snapshot: &Snapshot,
 ) -> Result<(), Failure> {
+    let _waiting = exchange.waiting();
     let blocks = IdBlocks {
         grains: total(exchange, snapshot.grains.len() as u64),
         ranks: exchange.size() as u64,

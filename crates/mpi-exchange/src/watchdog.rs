@@ -1,0 +1,295 @@
+//! Ends a job whose ranks wait for ever, and names the rank that does not answer.
+//!
+//! Every rank publishes whether it waits, in an operation with other ranks or files, and how many
+//! operations it has begun. A thread of each rank counts seconds, so a stopped process is told from
+//! one that computes.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// What a rank publishes. Valid if all zero.
+#[repr(C, align(128))]
+#[derive(Default)]
+pub struct Progress {
+    /// Operations begun.
+    operations: AtomicU64,
+    /// Operations that this rank is in, one inside the other.
+    depth: AtomicU64,
+    /// Seconds counted by the thread.
+    seconds: AtomicU64,
+    process: AtomicU64,
+}
+
+impl Progress {
+    fn waits(&self) -> bool {
+        self.depth.load(Ordering::Relaxed) > 0
+    }
+
+    /// Marks the beginning of an operation, which ends when the result is dropped.
+    pub fn wait(&self) -> Waiting<'_> {
+        // Only this rank's main thread writes them.
+        let next = |counter: &AtomicU64| {
+            counter.store(counter.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
+        };
+        next(&self.operations);
+        next(&self.depth);
+        Waiting(Some(self))
+    }
+}
+
+/// An operation with other ranks or files, for as long as this lives.
+#[must_use = "the operation ends when this is dropped"]
+pub struct Waiting<'a>(Option<&'a Progress>);
+
+impl Waiting<'_> {
+    /// Of a rank that nobody watches.
+    pub const UNWATCHED: Waiting<'static> = Waiting(None);
+}
+
+impl Drop for Waiting<'_> {
+    fn drop(&mut self) {
+        if let Some(progress) = self.0 {
+            let depth = progress.depth.load(Ordering::Relaxed);
+            progress.depth.store(depth - 1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Where the ranks of this node publish their progress.
+pub trait Ranks: Send + Sync {
+    /// Rank and progress of those on this node, in order.
+    fn here(&self) -> Vec<(usize, &Progress)>;
+    /// Whether there are others on other nodes.
+    fn elsewhere(&self) -> bool;
+}
+
+/// A rank that shares memory with no other.
+#[derive(Default)]
+pub struct Alone {
+    /// Its number.
+    pub rank: usize,
+    /// What it publishes.
+    pub progress: Progress,
+    /// Whether there are other ranks.
+    pub elsewhere: bool,
+}
+
+impl Ranks for Alone {
+    fn here(&self) -> Vec<(usize, &Progress)> {
+        vec![(self.rank, &self.progress)]
+    }
+
+    fn elsewhere(&self) -> bool {
+        self.elsewhere
+    }
+}
+
+/// The thread of a rank.
+pub struct Watchdog {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Seconds for which a thread may count nothing before its process is taken for stopped: more than
+/// a loaded machine keeps a thread waiting.
+const STOPPED: u64 = 5;
+/// Ranks of other nodes are not seen, and may compute: they get this many times as long.
+const ELSEWHERE: u32 = 10;
+
+impl Watchdog {
+    /// Ends the job by `end` with a message once this rank has waited for `limit` and no rank of
+    /// the node computes.
+    pub fn start(
+        rank: usize,
+        limit: Duration,
+        ranks: Arc<dyn Ranks>,
+        end: impl Fn(&str) + Send + 'static,
+    ) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let thread = std::thread::spawn(move || watch(rank, limit, &*ranks, &stopped, end));
+        Self {
+            stop,
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for Watchdog {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What is seen of a rank.
+struct Seen {
+    seconds: u64,
+    /// When this rank last saw its seconds change.
+    at: Instant,
+}
+
+fn watch(
+    rank: usize,
+    limit: Duration,
+    ranks: &dyn Ranks,
+    stopped: &AtomicBool,
+    end: impl Fn(&str),
+) {
+    let here = ranks.here();
+    let of = |wanted: usize| here.iter().find(|(r, _)| *r == wanted).map(|(_, p)| *p);
+    let own = of(rank).expect("this rank is on its node");
+    own.process
+        .store(std::process::id().into(), Ordering::Relaxed);
+    let limit = if ranks.elsewhere() {
+        limit * ELSEWHERE
+    } else {
+        limit
+    };
+    let now = Instant::now();
+    let mut seen: Vec<Seen> = here
+        .iter()
+        .map(|_| Seen {
+            seconds: 0,
+            at: now,
+        })
+        .collect();
+    let (mut operation, mut since, mut told) = (u64::MAX, now, false);
+    while !stopped.load(Ordering::Relaxed) {
+        std::thread::park_timeout(Duration::from_secs(1));
+        own.seconds.fetch_add(1, Ordering::Relaxed);
+        for ((_, progress), seen) in here.iter().zip(&mut seen) {
+            let seconds = progress.seconds.load(Ordering::Relaxed);
+            if seconds != seen.seconds {
+                *seen = Seen {
+                    seconds,
+                    at: Instant::now(),
+                };
+            }
+        }
+        let current = own.operations.load(Ordering::Relaxed);
+        if current != operation || !own.waits() {
+            (operation, since, told) = (current, Instant::now(), false);
+        }
+        let waited = since.elapsed();
+        if waited < limit {
+            continue;
+        }
+        let silent = |k: usize| seen[k].at.elapsed() > Duration::from_secs(STOPPED);
+        let computes = (0..here.len()).find(|&k| !silent(k) && !here[k].1.waits());
+        let answers = (0..here.len()).filter(|&k| !silent(k));
+        let speaks = answers.map(|k| here[k].0).min() == Some(rank);
+        if let Some(k) = computes {
+            if speaks && !told {
+                eprintln!(
+                    "note: rank {} has computed for {} s; the other ranks wait",
+                    here[k].0,
+                    waited.as_secs()
+                );
+            }
+            told = true;
+            continue;
+        }
+        // The first that answers speaks; the others leave it a few seconds.
+        if speaks || waited > limit + Duration::from_secs(2 * STOPPED) {
+            let gone: Vec<String> = (0..here.len())
+                .filter(|&k| silent(k))
+                .map(|k| {
+                    let process = here[k].1.process.load(Ordering::Relaxed);
+                    format!("rank {} (process {process})", here[k].0)
+                })
+                .collect();
+            let what = match (gone.is_empty(), ranks.elsewhere()) {
+                (false, _) => format!("{} does not answer", gone.join(", ")),
+                (true, true) => "a rank of another node does not answer".into(),
+                (true, false) if here.len() == 1 => "a file operation does not end".into(),
+                (true, false) => "the ranks wait for each other, or for a file operation".into(),
+            };
+            end(&format!(
+                "{what}: rank {rank} has waited for {} s (bookkeeping.watchdog); resume from the last checkpoint",
+                waited.as_secs()
+            ));
+            return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+    use std::sync::mpsc::channel;
+
+    struct Node(Vec<Progress>);
+
+    impl Ranks for Node {
+        fn here(&self) -> Vec<(usize, &Progress)> {
+            self.0.iter().enumerate().collect()
+        }
+
+        fn elsewhere(&self) -> bool {
+            false
+        }
+    }
+
+    fn node(size: usize) -> Arc<Node> {
+        Arc::new(Node((0..size).map(|_| Progress::default()).collect()))
+    }
+
+    fn start(node: &Arc<Node>, rank: usize, said: &Arc<Mutex<Vec<String>>>) -> Watchdog {
+        let said = said.clone();
+        let limit = Duration::from_secs(1);
+        Watchdog::start(rank, limit, node.clone(), move |m| {
+            said.lock().unwrap().push(m.into());
+        })
+    }
+
+    #[test]
+    fn a_stopped_rank_is_named() {
+        let (node, said) = (node(2), Arc::default());
+        let _rank_1_is_stopped = node.0[1].process.store(77, Ordering::Relaxed);
+        let waiting = node.0[0].wait();
+        let dog = start(&node, 0, &said);
+        let begun = Instant::now();
+        while said.lock().unwrap().is_empty() && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        drop((waiting, dog));
+        let said = said.lock().unwrap();
+        assert!(
+            said[0].starts_with("rank 1 (process 77) does not answer"),
+            "{said:?}"
+        );
+    }
+
+    #[test]
+    fn a_rank_that_computes_or_answers_in_time_is_left_alone() {
+        let (node, said) = (node(2), Arc::default());
+        // Rank 1 computes; rank 0 waits for it.
+        let dogs = [start(&node, 0, &said), start(&node, 1, &said)];
+        let waiting = node.0[0].wait();
+        std::thread::sleep(Duration::from_secs(4));
+        drop(waiting);
+        // Both begin an operation again and again.
+        let (done, end) = channel();
+        let working = node.clone();
+        let thread = std::thread::spawn(move || {
+            while end.try_recv().is_err() {
+                for progress in &working.0 {
+                    let _waiting = progress.wait();
+                    std::thread::sleep(Duration::from_millis(100));
+                }
+            }
+        });
+        std::thread::sleep(Duration::from_secs(3));
+        done.send(()).unwrap();
+        thread.join().unwrap();
+        drop(dogs);
+        assert!(said.lock().unwrap().is_empty(), "{said:?}");
+    }
+}

@@ -1,0 +1,169 @@
+/* Makes system calls on the files of a run fail, for the tests of faults. Loaded by LD_PRELOAD.
+ *
+ * FAULT_PATH   part of the path of the files concerned
+ * FAULT_CALL   the call that fails first, counted from 1 in each process; 0 only counts
+ * FAULT_CALLS  how many calls fail from then on (default: all)
+ * FAULT_KIND   enospc, eio: the call fails; short: half is written; kill: the process dies before
+ *              the call; torn: it dies after half of the write
+ * FAULT_RANK   the rank concerned (default: all)
+ * FAULT_COUNT  file that gets "rank calls" when the process ends
+ */
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+static atomic_long calls;
+
+static long number(const char *name, long otherwise) {
+    const char *text = getenv(name);
+    return text ? atol(text) : otherwise;
+}
+
+static long rank(void) {
+    return number("OMPI_COMM_WORLD_RANK", number("PMIX_RANK", 0));
+}
+
+static int concerned(int fd) {
+    const char *part = getenv("FAULT_PATH");
+    char link[64], path[4096];
+    if (!part) return 0;
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    ssize_t n = readlink(link, path, sizeof path - 1);
+    if (n < 0) return 0;
+    path[n] = 0;
+    return path[0] == '/' && strstr(path, part) != NULL;
+}
+
+enum fault { NONE, FAIL, SHORT, KILL, TORN };
+
+/* What becomes of this call; sets errno if it fails. */
+static enum fault fault(int fd) {
+    if (!concerned(fd)) return NONE;
+    long call = atomic_fetch_add(&calls, 1) + 1;
+    long of_rank = number("FAULT_RANK", -1), first = number("FAULT_CALL", 0);
+    long many = number("FAULT_CALLS", 1L << 40);
+    if (!first || call < first || call >= first + many) return NONE;
+    if (of_rank >= 0 && of_rank != rank()) return NONE;
+    const char *kind = getenv("FAULT_KIND");
+    if (!kind) return NONE;
+    if (!strcmp(kind, "enospc")) { errno = ENOSPC; return FAIL; }
+    if (!strcmp(kind, "eio")) { errno = EIO; return FAIL; }
+    if (!strcmp(kind, "short")) return SHORT;
+    if (!strcmp(kind, "kill")) return KILL;
+    if (!strcmp(kind, "torn")) return TORN;
+    return NONE;
+}
+
+static void die(void) {
+    kill(getpid(), SIGKILL);
+    for (;;) pause();
+}
+
+__attribute__((destructor)) static void report(void) {
+    const char *path = getenv("FAULT_COUNT");
+    FILE *file = path ? fopen(path, "a") : NULL;
+    if (file) {
+        fprintf(file, "%ld %ld\n", rank(), atomic_load(&calls));
+        fclose(file);
+    }
+}
+
+#define REAL(type, name, ...) \
+    static type (*real)(__VA_ARGS__); \
+    if (!real) real = (type (*)(__VA_ARGS__))dlsym(RTLD_NEXT, name)
+
+
+ssize_t write(int fd, const void *data, size_t n) {
+    REAL(ssize_t, "write", int, const void *, size_t);
+    switch (fault(fd)) {
+    case FAIL: return -1;
+    case KILL: die();
+    case SHORT: return real(fd, data, n > 1 ? n / 2 : n);
+    case TORN: (void)!real(fd, data, n / 2); die();
+    default: return real(fd, data, n);
+    }
+}
+
+static ssize_t at(ssize_t (*real)(int, const void *, size_t, off_t), int fd, const void *data, size_t n, off_t where) {
+    switch (fault(fd)) {
+    case FAIL: return -1;
+    case KILL: die();
+    case SHORT: return real(fd, data, n > 1 ? n / 2 : n, where);
+    case TORN: (void)!real(fd, data, n / 2, where); die();
+    default: return real(fd, data, n, where);
+    }
+}
+
+ssize_t pwrite(int fd, const void *data, size_t n, off_t where) {
+    REAL(ssize_t, "pwrite", int, const void *, size_t, off_t);
+    return at(real, fd, data, n, where);
+}
+
+ssize_t pwrite64(int fd, const void *data, size_t n, off_t where) {
+    REAL(ssize_t, "pwrite64", int, const void *, size_t, off_t);
+    return at(real, fd, data, n, where);
+}
+
+ssize_t writev(int fd, const struct iovec *parts, int count) {
+    REAL(ssize_t, "writev", int, const struct iovec *, int);
+    switch (fault(fd)) {
+    case FAIL: return -1;
+    case KILL: die();
+    case SHORT: return write(fd, parts[0].iov_base, parts[0].iov_len / 2);
+    case TORN: (void)!write(fd, parts[0].iov_base, parts[0].iov_len / 2); die();
+    default: return real(fd, parts, count);
+    }
+}
+
+static ssize_t vector(ssize_t (*real)(int, const struct iovec *, int, off_t), int fd, const struct iovec *parts, int count, off_t where) {
+    struct iovec half = parts[0];
+    half.iov_len = half.iov_len > 1 ? half.iov_len / 2 : half.iov_len;
+    switch (fault(fd)) {
+    case FAIL: return -1;
+    case KILL: die();
+    case SHORT: return real(fd, &half, 1, where);
+    case TORN: (void)!real(fd, &half, 1, where); die();
+    default: return real(fd, parts, count, where);
+    }
+}
+
+ssize_t pwritev(int fd, const struct iovec *parts, int count, off_t where) {
+    REAL(ssize_t, "pwritev", int, const struct iovec *, int, off_t);
+    return vector(real, fd, parts, count, where);
+}
+
+ssize_t pwritev64(int fd, const struct iovec *parts, int count, off_t where) {
+    REAL(ssize_t, "pwritev64", int, const struct iovec *, int, off_t);
+    return vector(real, fd, parts, count, where);
+}
+
+static int simple(int fd) {
+    switch (fault(fd)) {
+    case FAIL: return -1;
+    case KILL: case TORN: die();
+    default: return 0;
+    }
+}
+
+int ftruncate(int fd, off_t length) {
+    REAL(int, "ftruncate", int, off_t);
+    return simple(fd) ? -1 : real(fd, length);
+}
+
+int ftruncate64(int fd, off_t length) {
+    REAL(int, "ftruncate64", int, off_t);
+    return simple(fd) ? -1 : real(fd, length);
+}
+
+int fsync(int fd) {
+    REAL(int, "fsync", int);
+    return simple(fd) ? -1 : real(fd);
+}
