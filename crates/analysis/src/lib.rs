@@ -19,14 +19,14 @@
 //! Stick and slip phases of τ(γ), and the rank correlation of their durations and changes of τ:
 //!
 //! ```
-//! use gshear_analysis::phases::{self, Kind};
+//! use gshear_analysis::phases::{self, PhaseKind};
 //! use gshear_analysis::spearman::Spearman;
 //!
 //! let strain = [0.00, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06];
 //! let tau = [0.10, 0.15, 0.22, 0.18, 0.19, 0.21, 0.12];
 //! let found = phases::find(&strain, &tau);
-//! let kinds: Vec<Kind> = found.iter().map(|phase| phase.kind).collect();
-//! assert_eq!(kinds, [Kind::Stick, Kind::Slip, Kind::Stick, Kind::Slip]);
+//! let kinds: Vec<PhaseKind> = found.iter().map(|phase| phase.kind).collect();
+//! assert_eq!(kinds, [PhaseKind::Stick, PhaseKind::Slip, PhaseKind::Stick, PhaseKind::Slip]);
 //! assert_eq!(phases::largest_drop(&found).unwrap().end, 6);
 //!
 //! let pairs = found.iter().map(|phase| [phase.duration() as f64, phase.change]);
