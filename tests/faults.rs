@@ -9,6 +9,10 @@ use std::time::{Duration, Instant};
 
 use common::crossing::{SCENE, resumed, whole};
 use common::{mpirun, same_run, succeed};
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::RunFile;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 /// Longest time of a run with a fault, its watchdog included.
 const LONGEST: Duration = Duration::from_secs(90);
@@ -195,6 +199,54 @@ fn study(
         lost.len()
     );
     table
+}
+
+/// All that a run's file says.
+fn content(path: &Path) -> Result<String, Failure> {
+    let run = RunFile::open(path)?;
+    let frames = run.records(0..run.frames())?;
+    let text = format!(
+        "{:?}{:?}{:?}{:?}{frames:?}",
+        run.parameters(),
+        run.grains(),
+        run.series(),
+        run.stored_scalars()
+    );
+    Ok(text)
+}
+
+/// Damages a file of `folder` at `count` places, one at a time. Returns how often it was noticed,
+/// and harmless; fails if it was neither.
+fn damage(path: &Path, count: u64, seed: u64) -> [usize; 2] {
+    let whole = std::fs::read(path).expect("the file");
+    let before = content(path).expect("a good file");
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let (mut counts, mut silent) = ([0; 2], Vec::new());
+    let damaged = path.with_file_name("damaged.h5");
+    for _ in 0..count {
+        let mut bytes = whole.clone();
+        let place = random.random_range(0..bytes.len());
+        let bit = random.random_range(0..8);
+        bytes[place] ^= 1 << bit;
+        std::fs::write(&damaged, &bytes).expect("written");
+        match content(&damaged) {
+            Err(_) => counts[0] += 1,
+            Ok(text) if text == before => counts[1] += 1,
+            Ok(_) => silent.push((place, bit)),
+        }
+    }
+    assert!(silent.is_empty(), "not noticed (byte, bit): {silent:?}");
+    counts
+}
+
+#[test]
+fn damage_of_a_run_is_noticed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("run");
+    whole(&out, 2, &SET);
+    let [noticed, harmless] = damage(&out.join("run.h5"), 200, 1);
+    println!("noticed {noticed}, harmless {harmless}");
+    assert!(noticed > 20);
 }
 
 /// So many of the calls 1 … `all`, evenly spread.

@@ -1,5 +1,6 @@
 //! Moves a batch of frames from the ranks that own the grains to the ranks that write them.
 
+use super::checksums;
 use super::collective::{IdBlocks, records_of};
 use super::layout::{elements, forces};
 use gshear_dem::state::{ContactSample, GrainSample};
@@ -202,6 +203,37 @@ impl ShareColumns {
             part.push(order.iter().map(|&(_, n)| &found[n as usize]), axes);
         }
         part
+    }
+
+    /// Returns the share's part of the checksums of each of its frames, in the order of
+    /// [`checksums::frame_columns`], without those of the clock.
+    pub fn checksums(&self, share: &Share, axes: usize) -> Vec<Vec<u64>> {
+        let block = length(&share.ids) as usize;
+        let mut begin = 0;
+        let of_frame = |(f, &count): (usize, &i64)| {
+            let contacts = begin..begin + count as usize;
+            begin = contacts.end;
+            let mut sums = Vec::new();
+            for ((_, width), values) in elements(axes).iter().zip(&self.values) {
+                let of_block = &values[f * block * width..][..block * width];
+                sums.push(checksums::of_sequence(
+                    share.ids.start * *width as u64,
+                    of_block,
+                ));
+            }
+            let pairs = self.i[contacts.clone()]
+                .iter()
+                .zip(&self.j[contacts.clone()]);
+            let places: Vec<u64> = pairs.map(|(&i, &j)| checksums::place_of(i, j)).collect();
+            sums.push(checksums::of_pairs(&places));
+            for ((_, width), values) in forces(axes).iter().zip(&self.forces) {
+                let values = &values[contacts.start * width..contacts.end * width];
+                sums.push(checksums::of_contacts(&places, values, *width));
+            }
+            sums.push(checksums::of_flags(&places, &self.sliding[contacts]));
+            sums
+        };
+        self.counts.iter().enumerate().map(of_frame).collect()
     }
 
     /// Appends the contacts of one frame, in order.

@@ -1,5 +1,6 @@
 //! Layout of `run.h5`: creates its datasets, or opens them to continue.
 
+use super::checksums::Checksums;
 use super::h5::{Attribute, Dataset, H5File, Slab};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -73,6 +74,10 @@ pub struct Datasets {
     pub row_time: Dataset<f64>,
     /// Of the time series, in the order of its columns.
     pub observables: Vec<Dataset<f64>>,
+    /// Their names in the file.
+    pub names: Vec<&'static str>,
+    /// `None` in a file without.
+    pub checksums: Option<Checksums>,
 }
 
 impl Datasets {
@@ -132,9 +137,13 @@ impl Datasets {
             columns.push(growing_wide(file, mode, &contact(name), rows, width)?);
         }
 
-        let names: Vec<String> = series
+        let stored: Vec<&str> = series
             .iter()
-            .map(|column| format!("{OBSERVABLES}/{}", stored_name(file, OBSERVABLES, column)))
+            .map(|column| stored_name(file, OBSERVABLES, column))
+            .collect();
+        let names: Vec<String> = stored
+            .iter()
+            .map(|name| format!("{OBSERVABLES}/{name}"))
             .collect();
         let mut observables = Vec::new();
         for (name, column) in names.iter().zip(series) {
@@ -163,6 +172,8 @@ impl Datasets {
             row_step,
             row_time,
             observables,
+            names: stored,
+            checksums: Checksums::new(file, mode, axes)?,
         })
     }
 }

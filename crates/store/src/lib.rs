@@ -34,6 +34,7 @@
 
 mod batch;
 pub mod checkpoint;
+mod checksums;
 pub mod collective;
 pub mod columns;
 #[allow(

@@ -1,6 +1,7 @@
 //! The writer of `run.h5`: frames and time series, written by all ranks together in batches.
 
 use super::batch::{Frames, ShareColumns, Shares, length};
+use super::checksums::{self, frame_columns, of_clock, of_row};
 use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::h5::{Attribute, H5File, Slab};
 use super::journal::{self, Journal};
@@ -252,6 +253,10 @@ impl TrajectoryWriter {
             .observables
             .iter_mut()
             .for_each(|c| outcome.note(c.resize(rows)));
+        if let Some(checksums) = &mut columns.checksums {
+            outcome.note(checksums.frames.resize(frames));
+            outcome.note(checksums.rows.resize(rows));
+        }
         writer.file.agree(exchange, outcome)?;
         writer.flush_file(exchange)?;
         // The space of removed rows may be used again, which the last journal does not know.
@@ -305,7 +310,21 @@ impl TrajectoryWriter {
         let edges = if root { &header.edges[..] } else { &[] };
         let all = Slab::rows(0, edges.len() as u64, 1);
 
+        let mut sums = checksums::of_constants(ids.start, &id, &body, [&radius, &mass], edges)
+            .map(|sum| sum as i64);
+        exchange.sum(&mut sums);
+        let sums = sums.map(|sum| sum as u64);
+        let of_root = if root { &sums[..] } else { &[] };
+        let places = Slab::rows(0, of_root.len() as u64, 1);
+
         let mut outcome = CollectiveOutcome::default();
+        outcome.note(fixed(
+            file,
+            checksums::CONSTANTS,
+            sums.len(),
+            places,
+            of_root,
+        ));
         outcome.note(fixed(file, &name("id"), grains, local, &id));
         outcome.note(fixed(file, &name("body"), grains, local, &body));
         outcome.note(fixed(file, &name("radius"), grains, local, &radius));
@@ -461,15 +480,25 @@ impl TrajectoryWriter {
         drop(messages);
 
         // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
-        let mut counts = vec![0; count as usize];
         let first = share.frames.start as usize;
-        counts[first..first + part.counts.len()].copy_from_slice(&part.counts);
-        exchange.sum(&mut counts);
+        let width = frame_columns(self.columns.axes).len();
+        // Per frame the number of contacts, then the checksums.
+        let mut sums = vec![0i64; count as usize * width];
+        let of_share = part.checksums(&share, self.columns.axes);
+        let rows = sums.chunks_exact_mut(width).skip(first);
+        for ((row, contacts), checksums) in rows.zip(&part.counts).zip(of_share) {
+            row[0] = *contacts;
+            for (sum, checksum) in row[1..].iter_mut().zip(checksums) {
+                *sum = checksum as i64;
+            }
+        }
+        exchange.sum(&mut sums);
+        let counts = sums.chunks_exact(width).map(|row| row[0]);
         let begin = self.contacts_written + exchange.sum_below(part.i.len() as u64);
         let of_width = |width: usize| Slab::rows(begin, part.i.len() as u64, width as u64);
         let stretch = of_width(1);
         let mut end = self.contacts_written;
-        let mut ends = Vec::with_capacity(counts.len());
+        let mut ends = Vec::with_capacity(count as usize);
         for count in counts {
             end += count as u64;
             ends.push(end);
@@ -502,6 +531,16 @@ impl TrajectoryWriter {
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
         outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
         outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));
+        if let Some(checksums) = &mut columns.checksums {
+            let mut sums: Vec<u64> = sums.iter().map(|&sum| sum as u64).collect();
+            let clock = self.frames.step.iter().zip(&self.frames.time);
+            for (row, (&step, &time)) in sums.chunks_exact_mut(width).zip(clock) {
+                row[0] = of_clock(step, time);
+            }
+            let sums = if root { &sums[..] } else { &[] };
+            let rows = Slab::rows(before, (sums.len() / width) as u64, width as u64);
+            outcome.note(checksums.frames.append(after, rows, sums));
+        }
         self.file.agree(exchange, outcome)?;
         (self.frames_written, self.contacts_written) = (after, end);
         self.frames.clear();
@@ -558,6 +597,14 @@ impl TrajectoryWriter {
         for (n, column) in columns.observables.iter_mut().enumerate() {
             let values: Vec<f64> = rows.iter().map(|r| r.2[n]).collect();
             outcome.note(by_root(root, column, before, &values));
+        }
+        if let Some(checksums) = &mut columns.checksums {
+            let sum = |(step, time, row): &(u64, f64, Vec<f64>)| {
+                let names = columns.names.iter().copied();
+                of_row(*step, *time, names.zip(row.iter().copied()))
+            };
+            let sums: Vec<u64> = rows.iter().map(sum).collect();
+            outcome.note(by_root(root, &mut checksums.rows, before, &sums));
         }
         if let Some(scalars) = &mut self.scalars {
             scalars.write(root, &mut outcome);

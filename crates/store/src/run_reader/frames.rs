@@ -6,13 +6,15 @@ use hdf5::{Dataset, H5Type};
 use ndarray::{Ix1, Ix2, Ix3, s};
 
 use super::source::one_line;
+use super::verify::Pairs;
 use super::{FrameFields, RunFile};
+use crate::checksums;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample};
 use gshear_scene::Dimensions;
 
 /// Contacts of some frames, as far as they were read.
-struct ContactValues {
+pub(super) struct ContactValues {
     /// Row of the first contact.
     first: usize,
     i: Vec<u32>,
@@ -26,7 +28,7 @@ struct ContactValues {
 }
 
 impl ContactValues {
-    fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
+    pub(super) fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
         let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
         let contact = |k: usize| ContactSample {
             i: self.i[k],
@@ -79,11 +81,16 @@ impl RunFile {
     }
 
     /// Reads a dataset `[T][N][3]` for some frames, all grains of a frame after the other.
-    fn vectors(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
+    pub(super) fn vectors(
+        &self,
+        dataset: &Dataset,
+        range: &Range<usize>,
+    ) -> Result<Vec<[f64; 3]>, Failure> {
         let values = dataset
             .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
             .map_err(|e| self.damaged(dataset, &e))?;
         let (values, _) = values.into_raw_vec_and_offset();
+        self.verify_grains(dataset, range, &values)?;
         Ok(values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
     }
 
@@ -93,7 +100,30 @@ impl RunFile {
             .angular_velocity
             .read_slice::<f64, _, Ix2>(s![range.start..range.end, ..])
             .map_err(|e| self.damaged(&self.angular_velocity, &e))?;
-        Ok(values.outer_iter().map(|frame| frame.to_vec()).collect())
+        let (values, _) = values.into_raw_vec_and_offset();
+        self.verify_grains(&self.angular_velocity, range, &values)?;
+        let of_frame = self.grains.count();
+        Ok(values.chunks(of_frame).map(<[f64]>::to_vec).collect())
+    }
+
+    /// Compares what has been read of grains, frame by frame, with its checksums.
+    fn verify_grains(
+        &self,
+        dataset: &Dataset,
+        range: &Range<usize>,
+        values: &[f64],
+    ) -> Result<(), Failure> {
+        let name = dataset.name();
+        let column = name.trim_end_matches("/value").rsplit('/').next();
+        let of_frame = (values.len() / range.len().max(1)).max(1);
+        for (t, values) in range.clone().zip(values.chunks(of_frame)) {
+            self.verify(
+                t,
+                column.unwrap_or_default(),
+                checksums::of_sequence(0, values),
+            )?;
+        }
+        Ok(())
     }
 
     /// Reads frame t < T of disks.
@@ -157,6 +187,7 @@ impl RunFile {
             .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
             .map_err(|e| self.damaged(dataset, &e))?;
         let (values, _) = values.into_raw_vec_and_offset();
+        self.verify_grains(dataset, range, &values)?;
         let mut planar = true;
         let frame = |t: usize| {
             let of_frame = 3 * self.grains.count();
@@ -190,11 +221,11 @@ impl RunFile {
     }
 
     /// Returns the rows of the contacts of some frames.
-    fn rows(&self, frames: Range<usize>) -> Range<usize> {
+    pub(super) fn rows(&self, frames: Range<usize>) -> Range<usize> {
         self.offset[frames.start] as usize..self.offset[frames.end] as usize
     }
 
-    fn contacts(
+    pub(super) fn contacts(
         &self,
         frames: &Range<usize>,
         fields: FrameFields,
@@ -219,11 +250,52 @@ impl RunFile {
             sliding: self.column::<u8>(&columns.sliding, &others)?,
         };
         self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
+        let pairs = Pairs::new(&contacts.i, &contacts.j, rows.start);
+        let spins = self.dimension.axes() * 2 - 3;
+        let flat = |vectors: &[[f64; 3]]| -> Vec<f64> {
+            vectors
+                .iter()
+                .flat_map(|v| v[..spins].iter().copied())
+                .collect()
+        };
+        let (force, history) = (
+            flat(&contacts.tangential_force),
+            flat(&contacts.tangential_history),
+        );
+        let numbers = [
+            (
+                "normal_force",
+                &contacts.normal_force,
+                1,
+                FrameFields::Forces,
+            ),
+            ("tangential_force", &force, spins, FrameFields::Forces),
+            ("tangential_history", &history, spins, FrameFields::All),
+            (
+                "rolling_history",
+                &contacts.rolling_history,
+                1,
+                FrameFields::All,
+            ),
+            ("overlap", &contacts.overlap, 1, FrameFields::All),
+        ];
+        for t in frames.clone() {
+            let rows = self.rows(t..t + 1);
+            self.verify(t, "pairs", pairs.ids(&rows))?;
+            for (name, values, width, least) in numbers {
+                if fields >= least && !(name == "rolling_history" && spins == 3) {
+                    self.verify(t, name, pairs.numbers(&rows, values, width))?;
+                }
+            }
+            if fields == FrameFields::All {
+                self.verify(t, "sliding", pairs.flags(&rows, &contacts.sliding))?;
+            }
+        }
         Ok(contacts)
     }
 
     /// Checks the ids of contacts; `first`: row of the first one.
-    pub(super) fn check_pairs(&self, i: &[u32], j: &[u32], first: usize) -> Result<(), Failure> {
+    fn check_pairs(&self, i: &[u32], j: &[u32], first: usize) -> Result<(), Failure> {
         let n = self.grains.count();
         match (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
             None => Ok(()),
@@ -252,11 +324,7 @@ impl RunFile {
         Ok(values.outer_iter().map(|v| [v[0], v[1], v[2]]).collect())
     }
 
-    pub(super) fn column<T: H5Type>(
-        &self,
-        dataset: &Dataset,
-        rows: &Range<usize>,
-    ) -> Result<Vec<T>, Failure> {
+    fn column<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
         if rows.is_empty() {
             return Ok(Vec::new());
         }
@@ -266,7 +334,7 @@ impl RunFile {
         Ok(values.into_raw_vec_and_offset().0)
     }
 
-    pub(super) fn damaged(&self, dataset: &Dataset, error: &hdf5::Error) -> Failure {
+    fn damaged(&self, dataset: &Dataset, error: &hdf5::Error) -> Failure {
         Failure::input(format!(
             "{}: {} cannot be read: {}",
             self.path.display(),

@@ -5,6 +5,7 @@ mod frames;
 mod periodic;
 mod source;
 mod state;
+mod verify;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -14,6 +15,8 @@ use hdf5::Dataset;
 
 pub use self::periodic::{PeriodicRunFile, scene_of_finished};
 use self::source::{FOREIGN, OpenFile};
+use self::verify::FrameSums;
+use crate::checksums;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Disks, SeriesRow};
@@ -109,6 +112,7 @@ pub struct RunFile {
     velocity: Dataset,
     angular_velocity: Dataset,
     contacts: ContactColumns,
+    sums: FrameSums,
 }
 
 struct ContactColumns {
@@ -167,6 +171,7 @@ impl RunFile {
             mass: source.of_length("particles/trajectory/mass", n)?,
             length: edges[0],
         };
+        source.verify_constants(&id, &grains, &edges)?;
         let finished = parameters.contains_key("digest");
         let series = source.series(finished)?;
         let scalars = source.scalars(finished)?;
@@ -226,6 +231,11 @@ impl RunFile {
         step.truncate(frames);
         time.truncate(frames);
         offset.truncate(frames + 1);
+        let sums = FrameSums::read(&source, dimension.axes())?;
+        let clock = |t: usize| checksums::of_clock(step[t], time[t]);
+        if let Some(t) = (0..frames).find(|&t| !sums.agrees(t, "clock", clock(t))) {
+            return Err(Self::damaged_frame(&path, t, "position/step and time"));
+        }
 
         Ok(RunFile {
             grains,
@@ -241,8 +251,24 @@ impl RunFile {
             velocity,
             angular_velocity,
             contacts,
+            sums,
             path,
         })
+    }
+
+    fn damaged_frame(path: &Path, t: usize, what: &str) -> Failure {
+        Failure::input(format!(
+            "{}: frame {t}: the checksum of its {what} differs from the stored one: the file is damaged",
+            path.display()
+        ))
+    }
+
+    /// Compares a checksum of frame t with the stored one.
+    fn verify(&self, t: usize, column: &str, found: u64) -> Result<(), Failure> {
+        match self.sums.agrees(t, column, found) {
+            true => Ok(()),
+            false => Err(Self::damaged_frame(&self.path, t, column)),
+        }
     }
 
     /// Returns the path of the file.

@@ -7,6 +7,8 @@ use ndarray::{Ix3, s};
 
 use super::Parameter;
 use super::source::{OpenFile, one_line};
+use super::verify::FrameSums;
+use crate::checksums;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Sheared};
@@ -38,16 +40,16 @@ impl PeriodicRunFile {
     ///
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing or damaged.
-    pub fn open(path: &Path, columns: &[Column]) -> Result<Self, Failure> {
+    pub fn open(path: &Path, declared: &[Column]) -> Result<Self, Failure> {
         const GROUP: &str = "observables";
 
         hdf5::silence_errors(true);
         let source = OpenFile::open(path)?;
-        let mut step: Vec<u64> = source.column(GROUP, &columns[0], "step")?;
-        let mut time: Vec<f64> = source.column(GROUP, &columns[0], "time")?;
+        let mut step: Vec<u64> = source.column(GROUP, &declared[0], "step")?;
+        let mut time: Vec<f64> = source.column(GROUP, &declared[0], "time")?;
         let read = |column: &Column| Ok((column.name, source.column(GROUP, column, "value")?));
         let mut columns: BTreeMap<&str, Vec<f64>> =
-            columns.iter().map(read).collect::<Result<_, Failure>>()?;
+            declared.iter().map(read).collect::<Result<_, Failure>>()?;
         // A file that is being written may be longer in some columns.
         let rows = columns
             .values()
@@ -60,6 +62,10 @@ impl PeriodicRunFile {
         for column in columns.values_mut() {
             column.truncate(rows);
         }
+        let named: Vec<_> = (declared.iter())
+            .map(|column| (column, &columns[column.name][..]))
+            .collect();
+        source.verify_rows((&step, &time), &named)?;
 
         let mut frame_step: Vec<u64> = source.all(&format!("{POSITION}/step"))?;
         let mut frame_time: Vec<f64> = source.all(&format!("{POSITION}/time"))?;
@@ -74,13 +80,30 @@ impl PeriodicRunFile {
         let values = dataset
             .read_slice::<f64, _, Ix3>(s![..frames, .., ..])
             .map_err(|e| source.wrong(&name, format!("cannot be read: {}", one_line(&e))))?;
+        let parameters = source.parameters()?;
+        let axes = match parameters.get("dimension") {
+            Some(Parameter::Integer(3)) => 3,
+            _ => 2,
+        };
+        let sums = FrameSums::read(&source, axes)?;
+        let of_frame = 3 * grains.len();
+        let frame_values = values
+            .as_slice()
+            .unwrap_or_default()
+            .chunks(of_frame.max(1));
+        for (t, values) in frame_values.enumerate() {
+            if !sums.agrees(t, "position", checksums::of_sequence(0, values)) {
+                let what = "its checksum differs from the stored one: the file is damaged";
+                return Err(source.wrong(&name, format!("frame {t}: {what}")));
+            }
+        }
         let of_frame = |frame: usize| {
             let place = |n: usize| std::array::from_fn(|axis| values[[frame, n, axis]]);
             (0..grains.len()).map(place).collect()
         };
         Ok(Self {
             path: path.to_path_buf(),
-            parameters: source.parameters()?,
+            parameters,
             step,
             time,
             columns,

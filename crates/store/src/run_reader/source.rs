@@ -138,6 +138,8 @@ impl<'a> OpenFile<'a> {
         for column in &mut columns {
             column.truncate(rows);
         }
+        let named: Vec<_> = names.iter().zip(columns.iter().map(|c| &c[..])).collect();
+        self.verify_rows((&step, &time), &named)?;
         Ok(Series {
             step,
             time,

@@ -1,11 +1,11 @@
 //! Reads one frame in the form of a checkpoint, of disks or spheres.
 
 use bytemuck::Zeroable;
-use ndarray::{Ix2, Ix3, s};
 
-use super::RunFile;
+use super::{FrameFields, RunFile};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactState, GrainState};
+use gshear_dem::state::{ContactSample, ContactState, GrainState};
+use gshear_scene::Dimensions;
 
 impl RunFile {
     /// Reads positions, radii and bodies of all grains, by id, and the contacts with their
@@ -14,50 +14,28 @@ impl RunFile {
     /// # Errors
     /// [`Failure::Input`] if the file is damaged.
     pub fn state(&self, t: usize) -> Result<(Vec<GrainState>, Vec<ContactState>), Failure> {
-        let position = self
-            .position
-            .read_slice::<f64, _, Ix3>(s![t..t + 1, .., ..])
-            .map_err(|e| self.damaged(&self.position, &e))?;
+        let position = self.vectors(&self.position, &(t..t + 1))?;
         let grain = |g: usize| GrainState {
             id: g as u32,
             body: self.grains.body[g].into(),
             radius: self.grains.radius[g],
-            position: [0, 1, 2].map(|axis| position[(0, g, axis)]),
+            position: position[g],
             ..GrainState::zeroed()
+        };
+        let contacts = self.contacts(&(t..t + 1), FrameFields::All)?;
+        let contacts = contacts.of_rows(self.rows(t..t + 1));
+        let history = |c: &ContactSample| match self.dimension {
+            Dimensions::Two => [c.tangential_history[0], 0.0, c.rolling_history],
+            Dimensions::Three => c.tangential_history,
+        };
+        let contact = |c: &ContactSample| ContactState {
+            i: c.i,
+            j: c.j,
+            history: history(c),
         };
         Ok((
             (0..self.grains.count()).map(grain).collect(),
-            self.histories(t)?,
+            contacts.iter().map(contact).collect(),
         ))
-    }
-
-    fn histories(&self, t: usize) -> Result<Vec<ContactState>, Failure> {
-        let rows = self.offset[t] as usize..self.offset[t + 1] as usize;
-        let columns = &self.contacts;
-        let (i, j) = (
-            self.column::<u32>(&columns.i, &rows)?,
-            self.column::<u32>(&columns.j, &rows)?,
-        );
-        self.check_pairs(&i, &j, rows.start)?;
-        let dataset = &columns.tangential_history;
-        let histories: Vec<[f64; 3]> = match &columns.rolling_history {
-            Some(rolling) => {
-                let tangential = self.column::<f64>(dataset, &rows)?;
-                let rolling = self.column::<f64>(rolling, &rows)?;
-                let both = tangential.into_iter().zip(rolling);
-                both.map(|(t, m)| [t, 0.0, m]).collect()
-            }
-            None if rows.is_empty() => Vec::new(),
-            None => {
-                let values = dataset
-                    .read_slice::<f64, _, Ix2>(s![rows.start..rows.end, ..])
-                    .map_err(|e| self.damaged(dataset, &e))?;
-                values.outer_iter().map(|v| [v[0], v[1], v[2]]).collect()
-            }
-        };
-        let pairs = i.into_iter().zip(j).zip(histories);
-        Ok(pairs
-            .map(|((i, j), history)| ContactState { i, j, history })
-            .collect())
     }
 }

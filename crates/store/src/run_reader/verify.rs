@@ -1,0 +1,136 @@
+//! Compares what is read with the checksums of the file.
+
+use std::ops::Range;
+
+use super::source::OpenFile;
+use crate::checksums::{self, CONSTANTS, FRAMES, GROUP, ROWS, frame_columns};
+use gshear_dem::columns::Column;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::Disks;
+
+/// The checksums of the frames of a file. A file of an earlier version has none, and its frames
+/// pass.
+#[derive(Default)]
+pub struct FrameSums {
+    columns: Vec<&'static str>,
+    /// `[T][columns]`.
+    sums: Vec<u64>,
+}
+
+impl FrameSums {
+    pub fn read(source: &OpenFile<'_>, axes: usize) -> Result<Self, Failure> {
+        if !source.exists(GROUP) {
+            return Ok(Self::default());
+        }
+        let columns = frame_columns(axes);
+        let sums = source.frames(FRAMES, &[columns.len()])?.read_raw();
+        Ok(Self {
+            columns,
+            sums: sums.map_err(|e| source.wrong(FRAMES, e.to_string()))?,
+        })
+    }
+
+    /// Whether a checksum of frame t is that of the file.
+    pub fn agrees(&self, t: usize, column: &str, found: u64) -> bool {
+        let Some(at) = self.columns.iter().position(|known| *known == column) else {
+            return true;
+        };
+        let stored = self.sums.get(t * self.columns.len() + at);
+        stored.is_none_or(|&stored| stored == found)
+    }
+}
+
+impl OpenFile<'_> {
+    fn damage(&self, what: &str) -> Failure {
+        self.wrong(
+            what,
+            "its checksum differs from the stored one: the file is damaged",
+        )
+    }
+
+    /// Compares what never changes with its checksums.
+    pub(super) fn verify_constants(
+        &self,
+        id: &[u32],
+        grains: &Disks,
+        edges: &[f64],
+    ) -> Result<(), Failure> {
+        if !self.exists(GROUP) {
+            return Ok(());
+        }
+        let found =
+            checksums::of_constants(0, id, &grains.body, [&grains.radius, &grains.mass], edges);
+        let names = ["id", "body", "radius", "mass", "box/edges"];
+        let stored: Vec<u64> = self.of_length(CONSTANTS, names.len())?;
+        match (0..names.len()).find(|&k| stored[k] != found[k]) {
+            Some(k) => Err(self.damage(&format!("particles/trajectory/{}", names[k]))),
+            None => Ok(()),
+        }
+    }
+
+    /// Compares the rows of the time series, whose columns are `series`, with their checksums.
+    pub(super) fn verify_rows(
+        &self,
+        (step, time): (&[u64], &[f64]),
+        series: &[(&Column, &[f64])],
+    ) -> Result<(), Failure> {
+        if !self.exists(GROUP) {
+            return Ok(());
+        }
+        let names: Vec<&str> = (series.iter())
+            .map(|(column, _)| {
+                let exists = |name: &str| self.exists(&format!("observables/{name}"));
+                column.stored_name(exists).unwrap_or(column.name)
+            })
+            .collect();
+        let stored: Vec<u64> = self.all(ROWS)?;
+        let found = |k: usize| {
+            let values = series.iter().map(|(_, values)| values[k]);
+            checksums::of_row(step[k], time[k], names.iter().copied().zip(values))
+        };
+        match (0..step.len().min(stored.len())).find(|&k| found(k) != stored[k]) {
+            Some(k) => Err(self.damage(&format!("observables: row {k}"))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The contacts of frames that have been read.
+pub struct Pairs {
+    /// Their places, as [`checksums::place_of`] has them.
+    places: Vec<u64>,
+    first: usize,
+}
+
+impl Pairs {
+    /// `first`: row of the first contact.
+    pub fn new(i: &[u32], j: &[u32], first: usize) -> Self {
+        let pairs = i.iter().zip(j);
+        Self {
+            places: pairs.map(|(&i, &j)| checksums::place_of(i, j)).collect(),
+            first,
+        }
+    }
+
+    fn local(&self, rows: &Range<usize>) -> Range<usize> {
+        rows.start - self.first..rows.end - self.first
+    }
+
+    /// Checksum of the ids.
+    pub fn ids(&self, rows: &Range<usize>) -> u64 {
+        checksums::of_pairs(&self.places[self.local(rows)])
+    }
+
+    /// Checksum of a column of `width` numbers a contact.
+    pub fn numbers(&self, rows: &Range<usize>, values: &[f64], width: usize) -> u64 {
+        let rows = self.local(rows);
+        let values = &values[rows.start * width..rows.end * width];
+        checksums::of_contacts(&self.places[rows], values, width)
+    }
+
+    /// Checksum of a column of flags.
+    pub fn flags(&self, rows: &Range<usize>, flags: &[u8]) -> u64 {
+        let rows = self.local(rows);
+        checksums::of_flags(&self.places[rows.clone()], &flags[rows])
+    }
+}
