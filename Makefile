@@ -16,7 +16,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test docs scaling bench accuracy stress peers million clean
+.PHONY: help deps build run test docs scaling bench accuracy stress faults peers million clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
@@ -27,6 +27,7 @@ help:
 	@echo "make bench     benchmarks"
 	@echo "make accuracy  against an independent integration, and error against run time: writes into docs/, minutes"
 	@echo "make stress    where it is hard: writes docs/stress.md, minutes"
+	@echo "make faults    a fault at every call that writes a file of a run: an hour"
 	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
 	@echo "make deps      install the system packages that are missing (Debian, Ubuntu)"
@@ -68,6 +69,10 @@ accuracy: deps
 
 stress: deps
 	cargo test --release --locked --test stress -- --ignored --exact --nocapture all_into_the_table
+
+# FAULT_EVERY=10 takes every tenth call, FAULT_RANKS=1,2 these numbers of ranks.
+faults: deps
+	cargo test --release --locked --test faults -- --ignored --nocapture
 
 # Options of benches/peers/run, such as PEERS="--grains 1000 --ranks 1".
 peers: build

@@ -4,6 +4,24 @@
 //! quasi-statically and, with a table `[newtonian]`, moved by Newton's equations. Each of these is
 //! a [`run::Stage`]; stops, signals, wall time, checkpoints and the terminal are in [`run`], once
 //! for all of them.
+//!
+//! A run of the default scene with a short shear, on one rank:
+//!
+//! ```no_run
+//! use gshear_dem::domain::Solo;
+//! use gshear_driver::launch;
+//! use gshear_driver::run::{Options, Outcome};
+//! use gshear_scene::Source;
+//!
+//! let task = launch::from_the_start(&Solo, &Source::embedded(), &["shear.strain=0.01".into()])?;
+//! let options = Options {
+//!     out: "out/short".into(),
+//!     threads: 1,
+//!     ..Options::default()
+//! };
+//! assert_eq!(task.run(&Solo, &options)?, Outcome::Done);
+//! # Ok::<(), gshear_dem::failure::Failure>(())
+//! ```
 
 pub mod files;
 mod frame_scalars;
