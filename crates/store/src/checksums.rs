@@ -1,6 +1,6 @@
 //! Checksums of the numbers in `run.h5`, so that damage in its data is noticed when it is read.
 //!
-//! A checksum is Σ w(k) b_k modulo 2^64 over the 64 bits b_k of the numbers, where w(k) is an odd
+//! A checksum is Σ w(k) b_k modulo 2^64 over the mixed bits b_k of the numbers, where w(k) is an odd
 //! number made from the place k of the number. It depends neither on the order of the sum nor on
 //! the ranks that hold the numbers, and a change of one number always changes it.
 
@@ -26,11 +26,19 @@ pub fn weight(place: u64) -> u64 {
     (z ^ (z >> 31)) | 1
 }
 
+/// The bits of a number, mixed so that round numbers, too, differ in their last bits. Numbers with
+/// different bits stay different.
+fn mixed(x: f64) -> u64 {
+    let bits = x.to_bits();
+    let bits = (bits ^ (bits >> 32)).wrapping_mul(0xd6e8_feb8_6659_fd93);
+    bits ^ (bits >> 32)
+}
+
 /// Of numbers that follow each other from the place `first` on.
 pub fn of_sequence(first: u64, values: &[f64]) -> u64 {
     let terms = values.iter().zip(first..);
     terms.fold(0, |sum: u64, (x, place)| {
-        sum.wrapping_add(weight(place).wrapping_mul(x.to_bits()))
+        sum.wrapping_add(weight(place).wrapping_mul(mixed(*x)))
     })
 }
 
@@ -73,7 +81,7 @@ pub fn of_contacts(places: &[u64], values: &[f64], width: usize) -> u64 {
         let of_contact = weight(place);
         for (x, part) in values.iter().zip(0..) {
             let weight = of_contact.wrapping_add(2 * part);
-            sum = sum.wrapping_add(weight.wrapping_mul(x.to_bits()));
+            sum = sum.wrapping_add(weight.wrapping_mul(mixed(*x)));
         }
     }
     sum
@@ -90,8 +98,8 @@ pub fn of_flags(places: &[u64], flags: &[u8]) -> u64 {
 /// Of a row of the time series, whose columns have these names in the file.
 pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, f64)>) -> u64 {
     let named = |name: &str, bits: u64| weight(xxh3_64(name.as_bytes())).wrapping_mul(bits);
-    let numbers = columns.map(|(name, x)| named(name, x.to_bits()));
-    [named("step", step), named("time", time.to_bits())]
+    let numbers = columns.map(|(name, x)| named(name, mixed(x)));
+    [named("step", step), named("time", mixed(time))]
         .into_iter()
         .chain(numbers)
         .fold(0, u64::wrapping_add)
