@@ -151,6 +151,8 @@ fn watch(
     } else {
         limit
     };
+    // Not before a stopped process can be told.
+    let limit = limit.max(Duration::from_secs(STOPPED + 2));
     let now = Instant::now();
     let mut seen: Vec<Seen> = here
         .iter()
@@ -273,7 +275,7 @@ mod tests {
         // Rank 1 computes; rank 0 waits for it.
         let dogs = [start(&node, 0, &said), start(&node, 1, &said)];
         let waiting = node.0[0].wait();
-        std::thread::sleep(Duration::from_secs(4));
+        std::thread::sleep(Duration::from_secs(STOPPED + 5));
         drop(waiting);
         // Both begin an operation again and again.
         let (done, end) = channel();
@@ -286,7 +288,7 @@ mod tests {
                 }
             }
         });
-        std::thread::sleep(Duration::from_secs(3));
+        std::thread::sleep(Duration::from_secs(STOPPED + 4));
         done.send(()).unwrap();
         thread.join().unwrap();
         drop(dogs);
