@@ -112,7 +112,7 @@ pub fn load_with(
             let message = e.message().trim_end_matches(", expected nothing");
             let what = match line.map(str::trim) {
                 None | Some("") => format!("not TOML: {message}"),
-                Some(line) => format!("not TOML: {message}: `{line}`"),
+                Some(line) => format!("not TOML: {message}: `{}`", words::shortened(line)),
             };
             input.failure(offset, "", &what)
         })?
