@@ -8,6 +8,7 @@ pub mod files;
 mod frame_scalars;
 pub mod header;
 pub mod launch;
+mod memory;
 pub mod run;
 mod signals;
 pub mod stages;

@@ -70,7 +70,7 @@ use toml::de::DeTable;
 pub use scene::*;
 pub use source::Source;
 
-use crate::packing::Packing;
+use crate::packing::{GrainLimit, Packing};
 use gshear_dem::failure::Failure;
 use source::Input;
 
@@ -102,6 +102,19 @@ pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, [u32; 2]) -> Result<PackingF
 pub fn load_with(
     source: &Source,
     overrides: &[String],
+    packing: ReadPacking<'_>,
+) -> Result<Scene, Failure> {
+    load_within(source, overrides, &GrainLimit::default(), packing)
+}
+
+/// [`load_with`], refusing more inserted grains than the limit. `packing` sees to those of a file.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_within(
+    source: &Source,
+    overrides: &[String],
+    limit: &GrainLimit,
     packing: ReadPacking<'_>,
 ) -> Result<Scene, Failure> {
     let input = Input { source, overrides };
@@ -141,7 +154,7 @@ pub fn load_with(
             let path = paths.iter().find(|(at, _)| *at == offset);
             input.failure(offset, path.map_or("", |(_, path)| path), e.message())
         })?;
-    check::scene(&raw, input, tables, boxed, packing)
+    check::scene(&raw, input, tables, boxed, limit, packing)
 }
 
 /// Notes on keys under former names, for standard error: each says where the key is and what it is

@@ -602,7 +602,7 @@ mod tests {
         );
         assert_eq!(
             refused(&|text| text.replace(" 0.001 2500 ", " 1e-9 2500 ")),
-            "f: 120 atoms are too few for their box, in which 9.6e13 of the largest diameter, 1e-9, have room; check the units of lengths and diameters"
+            "f: 120 atoms are too few for their box, in which 9.5e13 of the largest diameter, 1e-9, have room; check the units of lengths and diameters"
         );
     }
 
