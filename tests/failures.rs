@@ -3,6 +3,7 @@
 mod common;
 
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use common::{gshear_mpi, interrupted};
 
@@ -174,4 +175,106 @@ fn a_failure_keeps_the_last_checkpoint() {
     let outcome = gshear_mpi(1, folder.path(), &failing);
     assert_eq!(outcome.code, 3, "{}", outcome.text);
     assert_eq!(std::fs::read(&checkpoint).expect("a checkpoint"), before);
+}
+
+/// For the foreseeable case, instead of an abort on every rank.
+#[test]
+fn grains_that_do_not_fit_into_memory_are_refused() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    for ranks in [1, 2] {
+        for check in [&[][..], &["--check".to_string()]] {
+            let many = [
+                SCENE.into(),
+                "--set=sample.grains=4294967295".into(),
+                "--set=sample.length=1".into(),
+            ];
+            let said = refused(ranks, &folder.path().join("out"), &[&many, check].concat());
+            assert!(
+                said.starts_with("--set sample.grains=4294967295: 4294967295 grains are more than")
+                    && said.contains("that fit into the memory of this machine")
+                    && said.ends_with("give fewer"),
+                "{said}"
+            );
+        }
+    }
+}
+
+/// What a program's standard output and standard error go to.
+fn streams(to: &str) -> [Stdio; 2] {
+    [(); 2].map(|()| match to {
+        // A pipe whose reader has gone.
+        "closed" => {
+            let (reader, writer) = std::io::pipe().expect("a pipe");
+            drop(reader);
+            writer.into()
+        }
+        path => std::fs::File::create(path).expect("a device").into(),
+    })
+}
+
+/// A run goes on to the same end if nobody can read what it prints.
+#[test]
+fn output_that_cannot_be_written_does_not_end_a_run() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let short = [SCENE, "--set=shear.strain=0.01"];
+    let run = |name: &str, streams: [Stdio; 2], more: &[&str]| {
+        let [out, err] = streams;
+        let status = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"))
+            .args(short)
+            .args(more)
+            .arg("--out")
+            .arg(folder.path().join(name))
+            .stdout(out)
+            .stderr(err)
+            .status();
+        status.expect("the program starts").code()
+    };
+    assert_eq!(run("read", streams("/dev/null"), &[]), Some(0));
+    for to in ["closed", "/dev/full"] {
+        assert_eq!(run("lost", streams(to), &[]), Some(0), "{to}");
+        common::same_run(&folder.path().join("read"), &folder.path().join("lost"));
+        // Other exit codes, too.
+        assert_eq!(
+            run("stop", streams(to), &["--stop-at=10"]),
+            Some(75),
+            "{to}"
+        );
+        assert_eq!(run("bad", streams(to), &["--set=seed=-1"]), Some(2), "{to}");
+        assert_eq!(run("check", streams(to), &["--check"]), Some(0), "{to}");
+        assert_eq!(run("help", streams(to), &["--help"]), Some(0), "{to}");
+    }
+}
+
+/// `gshear-reduce info | head -1` is no failure; a full disk is one.
+#[test]
+fn a_closed_pipe_is_no_failure_of_the_reducer() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = gshear_mpi(
+        1,
+        folder.path(),
+        &[SCENE.into(), "--set=shear.strain=0.01".into()],
+    );
+    assert_eq!(run.code, 0, "{}", run.text);
+    let reduce = |arguments: &[&str], to: &str| {
+        let [out, _] = streams(to);
+        let output = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"))
+            .args(arguments)
+            .arg(folder.path().join("run.h5"))
+            .stdout(out)
+            .stderr(Stdio::piped())
+            .output()
+            .expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output.status.code(), said)
+    };
+    assert_eq!(reduce(&["info"], "closed"), (Some(0), String::new()));
+    // Its page is there all the same.
+    assert_eq!(reduce(&["report"], "closed"), (Some(0), String::new()));
+    assert!(folder.path().join("report/index.html").exists());
+    let (code, said) = reduce(&["info"], "/dev/full");
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.starts_with("error: standard output: "), "{said}");
 }

@@ -10,6 +10,7 @@ pub mod header;
 pub mod launch;
 mod memory;
 pub mod run;
+pub mod say;
 mod signals;
 pub mod stages;
 pub mod sweep;
