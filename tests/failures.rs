@@ -278,3 +278,44 @@ fn a_closed_pipe_is_no_failure_of_the_reducer() {
     assert_eq!(code, Some(1), "{said}");
     assert!(said.starts_with("error: standard output: "), "{said}");
 }
+
+/// Disks that would leave the law if their box shrank at full speed.
+const DENSE: &str = "
+    seed = 2
+    dimension = 2
+    material = { density = 1.0 }
+    contact = { law = 'hooke', normal_stiffness = 1.0, damping_ratio = 0.1, friction = 0.3 }
+    sample = { grains = 60, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5 }
+    box = { solid_fraction = 0.9 }
+    relax = { tolerance = 1e-9, drag = 0.1 }
+    aqs = { strain_step = 2e-3, steps = 0 }
+";
+
+#[test]
+fn a_box_is_compressed_more_slowly_before_its_preparation_fails() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("dense.toml");
+    std::fs::write(&path, DENSE).expect("a scene");
+    let path = path.display().to_string();
+    let out = folder.path().join("out");
+    let digest = |ranks: usize| {
+        let done = gshear_mpi(ranks, &out, std::slice::from_ref(&path));
+        assert_eq!(done.code, 0, "{}", done.text);
+        let (_, digest) = done.text.split_once("digest ").expect("a digest");
+        digest[..32].to_string()
+    };
+    assert_eq!(digest(1), digest(2));
+    // No packing of these disks is as dense within the law.
+    let denser = [path.clone(), "--set=box.solid_fraction=1.1".into()];
+    let failed = gshear_mpi(1, &folder.path().join("denser"), &denser);
+    assert_eq!(failed.code, 3, "{}", failed.text);
+    let said = message(&failed.text);
+    for part in [
+        "preparing the packing in a box ",
+        "solid fraction 0.9",
+        "outside the contact law, after 6 halvings of the compression step; give a lower box.solid_fraction, or another seed",
+    ] {
+        assert!(said.contains(part), "{said}");
+    }
+}

@@ -22,6 +22,9 @@ pub(super) const LONGEST: f64 = 0.02;
 /// Overdamped dynamics is looked at every so many steps.
 const LOOK: u64 = 100;
 
+/// How the failure of a relaxation begins that takes too many steps.
+pub(super) const NOT_AT_REST: &str = "not at rest after relax.max_steps";
+
 /// How an equilibrium was found.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Equilibrium {
@@ -145,7 +148,7 @@ pub(super) fn overdamped<D: Dimension>(
     while left > relax.tolerance {
         if steps >= relax.max_steps {
             return Err(Failure::numbers(format!(
-                "not at rest after relax.max_steps = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
+                "{NOT_AT_REST} = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
                  relax.tolerance is {:.2e}",
                 relax.tolerance
             )));
