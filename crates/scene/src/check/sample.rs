@@ -24,6 +24,10 @@ pub(super) struct SampleKeys<'r> {
 /// Least standard deviation of radii, over the width of their interval.
 const NARROWEST: f64 = 0.01;
 
+/// Least share of random radii in their interval that the normal distribution takes. The others are
+/// drawn anew.
+const LEAST_TAKEN: f64 = 1e-3;
+
 /// A key's path and place.
 type Place = (&'static str, Option<usize>);
 
@@ -209,7 +213,7 @@ fn radii(c: &mut Checker<'_>, sizes: &Sizes, sample: &raw::Sample) -> [f64; 2] {
             &format!("must be at least {NARROWEST} (radius_max - radius_min) = {:.3e}, found {deviation:?}; give radius_min and radius_max closer to the mean", NARROWEST * (b - a)),
         );
     } else if let Sizes::Normal { mean, deviation } = sizes
-        && taken(*mean, *deviation, [a, b]) < 1e-4
+        && taken(*mean, *deviation, [a, b]) < LEAST_TAKEN
     {
         c.refuse_among(
             &places,
