@@ -101,10 +101,7 @@ fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result
     let room = 2f64.powi(1 + up as i32) * MOST_FILLED;
     let mut filled: HashMap<[i64; 3], f64> = HashMap::new();
     for a in atoms {
-        let mut cell = [0; 3];
-        for axis in 0..=up {
-            cell[axis] = (a.position[axis] / largest).floor() as i64;
-        }
+        let cell = a.position.map(|x| (x / largest).floor() as i64);
         let filled = filled.entry(cell).or_default();
         *filled += (a.diameter / largest).powi(1 + up as i32);
         if *filled > room {
@@ -213,7 +210,8 @@ impl Packing {
             for axis in 0..up {
                 let [low, high] = data.bounds[axis];
                 let (inside, period) = (a.position[axis] - low, high - low);
-                if !(inside.abs() <= MOST_PERIODS * period) {
+                let is_near = inside.abs() <= MOST_PERIODS * period;
+                if !is_near {
                     let name = ["x", "y"][axis];
                     return wrong(
                         a.line,
@@ -243,7 +241,8 @@ impl Packing {
         let rooms = periods[..up]
             .iter()
             .fold(room(tall), |all, length| all * room(*length));
-        if !(rooms <= MOST_CELLS * f64::from(count)) {
+        let is_filled = rooms <= MOST_CELLS * f64::from(count);
+        if !is_filled {
             return whole(&format!(
                 "{count} atoms are too few for their box, in which {rooms:.1e} of the largest diameter, {largest:?}, have room; check the units of lengths and diameters"
             ));

@@ -316,6 +316,9 @@ fn set() -> impl Strategy<Value = String> {
     (key, value).prop_map(|(key, value)| format!("{key}={value}"))
 }
 
+/// Cases from which on they are others in every run.
+const LONG: u32 = 300;
+
 /// Runs a property on so many cases; seeds of those that fail are kept.
 fn check<T: std::fmt::Debug>(
     cases: u32,
@@ -329,7 +332,7 @@ fn check<T: std::fmt::Debug>(
         failure_persistence: Some(Box::new(FileFailurePersistence::Direct(path))),
         ..ProptestConfig::default()
     };
-    let mut runner = match cases < 1000 {
+    let mut runner = match cases < LONG {
         // The same at every `make test`.
         true => {
             let rng = TestRng::deterministic_rng(config.rng_algorithm);
@@ -530,11 +533,8 @@ fn data_file(folder: &Path, dimension: u8, text: &[u8]) -> Result<(), String> {
         let height = grain.position[up];
         assert!((edges[0]..=edges[1]).contains(&height), "{grain:?}");
         let periods = [sample.length, sample.width];
-        for axis in 0..up {
-            assert!(
-                (0.0..periods[axis]).contains(&grain.position[axis]),
-                "{grain:?}"
-            );
+        for (x, period) in grain.position.iter().zip(periods).take(up) {
+            assert!((0.0..period).contains(x), "{grain:?}");
         }
     }
     Ok(())

@@ -92,20 +92,26 @@ pub(super) fn prepare<D: Dimension>(
             n => 1.0 - (1.0 - SHRINKING) * 0.5f64.powi(n),
         };
         let next = (shrinking * from).max(target);
-        let part = next / from;
-        grains = at_rest.clone();
-        for g in &mut grains {
-            for x in &mut g.position {
-                *x *= part;
-            }
-            // Rounded up to the new period.
-            for x in g.position[..D::AXES].iter_mut().filter(|x| **x >= next) {
-                *x = 0.0;
-            }
-            (g.velocity, g.angular_velocity) = ([0.0; 3], [0.0; 3]);
-        }
+        grains = shrunk::<D>(at_rest, *from, next);
         length = next;
     }
+}
+
+/// The grains of a box of length `from` at rest in one of length `to`.
+fn shrunk<D: Dimension>(settled: &[GrainState], from: f64, to: f64) -> Vec<GrainState> {
+    let part = to / from;
+    let mut grains = settled.to_vec();
+    for g in &mut grains {
+        for x in &mut g.position {
+            *x *= part;
+        }
+        // Rounded up to the new period.
+        for x in g.position[..D::AXES].iter_mut().filter(|x| **x >= to) {
+            *x = 0.0;
+        }
+        (g.velocity, g.angular_velocity) = ([0.0; 3], [0.0; 3]);
+    }
+    grains
 }
 
 /// Lets the grains move with a strong drag. Collective.

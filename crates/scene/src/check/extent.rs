@@ -54,7 +54,8 @@ fn of_walls(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, walls: &PlaneShear) {
     ];
     for (part, speed, _) in &parts {
         let way = speed * step;
-        if !(way <= sample.mean_diameter) {
+        let is_short = way <= sample.mean_diameter;
+        if !is_short {
             let what = format!(
                 "{part}moves the drive by {way:.1e} m in a time step of {step:.1e} s, further than a mean diameter, {:.1e} m; give a lower rate",
                 sample.mean_diameter
@@ -64,7 +65,9 @@ fn of_walls(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, walls: &PlaneShear) {
         }
     }
     let steps: f64 = parts.iter().map(|(_, _, steps)| steps).sum();
-    if !(steps <= MOST_STEPS as f64) {
+    // NaN is no number of steps.
+    let counted = steps <= MOST_STEPS as f64;
+    if !counted {
         let number = match steps.is_finite() {
             true => format!("{steps:.1e}"),
             false => "over 1e308".into(),
