@@ -54,11 +54,11 @@ fn of_walls(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, walls: &PlaneShear) {
     ];
     for (part, speed, _) in &parts {
         let way = speed * step;
-        let is_short = way <= sample.mean_diameter;
+        let is_short = way <= sample.length;
         if !is_short {
             let what = format!(
-                "{part}moves the drive by {way:.1e} m in a time step of {step:.1e} s, further than a mean diameter, {:.1e} m; give a lower rate",
-                sample.mean_diameter
+                "{part}moves the drive by {way:.1e} m in a time step of {step:.1e} s, further than the cell is long, {:.1e} m; give a lower rate",
+                sample.length
             );
             c.refuse_among(&rate, &what);
             return;
