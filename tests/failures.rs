@@ -3,6 +3,7 @@
 mod common;
 
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use common::{gshear_mpi, interrupted};
 
@@ -174,4 +175,147 @@ fn a_failure_keeps_the_last_checkpoint() {
     let outcome = gshear_mpi(1, folder.path(), &failing);
     assert_eq!(outcome.code, 3, "{}", outcome.text);
     assert_eq!(std::fs::read(&checkpoint).expect("a checkpoint"), before);
+}
+
+/// For the foreseeable case, instead of an abort on every rank.
+#[test]
+fn grains_that_do_not_fit_into_memory_are_refused() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    for ranks in [1, 2] {
+        for check in [&[][..], &["--check".to_string()]] {
+            let many = [
+                SCENE.into(),
+                "--set=sample.grains=4294967295".into(),
+                "--set=sample.length=1".into(),
+            ];
+            let said = refused(ranks, &folder.path().join("out"), &[&many, check].concat());
+            assert!(
+                said.starts_with("--set sample.grains=4294967295: 4294967295 grains are more than")
+                    && said.contains("that fit into the memory of this machine")
+                    && said.ends_with("give fewer"),
+                "{said}"
+            );
+        }
+    }
+}
+
+/// What a program's standard output and standard error go to.
+fn streams(to: &str) -> [Stdio; 2] {
+    [(); 2].map(|()| match to {
+        // A pipe whose reader has gone.
+        "closed" => {
+            let (reader, writer) = std::io::pipe().expect("a pipe");
+            drop(reader);
+            writer.into()
+        }
+        path => std::fs::File::create(path).expect("a device").into(),
+    })
+}
+
+/// A run goes on to the same end if nobody can read what it prints.
+#[test]
+fn output_that_cannot_be_written_does_not_end_a_run() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let short = [SCENE, "--set=shear.strain=0.01"];
+    let run = |name: &str, streams: [Stdio; 2], more: &[&str]| {
+        let [out, err] = streams;
+        let status = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"))
+            .args(short)
+            .args(more)
+            .arg("--out")
+            .arg(folder.path().join(name))
+            .stdout(out)
+            .stderr(err)
+            .status();
+        status.expect("the program starts").code()
+    };
+    assert_eq!(run("read", streams("/dev/null"), &[]), Some(0));
+    for to in ["closed", "/dev/full"] {
+        assert_eq!(run("lost", streams(to), &[]), Some(0), "{to}");
+        common::same_run(&folder.path().join("read"), &folder.path().join("lost"));
+        // Other exit codes, too.
+        assert_eq!(
+            run("stop", streams(to), &["--stop-at=10"]),
+            Some(75),
+            "{to}"
+        );
+        assert_eq!(run("bad", streams(to), &["--set=seed=-1"]), Some(2), "{to}");
+        assert_eq!(run("check", streams(to), &["--check"]), Some(0), "{to}");
+        assert_eq!(run("help", streams(to), &["--help"]), Some(0), "{to}");
+    }
+}
+
+/// `gshear-reduce info | head -1` is no failure; a full disk is one.
+#[test]
+fn a_closed_pipe_is_no_failure_of_the_reducer() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = gshear_mpi(
+        1,
+        folder.path(),
+        &[SCENE.into(), "--set=shear.strain=0.01".into()],
+    );
+    assert_eq!(run.code, 0, "{}", run.text);
+    let reduce = |arguments: &[&str], to: &str| {
+        let [out, _] = streams(to);
+        let output = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"))
+            .args(arguments)
+            .arg(folder.path().join("run.h5"))
+            .stdout(out)
+            .stderr(Stdio::piped())
+            .output()
+            .expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output.status.code(), said)
+    };
+    assert_eq!(reduce(&["info"], "closed"), (Some(0), String::new()));
+    // Its page is there all the same.
+    assert_eq!(reduce(&["report"], "closed"), (Some(0), String::new()));
+    assert!(folder.path().join("report/index.html").exists());
+    let (code, said) = reduce(&["info"], "/dev/full");
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.starts_with("error: standard output: "), "{said}");
+}
+
+/// Disks that would leave the law if their box shrank at full speed.
+const DENSE: &str = "
+    seed = 2
+    dimension = 2
+    material = { density = 1.0 }
+    contact = { law = 'hooke', normal_stiffness = 1.0, damping_ratio = 0.1, friction = 0.3 }
+    sample = { grains = 60, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5 }
+    box = { solid_fraction = 0.9 }
+    relax = { tolerance = 1e-9, drag = 0.1 }
+    aqs = { strain_step = 2e-3, steps = 0 }
+";
+
+#[test]
+fn a_box_is_compressed_more_slowly_before_its_preparation_fails() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("dense.toml");
+    std::fs::write(&path, DENSE).expect("a scene");
+    let path = path.display().to_string();
+    let out = folder.path().join("out");
+    let digest = |ranks: usize| {
+        let done = gshear_mpi(ranks, &out, std::slice::from_ref(&path));
+        assert_eq!(done.code, 0, "{}", done.text);
+        let (_, digest) = done.text.split_once("digest ").expect("a digest");
+        digest[..32].to_string()
+    };
+    assert_eq!(digest(1), digest(2));
+    // No packing of these disks is as dense within the law.
+    let denser = [path.clone(), "--set=box.solid_fraction=1.1".into()];
+    let failed = gshear_mpi(1, &folder.path().join("denser"), &denser);
+    assert_eq!(failed.code, 3, "{}", failed.text);
+    let said = message(&failed.text);
+    for part in [
+        "preparing the packing in a box ",
+        "solid fraction 0.9",
+        "outside the contact law, after 6 halvings of the compression step; give a lower box.solid_fraction, or another seed",
+    ] {
+        assert!(said.contains(part), "{said}");
+    }
 }

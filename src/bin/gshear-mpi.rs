@@ -10,6 +10,7 @@ use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
 use gshear_driver::launch::{self, Task};
 use gshear_driver::run::{Options, Outcome};
+use gshear_driver::say::{say, say_error};
 use gshear_driver::sweep::Sweep;
 use gshear_mpi_exchange::World;
 use gshear_scene::Source;
@@ -122,7 +123,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Stopped) => STOPPED_EARLY,
         Err(failure) => {
             if speaks {
-                eprintln!("error: {failure}");
+                say_error(&format!("error: {failure}"));
             }
             if let Failure::Other(_) = &failure {
                 // When the process ends, HDF5 would try to close a broken file: it could wait for
@@ -153,7 +154,7 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
     let source = read(world, arguments)?;
     if world.rank() == 0 {
         for note in gshear_scene::notes(&source, &arguments.set) {
-            eprintln!("note: {note}");
+            say_error(&format!("note: {note}"));
         }
     }
     let name = arguments
@@ -185,7 +186,7 @@ fn check_or_run(
 ) -> Result<Outcome, Failure> {
     if arguments.check {
         if world.rank() == 0 {
-            print!("{}", task.scene.toml);
+            say(task.scene.toml.trim_end_matches('\n'));
         }
         return Ok(Outcome::Done);
     }

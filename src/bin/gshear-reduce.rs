@@ -1,17 +1,38 @@
 //! `gshear-reduce`: parses the command line, reduces runs of `gshear-mpi`, returns the exit code.
 
-use std::io::{BufWriter, stdout};
+use std::io::{self, BufWriter, ErrorKind, Write, stderr, stdout};
 use std::process::ExitCode;
 
 use clap::Parser;
 use gshear_reduce::{Arguments, run};
 use gshear_store::provenance;
 
+/// Standard output. What is written after the reader of a pipe has closed it, such as `head -1`, is
+/// dropped: the command still writes its files and returns its exit code.
+struct Output<W>(W);
+
+impl<W: Write> Write for Output<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self.0.write(bytes) {
+            Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(bytes.len()),
+            other => other,
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self.0.flush() {
+            Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
+            other => other,
+        }
+    }
+}
+
 fn main() -> ExitCode {
     provenance::set_git_commit(env!("GSHEAR_GIT_COMMIT"));
     let arguments = Arguments::parse();
-    let code = run(&arguments, &mut BufWriter::new(stdout().lock())).unwrap_or_else(|failure| {
-        eprintln!("error: {failure}");
+    let mut output = BufWriter::new(Output(stdout().lock()));
+    let code = run(&arguments, &mut output).unwrap_or_else(|failure| {
+        let _ = writeln!(stderr(), "error: {failure}");
         failure.exit_code()
     });
     ExitCode::from(code as u8)

@@ -14,6 +14,7 @@ use gshear_store::columns::{AQS_FILE, NEWTONIAN_FILE};
 
 use crate::files::RUN_FILE;
 use crate::header::Header;
+use crate::memory;
 use crate::run::{Options, Outcome, Run, Start};
 use crate::stages::{periodic, walls};
 
@@ -70,9 +71,10 @@ pub fn from_the_start(
     set: &[String],
 ) -> Result<Task, Failure> {
     let mut packing = None;
-    let scene = gshear_scene::load_with(source, set, &mut |path, copies| {
+    let limit = memory::limit(exchange);
+    let scene = gshear_scene::load_within(source, set, &limit, &mut |path, copies| {
         let read = match exchange.rank() {
-            0 => Packing::read(path, copies).map(Some),
+            0 => Packing::read_at_most(path, copies, &limit).map(Some),
             _ => Ok(None),
         };
         packing = agree(exchange, read)?;

@@ -13,6 +13,7 @@ use gshear_store::run_reader;
 
 use crate::launch::{Task, from_checkpoint, from_the_start};
 use crate::run::{Options, Outcome};
+use crate::say;
 
 /// The runs of a configuration with a sweep.
 pub struct Sweep<'a> {
@@ -205,6 +206,6 @@ impl<'a> Sweep<'a> {
 
 fn say(exchange: &dyn Parallel, line: &str) {
     if exchange.rank() == 0 {
-        println!("{line}");
+        say::say(line);
     }
 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::header::{Birth, Progress};
+use crate::say::say;
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
@@ -49,7 +50,7 @@ impl Terminal {
 
     fn say(&self, line: impl AsRef<str>) {
         if self.speaks {
-            self.bar.suspend(|| println!("{}", line.as_ref()));
+            self.bar.suspend(|| say(line.as_ref()));
         }
     }
 

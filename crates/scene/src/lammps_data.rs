@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
+use crate::words::{quoted, shortened};
 use gshear_dem::failure::Failure;
 
 /// A file's content.
@@ -102,6 +103,11 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
         rest: text.lines().enumerate(),
         end: 1 + text.lines().count(),
     };
+    if text.trim().is_empty() {
+        return Err(Failure::input(format!(
+            "{name}: is empty; give a LAMMPS data file of atom_style sphere"
+        )));
+    }
     lines.rest.next();
     let (header, mut section) = DataHeader::read(&mut lines)?;
     let DataSizes {
@@ -122,10 +128,11 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
                 if !matches!(style, "" | "sphere" | "granular") {
                     return Err(lines.wrong(
                         at,
-                        &format!("Atoms are of the style {style}; write them with atom_style sphere: {COLUMNS}"),
+                        &format!("Atoms are of the style {}; write them with atom_style sphere: {COLUMNS}", shortened(style)),
                     ));
                 }
-                let mut read = Vec::with_capacity(count as usize);
+                // The header may say more than the file has.
+                let mut read = Vec::with_capacity((count as usize).min(lines.end));
                 for _ in 0..count {
                     let atom = lines.atom(types, count)?;
                     if let Some(first) = place.insert(atom.id, read.len()) {
@@ -170,7 +177,8 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
                 return Err(lines.wrong(
                     at,
                     &format!(
-                        "{other:?} is no section of a packing of disks; it has Atoms, and may have Velocities, {}",
+                        "{} is no section of a packing of disks; it has Atoms, and may have Velocities, {}",
+                        quoted(other),
                         PASSED_OVER.join(", ")
                     ),
                 ));
@@ -249,8 +257,8 @@ impl<'a> Lines<'a> {
             Ok(id) if id > 0 => Ok(id),
             _ => {
                 let what = format!(
-                    "the id must be a whole number from 1 on, found {:?}; {form}",
-                    words[0]
+                    "the id must be a whole number from 1 on, found {}; {form}",
+                    quoted(words[0])
                 );
                 Err(self.wrong(line, &what))
             }
@@ -274,7 +282,7 @@ impl<'a> Lines<'a> {
             *to = match word.parse::<f64>() {
                 Ok(x) if x.is_finite() => x,
                 _ => {
-                    return Err(self.wrong(line, &format!("{word:?} is no number; {form}")));
+                    return Err(self.wrong(line, &format!("{} is no number; {form}", quoted(word))));
                 }
             };
         }
@@ -285,26 +293,35 @@ impl<'a> Lines<'a> {
         let (line, words) = self.row(count, "Atoms")?;
         let form = format!("a row of Atoms is {COLUMNS}, as atom_style sphere writes it");
         let id = self.id(line, &words, &form)?;
-        // Three more are the images.
         if ![7, 10].contains(&words.len()) {
             let what = format!("{} columns; {form}", words.len());
+            return Err(self.wrong(line, &what));
+        }
+        // Images are not needed: positions are wrapped in any case.
+        let image = words[7..].iter().find(|word| word.parse::<i64>().is_err());
+        if let Some(image) = image {
+            let what = format!(
+                "the images of atom {id} must be three whole numbers, such as 0 0 0, found {}",
+                quoted(image)
+            );
             return Err(self.wrong(line, &what));
         }
         let kind = match words[1].parse::<u32>() {
             Ok(kind) if (1..=types).contains(&kind) => kind,
             _ => {
                 let what = format!(
-                    "the type must lie in 1 … {types}, found {:?}; {form}",
-                    words[1]
+                    "the type must lie in 1 … {types}, found {}; {form}",
+                    quoted(words[1])
                 );
                 return Err(self.wrong(line, &what));
             }
         };
         let [diameter, density, x, y, z] = self.numbers(line, &words, 2, &form)?;
         for (what, value) in [("diameter", diameter), ("density", density)] {
-            if value <= 0.0 {
+            // Half of the least float is 0, the square of 1e-200 too.
+            if !(1e-100..=1e100).contains(&value) {
                 let what =
-                    format!("the {what} of atom {id} must be greater than 0, found {value:?}");
+                    format!("the {what} of atom {id} must lie in 1e-100 … 1e100, found {value:?}");
                 return Err(self.wrong(line, &what));
             }
         }
@@ -358,29 +375,60 @@ impl DataHeader {
                 .take_while(|word| word.parse::<f64>().is_ok())
                 .count();
             let keyword = words[numbers..].join(" ");
+            let expect = |wanted: usize, form: &str| match numbers == wanted {
+                true => Ok(()),
+                false => Err(lines.wrong(at, &format!("{numbers} numbers; write: {form}"))),
+            };
             let count = || {
-                words[0].parse::<u64>().map_err(|_| {
-                    let what = format!("the number of {keyword} must be whole, found {}", words[0]);
+                expect(1, &format!("N {keyword}"))?;
+                let count = words[0].parse::<u32>();
+                count.ok().filter(|&count| count > 0).ok_or_else(|| {
+                    let what = format!(
+                        "the number of {keyword} must be a whole number in 1 … {}, found {}",
+                        u32::MAX,
+                        shortened(words[0])
+                    );
                     lines.wrong(at, &what)
                 })
+            };
+            let once = |given: bool| match given {
+                true => Err(lines.wrong(at, &format!("a second line {keyword}; leave it out"))),
+                false => Ok(()),
             };
             let axis = AXES
                 .iter()
                 .position(|axis| keyword == format!("{axis}lo {axis}hi"));
             match (keyword.as_str(), axis) {
                 (_, Some(axis)) => {
-                    let form = format!("write: lo hi {keyword}");
-                    let [lo, hi] = lines.numbers(at, &words[..numbers], 0, &form)?;
+                    once(header.bounds[axis].is_some())?;
+                    let form = format!("lo hi {keyword}");
+                    expect(2, &form)?;
+                    let [lo, hi] =
+                        lines.numbers(at, &words[..numbers], 0, &format!("write: {form}"))?;
                     if hi <= lo {
                         let what = format!("the box is empty: {lo:?} is not below {hi:?}");
                         return Err(lines.wrong(at, &what));
                     }
+                    if !(hi - lo).is_finite() {
+                        let what = format!(
+                            "the box is too long: from {lo:?} to {hi:?} is more than a number can say"
+                        );
+                        return Err(lines.wrong(at, &what));
+                    }
                     header.bounds[axis] = Some([lo, hi]);
                 }
-                ("atoms", _) => header.atoms = Some(count()?),
-                ("atom types", _) => header.types = Some(count()?.min(u32::MAX.into()) as u32),
+                ("atoms", _) => {
+                    once(header.atoms.is_some())?;
+                    header.atoms = Some(count()?.into());
+                }
+                ("atom types", _) => {
+                    once(header.types.is_some())?;
+                    header.types = Some(count()?);
+                }
                 ("xy xz yz", _) => {
-                    let tilt: [f64; 3] = lines.numbers(at, &words, 0, "write: 0 0 0 xy xz yz")?;
+                    let form = "0 0 0 xy xz yz";
+                    expect(3, form)?;
+                    let tilt: [f64; 3] = lines.numbers(at, &words, 0, &format!("write: {form}"))?;
                     if tilt != [0.0; 3] {
                         return Err(lines.wrong(at, "the box is tilted; it must be a rectangle"));
                     }
@@ -389,7 +437,8 @@ impl DataHeader {
                 _ if numbers == 1 && words[0] == "0" && !keyword.is_empty() => {}
                 _ => {
                     let what = format!(
-                        "{text:?} is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi"
+                        "{} is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi",
+                        quoted(text)
                     );
                     return Err(lines.wrong(at, &what));
                 }
@@ -526,7 +575,80 @@ Velocities
             (
                 "2 atom types",
                 "2.5 atom types",
-                "f:3: the number of atom types must be whole, found 2.5",
+                "f:3: the number of atom types must be a whole number in 1 … 4294967295, found 2.5",
+            ),
+            (
+                "2 atoms",
+                "9223372036854775807 atoms",
+                "f:2: the number of atoms must be a whole number in 1 … 4294967295, found 9223372036854775807",
+            ),
+            (
+                "2 atoms",
+                "-2 atoms",
+                "f:2: the number of atoms must be a whole number in 1 … 4294967295, found -2",
+            ),
+            (
+                "2 atoms",
+                "0 atoms",
+                "f:2: the number of atoms must be a whole number in 1 … 4294967295, found 0",
+            ),
+            // No memory is taken for atoms that are not there.
+            (
+                "2 atoms",
+                "4294967295 atoms",
+                "f:13: Atoms ends here; the header says 4294967295 atoms, a row for each",
+            ),
+            ("2 atoms", "1 2 atoms", "f:2: 2 numbers; write: N atoms"),
+            (
+                "2 atoms\n",
+                "2 atoms\n3 atoms\n",
+                "f:3: a second line atoms; leave it out",
+            ),
+            (
+                "0 10 xlo xhi",
+                "-1e308 1e308 xlo xhi",
+                "f:4: the box is too long: from -1e308 to 1e308 is more than a number can say",
+            ),
+            (
+                "0 10 xlo xhi",
+                "0 inf xlo xhi",
+                "f:4: \"inf\" is no number; write: lo hi xlo xhi",
+            ),
+            (
+                "0 10 xlo xhi",
+                "0 10 20 xlo xhi",
+                "f:4: 3 numbers; write: lo hi xlo xhi",
+            ),
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "2 2 1.0 1.0 3 1 0 0 abc 0",
+                "f:11: the images of atom 2 must be three whole numbers, such as 0 0 0, found \"abc\"",
+            ),
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "2 2 1.0 1.0 3 1 0 nan 0 0",
+                "f:11: the images of atom 2 must be three whole numbers, such as 0 0 0, found \"nan\"",
+            ),
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "2 2 1.0 1.0 3 1 0 0 0 0.5",
+                "f:11: the images of atom 2 must be three whole numbers, such as 0 0 0, found \"0.5\"",
+            ),
+            // Its radius would be 0.
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "2 2 5e-324 1.0 3 1 0",
+                "f:11: the diameter of atom 2 must lie in 1e-100 … 1e100, found 5e-324",
+            ),
+            (
+                "2 2 1.0 1.0 3 1 0",
+                "2 2 1.0 0 3 1 0",
+                "f:11: the density of atom 2 must lie in 1e-100 … 1e100, found 0.0",
+            ),
+            (
+                "2 0 0 0 0 0 0",
+                "2 0 0 0 0 -inf 0",
+                "f:16: \"-inf\" is no number; a row of Velocities is id vx vy vz wx wy wz",
             ),
             (
                 "0 10 xlo xhi",
@@ -536,7 +658,7 @@ Velocities
             (
                 "0 10 xlo xhi",
                 "10 xlo xhi",
-                "f:4: 1 columns are too few; write: lo hi xlo xhi",
+                "f:4: 1 numbers; write: lo hi xlo xhi",
             ),
             (
                 "-1 1 zlo zhi",
@@ -566,7 +688,7 @@ Velocities
             (
                 "2 2 1.0 1.0 3 1 0",
                 "2 2 -1.0 1.0 3 1 0",
-                "f:11: the diameter of atom 2 must be greater than 0, found -1.0",
+                "f:11: the diameter of atom 2 must lie in 1e-100 … 1e100, found -1.0",
             ),
             (
                 "2 2 1.0 1.0 3 1 0",
@@ -620,6 +742,14 @@ Velocities
             let text = good.replacen(from, to, 1);
             assert_ne!(text, good, "{from}");
             assert_eq!(parse("f", &text), Err(Failure::input(expected)), "{to}");
+        }
+        for nothing in ["", "\n", "  \n\t\n"] {
+            assert_eq!(
+                parse("f", nothing),
+                Err(Failure::input(
+                    "f: is empty; give a LAMMPS data file of atom_style sphere"
+                ))
+            );
         }
         let headless = &good[..good.find("Atoms").unwrap()];
         assert_eq!(

@@ -70,7 +70,7 @@ use toml::de::DeTable;
 pub use scene::*;
 pub use source::Source;
 
-use crate::packing::Packing;
+use crate::packing::{GrainLimit, Packing};
 use gshear_dem::failure::Failure;
 use source::Input;
 
@@ -104,6 +104,19 @@ pub fn load_with(
     overrides: &[String],
     packing: ReadPacking<'_>,
 ) -> Result<Scene, Failure> {
+    load_within(source, overrides, &GrainLimit::default(), packing)
+}
+
+/// [`load_with`], refusing more inserted grains than the limit. `packing` sees to those of a file.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_within(
+    source: &Source,
+    overrides: &[String],
+    limit: &GrainLimit,
+    packing: ReadPacking<'_>,
+) -> Result<Scene, Failure> {
     let input = Input { source, overrides };
     let mut tree = DeTable::parse(source.text())
         .map_err(|e| {
@@ -112,7 +125,7 @@ pub fn load_with(
             let message = e.message().trim_end_matches(", expected nothing");
             let what = match line.map(str::trim) {
                 None | Some("") => format!("not TOML: {message}"),
-                Some(line) => format!("not TOML: {message}: `{line}`"),
+                Some(line) => format!("not TOML: {message}: `{}`", words::shortened(line)),
             };
             input.failure(offset, "", &what)
         })?
@@ -141,7 +154,7 @@ pub fn load_with(
             let path = paths.iter().find(|(at, _)| *at == offset);
             input.failure(offset, path.map_or("", |(_, path)| path), e.message())
         })?;
-    check::scene(&raw, input, tables, boxed, packing)
+    check::scene(&raw, input, tables, boxed, limit, packing)
 }
 
 /// Notes on keys under former names, for standard error: each says where the key is and what it is

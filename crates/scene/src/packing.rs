@@ -1,11 +1,13 @@
 //! A packing from a file in place of inserted grains: what the file says, as the grains of a run.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use bytemuck::Zeroable;
 
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::sample::{columns, freeze_walls, stop_walls};
+use crate::source::read_text;
 use crate::{Boundary, Dimensions, Origin, PackingFile, PlaneShear, Scene, Walls};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::failure::Failure;
@@ -16,8 +18,66 @@ use gshear_dem::state::{GrainState, Grains, body, length};
 const BOTTOM_TYPE: u32 = 2;
 const TOP_TYPE: u32 = 3;
 
+/// Cells of the largest diameter in the box of a packing, for each of its grains. In a box with more
+/// the grains are far apart, and cells would take more memory than they.
+const MOST_CELLS: f64 = 1e4;
+
+/// Squares or cubes of their diameters over the room that the atoms of a cell may have: more than any
+/// overlap of a law allows.
+const MOST_FILLED: f64 = 4.0;
+
+/// Periods from the box beyond which a position says nothing about the place in the box.
+const MOST_PERIODS: f64 = 1e6;
+
+/// How many grains a packing may have.
+#[derive(Debug, Clone)]
+pub struct GrainLimit {
+    /// The number.
+    pub most: u32,
+    /// Whose limit it is, for the message.
+    pub reason: String,
+}
+
+impl Default for GrainLimit {
+    fn default() -> Self {
+        Self {
+            most: u32::MAX,
+            reason: "a run can have".into(),
+        }
+    }
+}
+
 /// So many copies beside each other along x and y, in a box as many times as long and as wide.
-fn replicated(mut data: DataFile, copies: [u32; 2]) -> DataFile {
+fn replicated(
+    name: &str,
+    mut data: DataFile,
+    copies: [u32; 2],
+    limit: &GrainLimit,
+) -> Result<DataFile, Failure> {
+    let refuse = |what: String| Err(Failure::input(format!("{name}: {what}")));
+    let [along, across] = copies.map(u128::from);
+    let grains = data.atoms.len() as u128 * along * across;
+    if grains > limit.most.into() {
+        let of_copies = match along * across {
+            1 => String::new(),
+            _ => format!(" in {along} × {across} copies (sample.replicate)"),
+        };
+        let (atoms, GrainLimit { most, reason }) = (data.atoms.len(), limit);
+        return refuse(format!(
+            "has {atoms} atoms{of_copies}: {grains} grains are more than the {most} that {reason}; give fewer"
+        ));
+    }
+    let too_long = |axis: usize| {
+        let [low, high] = data.bounds[axis];
+        !(low + (high - low) * f64::from(copies[axis])).is_finite()
+    };
+    if let Some(axis) = (0..2).find(|axis| too_long(*axis)) {
+        return refuse(format!(
+            "{} copies of the box along {} (sample.replicate) are longer than a number can say; give fewer",
+            copies[axis],
+            ["x", "y"][axis]
+        ));
+    }
     for (axis, copies) in copies.into_iter().enumerate() {
         let [low, high] = data.bounds[axis];
         let period = high - low;
@@ -32,7 +92,26 @@ fn replicated(mut data: DataFile, copies: [u32; 2]) -> DataFile {
         }
         data.bounds[axis][1] = low + period * f64::from(copies);
     }
-    data
+    Ok(data)
+}
+
+/// Refuses atoms so crowded that they cannot be grains: pairs of them might not fit into memory.
+fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result<(), Failure> {
+    // What has its centre in a cell is within twice its width.
+    let room = 2f64.powi(1 + up as i32) * MOST_FILLED;
+    let mut filled: HashMap<[i64; 3], f64> = HashMap::new();
+    for a in atoms {
+        let cell = a.position.map(|x| (x / largest).floor() as i64);
+        let filled = filled.entry(cell).or_default();
+        *filled += (a.diameter / largest).powi(1 + up as i32);
+        if *filled > room {
+            return Err(Failure::input(format!(
+                "{name}:{}: atom {} lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters",
+                a.line, a.id
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The grains of a file.
@@ -53,19 +132,32 @@ impl Packing {
     /// # Errors
     /// `Failure::Input` with the line, what is wrong with it and what would be right.
     pub fn read(path: &Path, copies: [u32; 2]) -> Result<Self, Failure> {
+        Self::read_at_most(path, copies, &GrainLimit::default())
+    }
+
+    /// [`read`](Self::read), refusing more grains than the limit before memory is taken for them.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_at_most(
+        path: &Path,
+        copies: [u32; 2],
+        limit: &GrainLimit,
+    ) -> Result<Self, Failure> {
         let name = path.display().to_string();
         let unreadable =
             |e: &dyn std::fmt::Display| Failure::input(format!("{name}: cannot be read: {e}"));
-        let bytes = std::fs::read(path).map_err(|e| match e.kind() {
-            std::io::ErrorKind::NotFound => Failure::input(format!(
-                "{name}: no such file; give a LAMMPS data file of atom_style sphere"
-            )),
-            _ => unreadable(&e),
-        })?;
-        let text = String::from_utf8(bytes).map_err(|e| unreadable(&e))?;
+        let format = "a LAMMPS data file of atom_style sphere";
         let absolute = std::path::absolute(path).map_err(|e| unreadable(&e))?;
+        // The scene and the checkpoints hold the path as text.
+        if absolute.to_str().is_none() {
+            let what = format!("the path {} is not UTF-8; rename it", absolute.display());
+            return Err(Failure::input(format!("{name}: {what}")));
+        }
+        let text = read_text(path, format, u64::MAX)?;
         let data = lammps_data::parse(&name, &text)?;
-        Self::new(&name, &absolute, replicated(data, copies), copies)
+        let data = replicated(&name, data, copies, limit)?;
+        Self::new(&name, &absolute, data, copies)
     }
 
     fn new(name: &str, path: &Path, data: DataFile, replicate: [u32; 2]) -> Result<Self, Failure> {
@@ -118,6 +210,17 @@ impl Packing {
             for axis in 0..up {
                 let [low, high] = data.bounds[axis];
                 let (inside, period) = (a.position[axis] - low, high - low);
+                let is_near = inside.abs() <= MOST_PERIODS * period;
+                if !is_near {
+                    let name = ["x", "y"][axis];
+                    return wrong(
+                        a.line,
+                        format!(
+                            "{name} of atom {} is {:?}, more than {MOST_PERIODS:e} periods from the box, {low:?} {high:?} {name}lo {name}hi; give a place in the box",
+                            a.id, a.position[axis]
+                        ),
+                    );
+                }
                 a.position[axis] = if (0.0..period).contains(&inside) {
                     inside
                 } else {
@@ -131,6 +234,20 @@ impl Packing {
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
         let radius_max = radii().fold(0.0, f64::max);
         let periods = data.bounds.map(|[low, high]| high - low);
+        let heights = || atoms.iter().map(|a| a.position[up]);
+        let tall =
+            heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
+        let room = |length: f64| (length / largest).max(1.0);
+        let rooms = periods[..up]
+            .iter()
+            .fold(room(tall), |all, length| all * room(*length));
+        let is_filled = rooms <= MOST_CELLS * f64::from(count);
+        if !is_filled {
+            return whole(&format!(
+                "{count} atoms are too few for their box, in which {rooms:.1e} of the largest diameter, {largest:?}, have room; check the units of lengths and diameters"
+            ));
+        }
+        check_crowding(name, &atoms, up, largest)?;
         let mut widths = [f64::INFINITY; 2];
         for axis in 0..up {
             widths[axis] = periods[axis] / f64::from(columns(periods[axis], radius_max));
@@ -384,6 +501,108 @@ mod tests {
             assert!((copy[0] - found[0]).abs() < 1e-12 * thrice.file.length);
             assert_eq!(copy[1], found[1]);
         }
+    }
+
+    fn message<T>(result: Result<T, Failure>) -> String {
+        match result {
+            Err(Failure::Input(message)) => message.replace(FILE, "f"),
+            Err(other) => panic!("not bad input: {other}"),
+            Ok(_) => panic!("taken"),
+        }
+    }
+
+    /// Before memory is taken for them.
+    #[test]
+    fn too_many_copies_are_refused() {
+        let read = |copies| message(Packing::read(Path::new(FILE), copies));
+        assert_eq!(
+            read([1_000_000, 1_000_000]),
+            "f: has 120 atoms in 1000000 × 1000000 copies (sample.replicate): 120000000000000 grains are more than the 4294967295 that a run can have; give fewer"
+        );
+        let limit = GrainLimit {
+            most: 119,
+            reason: "fit".into(),
+        };
+        assert_eq!(
+            message(Packing::read_at_most(Path::new(FILE), [1, 1], &limit)),
+            "f: has 120 atoms: 120 grains are more than the 119 that fit; give fewer"
+        );
+        let data = |text: String| lammps_data::parse("f", &text).unwrap();
+        let long = TEXT.replace("-0.002 0.00799 xlo", "-0.002 1e307 xlo");
+        assert_ne!(long, TEXT);
+        assert_eq!(
+            message(replicated("f", data(long), [100, 1], &limit_of(1_000_000))),
+            "f: 100 copies of the box along x (sample.replicate) are longer than a number can say; give fewer"
+        );
+    }
+
+    fn limit_of(most: u32) -> GrainLimit {
+        GrainLimit {
+            most,
+            ..GrainLimit::default()
+        }
+    }
+
+    #[test]
+    fn files_that_cannot_be_read_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |path: &Path| {
+            let name = format!("{}/", folder.path().display());
+            message(Packing::read(path, [1, 1])).replace(&name, "")
+        };
+        let path = folder.path().join("file");
+        assert_eq!(
+            read(folder.path()).split_once(": ").unwrap().1,
+            "is a directory; give a LAMMPS data file of atom_style sphere"
+        );
+        assert_eq!(
+            read(&path),
+            "file: no such file; give a LAMMPS data file of atom_style sphere"
+        );
+        // Without an end.
+        assert_eq!(
+            read(Path::new("/dev/zero")),
+            "/dev/zero: is a device; give a LAMMPS data file of atom_style sphere"
+        );
+        std::fs::write(&path, b"title\n2 atoms\n\xff\n").unwrap();
+        assert_eq!(
+            read(&path),
+            "file:3: byte 0xff is not UTF-8; give a LAMMPS data file of atom_style sphere"
+        );
+        std::fs::write(&path, "x".repeat(10_000_000)).unwrap();
+        assert_eq!(read(&path), "file: the header lacks the line `N atoms`");
+        std::fs::write(&path, format!("\n{}", "7".repeat(10_000_000))).unwrap();
+        assert!(read(&path).len() < 300, "{}", read(&path).len());
+        // The scene names the path.
+        #[cfg(unix)]
+        {
+            use std::os::unix::ffi::OsStrExt;
+            let odd = folder.path().join(std::ffi::OsStr::from_bytes(b"\xff"));
+            std::fs::write(&odd, TEXT).unwrap();
+            assert!(
+                read(&odd).ends_with("is not UTF-8; rename it"),
+                "{}",
+                read(&odd)
+            );
+        }
+    }
+
+    #[test]
+    fn positions_far_from_the_box_and_crowds_are_refused() {
+        let refused = |edit: &dyn Fn(String) -> String| refused(edit, &[]);
+        assert_eq!(
+            refused(&with_atom(11, "11 1 0.001 2500 1e300 0.00136 0")),
+            "f:19: x of atom 11 is 1e300, more than 1e6 periods from the box, -0.002 0.00799 xlo xhi; give a place in the box"
+        );
+        // Diameters in millimetres.
+        assert_eq!(
+            refused(&|text| text.replace(" 0.001 2500 ", " 1 2500 ")),
+            "f:34: atom 116 lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters"
+        );
+        assert_eq!(
+            refused(&|text| text.replace(" 0.001 2500 ", " 1e-9 2500 ")),
+            "f: 120 atoms are too few for their box, in which 9.5e13 of the largest diameter, 1e-9, have room; check the units of lengths and diameters"
+        );
     }
 
     #[test]

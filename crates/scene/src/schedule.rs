@@ -4,6 +4,12 @@
 use crate::{Load, Motion, Part, PlaneShear, Scene, WallSpeed};
 use gshear_dem::protocol::{Protocol, Segment};
 
+/// Steps of a stage that are counted: 2^53, up to which f64 has every whole number.
+pub const MOST_STEPS: u64 = 1 << 53;
+
+/// Newton's equations of a box without a complex pair: steps that stand for its growth time.
+pub const STEPS_WITHOUT_A_PAIR: f64 = 1000.0;
+
 /// The shear stage in steps of Δt.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Schedule {
@@ -89,7 +95,7 @@ impl Schedule {
                 all.series = steps(output.series_strain);
                 // Frames and rows of the time series meet wherever their intervals as strains do.
                 let with_rows = |strain: f64| match output.rows_in(strain) {
-                    Some(rows) => rows * all.series,
+                    Some(rows) => rows.saturating_mul(all.series),
                     None => steps(strain),
                 };
                 all.frames = with_rows(output.frame_strain);
@@ -214,7 +220,7 @@ fn whole(steps: f64) -> u64 {
 fn on_grid(step: u64, every: u64) -> u64 {
     match every {
         0 => step,
-        every => (step + every / 2) / every * every,
+        every => (step.saturating_add(every / 2) / every).saturating_mul(every),
     }
 }
 

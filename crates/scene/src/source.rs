@@ -1,6 +1,8 @@
 //! The texts that a configuration is read from, and how a message names a place in them.
 
-use std::io::ErrorKind;
+use std::fs::File;
+use std::io::{ErrorKind, Read};
+use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
 use gshear_dem::failure::Failure;
@@ -50,32 +52,8 @@ impl Source {
     /// or is not UTF-8.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Failure> {
         let path = path.as_ref();
-        let name = path.display().to_string();
-        if path.is_dir() {
-            return Err(Failure::input(format!(
-                "{name}: is a directory; give a TOML file, such as configs/plane-shear-2d.toml"
-            )));
-        }
-        let bytes = std::fs::read(path).map_err(|e| {
-            Failure::input(match e.kind() {
-                ErrorKind::NotFound => format!(
-                    "{name}: no such file; give a TOML file, such as configs/plane-shear-2d.toml, or none for the embedded default scene"
-                ),
-                _ => format!("{name}: cannot be read: {e}"),
-            })
-        })?;
-        match String::from_utf8(bytes) {
-            Ok(text) => Ok(Source::of_file(path, text)),
-            Err(e) => {
-                let good = e.utf8_error().valid_up_to();
-                let bytes = e.as_bytes();
-                let line = 1 + bytes[..good].iter().filter(|&&b| b == b'\n').count();
-                Err(Failure::input(format!(
-                    "{name}:{line}: byte 0x{:02x} is not UTF-8; a configuration is a TOML file in UTF-8",
-                    bytes[good]
-                )))
-            }
-        }
+        let text = read_text(path, FORMAT, MOST_BYTES)?;
+        Ok(Source::of_file(path, text))
     }
 
     /// The same as one of the runs of its sweep reads it: without the sweep.
@@ -104,6 +82,57 @@ impl Source {
     pub fn folder(&self) -> &Path {
         &self.folder
     }
+}
+
+/// What messages ask for in place of a file that is none.
+const FORMAT: &str =
+    "a TOML file, such as configs/plane-shear-2d.toml, or none for the embedded default scene";
+
+/// Bytes of a configuration. A list of half a million radii has fewer.
+const MOST_BYTES: u64 = 16 << 20;
+
+/// The text of a file, which messages name as it was given; they ask for `format` instead of what is
+/// no such file. `most`: bytes that it may have.
+///
+/// # Errors
+/// `Failure::Input` if there is no such file, it is a directory or a device, it is too large, it
+/// cannot be read, or is not UTF-8.
+pub(super) fn read_text(path: &Path, format: &str, most: u64) -> Result<String, Failure> {
+    let name = path.display();
+    let refuse = |what: String| Failure::input(format!("{name}: {what}"));
+    let unreadable = |e: std::io::Error| {
+        refuse(match e.kind() {
+            ErrorKind::NotFound => format!("no such file; give {format}"),
+            ErrorKind::PermissionDenied => {
+                "cannot be read: permission denied; allow reading it".into()
+            }
+            _ => format!("cannot be read: {e}"),
+        })
+    };
+    let kind = std::fs::metadata(path).map_err(unreadable)?.file_type();
+    if kind.is_dir() {
+        return Err(refuse(format!("is a directory; give {format}")));
+    }
+    // Such as /dev/zero, which has no end.
+    if kind.is_char_device() || kind.is_block_device() {
+        return Err(refuse(format!("is a device; give {format}")));
+    }
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(unreadable)?;
+    let read = file.take(most.saturating_add(1)).read_to_end(&mut bytes);
+    read.map_err(unreadable)?;
+    if bytes.len() as u64 > most {
+        return Err(refuse(format!("has more than {most} bytes; give {format}")));
+    }
+    String::from_utf8(bytes).map_err(|e| {
+        let good = e.utf8_error().valid_up_to();
+        let bytes = e.as_bytes();
+        let line = 1 + bytes[..good].iter().filter(|&&b| b == b'\n').count();
+        Failure::input(format!(
+            "{name}:{line}: byte 0x{:02x} is not UTF-8; give {format}",
+            bytes[good]
+        ))
+    })
 }
 
 /// The source and the `--set` overrides as one text: an offset beyond the source's end lies in an
@@ -192,9 +221,7 @@ mod tests {
         let name = dir.path().display();
         assert_eq!(
             e,
-            Failure::input(format!(
-                "{name}: is a directory; give a TOML file, such as configs/plane-shear-2d.toml"
-            ))
+            Failure::input(format!("{name}: is a directory; give {FORMAT}"))
         );
     }
 
@@ -211,7 +238,31 @@ mod tests {
         assert_eq!(
             e,
             Failure::input(format!(
-                "{}:2: byte 0xfc is not UTF-8; a configuration is a TOML file in UTF-8",
+                "{}:2: byte 0xfc is not UTF-8; give {FORMAT}",
+                path.display()
+            ))
+        );
+    }
+
+    #[test]
+    fn devices_and_huge_files_are_no_configurations() {
+        let e = Source::read("/dev/zero").unwrap_err();
+        assert_eq!(
+            e,
+            Failure::input(format!("/dev/zero: is a device; give {FORMAT}"))
+        );
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("huge.toml");
+        // A hole: no byte of it is on the disk.
+        File::create(&path)
+            .unwrap()
+            .set_len(MOST_BYTES + 1)
+            .unwrap();
+        let e = Source::read(&path).unwrap_err();
+        assert_eq!(
+            e,
+            Failure::input(format!(
+                "{}: has more than 16777216 bytes; give {FORMAT}",
                 path.display()
             ))
         );

@@ -1,14 +1,20 @@
 //! `[sweep]`: lists of values for keys of the configuration, and the runs that they make together.
 
+use std::collections::HashSet;
+
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::keys::resolve;
 use super::source::{Input, Source};
+use super::words::shortened;
 use gshear_dem::failure::Failure;
 
 /// Name of the table.
 pub(super) const SWEEP: &str = "sweep";
+
+/// Runs of a sweep. All are listed, and checked before the first one runs.
+pub const MOST_RUNS: usize = 10_000;
 
 /// A run of a sweep.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,6 +68,7 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
     leaves(table, "", &mut found);
     found.sort_by_key(|(offset, ..)| *offset);
     let mut axes: Vec<Axis> = Vec::new();
+    let mut runs = 1usize;
     for (offset, path, value) in found {
         if let Err(what) = resolve(&path) {
             return refuse(offset, &path, &what);
@@ -74,11 +81,25 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
                 "must be a list of one value or more, such as [0.1, 0.3]",
             );
         };
+        // Before anything is done for each of them.
+        runs = runs.saturating_mul(list.len());
+        if runs > MOST_RUNS {
+            let so_far = match axes.len() {
+                0 => String::new(),
+                _ => format!(" with the lists before it {runs} runs,"),
+            };
+            let what = format!(
+                "has {} values,{so_far} more than the {MOST_RUNS} runs that a sweep may have; give shorter lists, or split the sweep into several files",
+                list.len()
+            );
+            return refuse(offset, &path, &what);
+        }
         let texts = list.iter().map(|v| source.text()[v.span()].to_string());
         let values: Vec<String> = texts.collect();
-        let twice = (1..values.len()).find(|k| values[..*k].contains(&values[*k]));
-        if let Some(k) = twice {
-            return refuse(offset, &path, &format!("has {} twice", values[k]));
+        let mut seen = HashSet::new();
+        if let Some(twice) = values.iter().find(|value| !seen.insert(*value)) {
+            let what = format!("has {} twice", shortened(twice));
+            return refuse(offset, &path, &what);
         }
         axes.push(Axis {
             offset,
@@ -94,12 +115,13 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
         );
     }
     let all = product(&axes);
-    for (k, member) in all.iter().enumerate() {
-        if all[..k].iter().any(|other| other.name == member.name) {
+    let mut seen = HashSet::new();
+    for member in &all {
+        if !seen.insert(&member.name) {
             let last = &axes[axes.len() - 1];
             let what = format!(
                 "gives two runs the name {}; make the values shorter",
-                member.name
+                shortened(&member.name)
             );
             return refuse(last.offset, &last.path, &what);
         }
@@ -264,6 +286,34 @@ mod tests {
         }
         assert!(message("[sweep]\nsede = [1]").starts_with("sweep.sede: unknown key"));
         assert!(message("[sweep]\n'contact.fricton' = [1]").contains("did you mean friction?"));
+    }
+
+    /// Told at once, whether its runs are listed or it is run as one scene.
+    #[test]
+    fn sweeps_of_too_many_runs() {
+        let list = |n: usize| {
+            let values: Vec<String> = (0..n).map(|k| k.to_string()).collect();
+            format!("[{}]", values.join(","))
+        };
+        let begun = std::time::Instant::now();
+        let many = format!("[sweep]\nseed = {}", list(1_300_000));
+        let expected = "sweep.seed: has 1300000 values, more than the 10000 runs that a sweep may have; give shorter lists, or split the sweep into several files";
+        assert_eq!(message(&many), expected);
+        let run = load(&with(&many), &[]).expect_err("refused").to_string();
+        assert!(run.ends_with(expected), "{run}");
+        // Reading 9 MB of TOML is all that takes time.
+        assert!(begun.elapsed().as_secs() < 20, "{:?}", begun.elapsed());
+        let product = format!(
+            "[sweep]\nseed = {}\n'shear.strain' = {}",
+            list(100),
+            list(101)
+        );
+        assert_eq!(
+            message(&product),
+            "sweep.shear.strain: has 101 values, with the lists before it 10100 runs, more than the 10000 runs that a sweep may have; give shorter lists, or split the sweep into several files"
+        );
+        let most = format!("[sweep]\nseed = {}", list(MOST_RUNS));
+        assert_eq!(names(&most).len(), MOST_RUNS);
     }
 
     #[test]

@@ -18,3 +18,22 @@ pub fn list(names: &[impl AsRef<str>], and: &str) -> String {
         None => String::new(),
     }
 }
+
+/// A part of the input in a message, in quotes: its beginning, if it is long.
+pub fn quoted(text: &str) -> String {
+    match text.char_indices().nth(LONGEST_QUOTE) {
+        None => format!("{text:?}"),
+        Some((end, _)) => format!("{:?}…", &text[..end]),
+    }
+}
+
+/// The beginning of a line in a message.
+pub fn shortened(line: &str) -> String {
+    match line.char_indices().nth(LONGEST_QUOTE) {
+        None => line.into(),
+        Some((end, _)) => format!("{}…", &line[..end]),
+    }
+}
+
+/// Characters.
+const LONGEST_QUOTE: usize = 120;

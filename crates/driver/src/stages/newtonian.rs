@@ -13,7 +13,7 @@ use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
-use gshear_scene::schedule::ReplayWindow;
+use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
 use gshear_store::collective::gathered;
 use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
@@ -24,9 +24,6 @@ use super::spectrum::GlobalState;
 use crate::files::{Files, Format, Written};
 use crate::header::{Header, Pair, Progress};
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
-
-/// Growth time (steps) that is assumed without a complex pair.
-const STEPS_WITHOUT_A_PAIR: f64 = 1000.0;
 
 /// The stage that integrates Newton's equations of a box.
 pub(super) struct NewtonianStage<'a, D: Dimension> {
@@ -144,6 +141,13 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             progress, resumed, ..
         } = from;
         let mut due = Due::new(of, progress.pair.as_ref(), system.step);
+        if due.steps > MOST_STEPS {
+            let rate = progress.pair.map_or(0.0, |pair| pair.omega_i);
+            return Err(Failure::numbers(format!(
+                "newtonian: {:.1e} steps are more than the {:.1e} that are counted: the complex pair grows at the rate {rate:.1e} only; give a smaller newtonian.growth_times",
+                due.steps as f64, MOST_STEPS as f64
+            )));
+        }
         if let Some(window) = run.options.replay {
             due = due.of_window(window);
         }

@@ -6,7 +6,7 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::relax::overdamped;
+use super::relax::{NOT_AT_REST, overdamped};
 use super::setup::system;
 use crate::run::{Run, StageState};
 use gshear_dem::dimension::Dimension;
@@ -15,6 +15,8 @@ use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::state::GrainState;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
 use gshear_scene::sample::radius;
 use gshear_scene::{PeriodicBox, Scene, Sizes};
 
@@ -25,6 +27,10 @@ const SHRINKING: f64 = 0.995;
 /// Steps of overdamped dynamics between two compression steps, and the drag in 1/Δt.
 const SETTLING: u64 = 300;
 const DRAG: f64 = 0.02;
+
+/// If the grains leave the contact law in a smaller box, the box shrinks by half as much, from the state
+/// before; at most so many times in turn.
+const MOST_HALVINGS: i32 = 6;
 
 /// The packing at rest, without friction.
 pub(super) fn prepare<D: Dimension>(
@@ -37,65 +43,103 @@ pub(super) fn prepare<D: Dimension>(
     let target = scene.sample.length;
     let (mut length, mut grains) = insert(scene, &periodic.sizes, exchange.rank(), exchange.size());
     length = length.max(target);
+    // The last box in which the grains settled, and the grains there.
+    let mut settled: Option<(f64, Vec<GrainState>)> = None;
+    let mut halvings = 0;
     loop {
         let mut system = system::<D>(run, scene, scene.sample.box_cell(length))?;
         system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
-        let mut drive = Overdamped {
-            drag: DRAG / system.step,
-        };
-        let in_stage = |e| in_preparation(e, length);
-        initial_forces(exchange, &mut system, law, &mut drive, None).map_err(in_stage)?;
         // At the end the waves of the last steps must decay before the relaxation: with a weak drag
         // of the scene they might lead to overlaps outside the law.
-        let settling = if length == target {
-            10 * SETTLING
-        } else {
-            SETTLING
+        let settling = match length == target {
+            true => 10 * SETTLING,
+            false => SETTLING << halvings,
         };
-        for _ in 0..settling {
-            advance(
-                exchange,
-                &mut system,
-                law,
-                &mut drive,
-                StepRequest::default(),
-            )
-            .map_err(in_stage)?;
-        }
-        if length == target {
-            let steps =
-                overdamped(&periodic.relax, exchange, &mut system, law).map_err(in_stage)?;
-            run.terminal.prepared(steps);
-            return Ok(StageState {
-                grains: system.grain_states(),
-                contacts: system.contact_states(law),
-                ..StageState::default()
-            });
-        }
-        grains = system.grain_states();
-        let next = (SHRINKING * length).max(target);
-        let part = next / length;
-        for g in &mut grains {
-            for x in &mut g.position {
-                *x *= part;
+        let mut moved = settle(exchange, &mut system, law, settling);
+        if moved.is_ok() && length == target {
+            match overdamped(&periodic.relax, exchange, &mut system, law) {
+                Ok(steps) => {
+                    run.terminal.prepared(steps);
+                    return Ok(StageState {
+                        grains: system.grain_states(),
+                        contacts: system.contact_states(law),
+                        ..StageState::default()
+                    });
+                }
+                Err(Failure::Numbers(m)) if m.starts_with(NOT_AT_REST) => {
+                    return Err(in_preparation(scene, length, &m));
+                }
+                Err(failure) => moved = Err(failure),
             }
-            // Rounded up to the new period.
-            for x in g.position[..D::AXES].iter_mut().filter(|x| **x >= next) {
-                *x = 0.0;
-            }
-            (g.velocity, g.angular_velocity) = ([0.0; 3], [0.0; 3]);
         }
+        match (moved, &settled) {
+            (Ok(()), _) => {
+                settled = Some((length, system.grain_states()));
+                halvings = 0.max(halvings - 1);
+            }
+            (Err(Failure::Numbers(_)), Some(_)) if halvings < MOST_HALVINGS => halvings += 1,
+            (Err(Failure::Numbers(m)), _) => {
+                let what = format!(
+                    "{m}, after {halvings} halvings of the compression step; give a lower box.solid_fraction, or another seed"
+                );
+                return Err(in_preparation(scene, length, &what));
+            }
+            (Err(other), _) => return Err(other),
+        }
+        let Some((from, at_rest)) = &settled else {
+            unreachable!("the first box either settles or fails")
+        };
+        let shrinking = match halvings {
+            0 => SHRINKING,
+            n => 1.0 - (1.0 - SHRINKING) * 0.5f64.powi(n),
+        };
+        let next = (shrinking * from).max(target);
+        grains = shrunk::<D>(at_rest, *from, next);
         length = next;
     }
 }
 
-fn in_preparation(failure: Failure, length: f64) -> Failure {
-    match failure {
-        Failure::Numbers(m) => Failure::Numbers(format!(
-            "preparing the packing in a box {length:.4e} long, {m}"
-        )),
-        other => other,
+/// The grains of a box of length `from` at rest in one of length `to`.
+fn shrunk<D: Dimension>(settled: &[GrainState], from: f64, to: f64) -> Vec<GrainState> {
+    let part = to / from;
+    let mut grains = settled.to_vec();
+    for g in &mut grains {
+        for x in &mut g.position {
+            *x *= part;
+        }
+        // Rounded up to the new period.
+        for x in g.position[..D::AXES].iter_mut().filter(|x| **x >= to) {
+            *x = 0.0;
+        }
+        (g.velocity, g.angular_velocity) = ([0.0; 3], [0.0; 3]);
     }
+    grains
+}
+
+/// Lets the grains move with a strong drag. Collective.
+fn settle<D: Dimension>(
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+    steps: u64,
+) -> Result<(), Failure> {
+    let mut drive = Overdamped {
+        drag: DRAG / system.step,
+    };
+    initial_forces(exchange, system, law, &mut drive, None)?;
+    for _ in 0..steps {
+        advance(exchange, system, law, &mut drive, StepRequest::default())?;
+    }
+    Ok(())
+}
+
+fn in_preparation(scene: &Scene, length: f64, what: &str) -> Failure {
+    let sample = &scene.sample;
+    let volume = f64::from(sample.grains) * sample.mean_volume;
+    let fraction = volume / length.powi(scene.dimension.axes() as i32);
+    Failure::numbers(format!(
+        "preparing the packing in a box {length:.4e} long, solid fraction {fraction:.4}, {what}"
+    ))
 }
 
 /// The length of a box in which no grains touch, and this rank's part of the grains, at rest.

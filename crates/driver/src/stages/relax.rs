@@ -23,6 +23,9 @@ pub(super) const LONGEST: f64 = 0.02;
 /// Steps of overdamped dynamics between two checks of the residual.
 const LOOK: u64 = 100;
 
+/// Beginning of the message of a relaxation that takes too many steps.
+pub(super) const NOT_AT_REST: &str = "not at rest after relax.max_steps";
+
 /// Statistics of a relaxation.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Equilibrium {
@@ -145,7 +148,7 @@ pub(super) fn overdamped<D: Dimension>(
     while left > relax.tolerance {
         if steps >= relax.max_steps {
             return Err(Failure::numbers(format!(
-                "not at rest after relax.max_steps = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
+                "{NOT_AT_REST} = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
                  relax.tolerance is {:.2e}",
                 relax.tolerance
             )));

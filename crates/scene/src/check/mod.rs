@@ -1,6 +1,7 @@
 //! From the raw configuration to a scene in which nothing is optional.
 
 mod analysis;
+mod extent;
 mod law;
 mod load;
 mod periodic;
@@ -11,6 +12,7 @@ mod walls;
 
 use crate::ReadPacking;
 use crate::checker::Checker;
+use crate::packing::GrainLimit;
 use crate::raw::{self, Raw};
 use crate::scene::{Bookkeeping, Boundary, Dimensions, Scene};
 use crate::source::Input;
@@ -20,13 +22,14 @@ use gshear_dem::simd::Isa;
 use gshear_dem::system::ListSettings;
 
 /// Checks every value by itself, then those that must agree, and derives what follows. `tables`
-/// says where each begins; `boxed`: the scene has a `[box]`; `packing` is called for the file of a
+/// says where each begins; `boxed`: the scene has a `[box]`; `limit`: of inserted grains; `packing` is called for the file of a
 /// packing, if the scene has one.
 pub(super) fn scene(
     raw: &Raw,
     input: Input<'_>,
     tables: Vec<(String, usize)>,
     boxed: bool,
+    limit: &GrainLimit,
     packing: ReadPacking<'_>,
 ) -> Result<Scene, Failure> {
     let mut c = Checker::new(input, tables);
@@ -38,6 +41,13 @@ pub(super) fn scene(
     };
     let (law, contact) = law::check(&mut c, dimension, &raw.material, &raw.contact);
     time::check(&mut c, &raw.time, &law, boxed);
+    let range = i64::from(limit.most) + 1..=i64::from(u32::MAX);
+    let grains = raw.sample.grains.value().map(|n| n.0);
+    if let Some(grains) = grains.filter(|n| range.contains(n)) {
+        let GrainLimit { most, reason } = limit;
+        let what = format!("{grains} grains are more than the {most} that {reason}; give fewer");
+        c.refuse(&raw.sample.grains, &what);
+    }
     let keep_checkpoints = c.flag_or_default(&raw.output.keep_checkpoints);
     let bookkeeping = check_bookkeeping(&mut c, &raw.bookkeeping);
     let (default_title, sample, boundary) = if boxed {
@@ -61,6 +71,7 @@ pub(super) fn scene(
         bookkeeping,
         toml: String::new(),
     };
+    extent::check(&mut c, raw, &scene)?;
     scene.toml = write::toml(&scene);
     Ok(scene)
 }

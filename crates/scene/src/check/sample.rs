@@ -8,6 +8,7 @@ use crate::kind::{Number, Numbers, Text};
 use crate::raw;
 use crate::scene::{Dimensions, Origin, PeriodicBox, Sample, Sizes, Walls};
 use crate::words::show;
+use gshear_dem::contact::portable_exp;
 use gshear_dem::failure::Failure;
 
 /// The keys of `[sample]`, each checked by itself.
@@ -19,6 +20,13 @@ pub(super) struct SampleKeys<'r> {
     replicate: [u32; 2],
     pub walls: Option<Walls>,
 }
+
+/// Least standard deviation of radii, over the width of their interval.
+const NARROWEST: f64 = 0.01;
+
+/// Least share of random radii in their interval that the normal distribution takes. The others are
+/// drawn anew.
+const LEAST_TAKEN: f64 = 1e-3;
 
 /// A key's path and place.
 type Place = (&'static str, Option<usize>);
@@ -136,6 +144,12 @@ pub(super) fn derive_boxed(
         Dimensions::Two => (volume.sqrt(), f64::INFINITY),
         Dimensions::Three => (derived::cube_root(volume), derived::cube_root(volume)),
     };
+    if !(sample.mean_volume.is_normal() && sample.length.is_normal()) {
+        return Err(c.out_of_range(&format!(
+            "the mean volume of a grain comes out as {:?} and the length of the box as {:?}; check the units of [sample]",
+            sample.mean_volume, sample.length
+        )));
+    }
     let least = 4.4 * sample.radius_max;
     if sample.length < least {
         c.refuse_among(
@@ -189,15 +203,35 @@ fn radii(c: &mut Checker<'_>, sizes: &Sizes, sample: &raw::Sample) -> [f64; 2] {
             &format!("radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"),
         );
     }
-    if let Sizes::Normal { mean, deviation } = sizes
-        && (mean + 4.0 * deviation < a || mean - 4.0 * deviation > b)
+    if let Sizes::Normal { deviation, .. } = sizes
+        && a < b
+        && *deviation < NARROWEST * (b - a)
+    {
+        // Radii are drawn between the two until one is in the distribution.
+        c.refuse_among(
+            &[sample.radius_deviation.place()],
+            &format!("must be at least {NARROWEST} (radius_max - radius_min) = {:.3e}, found {deviation:?}; give radius_min and radius_max closer to the mean", NARROWEST * (b - a)),
+        );
+    } else if let Sizes::Normal { mean, deviation } = sizes
+        && taken(*mean, *deviation, [a, b]) < LEAST_TAKEN
     {
         c.refuse_among(
             &places,
-            &format!("the normal distribution about {mean:?} with deviation {deviation:?} has less than 1e-4 of its radii between radius_min and radius_max; give a mean between them"),
+            &format!("the normal distribution about {mean:?} with deviation {deviation:?} has hardly a radius between radius_min and radius_max; give a mean between them"),
         );
     }
     [a, b]
+}
+
+/// The share of uniform radii in [a, b] that the normal distribution takes.
+fn taken(mean: f64, deviation: f64, [a, b]: [f64; 2]) -> f64 {
+    let density = |r: f64| {
+        let z = (r - mean) / deviation;
+        portable_exp(-0.5 * z * z)
+    };
+    // About ten of them within the least deviation.
+    let middle = |k: u32| a + (b - a) * (f64::from(k) + 0.5) / 1000.0;
+    (0..1000).map(|k| density(middle(k))).sum::<f64>() / 1000.0
 }
 
 /// Refuses a distribution of sizes beside a packing.

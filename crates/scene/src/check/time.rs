@@ -14,12 +14,16 @@ const BOX_OVERLAP: f64 = 0.03;
 /// Checks each key by itself. `boxed`: the scene has a `[box]`.
 pub(super) fn check(c: &mut Checker<'_>, time: &raw::Time, law: &Law, boxed: bool) {
     let step = c.number(&time.step);
-    if boxed {
-        c.useless(&time.collision_speed, "applies to scenes with walls only");
-        return;
-    }
-    let collision_speed = c.number(&time.collision_speed);
-    c.at_most_one(&[&time.step, &time.collision_speed]);
+    let collision_speed = match boxed {
+        true => {
+            c.useless(&time.collision_speed, "applies to scenes with walls only");
+            None
+        }
+        false => {
+            c.at_most_one(&[&time.step, &time.collision_speed]);
+            c.number(&time.collision_speed)
+        }
+    };
     if c.flag_or_default(&time.force) && step.is_none() && collision_speed.is_none() {
         c.refuse(
             &time.force,
@@ -76,6 +80,12 @@ pub(super) fn derive(
         );
     }
     c.settle()?;
+    // Values that are each within their bounds can still overflow together.
+    if let Some(x) = [step, limit].iter().find(|x| !x.is_normal()) {
+        return Err(c.out_of_range(&format!(
+            "the time step comes out as {x:?} s; check the units of [material], [contact] and [sample]"
+        )));
+    }
     Ok(TimeStep {
         step,
         limit,

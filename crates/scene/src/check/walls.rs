@@ -34,6 +34,7 @@ pub(super) fn check(
     let derived = [
         ("pressure", load.pressure),
         ("normal force", load.normal_force),
+        ("mean volume of a grain", sample.mean_volume),
         ("time scale of a contact", contact_time),
     ];
     if let Some((name, x)) = derived.iter().find(|(_, x)| !x.is_normal()) {

@@ -1,0 +1,90 @@
+//! How many grains fit into the memory of the nodes of a run.
+
+use std::collections::BTreeMap;
+
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::packing::GrainLimit;
+
+/// Bytes that a run takes for a grain, at least: about 500 are printed as "state … bytes per grain".
+const LEAST_BYTES: u64 = 400;
+
+/// The most grains for which all nodes together have memory. Collective.
+pub fn limit(exchange: &dyn Parallel) -> GrainLimit {
+    let mine = (node(), memory_here());
+    let mine = serde_json::to_vec(&mine).expect("a name and a number");
+    let all = exchange.gather(&mine);
+    let nodes = all.iter().map(|text| serde_json::from_slice(text));
+    limit_of(nodes.map(|node| node.expect("what a rank wrote")))
+}
+
+/// The limit of ranks on these nodes, each with its memory (bytes), if that is known.
+fn limit_of(ranks: impl Iterator<Item = (String, Option<u64>)>) -> GrainLimit {
+    // A node has its memory once, however many ranks it has.
+    let nodes: BTreeMap<String, Option<u64>> = ranks.collect();
+    let unlimited = GrainLimit::default();
+    let Some(bytes) = nodes.values().copied().sum::<Option<u64>>() else {
+        return unlimited;
+    };
+    let most = bytes / LEAST_BYTES;
+    match u32::try_from(most) {
+        Err(_) | Ok(u32::MAX) => unlimited,
+        Ok(most) => {
+            let of = match nodes.len() {
+                1 => "this machine".into(),
+                n => format!("{n} nodes"),
+            };
+            GrainLimit {
+                most,
+                reason: format!(
+                    "fit into the memory of {of} ({:.1} GB, at least {LEAST_BYTES} bytes a grain)",
+                    bytes as f64 / 1e9
+                ),
+            }
+        }
+    }
+}
+
+/// The name of this node.
+fn node() -> String {
+    std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default()
+}
+
+/// The memory of this node (bytes); `None` if the system does not tell.
+fn memory_here() -> Option<u64> {
+    total(&std::fs::read_to_string("/proc/meminfo").ok()?)
+}
+
+/// `MemTotal` of `/proc/meminfo` (bytes).
+fn total(meminfo: &str) -> Option<u64> {
+    let line = meminfo.lines().find_map(|l| l.strip_prefix("MemTotal:"))?;
+    let number = line.trim().strip_suffix("kB")?.trim();
+    number.parse::<u64>().ok()?.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_that_of_meminfo() {
+        let text = "MemTotal:       16384 kB\nMemFree:         1 kB\n";
+        assert_eq!(total(text), Some(16 << 20));
+        assert_eq!(total("MemFree: 1 kB"), None);
+        assert!(memory_here().is_none_or(|bytes| bytes > 1 << 24));
+    }
+
+    #[test]
+    fn nodes_count_once() {
+        let of = |ranks: &[(&str, Option<u64>)]| {
+            limit_of(ranks.iter().map(|(name, bytes)| ((*name).into(), *bytes)))
+        };
+        assert_eq!(of(&[("a", Some(4000)), ("a", Some(4000))]).most, 10);
+        assert_eq!(of(&[("a", Some(4000)), ("b", Some(8000))]).most, 30);
+        assert_eq!(of(&[("a", Some(4000)), ("b", None)]).most, u32::MAX);
+        assert_eq!(of(&[("a", Some(u64::MAX / 2))]).most, u32::MAX);
+        assert_eq!(
+            of(&[("a", Some(8_000_000_000))]).reason,
+            "fit into the memory of this machine (8.0 GB, at least 400 bytes a grain)"
+        );
+    }
+}

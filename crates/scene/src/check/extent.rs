@@ -1,0 +1,188 @@
+//! What a run of the scene takes: steps that can be counted, and files that a disk can hold.
+
+use crate::checker::Checker;
+use crate::derived;
+use crate::raw::Raw;
+use crate::scene::{Boundary, Motion, Origin, PeriodicBox, PlaneShear, Scene};
+use crate::schedule::{MOST_STEPS, STEPS_WITHOUT_A_PAIR, Schedule};
+use crate::words::show;
+use gshear_dem::failure::Failure;
+
+/// Bytes of a grain in a frame, and of a row of the time series, at least.
+const FRAME_BYTES: f64 = 50.0;
+const ROW_BYTES: f64 = 100.0;
+/// Bytes that a run may write: a petabyte.
+const MOST_BYTES: f64 = 1e15;
+
+/// Refuses a scene whose run could not end.
+pub(super) fn check(c: &mut Checker<'_>, raw: &Raw, scene: &Scene) -> Result<(), Failure> {
+    match &scene.boundary {
+        Boundary::Walls(walls) => of_walls(c, raw, scene, walls),
+        Boundary::Periodic(periodic) => of_a_box(c, raw, scene, periodic),
+    }
+    c.settle()
+}
+
+fn of_walls(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, walls: &PlaneShear) {
+    let sample = &scene.sample;
+    let height = match &walls.origin {
+        Origin::Insertion(_) => derived::packed_height(sample),
+        Origin::Packing { file, .. } => file.height(),
+    };
+    // Between the walls, of which each is one mean diameter high.
+    let height = height - 2.0 * sample.mean_diameter;
+    let (shear, output) = (&raw.shear, &raw.output);
+    let schedule = Schedule::new(scene, walls, height);
+    let step = scene.time_step.step;
+    // Of every part, with its number for the messages.
+    let parts: Vec<(String, f64, f64)> = match &walls.shear.motion {
+        Motion::Strain { strain, .. } => {
+            let speed = schedule.protocol.velocity(0);
+            vec![(String::new(), speed, strain * height / speed / step)]
+        }
+        Motion::Protocol(parts) => {
+            let part = |(n, part): (usize, &crate::scene::Part)| {
+                (format!("part {}: ", n + 1), part.velocity, part.time / step)
+            };
+            parts.iter().enumerate().map(part).collect()
+        }
+    };
+    let rate = [
+        shear.protocol.place(),
+        shear.velocity.place(),
+        shear.inertial_number.place(),
+    ];
+    for (part, speed, _) in &parts {
+        let way = speed * step;
+        let is_short = way <= sample.length;
+        if !is_short {
+            let what = format!(
+                "{part}moves the drive by {way:.1e} m in a time step of {step:.1e} s, further than the cell is long, {:.1e} m; give a lower rate",
+                sample.length
+            );
+            c.refuse_among(&rate, &what);
+            return;
+        }
+    }
+    let steps: f64 = parts.iter().map(|(_, _, steps)| steps).sum();
+    // NaN is no number of steps.
+    let counted = steps <= MOST_STEPS as f64;
+    if !counted {
+        let number = match steps.is_finite() {
+            true => format!("{steps:.1e}"),
+            false => "over 1e308".into(),
+        };
+        let places = [
+            shear.strain.place(),
+            shear.protocol.place(),
+            raw.time.step.place(),
+        ];
+        c.refuse_among(
+            &places,
+            &format!(
+                "the shear takes {number} steps of {step:.1e} s, more than the {:.1e} that are counted; give less of it, a higher rate, or another time.step",
+                MOST_STEPS as f64
+            ),
+        );
+        return;
+    }
+    let count = |every: fn(&crate::schedule::Intervals) -> u64, first: u64| -> f64 {
+        let segments = schedule.protocol.segments().iter().zip(&schedule.intervals);
+        let of_segment = |(segment, intervals): (&gshear_dem::protocol::Segment, _)| {
+            let steps = segment.steps.saturating_sub(first);
+            steps.checked_div(every(intervals)).unwrap_or(0) as f64
+        };
+        segments.map(of_segment).sum()
+    };
+    let frames = count(|s| s.frames, schedule.first_frame);
+    let rows = count(|s| s.series, 0);
+    let of_frames = [output.frame_strain.place(), output.frame_rows.place()];
+    written(
+        c,
+        &of_frames,
+        frames,
+        "frames",
+        f64::from(sample.grains) * FRAME_BYTES,
+    );
+    let of_rows = [output.series_strain.place(), output.series_rows.place()];
+    written(c, &of_rows, rows, "rows of the time series", ROW_BYTES);
+}
+
+fn of_a_box(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, periodic: &PeriodicBox) {
+    let aqs = &periodic.aqs;
+    let frame = f64::from(scene.sample.grains) * FRAME_BYTES;
+    if aqs.steps > MOST_STEPS {
+        let what = format!(
+            "must be at most {MOST_STEPS}, which is as far as steps are counted, found {}",
+            aqs.steps
+        );
+        c.refuse(&raw.aqs.steps, &what);
+        return;
+    }
+    // Floats between two others run out.
+    let least = 1e-15 * aqs.strain_step;
+    if aqs.spectrum && aqs.birth_precision < least {
+        let what = format!(
+            "must be at least 1e-15 aqs.strain_step = {least:.1e}, as strains are no more precise, found {}",
+            show(aqs.birth_precision)
+        );
+        c.refuse(&raw.aqs.birth_precision, &what);
+    }
+    written(
+        c,
+        &[raw.aqs.steps.place()],
+        aqs.steps as f64,
+        "rows of the time series",
+        ROW_BYTES,
+    );
+    let frames = aqs.steps.checked_div(aqs.frame_every).unwrap_or(0) as f64;
+    written(c, &[raw.aqs.frame_every.place()], frames, "frames", frame);
+    let Some(newtonian) = &periodic.newtonian else {
+        return;
+    };
+    let longest = MOST_STEPS as f64 / STEPS_WITHOUT_A_PAIR;
+    if newtonian.growth_times > longest {
+        let what = format!(
+            "must be at most {longest:.3e}, as steps are counted up to {:.1e}, found {}",
+            MOST_STEPS as f64,
+            show(newtonian.growth_times)
+        );
+        c.refuse(&raw.newtonian.growth_times, &what);
+    }
+    // No more than one in each step.
+    let most = newtonian.growth_times * STEPS_WITHOUT_A_PAIR;
+    let at_most = |count: u64| (count as f64).min(most);
+    written(
+        c,
+        &[raw.newtonian.rows.place()],
+        at_most(newtonian.rows),
+        "rows of the time series",
+        ROW_BYTES,
+    );
+    written(
+        c,
+        &[raw.newtonian.frames.place()],
+        at_most(newtonian.frames),
+        "frames",
+        frame,
+    );
+}
+
+/// Refuses more output than any disk holds.
+fn written(
+    c: &mut Checker<'_>,
+    places: &[(&'static str, Option<usize>)],
+    count: f64,
+    what: &str,
+    bytes: f64,
+) {
+    if count * bytes > MOST_BYTES {
+        c.refuse_among(
+            places,
+            &format!(
+                "asks for {count:.1e} {what}, at least {:.1e} bytes, more than the {MOST_BYTES:.0e} bytes that a run may write; give fewer",
+                count * bytes
+            ),
+        );
+    }
+}
