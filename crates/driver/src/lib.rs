@@ -6,11 +6,14 @@
 //! for all of them.
 
 pub mod files;
+mod folder;
 mod frame_scalars;
 pub mod header;
 pub mod launch;
+mod lock;
+pub mod record;
 pub mod run;
-mod signals;
+pub mod signals;
 pub mod stages;
 pub mod sweep;
 mod terminal;

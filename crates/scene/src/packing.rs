@@ -4,6 +4,7 @@ use std::path::Path;
 
 use bytemuck::Zeroable;
 
+use crate::identity::hash;
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::sample::{columns, freeze_walls, stop_walls};
 use crate::{Boundary, Dimensions, Origin, PackingFile, PlaneShear, Scene, Walls};
@@ -62,10 +63,13 @@ impl Packing {
             )),
             _ => unreadable(&e),
         })?;
+        let content = hash(&bytes);
         let text = String::from_utf8(bytes).map_err(|e| unreadable(&e))?;
         let absolute = std::path::absolute(path).map_err(|e| unreadable(&e))?;
         let data = lammps_data::parse(&name, &text)?;
-        Self::new(&name, &absolute, replicated(data, copies), copies)
+        let mut packing = Self::new(&name, &absolute, replicated(data, copies), copies)?;
+        packing.file.content = content;
+        Ok(packing)
     }
 
     fn new(name: &str, path: &Path, data: DataFile, replicate: [u32; 2]) -> Result<Self, Failure> {
@@ -167,6 +171,7 @@ impl Packing {
                 edges(1.0).fold(f64::NEG_INFINITY, f64::max),
             ],
             wall_types: (1..=3).all(has) && atoms.iter().all(|a| a.kind <= 3),
+            content: String::new(),
         };
         Ok(Packing {
             name: name.into(),

@@ -206,6 +206,34 @@ impl TrajectoryWriter {
         Ok(writer)
     }
 
+    /// Checks that [`Self::open_to_append`] would take the file. Writes nothing. Not collective.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is not a `run.h5` or holds less.
+    pub fn check(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<(), Failure> {
+        hdf5::silence_errors(true);
+        inspect(path, series, frames, rows).map(drop)
+    }
+
+    /// Writes attributes of `parameters` (rank 0's), replacing those of the same names.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn attributes(
+        &mut self,
+        exchange: &dyn Parallel,
+        attributes: &[(&str, Attribute)],
+    ) -> Result<(), Failure> {
+        let attributes = attributes
+            .iter()
+            .map(|(name, value)| (name.to_string(), value.clone()));
+        let mut outcome = CollectiveOutcome::default();
+        for (name, value) in shared(exchange, attributes.collect()) {
+            outcome.note(self.file.attribute(PARAMETERS, &name, &value));
+        }
+        self.file.agree(exchange, outcome)
+    }
+
     fn new(file: H5File, columns: Datasets, blocks: IdBlocks) -> Self {
         // About two contacts a grain.
         let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
@@ -366,14 +394,7 @@ impl TrajectoryWriter {
     ) -> Result<(), Failure> {
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
-        let attributes = attributes
-            .iter()
-            .map(|(name, value)| (name.to_string(), value.clone()));
-        let mut outcome = CollectiveOutcome::default();
-        for (name, value) in shared(exchange, attributes.collect()) {
-            outcome.note(self.file.attribute(PARAMETERS, &name, &value));
-        }
-        self.file.agree(exchange, outcome)?;
+        self.attributes(exchange, attributes)?;
         drop((self.columns, self.scalars));
         agree(exchange, self.file.close())
     }

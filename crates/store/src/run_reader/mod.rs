@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use hdf5::Dataset;
 
-pub use self::periodic::{PeriodicRunFile, scene_of_finished};
+pub use self::periodic::{Owner, PeriodicRunFile, owner};
 use self::source::{FOREIGN, OpenFile};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
