@@ -343,10 +343,20 @@ fn a_lost_run_file_does_not_cut_the_log() {
             "begins anew at shear step 300",
         ],
     );
+    // Again from the checkpoint before the loss, whose numbers are those of the lost file.
+    let before = resume(&out.join("checkpoint.previous.h5"));
+    ended(&run(&out, &[&before, "--stop-at=400"]), 75, &[]);
     // And once more, with a run.h5 that has fewer rows than the log.
     ended(&run(&out, &[&resume(&checkpoint)]), 0, &[]);
     let log = |name: &str| std::fs::read_to_string(at(name).join("log.csv")).expect("log.csv");
     assert!(log("out") == log("whole"), "every row is there once");
+    let file = hdf5::File::open(out.join("run.h5")).expect("run.h5");
+    let steps = file.dataset("observables/strain/step").expect("steps");
+    let steps: Vec<u64> = steps.read_raw().expect("steps");
+    assert!(
+        steps[0] > 300 && steps.is_sorted_by(|a, b| a < b),
+        "{steps:?}"
+    );
 }
 
 #[test]

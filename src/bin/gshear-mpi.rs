@@ -8,6 +8,7 @@ use clap::Parser;
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
+use gshear_driver::folder::same_folder;
 use gshear_driver::launch::{self, Changes, Resumable, Task};
 use gshear_driver::run::{Options, Outcome};
 use gshear_driver::signals::Signals;
@@ -252,13 +253,6 @@ fn resume_from(
             "{}: holds a finished run; give a later end with --set, or one of its checkpoints",
             path.display()
         ))),
-    }
-}
-
-fn same_folder(one: &Path, other: &Path) -> bool {
-    match (one.canonicalize(), other.canonicalize()) {
-        (Ok(one), Ok(other)) => one == other,
-        _ => one == other,
     }
 }
 

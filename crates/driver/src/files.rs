@@ -88,10 +88,20 @@ impl Destination<'_> {
 /// What the files of a resumed stage hold up to its checkpoint.
 #[derive(Debug, Clone, Copy)]
 pub struct UpToCheckpoint {
-    /// Number of frames and rows.
-    pub written: Written,
-    /// The last step whose row in `log.csv` stays; `None`: no row stays.
+    /// Steps at the checkpoint.
+    pub step: u64,
+    /// The last step whose frame and row stay; `None`: none stays.
     pub last: Option<u64>,
+}
+
+impl UpToCheckpoint {
+    /// After this step. A stage without steps begins anew and writes the row of step 0 again.
+    pub fn new(step: u64) -> Self {
+        Self {
+            step,
+            last: (step > 0).then_some(step),
+        }
+    }
 }
 
 /// The content of the files of a stage.
@@ -146,12 +156,16 @@ impl Files {
         let there = |path: &Path| exchange.broadcast(vec![u8::from(path.exists())])[0] == 1;
         let (run_there, log_there) = (there(&path), there(&log));
         let mut files = match before {
-            Some(UpToCheckpoint { written, last }) if run_there => {
-                let Written {
-                    frames,
-                    rows,
-                    scalars,
-                } = written;
+            Some(UpToCheckpoint { last, .. }) if run_there => {
+                // Counted by steps, because the file may have begun at a later step than the one
+                // of which the checkpoint knows the numbers.
+                let counts = match exchange.rank() {
+                    0 => TrajectoryWriter::up_to(&path, format.columns, last),
+                    _ => Ok([0; 3]),
+                };
+                let counts = serde_json::to_vec(&agree(exchange, counts)?).expect("counts");
+                let [frames, rows, scalars]: [u64; 3] =
+                    serde_json::from_slice(&exchange.broadcast(counts)).expect("counts");
                 // The log first: if it does not fit, the other file is left as it is.
                 let log = match format.log {
                     true => Some(Log::open_to_append(exchange, &log, last, rows)?),
@@ -175,10 +189,7 @@ impl Files {
                     watched: Vec::new(),
                 }
             }
-            _ => {
-                let last = before.filter(|_| log_there).and_then(|before| before.last);
-                Self::create(place, system, format, last)?
-            }
+            _ => Self::create(place, system, format, before, log_there)?,
         };
         if exchange.rank() == 0 {
             let log = format.log.then_some(log);
@@ -195,11 +206,16 @@ impl Files {
         place: Destination<'_>,
         system: &mut System<D>,
         format: &Format<'_>,
-        log_up_to: Option<u64>,
+        before: Option<UpToCheckpoint>,
+        log_there: bool,
     ) -> Result<Self, Failure> {
         let (exchange, out) = (place.exchange, place.folder);
         place.write_scene()?;
+        let log_up_to = before.filter(|_| log_there).and_then(|before| before.last);
         let mut attributes = place.attributes();
+        if let Some(UpToCheckpoint { step, .. }) = before.filter(|before| before.step > 0) {
+            attributes.push(("begun_at_step", Attribute::Count(step)));
+        }
         attributes.extend([
             ("version", Attribute::Text(provenance::VERSION.into())),
             (

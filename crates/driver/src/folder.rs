@@ -17,7 +17,7 @@ use gshear_store::log::Log;
 use gshear_store::run_reader;
 use gshear_store::trajectory::TrajectoryWriter;
 
-use crate::files::{LOG_FILE, RUN_FILE, SCENE_FILE, Written};
+use crate::files::{LOG_FILE, RUN_FILE, SCENE_FILE, UpToCheckpoint, Written};
 use crate::header::Header;
 use crate::lock::{Lock, unwritable};
 use crate::record::{RunRecord, id_in_scene};
@@ -257,6 +257,8 @@ pub struct Claim<'a> {
     pub scene: &'a Scene,
     /// The header of the checkpoint, if the run starts from one.
     pub header: Option<&'a Header>,
+    /// The checkpoint.
+    pub checkpoint: Option<&'a Path>,
     /// Name of the file of the last stage.
     pub last_file: &'static str,
 }
@@ -320,6 +322,7 @@ impl RunFolder {
             record,
             scene,
             header,
+            checkpoint,
             last_file,
         } = claim;
         let found = Contents::of(&self.path);
@@ -333,7 +336,9 @@ impl RunFolder {
             }
             (Entry::Resume, Some(header)) => {
                 found.is_of(&self.path, record, scene, false)?;
-                self.check_files(header, scene, &found, notes)
+                let folder = checkpoint.and_then(Path::parent);
+                let beside = folder.is_some_and(|folder| same_folder(folder, &self.path));
+                self.check_files(header, scene, &found, beside, notes)
             }
             _ => Ok(()),
         }
@@ -345,6 +350,7 @@ impl RunFolder {
         header: &Header,
         scene: &Scene,
         found: &Contents,
+        beside: bool,
         notes: &mut Vec<String>,
     ) -> Result<(), Failure> {
         let (name, columns, written) = match header {
@@ -357,9 +363,16 @@ impl RunFolder {
         };
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
         let Written { frames, rows, .. } = *written;
+        let UpToCheckpoint { step, last } = UpToCheckpoint::new(header.step());
         let there = path.exists();
+        let mut kept = 0;
         if there {
-            TrajectoryWriter::check(&path, columns, frames, rows)?;
+            // The checkpoint's numbers are those of the file beside it, unless that was lost since.
+            let begun_at = run_reader::owner(&path)?.begun_at;
+            if beside && begun_at < step {
+                TrajectoryWriter::check(&path, columns, frames, rows)?;
+            }
+            kept = TrajectoryWriter::up_to(&path, columns, last)?[1];
         } else if !found.is_empty() {
             notes.push(format!(
                 "{}: is missing, with {frames} frames and {rows} rows up to the checkpoint; the file begins anew at {} step {}",
@@ -369,12 +382,7 @@ impl RunFolder {
             ));
         }
         match header {
-            Header::Shear { .. } if there => {
-                Log::check(&log, last_row(header.step()), rows).map(drop)
-            }
-            Header::Shear { .. } if log.exists() => {
-                Log::check(&log, last_row(header.step()), 0).map(drop)
-            }
+            Header::Shear { .. } if there || log.exists() => Log::check(&log, last, kept).map(drop),
             Header::Newtonian { lines, .. } if there && *lines > 0 => {
                 let wanted = match &scene.boundary {
                     Boundary::Periodic(of) => of.newtonian.is_some_and(|of| of.spectra > 0),
@@ -427,10 +435,16 @@ impl Drop for RunFolder {
     }
 }
 
-/// The step up to which rows of the log stay when a run resumes after `step` steps. The row of step
-/// 0 is written again, because a stage without steps begins anew.
-pub fn last_row(step: u64) -> Option<u64> {
-    (step > 0).then_some(step)
+/// Whether two paths lead to the same folder. An empty path is the present one.
+pub fn same_folder(one: &Path, other: &Path) -> bool {
+    let place = |path: &Path| match path.as_os_str().is_empty() {
+        true => Path::new(".").canonicalize(),
+        false => path.canonicalize(),
+    };
+    match (place(one), place(other)) {
+        (Ok(one), Ok(other)) => one == other,
+        _ => one == other,
+    }
 }
 
 /// Removes the files of a run and what was reduced from them.

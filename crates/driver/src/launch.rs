@@ -31,8 +31,8 @@ pub struct Task {
     /// The identity and history of the run.
     pub record: RunRecord,
     entry: Entry,
-    /// The scene of the checkpoint, if the run starts from one.
-    before: Option<Scene>,
+    /// The checkpoint and its scene, if the run starts from one.
+    before: Option<(PathBuf, Scene)>,
 }
 
 impl Task {
@@ -76,12 +76,14 @@ impl Task {
         };
         let mut run = Run::new(exchange, &scene.toml, &scene.bookkeeping, record, options)?;
         if options.replay.is_none() {
-            check_ends(header.as_ref(), before.as_ref(), &scene, options.stop_at)?;
+            let former = before.as_ref().map(|(_, scene)| scene);
+            check_ends(header.as_ref(), former, &scene, options.stop_at)?;
             let claim = Claim {
                 entry,
                 record: &run.record,
                 scene: &scene,
                 header: header.as_ref(),
+                checkpoint: before.as_ref().map(|(path, _)| &**path),
                 last_file,
             };
             run.folder = Some(RunFolder::take(exchange, &claim, options)?);
@@ -330,7 +332,7 @@ fn from_checkpoint(
         start: Start::Checkpoint(snapshot),
         record,
         entry,
-        before: Some(before),
+        before: Some((path.into(), before)),
     })
 }
 

@@ -6,7 +6,7 @@
 //! for all of them.
 
 pub mod files;
-mod folder;
+pub mod folder;
 mod frame_scalars;
 pub mod header;
 pub mod launch;

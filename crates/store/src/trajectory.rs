@@ -215,6 +215,49 @@ impl TrajectoryWriter {
         inspect(path, series, frames, rows).map(drop)
     }
 
+    /// Returns the numbers of frames, rows of the time series and rows of scalars up to the step
+    /// `last`; `None`: before the first step. Not collective.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is not a `run.h5`, or damaged.
+    pub fn up_to(path: &Path, series: &[Column], last: Option<u64>) -> Result<[u64; 3], Failure> {
+        hdf5::silence_errors(true);
+        inspect(path, series, 0, 0)?;
+        let Some(last) = last else { return Ok([0; 3]) };
+        let count = |file: &hdf5::File, name: &str| -> hdf5::Result<u64> {
+            let steps = file.dataset(name)?.read_raw::<u64>()?;
+            // What a killed program left of its last batch may be anything.
+            let ascends = |k: &usize| *k == 0 || steps[*k] > steps[*k - 1];
+            let before = (0..steps.len()).take_while(|k| steps[*k] <= last && ascends(k));
+            Ok(before.count() as u64)
+        };
+        let read = || -> hdf5::Result<[u64; 3]> {
+            let file = hdf5::File::open(path)?;
+            let names = file.group(OBSERVABLES)?.member_names()?;
+            let has = |wanted: &str| names.iter().any(|name| name == wanted);
+            let first = series[0].stored_name(has).unwrap_or(series[0].name);
+            let scalars = format!("{SCALARS}/{}", FrameScalars::COLUMNS[0].name);
+            Ok([
+                count(&file, &format!("{PARTICLES}/position/step"))?,
+                count(&file, &format!("{OBSERVABLES}/{first}/step"))?,
+                match names
+                    .iter()
+                    .any(|name| format!("{OBSERVABLES}/{name}") == SCALARS)
+                {
+                    true => count(&file, &format!("{scalars}/step"))?,
+                    false => 0,
+                },
+            ])
+        };
+        read().map_err(|error| {
+            let why = format!("it is not the run.h5 of a run, or damaged ({error})");
+            Failure::input(format!(
+                "{}: cannot continue this file: {why}",
+                path.display()
+            ))
+        })
+    }
+
     /// Writes attributes of `parameters` (rank 0's), replacing those of the same names.
     ///
     /// # Errors

@@ -21,7 +21,7 @@ use gshear_store::h5::Attribute;
 use super::box_state::observe;
 use super::spectra_file::SpectraFile;
 use super::spectrum::GlobalState;
-use crate::files::{Files, Format, UpToCheckpoint, Written};
+use crate::files::{Files, Format, UpToCheckpoint};
 use crate::header::{Header, Pair, Progress};
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
@@ -56,7 +56,6 @@ pub(super) struct From {
 pub(super) struct Resumed {
     /// Completed steps.
     pub step: u64,
-    pub written: Written,
     /// Lines of the file of eigenvalues.
     pub lines: u64,
     pub displacements: Vec<Displacement>,
@@ -163,10 +162,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             scalars: false,
         };
         let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
-        let before = goes_on.map(|r| UpToCheckpoint {
-            written: r.written,
-            last: None,
-        });
+        let before = goes_on.map(|r| UpToCheckpoint::new(r.step));
         let files = Files::open(run.place(), &mut system, &format, before)?;
         let spectra = if due.spectra == u64::MAX {
             None

@@ -18,7 +18,6 @@ use gshear_store::h5::Attribute;
 
 use super::setup::system;
 use crate::files::{Files, Format, RUN_FILE, UpToCheckpoint, Written};
-use crate::folder::last_row;
 use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
@@ -108,10 +107,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
         let written = from.written.filter(|_| run.options.replay.is_none());
-        let before = written.map(|written| UpToCheckpoint {
-            written,
-            last: last_row(from.step),
-        });
+        let before = written.map(|_| UpToCheckpoint::new(from.step));
         let format = Format {
             name: RUN_FILE,
             columns: &SeriesRow::COLUMNS,

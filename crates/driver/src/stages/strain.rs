@@ -58,10 +58,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             log: false,
             scalars: false,
         };
-        let before = written.map(|written| UpToCheckpoint {
-            written,
-            last: None,
-        });
+        let before = written.map(|_| UpToCheckpoint::new(progress.steps));
         Ok(Self {
             files: Files::open(run.place(), &mut system, &format, before)?,
             relaxation: Relaxation::new(periodic.relax, &scene.sample),

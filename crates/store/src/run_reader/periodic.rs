@@ -156,6 +156,8 @@ pub struct Owner {
     pub finished: bool,
     /// Whether the run began from a checkpoint of another one.
     pub branch: bool,
+    /// Steps of the stage before the file begins; 0 unless it was begun at a resume.
+    pub begun_at: u64,
     /// Whether a replay wrote the file.
     pub replay: bool,
 }
@@ -176,6 +178,10 @@ pub fn owner(path: &Path) -> Result<Owner, Failure> {
         scene: text("scene").unwrap_or_default(),
         finished: parameters.contains_key("digest"),
         branch: parameters.contains_key("parent_run_id"),
+        begun_at: match parameters.get("begun_at_step") {
+            Some(Parameter::Integer(step)) => *step as u64,
+            _ => 0,
+        },
         replay: parameters.contains_key("replay"),
     })
 }
