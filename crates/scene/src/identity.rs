@@ -86,10 +86,12 @@ pub fn changes(before: &str, after: &str) -> Vec<KeyChange> {
     let differing = paths
         .into_iter()
         .filter(|path| before.get(*path) != after.get(*path));
+    // A key without a value has its default, if that is a constant.
+    let value = |found: Option<&String>, path: &str| found.cloned().or_else(|| default(path));
     let change = |path: &String| KeyChange {
         path: path.clone(),
-        before: before.get(path).cloned(),
-        after: after.get(path).cloned(),
+        before: value(before.get(path), path),
+        after: value(after.get(path), path),
         change: change_of(path),
     };
     differing.map(change).collect()
@@ -102,9 +104,7 @@ fn values(toml: &str) -> BTreeMap<String, String> {
     let mut found = BTreeMap::new();
     let mut add = |path: String, value: &Value| {
         let text = value.to_string();
-        let default = entry(&path).and_then(|entry| entry.default.as_deref());
-        let default = default.and_then(|text| toml::from_str::<Table>(&format!("x = {text}")).ok());
-        if default.and_then(|table| table.get("x").map(Value::to_string)) != Some(text.clone()) {
+        if default(&path).as_ref() != Some(&text) {
             found.insert(path, text);
         }
     };
@@ -117,6 +117,13 @@ fn values(toml: &str) -> BTreeMap<String, String> {
         }
     }
     found
+}
+
+/// The constant default of a key, written as [`values`] writes it.
+fn default(path: &str) -> Option<String> {
+    let text = entry(path)?.default.as_deref()?;
+    let table: Table = toml::from_str(&format!("x = {text}")).ok()?;
+    table.get("x").map(Value::to_string)
 }
 
 fn entry(path: &str) -> Option<&'static Entry> {
@@ -179,6 +186,12 @@ mod tests {
                 "contact.friction from 0.7 to 0.6",
                 "shear.strain from 0.1 to 0.2"
             ]
+        );
+        let silent = scene(&["output.energy=false"]);
+        let found_default = changes(&silent.toml, &before.toml);
+        assert_eq!(
+            found_default[0].to_string(),
+            "output.energy from false to true"
         );
         assert_eq!(found[0].change, Change::Branch);
         assert_eq!(found[1].change, Change::End);
