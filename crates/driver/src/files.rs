@@ -163,9 +163,10 @@ impl Files {
                     0 => TrajectoryWriter::up_to(&path, format.columns, last),
                     _ => Ok([0; 3]),
                 };
-                let counts = serde_json::to_vec(&agree(exchange, counts)?).expect("counts");
-                let [frames, rows, scalars]: [u64; 3] =
-                    serde_json::from_slice(&exchange.broadcast(counts)).expect("counts");
+                // Zero on the other ranks.
+                let mut counts = agree(exchange, counts)?.map(|count| count as i64);
+                exchange.sum(&mut counts);
+                let [frames, rows, scalars] = counts.map(|count| count as u64);
                 // The log first: if it does not fit, the other file is left as it is.
                 let log = match format.log {
                     true => Some(Log::open_to_append(exchange, &log, last, rows)?),

@@ -198,7 +198,7 @@ impl Contents {
                 Some((stage, step)) => format!("up to {stage} step {step}"),
                 None => "without a checkpoint".into(),
             };
-            format!("{place}: holds this run {at}; continue it with --resume auto, {away}",)
+            format!("{place}: holds this run {at}; continue it with --resume auto, {away}")
         } else {
             format!(
                 "{place}: holds another run ({}); {away}",

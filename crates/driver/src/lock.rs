@@ -17,7 +17,7 @@ pub const LOCK_FILE: &str = "run.lock";
 /// Interval at which the owner renews the time of the file.
 const HEARTBEAT: Duration = Duration::from_secs(30);
 /// A lock of another machine is stale if it is older.
-const STALE: Duration = Duration::from_secs(300);
+const STALE: Duration = Duration::from_mins(5);
 
 /// The process that holds a lock.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
