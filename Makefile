@@ -1,6 +1,8 @@
 RANKS ?= 2
 MPIRUN ?= mpirun
 OUT ?= out/plane-shear-2d
+# How make run enters a folder that holds a run: continue or keep it; START=--overwrite starts again.
+START ?= --resume auto
 
 PROGRAM := target/release/gshear-mpi
 REDUCE := target/release/gshear-reduce
@@ -19,7 +21,7 @@ export MPIRUN
 .PHONY: help deps build run test docs scaling bench accuracy stress faults peers million clean
 
 help:
-	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT))"
+	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
 	@echo "make test      format, lints, every test of every crate, those through mpirun among them, and rustdoc"
 	@echo "make docs      write the tables of keys and columns in docs/ and docs/scene.schema.json"
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
@@ -40,7 +42,7 @@ build: deps
 	cargo build --release --locked
 
 run: build
-	$(MPIRUN) -n $(RANKS) $(PROGRAM) --out $(OUT)
+	$(MPIRUN) -n $(RANKS) $(PROGRAM) --out $(OUT) $(START)
 	$(REDUCE) report $(OUT)/run.h5
 	@echo
 	@echo "Results in $(OUT); open $(OUT)/report/index.html"
@@ -81,11 +83,11 @@ peers: build
 
 # A packing is made once; 75 is the exit code of a run that was stopped.
 out/million/packing.data: | build
-	$(MPIRUN) -n $(RANKS) $(PROGRAM) configs/gouge-default.toml --set time.collision_speed=none --out out/million/packing --stop-at 1 || [ $$? -eq 75 ]
+	$(MPIRUN) -n $(RANKS) $(PROGRAM) configs/gouge-default.toml --set time.collision_speed=none --out out/million/packing --overwrite --stop-at 1 || [ $$? -eq 75 ]
 	$(REDUCE) export out/million/packing/checkpoint.h5 --format lammps-data --out $@
 
 million: build out/million/packing.data
-	$(MPIRUN) -n $(RANKS) $(PROGRAM) configs/packing-million.toml --out out/million/shear
+	$(MPIRUN) -n $(RANKS) $(PROGRAM) configs/packing-million.toml --out out/million/shear --resume auto
 	$(REDUCE) info out/million/shear/run.h5
 
 clean:

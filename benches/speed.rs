@@ -78,7 +78,8 @@ fn pack(folder: &Path, name: &'static str, config: &str, set: &[&str], strain: f
             .arg(config)
             .arg("--out")
             .arg(&out)
-            .args(["--stop-at", "1"]);
+            // One that was interrupted is packed anew.
+            .args(["--overwrite", "--stop-at", "1"]);
         command.args(set.iter().map(|s| format!("--set={s}")));
         run(&mut command, 2, 75);
     }
@@ -130,6 +131,8 @@ fn tiled(
 impl Packed {
     fn run(&self, folder: &Path, ranks: usize, set: &[&str]) -> Said {
         let out = folder.join("run");
+        // One sample after another is run there.
+        let _ = std::fs::remove_dir_all(&out);
         let mut command = program(ranks);
         command.args(&self.begin).arg("--out").arg(&out);
         command.arg(format!("--set=shear.strain={}", self.strain));

@@ -2,7 +2,7 @@
 # One run under Slurm, or the runs of a sweep as a job array:
 #
 #   sbatch job-scripts/slurm.sh configs/lee-hurley-small.toml                     a new run
-#   sbatch job-scripts/slurm.sh configs/lee-hurley-small.toml RUN/checkpoint.h5   goes on where that run stopped
+#   sbatch job-scripts/slurm.sh configs/lee-hurley-small.toml RUN                 goes on where that run stopped
 #   sbatch --array=1-12 job-scripts/slurm.sh configs/sweep.toml                   the 12 runs of its [sweep]
 #
 # target/release/gshear-mpi CONFIG.toml --sweep list numbers the runs of a sweep. Their results go to out/<config>/<run>; the same
@@ -11,8 +11,8 @@
 # Submit it from the folder of the project, built there before (cargo build --release). Options of sbatch win over the lines
 # below: sbatch --ntasks=8 --time=2-00:00:00 job-scripts/slurm.sh ...
 #
-# Results go to out/<config>-<job id>; a run that goes on writes into the folder of its checkpoint. Before the time is up the run
-# stops at a checkpoint, and the job ends with exit code 75: submit it again with that checkpoint. Any number of ranks may go on,
+# Results go to out/<config>-<job id>; a run that goes on writes into its own folder. Before the time is up the run stops at a
+# checkpoint, and the job ends with exit code 75: submit it again with its folder. A job that Slurm requeues goes on, too. Any number of ranks may go on,
 # to the same bits. Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early; 1 anything else.
 
 #SBATCH --job-name=gshear
@@ -29,7 +29,7 @@
 set -u
 
 if [ $# -lt 1 ] || [ $# -gt 2 ]; then
-    echo "usage: sbatch job-scripts/slurm.sh CONFIG.toml [CHECKPOINT]" >&2
+    echo "usage: sbatch job-scripts/slurm.sh CONFIG.toml [FOLDER or CHECKPOINT]" >&2
     exit 2
 fi
 config=$1
@@ -47,15 +47,16 @@ if [ "$(id -u)" = 0 ]; then # In a container.
 fi
 
 if [ -n "$checkpoint" ]; then
-    folder=$(dirname "$checkpoint")
-    arguments=(--resume "$checkpoint" --out "$folder")
+    folder=$checkpoint
+    [ -d "$folder" ] || folder=$(dirname "$checkpoint")
+    arguments=(--resume "$checkpoint")
 elif [ -n "${SLURM_ARRAY_TASK_ID:-}" ]; then
     # Without the job's id: the same array again goes on in the same folders.
     folder=out/$(basename "$config" .toml)
     arguments=("$config" --sweep "$SLURM_ARRAY_TASK_ID" --out "$folder")
 else
     folder=out/$(basename "$config" .toml)-$SLURM_JOB_ID
-    arguments=("$config" --out "$folder")
+    arguments=("$config" --out "$folder" --resume auto)
 fi
 
 # One thread for each core that a rank has (#SBATCH --cpus-per-task): for samples of 50,000 grains and more.
@@ -81,6 +82,6 @@ code=$?
 if [ "$code" = 75 ] && [ -n "${SLURM_ARRAY_TASK_ID:-}" ]; then
     echo "stopped early; go on with: sbatch --array=$SLURM_ARRAY_TASK_ID job-scripts/slurm.sh $config"
 elif [ "$code" = 75 ]; then
-    echo "stopped early; go on with: sbatch job-scripts/slurm.sh $config $folder/checkpoint.h5"
+    echo "stopped early; go on with: sbatch job-scripts/slurm.sh $config $folder"
 fi
 exit "$code"

@@ -45,7 +45,7 @@ fn linear_springs_keep_the_contracts() {
             }
         }
         for (ranks, set) in kinds {
-            let other = folder.path().join("other");
+            let other = folder.path().join(format!("{name}-other"));
             let outcome = resumed(&checkpoint, &other, ranks, &[&set]);
             assert_eq!(outcome.digest(), expected, "{name}: {ranks} ranks, {set}");
         }

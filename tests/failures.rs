@@ -167,10 +167,12 @@ fn a_failure_keeps_the_last_checkpoint() {
     assert_eq!(stopped.code, 75, "{}", stopped.text);
     let checkpoint = folder.path().join("checkpoint.h5");
     let before = std::fs::read(&checkpoint).expect("a checkpoint");
+    let [header, _] = gshear_store::checkpoint::read_texts(&checkpoint).expect("a checkpoint");
+    let (header, _) = gshear_driver::header::Header::parse(&header).expect("a header");
     let failing = [
         format!("--resume={}", checkpoint.display()),
-        "--set=time.step=4e-9".into(),
-        "--set=time.force=true".into(),
+        // Not at rest so soon.
+        format!("--set=pack.max_steps={}", header.step() + 1),
     ];
     let outcome = gshear_mpi(1, folder.path(), &failing);
     assert_eq!(outcome.code, 3, "{}", outcome.text);

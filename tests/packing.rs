@@ -72,7 +72,7 @@ fn an_exported_state_comes_back() {
 
     // The ranks do not matter, nor who reads the scene that was written; and a checkpoint does without the file.
     for ranks in [2, 3] {
-        let other = gshear_mpi(ranks, &at("ranks"), &arguments(&[short]));
+        let other = gshear_mpi(ranks, &at("ranks"), &arguments(&[short, "--overwrite"]));
         assert_eq!(other.digest(), expected, "{ranks} ranks");
     }
     let written = at("again/scene.toml").display().to_string();
@@ -121,6 +121,7 @@ fn anothers_packing_is_sheared() {
     let run = |name: &str, ranks, sets: &[&str]| {
         let mut arguments = vec![
             path.display().to_string(),
+            "--overwrite".into(),
             format!("--set=sample.packing={TRIANGULAR}"),
         ];
         arguments.extend(sets.iter().map(|s| format!("--set={s}")));

@@ -12,7 +12,8 @@ use gshear_store::run_reader::PeriodicRunFile;
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
 fn run(folder: &Path, ranks: usize, more: &[&str]) -> Outcome {
-    let mut arguments = vec![SCENE.to_string()];
+    // Many of them in turn into one folder.
+    let mut arguments = vec![SCENE.to_string(), "--overwrite".into()];
     arguments.extend(more.iter().map(ToString::to_string));
     gshear_mpi(ranks, folder, &arguments)
 }

@@ -8,9 +8,11 @@ use clap::Parser;
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
-use gshear_driver::launch::{self, Task};
+use gshear_driver::folder::same_folder;
+use gshear_driver::launch::{self, Changes, Resumable, Task};
 use gshear_driver::run::{Options, Outcome};
 use gshear_driver::say::{say, say_error};
+use gshear_driver::signals::Signals;
 use gshear_driver::sweep::Sweep;
 use gshear_mpi_exchange::World;
 use gshear_scene::Source;
@@ -30,21 +32,40 @@ gshear-reduce.
 Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint by a signal, --walltime or --stop-at
 (continue with --resume); 1 any other failure.
 
-SIGTERM, SIGINT, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
+SIGTERM, SIGINT, SIGHUP, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
 struct CommandLine {
     /// Scene; see docs/config.md
-    #[arg(value_name = "CONFIG.toml", conflicts_with = "resume")]
+    #[arg(value_name = "CONFIG.toml")]
     config: Option<PathBuf>,
     /// Folder of the results [default: out/<name of the config>, with --resume the checkpoint's
-    /// folder]
+    /// folder]. It must not hold another run
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace a value of the scene, as in --set shear.strain=0.2; can be repeated
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     set: Vec<String>,
-    /// Resume from a checkpoint, to the same bits on any number of ranks
-    #[arg(long, value_name = "CHECKPOINT")]
+    /// Resume from a checkpoint, or from the newest good one of a folder, to the same bits on any
+    /// number of ranks. auto: run the scene, from the newest good checkpoint in the folder of the
+    /// results if there is one; do nothing if the run is finished. --set may change output and
+    /// ends
+    #[arg(long, value_name = "CHECKPOINT|FOLDER|auto")]
     resume: Option<PathBuf>,
+    /// With --resume: begin a new run in this folder, in which --set may also change what decides
+    /// the trajectory
+    #[arg(
+        long,
+        value_name = "NEW_FOLDER",
+        requires = "resume",
+        conflicts_with = "out"
+    )]
+    branch: Option<PathBuf>,
+    /// Remove the run that the folder of the results holds, its report too
+    #[arg(long, conflicts_with = "check")]
+    overwrite: bool,
+    /// Take the folder of the results over from a process that is gone, although its lock (run.lock)
+    /// says otherwise
+    #[arg(long)]
+    break_lock: bool,
     /// With a scene that has [sweep]: list its runs, run all of them in turn, or run the N-th
     #[arg(long, value_name = "list|all|N", value_parser = choice, conflicts_with_all = ["resume", "check", "stop_at"])]
     sweep: Option<Choice>,
@@ -106,6 +127,8 @@ fn wall_time(text: &str) -> Result<Duration, String> {
 }
 
 fn main() -> ExitCode {
+    // Before MPI starts, which takes a while: a signal without a handler ends the program at once.
+    let signals = Signals::catch();
     provenance::set_git_commit(env!("GSHEAR_GIT_COMMIT"));
     let world = World::start();
     let speaks = world.rank() == 0;
@@ -118,7 +141,7 @@ fn main() -> ExitCode {
             return ExitCode::from(e.exit_code() as u8);
         }
     };
-    let code = match go(&world, &arguments) {
+    let code = match signals.and_then(|_| go(&world, &arguments)) {
         Ok(Outcome::Done) => 0,
         Ok(Outcome::Stopped) => STOPPED_EARLY,
         Err(failure) => {
@@ -143,13 +166,19 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         stop_at: arguments.stop_at,
         wall_time: arguments.walltime,
         threads: arguments.threads.into(),
+        overwrite: arguments.overwrite,
+        break_lock: arguments.break_lock,
         replay: None,
     };
-    if let Some(path) = &arguments.resume {
-        let task = launch::from_checkpoint(world, path, &arguments.set)?;
-        let beside = path.parent().unwrap_or(Path::new(".")).into();
-        options.out = arguments.out.clone().unwrap_or(beside);
-        return check_or_run(world, arguments, &options, task);
+    let resume = arguments.resume.as_deref();
+    let auto = resume == Some(Path::new(AUTO));
+    if let Some(path) = resume.filter(|_| !auto) {
+        return resume_from(world, arguments, options, path);
+    }
+    if auto && (arguments.branch.is_some() || arguments.overwrite) {
+        return Err(Failure::input(
+            "--resume auto continues the run in the folder; leave out --branch and --overwrite, or give --resume a checkpoint",
+        ));
     }
     let source = read(world, arguments)?;
     if world.rank() == 0 {
@@ -168,7 +197,13 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         .unwrap_or_else(|| PathBuf::from("out").join(&*name));
     let Some(choice) = arguments.sweep else {
         let task = launch::from_the_start(world, &source, &arguments.set)?;
-        return check_or_run(world, arguments, &options, task);
+        if !auto || arguments.check {
+            return check_or_run(world, arguments, &options, task);
+        }
+        return match launch::resume_if_begun(world, &options.out, task)? {
+            Resumable::Task(task) => task.run(world, &options),
+            Resumable::Finished => Ok(finished(world, &options.out)),
+        };
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
     match choice {
@@ -176,6 +211,59 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         Choice::All => sweep.all(world, &options),
         Choice::One(number) => sweep.one(world, number, &options),
     }
+}
+
+/// Value of `--resume` that looks for the run in the folder of the results.
+const AUTO: &str = "auto";
+
+/// Resumes from a checkpoint or from the newest one of a folder.
+fn resume_from(
+    world: &World,
+    arguments: &CommandLine,
+    mut options: Options,
+    path: &Path,
+) -> Result<Outcome, Failure> {
+    if let Some(config) = &arguments.config {
+        return Err(Failure::input(format!(
+            "{}: --resume {} takes the scene from the checkpoint; leave the scene out and change it with --set, or give --resume auto",
+            config.display(),
+            path.display()
+        )));
+    }
+    let changes = match arguments.branch {
+        Some(_) => Changes::Branch(&arguments.set),
+        None => Changes::Set(&arguments.set),
+    };
+    // The folder of `checkpoint.h5` alone is the present one.
+    let folder = match path.parent() {
+        _ if path.is_dir() => path,
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let other = arguments.branch.as_ref().or(arguments.out.as_ref());
+    options.out = other.cloned().unwrap_or_else(|| folder.into());
+    if options.overwrite && same_folder(&options.out, folder) {
+        return Err(Failure::input(format!(
+            "--overwrite would remove {} itself; give another folder with --out",
+            path.display()
+        )));
+    }
+    match launch::resume(world, path, changes)? {
+        Resumable::Task(task) => check_or_run(world, arguments, &options, *task),
+        Resumable::Finished if other.is_none() => Ok(finished(world, folder)),
+        Resumable::Finished => Err(Failure::input(format!(
+            "{}: holds a finished run; give a later end with --set, or one of its checkpoints",
+            path.display()
+        ))),
+    }
+}
+
+/// Says that there is nothing left to do.
+fn finished(world: &World, folder: &Path) -> Outcome {
+    if world.rank() == 0 {
+        println!("{}: the run is finished", folder.display());
+    }
+    Outcome::Done
 }
 
 fn check_or_run(

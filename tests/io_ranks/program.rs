@@ -77,7 +77,7 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
         81,
         55,
     )?;
-    let mut log = Log::open_to_append(world, &csv, 55)?;
+    let mut log = Log::open_to_append(world, &csv, Some(270), 55)?;
     assert_eq!((writer.frames(), writer.rows()), (81, 55));
     for t in 81..150 {
         frame(&mut writer, t)?;

@@ -9,12 +9,16 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, GrainSample, SeriesRow};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
+use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::agree;
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
 use gshear_store::provenance;
-use gshear_store::trajectory::{self, GrainShape, RunHeader, TrajectoryWriter};
+use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
 use serde::{Deserialize, Serialize};
+
+use crate::folder::{RunFolder, Watched};
+use crate::record::RunRecord;
 
 /// Name of the file of frames and time series of the shear.
 pub const RUN_FILE: &str = "run.h5";
@@ -32,6 +36,8 @@ pub struct Files {
     /// Rows of scalars that an earlier part of the run wrote, if none are computed now.
     scalars_before: u64,
     resumed: bool,
+    /// The open files of rank 0.
+    watched: Vec<Watched>,
 }
 
 /// The folder of a run's files, and the scene that they record.
@@ -43,6 +49,59 @@ pub struct Destination<'a> {
     pub folder: &'a Path,
     /// The scene as TOML.
     pub toml: &'a str,
+    /// The identity and history of the run.
+    pub record: &'a RunRecord,
+    /// The folder's lock; `None` for a replay.
+    pub owned: Option<&'a RunFolder>,
+    /// The window, if this is a replay.
+    pub replay: Option<ReplayWindow>,
+}
+
+impl Destination<'_> {
+    /// The attributes that a resume writes again: what is really run, and by whom.
+    fn attributes(&self) -> Vec<(&'static str, Attribute)> {
+        let mut attributes = self.record.attributes();
+        attributes.push(("scene", Attribute::Text(self.toml.into())));
+        if let Some(ReplayWindow { first, last, .. }) = self.replay {
+            let window = format!("steps {first} to {last}");
+            attributes.push(("replay", Attribute::Text(window)));
+        }
+        attributes
+    }
+
+    /// Writes `scene.toml`; collective.
+    fn write_scene(&self) -> Result<(), Failure> {
+        let wrote = if self.exchange.rank() == 0 {
+            let path = self.folder.join(SCENE_FILE);
+            let part = self.folder.join(format!("{SCENE_FILE}.part"));
+            let text = self.record.comments() + self.toml;
+            std::fs::write(&part, text)
+                .and_then(|()| std::fs::rename(&part, &path))
+                .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
+        } else {
+            Ok(())
+        };
+        agree(self.exchange, wrote)
+    }
+}
+
+/// What the files of a resumed stage hold up to its checkpoint.
+#[derive(Debug, Clone, Copy)]
+pub struct UpToCheckpoint {
+    /// Steps at the checkpoint.
+    pub step: u64,
+    /// The last step whose frame and row stay; `None`: none stays.
+    pub last: Option<u64>,
+}
+
+impl UpToCheckpoint {
+    /// After this step. A stage without steps begins anew and writes the row of step 0 again.
+    pub fn new(step: u64) -> Self {
+        Self {
+            step,
+            last: (step > 0).then_some(step),
+        }
+    }
 }
 
 /// The content of the files of a stage.
@@ -77,8 +136,8 @@ pub struct Written {
 }
 
 impl Files {
-    /// Opens the files of a resumed run and truncates them to the frames and rows `written` at its
-    /// checkpoint. Creates new files if there are none, or nothing was written.
+    /// Opens the files of a resumed run and truncates them to its checkpoint. Creates new files if
+    /// there are none, or nothing was written; the log is kept up to the checkpoint all the same.
     ///
     /// # Errors
     /// Files that cannot be created, or belong to another run.
@@ -86,38 +145,57 @@ impl Files {
         place: Destination<'_>,
         system: &mut System<D>,
         format: &Format<'_>,
-        written: Option<Written>,
+        before: Option<UpToCheckpoint>,
     ) -> Result<Self, Failure> {
         let (exchange, out) = (place.exchange, place.folder);
-        folder(exchange, out)?;
+        match place.owned {
+            Some(owned) => owned.clear(exchange)?,
+            None => folder(exchange, out)?,
+        }
         let (path, log) = (out.join(format.name), out.join(LOG_FILE));
-        let written = match written {
-            Some(written) => trajectory::recover(exchange, &path)?.then_some(written),
-            None => None,
-        };
-        let mut files = match written {
-            Some(Written {
-                frames,
-                rows,
-                scalars,
-            }) => Self {
-                trajectory: TrajectoryWriter::open_to_append(
+        let there = |path: &Path| exchange.broadcast(vec![u8::from(path.exists())])[0] == 1;
+        let (run_there, log_there) = (there(&path), there(&log));
+        let mut files = match before {
+            Some(UpToCheckpoint { last, .. }) if run_there => {
+                // Counted by steps, because the file may have begun at a later step than the one
+                // of which the checkpoint knows the numbers.
+                let counts = match exchange.rank() {
+                    0 => TrajectoryWriter::up_to(&path, format.columns, last),
+                    _ => Ok([0; 3]),
+                };
+                // Zero on the other ranks.
+                let mut counts = agree(exchange, counts)?.map(|count| count as i64);
+                exchange.sum(&mut counts);
+                let [frames, rows, scalars] = counts.map(|count| count as u64);
+                // The log first: if it does not fit, the other file is left as it is.
+                let log = match format.log {
+                    true => Some(Log::open_to_append(exchange, &log, last, rows)?),
+                    false => None,
+                };
+                let mut trajectory = TrajectoryWriter::open_to_append(
                     exchange,
                     &path,
                     format.columns,
                     frames,
                     rows,
-                )?,
-                log: match format.log {
-                    true => Some(Log::open_to_append(exchange, &log, rows)?),
-                    false => None,
-                },
-                log_state: Ok(()),
-                scalars_before: scalars,
-                resumed: true,
-            },
-            None => Self::create(place, system, format)?,
+                )?;
+                trajectory.attributes(exchange, &place.attributes())?;
+                place.write_scene()?;
+                Self {
+                    trajectory,
+                    log,
+                    log_state: Ok(()),
+                    scalars_before: scalars,
+                    resumed: true,
+                    watched: Vec::new(),
+                }
+            }
+            _ => Self::create(place, system, format, before, log_there)?,
         };
+        if exchange.rank() == 0 {
+            let log = format.log.then_some(log);
+            files.watched = std::iter::once(path).chain(log).map(Watched::new).collect();
+        }
         if format.scalars {
             let before = std::mem::take(&mut files.scalars_before);
             files.trajectory.begin_scalars(exchange, before)?;
@@ -129,18 +207,17 @@ impl Files {
         place: Destination<'_>,
         system: &mut System<D>,
         format: &Format<'_>,
+        before: Option<UpToCheckpoint>,
+        log_there: bool,
     ) -> Result<Self, Failure> {
         let (exchange, out) = (place.exchange, place.folder);
-        let wrote = if exchange.rank() == 0 {
-            let path = out.join(SCENE_FILE);
-            std::fs::write(&path, place.toml)
-                .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
-        } else {
-            Ok(())
-        };
-        agree(exchange, wrote)?;
-        let mut attributes = vec![
-            ("scene", Attribute::Text(place.toml.into())),
+        place.write_scene()?;
+        let log_up_to = before.filter(|_| log_there).and_then(|before| before.last);
+        let mut attributes = place.attributes();
+        if let Some(UpToCheckpoint { step, .. }) = before.filter(|before| before.step > 0) {
+            attributes.push(("begun_at_step", Attribute::Count(step)));
+        }
+        attributes.extend([
             ("version", Attribute::Text(provenance::VERSION.into())),
             (
                 "git_commit",
@@ -151,7 +228,7 @@ impl Files {
             ("started", Attribute::Text(provenance::now())),
             ("time_step", Attribute::Number(system.step)),
             ("dimension", Attribute::Count(D::AXES as u64)),
-        ];
+        ]);
         attributes.extend(format.attributes.iter().cloned());
         // L_x, height, 0; in three dimensions L_x, L_y, height.
         let mut edges = [0.0; 3];
@@ -167,13 +244,16 @@ impl Files {
         };
         Ok(Self {
             trajectory: TrajectoryWriter::create(exchange, &out.join(format.name), &header)?,
-            log: match format.log {
-                true => Some(Log::create(exchange, &out.join(LOG_FILE))?),
-                false => None,
+            log: match (format.log, log_up_to) {
+                (false, _) => None,
+                (true, None) => Some(Log::create(exchange, &out.join(LOG_FILE))?),
+                // Rows of before a lost run.h5 stay.
+                (true, last) => Some(Log::open_to_append(exchange, &out.join(LOG_FILE), last, 0)?),
             },
             log_state: Ok(()),
             scalars_before: 0,
             resumed: false,
+            watched: Vec::new(),
         })
     }
 
@@ -234,8 +314,10 @@ impl Files {
     /// Writes everything to disk. Returns the number of frames and rows in the files.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// A file that cannot be written, or was removed during the run.
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<Written, Failure> {
+        let there = self.watched.iter().try_for_each(Watched::verify);
+        agree(exchange, there)?;
         self.trajectory.flush(exchange)?;
         let log = self.log.as_mut();
         let logged = std::mem::replace(&mut self.log_state, Ok(()))

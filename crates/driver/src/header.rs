@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use gshear_dem::budget::SavedBudget;
 use gshear_dem::drive::{Piston, SliderState};
@@ -11,6 +12,10 @@ use gshear_dem::state::Snapshot;
 use gshear_scene::{PackingFile, Scene, Source};
 
 use crate::files::Written;
+use crate::record::RunRecord;
+
+/// Field of the header with the record of the run.
+const RECORD: &str = "run";
 
 /// The progress of a run: the stage, and the data with which it resumes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -75,8 +80,32 @@ impl Header {
     /// # Errors
     /// A header of another version of this program.
     pub fn read(snapshot: &Snapshot) -> Result<Self, Failure> {
-        serde_json::from_str(&snapshot.header)
-            .map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))
+        Self::parse(&snapshot.header).map(|(header, _)| header)
+    }
+
+    /// Parses the text of a header, and the record of its run. Checkpoints of versions without
+    /// identities have none.
+    ///
+    /// # Errors
+    /// A header of another version of this program.
+    pub fn parse(text: &str) -> Result<(Self, Option<RunRecord>), Failure> {
+        let parse = || -> serde_json::Result<_> {
+            let mut fields: Map<String, Value> = serde_json::from_str(text)?;
+            let record = fields.remove(RECORD).map(serde_json::from_value);
+            let header = serde_json::from_value(Value::Object(fields))?;
+            Ok((header, record.transpose()?))
+        };
+        parse().map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))
+    }
+
+    /// The text of the header, with the record of its run.
+    ///
+    /// # Panics
+    /// If a number is not finite.
+    pub fn text(&self, record: &RunRecord) -> String {
+        let mut fields = serde_json::to_value(self).expect("a header of finite numbers");
+        fields[RECORD] = serde_json::to_value(record).expect("texts and counts");
+        fields.to_string()
     }
 
     /// The name of the stage.
@@ -99,7 +128,8 @@ impl Header {
         }
     }
 
-    fn packing(&self) -> Option<&PackingFile> {
+    /// The file that the grains came from.
+    pub fn packing(&self) -> Option<&PackingFile> {
         match self {
             Header::Pack { packing, .. } | Header::Shear { packing, .. } => packing.as_ref(),
             Header::Aqs { .. } | Header::Newtonian { .. } => None,

@@ -1,22 +1,27 @@
 //! The start of a run: from a scene and its grains, or from a checkpoint.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::LawSpace;
+use gshear_dem::state::Snapshot;
 use gshear_mpi_exchange::Parallel;
+use gshear_scene::identity::{KeyChange, changes};
 use gshear_scene::packing::Packing;
-use gshear_scene::{Boundary, Dimensions, Scene, Source};
+use gshear_scene::schedule::Schedule;
+use gshear_scene::{Boundary, Change, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 use gshear_store::columns::{AQS_FILE, NEWTONIAN_FILE};
 
 use crate::files::RUN_FILE;
+use crate::folder::{Claim, Contents, Entry, RunFolder};
 use crate::header::Header;
 use crate::memory;
+use crate::record::{Continuation, RunRecord};
 use crate::run::{Options, Outcome, Run, Start};
-use crate::stages::{periodic, walls};
+use crate::stages::{newtonian, periodic, walls};
 
 /// A scene, and the state from which its run starts.
 pub struct Task {
@@ -24,21 +29,76 @@ pub struct Task {
     pub scene: Scene,
     /// The initial state.
     pub start: Start,
+    /// The identity and history of the run.
+    pub record: RunRecord,
+    entry: Entry,
+    /// The checkpoint and its scene, if the run starts from one.
+    before: Option<(PathBuf, Scene)>,
 }
 
 impl Task {
+    /// A window of a run from one of its checkpoints, for [`Options::replay`]. `set`: overrides.
+    ///
+    /// # Errors
+    /// A header of another version, or an invalid override.
+    pub fn replay(
+        path: &Path,
+        toml: String,
+        snapshot: Snapshot,
+        set: &[String],
+    ) -> Result<Self, Failure> {
+        let (header, record) = Header::parse(&snapshot.header)?;
+        let scene = header.scene(path, toml, set)?;
+        Ok(Self {
+            record: record.unwrap_or_else(|| RunRecord::new(&scene)),
+            scene,
+            start: Start::Checkpoint(snapshot),
+            entry: Entry::Resume,
+            before: None,
+        })
+    }
+
     /// Runs to the end; collective.
     ///
     /// # Errors
     /// Bad input, numbers that fail, or files that cannot be written.
     pub fn run(self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
-        let Self { scene, start } = self;
-        let mut run = Run::new(exchange, &scene.toml, &scene.bookkeeping, options)?;
+        let last_file = self.last_file();
+        let Self {
+            scene,
+            start,
+            record,
+            entry,
+            before,
+        } = self;
+        let header = match &start {
+            Start::Checkpoint(snapshot) => Some(Header::read(snapshot)?),
+            Start::Insertion | Start::Grains(_) => None,
+        };
+        let mut run = Run::new(exchange, &scene.toml, &scene.bookkeeping, record, options)?;
+        if options.replay.is_none() {
+            let former = before.as_ref().map(|(_, scene)| scene);
+            check_ends(header.as_ref(), former, &scene, options.stop_at)?;
+            let claim = Claim {
+                entry,
+                record: &run.record,
+                scene: &scene,
+                header: header.as_ref(),
+                checkpoint: before.as_ref().map(|(path, _)| &**path),
+                last_file,
+            };
+            run.folder = Some(RunFolder::take(exchange, &claim, options)?);
+        }
         run.terminal.header(exchange, &scene, run.isa);
         match scene.dimension {
             Dimensions::Two => stages::<Two>(&mut run, &scene, start),
             Dimensions::Three => stages::<Three>(&mut run, &scene, start),
         }
+    }
+
+    /// Whether it starts from a checkpoint.
+    pub fn is_resumed(&self) -> bool {
+        matches!(self.start, Start::Checkpoint(_))
     }
 
     /// The file of the last stage, whose attribute `digest` marks a finished run.
@@ -89,22 +149,294 @@ pub fn from_the_start(
         }
         _ => Start::Insertion,
     };
-    Ok(Task { scene, start })
+    Ok(Task {
+        record: RunRecord::new(&scene),
+        entry: Entry::New,
+        before: None,
+        scene,
+        start,
+    })
 }
 
-/// Loads a checkpoint: its scene with the overrides `set`, and its state. Collective.
+/// What `--resume` finds.
+pub enum Resumable {
+    /// A run to continue, or to begin because there is nothing to continue.
+    Task(Box<Task>),
+    /// The run in the folder is finished.
+    Finished,
+}
+
+/// How a resume may change the scene of its checkpoint.
+#[derive(Debug, Clone, Copy)]
+pub enum Changes<'a> {
+    /// By these overrides, but not in what decides the trajectory.
+    Set(&'a [String]),
+    /// By these overrides, which begin a new run.
+    Branch(&'a [String]),
+    /// To this scene, which is that of the same run.
+    Scene(&'a Scene),
+}
+
+/// Resumes from a checkpoint, or from the newest good one of a folder. Collective.
 ///
 /// # Errors
-/// A checkpoint that is damaged or of another version, or an invalid override.
-pub fn from_checkpoint(
+/// A checkpoint that is missing, damaged or of another version, or a change that a resumed run may
+/// not have.
+pub fn resume(
     exchange: &dyn Parallel,
     path: &Path,
-    set: &[String],
+    changes: Changes<'_>,
+) -> Result<Resumable, Failure> {
+    let is_folder = exchange.broadcast(vec![u8::from(path.is_dir())])[0] == 1;
+    if !is_folder {
+        let (toml, snapshot) = checkpoint::read(exchange, path)?;
+        let task = from_checkpoint(path, toml, snapshot, changes)?;
+        return Ok(Resumable::Task(Box::new(task)));
+    }
+    let Some((checkpoint, toml, snapshot)) = newest(exchange, path)? else {
+        return Err(Failure::input(format!(
+            "{}: holds no checkpoint; give the folder of a run, or one of its checkpoints",
+            path.display()
+        )));
+    };
+    let task = from_checkpoint(&checkpoint, toml, snapshot, changes)?;
+    let branches = matches!(changes, Changes::Branch(_));
+    if !branches && is_finished(exchange, path, &task) {
+        return Ok(Resumable::Finished);
+    }
+    Ok(Resumable::Task(Box::new(task)))
+}
+
+/// Continues the run of a task in its folder, if the folder holds it, from its newest good
+/// checkpoint. Collective.
+///
+/// # Errors
+/// A folder that holds another run, or only damaged checkpoints.
+pub fn resume_if_begun(
+    exchange: &dyn Parallel,
+    folder: &Path,
+    task: Task,
+) -> Result<Resumable, Failure> {
+    let mut empty = false;
+    let looked = match exchange.rank() {
+        0 => {
+            let found = Contents::of(folder);
+            empty = found.is_empty();
+            found.is_of(folder, &task.record, &task.scene, true)
+        }
+        _ => Ok(()),
+    };
+    agree(exchange, looked)?;
+    if exchange.broadcast(vec![u8::from(empty)])[0] == 1 {
+        return Ok(Resumable::Task(Box::new(task)));
+    }
+    if is_finished(exchange, folder, &task) {
+        return Ok(Resumable::Finished);
+    }
+    let task = match newest(exchange, folder)? {
+        None => {
+            let note = "holds this run without a checkpoint; it starts again";
+            note_once(exchange, &format!("{}: {note}", folder.display()));
+            Task {
+                entry: Entry::Again,
+                ..task
+            }
+        }
+        Some((path, toml, snapshot)) => {
+            from_checkpoint(&path, toml, snapshot, Changes::Scene(&task.scene))?
+        }
+    };
+    Ok(Resumable::Task(Box::new(task)))
+}
+
+/// Whether the run in the folder has come to the end that the task asks for. Collective.
+fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> bool {
+    let finished =
+        exchange.rank() == 0 && Contents::of(folder).is_finished(task.last_file(), &task.scene);
+    exchange.broadcast(vec![u8::from(finished)])[0] == 1
+}
+
+/// The newest good checkpoint of a folder: its path, scene and state; `None` if there is none.
+/// Collective.
+fn newest(
+    exchange: &dyn Parallel,
+    folder: &Path,
+) -> Result<Option<(PathBuf, String, Snapshot)>, Failure> {
+    let mut damaged = None;
+    for name in [checkpoint::NAME, checkpoint::PREVIOUS] {
+        let path = folder.join(name);
+        if exchange.broadcast(vec![u8::from(path.exists())])[0] == 0 {
+            continue;
+        }
+        match checkpoint::read(exchange, &path) {
+            Ok((toml, snapshot)) => {
+                if let Some(failure) = damaged {
+                    let note = format!("{failure}; resuming from {}", path.display());
+                    note_once(exchange, &note);
+                }
+                return Ok(Some((path, toml, snapshot)));
+            }
+            Err(failure) => {
+                damaged.get_or_insert(failure);
+            }
+        }
+    }
+    damaged.map_or(Ok(None), Err)
+}
+
+fn note_once(exchange: &dyn Parallel, note: &str) {
+    if exchange.rank() == 0 {
+        eprintln!("note: {note}");
+    }
+}
+
+/// The task of a checkpoint: its scene with the changes, and its state.
+fn from_checkpoint(
+    path: &Path,
+    toml: String,
+    snapshot: Snapshot,
+    wanted: Changes<'_>,
 ) -> Result<Task, Failure> {
-    let (toml, snapshot) = checkpoint::read(exchange, path)?;
-    let scene = Header::read(&snapshot)?.scene(path, toml, set)?;
+    let (header, record) = Header::parse(&snapshot.header)?;
+    let before = header.scene(path, toml.clone(), &[])?;
+    let scene = match wanted {
+        Changes::Set(set) | Changes::Branch(set) => header.scene(path, toml, set)?,
+        Changes::Scene(scene) => scene.clone(),
+    };
+    let mut changed = changes(&before.toml, &scene.toml);
+    if let Changes::Scene(_) = wanted {
+        // The same bytes, as their identities say.
+        changed.retain(|change| change.path != "sample.packing");
+    }
+    let branches = matches!(wanted, Changes::Branch(_));
+    if let Some(change) = changed.iter().find(|change| match change.change {
+        Change::Never => true,
+        Change::Branch => !branches,
+        Change::End | Change::Resume => false,
+    }) {
+        return Err(refused(path, change));
+    }
+    let record = record.unwrap_or_else(|| RunRecord::new(&before));
+    let at = Continuation {
+        stage: header.stage().into(),
+        step: header.step(),
+        changes: changed.iter().map(ToString::to_string).collect(),
+    };
+    let (entry, record) = if branches {
+        (Entry::New, record.branch(&scene, at))
+    } else {
+        let mut record = record;
+        record.resumed.push(at);
+        (Entry::Resume, record)
+    };
     Ok(Task {
         scene,
         start: Start::Checkpoint(snapshot),
+        record,
+        entry,
+        before: Some((path.into(), before)),
     })
+}
+
+/// The failure of a change that a resumed run may not have.
+fn refused(path: &Path, change: &KeyChange) -> Failure {
+    let path = path.display();
+    Failure::input(match change.change {
+        Change::Never => format!(
+            "{path}: cannot change {change}: the checkpoint holds the grains and their contacts; leave the key as it was, or start a new run"
+        ),
+        _ => format!(
+            "{path}: cannot change {change} in this run, because the key decides its trajectory; leave it as it was, or begin a new run at this checkpoint with --branch NEW_FOLDER"
+        ),
+    })
+}
+
+/// Refuses ends that lie before the step reached, and another drive up to there.
+fn check_ends(
+    header: Option<&Header>,
+    before: Option<&Scene>,
+    scene: &Scene,
+    stop_at: Option<u64>,
+) -> Result<(), Failure> {
+    let counted = match header {
+        None | Some(Header::Pack { .. }) => 0,
+        Some(Header::Shear { step, .. }) => *step,
+        Some(Header::Aqs { progress, .. }) => progress.steps,
+        Some(Header::Newtonian { step, progress, .. }) => progress.steps + step,
+    };
+    if let Some(stop) = stop_at.filter(|stop| *stop <= counted) {
+        return Err(Failure::input(match counted {
+            0 => format!("--stop-at {stop}: steps count from 1; give 1 or more"),
+            _ => {
+                format!("--stop-at {stop}: the run is at step {counted} already; give a later step")
+            }
+        }));
+    }
+    let (Some(header), Some(before)) = (header, before) else {
+        return Ok(());
+    };
+    let past = |key: &str, end: String| {
+        Err(Failure::input(format!(
+            "{key}: the run would end at {end}, but the checkpoint is at {} step {}; give a later end, or resume from an earlier checkpoint",
+            header.stage(),
+            header.step()
+        )))
+    };
+    match (header, &scene.boundary, &before.boundary) {
+        (Header::Pack { step, .. }, Boundary::Walls(walls), _) => {
+            let most = walls.pack.max_steps;
+            match most < *step {
+                true => past("pack.max_steps", format!("step {most}")),
+                false => Ok(()),
+            }
+        }
+        (Header::Shear { step, height, .. }, Boundary::Walls(walls), Boundary::Walls(former)) => {
+            let schedule = Schedule::new(scene, walls, *height);
+            let earlier = Schedule::new(before, former, *height);
+            if schedule.total < *step {
+                let strain = schedule.strain(schedule.total);
+                let end = format!("step {}, strain {strain:.6}", schedule.total);
+                return past("shear", end);
+            }
+            let parts = [&schedule, &earlier].map(|of| of.protocol.segments().iter());
+            let turns = parts.into_iter().flatten().map(|part| part.first);
+            for at in turns.chain([*step]).filter(|at| at <= step) {
+                let [now, then] = [&schedule, &earlier].map(|of| of.protocol.position(at));
+                // Rounding of a velocity given in another way is no jump of the drive.
+                if (now - then).abs() > 1e-12 * then.abs() {
+                    return Err(Failure::input(format!(
+                        "shear: the drive has moved {then:.6e} m in the first {at} steps, and would have moved {now:.6e} m;                          keep its motion up to step {step}, and change it after that with shear.protocol"
+                    )));
+                }
+            }
+            Ok(())
+        }
+        (Header::Aqs { progress, .. }, Boundary::Periodic(periodic), _) => {
+            let steps = periodic.aqs.steps;
+            match steps < progress.steps {
+                true => past("aqs.steps", format!("strain step {steps}")),
+                false => Ok(()),
+            }
+        }
+        (
+            Header::Newtonian { step, progress, .. },
+            Boundary::Periodic(periodic),
+            Boundary::Periodic(former),
+        ) => {
+            let ends = |of: &gshear_scene::PeriodicBox| (of.aqs.steps, of.aqs.until_imaginary);
+            if ends(periodic) != ends(former) {
+                return past("aqs", "another strain step".into());
+            }
+            let Some(of) = &periodic.newtonian else {
+                return past("newtonian", "the last strain step".into());
+            };
+            let steps = newtonian::steps(of, progress.pair.as_ref(), scene.time_step.step);
+            match steps < *step {
+                true => past("newtonian.growth_times", format!("step {steps}")),
+                false => Ok(()),
+            }
+        }
+        // A scene of the other kind is refused where its stages begin.
+        _ => Ok(()),
+    }
 }

@@ -24,13 +24,16 @@
 //! ```
 
 pub mod files;
+pub mod folder;
 mod frame_scalars;
 pub mod header;
 pub mod launch;
+mod lock;
 mod memory;
+pub mod record;
 pub mod run;
 pub mod say;
-mod signals;
+pub mod signals;
 pub mod stages;
 pub mod sweep;
 mod terminal;

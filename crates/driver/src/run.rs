@@ -12,8 +12,10 @@ use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 
-use crate::files::{self, Destination};
+use crate::files::Destination;
+use crate::folder::RunFolder;
 use crate::header::Header;
+use crate::record::RunRecord;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 
@@ -28,6 +30,10 @@ pub struct Options {
     pub wall_time: Option<Duration>,
     /// Threads inside each rank.
     pub threads: usize,
+    /// Remove the run that the folder holds.
+    pub overwrite: bool,
+    /// Take the folder over from another process that holds its lock.
+    pub break_lock: bool,
     /// Compute only the steps from the checkpoint to the end of this window, without terminal
     /// output and into new files.
     pub replay: Option<ReplayWindow>,
@@ -148,8 +154,12 @@ pub struct Run<'a> {
     pub options: &'a Options,
     /// The scene as TOML, with all defaults.
     pub toml: &'a str,
+    /// The identity and history of the run.
+    pub record: RunRecord,
     /// The instruction set of the kernel.
     pub isa: Isa,
+    /// The folder of the results; `None` for a replay.
+    pub(crate) folder: Option<RunFolder>,
     pub(crate) terminal: Terminal,
     signals: Signals,
     started: Instant,
@@ -163,6 +173,7 @@ impl<'a> Run<'a> {
         exchange: &'a dyn Parallel,
         toml: &'a str,
         bookkeeping: &Bookkeeping,
+        record: RunRecord,
         options: &'a Options,
     ) -> Result<Self, Failure> {
         let name = bookkeeping.simd;
@@ -178,7 +189,9 @@ impl<'a> Run<'a> {
             exchange,
             options,
             toml,
+            record,
             isa,
+            folder: None,
             terminal: Terminal::new(exchange.rank() == 0 && options.replay.is_none()),
             signals: Signals::catch()?,
             started: now,
@@ -198,6 +211,9 @@ impl<'a> Run<'a> {
         begins: bool,
     ) -> Result<Outcome, Failure> {
         let name = stage.name();
+        if let Some(folder) = &self.folder {
+            folder.clear(self.exchange)?;
+        }
         if begins {
             stage.begin(self).map_err(|e| in_stage(e, name))?;
             stage.record(self)?;
@@ -227,11 +243,14 @@ impl<'a> Run<'a> {
     }
 
     /// The folder of the files, and the scene that they record.
-    pub(crate) fn place(&self) -> Destination<'a> {
+    pub(crate) fn place(&self) -> Destination<'_> {
         Destination {
             exchange: self.exchange,
             folder: &self.options.out,
             toml: self.toml,
+            record: &self.record,
+            owned: self.folder.as_ref(),
+            replay: self.options.replay,
         }
     }
 
@@ -261,9 +280,11 @@ impl<'a> Run<'a> {
         } = checkpoint;
         self.saved = Instant::now();
         let (exchange, out) = (self.exchange, &self.options.out);
-        files::folder(exchange, out)?;
+        if let Some(folder) = &self.folder {
+            folder.verify(exchange)?;
+        }
         let snapshot = Snapshot {
-            header: serde_json::to_string(&header).expect("a header of finite numbers"),
+            header: header.text(&self.record),
             grains: state.grains,
             contacts: state.contacts,
             analysed: state.analysed,

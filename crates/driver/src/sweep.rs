@@ -7,11 +7,8 @@ use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Source;
 use gshear_scene::sweep::Member;
-use gshear_store::checkpoint;
-use gshear_store::collective::agree;
-use gshear_store::run_reader;
 
-use crate::launch::{Task, from_checkpoint, from_the_start};
+use crate::launch::{Resumable, from_the_start, resume_if_begun};
 use crate::run::{Options, Outcome};
 use crate::say;
 
@@ -25,15 +22,6 @@ pub struct Sweep<'a> {
     pub set: &'a [String],
     /// The folder that contains the folders of the runs.
     pub out: PathBuf,
-}
-
-/// The progress of a run of a sweep.
-#[derive(Debug, Clone, PartialEq)]
-enum MemberProgress {
-    New,
-    /// Stopped at this checkpoint.
-    Stopped(PathBuf),
-    Done,
 }
 
 impl<'a> Sweep<'a> {
@@ -72,10 +60,10 @@ impl<'a> Sweep<'a> {
     pub fn list(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
         for (k, member) in self.members.iter().enumerate() {
             let task = from_the_start(exchange, &self.source, &self.values(member))?;
-            let state = match self.progress(exchange, member, &task)? {
-                MemberProgress::New => "new",
-                MemberProgress::Stopped(_) => "stopped",
-                MemberProgress::Done => "done",
+            let state = match resume_if_begun(exchange, &self.folder(member), task)? {
+                Resumable::Finished => "done",
+                Resumable::Task(task) if task.is_resumed() => "stopped",
+                Resumable::Task(_) => "new",
             };
             say(
                 exchange,
@@ -103,13 +91,13 @@ impl<'a> Sweep<'a> {
             )));
         };
         let task = from_the_start(exchange, &self.source, &self.values(member))?;
-        let task = match self.progress(exchange, member, &task)? {
-            MemberProgress::Done => {
-                say(exchange, &format!("sweep: {} is done", member.name));
-                return Ok(Outcome::Done);
-            }
-            MemberProgress::Stopped(path) => from_checkpoint(exchange, &path, &[])?,
-            MemberProgress::New => task,
+        let resumed = match options.overwrite {
+            true => Resumable::Task(Box::new(task)),
+            false => resume_if_begun(exchange, &self.folder(member), task)?,
+        };
+        let Resumable::Task(task) = resumed else {
+            say(exchange, &format!("sweep: {} is done", member.name));
+            return Ok(Outcome::Done);
         };
         let all = self.members.len();
         say(
@@ -117,7 +105,7 @@ impl<'a> Sweep<'a> {
             &format!("sweep: run {number} of {all}, {}", member.name),
         );
         let options = Options {
-            out: self.out.join(&member.name),
+            out: self.folder(member),
             ..options.clone()
         };
         task.run(exchange, &options)
@@ -165,42 +153,8 @@ impl<'a> Sweep<'a> {
         member.set.iter().chain(self.set).cloned().collect()
     }
 
-    /// Reads the progress of a run from its folder. Fails if it holds a run of another scene.
-    /// Collective.
-    fn progress(
-        &self,
-        exchange: &dyn Parallel,
-        member: &Member,
-        task: &Task,
-    ) -> Result<MemberProgress, Failure> {
-        let folder = self.out.join(&member.name);
-        let [run, newest] = [task.last_file(), checkpoint::NAME].map(|name| folder.join(name));
-        let there = [u8::from(run.exists()), u8::from(newest.exists())];
-        let there = exchange.broadcast(there.to_vec());
-        let same = |toml: &str| match toml == task.scene.toml {
-            true => Ok(()),
-            false => Err(Failure::input(format!(
-                "{}: holds a run of another scene (its scene.toml is not what --check prints now); give another --out",
-                folder.display()
-            ))),
-        };
-        if there[0] == 1 {
-            let read = match exchange.rank() {
-                0 => run_reader::scene_of_finished(&run)
-                    .map(|scene| scene.map_or_else(Vec::new, String::into_bytes)),
-                _ => Ok(Vec::new()),
-            };
-            let toml = exchange.broadcast(agree(exchange, read)?);
-            if !toml.is_empty() {
-                same(&String::from_utf8_lossy(&toml))?;
-                return Ok(MemberProgress::Done);
-            }
-        }
-        if there[1] == 0 {
-            return Ok(MemberProgress::New);
-        }
-        same(&checkpoint::read(exchange, &newest)?.0)?;
-        Ok(MemberProgress::Stopped(newest))
+    fn folder(&self, member: &Member) -> PathBuf {
+        self.out.join(&member.name)
     }
 }
 

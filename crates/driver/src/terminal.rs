@@ -242,8 +242,8 @@ impl Terminal {
 
     pub fn stopped(&self, out: &Path, stage: &str, step: u64) {
         self.say(format!(
-            "stopped in {stage} at step {step}; go on with --resume {}",
-            out.join("checkpoint.h5").display()
+            "stopped in {stage} at step {step}; continue with --resume {}",
+            out.display()
         ));
     }
 

@@ -10,11 +10,11 @@ use gshear_dem::state::{SeriesRow, Snapshot};
 use gshear_driver::files::RUN_FILE;
 use gshear_driver::header::Header;
 use gshear_driver::launch::Task;
-use gshear_driver::run::{Options, Outcome, Start};
+use gshear_driver::run::{Options, Outcome};
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
-use gshear_store::run_reader::{PeriodicRunFile, RunFile};
+use gshear_store::run_reader::{self, PeriodicRunFile, RunFile};
 
 /// The part of a run to replay.
 #[derive(Debug, Clone, Copy)]
@@ -147,13 +147,19 @@ fn again(
     set: &[&str],
     (threads, out): (usize, &Path),
 ) -> Result<u64, Failure> {
+    for name in [RUN_FILE, NEWTONIAN_FILE] {
+        let file = out.join(name);
+        if run_reader::owner(&file).is_ok_and(|owner| !owner.replay) {
+            return Err(Failure::input(format!(
+                "{}: is of a run, which a replay would replace; give another folder with --out",
+                file.display()
+            )));
+        }
+    }
     let (path, toml, snapshot) = before(folder, stage, window.first)?;
     let header = Header::read(&snapshot)?;
     let set: Vec<String> = set.iter().map(|s| (*s).into()).collect();
-    let task = Task {
-        scene: header.scene(&path, toml, &set)?,
-        start: Start::Checkpoint(snapshot),
-    };
+    let task = Task::replay(&path, toml, snapshot, &set)?;
     let options = Options {
         out: out.to_path_buf(),
         threads,
@@ -169,28 +175,41 @@ fn again(
 /// Reads the last checkpoint of a stage before `step`, or at `step` if that is 0. Returns its path,
 /// scene and state.
 fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Snapshot), Failure> {
+    let mut damaged = None;
     let mut candidates = checkpoint::kept(folder, stage);
     for name in [checkpoint::PREVIOUS, checkpoint::NAME] {
         let path = folder.join(name);
         if !path.is_file() {
             continue;
         }
-        let header = Header::read(&checkpoint::read(&Solo, &path)?.1)?;
-        if header.stage() == stage {
-            candidates.push((header.step(), path));
+        // A damaged one may not be needed; if it is, the message below names it.
+        let header = checkpoint::read_texts(&path).and_then(|[header, _]| Header::parse(&header));
+        match header {
+            Ok((header, _)) if header.stage() == stage => candidates.push((header.step(), path)),
+            Ok(_) => {}
+            Err(failure) => damaged = damaged.or(Some(failure)),
         }
     }
     // The forces of a frame are computed in its step, so the checkpoint must be before it.
     let fits = |(at, _): &&(u64, PathBuf)| *at < step || *at == 0;
-    let best = candidates.iter().filter(fits).max_by_key(|(at, _)| *at);
-    let Some((_, path)) = best else {
-        return Err(Failure::input(format!(
+    candidates.sort();
+    for (_, path) in candidates.iter().filter(fits).rev() {
+        match checkpoint::read(&Solo, path) {
+            Ok((toml, snapshot)) => {
+                if let Some(failure) = damaged {
+                    eprintln!("note: {failure}; replaying from {}", path.display());
+                }
+                return Ok((path.clone(), toml, snapshot));
+            }
+            Err(failure) => damaged = damaged.or(Some(failure)),
+        }
+    }
+    Err(damaged.unwrap_or_else(|| {
+        Failure::input(format!(
             "{}: there is no checkpoint of the stage {stage} before step {step}; a run with output.keep_checkpoints = true keeps them",
             folder.display()
-        )));
-    };
-    let (toml, snapshot) = checkpoint::read(&Solo, path)?;
-    Ok((path.clone(), toml, snapshot))
+        ))
+    }))
 }
 
 /// Replays a part of Newton's equations in a box into `newtonian.h5` of the folder `out` and prints

@@ -5,6 +5,35 @@ use toml::Spanned;
 
 use crate::kind::{Kind, Number, Values};
 
+/// When the value of a key may change after a run has begun.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// Never: the key decides the grains, or what a checkpoint stores of them.
+    Never,
+    /// Only in a branch, because the key decides the trajectory.
+    Branch,
+    /// At every resume: the key decides where a stage ends.
+    End,
+    /// At every resume: output and bookkeeping, which do not reach the trajectory.
+    Resume,
+}
+
+impl Change {
+    /// Whether the key belongs to the identity of a run.
+    pub fn is_physics(self) -> bool {
+        matches!(self, Change::Never | Change::Branch)
+    }
+
+    /// The word in docs/config.md.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Change::Never => "never",
+            Change::Branch => "branch",
+            Change::End | Change::Resume => "resume",
+        }
+    }
+}
+
 /// What the program knows of a key, declared once in `crate::raw` (the laws' keys: in
 /// [`gshear_dem::laws::keys`]). Checks, messages, `scene.toml`, the table of docs/config.md and the
 /// JSON schema are made from it.
@@ -26,6 +55,8 @@ pub(crate) struct Declared<T: Kind> {
     pub example: &'static str,
     /// Names that the key had in earlier releases, within its table. They are still taken.
     pub former: &'static [&'static str],
+    /// When it may change after a run has begun.
+    pub change: Change,
 }
 
 impl<T: Kind> Clone for Declared<T> {
@@ -49,6 +80,7 @@ impl<T: Kind> Declared<T> {
         what: "",
         example: "",
         former: &[],
+        change: Change::Branch,
     };
 
     /// The name without the table.
@@ -85,6 +117,7 @@ impl<T: Kind> Declared<T> {
             default: self.default.map(T::toml),
             otherwise: self.otherwise,
             former: self.former,
+            change: self.change,
         }
     }
 }
@@ -118,6 +151,7 @@ pub(crate) struct Entry {
     pub default: Option<String>,
     pub otherwise: &'static str,
     pub former: &'static [&'static str],
+    pub change: Change,
 }
 
 /// A key with its declaration, and the value that may have been given, with its place.

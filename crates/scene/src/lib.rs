@@ -40,10 +40,12 @@
 //! | `raw` | declares tables and keys, reads their values |
 //! | `check` | checks ranges and contradictions, fills in defaults, derives the rest |
 //! | `write` | writes the scene as TOML again |
+//! | [`identity`] | the hash of all that decides the trajectory; changes of a scene at a resume |
 
 mod check;
 mod checker;
 pub mod derived;
+pub mod identity;
 mod key;
 mod keys;
 mod kind;
@@ -67,6 +69,7 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::DeTable;
 
+pub use key::Change;
 pub use scene::*;
 pub use source::Source;
 

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use bytemuck::Zeroable;
 
+use crate::identity::hash;
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::sample::{columns, freeze_walls, stop_walls};
 use crate::source::read_text;
@@ -155,9 +156,12 @@ impl Packing {
             return Err(Failure::input(format!("{name}: {what}")));
         }
         let text = read_text(path, format, u64::MAX)?;
+        let content = hash(text.as_bytes());
         let data = lammps_data::parse(&name, &text)?;
         let data = replicated(&name, data, copies, limit)?;
-        Self::new(&name, &absolute, data, copies)
+        let mut packing = Self::new(&name, &absolute, data, copies)?;
+        packing.file.content = content;
+        Ok(packing)
     }
 
     fn new(name: &str, path: &Path, data: DataFile, replicate: [u32; 2]) -> Result<Self, Failure> {
@@ -284,6 +288,7 @@ impl Packing {
                 edges(1.0).fold(f64::NEG_INFINITY, f64::max),
             ],
             wall_types: (1..=3).all(has) && atoms.iter().all(|a| a.kind <= 3),
+            content: String::new(),
         };
         Ok(Packing {
             name: name.into(),

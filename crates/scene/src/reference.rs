@@ -100,7 +100,7 @@ fn entries() -> impl Iterator<Item = &'static Entry> {
 /// The table of keys in Markdown with its footnotes, between [`BEGIN`] and [`END`].
 pub fn key_table() -> String {
     let mut page = format!(
-        "{BEGIN}\n\n| key | meaning | unit | default | allowed |\n| --- | --- | --- | --- | --- |\n"
+        "{BEGIN}\n\n| key | meaning | unit | default | allowed | change |\n| --- | --- | --- | --- | --- | --- |\n"
     );
     for entry in entries() {
         let cells = [
@@ -109,6 +109,7 @@ pub fn key_table() -> String {
             entry.unit.clone(),
             marked(default(entry), entry, TableColumn::Default),
             marked(allowed(entry), entry, TableColumn::Allowed),
+            entry.change.name().into(),
         ];
         page.push('|');
         for cell in cells {

@@ -20,19 +20,45 @@ impl Log {
         Self::of(exchange, || TableFile::create(path, &columns()))
     }
 
-    /// Opens an existing log to continue after its first `rows` rows; later rows are removed.
-    /// Collective.
+    /// Opens an existing log to continue after `last`, a step; `None`: from its first row on. Later
+    /// rows are removed. Collective.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the file has fewer rows or another header.
+    /// As [`Self::check`].
     pub fn open_to_append(
         exchange: &dyn Exchange,
         path: &Path,
+        last: Option<u64>,
         rows: u64,
     ) -> Result<Self, Failure> {
         Self::of(exchange, || {
-            TableFile::open_to_append(path, &stored_columns(path)?, rows)
+            let (columns, rows) = Self::check(path, last, rows)?;
+            TableFile::open_to_append(path, &columns, rows)
         })
+    }
+
+    /// Returns the columns of a log, and the number of its rows up to the step `last`. `rows`: their
+    /// number in `run.h5`, which may have fewer if it was begun anew. Writes nothing. Not
+    /// collective.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file has fewer rows or another header.
+    pub fn check(
+        path: &Path,
+        last: Option<u64>,
+        rows: u64,
+    ) -> Result<(Vec<&'static str>, u64), Failure> {
+        let columns = stored_columns(path)?;
+        let found = rows_up_to(path, last)?;
+        if found < rows {
+            return Err(unfit(
+                path,
+                format!(
+                    "it has {found} rows up to the step of the checkpoint, which counts {rows}"
+                ),
+            ));
+        }
+        Ok((columns, found))
     }
 
     fn of(
@@ -69,14 +95,36 @@ fn columns() -> Vec<&'static str> {
     ["step", "time"].into_iter().chain(row).collect()
 }
 
+fn unfit(path: &Path, why: String) -> Failure {
+    Failure::input(format!(
+        "{}: cannot continue this log: {why}",
+        path.display()
+    ))
+}
+
+/// The number of complete rows before the first one after the step `last`.
+fn rows_up_to(path: &Path, last: Option<u64>) -> Result<u64, Failure> {
+    let Some(last) = last else { return Ok(0) };
+    let unread = |e: std::io::Error| unfit(path, e.to_string());
+    let mut reader = BufReader::new(std::fs::File::open(path).map_err(unread)?);
+    let (mut line, mut rows) = (Vec::new(), 0);
+    reader.read_until(b'\n', &mut line).map_err(unread)?;
+    loop {
+        line.clear();
+        reader.read_until(b'\n', &mut line).map_err(unread)?;
+        let step = line.split(|&byte| byte == b',').next();
+        let step = step.and_then(|step| std::str::from_utf8(step).ok()?.parse::<u64>().ok());
+        // A killed program may leave part of a line.
+        match step {
+            Some(step) if step <= last && line.ends_with(b"\n") => rows += 1,
+            _ => return Ok(rows),
+        }
+    }
+}
+
 /// The columns of an existing log, in which renamed ones may have their former names.
 fn stored_columns(path: &Path) -> Result<Vec<&'static str>, Failure> {
-    let unfit = |why: String| {
-        Failure::input(format!(
-            "{}: cannot go on with this log: {why}",
-            path.display()
-        ))
-    };
+    let unfit = |why: String| unfit(path, why);
     let mut line = String::new();
     std::fs::File::open(path)
         .and_then(|file| BufReader::new(file).read_line(&mut line))
@@ -174,7 +222,7 @@ mod tests {
 
         // As left by a killed program: too many rows, the last one incomplete.
         std::fs::write(&path, format!("{whole}5,0.1")).unwrap();
-        let mut log = Log::open_to_append(&Solo, &path, 3).unwrap();
+        let mut log = Log::open_to_append(&Solo, &path, Some(2), 3).unwrap();
         (3..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
         drop(log);
         assert_eq!(text(&path), whole);
@@ -186,7 +234,7 @@ mod tests {
         let path = folder.path().join("log.csv");
         let open = |names: &str| {
             std::fs::write(&path, format!("{names}\n")).unwrap();
-            Log::open_to_append(&Solo, &path, 0).map(drop)
+            Log::open_to_append(&Solo, &path, None, 0).map(drop)
         };
         let names = columns().join(",");
         assert!(open(&names).is_ok());
@@ -203,7 +251,7 @@ mod tests {
     fn refuses_a_log_that_does_not_fit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
-        let refuse = |rows| match Log::open_to_append(&Solo, &path, rows) {
+        let refuse = |rows| match Log::open_to_append(&Solo, &path, Some(9), rows) {
             Err(Failure::Input(message)) => message,
             _ => panic!("a log that does not fit was accepted"),
         };
@@ -213,6 +261,8 @@ mod tests {
         let mut log = Log::create(&Solo, &path).unwrap();
         (0..2).for_each(|k| log.row(k, 0.0, &row(k)).unwrap());
         drop(log);
-        assert!(refuse(3).contains("it has 2 rows, the checkpoint counts 3"));
+        assert!(
+            refuse(3).contains("it has 2 rows up to the step of the checkpoint, which counts 3")
+        );
     }
 }

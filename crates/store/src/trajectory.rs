@@ -65,30 +65,20 @@ pub struct RunHeader<'a> {
 }
 
 /// Prepares the file of a run that resumes: brings one that a killed program left behind back to its
-/// last flush, and sets one aside that cannot be read. Returns whether there is a file to continue.
-/// Collective.
+/// last flush, and sets one aside that cannot be read, with a note. Not collective.
 ///
 /// # Errors
 /// If a file can be neither written nor renamed.
-pub fn recover(exchange: &dyn Parallel, path: &Path) -> Result<bool, Failure> {
-    let recovered = match exchange.rank() {
-        0 => recover_file(path),
-        _ => Ok(false),
-    };
-    let recovered = agree(exchange, recovered)?;
-    Ok(exchange.broadcast(vec![u8::from(recovered)])[0] == 1)
-}
-
-fn recover_file(path: &Path) -> Result<bool, Failure> {
+pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
     if !path.exists() {
-        return Ok(false);
+        return Ok(());
     }
     if let Some(journal) = Journal::read(path) {
         journal.restore(path)?;
     }
     hdf5::silence_errors(true);
     let Err(error) = hdf5::File::open(path) else {
-        return Ok(true);
+        return Ok(());
     };
     let aside = (1..)
         .map(|k| path.with_extension(format!("unreadable-{k}.h5")))
@@ -97,12 +87,12 @@ fn recover_file(path: &Path) -> Result<bool, Failure> {
     std::fs::rename(path, &aside)
         .map_err(|e| Failure::other(format!("{}: cannot be renamed: {e}", path.display())))?;
     journal::remove(path)?;
-    eprintln!(
-        "note: {} cannot be read ({error}); it is now {}, and a new file begins at the checkpoint",
+    notes.push(format!(
+        "{} cannot be read ({error}); it is now {}, and a new file begins at the checkpoint",
         path.display(),
         aside.display()
-    );
-    Ok(false)
+    ));
+    Ok(())
 }
 
 /// Attributes written only when a run ends.
@@ -262,6 +252,77 @@ impl TrajectoryWriter {
         // The space of removed rows may be used again, which the last journal does not know.
         writer.write_journal(exchange)?;
         Ok(writer)
+    }
+
+    /// Checks that [`Self::open_to_append`] would take the file. Writes nothing. Not collective.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is not a `run.h5` or holds less.
+    pub fn check(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<(), Failure> {
+        hdf5::silence_errors(true);
+        inspect(path, series, frames, rows).map(drop)
+    }
+
+    /// Returns the numbers of frames, rows of the time series and rows of scalars up to the step
+    /// `last`; `None`: before the first step. Not collective.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is not a `run.h5`, or damaged.
+    pub fn up_to(path: &Path, series: &[Column], last: Option<u64>) -> Result<[u64; 3], Failure> {
+        hdf5::silence_errors(true);
+        inspect(path, series, 0, 0)?;
+        let Some(last) = last else { return Ok([0; 3]) };
+        let count = |file: &hdf5::File, name: &str| -> hdf5::Result<u64> {
+            let steps = file.dataset(name)?.read_raw::<u64>()?;
+            // What a killed program left of its last batch may be anything.
+            let ascends = |k: &usize| *k == 0 || steps[*k] > steps[*k - 1];
+            let before = (0..steps.len()).take_while(|k| steps[*k] <= last && ascends(k));
+            Ok(before.count() as u64)
+        };
+        let read = || -> hdf5::Result<[u64; 3]> {
+            let file = hdf5::File::open(path)?;
+            let names = file.group(OBSERVABLES)?.member_names()?;
+            let has = |wanted: &str| names.iter().any(|name| name == wanted);
+            let first = series[0].stored_name(has).unwrap_or(series[0].name);
+            let scalars = format!("{SCALARS}/{}", FrameScalars::COLUMNS[0].name);
+            Ok([
+                count(&file, &format!("{PARTICLES}/position/step"))?,
+                count(&file, &format!("{OBSERVABLES}/{first}/step"))?,
+                match names
+                    .iter()
+                    .any(|name| format!("{OBSERVABLES}/{name}") == SCALARS)
+                {
+                    true => count(&file, &format!("{scalars}/step"))?,
+                    false => 0,
+                },
+            ])
+        };
+        read().map_err(|error| {
+            let why = format!("it is not the run.h5 of a run, or damaged ({error})");
+            Failure::input(format!(
+                "{}: cannot continue this file: {why}",
+                path.display()
+            ))
+        })
+    }
+
+    /// Writes attributes of `parameters` (rank 0's), replacing those of the same names.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn attributes(
+        &mut self,
+        exchange: &dyn Parallel,
+        attributes: &[(&str, Attribute)],
+    ) -> Result<(), Failure> {
+        let attributes = attributes
+            .iter()
+            .map(|(name, value)| (name.to_string(), value.clone()));
+        let mut outcome = CollectiveOutcome::default();
+        for (name, value) in shared(exchange, attributes.collect()) {
+            outcome.note(self.file.attribute(PARAMETERS, &name, &value));
+        }
+        self.file.agree(exchange, outcome)
     }
 
     fn new(file: H5File, path: &Path, columns: Datasets, blocks: IdBlocks) -> Self {
@@ -446,14 +507,7 @@ impl TrajectoryWriter {
         let _waiting = exchange.waiting();
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
-        let attributes = attributes
-            .iter()
-            .map(|(name, value)| (name.to_string(), value.clone()));
-        let mut outcome = CollectiveOutcome::default();
-        for (name, value) in shared(exchange, attributes.collect()) {
-            outcome.note(self.file.attribute(PARAMETERS, &name, &value));
-        }
-        self.file.agree(exchange, outcome)?;
+        self.attributes(exchange, attributes)?;
         drop((self.columns, self.scalars));
         agree(exchange, self.file.close())?;
         let removed = match exchange.rank() {

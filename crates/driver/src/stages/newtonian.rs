@@ -21,7 +21,7 @@ use gshear_store::h5::Attribute;
 use super::box_state::observe;
 use super::spectra_file::SpectraFile;
 use super::spectrum::GlobalState;
-use crate::files::{Files, Format, Written};
+use crate::files::{Files, Format, UpToCheckpoint};
 use crate::header::{Header, Pair, Progress};
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
@@ -53,7 +53,6 @@ pub(super) struct From {
 pub(super) struct Resumed {
     /// Completed steps.
     pub step: u64,
-    pub written: Written,
     /// Lines of the file of eigenvalues.
     pub lines: u64,
     pub displacements: Vec<Displacement>,
@@ -71,12 +70,17 @@ struct Due {
     window: Option<ReplayWindow>,
 }
 
+/// Number of steps of Δt `step` in the stage.
+pub(crate) fn steps(of: &gshear_scene::Newtonian, pair: Option<&Pair>, step: f64) -> u64 {
+    match pair {
+        Some(pair) => (of.growth_times / pair.omega_i / step).ceil() as u64,
+        None => (of.growth_times * STEPS_WITHOUT_A_PAIR).ceil() as u64,
+    }
+}
+
 impl Due {
     fn new(of: &gshear_scene::Newtonian, pair: Option<&Pair>, step: f64) -> Self {
-        let steps = match pair {
-            Some(pair) => (of.growth_times / pair.omega_i / step).ceil(),
-            None => (of.growth_times * STEPS_WITHOUT_A_PAIR).ceil(),
-        } as u64;
+        let steps = steps(of, pair, step);
         let every = |count: u64| match count {
             0 => u64::MAX,
             count => (steps / count).max(1),
@@ -162,13 +166,15 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             scalars: false,
         };
         let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
-        let written = goes_on.map(|r| r.written);
-        let lines = goes_on.map(|r| r.lines);
-        let files = Files::open(run.place(), &mut system, &format, written)?;
+        let before = goes_on.map(|r| UpToCheckpoint::new(r.step));
+        let files = Files::open(run.place(), &mut system, &format, before)?;
         let spectra = if due.spectra == u64::MAX {
             None
         } else {
             let path = run.options.out.join(SPECTRA_FILE);
+            // In another folder than the checkpoint's the file begins anew.
+            let there = exchange.broadcast(vec![u8::from(path.exists())])[0] == 1;
+            let lines = goes_on.filter(|_| there).map(|r| r.lines);
             Some(SpectraFile::open(exchange, &path, lines)?)
         };
         let motion = if let Some(resumed) = &resumed {

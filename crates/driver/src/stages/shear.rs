@@ -17,7 +17,7 @@ use gshear_scene::{PackingFile, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 
 use super::setup::system;
-use crate::files::{Files, Format, RUN_FILE, Written};
+use crate::files::{Files, Format, RUN_FILE, UpToCheckpoint, Written};
 use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
@@ -107,6 +107,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
         let written = from.written.filter(|_| run.options.replay.is_none());
+        let before = written.map(|_| UpToCheckpoint::new(from.step));
         let format = Format {
             name: RUN_FILE,
             columns: &SeriesRow::COLUMNS,
@@ -116,7 +117,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             log: true,
             scalars: plane_shear.analysis.scalars,
         };
-        let files = Files::open(run.place(), &mut system, &format, written)?;
+        let files = Files::open(run.place(), &mut system, &format, before)?;
         // The first row of new scalars is of a frame without a frame before it.
         let before = state.analysed.filter(|_| files.resumed());
         let analysis = match plane_shear.analysis.scalars {

@@ -17,7 +17,7 @@ use super::box_state::{Observed, observe};
 use super::relax::{Equilibrium, LONGEST, Relaxation, displace, residual};
 use super::rest::RestState;
 use super::spectrum::{Eigenvalues, GlobalState};
-use crate::files::{Files, Format, Written};
+use crate::files::{Files, Format, UpToCheckpoint, Written};
 use crate::header::{Birth, Header, Progress};
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
@@ -58,8 +58,9 @@ impl<'a, D: Dimension> Strain<'a, D> {
             log: false,
             scalars: false,
         };
+        let before = written.map(|_| UpToCheckpoint::new(progress.steps));
         Ok(Self {
-            files: Files::open(run.place(), &mut system, &format, written)?,
+            files: Files::open(run.place(), &mut system, &format, before)?,
             relaxation: Relaxation::new(periodic.relax, &scene.sample),
             scene,
             periodic,

@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 
 use gshear_dem::laws::keys::{NOT_NEGATIVE, POSITIVE, UNIT};
 
-use crate::key::Entry;
+use crate::key::{Change, Entry};
 use crate::kind::{Flag, Integers, Number, Text, Whole};
 use crate::scene::SIMD_NAMES;
 pub use periodic::{Aqs, BoxTable, Newtonian, Relax};
@@ -28,11 +28,16 @@ table! {
         /// name of the run
         title: Text {
             otherwise: "`\"Plane shear\"`, of a box `\"Periodic box\"`",
+            change: Change::Resume,
         },
         /// seed of every random number
-        seed: Whole { range: FROM_ZERO, default: Some(1) },
+        seed: Whole { range: FROM_ZERO, default: Some(1), change: Change::Never },
         /// 2: disks, 3: spheres
-        dimension: Whole { range: Integers { from: 2, to: 3 }, default: Some(2) },
+        dimension: Whole {
+            range: Integers { from: 2, to: 3 },
+            default: Some(2),
+            change: Change::Never,
+        },
     }
     tables {
         material: Material,
@@ -66,7 +71,11 @@ table! {
             otherwise: "none",
         },
         /// run with a `step` over the limit
-        force: Flag { condition: "with `step` or `collision_speed`", default: Some(false) },
+        force: Flag {
+            condition: "with `step` or `collision_speed`",
+            default: Some(false),
+            change: Change::Resume,
+        },
     }
 }
 
@@ -74,25 +83,53 @@ table! {
     /// What is written.
     Output "output" {
         /// Δγ between frames; 0 is never
-        frame_strain: Number { range: NOT_NEGATIVE, default: Some(1e-4) },
+        frame_strain: Number {
+            range: NOT_NEGATIVE,
+            default: Some(1e-4),
+            change: Change::Resume,
+        },
         /// γ of the first frame, rounded to a multiple of `frame_strain`
-        frame_start: Number { range: NOT_NEGATIVE, default: Some(0.0) },
+        frame_start: Number {
+            range: NOT_NEGATIVE,
+            default: Some(0.0),
+            change: Change::Resume,
+        },
         /// Δγ between rows of the time series; 0 is never
-        series_strain: Number { range: NOT_NEGATIVE, default: Some(1e-5) },
+        series_strain: Number {
+            range: NOT_NEGATIVE,
+            default: Some(1e-5),
+            change: Change::Resume,
+        },
         /// Δγ between checkpoints; 0 is only at the end
-        checkpoint_strain: Number { range: NOT_NEGATIVE, default: Some(0.02) },
+        checkpoint_strain: Number {
+            range: NOT_NEGATIVE,
+            default: Some(0.02),
+            change: Change::Resume,
+        },
         /// keep every checkpoint of the shear as `checkpoint-<step>.h5`, from step 0 on, for
         /// `gshear-reduce replay`; of a box as `checkpoint-aqs-<step>.h5` and
         /// `checkpoint-newtonian-<step>.h5`
-        keep_checkpoints: Flag { default: Some(false) },
+        keep_checkpoints: Flag { default: Some(false), change: Change::Resume },
         /// with a protocol: frames in each part; 0 is none
-        frame_rows: Whole { range: FROM_ZERO, default: Some(0) },
+        frame_rows: Whole { range: FROM_ZERO, default: Some(0), change: Change::Resume },
         /// with a protocol: rows of the time series in each part; 0 is none
-        series_rows: Whole { range: FROM_ZERO, default: Some(1000) },
+        series_rows: Whole {
+            range: FROM_ZERO,
+            default: Some(1000),
+            change: Change::Resume,
+        },
         /// lines on the terminal over the whole run
-        progress_lines: Whole { range: FROM_ZERO, default: Some(20) },
+        progress_lines: Whole {
+            range: FROM_ZERO,
+            default: Some(20),
+            change: Change::Resume,
+        },
         /// record the energy budget in the time series
-        energy: Flag { default: Some(true), former: FORMER_OF_TESTS },
+        energy: Flag {
+            default: Some(true),
+            former: FORMER_OF_TESTS,
+            change: Change::Resume,
+        },
     }
 }
 
@@ -100,13 +137,26 @@ table! {
     /// What changes speed, not results.
     Bookkeeping "bookkeeping" {
         /// skin of the neighbour list over d̄; changes speed, not results
-        skin: Number { range: UNIT, otherwise: "adapted" },
+        skin: Number { range: UNIT, otherwise: "adapted", change: Change::Resume },
         /// rebuild the list at least every so many steps; 0 is when needed
-        rebuild_every: Whole { range: FROM_ZERO, default: Some(0) },
+        rebuild_every: Whole {
+            range: FROM_ZERO,
+            default: Some(0),
+            change: Change::Resume,
+        },
         /// instruction set of the kernel; changes speed, not results
-        simd: Text { range: &SIMD_NAMES, default: Some(SIMD_NAMES[0]) },
+        simd: Text {
+            range: &SIMD_NAMES,
+            default: Some(SIMD_NAMES[0]),
+            change: Change::Resume,
+        },
         /// a run ends if a rank has not answered for so long; 0 is never
-        watchdog: Number { unit: "s", range: NOT_NEGATIVE, default: Some(600.0) },
+        watchdog: Number {
+            unit: "s",
+            range: NOT_NEGATIVE,
+            default: Some(600.0),
+            change: Change::Resume,
+        },
     }
 }
 

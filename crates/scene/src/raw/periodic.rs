@@ -5,6 +5,7 @@ use std::ops::Bound;
 use gshear_dem::laws::keys::{Bounds, NOT_NEGATIVE, POSITIVE, UNIT};
 
 use super::table::{FROM_ONE, FROM_ZERO, names, table};
+use crate::key::Change;
 use crate::kind::{Flag, Number, Text, Whole};
 use crate::scene::Method;
 
@@ -19,6 +20,7 @@ table! {
             range: Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) },
             what: "phi, the grains' volume over that of the box",
             example: "0.7",
+            change: Change::Never,
         },
     }
 }
@@ -44,7 +46,11 @@ table! {
             example: "0.022",
         },
         /// steps of overdamped dynamics, for one relaxation
-        max_steps: Whole { range: FROM_ONE, default: Some(10_000_000) },
+        max_steps: Whole {
+            range: FROM_ONE,
+            default: Some(10_000_000),
+            change: Change::Resume,
+        },
     }
 }
 
@@ -54,9 +60,14 @@ table! {
         /// δγ
         strain_step: Number { range: UNIT, what: "delta gamma", example: "1e-4" },
         /// number of strain steps
-        steps: Whole { range: FROM_ZERO, what: "the number of strain steps", example: "100" },
+        steps: Whole {
+            range: FROM_ZERO,
+            what: "the number of strain steps",
+            example: "100",
+            change: Change::End,
+        },
         /// strain steps between frames; 0 is never
-        frame_every: Whole { range: FROM_ZERO, default: Some(0) },
+        frame_every: Whole { range: FROM_ZERO, default: Some(0), change: Change::Resume },
         /// find all eigenvalues after every step, and the birth of the first complex pair
         spectrum: Flag { default: Some(false) },
         /// precision of the birth in γ, by bisection
@@ -64,6 +75,7 @@ table! {
             range: POSITIVE,
             condition: "with `spectrum`",
             default: Some(1e-10),
+            change: Change::Resume,
         },
         /// the strain steps end when a complex pair is alone and its imaginary part is this or
         /// more; 0 is never
@@ -71,6 +83,7 @@ table! {
             range: NOT_NEGATIVE,
             condition: "with `spectrum`",
             default: Some(0.0),
+            change: Change::End,
         },
     }
 }
@@ -84,13 +97,14 @@ table! {
             range: POSITIVE,
             what: "the duration, in times 1/omega_i in which the complex pair grows by e",
             example: "20",
+            change: Change::End,
         },
         /// rows of its time series at equal intervals, beside two stretches that resolve the
         /// oscillation; 0 is none
-        rows: Whole { range: FROM_ZERO, default: Some(20_000) },
+        rows: Whole { range: FROM_ZERO, default: Some(20_000), change: Change::Resume },
         /// frames of it; 0 is none
-        frames: Whole { range: FROM_ZERO, default: Some(200) },
+        frames: Whole { range: FROM_ZERO, default: Some(200), change: Change::Resume },
         /// times at which all eigenvalues are written; 0 is none
-        spectra: Whole { range: FROM_ZERO, default: Some(0) },
+        spectra: Whole { range: FROM_ZERO, default: Some(0), change: Change::Resume },
     }
 }

@@ -5,6 +5,7 @@ use std::ops::Bound;
 use gshear_dem::laws::keys::{BELOW_ONE, Bounds, NOT_NEGATIVE, POSITIVE, UNIT};
 
 use super::table::{names, table};
+use crate::key::Change;
 use crate::kind::{Integers, Number, Numbers, Text, Whole};
 use crate::law_keys::LAW_NAMES;
 use crate::scene::{Sizes, Walls};
@@ -24,6 +25,7 @@ table! {
         law: Text {
             range: &LAW_NAMES,
             otherwise: "`\"lee-hurley\"`, in 3D `\"hertz\"`",
+            change: Change::Never,
         },
         /// sliding friction μ_s
         friction: Number { range: NOT_NEGATIVE, what: "mu_s", example: "0.7" },
@@ -44,6 +46,7 @@ table! {
             range: Integers { from: 1, to: u32::MAX as i64 },
             what: "the number of grains",
             example: "1000",
+            change: Change::Never,
         },
         /// least radius R
         radius_min: Number {
@@ -51,6 +54,7 @@ table! {
             range: POSITIVE,
             what: "the least R",
             example: "0.5e-6",
+            change: Change::Never,
         },
         /// greatest radius R
         radius_max: Number {
@@ -59,9 +63,14 @@ table! {
             condition: "≥ `radius_min`",
             what: "the greatest R",
             example: "1e-6",
+            change: Change::Never,
         },
         /// distribution of R between them; `"binary"` is either of the two
-        sizes: Text { range: &Sizes::NAMES, default: Some(Sizes::NAMES[0]) },
+        sizes: Text {
+            range: &Sizes::NAMES,
+            default: Some(Sizes::NAMES[0]),
+            change: Change::Never,
+        },
         /// mean of the normal distribution before its ends are cut off
         radius_mean: Number {
             unit: "m",
@@ -69,6 +78,7 @@ table! {
             condition: "with `\"normal\"`",
             what: "the mean of the normal distribution before its ends are cut off",
             example: "1.5e-3",
+            change: Change::Never,
         },
         /// its standard deviation
         radius_deviation: Number {
@@ -77,6 +87,7 @@ table! {
             condition: "with `\"normal\"`",
             what: "the standard deviation of the normal distribution",
             example: "0.5e-3",
+            change: Change::Never,
         },
         /// share of the grains that have `radius_max`
         large_fraction: Number {
@@ -84,6 +95,7 @@ table! {
             condition: "with `\"binary\"`",
             what: "the share of the grains that have radius_max",
             example: "0.5",
+            change: Change::Never,
         },
         /// radii, each as likely as the others, instead of `radius_min` and `radius_max`
         radii: Numbers {
@@ -92,6 +104,7 @@ table! {
             condition: "one or more, with `\"list\"`",
             what: "the radii, each as likely as the others",
             example: "[1e-3, 1.5e-3]",
+            change: Change::Never,
         },
         /// L_x, periodic
         length: Number {
@@ -100,6 +113,7 @@ table! {
             condition: "≥ 4 diameters of the largest grain",
             what: "L_x",
             example: "48e-6",
+            change: Change::Never,
         },
         /// L_y, periodic; 3D only
         width: Number {
@@ -108,11 +122,13 @@ table! {
             condition: "≥ 4 diameters of the largest grain",
             what: "L_y",
             example: "30e-3",
+            change: Change::Never,
         },
         /// LAMMPS data file with the grains, instead of insertion
         packing: Text {
             condition: "a path, from the folder of this file",
             otherwise: "none",
+            change: Change::Never,
         },
         /// copies of the packing beside each other along its periodic axes: `[n_x]`, in 3D
         /// `[n_x, n_y]`
@@ -120,8 +136,13 @@ table! {
             range: Bounds { from: Bound::Included(1.0), to: Bound::Included(1e6) },
             condition: "whole numbers",
             otherwise: "once",
+            change: Change::Never,
         },
         /// which of its grains are walls, see below
-        walls: Text { range: &WALLS_NAMES, otherwise: "see below" },
+        walls: Text {
+            range: &WALLS_NAMES,
+            otherwise: "see below",
+            change: Change::Never,
+        },
     }
 }

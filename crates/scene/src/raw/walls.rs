@@ -6,6 +6,7 @@ use gshear_dem::laws::keys::{Bounds, NOT_NEGATIVE, POSITIVE};
 
 use super::table::{FROM_ONE, table};
 use crate::derived::{STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
+use crate::key::Change;
 use crate::kind::{Flag, Number, Parts, Whole};
 
 table! {
@@ -34,6 +35,7 @@ table! {
         skip: Flag {
             condition: "true with `sample.packing` only",
             otherwise: "true with `sample.packing`, false without",
+            change: Change::Never,
         },
         /// μ_s while the sample is compressed; 0 packs densest
         friction: Number { range: NOT_NEGATIVE, default: Some(0.0) },
@@ -41,7 +43,11 @@ table! {
         /// carries N up to a share √`tolerance` (at least 1e-3)
         tolerance: Number { range: POSITIVE, default: Some(1e-7) },
         /// steps after which packing is given up
-        max_steps: Whole { range: FROM_ONE, default: Some(5_000_000) },
+        max_steps: Whole {
+            range: FROM_ONE,
+            default: Some(5_000_000),
+            change: Change::Resume,
+        },
     }
 }
 
@@ -53,9 +59,18 @@ table! {
         /// V of the top wall
         velocity: Number { unit: "m/s", range: POSITIVE },
         /// total γ
-        strain: Number { range: POSITIVE, what: "the total gamma", example: "0.1" },
+        strain: Number {
+            range: POSITIVE,
+            what: "the total gamma",
+            example: "0.1",
+            change: Change::End,
+        },
         /// instead of these three: a list of parts, see below
-        protocol: Parts { condition: "one part or more", otherwise: "none" },
+        protocol: Parts {
+            condition: "one part or more",
+            otherwise: "none",
+            change: Change::End,
+        },
         /// k of a spring through which the top wall is pulled; without it the wall moves as the
         /// drive does
         spring_stiffness: Number { unit: "N/m, in 2D Pa", range: POSITIVE, otherwise: "none" },
@@ -73,14 +88,19 @@ table! {
     Analysis "analysis" {
         /// compute the scalars of frames during the run (docs/reduction.md), so that frames need
         /// not be written; 2D only
-        scalars: Flag { default: Some(false) },
+        scalars: Flag { default: Some(false), change: Change::Resume },
         /// Δγ between these frames
         strain: Number {
             range: POSITIVE,
             condition: "a whole number of `output.series_strain`",
             otherwise: "`output.frame_strain`",
+            change: Change::Resume,
         },
         /// γ of the first of them, rounded to a multiple of `analysis.strain`
-        start: Number { range: NOT_NEGATIVE, otherwise: "`output.frame_start`" },
+        start: Number {
+            range: NOT_NEGATIVE,
+            otherwise: "`output.frame_start`",
+            change: Change::Resume,
+        },
     }
 }

@@ -75,6 +75,9 @@ pub struct PackingFile {
     pub edges: [f64; 2],
     /// Whether its types are 1, 2 and 3, all three, so that 2 and 3 can be walls.
     pub wall_types: bool,
+    /// Hash of the file's bytes; empty in checkpoints of versions without it.
+    #[serde(default)]
+    pub content: String,
 }
 
 /// Of files before there were copies.

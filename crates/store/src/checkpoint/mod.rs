@@ -311,6 +311,16 @@ pub fn is_checkpoint(path: &Path) -> bool {
     path.is_file() && hdf5::File::open(path).is_ok_and(|file| file.attr("format").is_ok())
 }
 
+/// Reads the header and the scene of a checkpoint, and nothing of its state. Not collective.
+///
+/// # Errors
+/// [`Failure::Input`] if the file is missing, not a checkpoint, or damaged in one of the two.
+pub fn read_texts(path: &Path) -> Result<[String; 2], Failure> {
+    hdf5::silence_errors(true);
+    let texts = open(path).and_then(|file| texts(&file));
+    texts.map_err(|why| Failure::input(format!("{}: {why}", path.display())))
+}
+
 /// Reads a checkpoint. Returns the scene as TOML and this rank's part of the state: a block of the
 /// grains by id, and the contacts whose lower id is in the block, sorted by their ids. Collective.
 ///
@@ -418,23 +428,24 @@ struct Piece<R> {
     sum: String,
 }
 
-fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String> {
+fn word(file: &hdf5::File, name: &str) -> Result<String, String> {
+    let value = file.attr(name).and_then(|a| a.read_scalar::<Word>());
+    let value = value.map_err(|e| format!("damaged: attribute {name} ({e})"))?;
+    String::from_utf8(value.as_bytes().to_vec()).map_err(|_| format!("damaged: attribute {name}"))
+}
+
+/// Opens a checkpoint of this version.
+fn open(path: &Path) -> Result<hdf5::File, String> {
     if !path.is_file() {
         return Err("there is no such checkpoint".into());
     }
     let file = hdf5::File::open(path).map_err(|e| format!("not an HDF5 file, or damaged ({e})"))?;
     let foreign = || "not a checkpoint of gshear-mpi".to_string();
-    let word = |name: &str| -> Result<String, String> {
-        let value = file.attr(name).and_then(|a| a.read_scalar::<Word>());
-        let value = value.map_err(|e| format!("damaged: attribute {name} ({e})"))?;
-        String::from_utf8(value.as_bytes().to_vec())
-            .map_err(|_| format!("damaged: attribute {name}"))
-    };
     let names = file.attr_names().unwrap_or_default();
     if !names.iter().any(|n| n == "format") {
         return Err(foreign());
     }
-    if word("format")? != FORMAT {
+    if word(&file, "format")? != FORMAT {
         return Err(foreign());
     }
     let version = file
@@ -446,17 +457,29 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
             "a checkpoint of format version {version}; this program reads version {VERSION}"
         ));
     }
+    Ok(file)
+}
+
+/// The header and the scene.
+fn texts(file: &hdf5::File) -> Result<[String; 2], String> {
     let text = |name: &str| -> Result<String, String> {
         let bytes = file.dataset(name).and_then(|d| d.read_raw::<u8>());
         let bytes = bytes.map_err(|e| format!("damaged: {name} ({e})"))?;
-        if hex(xxh3_64(&bytes)) != word(&format!("checksum_{name}"))? {
+        if hex(xxh3_64(&bytes)) != word(file, &format!("checksum_{name}"))? {
             return Err(format!(
                 "damaged: the checksum of its {name} differs from the stored one"
             ));
         }
         String::from_utf8(bytes).map_err(|_| format!("damaged: {name} is not text"))
     };
-    let (header, scene) = (text("header")?, text("scene")?);
+    Ok([text("header")?, text("scene")?])
+}
+
+fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String> {
+    let file = open(path)?;
+    let [header, scene] = texts(&file)?;
+    let names = file.attr_names().unwrap_or_default();
+    let word = |name: &str| word(&file, name);
     let share = |name: &str| -> Result<(IdBlocks, Range<u64>), String> {
         let list = IdBlocks {
             grains: length(&file, name)?,

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use hdf5::Dataset;
 
-pub use self::periodic::{PeriodicRunFile, scene_of_finished};
+pub use self::periodic::{Owner, PeriodicRunFile, owner};
 use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;

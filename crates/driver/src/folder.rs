@@ -1,0 +1,522 @@
+//! The folder of a run: which run it holds, whether this run may write into it, and its lock.
+
+use std::cell::Cell;
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use gshear_dem::columns::Column;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::SeriesRow;
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::identity::changes;
+use gshear_scene::{Boundary, Change, Scene};
+use gshear_store::checkpoint;
+use gshear_store::collective::agree;
+use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
+use gshear_store::log::Log;
+use gshear_store::run_reader;
+use gshear_store::trajectory::{self, TrajectoryWriter};
+
+use crate::files::{LOG_FILE, RUN_FILE, SCENE_FILE, UpToCheckpoint, Written};
+use crate::header::Header;
+use crate::lock::{Lock, unwritable};
+use crate::record::{RunRecord, id_in_scene};
+use crate::run::Options;
+
+/// Files of frames and time series.
+const TRAJECTORIES: [&str; 3] = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE];
+/// What `gshear-reduce` writes into the folder of a run unless told otherwise.
+const REDUCED: [&str; 10] = [
+    "report",
+    "lee-hurley",
+    "bonfanti",
+    "rate-state",
+    "reduced.h5",
+    "phases.csv",
+    "regions.csv",
+    "measures.csv",
+    "correlations.csv",
+    "spectrum.csv",
+];
+
+/// How a run enters its folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Entry {
+    /// From the first grain, or as a branch: the folder must not hold a run.
+    New,
+    /// From the first grain, because the folder holds the beginning of this run without a
+    /// checkpoint.
+    Again,
+    /// From a checkpoint: the folder may hold the same run.
+    Resume,
+}
+
+/// What the files of a folder say about their run.
+#[derive(Debug, Default)]
+pub struct Contents {
+    /// The files of a run, by name.
+    names: Vec<String>,
+    /// Those that say which run they are of.
+    owners: Vec<FileOwner>,
+    /// Stage and step of the newest readable checkpoint.
+    stopped: Option<(&'static str, u64)>,
+    /// The scenes of finished files, by name.
+    finished: Vec<(&'static str, String)>,
+}
+
+/// The run that a file is of.
+#[derive(Debug)]
+struct FileOwner {
+    name: &'static str,
+    /// `None` in files of versions without it.
+    id: Option<String>,
+    /// Empty if the file has none.
+    scene: String,
+    /// Hash of the packing, if the file knows one.
+    packing: Option<String>,
+    /// Whether the run began from a checkpoint of another one.
+    branch: bool,
+}
+
+impl Contents {
+    /// Looks into a folder, which need not exist. Passes over damaged files. Not collective.
+    pub fn of(folder: &Path) -> Self {
+        let mut found = Self::default();
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if is_of_a_run(&name, &entry.path()) {
+                found.names.push(name);
+            }
+        }
+        found.names.sort();
+        for name in TRAJECTORIES {
+            if let Ok(owner) = run_reader::owner(&folder.join(name)) {
+                if owner.finished {
+                    found.finished.push((name, owner.scene.clone()));
+                }
+                found.owners.push(FileOwner {
+                    name,
+                    id: owner.run_id,
+                    scene: owner.scene,
+                    packing: None,
+                    branch: owner.branch,
+                });
+            }
+        }
+        for name in [checkpoint::NAME, checkpoint::PREVIOUS] {
+            let texts = checkpoint::read_texts(&folder.join(name));
+            let read = texts.and_then(|[header, scene]| Ok((Header::parse(&header)?, scene)));
+            if let Ok(((header, record), scene)) = read {
+                found.stopped.get_or_insert((header.stage(), header.step()));
+                found.owners.push(FileOwner {
+                    name,
+                    branch: record
+                        .as_ref()
+                        .is_some_and(|record| record.parent.is_some()),
+                    id: record.map(|record| record.id),
+                    scene,
+                    packing: header.packing().map(|file| file.content.clone()),
+                });
+            }
+        }
+        let scene = fs::read_to_string(folder.join(SCENE_FILE)).unwrap_or_default();
+        if let Some(id) = id_in_scene(&scene) {
+            found.owners.push(FileOwner {
+                name: SCENE_FILE,
+                id: Some(id.into()),
+                packing: None,
+                branch: scene.lines().any(|line| line.starts_with("# branch of")),
+                scene,
+            });
+        }
+        found
+    }
+
+    /// Whether there is no file of a run.
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+
+    /// The first file of another run than this one. `ends`: a run whose stages end elsewhere is
+    /// the same, because a resume may move the ends.
+    fn foreign(&self, record: &RunRecord, scene: &Scene, ends: bool) -> Option<&FileOwner> {
+        self.owners.iter().find(|owner| match &owner.id {
+            Some(id) => *id != record.id && !(ends && owner.is_continued_by(scene)),
+            None => owner.differs(scene),
+        })
+    }
+
+    /// Whether this run has come to the end that the scene asks for.
+    pub fn is_finished(&self, last_file: &str, scene: &Scene) -> bool {
+        let ends = |toml: &str| {
+            let changes = changes(toml, &scene.toml);
+            changes.iter().any(|change| change.change == Change::End)
+        };
+        let last = self.finished.iter().find(|(name, _)| *name == last_file);
+        last.is_some_and(|(_, toml)| !ends(toml))
+    }
+
+    /// Refuses a folder that holds another run. `ends`: a run whose stages end elsewhere is the
+    /// same.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] that names the file and both identities.
+    pub fn is_of(
+        &self,
+        folder: &Path,
+        record: &RunRecord,
+        scene: &Scene,
+        ends: bool,
+    ) -> Result<(), Failure> {
+        let Some(other) = self.foreign(record, scene, ends) else {
+            return Ok(());
+        };
+        let differs = match changes(&other.scene, &scene.toml)
+            .into_iter()
+            .find(|change| change.change.is_physics())
+        {
+            Some(change) if !other.scene.is_empty() => format!("; {change}"),
+            _ => String::new(),
+        };
+        let id = other.id.as_deref().unwrap_or("unknown");
+        Err(Failure::input(format!(
+            "{}: is of another run (run_id {id}, this one is {}{differs}); give another folder with --out, or remove that run with --overwrite",
+            folder.join(other.name).display(),
+            record.id,
+        )))
+    }
+
+    /// The message that refuses a new run.
+    fn refuse_new(&self, folder: &Path, record: &RunRecord, scene: &Scene, last: &str) -> Failure {
+        let place = folder.display();
+        let away = "give another folder with --out, or remove that run with --overwrite";
+        let same = !self.owners.is_empty() && self.foreign(record, scene, true).is_none();
+        Failure::input(if self.is_finished(last, scene) && same {
+            format!("{place}: holds this run, which is finished; {away}")
+        } else if same {
+            let at = match self.stopped {
+                Some((stage, step)) => format!("up to {stage} step {step}"),
+                None => "without a checkpoint".into(),
+            };
+            format!("{place}: holds this run {at}; continue it with --resume auto, {away}")
+        } else {
+            format!(
+                "{place}: holds another run ({}); {away}",
+                self.names.join(", ")
+            )
+        })
+    }
+}
+
+impl FileOwner {
+    /// Whether any key that decides the trajectory differs.
+    fn differs(&self, scene: &Scene) -> bool {
+        let changes = changes(&self.scene, &scene.toml);
+        changes.iter().any(|change| change.change.is_physics())
+    }
+
+    /// Whether a run from the first grain of this scene is the one of the file, but for where its
+    /// stages end.
+    fn is_continued_by(&self, scene: &Scene) -> bool {
+        let packing = match &scene.boundary {
+            Boundary::Walls(walls) => walls.origin.file().map(|file| &file.content),
+            Boundary::Periodic(_) => None,
+        };
+        // Only checkpoints know the bytes of the packing.
+        let same_grains = packing.is_none() || self.packing.as_ref() == packing;
+        !self.branch && !self.scene.is_empty() && same_grains && !self.differs(scene)
+    }
+}
+
+fn is_of_a_run(name: &str, path: &Path) -> bool {
+    let checkpoint = name.starts_with("checkpoint") && name.contains(".h5");
+    TRAJECTORIES.contains(&name.trim_end_matches(".journal"))
+        || [LOG_FILE, SPECTRA_FILE].contains(&name)
+        || checkpoint
+        || (name == SCENE_FILE
+            && fs::read_to_string(path).is_ok_and(|text| id_in_scene(&text).is_some()))
+}
+
+/// The folder of a run that may write into it. Only rank 0 holds the lock.
+pub struct RunFolder {
+    path: PathBuf,
+    lock: Option<Lock>,
+    /// Whether the files of an earlier run are still to be removed.
+    clear: Cell<bool>,
+    /// Folders that were made for this run, the innermost first.
+    made: Vec<PathBuf>,
+}
+
+/// What a run asks of its folder.
+pub struct Claim<'a> {
+    /// How the run enters.
+    pub entry: Entry,
+    /// The identity of the run.
+    pub record: &'a RunRecord,
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The header of the checkpoint, if the run starts from one.
+    pub header: Option<&'a Header>,
+    /// The checkpoint.
+    pub checkpoint: Option<&'a Path>,
+    /// Name of the file of the last stage.
+    pub last_file: &'static str,
+}
+
+impl RunFolder {
+    /// Checks that the run may write into its folder, makes the folder and takes its lock.
+    /// Collective.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the folder holds another run, files that do not fit the checkpoint, or
+    /// the lock of another process; or if it cannot be written. Nothing is written then.
+    pub fn take(
+        exchange: &dyn Parallel,
+        claim: &Claim<'_>,
+        options: &Options,
+    ) -> Result<Self, Failure> {
+        let mut folder = Self {
+            path: options.out.clone(),
+            lock: None,
+            clear: Cell::new(false),
+            made: Vec::new(),
+        };
+        let mut notes = Vec::new();
+        let taken = match exchange.rank() {
+            0 => folder.take_on_root(claim, options, &mut notes),
+            _ => Ok(()),
+        };
+        agree(exchange, taken)?;
+        for note in notes {
+            eprintln!("note: {note}");
+        }
+        Ok(folder)
+    }
+
+    fn take_on_root(
+        &mut self,
+        claim: &Claim<'_>,
+        options: &Options,
+        notes: &mut Vec<String>,
+    ) -> Result<(), Failure> {
+        self.check(claim, options, None)?;
+        let missing = self.path.ancestors().take_while(|folder| !folder.exists());
+        self.made = missing
+            .filter(|folder| !folder.as_os_str().is_empty())
+            .map(Path::to_path_buf)
+            .collect();
+        fs::create_dir_all(&self.path).map_err(|e| unwritable(&self.path, &e))?;
+        self.lock = Some(Lock::take(&self.path, options.break_lock, notes)?);
+        if let (Entry::Resume, Some((name, ..))) = (claim.entry, claim.header.and_then(files_of)) {
+            trajectory::recover(&self.path.join(name), notes)?;
+        }
+        // Another job may have written between the first look and the lock.
+        self.check(claim, options, Some(notes))
+    }
+
+    /// With `notes`, also the files that a resume continues, which only the holder of the lock can
+    /// repair.
+    fn check(
+        &self,
+        claim: &Claim<'_>,
+        options: &Options,
+        notes: Option<&mut Vec<String>>,
+    ) -> Result<(), Failure> {
+        let Claim {
+            entry,
+            record,
+            scene,
+            header,
+            checkpoint,
+            last_file,
+        } = claim;
+        let found = Contents::of(&self.path);
+        if options.overwrite {
+            self.clear.set(!found.is_empty());
+            return Ok(());
+        }
+        match (entry, header) {
+            (Entry::New, _) if !found.is_empty() => {
+                Err(found.refuse_new(&self.path, record, scene, last_file))
+            }
+            (Entry::Resume, Some(header)) => {
+                found.is_of(&self.path, record, scene, false)?;
+                let folder = checkpoint.and_then(Path::parent);
+                let beside = folder.is_some_and(|folder| same_folder(folder, &self.path));
+                match notes {
+                    Some(notes) => self.check_files(header, scene, &found, beside, notes),
+                    None => Ok(()),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks that the files fit the checkpoint, so that a resume that fails writes nothing.
+    fn check_files(
+        &self,
+        header: &Header,
+        scene: &Scene,
+        found: &Contents,
+        beside: bool,
+        notes: &mut Vec<String>,
+    ) -> Result<(), Failure> {
+        let Some((name, columns, written)) = files_of(header) else {
+            return Ok(());
+        };
+        let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
+        let Written { frames, rows, .. } = *written;
+        let UpToCheckpoint { step, last } = UpToCheckpoint::new(header.step());
+        let there = path.exists();
+        let mut kept = 0;
+        if there {
+            // The checkpoint's numbers are those of the file beside it, unless that was lost since.
+            let begun_at = run_reader::owner(&path)?.begun_at;
+            if beside && begun_at < step {
+                TrajectoryWriter::check(&path, columns, frames, rows)?;
+            }
+            kept = TrajectoryWriter::up_to(&path, columns, last)?[1];
+        } else if !found.is_empty() {
+            notes.push(format!(
+                "{}: is missing, with {frames} frames and {rows} rows up to the checkpoint; the file begins anew at {} step {}",
+                path.display(),
+                header.stage(),
+                header.step()
+            ));
+        }
+        match header {
+            Header::Shear { .. } if there || log.exists() => Log::check(&log, last, kept).map(drop),
+            Header::Newtonian { lines, .. } if there && *lines > 0 => {
+                let wanted = match &scene.boundary {
+                    Boundary::Periodic(of) => of.newtonian.is_some_and(|of| of.spectra > 0),
+                    Boundary::Walls(_) => false,
+                };
+                let spectra = self.path.join(SPECTRA_FILE);
+                match wanted && !spectra.exists() {
+                    true => Err(Failure::input(format!(
+                        "{}: is missing, the checkpoint counts {lines} lines; put it back, or leave the spectra out with --set newtonian.spectra=0",
+                        spectra.display()
+                    ))),
+                    false => Ok(()),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Removes the files of an earlier run, once, before this run writes its first one. Collective.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if a file cannot be removed.
+    pub fn clear(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let removed = match self.clear.replace(false) {
+            true => remove_run(&self.path),
+            false => Ok(()),
+        };
+        agree(exchange, removed)
+    }
+
+    /// Checks that the folder is still there and this run still holds its lock. Collective.
+    ///
+    /// # Errors
+    /// As [`Lock::verify`].
+    pub fn verify(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let held = self.lock.as_ref().map_or(Ok(()), Lock::verify);
+        agree(exchange, held)
+    }
+}
+
+impl Drop for RunFolder {
+    fn drop(&mut self) {
+        drop(self.lock.take());
+        for folder in &self.made {
+            // Only if it is empty: a run that was refused leaves nothing behind.
+            if fs::remove_dir(folder).is_err() {
+                break;
+            }
+        }
+    }
+}
+
+/// The file of frames that a checkpoint continues, its columns, and what it holds; `None` before
+/// there is one.
+fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Written)> {
+    match header {
+        Header::Pack { .. } => None,
+        Header::Shear { written, .. } => Some((RUN_FILE, &SeriesRow::COLUMNS[..], written)),
+        Header::Aqs { written, .. } => Some((AQS_FILE, &AqsRow::COLUMNS[..], written)),
+        Header::Newtonian { written, .. } => {
+            Some((NEWTONIAN_FILE, &NewtonianRow::COLUMNS[..], written))
+        }
+    }
+}
+
+/// Whether two paths lead to the same folder. An empty path is the present one.
+pub fn same_folder(one: &Path, other: &Path) -> bool {
+    let place = |path: &Path| match path.as_os_str().is_empty() {
+        true => Path::new(".").canonicalize(),
+        false => path.canonicalize(),
+    };
+    match (place(one), place(other)) {
+        (Ok(one), Ok(other)) => one == other,
+        _ => one == other,
+    }
+}
+
+/// Removes the files of a run and what was reduced from them.
+fn remove_run(folder: &Path) -> Result<(), Failure> {
+    for name in Contents::of(folder)
+        .names
+        .iter()
+        .map(String::as_str)
+        .chain(REDUCED)
+    {
+        let path = folder.join(name);
+        let removed = match path.symlink_metadata() {
+            Err(_) => Ok(()),
+            Ok(of) if of.is_dir() => fs::remove_dir_all(&path),
+            Ok(_) => fs::remove_file(&path),
+        };
+        removed
+            .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))?;
+    }
+    Ok(())
+}
+
+/// A file that is open for writing, and must stay where it is.
+pub struct Watched {
+    path: PathBuf,
+    id: Option<(u64, u64)>,
+}
+
+impl Watched {
+    /// The file that is at this path now.
+    pub fn new(path: PathBuf) -> Self {
+        let id = Self::id(&path);
+        Self { path, id }
+    }
+
+    fn id(path: &Path) -> Option<(u64, u64)> {
+        let file = fs::metadata(path).ok()?;
+        Some((file.dev(), file.ino()))
+    }
+
+    /// Checks that the path still leads to the file.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if the file was removed or replaced.
+    pub fn verify(&self) -> Result<(), Failure> {
+        match Self::id(&self.path) {
+            found if found == self.id => Ok(()),
+            found => Err(Failure::other(format!(
+                "{}: was {} during the run, so what the run wrote into it is gone; resume from the last checkpoint, or start again",
+                self.path.display(),
+                match found {
+                    Some(_) => "replaced",
+                    None => "removed",
+                },
+            ))),
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! The identity of a run: the hash of all that decides its trajectory. Files of a run carry it, so
+//! that two runs are never mixed in one folder.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use toml::{Table, Value};
+use xxhash_rust::xxh3::xxh3_128;
+
+use crate::key::Entry;
+use crate::raw::{TABLES, TOP_KEYS};
+use crate::scene::{Boundary, Scene};
+use crate::{Change, raw};
+
+/// Returns the 128-bit xxh3 hash of these bytes as 32 hexadecimal digits.
+pub fn hash(bytes: &[u8]) -> String {
+    format!("{:032x}", xxh3_128(bytes))
+}
+
+/// Returns the identity of a run of this scene from its first grain.
+///
+/// Two scenes have the same identity if they agree in every key that is physics ([`Change`]), in
+/// the time step and in the bytes of the packing, wherever that file is. Output, bookkeeping and
+/// the end of the last stage do not count.
+pub fn identity(scene: &Scene) -> String {
+    let mut text = String::new();
+    for (path, value) in values(&scene.toml) {
+        if counts(&path, scene) {
+            text += &format!("{path} = {value}\n");
+        }
+    }
+    // Derived steps follow from the physics, but their formula may change with a version.
+    text += &format!("step {:016x}\n", scene.time_step.step.to_bits());
+    if let Boundary::Walls(walls) = &scene.boundary
+        && let Some(file) = walls.origin.file()
+    {
+        text += &format!("packing {}\n", file.content);
+    }
+    hash(text.as_bytes())
+}
+
+/// Whether a key belongs to the identity of the scene.
+fn counts(path: &str, scene: &Scene) -> bool {
+    let before_the_last_stage = match &scene.boundary {
+        // Its parts are the drive; a protocol is only ever continued.
+        Boundary::Walls(_) => path == raw::Shear::KEYS.protocol.declared.path,
+        // Newton's equations begin where the strain steps end.
+        Boundary::Periodic(periodic) => {
+            let keys = raw::Aqs::KEYS;
+            periodic.newtonian.is_some()
+                && [keys.steps.declared.path, keys.until_imaginary.declared.path].contains(&path)
+        }
+    };
+    // The packing counts by its content.
+    let is_path = path == raw::Sample::KEYS.packing.declared.path;
+    !is_path && (change_of(path).is_physics() || before_the_last_stage)
+}
+
+/// A key whose value differs between two scenes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeyChange {
+    /// Table and name: `shear.strain`.
+    pub path: String,
+    /// The value before, as TOML; `None`: the key was not given.
+    pub before: Option<String>,
+    /// The value after.
+    pub after: Option<String>,
+    /// When the key may change.
+    pub change: Change,
+}
+
+impl fmt::Display for KeyChange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let value = |value: &Option<String>| value.clone().unwrap_or_else(|| "none".into());
+        let (before, after) = (value(&self.before), value(&self.after));
+        write!(f, "{} from {before} to {after}", self.path)
+    }
+}
+
+/// Returns the keys whose values differ between two scenes as TOML, in the order of their paths.
+pub fn changes(before: &str, after: &str) -> Vec<KeyChange> {
+    let [before, after] = [before, after].map(values);
+    let mut paths: Vec<&String> = before.keys().chain(after.keys()).collect();
+    paths.sort();
+    paths.dedup();
+    let differing = paths
+        .into_iter()
+        .filter(|path| before.get(*path) != after.get(*path));
+    // A key without a value has its default, if that is a constant.
+    let value = |found: Option<&String>, path: &str| found.cloned().or_else(|| default(path));
+    let change = |path: &String| KeyChange {
+        path: path.clone(),
+        before: value(before.get(path), path),
+        after: value(after.get(path), path),
+        change: change_of(path),
+    };
+    differing.map(change).collect()
+}
+
+/// The values of a scene by their paths, without those that are the constant default of their key,
+/// so that a new key of a later version changes no identity.
+fn values(toml: &str) -> BTreeMap<String, String> {
+    let table: Table = toml::from_str(toml).unwrap_or_default();
+    let mut found = BTreeMap::new();
+    let mut add = |path: String, value: &Value| {
+        let text = value.to_string();
+        if default(&path).as_ref() != Some(&text) {
+            found.insert(path, text);
+        }
+    };
+    for (name, value) in &table {
+        match value {
+            Value::Table(inner) => inner
+                .iter()
+                .for_each(|(key, value)| add(format!("{name}.{key}"), value)),
+            value => add(name.clone(), value),
+        }
+    }
+    found
+}
+
+/// The constant default of a key, written as [`values`] writes it.
+fn default(path: &str) -> Option<String> {
+    let text = entry(path)?.default.as_deref()?;
+    let table: Table = toml::from_str(&format!("x = {text}")).ok()?;
+    table.get("x").map(Value::to_string)
+}
+
+fn entry(path: &str) -> Option<&'static Entry> {
+    let keys = TABLES.iter().flat_map(|table| &table.keys);
+    TOP_KEYS.iter().chain(keys).find(|entry| entry.path == path)
+}
+
+fn change_of(path: &str) -> Change {
+    entry(path).map_or(Change::Branch, |entry| entry.change)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Source, load};
+
+    fn scene(sets: &[&str]) -> Scene {
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        load(&Source::embedded(), &sets).unwrap()
+    }
+
+    #[test]
+    fn physics_counts_and_the_rest_does_not() {
+        let identity = |sets: &[&str]| identity(&scene(sets));
+        let first = identity(&[]);
+        assert_eq!(first.len(), 32);
+        for set in [
+            "title=other",
+            "shear.strain=0.7",
+            "output.frame_strain=0",
+            "output.energy=false",
+            "bookkeeping.skin=0.3",
+            "bookkeeping.simd=portable",
+            "pack.max_steps=7000000",
+            "analysis.scalars=true",
+        ] {
+            assert_eq!(identity(&[set]), first, "{set}");
+        }
+        for set in [
+            "seed=2",
+            "sample.grains=900",
+            "contact.friction=0.6",
+            "pack.tolerance=1e-6",
+            "load.gravity=1.0",
+            "shear.inertial_number=1e-4",
+            "shear.spring_number=0.1",
+        ] {
+            assert_ne!(identity(&[set]), first, "{set}");
+        }
+    }
+
+    #[test]
+    fn changed_keys_are_named_with_their_values() {
+        let [before, after] = [&[][..], &["shear.strain=0.2", "contact.friction=0.6"]].map(scene);
+        let found = changes(&before.toml, &after.toml);
+        let texts: Vec<String> = found.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            texts,
+            [
+                "contact.friction from 0.7 to 0.6",
+                "shear.strain from 0.1 to 0.2"
+            ]
+        );
+        let silent = scene(&["output.energy=false"]);
+        let found_default = changes(&silent.toml, &before.toml);
+        assert_eq!(
+            found_default[0].to_string(),
+            "output.energy from false to true"
+        );
+        assert_eq!(found[0].change, Change::Branch);
+        assert_eq!(found[1].change, Change::End);
+        assert_eq!(changes(&before.toml, &before.toml), []);
+    }
+}
