@@ -48,9 +48,9 @@ fn rolling_resistance_changes_the_state_of_a_box() {
     ] {
         let path = at(&format!("{name}.toml"));
         std::fs::write(&path, scene(law, material)).expect("a scene");
-        let with = digest(&at("with"), &path, &[]);
+        let with = digest(&at(&format!("{name}-with")), &path, &[]);
         let without = digest(
-            &at("without"),
+            &at(&format!("{name}-without")),
             &path,
             &["--set=contact.rolling_friction=0.0"],
         );

@@ -235,11 +235,12 @@ fn output_that_cannot_be_written_does_not_end_a_run() {
     };
     assert_eq!(run("read", streams("/dev/null"), &[]), Some(0));
     for to in ["closed", "/dev/full"] {
-        assert_eq!(run("lost", streams(to), &[]), Some(0), "{to}");
+        let again = ["--overwrite"];
+        assert_eq!(run("lost", streams(to), &again), Some(0), "{to}");
         common::same_run(&folder.path().join("read"), &folder.path().join("lost"));
         // Other exit codes, too.
         assert_eq!(
-            run("stop", streams(to), &["--stop-at=10"]),
+            run("stop", streams(to), &["--stop-at=10", "--overwrite"]),
             Some(75),
             "{to}"
         );
@@ -300,8 +301,8 @@ fn a_box_is_compressed_more_slowly_before_its_preparation_fails() {
     let path = folder.path().join("dense.toml");
     std::fs::write(&path, DENSE).expect("a scene");
     let path = path.display().to_string();
-    let out = folder.path().join("out");
     let digest = |ranks: usize| {
+        let out = folder.path().join(format!("out-{ranks}"));
         let done = gshear_mpi(ranks, &out, std::slice::from_ref(&path));
         assert_eq!(done.code, 0, "{}", done.text);
         let (_, digest) = done.text.split_once("digest ").expect("a digest");
