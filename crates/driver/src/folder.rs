@@ -420,7 +420,7 @@ impl RunFolder {
     /// Checks that the folder is still there and this run still holds its lock. Collective.
     ///
     /// # Errors
-    /// As [`Lock::verify`].
+    /// [`Failure::Other`] if the folder or the lock is gone.
     pub fn verify(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
         let held = self.lock.as_ref().map_or(Ok(()), Lock::verify);
         agree(exchange, held)

@@ -10,7 +10,7 @@ use gshear_store::h5::Attribute;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRecord {
-    /// The identity: [`identity`](mod@identity) of the scene with which the run began; of a branch,
+    /// The identity: [`identity`](identity()) of the scene with which the run began; of a branch,
     /// a hash of that and of the checkpoint.
     pub id: String,
     /// The checkpoint from which the run branched off.

@@ -80,10 +80,9 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
     let Err(error) = hdf5::File::open(path) else {
         return Ok(());
     };
-    let aside = (1..)
-        .map(|k| path.with_extension(format!("unreadable-{k}.h5")))
-        .find(|aside| !aside.exists())
-        .expect("one of all numbers is free");
+    let free = |k: &u64| !path.with_extension(format!("unreadable-{k}.h5")).exists();
+    let number = (1..u64::MAX).find(free).unwrap_or(0);
+    let aside = path.with_extension(format!("unreadable-{number}.h5"));
     std::fs::rename(path, &aside)
         .map_err(|e| Failure::other(format!("{}: cannot be renamed: {e}", path.display())))?;
     journal::remove(path)?;
