@@ -263,7 +263,7 @@ fn a_run_survives_faults_of_its_files() {
         let mut faults = Vec::new();
         for (k, kind) in KINDS.into_iter().enumerate() {
             let rank = k % ranks;
-            for call in spread(calls[rank], 4) {
+            for call in spread(calls[rank], 2) {
                 let calls = (kind == "short" || kind == "eio").then_some(1);
                 faults.push(Fault {
                     kind,
@@ -276,7 +276,7 @@ fn a_run_survives_faults_of_its_files() {
         }
         faults
     };
-    study(choose, &[1, 2]);
+    study(choose, &[1, 3]);
 }
 
 /// `make faults`: every call of every rank.
