@@ -238,6 +238,14 @@ fn output_that_cannot_be_written_does_not_end_a_run() {
         let again = ["--overwrite"];
         assert_eq!(run("lost", streams(to), &again), Some(0), "{to}");
         common::same_run(&folder.path().join("read"), &folder.path().join("lost"));
+        // Messages of a resume: a finished run, and a lock that is taken over.
+        let auto = ["--resume=auto"];
+        assert_eq!(run("lost", streams(to), &auto), Some(0), "{to}");
+        let lock = r#"{"host":"gone","pid":1,"ticks":null,"started":"then"}"#;
+        let path = folder.path().join("lost/run.lock");
+        std::fs::write(path, lock).expect("a lock");
+        let taken = ["--overwrite", "--break-lock"];
+        assert_eq!(run("lost", streams(to), &taken), Some(0), "{to}");
         // Other exit codes, too.
         assert_eq!(
             run("stop", streams(to), &["--stop-at=10", "--overwrite"]),

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::crossing::{SCENE, resumed, whole};
-use common::{mpirun, same_run, succeed};
+use common::crossing::{SCENE, whole};
+use common::{gshear_mpi, mpirun, same_run, succeed};
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::RunFile;
 use rand::{RngExt, SeedableRng};
@@ -52,7 +52,7 @@ enum Fate {
     Unharmed,
     /// It ended, and the resumed run has the same bits.
     Resumed,
-    /// It ended before there was a checkpoint.
+    /// It ended before there was a checkpoint, and the same command ran it from the start.
     Early,
 }
 
@@ -107,20 +107,27 @@ impl Scenario<'_> {
         {
             return Err(format!("crashes ({}):\n{said}", output.status));
         }
-        let checkpoint = out.join("checkpoint.h5");
-        if !checkpoint.exists() {
-            let lost = out.join("checkpoint.previous.h5").exists();
-            return match lost {
-                true => Err("checkpoint.h5 is missing".into()),
-                false => Ok(Fate::Early),
-            };
+        let early = !out.join("checkpoint.h5").exists();
+        if early && out.join("checkpoint.previous.h5").exists() {
+            return Err("checkpoint.h5 is missing".into());
         }
-        let resumed = resumed(&checkpoint, out, fault.ranks, &[]);
-        if resumed.code != 0 || !resumed.text.contains(&format!("digest {}", self.digest)) {
+        // As job scripts do; without a checkpoint the run begins again.
+        let mut arguments = vec![SCENE.to_string(), "--resume=auto".into()];
+        arguments.extend(SET.iter().map(|set| format!("--set={set}")));
+        let resumed = gshear_mpi(fault.ranks, out, &arguments);
+        if resumed.code != 0 {
             return Err(format!("is not resumed: {}\nafter:\n{said}", resumed.text));
         }
+        let run = RunFile::open(out).map_err(|e| e.to_string())?;
+        if run.digest() != Some(self.digest) {
+            return Err(format!(
+                "ends with another digest: {}\nafter:\n{said}",
+                resumed.text
+            ));
+        }
+        let fate = if early { Fate::Early } else { Fate::Resumed };
         let same = std::panic::catch_unwind(|| same_run(out, self.reference));
-        same.map(|()| Fate::Resumed)
+        same.map(|()| fate)
             .map_err(|_| format!("run.h5 differs\nafter:\n{said}\nresumed:\n{}", resumed.text))
     }
 
@@ -257,24 +264,33 @@ fn spread(all: u64, many: u64) -> impl Iterator<Item = u64> {
 
 const KINDS: [&str; 5] = ["kill", "torn", "enospc", "eio", "short"];
 
+/// A fault of every kind at each of these calls of these ranks.
+fn faults(
+    ranks: usize,
+    kind: &'static str,
+    rank: usize,
+    at: impl Iterator<Item = u64>,
+) -> Vec<Fault> {
+    // A device that fails once; a disk stays full.
+    let calls = (kind == "short" || kind == "eio").then_some(1);
+    let fault = |call| Fault {
+        kind,
+        ranks,
+        rank,
+        call,
+        calls,
+    };
+    at.map(fault).collect()
+}
+
 #[test]
 fn a_run_survives_faults_of_its_files() {
     let choose = |ranks: usize, calls: &[u64]| {
-        let mut faults = Vec::new();
-        for (k, kind) in KINDS.into_iter().enumerate() {
+        let of_kind = |(k, kind)| {
             let rank = k % ranks;
-            for call in spread(calls[rank], 2) {
-                let calls = (kind == "short" || kind == "eio").then_some(1);
-                faults.push(Fault {
-                    kind,
-                    ranks,
-                    rank,
-                    call,
-                    calls,
-                });
-            }
-        }
-        faults
+            faults(ranks, kind, rank, spread(calls[rank], 2))
+        };
+        KINDS.into_iter().enumerate().flat_map(of_kind).collect()
     };
     study(choose, &[1, 3]);
 }
@@ -283,28 +299,18 @@ fn a_run_survives_faults_of_its_files() {
 #[test]
 #[ignore = "takes an hour"]
 fn a_run_survives_a_fault_at_every_call() {
-    let ranks: Vec<usize> = match std::env::var("FAULT_RANKS") {
-        Ok(text) => text.split(',').map(|n| n.parse().expect("ranks")).collect(),
-        Err(_) => vec![1, 2, 3, 4],
-    };
-    let every: u64 = std::env::var("FAULT_EVERY").map_or(1, |n| n.parse().expect("a number"));
+    let number = |text: &str| text.parse::<usize>().expect("a number");
+    let ranks = std::env::var("FAULT_RANKS").unwrap_or("1,2,3,4".into());
+    let ranks: Vec<usize> = ranks.split(',').map(number).collect();
+    let every = std::env::var("FAULT_EVERY").map_or(1, |every| number(&every));
     let choose = |ranks: usize, calls: &[u64]| {
-        let mut faults = Vec::new();
+        let mut all = Vec::new();
         for kind in KINDS {
-            for (rank, &all) in calls.iter().enumerate() {
-                for call in (1..=all).step_by(every as usize) {
-                    let calls = (kind == "short" || kind == "eio").then_some(1);
-                    faults.push(Fault {
-                        kind,
-                        ranks,
-                        rank,
-                        call,
-                        calls,
-                    });
-                }
+            for (rank, &last) in calls.iter().enumerate() {
+                all.extend(faults(ranks, kind, rank, (1..=last).step_by(every)));
             }
         }
-        faults
+        all
     };
     study(choose, &ranks);
 }

@@ -261,7 +261,7 @@ fn resume_from(
 /// Says that there is nothing left to do.
 fn finished(world: &World, folder: &Path) -> Outcome {
     if world.rank() == 0 {
-        println!("{}: the run is finished", folder.display());
+        say(&format!("{}: the run is finished", folder.display()));
     }
     Outcome::Done
 }

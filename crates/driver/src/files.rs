@@ -11,6 +11,7 @@ use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::agree;
+use gshear_store::existing;
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
 use gshear_store::provenance;
@@ -157,10 +158,10 @@ impl Files {
         let (run_there, log_there) = (there(&path), there(&log));
         let mut files = match before {
             Some(UpToCheckpoint { last, .. }) if run_there => {
-                // Counted by steps, because the file may have begun at a later step than the one
-                // of which the checkpoint knows the numbers.
+                // Counted by steps: a file that was begun anew at a later step holds fewer frames
+                // and rows than the checkpoint says.
                 let counts = match exchange.rank() {
-                    0 => TrajectoryWriter::up_to(&path, format.columns, last),
+                    0 => existing::up_to(&path, format.columns, last),
                     _ => Ok([0; 3]),
                 };
                 // Zero on the other ranks.

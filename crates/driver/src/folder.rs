@@ -14,15 +14,16 @@ use gshear_scene::{Boundary, Change, Scene};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
+use gshear_store::existing;
 use gshear_store::log::Log;
 use gshear_store::run_reader;
-use gshear_store::trajectory::{self, TrajectoryWriter};
 
 use crate::files::{LOG_FILE, RUN_FILE, SCENE_FILE, UpToCheckpoint, Written};
 use crate::header::Header;
 use crate::lock::{Lock, unwritable};
 use crate::record::{RunRecord, id_in_scene};
 use crate::run::Options;
+use crate::say::say_error;
 
 /// Files of frames and time series.
 const TRAJECTORIES: [&str; 3] = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE];
@@ -289,7 +290,7 @@ impl RunFolder {
         };
         agree(exchange, taken)?;
         for note in notes {
-            eprintln!("note: {note}");
+            say_error(&format!("note: {note}"));
         }
         Ok(folder)
     }
@@ -309,7 +310,7 @@ impl RunFolder {
         fs::create_dir_all(&self.path).map_err(|e| unwritable(&self.path, &e))?;
         self.lock = Some(Lock::take(&self.path, options.break_lock, notes)?);
         if let (Entry::Resume, Some((name, ..))) = (claim.entry, claim.header.and_then(files_of)) {
-            trajectory::recover(&self.path.join(name), notes)?;
+            existing::recover(&self.path.join(name), notes)?;
         }
         // Another job may have written between the first look and the lock.
         self.check(claim, options, Some(notes))
@@ -374,9 +375,9 @@ impl RunFolder {
             // The checkpoint's numbers are those of the file beside it, unless that was lost since.
             let begun_at = run_reader::owner(&path)?.begun_at;
             if beside && begun_at < step {
-                TrajectoryWriter::check(&path, columns, frames, rows)?;
+                existing::check(&path, columns, frames, rows)?;
             }
-            kept = TrajectoryWriter::up_to(&path, columns, last)?[1];
+            kept = existing::up_to(&path, columns, last)?[1];
         } else if !found.is_empty() {
             notes.push(format!(
                 "{}: is missing, with {frames} frames and {rows} rows up to the checkpoint; the file begins anew at {} step {}",

@@ -21,6 +21,7 @@ use crate::header::Header;
 use crate::memory;
 use crate::record::{Continuation, RunRecord};
 use crate::run::{Options, Outcome, Run, Start};
+use crate::say::say_error;
 use crate::stages::{newtonian, periodic, walls};
 
 /// A scene, and the state from which its run starts.
@@ -286,7 +287,7 @@ fn newest(
 
 fn note_once(exchange: &dyn Parallel, note: &str) {
     if exchange.rank() == 0 {
-        eprintln!("note: {note}");
+        say_error(&format!("note: {note}"));
     }
 }
 

@@ -34,7 +34,7 @@ impl Holder {
     fn this() -> Self {
         let pid = std::process::id();
         Self {
-            host: host(),
+            host: provenance::host(),
             pid,
             ticks: start_of(pid),
             started: provenance::now(),
@@ -43,19 +43,11 @@ impl Holder {
 
     /// Whether the process is known to be gone. `age`: time since the last heartbeat.
     fn is_gone(&self, age: Duration) -> bool {
-        if self.host == host() && Path::new("/proc/self/stat").exists() {
+        if self.host == provenance::host() && Path::new("/proc/self/stat").exists() {
             let ticks = start_of(self.pid);
             return ticks.is_none() || ticks != self.ticks;
         }
         age > STALE
-    }
-}
-
-fn host() -> String {
-    let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    match name.trim() {
-        "" => std::env::var("HOSTNAME").unwrap_or_else(|_| "unknown".into()),
-        name => name.into(),
     }
 }
 
@@ -87,15 +79,8 @@ impl Lock {
         let text = serde_json::to_string(&Holder::this()).expect("texts and numbers");
         // A lock may vanish or appear between two looks at it.
         for _ in 0..10 {
-            match OpenOptions::new().write(true).create_new(true).open(&path) {
-                Ok(mut file) => {
-                    let written = file.write_all(text.as_bytes());
-                    if let Err(e) = written {
-                        let _ = fs::remove_file(&path);
-                        return Err(unwritable(folder, &e));
-                    }
-                    return Ok(Self::held(path, text));
-                }
+            match create(&path, &text) {
+                Ok(()) => return Ok(Self::held(path, text)),
                 Err(e) if e.kind() == ErrorKind::AlreadyExists => {
                     Self::take_over(folder, &path, force, notes)?;
                 }
@@ -212,6 +197,28 @@ impl Drop for Lock {
         if fs::read_to_string(&self.path).is_ok_and(|text| text == self.text) {
             let _ = fs::remove_file(&self.path);
         }
+    }
+}
+
+/// Creates a lock with its text, both at once, so that a killed process leaves no empty lock.
+fn create(path: &Path, text: &str) -> std::io::Result<()> {
+    let part = path.with_extension(format!("lock.{}.part", std::process::id()));
+    let linked = fs::write(&part, text).and_then(|()| fs::hard_link(&part, path));
+    let _ = fs::remove_file(&part);
+    match linked {
+        // Not every file system has hard links.
+        Err(e)
+            if matches!(
+                e.kind(),
+                ErrorKind::Unsupported | ErrorKind::PermissionDenied
+            ) =>
+        {
+            let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
+            file.write_all(text.as_bytes()).inspect_err(|_| {
+                let _ = fs::remove_file(path);
+            })
+        }
+        other => other,
     }
 }
 

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::packing::GrainLimit;
+use gshear_store::provenance;
 
 /// Bytes that a run takes for a grain, at least: about 500 are printed as "state … bytes per grain".
 const LEAST_BYTES: u64 = 400;
 
 /// The most grains for which all nodes together have memory. Collective.
 pub fn limit(exchange: &dyn Parallel) -> GrainLimit {
-    let mine = (node(), memory_here());
+    let mine = (provenance::host(), memory_here());
     let mine = serde_json::to_vec(&mine).expect("a name and a number");
     let all = exchange.gather(&mine);
     let nodes = all.iter().map(|text| serde_json::from_slice(text));
@@ -42,11 +43,6 @@ fn limit_of(ranks: impl Iterator<Item = (String, Option<u64>)>) -> GrainLimit {
             }
         }
     }
-}
-
-/// The name of this node.
-fn node() -> String {
-    std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default()
 }
 
 /// The memory of this node (bytes); `None` if the system does not tell.

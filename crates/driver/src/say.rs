@@ -1,4 +1,5 @@
-//! Lines for whoever runs the program. A run goes on if nobody can read them: its results are files.
+//! Messages to the terminal. A closed or full output does not end a run, because its results are
+//! files.
 
 use std::io::Write;
 

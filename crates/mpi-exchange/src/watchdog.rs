@@ -4,6 +4,7 @@
 //! operations it has begun. A thread of each rank counts seconds, so a stopped process is told from
 //! one that computes.
 
+use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
@@ -44,7 +45,7 @@ impl Progress {
 pub struct Waiting<'a>(Option<&'a Progress>);
 
 impl Waiting<'_> {
-    /// Of a rank that nobody watches.
+    /// The operation of a rank without a watchdog.
     pub const UNWATCHED: Waiting<'static> = Waiting(None);
 }
 
@@ -188,7 +189,9 @@ fn watch(
         let speaks = answers.map(|k| here[k].0).min() == Some(rank);
         if let Some(k) = computes {
             if speaks && !told {
-                eprintln!(
+                // A closed standard error does not end the run.
+                let _ = writeln!(
+                    std::io::stderr(),
                     "note: rank {} has computed for {} s; the other ranks wait",
                     here[k].0,
                     waited.as_secs()

@@ -159,7 +159,7 @@ impl Parallel for World {
             None => self.alone.clone(),
         };
         let end = |message: &str| {
-            eprintln!("error: {message}");
+            let _ = writeln!(std::io::stderr(), "error: {message}");
             end_process(1);
         };
         *self.watchdog.borrow_mut() = Some(Watchdog::start(self.rank, limit, ranks, end));

@@ -84,7 +84,7 @@ impl Source {
     }
 }
 
-/// What messages ask for in place of a file that is none.
+/// The expected file, as messages about a missing or unreadable one name it.
 const FORMAT: &str =
     "a TOML file, such as configs/plane-shear-2d.toml, or none for the embedded default scene";
 

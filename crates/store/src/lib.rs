@@ -8,6 +8,7 @@
 //! | [`log`] | writes `log.csv`, the time series as text |
 //! | [`reduced_writer`], [`spectrum_writer`] | write `reduced.h5` and `spectrum.h5` |
 //! | [`table`], [`matrix_market`], [`text_writer`] | CSV tables, sparse matrices, small text files |
+//! | [`existing`] | what a resumed run finds in `run.h5`, and its repair |
 //! | [`journal`] | `run.h5.journal`: brings `run.h5` back to its last flush after a kill |
 //! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
 //!
@@ -37,6 +38,7 @@ pub mod checkpoint;
 mod checksums;
 pub mod collective;
 pub mod columns;
+pub mod existing;
 #[allow(
     unsafe_code,
     reason = "collective transfers, which the `hdf5` crate lacks"

@@ -3,13 +3,13 @@
 use super::batch::{Frames, ShareColumns, Shares, length};
 use super::checksums::{self, frame_columns, of_clock, of_row};
 use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
+use super::existing::inspect;
 use super::h5::{Attribute, H5File, Slab};
 use super::journal::{self, Journal};
 use super::layout::{
-    BOX, CHUNK_FRAMES, Datasets, Mode, OBSERVABLES, PARAMETERS, PARTICLES, by_root, describe,
-    forces,
+    BOX, CHUNK_FRAMES, Datasets, Mode, PARAMETERS, PARTICLES, by_root, describe, forces,
 };
-use super::scalar_columns::{SCALARS, ScalarColumns};
+use super::scalar_columns::ScalarColumns;
 use bytemuck::{Pod, Zeroable};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
@@ -62,36 +62,6 @@ pub struct RunHeader<'a> {
     pub grains: &'a [GrainShape],
     /// Attributes of `parameters`; rank 0's are written.
     pub attributes: &'a [(&'a str, Attribute)],
-}
-
-/// Prepares the file of a run that resumes: brings one that a killed program left behind back to its
-/// last flush, and sets one aside that cannot be read, with a note. Not collective.
-///
-/// # Errors
-/// If a file can be neither written nor renamed.
-pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
-    if !path.exists() {
-        return Ok(());
-    }
-    if let Some(journal) = Journal::read(path) {
-        journal.restore(path)?;
-    }
-    hdf5::silence_errors(true);
-    let Err(error) = hdf5::File::open(path) else {
-        return Ok(());
-    };
-    let free = |k: &u64| !path.with_extension(format!("unreadable-{k}.h5")).exists();
-    let number = (1..u64::MAX).find(free).unwrap_or(0);
-    let aside = path.with_extension(format!("unreadable-{number}.h5"));
-    std::fs::rename(path, &aside)
-        .map_err(|e| Failure::other(format!("{}: cannot be renamed: {e}", path.display())))?;
-    journal::remove(path)?;
-    notes.push(format!(
-        "{} cannot be read ({error}); it is now {}, and a new file begins at the checkpoint",
-        path.display(),
-        aside.display()
-    ));
-    Ok(())
 }
 
 /// Attributes written only when a run ends.
@@ -251,58 +221,6 @@ impl TrajectoryWriter {
         // The space of removed rows may be used again, which the last journal does not know.
         writer.write_journal(exchange)?;
         Ok(writer)
-    }
-
-    /// Checks that [`Self::open_to_append`] would take the file. Writes nothing. Not collective.
-    ///
-    /// # Errors
-    /// [`Failure::Input`] if the file is not a `run.h5` or holds less.
-    pub fn check(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<(), Failure> {
-        hdf5::silence_errors(true);
-        inspect(path, series, frames, rows).map(drop)
-    }
-
-    /// Returns the numbers of frames, rows of the time series and rows of scalars up to the step
-    /// `last`; `None`: before the first step. Not collective.
-    ///
-    /// # Errors
-    /// [`Failure::Input`] if the file is not a `run.h5`, or damaged.
-    pub fn up_to(path: &Path, series: &[Column], last: Option<u64>) -> Result<[u64; 3], Failure> {
-        hdf5::silence_errors(true);
-        inspect(path, series, 0, 0)?;
-        let Some(last) = last else { return Ok([0; 3]) };
-        let count = |file: &hdf5::File, name: &str| -> hdf5::Result<u64> {
-            let steps = file.dataset(name)?.read_raw::<u64>()?;
-            // What a killed program left of its last batch may be anything.
-            let ascends = |k: &usize| *k == 0 || steps[*k] > steps[*k - 1];
-            let before = (0..steps.len()).take_while(|k| steps[*k] <= last && ascends(k));
-            Ok(before.count() as u64)
-        };
-        let read = || -> hdf5::Result<[u64; 3]> {
-            let file = hdf5::File::open(path)?;
-            let names = file.group(OBSERVABLES)?.member_names()?;
-            let has = |wanted: &str| names.iter().any(|name| name == wanted);
-            let first = series[0].stored_name(has).unwrap_or(series[0].name);
-            let scalars = format!("{SCALARS}/{}", FrameScalars::COLUMNS[0].name);
-            Ok([
-                count(&file, &format!("{PARTICLES}/position/step"))?,
-                count(&file, &format!("{OBSERVABLES}/{first}/step"))?,
-                match names
-                    .iter()
-                    .any(|name| format!("{OBSERVABLES}/{name}") == SCALARS)
-                {
-                    true => count(&file, &format!("{scalars}/step"))?,
-                    false => 0,
-                },
-            ])
-        };
-        read().map_err(|error| {
-            let why = format!("it is not the run.h5 of a run, or damaged ({error})");
-            Failure::input(format!(
-                "{}: cannot continue this file: {why}",
-                path.display()
-            ))
-        })
     }
 
     /// Writes attributes of `parameters` (rank 0's), replacing those of the same names.
@@ -689,78 +607,10 @@ fn fixed<T: H5Type + Copy>(
     file.dataset::<T>(name, &[size], None)?.write(slab, data)
 }
 
-/// Checks that a file can be continued. Returns N, the number of contacts in the first `frames`
-/// frames, and the number of dimensions. `first`: first column of the time series.
-const ANOTHER: &str =
-    "another version wrote the file: resume with that version or into another folder (--out)";
-
-/// Returns N, the number of contacts in the first `frames` frames, and the dimensions of a file
-/// that has these columns of the time series and is long enough.
-fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<[u64; 3], Failure> {
-    let name = path.display();
-    if !path.is_file() {
-        return Err(Failure::input(format!(
-            "{name}: there is no such file to continue"
-        )));
-    }
-    let unfit = |why: String| Failure::input(format!("{name}: cannot continue this file: {why}"));
-    let read = || -> hdf5::Result<Result<[u64; 3], Failure>> {
-        let file = hdf5::File::open(path)?;
-        file.group(PARAMETERS)?.attr("scene")?;
-        let length = |name: &str| -> hdf5::Result<u64> {
-            let shape = file.dataset(name)?.shape();
-            Ok(shape.first().copied().unwrap_or(0) as u64)
-        };
-        let position = file.dataset(&format!("{PARTICLES}/position/value"))?;
-        let [_, grains, 3] = position.shape()[..] else {
-            return Ok(Err(unfit("position/value is not [T][N][3]".into())));
-        };
-        let mut others = file.group(OBSERVABLES)?.member_names()?;
-        let mut first = None;
-        for column in series {
-            let place = column
-                .stored_name(|name| others.iter().any(|other| other == name))
-                .and_then(|name| others.iter().position(|other| other == name));
-            let Some(place) = place else {
-                return Ok(Err(unfit(format!("it has no column {column}; {ANOTHER}"))));
-            };
-            let name = others.swap_remove(place);
-            first.get_or_insert(name);
-        }
-        others.retain(|name| format!("{OBSERVABLES}/{name}") != SCALARS);
-        if let Some(name) = others.first() {
-            let why = format!("its column {name} would not be continued; {ANOTHER}");
-            return Ok(Err(unfit(why)));
-        }
-        let first = first.expect("the time series has a column");
-        let (has_frames, has_rows) = (
-            length("connectivity/contacts/offset")?,
-            length(&format!("{OBSERVABLES}/{first}/step"))?,
-        );
-        if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
-            return Ok(Err(unfit(format!(
-                "it holds {} frames and {has_rows} rows, the checkpoint counts {frames} and {rows}",
-                has_frames.saturating_sub(1)
-            ))));
-        }
-        let offset = file.dataset("connectivity/contacts/offset")?;
-        let contacts = offset.read_slice_1d::<u64, _>(frames as usize..=frames as usize)?[0];
-        if length("connectivity/contacts/i")? < contacts {
-            return Ok(Err(unfit("contacts are missing".into())));
-        }
-        let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
-        Ok(Ok([grains as u64, contacts, spin.ndim() as u64]))
-    };
-    read().unwrap_or_else(|error| {
-        Err(unfit(format!(
-            "it is not the run.h5 of a run, or damaged ({error})"
-        )))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::layout::OBSERVABLES;
     use crate::run_reader::RunFile;
     use gshear_dem::domain::Solo;
     use gshear_dem::state::SeriesRow;

@@ -131,7 +131,7 @@ pub(super) fn check_boxed(c: &mut Checker<'_>, sample: &raw::Sample) -> Sizes {
     check_sizes(c, sample)
 }
 
-/// The sample in a box as long in every direction, of which its grains fill the part φ.
+/// The sample in a cubic box (square in 2D) at the solid fraction φ.
 pub(super) fn derive_boxed(
     c: &mut Checker<'_>,
     dimension: Dimensions,

@@ -10,36 +10,38 @@ pub(super) struct RawData {
     dataset: hdf5::Dataset,
     /// In the order of their indices.
     chunks: Vec<Range<u64>>,
+    /// Shape of a chunk; `None` if the data are contiguous.
+    chunk: Option<Vec<usize>>,
+    /// Bytes of a chunk: the most by which the data in the file exceed what has been written.
+    pub(super) chunk_bytes: u64,
 }
 
 impl RawData {
     pub(super) fn of(dataset: hdf5::Dataset) -> Self {
+        let chunk = dataset.chunk();
+        let entries: usize = chunk
+            .iter()
+            .map(|chunk| chunk.iter().product::<usize>())
+            .sum();
+        let bytes = dataset.dtype().map_or(0, |datatype| datatype.size());
         Self {
-            dataset,
             chunks: Vec::new(),
+            chunk_bytes: (entries * bytes) as u64,
+            chunk,
+            dataset,
         }
-    }
-
-    /// Bytes of a chunk: the most by which the data in the file exceed what has been written.
-    pub(super) fn chunk_bytes(&self) -> u64 {
-        let entries: usize = self
-            .dataset
-            .chunk()
-            .map_or(0, |chunk| chunk.iter().product());
-        let bytes = self.dataset.dtype().map_or(0, |datatype| datatype.size());
-        (entries * bytes) as u64
     }
 
     /// Byte ranges of the file, empty ones included. Collective.
     pub(super) fn extents(&mut self) -> hdf5::Result<&[Range<u64>]> {
-        let Some(chunk) = self.dataset.chunk() else {
+        let Some(chunk) = &self.chunk else {
             let start = self.dataset.offset().unwrap_or(0);
             let end = start + self.dataset.storage_size();
             self.chunks = std::iter::once(start..end).collect();
             return Ok(&self.chunks);
         };
         let shape = self.dataset.shape();
-        let counts: Vec<usize> = (shape.iter().zip(&chunk))
+        let counts: Vec<usize> = (shape.iter().zip(chunk))
             .map(|(length, of_chunk)| length.div_ceil(*of_chunk))
             .collect();
         let all = counts.iter().product();

@@ -329,7 +329,7 @@ impl H5File {
     /// [`Failure::Other`] if there is no room.
     pub fn reserve(&self, exchange: &dyn Parallel, bytes: usize) -> Result<(), Failure> {
         let raw_data = self.context.raw_data.borrow();
-        let beside: u64 = raw_data.iter().map(RawData::chunk_bytes).sum();
+        let beside: u64 = raw_data.iter().map(|data| data.chunk_bytes).sum();
         drop(raw_data);
         let needed = bytes as u64 + beside + METADATA_BYTES;
         let (from, to) = (self.context.reserved.get(), self.file.size() + needed);

@@ -9,6 +9,7 @@ use super::Parameter;
 use super::source::{OpenFile, one_line};
 use super::verify::FrameSums;
 use crate::checksums;
+use crate::journal;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Sheared};
@@ -199,7 +200,8 @@ pub fn owner(path: &Path) -> Result<Owner, Failure> {
     Ok(Owner {
         run_id: text("run_id"),
         scene: text("scene").unwrap_or_default(),
-        finished: parameters.contains_key("digest"),
+        // A file with a journal was not closed: a killed program may have left it in any state.
+        finished: parameters.contains_key("digest") && !journal::path_of(path).exists(),
         branch: parameters.contains_key("parent_run_id"),
         begun_at: match parameters.get("begun_at_step") {
             Some(Parameter::Integer(step)) => *step as u64,

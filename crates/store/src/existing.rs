@@ -1,0 +1,167 @@
+//! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
+
+use super::journal::{self, Journal};
+use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES};
+use super::scalar_columns::SCALARS;
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
+use gshear_dem::failure::Failure;
+use std::path::Path;
+
+/// Prepares the file of a run that resumes: brings one that a killed program left behind back to its
+/// last flush, and sets one aside that cannot be read, with a note. Not collective.
+///
+/// # Errors
+/// If a file can be neither written nor renamed.
+pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
+    if !path.exists() {
+        return Ok(());
+    }
+    if let Some(journal) = Journal::read(path) {
+        journal.restore(path)?;
+    }
+    hdf5::silence_errors(true);
+    let Err(error) = hdf5::File::open(path) else {
+        return Ok(());
+    };
+    let free = |k: &u64| !path.with_extension(format!("unreadable-{k}.h5")).exists();
+    let number = (1..u64::MAX).find(free).unwrap_or(0);
+    let aside = path.with_extension(format!("unreadable-{number}.h5"));
+    std::fs::rename(path, &aside)
+        .map_err(|e| Failure::other(format!("{}: cannot be renamed: {e}", path.display())))?;
+    journal::remove(path)?;
+    notes.push(format!(
+        "{} cannot be read ({error}); it is now {}, and a new file begins at the checkpoint",
+        path.display(),
+        aside.display()
+    ));
+    Ok(())
+}
+
+/// Checks that a file can be continued after these numbers of frames and rows. Writes nothing. Not
+/// collective.
+///
+/// # Errors
+/// [`Failure::Input`] if the file is not a `run.h5` or holds less.
+pub fn check(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<(), Failure> {
+    hdf5::silence_errors(true);
+    inspect(path, series, frames, rows).map(drop)
+}
+
+/// Returns the numbers of frames, rows of the time series and rows of scalars up to the step
+/// `last`; `None`: before the first step. Not collective.
+///
+/// # Errors
+/// [`Failure::Input`] if the file is not a `run.h5`, or damaged.
+pub fn up_to(path: &Path, series: &[Column], last: Option<u64>) -> Result<[u64; 3], Failure> {
+    hdf5::silence_errors(true);
+    inspect(path, series, 0, 0)?;
+    let Some(last) = last else { return Ok([0; 3]) };
+    let read = || -> hdf5::Result<[u64; 3]> {
+        let file = hdf5::File::open(path)?;
+        // Steps of a column's group, under its present or its former name.
+        let steps = |group: &str, column: &Column| {
+            let exists = |name: &str| file.link_exists(&format!("{group}/{name}"));
+            let stored = column.stored_name(exists).unwrap_or(column.name);
+            file.dataset(&format!("{group}/{stored}/step"))?.read_raw()
+        };
+        let frames = file
+            .dataset(&format!("{PARTICLES}/position/step"))?
+            .read_raw()?;
+        let scalars = match file.link_exists(SCALARS) {
+            true => steps(SCALARS, &FrameScalars::COLUMNS[0])?,
+            false => Vec::new(),
+        };
+        let rows = steps(OBSERVABLES, &series[0])?;
+        Ok([frames, rows, scalars].map(|steps| ascending_up_to(&steps, last)))
+    };
+    read().map_err(|error| unfit(path, &format!("{NO_RUN} ({error})")))
+}
+
+/// Number of ascending steps up to `last`: a killed program may have left anything after them.
+fn ascending_up_to(steps: &[u64], last: u64) -> u64 {
+    let ascends = |k: &usize| *k == 0 || steps[*k] > steps[*k - 1];
+    let before = (0..steps.len()).take_while(|k| steps[*k] <= last && ascends(k));
+    before.count() as u64
+}
+
+fn unfit(path: &Path, why: &str) -> Failure {
+    let path = path.display();
+    Failure::input(format!("{path}: cannot continue this file: {why}"))
+}
+
+const NO_RUN: &str = "it is not the run.h5 of a run, or damaged";
+
+const ANOTHER: &str =
+    "another version wrote the file: resume with that version or into another folder (--out)";
+
+/// Returns N, the number of contacts in the first `frames` frames, and the dimensions of a file
+/// that has these columns of the time series and is long enough. Writes nothing.
+///
+/// # Errors
+/// [`Failure::Input`] if the file is not a `run.h5` or holds less.
+///
+/// # Panics
+/// If `series` is empty.
+pub(crate) fn inspect(
+    path: &Path,
+    series: &[Column],
+    frames: u64,
+    rows: u64,
+) -> Result<[u64; 3], Failure> {
+    let name = path.display();
+    if !path.is_file() {
+        return Err(Failure::input(format!(
+            "{name}: there is no such file to continue"
+        )));
+    }
+    let unfit = |why: String| unfit(path, &why);
+    let read = || -> hdf5::Result<Result<[u64; 3], Failure>> {
+        let file = hdf5::File::open(path)?;
+        file.group(PARAMETERS)?.attr("scene")?;
+        let length = |name: &str| -> hdf5::Result<u64> {
+            let shape = file.dataset(name)?.shape();
+            Ok(shape.first().copied().unwrap_or(0) as u64)
+        };
+        let position = file.dataset(&format!("{PARTICLES}/position/value"))?;
+        let [_, grains, 3] = position.shape()[..] else {
+            return Ok(Err(unfit("position/value is not [T][N][3]".into())));
+        };
+        let mut others = file.group(OBSERVABLES)?.member_names()?;
+        let mut first = None;
+        for column in series {
+            let place = column
+                .stored_name(|name| others.iter().any(|other| other == name))
+                .and_then(|name| others.iter().position(|other| other == name));
+            let Some(place) = place else {
+                return Ok(Err(unfit(format!("it has no column {column}; {ANOTHER}"))));
+            };
+            let name = others.swap_remove(place);
+            first.get_or_insert(name);
+        }
+        others.retain(|name| format!("{OBSERVABLES}/{name}") != SCALARS);
+        if let Some(name) = others.first() {
+            let why = format!("its column {name} would not be continued; {ANOTHER}");
+            return Ok(Err(unfit(why)));
+        }
+        let first = first.expect("the time series has a column");
+        let (has_frames, has_rows) = (
+            length("connectivity/contacts/offset")?,
+            length(&format!("{OBSERVABLES}/{first}/step"))?,
+        );
+        if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
+            return Ok(Err(unfit(format!(
+                "it holds {} frames and {has_rows} rows, the checkpoint counts {frames} and {rows}",
+                has_frames.saturating_sub(1)
+            ))));
+        }
+        let offset = file.dataset("connectivity/contacts/offset")?;
+        let contacts = offset.read_slice_1d::<u64, _>(frames as usize..=frames as usize)?[0];
+        if length("connectivity/contacts/i")? < contacts {
+            return Ok(Err(unfit("contacts are missing".into())));
+        }
+        let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
+        Ok(Ok([grains as u64, contacts, spin.ndim() as u64]))
+    };
+    read().unwrap_or_else(|error| Err(unfit(format!("{NO_RUN} ({error})"))))
+}
