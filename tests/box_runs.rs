@@ -6,7 +6,8 @@ use std::path::Path;
 use std::process::Command;
 
 use common::{Outcome, gshear_mpi};
-use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
+use gshear_store::columns::NewtonianRow;
+use gshear_store::file_names::NEWTONIAN_FILE;
 use gshear_store::run_reader::PeriodicRunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");

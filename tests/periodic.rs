@@ -6,7 +6,8 @@ use std::path::Path;
 
 use common::{Outcome, gshear_mpi};
 use gshear_analysis::growth;
-use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow};
+use gshear_store::columns::{AqsRow, NewtonianRow};
+use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE};
 use gshear_store::run_reader::PeriodicRunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");

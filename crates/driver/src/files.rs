@@ -12,21 +12,15 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::agree;
 use gshear_store::existing;
+use gshear_store::file_names::{LOG_FILE, SCENE_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
 use gshear_store::provenance;
 use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
-use serde::{Deserialize, Serialize};
 
 use crate::folder::{RunFolder, Watched};
 use crate::record::RunRecord;
-
-/// Name of the file of frames and time series of the shear.
-pub const RUN_FILE: &str = "run.h5";
-/// Name of the time series of the shear as text.
-pub const LOG_FILE: &str = "log.csv";
-/// Name of the copy of the scene, with all defaults.
-pub const SCENE_FILE: &str = "scene.toml";
+use crate::written::{UpToCheckpoint, Written};
 
 /// The files of a stage. Every call is collective.
 pub struct Files {
@@ -86,25 +80,6 @@ impl Destination<'_> {
     }
 }
 
-/// What the files of a resumed stage hold up to its checkpoint.
-#[derive(Debug, Clone, Copy)]
-pub struct UpToCheckpoint {
-    /// Steps at the checkpoint.
-    pub step: u64,
-    /// The last step whose frame and row stay; `None`: none stays.
-    pub last: Option<u64>,
-}
-
-impl UpToCheckpoint {
-    /// After this step. A stage without steps begins anew and writes the row of step 0 again.
-    pub fn new(step: u64) -> Self {
-        Self {
-            step,
-            last: (step > 0).then_some(step),
-        }
-    }
-}
-
 /// The content of the files of a stage.
 pub struct Format<'a> {
     /// The name of the file of frames and time series.
@@ -121,19 +96,6 @@ pub struct Format<'a> {
     pub log: bool,
     /// Whether the run computes scalars of frames.
     pub scalars: bool,
-}
-
-/// The number of frames and rows in the files of a stage.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Written {
-    /// Frames.
-    pub frames: u64,
-    /// Rows of the time series.
-    pub rows: u64,
-    /// Rows of the scalars of frames.
-    #[serde(default)]
-    pub scalars: u64,
 }
 
 impl Files {

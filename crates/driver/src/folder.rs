@@ -13,17 +13,20 @@ use gshear_scene::identity::changes;
 use gshear_scene::{Boundary, Change, Scene};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
-use gshear_store::columns::{AQS_FILE, AqsRow, NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
+use gshear_store::columns::{AqsRow, NewtonianRow};
 use gshear_store::existing;
+use gshear_store::file_names::{
+    AQS_FILE, LOG_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
+};
 use gshear_store::log::Log;
 use gshear_store::run_reader;
 
-use crate::files::{LOG_FILE, RUN_FILE, SCENE_FILE, UpToCheckpoint, Written};
 use crate::header::Header;
 use crate::lock::{Lock, unwritable};
+use crate::options::Options;
 use crate::record::{RunRecord, id_in_scene};
-use crate::run::Options;
 use crate::say::say_error;
+use crate::written::{UpToCheckpoint, Written};
 
 /// Files of frames and time series.
 const TRAJECTORIES: [&str; 3] = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE];

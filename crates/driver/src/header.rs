@@ -11,8 +11,8 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::Snapshot;
 use gshear_scene::{PackingFile, Scene, Source};
 
-use crate::files::Written;
 use crate::record::RunRecord;
+use crate::written::Written;
 
 /// Field of the header with the record of the run.
 const RECORD: &str = "run";

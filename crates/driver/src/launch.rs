@@ -13,14 +13,14 @@ use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Change, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
-use gshear_store::columns::{AQS_FILE, NEWTONIAN_FILE};
+use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 
-use crate::files::RUN_FILE;
 use crate::folder::{Claim, Contents, Entry, RunFolder};
 use crate::header::Header;
 use crate::memory;
+use crate::options::Options;
 use crate::record::{Continuation, RunRecord};
-use crate::run::{Options, Outcome, Run, Start};
+use crate::run::{Outcome, Run, Start};
 use crate::say::say_error;
 use crate::stages::{newtonian, periodic, walls};
 

@@ -10,7 +10,8 @@
 //! ```no_run
 //! use gshear_dem::domain::Solo;
 //! use gshear_driver::launch;
-//! use gshear_driver::run::{Options, Outcome};
+//! use gshear_driver::options::Options;
+//! use gshear_driver::run::Outcome;
 //! use gshear_scene::Source;
 //!
 //! let task = launch::from_the_start(&Solo, &Source::embedded(), &["shear.strain=0.01".into()])?;
@@ -30,6 +31,7 @@ pub mod header;
 pub mod launch;
 mod lock;
 mod memory;
+pub mod options;
 pub mod record;
 pub mod run;
 pub mod say;
@@ -37,3 +39,4 @@ pub mod signals;
 pub mod stages;
 pub mod sweep;
 mod terminal;
+pub mod written;

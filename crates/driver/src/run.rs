@@ -1,6 +1,5 @@
-//! A run: its ranks, its options, and the loop over the steps of a stage.
+//! A run: its ranks, and the loop over the steps of a stage.
 
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Failure;
@@ -8,36 +7,16 @@ use gshear_dem::simd::Isa;
 use gshear_dem::state::{ContactState, Displacement, FramePart, GrainState, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Bookkeeping;
-use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 
 use crate::files::Destination;
 use crate::folder::RunFolder;
 use crate::header::Header;
+use crate::options::Options;
 use crate::record::RunRecord;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
-
-/// Options of the command line other than the scene.
-#[derive(Debug, Clone, Default)]
-pub struct Options {
-    /// Folder of the results.
-    pub out: PathBuf,
-    /// Stop with a checkpoint after this step, as [`Stage::count`] counts it.
-    pub stop_at: Option<u64>,
-    /// Stop with a checkpoint after this time.
-    pub wall_time: Option<Duration>,
-    /// Threads inside each rank.
-    pub threads: usize,
-    /// Remove the run that the folder holds.
-    pub overwrite: bool,
-    /// Take the folder over from another process that holds its lock.
-    pub break_lock: bool,
-    /// Compute only the steps from the checkpoint to the end of this window, without terminal
-    /// output and into new files.
-    pub replay: Option<ReplayWindow>,
-}
 
 /// The outcome of a run that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,7 +9,8 @@ use gshear_scene::Source;
 use gshear_scene::sweep::Member;
 
 use crate::launch::{Resumable, from_the_start, resume_if_begun};
-use crate::run::{Options, Outcome};
+use crate::options::Options;
+use crate::run::Outcome;
 use crate::say;
 
 /// The runs of a configuration with a sweep.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+use crate::output::cannot_write;
 use gshear_analysis as analysis;
 use gshear_analysis::regions::MinPoints;
 use gshear_dem::failure::Failure;
@@ -351,9 +352,4 @@ fn reading(min_points: u8) -> MinPoints {
         1 => MinPoints::Itself,
         _ => MinPoints::OneNeighbour,
     }
-}
-
-/// Returns the failure of output that could not be written to a terminal or a pipe.
-pub(super) fn cannot_write(error: std::io::Error) -> Failure {
-    Failure::other(format!("standard output: {error}"))
 }

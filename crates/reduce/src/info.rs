@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::io::Write;
 
-use super::commands::cannot_write;
+use crate::output::cannot_write;
 use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::SeriesRow;

@@ -27,6 +27,7 @@ mod correlate;
 mod dmin;
 pub mod export;
 mod info;
+mod output;
 mod phases;
 mod pool;
 pub mod rate_state;

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use super::commands::cannot_write;
+use crate::output::cannot_write;
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::RunFile;

@@ -3,17 +3,18 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::commands::cannot_write;
+use crate::output::cannot_write;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{SeriesRow, Snapshot};
-use gshear_driver::files::RUN_FILE;
 use gshear_driver::header::Header;
 use gshear_driver::launch::Task;
-use gshear_driver::run::{Options, Outcome};
+use gshear_driver::options::Options;
+use gshear_driver::run::Outcome;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
-use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow};
+use gshear_store::columns::NewtonianRow;
+use gshear_store::file_names::{NEWTONIAN_FILE, RUN_FILE};
 use gshear_store::run_reader::{self, PeriodicRunFile, RunFile};
 
 /// The part of a run to replay.

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Par, c64};
 
-use super::commands::cannot_write;
 use super::export::Which;
 use super::stiffness::{self, StateSelection};
+use crate::output::cannot_write;
 use gshear_dem::failure::Failure;
 use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::commands::cannot_write;
 use super::export::Which;
+use crate::output::cannot_write;
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble, paper_form};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;

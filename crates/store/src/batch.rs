@@ -206,7 +206,7 @@ impl ShareColumns {
     }
 
     /// Returns the share's part of the checksums of each of its frames, in the order of
-    /// [`checksums::frame_columns`], without those of the clock.
+    /// [`crate::layout::frame_columns`], without those of the clock.
     pub fn checksums(&self, share: &Share, axes: usize) -> Vec<Vec<u64>> {
         let block = length(&share.ids) as usize;
         let mut begin = 0;

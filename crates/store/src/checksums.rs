@@ -4,9 +4,6 @@
 //! number made from the place k of the number. It depends neither on the order of the sum nor on
 //! the ranks that hold the numbers, and a change of one number always changes it.
 
-use super::h5::{Dataset, H5File};
-use super::layout::{CHUNK_ROWS, Mode, elements, forces};
-use gshear_dem::failure::Failure;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Group of the checksums.
@@ -108,47 +105,6 @@ pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, 
 /// Of the step and the time of a frame.
 pub fn of_clock(step: u64, time: f64) -> u64 {
     of_row(step, time, std::iter::empty())
-}
-
-/// Names of the datasets of a frame in `axes` dimensions, in the order of the checksums. `clock`
-/// are its step and time, `pairs` the ids of the contacts.
-pub fn frame_columns(axes: usize) -> Vec<&'static str> {
-    let grains = elements(axes).map(|(name, _)| name);
-    let contacts = forces(axes).iter().map(|(name, _)| *name);
-    ["clock"]
-        .into_iter()
-        .chain(grains)
-        .chain(["pairs"])
-        .chain(contacts)
-        .chain(["sliding"])
-        .collect()
-}
-
-/// The growing checksums of a file.
-pub struct Checksums {
-    pub frames: Dataset<u64>,
-    pub rows: Dataset<u64>,
-}
-
-impl Checksums {
-    /// `None` if an existing file has none: earlier versions wrote it. Collective.
-    pub fn new(file: &H5File, mode: Mode, axes: usize) -> Result<Option<Self>, Failure> {
-        let width = frame_columns(axes).len();
-        if mode == Mode::Open {
-            return match file.has(GROUP) {
-                false => Ok(None),
-                true => Ok(Some(Self {
-                    frames: file.open_dataset(FRAMES)?,
-                    rows: file.open_dataset(ROWS)?,
-                })),
-            };
-        }
-        file.group(GROUP)?;
-        Ok(Some(Self {
-            frames: file.dataset(FRAMES, &[0, width], Some(&[CHUNK_ROWS / 8, width]))?,
-            rows: file.dataset(ROWS, &[0], Some(&[CHUNK_ROWS]))?,
-        }))
-    }
 }
 
 #[cfg(test)]

@@ -1,12 +1,5 @@
 //! Names of the files of a run in a periodic box, and the columns of their time series.
 
-/// Strain steps of a run in a periodic box.
-pub const AQS_FILE: &str = "aqs.h5";
-/// Newton's equations of a run in a periodic box.
-pub const NEWTONIAN_FILE: &str = "newtonian.h5";
-/// Eigenvalues in time, one per line.
-pub const SPECTRA_FILE: &str = "spectra.csv";
-
 gshear_dem::columns! {
     /// One row of the time series of the strain steps. What was not computed is NaN.
     pub struct AqsRow {

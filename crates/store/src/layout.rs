@@ -1,6 +1,6 @@
 //! Layout of `run.h5`: creates its datasets, or opens them to continue.
 
-use super::checksums::Checksums;
+use super::checksums::{FRAMES, GROUP, ROWS};
 use super::h5::{Attribute, Dataset, H5File, Slab};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -42,6 +42,20 @@ pub fn forces(axes: usize) -> &'static [(&'static str, usize)] {
     }
 }
 
+/// Names of the datasets of a frame in `axes` dimensions, in the order of the checksums. `clock`
+/// are its step and time, `pairs` the ids of the contacts.
+pub fn frame_columns(axes: usize) -> Vec<&'static str> {
+    let grains = elements(axes).map(|(name, _)| name);
+    let contacts = forces(axes).iter().map(|(name, _)| *name);
+    ["clock"]
+        .into_iter()
+        .chain(grains)
+        .chain(["pairs"])
+        .chain(contacts)
+        .chain(["sliding"])
+        .collect()
+}
+
 /// Most frames in a chunk.
 pub const CHUNK_FRAMES: usize = 64;
 /// Bytes in a chunk of frames: large enough to write fast, small enough to read one frame.
@@ -54,6 +68,33 @@ pub const CHUNK_ROWS: usize = 1024;
 pub enum Mode {
     Create,
     Open,
+}
+
+/// The growing checksums of a file.
+pub struct Checksums {
+    pub frames: Dataset<u64>,
+    pub rows: Dataset<u64>,
+}
+
+impl Checksums {
+    /// `None` if an existing file has none: earlier versions wrote it. Collective.
+    pub fn new(file: &H5File, mode: Mode, axes: usize) -> Result<Option<Self>, Failure> {
+        let width = frame_columns(axes).len();
+        if mode == Mode::Open {
+            return match file.has(GROUP) {
+                false => Ok(None),
+                true => Ok(Some(Self {
+                    frames: file.open_dataset(FRAMES)?,
+                    rows: file.open_dataset(ROWS)?,
+                })),
+            };
+        }
+        file.group(GROUP)?;
+        Ok(Some(Self {
+            frames: file.dataset(FRAMES, &[0, width], Some(&[CHUNK_ROWS / 8, width]))?,
+            rows: file.dataset(ROWS, &[0], Some(&[CHUNK_ROWS]))?,
+        }))
+    }
 }
 
 /// The growing datasets of the file.

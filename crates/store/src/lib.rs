@@ -39,6 +39,7 @@ mod checksums;
 pub mod collective;
 pub mod columns;
 pub mod existing;
+pub mod file_names;
 #[allow(
     unsafe_code,
     reason = "collective transfers, which the `hdf5` crate lacks"

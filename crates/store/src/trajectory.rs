@@ -1,13 +1,14 @@
 //! The writer of `run.h5`: frames and time series, written by all ranks together in batches.
 
 use super::batch::{Frames, ShareColumns, Shares, length};
-use super::checksums::{self, frame_columns, of_clock, of_row};
+use super::checksums::{self, of_clock, of_row};
 use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::existing::inspect;
 use super::h5::{Attribute, H5File, Slab};
 use super::journal::{self, Journal};
 use super::layout::{
     BOX, CHUNK_FRAMES, Datasets, Mode, PARAMETERS, PARTICLES, by_root, describe, forces,
+    frame_columns,
 };
 use super::scalar_columns::ScalarColumns;
 use bytemuck::{Pod, Zeroable};

@@ -15,15 +15,17 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
 use gshear_store::collective::gathered;
-use gshear_store::columns::{NEWTONIAN_FILE, NewtonianRow, SPECTRA_FILE};
+use gshear_store::columns::NewtonianRow;
+use gshear_store::file_names::{NEWTONIAN_FILE, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
 
 use super::box_state::observe;
 use super::spectra_file::SpectraFile;
 use super::spectrum::GlobalState;
-use crate::files::{Files, Format, UpToCheckpoint};
+use crate::files::{Files, Format};
 use crate::header::{Header, Pair, Progress};
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use crate::written::UpToCheckpoint;
 
 /// The stage that integrates Newton's equations of a box.
 pub(super) struct NewtonianStage<'a, D: Dimension> {

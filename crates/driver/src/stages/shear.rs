@@ -17,10 +17,12 @@ use gshear_scene::{PackingFile, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 
 use super::setup::system;
-use crate::files::{Files, Format, RUN_FILE, UpToCheckpoint, Written};
+use crate::files::{Files, Format};
 use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use crate::written::{UpToCheckpoint, Written};
+use gshear_store::file_names::RUN_FILE;
 
 /// The stage that shears the sample.
 pub(super) struct ShearStage<'a, D: Dimension> {

@@ -10,16 +10,18 @@ use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{digest, frame};
 use gshear_dem::system::System;
 use gshear_scene::{PeriodicBox, Scene};
-use gshear_store::columns::{AQS_FILE, AqsRow};
+use gshear_store::columns::AqsRow;
+use gshear_store::file_names::AQS_FILE;
 use gshear_store::h5::Attribute;
 
 use super::box_state::{Observed, observe};
 use super::relax::{Equilibrium, LONGEST, Relaxation, displace, residual};
 use super::rest::RestState;
 use super::spectrum::{Eigenvalues, GlobalState};
-use crate::files::{Files, Format, UpToCheckpoint, Written};
+use crate::files::{Files, Format};
 use crate::header::{Birth, Header, Progress};
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use crate::written::{UpToCheckpoint, Written};
 
 /// The stage of the strain steps.
 pub(super) struct Strain<'a, D: Dimension> {

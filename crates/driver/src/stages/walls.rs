@@ -12,9 +12,9 @@ use super::pack::PackStage;
 use super::setup::force;
 use super::shear::{From, ShearStage};
 use super::top_wall::{height_between, mass_of_top};
-use crate::files::Written;
 use crate::header::Header;
 use crate::run::{Outcome, Run, StageState, Start};
+use crate::written::Written;
 
 /// Drag during the compression, in inverse inertial times.
 const DRAG_FALLING: f64 = 0.01;

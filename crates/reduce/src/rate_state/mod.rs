@@ -9,7 +9,7 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
-use super::commands::cannot_write;
+use crate::output::cannot_write;
 use gshear_analysis::rate_state::{
     Estimate, Evolution, Experiment, Fit, Fitted, SliderRecord, Stack, fit_all, jackknife, merge,
     modelled, stacks,

@@ -2,7 +2,7 @@
 
 use plotters::style::RGBColor;
 
-use super::ensemble::Family;
+use super::family::Family;
 use super::studied::{Size, Studied};
 use super::{Drawn, Figure, no_run};
 use crate::colour::{CURVES, PALE};

@@ -6,6 +6,7 @@ mod curves;
 mod drops;
 mod ensemble;
 mod event;
+mod family;
 mod numbers;
 mod page;
 mod step_tables;
@@ -60,7 +61,7 @@ pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
     let numbers = numbers::of(runs);
     text_writer::write(&folder.join("numbers.csv"), &numbers::csv(&numbers))?;
     text_writer::write(&folder.join("drops.csv"), &drops::csv(runs))?;
-    let mut families = ensemble::families(runs);
+    let mut families = family::families(runs);
     families.retain(|family| family.runs.len() > 1);
     if !families.is_empty() {
         let write = |name: &str, text: &str| text_writer::write(&folder.join(name), text);
@@ -83,7 +84,7 @@ pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
 /// The figures in the order of their numbers. Figure 1 is a drawing of the set-up.
 fn figures(runs: &[Studied]) -> Vec<Drawn> {
     // Figures of single runs show the first run of each family.
-    let families = ensemble::families(runs);
+    let families = family::families(runs);
     let first = || families.iter().map(|family| family.runs[0]);
     let of = |size: Size| -> Vec<&Studied> { first().filter(|run| run.size == size).collect() };
     let (small, large) = (of(Size::Small), of(Size::Large));

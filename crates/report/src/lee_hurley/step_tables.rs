@@ -1,6 +1,5 @@
 //! CSV tables of the maps.
 
-use super::steps::top;
 use super::studied::{MapStep, Studied};
 use gshear_analysis::forces;
 use gshear_dem::state::Disks;
@@ -9,7 +8,7 @@ use gshear_store::table::Table;
 /// Returns one line per grain and step; lengths in m, D²min in m².
 pub fn grains_table(run: &Studied, steps: &[&MapStep]) -> String {
     let rows = steps.iter().flat_map(|step| {
-        let top = top(&step.dmin);
+        let top = step.top();
         let grains = 0..step.frame.position.len();
         grains.map(move |n| (*step, n, top.contains(&(n as u32))))
     });

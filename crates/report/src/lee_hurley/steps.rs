@@ -17,8 +17,6 @@ use gshear_analysis::forces;
 const WIDTH: f64 = 235.0;
 /// Margins (px); at the sides wide enough for disks across the periodic boundary.
 const MARGIN: [f64; 4] = [11.0, 40.0, 11.0, 6.0];
-/// Share of the grains with a defined D²min that are marked as the greatest.
-const TOP: f64 = 0.01;
 /// Greatest number of decades of D²min on the colour bar.
 const DECADES: f64 = 6.0;
 /// Changes below this share of the greatest are too faint to be seen and left out.
@@ -155,7 +153,7 @@ fn stage(number: u8, run: &Studied, what: &str, steps: &[&MapStep]) -> Drawn {
             step,
             view,
             ["", "greatest 1 % D²_{min}"],
-            &top(&step.dmin),
+            &step.top(),
         ));
         panels.push(dmin(run, step, view, &levels));
     }
@@ -185,20 +183,6 @@ fn stage(number: u8, run: &Studied, what: &str, steps: &[&MapStep]) -> Drawn {
             ("-contacts.csv", contacts_table(run, steps, true)),
         ],
     })
-}
-
-/// Returns the ids of the grains with the greatest D²min: 1 % of those with a defined value,
-/// rounded and at least one.
-pub fn top(dmin: &[f64]) -> Vec<u32> {
-    let mut defined: Vec<u32> = (0..dmin.len() as u32)
-        .filter(|n| dmin[*n as usize].is_finite())
-        .collect();
-    let count = ((TOP * defined.len() as f64).round() as usize)
-        .max(1)
-        .min(defined.len());
-    defined.sort_by(|a, b| dmin[*b as usize].total_cmp(&dmin[*a as usize]));
-    defined.truncate(count);
-    defined
 }
 
 /// Draws all grains in pale colours, wall grains darker; without outlines, so that each kind

@@ -73,9 +73,12 @@ impl DropStage {
     }
 }
 
+/// Share of the grains with a defined D²min that are marked as the greatest.
+const TOP: f64 = 0.01;
+
 /// An interval around the drop that the maps show, with its results.
 pub struct MapStep {
-    /// QuotedNumber of the step in the maps, from 1 on.
+    /// Number of the step in the maps, from 1 on.
     pub number: usize,
     /// Stage of the drop.
     pub stage: DropStage,
@@ -93,6 +96,23 @@ pub struct MapStep {
     pub dmin: Vec<f64>,
     /// `[N]` Non-affine displacement (m).
     pub displacement: Vec<[f64; 2]>,
+}
+
+impl MapStep {
+    /// Returns the ids of the grains with the greatest D²min: 1 % of those with a defined value,
+    /// rounded and at least one.
+    pub fn top(&self) -> Vec<u32> {
+        let dmin = &self.dmin;
+        let mut defined: Vec<u32> = (0..dmin.len() as u32)
+            .filter(|n| dmin[*n as usize].is_finite())
+            .collect();
+        let count = ((TOP * defined.len() as f64).round() as usize)
+            .max(1)
+            .min(defined.len());
+        defined.sort_by(|a, b| dmin[*b as usize].total_cmp(&dmin[*a as usize]));
+        defined.truncate(count);
+        defined
+    }
 }
 
 /// The largest drop of the regime.

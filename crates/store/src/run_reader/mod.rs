@@ -17,6 +17,7 @@ pub use self::periodic::{Owner, PeriodicRunFile, owner};
 use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;
+use crate::file_names::RUN_FILE;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Disks, SeriesRow};
@@ -136,7 +137,7 @@ impl RunFile {
     /// wrong shape.
     pub fn open(run: &Path) -> Result<Self, Failure> {
         let path = if run.is_dir() {
-            run.join("run.h5")
+            run.join(RUN_FILE)
         } else {
             run.to_path_buf()
         };

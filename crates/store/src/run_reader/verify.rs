@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::source::OpenFile;
-use crate::checksums::{self, CONSTANTS, FRAMES, GROUP, ROWS, frame_columns};
+use crate::checksums::{self, CONSTANTS, FRAMES, GROUP, ROWS};
+use crate::layout::frame_columns;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;

@@ -1,0 +1,14 @@
+//! Names of the files in a run's folder, but for the checkpoints' ([`crate::checkpoint`]).
+
+/// Frames and time series of the shear between walls.
+pub const RUN_FILE: &str = "run.h5";
+/// The time series of the shear as text.
+pub const LOG_FILE: &str = "log.csv";
+/// The scene, with all defaults.
+pub const SCENE_FILE: &str = "scene.toml";
+/// Strain steps of a run in a periodic box.
+pub const AQS_FILE: &str = "aqs.h5";
+/// Newton's equations of a run in a periodic box.
+pub const NEWTONIAN_FILE: &str = "newtonian.h5";
+/// Eigenvalues in time, one per line.
+pub const SPECTRA_FILE: &str = "spectra.csv";
