@@ -68,7 +68,7 @@ impl Fixture {
         let height = (rows - 1) as f64 * 0.87 * spacing;
 
         let series_rows = 10 * (frames - 1) + 1;
-        let mut series = vec![Vec::new(); SeriesRow::COLUMNS.len()];
+        let (mut series, mut taus) = (vec![Vec::new(); SeriesRow::COLUMNS.len()], Vec::new());
         let mut tau: f64 = 0.0;
         for row in 0..series_rows {
             let strain = strain_of(row as u64 * STEPS_PER_ROW, height);
@@ -81,23 +81,22 @@ impl Fixture {
                     0.03 * (0.4 - tau)
                 };
             }
-            let row = [
+            taus.push(tau);
+            let row = SeriesRow {
                 strain,
-                tau,
-                0.6,
-                0.6 * tau,
-                height,
-                0.84,
-                3.1,
-                1e-15,
-                0.02,
-                0.0,
-            ];
-            series
-                .iter_mut()
-                // Nothing in the energy budget.
-                .zip(row.into_iter().chain(std::iter::repeat(0.0)))
-                .for_each(|(column, value)| column.push(value));
+                stress_ratio: tau,
+                normal_force: 0.6,
+                shear_force: 0.6 * tau,
+                wall_height: height,
+                solid_fraction: 0.84,
+                coordination: 3.1,
+                kinetic_energy: 1e-15,
+                sliding_fraction: 0.02,
+                ..SeriesRow::from_columns([0.0; SeriesRow::COLUMNS.len()])
+            };
+            for (column, value) in series.iter_mut().zip(row.columns()) {
+                column.push(value);
+            }
         }
 
         let mut made = Vec::new();
@@ -106,7 +105,7 @@ impl Fixture {
             if t > 0 {
                 let advance =
                     strain_of(step, height) - strain_of(step - 10 * STEPS_PER_ROW, height);
-                let drop = (series[1][10 * t - 10] - series[1][10 * t]).max(0.0);
+                let drop = f64::max(taus[10 * t - 10] - taus[10 * t], 0.0);
                 let centre = [uniform() * length, uniform() * height];
                 for r in &mut points {
                     r[0] += advance * r[1];

@@ -141,7 +141,7 @@ mod tests {
             assert!(
                 page.contains(&format!("<!-- columns of {name} -->\n\n{table}\n<!--")),
                 "docs/file-formats.md does not have the declared columns of {name}; write them with\n  \
-                 cargo test -p gshear-store -- --ignored write_columns_to_docs\nor paste\n{table}"
+                 cargo test --release -p gshear-store --lib -- --ignored write_columns_to_docs\nor paste\n{table}"
             );
         }
     }
