@@ -113,21 +113,30 @@ pub enum Command {
         #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
         min_points: u8,
     },
-    /// Write a frame or a checkpoint in the format of another program
+    /// Write frames or a checkpoint in the format of another program
     ///
-    /// lammps-data and liggghts-data are data files of atom_style sphere. Types: 1 free grains, 2
-    /// bottom wall, 3 top wall. In 2D the density gives each grain the mass of the disk per metre
-    /// of depth. sample.packing reads both formats.
+    /// lammps-data and liggghts-data are data files of one state, of atom_style sphere. In 2D the
+    /// density gives each grain the mass of the disk per metre of depth. sample.packing reads both.
+    /// The other formats hold any number of frames; lammps-dump and csv write the contacts into
+    /// NAME-contacts beside the file. Types in LAMMPS' formats: 1 free grains, 2 bottom wall, 3 top
+    /// wall; ids are those of the run plus 1. Everything is in SI units.
     Export {
         /// A run.h5, the folder that holds one, or a checkpoint
         run: PathBuf,
         /// Format of the file
         #[arg(long, value_enum)]
         format: export::ExportFormat,
-        /// Frame: its number, from 0 on, or last [default: last]
+        /// One frame: its number, from 0 on, or last [default for data files: last]
         #[arg(long, value_name = "N")]
         frame: Option<export::Which>,
-        /// File to write [default: frame-N.data or checkpoint.data in the folder of the run]
+        /// Frames A to B, both included, every Nth of them; .. is all [default: all]
+        #[arg(long, value_name = "A..B[:N]", conflicts_with = "frame")]
+        frames: Option<export::FrameRange>,
+        /// Numbers to compute for every grain
+        #[arg(long, value_enum, value_delimiter = ',', value_name = "FIELD,...")]
+        fields: Vec<export::GrainField>,
+        /// File to write [default: frame-N.data, checkpoint.data or frames.FORMAT in the folder of
+        /// the run]
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
@@ -272,10 +281,20 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             run,
             format,
             frame,
+            frames,
+            fields,
             out,
         } => {
-            let path = export::write(run, *format, *frame, out.as_deref())?;
-            writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
+            let request = export::ExportRequest {
+                format: *format,
+                frame: *frame,
+                frames: *frames,
+                fields: fields.clone(),
+                out: out.clone(),
+            };
+            for path in export::write(run, &request)? {
+                writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
+            }
         }
         Command::RateState { runs, law, out } => {
             let runs: Vec<RunFile> = runs

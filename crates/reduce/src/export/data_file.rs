@@ -1,8 +1,6 @@
-//! `export`: writes a frame or a checkpoint in the format of another program.
+//! Data files of LAMMPS and LIGGGHTS: one state, from which a simulation can begin.
 
 use std::path::{Path, PathBuf};
-
-use clap::ValueEnum;
 
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
@@ -14,86 +12,31 @@ use gshear_scene::{Boundary, Dimensions};
 use gshear_store::run_reader::RunFile;
 use gshear_store::{checkpoint, provenance, text_writer};
 
-/// Format of the exported file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ExportFormat {
-    /// LAMMPS data file of atom_style sphere
-    LammpsData,
-    /// The same for LIGGGHTS, which takes the density as that of a disk in 2D
-    LiggghtsData,
+use super::selection::Which;
+
+/// The program that reads a data file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reader {
+    /// LAMMPS.
+    Lammps,
+    /// LIGGGHTS, which takes the density as that of a disk in 2D.
+    Liggghts,
 }
 
-impl ExportFormat {
-    fn extension(self) -> &'static str {
-        match self {
-            ExportFormat::LammpsData | ExportFormat::LiggghtsData => "data",
-        }
-    }
-
+impl Reader {
     fn text(self, state: &ExportedState) -> String {
         match (self, state.dimension) {
-            (_, Dimensions::Three) => data_file(state, self.program(), &[], Three::volume),
-            (ExportFormat::LammpsData, _) => {
-                data_file(state, self.program(), &SPHERES, Three::volume)
-            }
-            (ExportFormat::LiggghtsData, _) => {
-                data_file(state, self.program(), &DISKS, Two::volume)
-            }
+            (_, Dimensions::Three) => data_file(state, self.name(), &[], Three::volume),
+            (Reader::Lammps, _) => data_file(state, self.name(), &SPHERES, Three::volume),
+            (Reader::Liggghts, _) => data_file(state, self.name(), &DISKS, Two::volume),
         }
     }
 
-    fn program(self) -> &'static str {
+    fn name(self) -> &'static str {
         match self {
-            ExportFormat::LammpsData => "LAMMPS",
-            ExportFormat::LiggghtsData => "LIGGGHTS",
+            Reader::Lammps => "LAMMPS",
+            Reader::Liggghts => "LIGGGHTS",
         }
-    }
-}
-
-/// A frame of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Which {
-    /// The last frame.
-    Last,
-    /// The frame of this number, from 0 on.
-    Number(usize),
-}
-
-impl std::str::FromStr for Which {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "last" => Ok(Which::Last),
-            _ => text
-                .parse()
-                .map(Which::Number)
-                .map_err(|_| "write last, or the number of a frame, from 0 on".into()),
-        }
-    }
-}
-
-impl Which {
-    /// Returns its number.
-    ///
-    /// # Errors
-    /// [`Failure::Input`] if the run has no such frame.
-    pub(super) fn of(self, run: &RunFile) -> Result<usize, Failure> {
-        let frames = run.frames();
-        let asked = match self {
-            Which::Number(t) if t < frames => return Ok(t),
-            Which::Last if frames > 0 => return Ok(frames - 1),
-            Which::Last => "last".to_string(),
-            Which::Number(t) => t.to_string(),
-        };
-        let there = match frames {
-            0 => "no frames".into(),
-            n => format!("the frames 0 … {}", n - 1),
-        };
-        Err(Failure::input(format!(
-            "--frame {asked}: {} has {there}",
-            run.path().display()
-        )))
     }
 }
 
@@ -126,7 +69,7 @@ struct Grain {
 /// A missing frame, a damaged file, a file that cannot be written.
 pub fn write(
     run: &Path,
-    format: ExportFormat,
+    reader: Reader,
     frame: Option<Which>,
     out: Option<&Path>,
 ) -> Result<PathBuf, Failure> {
@@ -148,12 +91,12 @@ pub fn write(
             } else {
                 run.parent()
             };
-            let file = format!("{}.{}", state.name, format.extension());
+            let file = format!("{}.data", state.name);
             folder.unwrap_or(Path::new("")).join(file)
         },
         Path::to_path_buf,
     );
-    text_writer::write(&path, &format.text(&state))?;
+    text_writer::write(&path, &reader.text(&state))?;
     Ok(path)
 }
 

@@ -1,0 +1,366 @@
+//! The frames of a run as they are exported: state of the grains, contacts, and numbers computed for
+//! every grain.
+
+use clap::ValueEnum;
+
+use gshear_analysis::dmin;
+use gshear_analysis::regions::{MinPoints, Regions};
+use gshear_analysis::{event, rattlers, stress};
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactSample, Disks, Frame, FrameRecords, GrainSample};
+use gshear_scene::Dimensions;
+use gshear_store::run_reader::RunFile;
+
+/// A number of every grain that is computed for the export.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GrainField {
+    /// D²min since the frame before (m²); NaN where it is undefined
+    Dmin,
+    /// Contact stress (Pa; N/m in 2D), compression positive: xx, yy, xy; 3D: xx, yy, zz, xy, xz, yz
+    Stress,
+    /// 1 in the grains of the greatest reduction of force since the frame before (2D)
+    Regions,
+    /// Number of contacts
+    Contacts,
+}
+
+impl GrainField {
+    /// Names of its components.
+    fn names(self, dimension: Dimensions) -> &'static [&'static str] {
+        match (self, dimension) {
+            (GrainField::Dmin, _) => &["dmin"],
+            (GrainField::Stress, Dimensions::Two) => &["stress_xx", "stress_yy", "stress_xy"],
+            (GrainField::Stress, Dimensions::Three) => &[
+                "stress_xx",
+                "stress_yy",
+                "stress_zz",
+                "stress_xy",
+                "stress_xz",
+                "stress_yz",
+            ],
+            (GrainField::Regions, _) => &["region"],
+            (GrainField::Contacts, _) => &["contacts"],
+        }
+    }
+
+    /// Whether it compares a frame with the one before.
+    fn compares(self) -> bool {
+        matches!(self, GrainField::Dmin | GrainField::Regions)
+    }
+}
+
+/// A run, and what is exported of it.
+pub struct ExportedRun<'a> {
+    run: &'a RunFile,
+    fields: Vec<GrainField>,
+    strains: Vec<f64>,
+}
+
+/// One frame.
+pub struct ExportedFrame {
+    /// Number of the frame in the run.
+    pub number: usize,
+    /// γ.
+    pub strain: f64,
+    /// Steps and time (s) since the start of the shear, grains and contacts.
+    pub records: FrameRecords,
+    /// Name and `[N]` values of the computed numbers.
+    pub fields: Vec<(&'static str, Vec<f64>)>,
+}
+
+impl<'a> ExportedRun<'a> {
+    /// # Errors
+    /// A run without strains; fields that spheres do not have.
+    pub fn new(run: &'a RunFile, fields: &[GrainField]) -> Result<Self, Failure> {
+        if run.dimension() == Dimensions::Three && fields.contains(&GrainField::Regions) {
+            return Err(Failure::input(format!(
+                "--fields regions: {}: needs disks",
+                run.path().display()
+            )));
+        }
+        let mut once = Vec::new();
+        for field in fields {
+            if !once.contains(field) {
+                once.push(*field);
+            }
+        }
+        Ok(Self {
+            run,
+            fields: once,
+            strains: run.frame_strains()?,
+        })
+    }
+
+    /// The constants of the grains.
+    pub fn grains(&self) -> &Disks {
+        self.run.grains()
+    }
+
+    /// Number of dimensions.
+    pub fn axes(&self) -> usize {
+        self.run.dimension().axes()
+    }
+
+    /// Names of the computed numbers.
+    pub fn field_names(&self) -> impl Iterator<Item = &'static str> {
+        let dimension = self.run.dimension();
+        self.fields
+            .iter()
+            .flat_map(move |field| field.names(dimension).iter().copied())
+    }
+
+    /// Which axes are periodic.
+    pub fn periodic(&self) -> [bool; 3] {
+        [true, self.axes() == 3, false]
+    }
+
+    /// The name, the version and the origin, on one line.
+    pub fn title(&self) -> String {
+        format!(
+            "{}; {}",
+            self.run.path().display(),
+            gshear_store::provenance::printed()
+        )
+    }
+
+    /// Lower and upper bounds along each axis (m): the period, or the extent of the grains. In 2D
+    /// the box is as thick as the greatest grain.
+    pub fn bounds(&self, frame: &ExportedFrame) -> [[f64; 2]; 3] {
+        let up = self.axes() - 1;
+        let radius = &self.grains().radius;
+        let extent = (frame.records.grains.iter().zip(radius)).fold(
+            [f64::INFINITY, f64::NEG_INFINITY],
+            |[low, high], (grain, radius)| {
+                let height = grain.position[up];
+                [low.min(height - radius), high.max(height + radius)]
+            },
+        );
+        let periods = self.run.cell().periods;
+        let largest = radius.iter().copied().fold(0.0, f64::max);
+        match self.run.dimension() {
+            Dimensions::Two => [[0.0, periods[0]], extent, [-largest, largest]],
+            Dimensions::Three => [[0.0, periods[0]], [0.0, periods[1]], extent],
+        }
+    }
+
+    /// Position of the image of grain j nearest to grain i (m), and whether it is another image
+    /// than the one in the box.
+    pub fn nearest_image(&self, frame: &ExportedFrame, i: u32, j: u32) -> ([f64; 3], bool) {
+        let [from, to] = [i, j].map(|g| frame.records.grains[g as usize].position);
+        let cell = self.run.cell();
+        let apart = match self.run.dimension() {
+            Dimensions::Two => cell.separation::<Two>(&to, &from),
+            Dimensions::Three => cell.separation::<Three>(&to, &from),
+        };
+        let image: [f64; 3] = std::array::from_fn(|axis| from[axis] + apart[axis]);
+        let moved = |axis: usize| (image[axis] - to[axis]).abs() > 0.25 * cell.periods[axis];
+        match (0..self.axes() - 1).any(moved) {
+            true => (image, true),
+            false => (to, false),
+        }
+    }
+
+    /// Calls `each` for these frames, in order.
+    pub fn each_frame(
+        &self,
+        numbers: &[usize],
+        mut each: impl FnMut(&ExportedFrame) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let compares = self.fields.iter().any(|field| field.compares());
+        let read = |t: usize| Ok(self.run.records(t..t + 1)?.swap_remove(0));
+        let mut last: Option<(usize, FrameRecords)> = None;
+        for &number in numbers {
+            let records = read(number)?;
+            let before = match (compares, number.checked_sub(1)) {
+                (true, Some(before)) => match last.take() {
+                    Some((at, frame)) if at == before => Some(frame),
+                    _ => Some(read(before)?),
+                },
+                _ => None,
+            };
+            let fields = self.fields(before.as_ref(), &records);
+            let frame = ExportedFrame {
+                number,
+                strain: self.strains[number],
+                records,
+                fields,
+            };
+            each(&frame)?;
+            last = Some((number, frame.records));
+        }
+        Ok(())
+    }
+
+    fn fields(
+        &self,
+        before: Option<&FrameRecords>,
+        now: &FrameRecords,
+    ) -> Vec<(&'static str, Vec<f64>)> {
+        let dimension = self.run.dimension();
+        let mut named = Vec::new();
+        for field in &self.fields {
+            let columns = match (field, dimension) {
+                (GrainField::Dmin, _) => vec![self.dmin(before, now)],
+                (GrainField::Stress, Dimensions::Two) => {
+                    columns_of(&stress::tensors(self.grains(), &planar(now)))
+                }
+                (GrainField::Stress, Dimensions::Three) => {
+                    columns_of(&stress::of_spheres(self.grains(), self.run.cell(), now))
+                }
+                (GrainField::Regions, _) => vec![self.regions(before, now)],
+                (GrainField::Contacts, _) => vec![self.contacts(now)],
+            };
+            named.extend(field.names(dimension).iter().copied().zip(columns));
+        }
+        named
+    }
+
+    fn dmin(&self, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
+        let grains = self.grains();
+        let Some(before) = before else {
+            return vec![f64::NAN; grains.count()];
+        };
+        let radius = dmin::RADIUS * grains.mean_radius();
+        match self.run.dimension() {
+            Dimensions::Two => {
+                let mut row = vec![0.0; grains.count()];
+                let [before, now] = [before, now].map(planar);
+                dmin::NonAffine::default().between(grains, radius, &before, &now, &mut row);
+                row
+            }
+            Dimensions::Three => {
+                let mut rattler = Vec::new();
+                rattlers::mark::<3>(grains, &before.contacts, &mut rattler);
+                let places = |frame: &FrameRecords| -> Vec<[f64; 3]> {
+                    frame.grains.iter().map(|grain| grain.position).collect()
+                };
+                let [before, now] = [before, now].map(places);
+                let bears = |n: usize| !rattler[n];
+                event::non_affine::<Three>(self.run.cell(), &before, &now, radius, bears)
+            }
+        }
+    }
+
+    fn regions(&self, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
+        let mut inside = vec![0.0; self.grains().count()];
+        if let Some(before) = before {
+            let mut regions = Regions::default();
+            regions.find(self.grains(), &planar(before), &planar(now));
+            let labels = regions.labels(MinPoints::Itself);
+            for (&grain, label) in regions.grains().iter().zip(labels) {
+                inside[grain as usize] = f64::from(u8::from(label.is_some()));
+            }
+        }
+        inside
+    }
+
+    fn contacts(&self, now: &FrameRecords) -> Vec<f64> {
+        let mut count = vec![0.0; self.grains().count()];
+        for contact in &now.contacts {
+            for grain in [contact.i, contact.j] {
+                count[grain as usize] += 1.0;
+            }
+        }
+        count
+    }
+}
+
+/// The columns of an array of rows.
+fn columns_of<const K: usize>(rows: &[[f64; K]]) -> Vec<Vec<f64>> {
+    (0..K)
+        .map(|k| rows.iter().map(|row| row[k]).collect())
+        .collect()
+}
+
+/// A frame of disks.
+fn planar(frame: &FrameRecords) -> Frame {
+    let two = |[x, y, _]: [f64; 3]| [x, y];
+    Frame {
+        step: frame.step,
+        time: frame.time,
+        position: frame.grains.iter().map(|g| two(g.position)).collect(),
+        velocity: frame.grains.iter().map(|g| two(g.velocity)).collect(),
+        angular_velocity: frame.grains.iter().map(|g| g.angular_velocity[2]).collect(),
+        contacts: frame.contacts.clone(),
+    }
+}
+
+/// A number, or the components of a vector, of a contact.
+#[derive(Clone)]
+pub struct ContactQuantity {
+    /// Name of its dataset in `run.h5`.
+    pub name: &'static str,
+    /// Its components.
+    pub components: Vec<fn(&ContactSample) -> f64>,
+}
+
+impl ContactQuantity {
+    /// Names of the components.
+    pub fn names(&self) -> impl Iterator<Item = String> {
+        let axes: &[&str] = match self.components.len() {
+            1 => &[""],
+            _ => &["_x", "_y", "_z"],
+        };
+        axes.iter().map(|axis| format!("{}{axis}", self.name))
+    }
+
+    /// The values of the components.
+    pub fn values(&self, contact: &ContactSample) -> impl Iterator<Item = f64> {
+        self.components.iter().map(|component| component(contact))
+    }
+}
+
+/// All quantities of a contact apart from its grains, in `axes` dimensions.
+pub fn contact_quantities(axes: usize) -> Vec<ContactQuantity> {
+    type Component = fn(&ContactSample) -> f64;
+    let force: [Component; 3] = [
+        |c| c.tangential_force[0],
+        |c| c.tangential_force[1],
+        |c| c.tangential_force[2],
+    ];
+    let history: [Component; 3] = [
+        |c| c.tangential_history[0],
+        |c| c.tangential_history[1],
+        |c| c.tangential_history[2],
+    ];
+    let components = if axes == 2 { 1 } else { 3 };
+    let mut all: Vec<(&str, &[Component])> = vec![
+        ("normal_force", &[|c| c.normal_force]),
+        ("tangential_force", &force[..components]),
+        ("tangential_history", &history[..components]),
+    ];
+    if axes == 2 {
+        all.push(("rolling_history", &[|c| c.rolling_history]));
+    }
+    all.push(("overlap", &[|c| c.overlap]));
+    all.push(("sliding", &[|c| c.sliding as f64]));
+    let quantity = |(name, components): (&'static str, &[Component])| ContactQuantity {
+        name,
+        components: components.to_vec(),
+    };
+    all.into_iter().map(quantity).collect()
+}
+
+/// Name and value of a number of a grain's state.
+pub type GrainColumn = (&'static str, fn(&GrainSample) -> f64);
+
+/// Position, velocity and angular velocity of a grain, those that move in `axes` dimensions.
+pub fn grain_columns(axes: usize) -> Vec<GrainColumn> {
+    let all: [GrainColumn; 9] = [
+        ("x", |g| g.position[0]),
+        ("y", |g| g.position[1]),
+        ("z", |g| g.position[2]),
+        ("velocity_x", |g| g.velocity[0]),
+        ("velocity_y", |g| g.velocity[1]),
+        ("velocity_z", |g| g.velocity[2]),
+        ("angular_velocity_x", |g| g.angular_velocity[0]),
+        ("angular_velocity_y", |g| g.angular_velocity[1]),
+        ("angular_velocity_z", |g| g.angular_velocity[2]),
+    ];
+    let planar = [0, 1, 3, 4, 8];
+    match axes {
+        2 => planar.map(|k| all[k]).into(),
+        _ => all.into(),
+    }
+}

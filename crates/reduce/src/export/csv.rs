@@ -1,0 +1,134 @@
+//! Tables of grains and contacts, one line per grain or contact and frame.
+
+use std::path::{Path, PathBuf};
+
+use csv::{StringRecord, Writer};
+
+use gshear_dem::failure::Failure;
+use gshear_store::table::TableCell;
+use gshear_store::text_writer::PartFile;
+
+use super::content::{
+    ContactQuantity, ExportedFrame, ExportedRun, GrainColumn, contact_quantities, grain_columns,
+};
+use super::{FrameWriter, contacts_beside};
+
+/// Columns that say which frame a line belongs to.
+const FRAME: [&str; 4] = ["frame", "step", "time", "strain"];
+
+/// Writes both tables.
+pub struct CsvWriter {
+    grains: TableStream,
+    grain_columns: Vec<GrainColumn>,
+    contacts: TableStream,
+    quantities: Vec<ContactQuantity>,
+}
+
+/// A table that is written line by line.
+struct TableStream {
+    path: PathBuf,
+    writer: Writer<PartFile>,
+    line: StringRecord,
+}
+
+impl TableStream {
+    fn create<'a>(path: &Path, names: impl Iterator<Item = &'a str>) -> Result<Self, Failure> {
+        let mut table = Self {
+            path: path.to_path_buf(),
+            writer: Writer::from_writer(PartFile::create(path)?),
+            line: names.collect(),
+        };
+        table.end_line()?;
+        Ok(table)
+    }
+
+    fn cells(&mut self, cells: &[&dyn TableCell]) {
+        for cell in cells {
+            self.line.push_field(&cell.text());
+        }
+    }
+
+    fn end_line(&mut self) -> Result<(), Failure> {
+        let written = self.writer.write_record(&self.line);
+        self.line.clear();
+        written.map_err(|e| self.unwritten(&e))
+    }
+
+    fn finish(self) -> Result<PathBuf, Failure> {
+        let path = self.path;
+        let file = self
+            .writer
+            .into_inner()
+            .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))?;
+        file.finish()
+    }
+
+    fn unwritten(&self, error: &csv::Error) -> Failure {
+        Failure::other(format!(
+            "{}: cannot be written: {error}",
+            self.path.display()
+        ))
+    }
+}
+
+impl CsvWriter {
+    /// # Errors
+    /// Files that cannot be created.
+    pub fn create(path: &Path, run: &ExportedRun) -> Result<Self, Failure> {
+        let axes = run.axes();
+        let (of_grain, quantities) = (grain_columns(axes), contact_quantities(axes));
+        let named = of_grain.iter().map(|(name, _)| *name);
+        let grains = (FRAME.into_iter())
+            .chain(["id", "body", "radius", "mass"])
+            .chain(named)
+            .chain(run.field_names());
+        let named: Vec<String> = quantities.iter().flat_map(ContactQuantity::names).collect();
+        let named = named.iter().map(String::as_str);
+        let contacts = FRAME.into_iter().chain(["i", "j"]).chain(named);
+        Ok(Self {
+            grains: TableStream::create(path, grains)?,
+            contacts: TableStream::create(&contacts_beside(path), contacts)?,
+            grain_columns: of_grain,
+            quantities,
+        })
+    }
+}
+
+impl FrameWriter for CsvWriter {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+        let (records, constants) = (&frame.records, run.grains());
+        let of_frame: [&dyn TableCell; 4] =
+            [&frame.number, &records.step, &records.time, &frame.strain];
+        for (g, grain) in records.grains.iter().enumerate() {
+            let table = &mut self.grains;
+            table.cells(&of_frame);
+            table.cells(&[
+                &grain.id,
+                &constants.body[g],
+                &constants.radius[g],
+                &constants.mass[g],
+            ]);
+            for (_, value) in &self.grain_columns {
+                table.cells(&[&value(grain)]);
+            }
+            for (_, values) in &frame.fields {
+                table.cells(&[&values[g]]);
+            }
+            table.end_line()?;
+        }
+        for contact in &records.contacts {
+            let table = &mut self.contacts;
+            table.cells(&of_frame);
+            table.cells(&[&contact.i, &contact.j]);
+            for value in self.quantities.iter().flat_map(|q| q.values(contact)) {
+                table.cells(&[&value]);
+            }
+            table.end_line()?;
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+        Ok(vec![self.grains.finish()?, self.contacts.finish()?])
+    }
+}

@@ -1,0 +1,110 @@
+//! LAMMPS dump files: grains in the format of `dump custom`, contacts in that of `dump local`.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use gshear_dem::failure::Failure;
+use gshear_store::text_writer::PartFile;
+
+use super::content::{ContactQuantity, ExportedFrame, ExportedRun, contact_quantities};
+use super::{FrameWriter, contacts_beside};
+
+/// Writes both files.
+pub struct DumpWriter {
+    grains: PartFile,
+    contacts: PartFile,
+}
+
+impl DumpWriter {
+    /// # Errors
+    /// Files that cannot be created.
+    pub fn create(path: &Path) -> Result<Self, Failure> {
+        Ok(Self {
+            grains: PartFile::create(path)?,
+            contacts: PartFile::create(&contacts_beside(path))?,
+        })
+    }
+
+    fn head(
+        file: &mut PartFile,
+        run: &ExportedRun,
+        frame: &ExportedFrame,
+        count: (&str, usize),
+    ) -> std::io::Result<()> {
+        writeln!(file, "ITEM: TIMESTEP\n{}", frame.records.step)?;
+        writeln!(file, "ITEM: NUMBER OF {}\n{}", count.0, count.1)?;
+        // LAMMPS needs a period along z in 2D.
+        let periodic = run.periodic().into_iter().enumerate();
+        let kinds = periodic.map(|(axis, periodic)| match periodic || axis >= run.axes() {
+            true => " pp",
+            false => " ff",
+        });
+        writeln!(file, "ITEM: BOX BOUNDS{}", kinds.collect::<String>())?;
+        for [low, high] in run.bounds(frame) {
+            writeln!(file, "{low:?} {high:?}")?;
+        }
+        Ok(())
+    }
+
+    fn write_grains(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> std::io::Result<()> {
+        let file = &mut self.grains;
+        let grains = &frame.records.grains;
+        Self::head(file, run, frame, ("ATOMS", grains.len()))?;
+        write!(
+            file,
+            "ITEM: ATOMS id type x y z vx vy vz omegax omegay omegaz radius mass"
+        )?;
+        for name in run.field_names() {
+            write!(file, " {name}")?;
+        }
+        writeln!(file)?;
+        let constants = run.grains();
+        for (g, grain) in grains.iter().enumerate() {
+            write!(file, "{} {}", grain.id + 1, constants.body[g] + 1)?;
+            let state = [grain.position, grain.velocity, grain.angular_velocity];
+            let fixed = [constants.radius[g], constants.mass[g]];
+            let fields = frame.fields.iter().map(|(_, values)| values[g]);
+            for value in state.into_iter().flatten().chain(fixed).chain(fields) {
+                write!(file, " {value:?}")?;
+            }
+            writeln!(file)?;
+        }
+        Ok(())
+    }
+
+    fn write_contacts(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> std::io::Result<()> {
+        let file = &mut self.contacts;
+        let contacts = &frame.records.contacts;
+        Self::head(file, run, frame, ("ENTRIES", contacts.len()))?;
+        let quantities = contact_quantities(run.axes());
+        write!(file, "ITEM: ENTRIES batom1 batom2")?;
+        for name in quantities.iter().flat_map(ContactQuantity::names) {
+            write!(file, " {name}")?;
+        }
+        writeln!(file)?;
+        for contact in contacts {
+            write!(file, "{} {}", contact.i + 1, contact.j + 1)?;
+            for value in quantities
+                .iter()
+                .flat_map(|quantity| quantity.values(contact))
+            {
+                write!(file, " {value:?}")?;
+            }
+            writeln!(file)?;
+        }
+        Ok(())
+    }
+}
+
+impl FrameWriter for DumpWriter {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+        let written = self.write_grains(run, frame);
+        self.grains.checked(written)?;
+        let written = self.write_contacts(run, frame);
+        self.contacts.checked(written)
+    }
+
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+        Ok(vec![self.grains.finish()?, self.contacts.finish()?])
+    }
+}
