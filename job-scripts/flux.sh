@@ -51,7 +51,7 @@ json.dump(job, sys.stdout)' "$1"
 if goes_on 1; then
     job=$(flux getattr jobid)
     # The same job in the instance around this one: script, arguments and resources.
-    next=$(flux --parent job info "$job" jobspec | with_chain $((CHAIN - 1)) |
+    next=$(flux --parent job info --original "$job" jobspec | with_chain $((CHAIN - 1)) |
         flux --parent job submit) && {
         echo "stopped early; goes on as job $next"
         exit 0

@@ -12,8 +12,11 @@ use common::{Outcome, gshear_mpi, mpirun, same_run, succeed};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
 const SHORT: &str = "--set=shear.strain=0.1";
-/// Longer than any test.
-const LONG: &str = "--set=shear.strain=1000";
+/// Longer than any test, with checkpoints.
+const LONG: [&str; 2] = [
+    "--set=shear.strain=1000",
+    "--set=output.checkpoint_strain=0.1",
+];
 
 /// Two hosts. A process keeps the namespaces of each.
 struct Hosts {
@@ -136,7 +139,7 @@ fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !holds() {
         assert!(
-            begun.elapsed() < Duration::from_mins(2),
+            begun.elapsed() < Duration::from_mins(4),
             "waited for {what}"
         );
         std::thread::sleep(Duration::from_millis(20));
@@ -217,14 +220,22 @@ fn a_cut_link_ends_all_ranks() {
     assert_eq!(resumed.digest(), digest);
 }
 
+/// A program that ends with its test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 /// A run with its results in `out`, started on one rank of a host.
-fn started(hosts: &Hosts, host: usize, out: &Path) -> Child {
+fn started(hosts: &Hosts, host: usize, out: &Path) -> Running {
     let mut run = hosts.on(host, PROGRAM);
-    run.args([SCENE, LONG, "--out"]).arg(out);
-    let run = run
-        .stdout(Stdio::null())
-        .spawn()
-        .expect("the program starts");
+    run.arg(SCENE).args(LONG).arg("--out").arg(out);
+    let run = run.stdout(Stdio::null()).spawn();
+    let run = Running(run.expect("the program starts"));
     until("a checkpoint", || out.join("checkpoint.h5").exists());
     run
 }
@@ -234,14 +245,14 @@ fn a_lock_holds_on_the_other_host() {
     let Some(hosts) = Hosts::new() else { return };
     let out = hosts.folder.path().join("out");
     let lock = out.join("run.lock");
-    let mut owner = started(&hosts, 0, &out);
+    let owner = started(&hosts, 0, &out);
     let beside = |more: &[&str]| {
         let mut run = hosts.on(1, PROGRAM);
-        outcome(run.args([SCENE, LONG, "--out"]).arg(&out).args(more))
+        outcome(run.arg(SCENE).args(LONG).arg("--out").arg(&out).args(more))
     };
     let refused = |run: &Outcome| {
         assert_eq!(run.code, 2, "{}", run.text);
-        let holder = format!("process {} on {}", owner.id(), hosts.names[0]);
+        let holder = format!("process {} on {}", owner.0.id(), hosts.names[0]);
         assert!(run.text.contains(&holder), "{}", run.text);
     };
     let folder = format!("--resume={}", out.display());
@@ -256,8 +267,7 @@ fn a_lock_holds_on_the_other_host() {
     assert!(lock.exists());
 
     // The host fails: nobody removes the lock, and no process of it can be seen from the other.
-    owner.kill().expect("killed");
-    owner.wait().expect("its end");
+    drop(owner);
     let mut continued = hosts.on(1, PROGRAM);
     let run = outcome(continued.arg(&folder));
     assert_eq!(run.code, 2, "{}", run.text);

@@ -1,0 +1,483 @@
+//! The job scripts: on a Slurm of this machine and on a Flux instance, where they are installed;
+//! those of PBS and LSF with stand-ins for the commands of the batch system, which check the flow of
+//! the scripts and nothing of PBS and LSF.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use common::{same_run, succeed};
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
+/// About five seconds of computing.
+const LONG: [&str; 3] = [
+    "--set=shear.strain=20",
+    "--set=output.frame_strain=1",
+    "--set=output.series_strain=0.1",
+];
+const SHORT: [&str; 1] = ["--set=shear.strain=0.1"];
+/// Longer than any test.
+const ENDLESS: [&str; 2] = ["--set=shear.strain=5000", "--set=output.frame_strain=10"];
+
+/// A folder from which jobs are submitted: the scripts, the program, a scene and a sweep.
+struct Project(tempfile::TempDir);
+
+impl Project {
+    fn new() -> Self {
+        let project = Self(tempfile::tempdir().expect("a folder"));
+        let link = |from: &Path, to: &str| {
+            let to = project.at(to);
+            fs::create_dir_all(to.parent().expect("a folder")).expect("a folder");
+            std::os::unix::fs::symlink(from, to).expect("a link");
+        };
+        link(&Path::new(ROOT).join("job-scripts"), "job-scripts");
+        link(Path::new(PROGRAM), "target/release/gshear-mpi");
+        let scene = fs::read_to_string(common::crossing::SCENE).expect("the scene");
+        fs::write(project.at("my.toml"), &scene).expect("a scene");
+        let sweep = "\n[sweep]\n\"contact.friction\" = [0.2, 0.5]\nseed = [5, 6]\n";
+        fs::write(project.at("sweep.toml"), scene + sweep).expect("a sweep");
+        project
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    fn text(&self, name: &str) -> String {
+        fs::read_to_string(self.at(name)).unwrap_or_default()
+    }
+
+    /// The program itself, on one rank.
+    fn run(&self, arguments: &[&str]) {
+        let mut command = Command::new(PROGRAM);
+        succeed(command.args(arguments).current_dir(self.path()));
+    }
+}
+
+/// The folder of a run has it up to its end, with the bits of another run.
+fn same(project: &Project, a: &str, b: &str) {
+    assert!(!project.at(b).join("run.lock").exists(), "{b}");
+    same_run(&project.at(a), &project.at(b));
+}
+
+/// Whether a run was resumed.
+fn is_resumed(folder: &Path) -> bool {
+    let scene = fs::read_to_string(folder.join("scene.toml")).expect("scene.toml");
+    scene.contains("# resumed at ")
+}
+
+fn missing(program: &str) -> bool {
+    let found = Command::new("sh")
+        .args(["-c", &format!("command -v {program}")])
+        .output();
+    !found.is_ok_and(|found| found.status.success())
+}
+
+/// Waits for a value.
+fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(value) = look() {
+            return value;
+        }
+        assert!(
+            begun.elapsed() < Duration::from_mins(4),
+            "waited for {what}"
+        );
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+/// A Slurm of one node with its daemons.
+struct Slurm {
+    daemons: Vec<Child>,
+    folder: tempfile::TempDir,
+}
+
+impl Slurm {
+    /// `None`, with a message, where it is not installed or does not start.
+    fn start() -> Option<Self> {
+        for program in ["munged", "slurmctld", "slurmd", "sbatch"] {
+            if missing(program) {
+                println!("skipped: Slurm is not installed: no {program}");
+                return None;
+            }
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let host = fs::read_to_string("/proc/sys/kernel/hostname").expect("a name");
+        let host = host.trim().split('.').next().expect("a name").to_string();
+        let listeners = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").expect("a port"));
+        let [control, node] = listeners.map(|l| l.local_addr().expect("a port").port());
+        let user = succeed(Command::new("id").arg("-un")).stdout;
+        let user = String::from_utf8_lossy(&user).trim().to_string();
+        let path = folder.path().display();
+        // A requeued job waits for cred_expire.
+        let configuration = format!(
+            "ClusterName=test\nSlurmctldHost={host}(127.0.0.1)\n\
+             SlurmctldPort={control}\nSlurmdPort={node}\nSlurmUser={user}\nSlurmdUser={user}\n\
+             AuthType=auth/munge\nAuthInfo=socket={path}/munge.socket,cred_expire=6\n\
+             ProctrackType=proctrack/linuxproc\nTaskPlugin=task/none\n\
+             SelectType=select/cons_tres\nSelectTypeParameters=CR_Core\n\
+             JobAcctGatherType=jobacct_gather/none\nAccountingStorageType=accounting_storage/none\n\
+             ReturnToService=2\nMpiDefault=pmix\nKillWait=20\nSlurmdParameters=config_overrides\n\
+             StateSaveLocation={path}/state\nSlurmdSpoolDir={path}/spool\n\
+             SlurmctldPidFile={path}/slurmctld.pid\nSlurmdPidFile={path}/slurmd.pid\n\
+             SchedulerParameters=sched_interval=1,batch_sched_delay=1,sched_min_interval=100000\n\
+             NodeName={host} NodeAddr=127.0.0.1 CPUs=16 State=UNKNOWN\n\
+             PartitionName=test Nodes=ALL Default=YES MaxTime=INFINITE State=UP\n"
+        );
+        fs::write(at("slurm.conf"), configuration).expect("written");
+        let key: Vec<u8> = (0..1024).map(|k| (k * k % 251) as u8).collect();
+        fs::write(at("munge.key"), key).expect("written");
+        succeed(Command::new("chmod").arg("0400").arg(at("munge.key")));
+        // Others may use the socket, nobody may write beside it.
+        succeed(Command::new("chmod").arg("0755").arg(folder.path()));
+        let mut munge = Command::new("munged");
+        munge.args(["--foreground", "--force"]);
+        for (option, name) in [
+            ("socket", "munge.socket"),
+            ("key-file", "munge.key"),
+            ("pid-file", "munge.pid"),
+            ("seed-file", "munge.seed"),
+        ] {
+            munge.arg(format!("--{option}={}", at(name).display()));
+        }
+        let mut slurmctld = Command::new("slurmctld");
+        let mut slurmd = Command::new("slurmd");
+        slurmctld.arg("-D");
+        slurmd.args(["-D", "-N", &host]);
+        let mut slurm = Self {
+            daemons: Vec::new(),
+            folder,
+        };
+        for (name, daemon) in [
+            ("munged", &mut munge),
+            ("slurmctld", &mut slurmctld),
+            ("slurmd", &mut slurmd),
+        ] {
+            let log = fs::File::create(slurm.at(&format!("{name}.log"))).expect("a log");
+            let again = log.try_clone().expect("a log");
+            daemon.env("SLURM_CONF", slurm.at("slurm.conf"));
+            let daemon = daemon.stdout(log).stderr(again).stdin(Stdio::null());
+            slurm.daemons.push(daemon.spawn().expect("a daemon"));
+            let begun = Instant::now();
+            while name == "munged"
+                && !slurm.at("munge.socket").exists()
+                && begun.elapsed() < Duration::from_secs(10)
+            {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+        let begun = Instant::now();
+        while !slurm
+            .says("sinfo", &["--noheader", "--format=%T"])
+            .contains("idle")
+        {
+            if begun.elapsed() > Duration::from_secs(30) {
+                println!("skipped: Slurm does not start:");
+                for name in ["munged", "slurmctld", "slurmd"] {
+                    let log = fs::read_to_string(slurm.at(&format!("{name}.log")));
+                    println!("{}", log.unwrap_or_default());
+                }
+                return None;
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        if !slurm.says("srun", &["--mpi=list"]).contains("pmix") {
+            println!("skipped: this Slurm has no pmix");
+            return None;
+        }
+        Some(slurm)
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn command(&self, program: &str) -> Command {
+        let mut command = Command::new(program);
+        command.env("SLURM_CONF", self.at("slurm.conf"));
+        command
+    }
+
+    fn says(&self, program: &str, arguments: &[&str]) -> String {
+        let output = self.command(program).args(arguments).output();
+        let output = output.expect("a command of Slurm");
+        String::from_utf8_lossy(&output.stdout).into_owned()
+            + &String::from_utf8_lossy(&output.stderr)
+    }
+
+    /// Submits slurm.sh from the project and returns the id of the job.
+    fn submit(
+        &self,
+        project: &Project,
+        variables: &[(&str, &str)],
+        options: &[&str],
+        arguments: &[&str],
+    ) -> String {
+        let mut sbatch = self.command("sbatch");
+        sbatch.envs(variables.iter().copied()).arg("--parsable");
+        sbatch
+            .args(options)
+            .arg("job-scripts/slurm.sh")
+            .args(arguments);
+        let id = succeed(sbatch.current_dir(project.path())).stdout;
+        String::from_utf8_lossy(&id).trim().to_string()
+    }
+
+    /// What Slurm says of a job, or of every task of an array.
+    fn show(&self, job: &str) -> Vec<BTreeMap<String, String>> {
+        let text = self.says("scontrol", &["--oneliner", "show", "job", job]);
+        let fields = |line: &str| {
+            let words = line.split_whitespace();
+            let pairs = words.filter_map(|word| word.split_once('='));
+            pairs.map(|(k, v)| (k.to_string(), v.to_string())).collect()
+        };
+        text.lines().map(fields).collect()
+    }
+
+    /// State, exit code and number of restarts of a job that has ended.
+    fn ended(&self, job: &str) -> String {
+        until(&format!("the end of job {job}"), || {
+            let found = self.show(job);
+            let all = found.iter().map(|task| {
+                let field = |name: &str| task.get(name).map_or("", String::as_str);
+                format!(
+                    "{} {} {}",
+                    field("JobState"),
+                    field("ExitCode"),
+                    field("Restarts")
+                )
+            });
+            let mut all: Vec<String> = all.collect();
+            all.dedup();
+            let waits = ["PENDING", "RUNNING", "COMPLETING", "REQUEUED"];
+            let ended = !all
+                .iter()
+                .any(|state| waits.iter().any(|w| state.starts_with(w)));
+            ended.then(|| all.join(", "))
+        })
+    }
+}
+
+impl Drop for Slurm {
+    fn drop(&mut self) {
+        let _ = self.says("scancel", &["--full", "--partition=test"]);
+        for daemon in self.daemons.iter_mut().rev() {
+            let _ = Command::new("sh")
+                .args(["-c", &format!("kill {}", daemon.id())])
+                .status();
+            let _ = daemon.wait();
+        }
+    }
+}
+
+/// Everything on one Slurm, all jobs at once: they wait more than they compute.
+#[test]
+fn jobs_of_slurm() {
+    let Some(slurm) = Slurm::start() else { return };
+    let cases: [fn(&Slurm); 6] = [
+        slurm_runs_one_job,
+        slurm_runs_an_array,
+        slurm_runs_a_chain,
+        slurm_requeues_a_job,
+        slurm_cancels_a_chain,
+        slurm_sees_how_jobs_end,
+    ];
+    std::thread::scope(|scope| {
+        let cases: Vec<_> = cases
+            .iter()
+            .map(|case| scope.spawn(|| case(&slurm)))
+            .collect();
+        for case in cases {
+            if let Err(failure) = case.join() {
+                std::panic::resume_unwind(failure);
+            }
+        }
+    });
+}
+
+fn slurm_runs_one_job(slurm: &Slurm) {
+    let project = Project::new();
+    let options = ["--cpus-per-task=2", "--job-name=one"];
+    let job = slurm.submit(&project, &[], &options, &["my.toml", SHORT[0]]);
+    assert_eq!(slurm.ended(&job), "COMPLETED 0:0 0");
+    project.run(&["my.toml", SHORT[0], "--out=whole"]);
+    same(&project, "whole", "out/my");
+    let log = project.text(&format!("one-{job}.log"));
+    for part in [
+        "--cpus-per-task=2",
+        "--threads 2",
+        "--walltime 86",
+        "2 ranks",
+    ] {
+        assert!(log.contains(part), "no {part} in {log}");
+    }
+    // The same line again.
+    let again = slurm.submit(&project, &[], &options, &["my.toml", SHORT[0]]);
+    assert_eq!(slurm.ended(&again), "COMPLETED 0:0 0");
+    let log = project.text(&format!("one-{again}.log"));
+    assert!(log.contains("the run is finished"), "{log}");
+}
+
+fn slurm_runs_an_array(slurm: &Slurm) {
+    let project = Project::new();
+    let options = ["--ntasks=1", "--array=1-4"];
+    let job = slurm.submit(&project, &[], &options, &["sweep.toml", SHORT[0]]);
+    project.run(&["sweep.toml", SHORT[0], "--sweep=all", "--out=whole"]);
+    assert_eq!(slurm.ended(&job), "COMPLETED 0:0 0");
+    let entries = fs::read_dir(project.at("whole")).expect("the runs");
+    let names = entries.map(|e| e.expect("a run").file_name().into_string().expect("a name"));
+    let names: Vec<String> = names.collect();
+    assert_eq!(names.len(), 4);
+    for name in names {
+        same(
+            &project,
+            &format!("whole/{name}"),
+            &format!("out/sweep/{name}"),
+        );
+    }
+    let tasks = slurm.show(&job);
+    assert_eq!(tasks.len(), 4);
+    for task in tasks {
+        let log = project.text(&format!("gshear-{}.log", task["JobId"]));
+        assert!(log.contains("--walltime 86"), "{log}");
+    }
+}
+
+/// Jobs of a minute that leave the run a few seconds.
+const BRIEF: (&str, &str) = ("MARGIN", "56");
+/// The signal comes at the very end, after the program's own clock.
+const ONE_MINUTE: [&str; 3] = ["--ntasks=1", "--time=1", "--signal=USR1@1"];
+
+fn slurm_runs_a_chain(slurm: &Slurm) {
+    let project = Project::new();
+    let arguments = [&["my.toml"], &LONG[..]].concat();
+    let chain = slurm.submit(&project, &[("CHAIN", "30"), BRIEF], &ONE_MINUTE, &arguments);
+    // One that is too short: it stops early, and Slurm sees it.
+    let more = [&arguments[..], &["--out=out/short"]].concat();
+    let short = slurm.submit(
+        &project,
+        &[("CHAIN", "2"), ("MARGIN", "59")],
+        &ONE_MINUTE,
+        &more,
+    );
+    project.run(&[&arguments[..], &["--out=whole"]].concat());
+    let ended = slurm.ended(&chain);
+    let restarts = ended
+        .strip_prefix("COMPLETED 0:0 ")
+        .unwrap_or_else(|| panic!("{ended}"));
+    assert_ne!(restarts, "0");
+    same(&project, "whole", "out/my");
+    assert!(is_resumed(&project.at("out/my")));
+    let log = project.text(&format!("gshear-{chain}.log"));
+    let stops = log.matches("goes back into the queue").count();
+    assert_eq!(stops.to_string(), restarts, "{log}");
+    assert_eq!(slurm.ended(&short), "FAILED 75:0 1");
+    let log = project.text(&format!("gshear-{short}.log"));
+    assert!(
+        log.contains("after the last job of the chain (CHAIN=2)"),
+        "{log}"
+    );
+    // The same line again goes on.
+    let again = slurm.submit(&project, &[], &["--ntasks=1"], &more);
+    assert_eq!(slurm.ended(&again), "COMPLETED 0:0 0");
+    same(&project, "whole", "out/short");
+}
+
+/// As an administrator, a preemption or a failed node do.
+fn slurm_requeues_a_job(slurm: &Slurm) {
+    let project = Project::new();
+    let arguments = [&["my.toml"], &LONG[..]].concat();
+    let job = slurm.submit(&project, &[], &["--ntasks=1"], &arguments);
+    let shears = || project.at("out/my/run.h5").exists().then_some(());
+    until("the shear", shears);
+    slurm.says("scontrol", &["requeue", &job]);
+    project.run(&[&arguments[..], &["--out=whole"]].concat());
+    assert_eq!(slurm.ended(&job), "COMPLETED 0:0 1");
+    same(&project, "whole", "out/my");
+    assert!(is_resumed(&project.at("out/my")), "it started again");
+}
+
+fn slurm_cancels_a_chain(slurm: &Slurm) {
+    let project = Project::new();
+    let arguments = [&["my.toml"], &LONG[..]].concat();
+    let chain = [("CHAIN", "9")];
+    let job = slurm.submit(&project, &chain, &["--ntasks=1"], &arguments);
+    until("the shear", || {
+        project.at("out/my/run.h5").exists().then_some(())
+    });
+    slurm.says("scancel", &[&job]);
+    let ended = slurm.ended(&job);
+    assert!(
+        ended.starts_with("CANCELLED ") && ended.ends_with(" 0"),
+        "{ended}"
+    );
+    assert!(project.at("out/my/checkpoint.h5").exists());
+    assert!(!project.at("out/my/run.lock").exists());
+    project.run(&[&arguments[..], &["--out=whole"]].concat());
+    let again = slurm.submit(&project, &chain, &["--ntasks=1"], &arguments);
+    assert_eq!(slurm.ended(&again), "COMPLETED 0:0 0");
+    same(&project, "whole", "out/my");
+    assert!(is_resumed(&project.at("out/my")));
+}
+
+fn slurm_sees_how_jobs_end(slurm: &Slurm) {
+    let project = Project::new();
+    let chain = [("CHAIN", "9")];
+    let submit = |variables: &[(&str, &str)], options: &[&str], arguments: &[&str]| {
+        let options = [&["--ntasks=1"], options].concat();
+        slurm.submit(&project, variables, &options, arguments)
+    };
+    let bad = submit(&chain, &[], &["my.toml", "--set=seed=-1"]);
+    let soft = [
+        "my.toml",
+        "--set=load.stiffness_number=11.0",
+        "--out=out/soft",
+    ];
+    let failing = submit(&chain, &[], &soft);
+    let nothing = submit(&chain, &[], &[]);
+    let elsewhere = submit(&[("JOB_SCRIPTS", "nowhere")], &[], &["my.toml"]);
+    // Slurm's signal, since the program's own clock leaves it all of the time.
+    let stopped = submit(
+        &[("MARGIN", "0")],
+        &["--time=1", "--signal=USR1@50"],
+        &["my.toml", ENDLESS[0], ENDLESS[1], "--out=out/stopped"],
+    );
+    let killed = submit(
+        &chain,
+        &[],
+        &["my.toml", ENDLESS[0], ENDLESS[1], "--out=out/killed"],
+    );
+    // The rank is killed, as by a machine without memory.
+    let lock = until("the shear", || {
+        let shears = project.at("out/killed/run.h5").exists();
+        shears.then(|| project.text("out/killed/run.lock"))
+    });
+    let (_, process) = lock.split_once("\"pid\":").expect("a process");
+    let process: String = process.chars().take_while(char::is_ascii_digit).collect();
+    succeed(Command::new("sh").args(["-c", &format!("kill -KILL {process}")]));
+    for (job, code) in [
+        (bad, 2),
+        (failing, 3),
+        (nothing, 2),
+        (elsewhere, 2),
+        (stopped, 75),
+    ] {
+        assert_eq!(slurm.ended(&job), format!("FAILED {code}:0 0"));
+        let log = project.text(&format!("gshear-{job}.log"));
+        assert!(log.contains("error: ") || code == 75, "{log}");
+    }
+    assert_eq!(slurm.ended(&killed), "FAILED 137:0 0");
+}
