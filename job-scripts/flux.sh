@@ -23,6 +23,7 @@
 
 set -euo pipefail
 # Flux runs a copy of this script, in the folder from which it was submitted.
+# shellcheck source-path=SCRIPTDIR source=common.sh
 source "${JOB_SCRIPTS:-job-scripts}/common.sh" || {
     echo "error: submit from the folder of the project, or set JOB_SCRIPTS to its job-scripts" >&2
     exit 2

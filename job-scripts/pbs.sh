@@ -23,6 +23,7 @@
 set -euo pipefail
 # PBS starts a copy of this script in the home folder.
 cd "${PBS_O_WORKDIR:-.}"
+# shellcheck source-path=SCRIPTDIR source=common.sh
 source "${JOB_SCRIPTS:-job-scripts}/common.sh" || {
     echo "error: submit from the folder of the project, or set JOB_SCRIPTS to its job-scripts" >&2
     exit 2

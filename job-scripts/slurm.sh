@@ -27,6 +27,7 @@
 
 set -euo pipefail
 # Slurm runs a copy of this script in a folder of its own.
+# shellcheck source-path=SCRIPTDIR source=common.sh
 source "${JOB_SCRIPTS:-${SLURM_SUBMIT_DIR:-.}/job-scripts}/common.sh" || {
     echo "error: submit from the folder of the project, or set JOB_SCRIPTS to its job-scripts" >&2
     exit 2

