@@ -32,7 +32,7 @@ cd "${LS_SUBCWD:-.}"
 index=${LSB_JOBINDEX:-0}
 index=${index#0}
 # LSF discards what a job printed before it is requeued.
-exec >>"${LSB_JOBNAME%%[[]*}-$LSB_JOBID${index:+-$index}.log" 2>&1
+exec >>"${LSB_JOBNAME%%\[*}-$LSB_JOBID${index:+-$index}.log" 2>&1
 # LSF runs a copy of this script in a folder of its own.
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "${JOB_SCRIPTS:-job-scripts}/common.sh" || {

@@ -6,6 +6,7 @@ mod common;
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Read;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -161,8 +162,11 @@ impl Slurm {
              PartitionName=test Nodes=ALL Default=YES MaxTime=INFINITE State=UP\n"
         );
         fs::write(at("slurm.conf"), configuration).expect("written");
-        let key: Vec<u8> = (0..1024).map(|k| (k * k % 251) as u8).collect();
-        fs::write(at("munge.key"), key).expect("written");
+        let mut key = [0; 1024];
+        let random = fs::File::open("/dev/urandom");
+        let read = random.and_then(|mut random| random.read_exact(&mut key));
+        read.and_then(|()| fs::write(at("munge.key"), key))
+            .expect("a key");
         succeed(Command::new("chmod").arg("0400").arg(at("munge.key")));
         // Others may use the socket, nobody may write beside it.
         succeed(Command::new("chmod").arg("0755").arg(folder.path()));
@@ -302,7 +306,14 @@ impl Slurm {
 
 impl Drop for Slurm {
     fn drop(&mut self) {
-        let _ = self.says("scancel", &["--full", "--partition=test"]);
+        // After a test that failed.
+        self.says("scancel", &["--partition=test"]);
+        for _ in 0..100 {
+            if self.says("squeue", &["--noheader"]).is_empty() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
         for daemon in self.daemons.iter_mut().rev() {
             let _ = Command::new("sh")
                 .args(["-c", &format!("kill {}", daemon.id())])
@@ -373,7 +384,7 @@ fn slurm_runs_an_array(slurm: &Slurm) {
     for name in names {
         same(
             &project,
-            &format!("whole/{name}"),
+            format!("whole/{name}"),
             &format!("out/sweep/{name}"),
         );
     }
