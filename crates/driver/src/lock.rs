@@ -349,7 +349,7 @@ mod tests {
         let time = waited(&elsewhere, almost, &|| {});
         assert!(time > Duration::from_secs(1) && time < Duration::from_secs(10));
         // Its owner renews it.
-        let time = waited(&elsewhere, Duration::from_secs(60), &|| {
+        let time = waited(&elsewhere, Duration::from_mins(1), &|| {
             std::thread::sleep(soon);
             write(&folder, &elsewhere, Duration::ZERO);
         });
