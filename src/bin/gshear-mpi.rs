@@ -201,6 +201,7 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         if !auto || arguments.check {
             return check_or_run(world, arguments, &options, task);
         }
+        launch::await_lock(world, &mut options);
         return match launch::resume_if_begun(world, &options.out, task)? {
             Resumable::Task(task) => task.run(world, &options),
             Resumable::Finished => Ok(finished(world, &options.out)),

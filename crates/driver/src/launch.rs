@@ -1,6 +1,7 @@
 //! The start of a run: from a scene and its grains, or from a checkpoint.
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
@@ -17,6 +18,7 @@ use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 
 use crate::folder::{Claim, Contents, Entry, RunFolder};
 use crate::header::Header;
+use crate::lock::Lock;
 use crate::memory;
 use crate::options::Options;
 use crate::record::{Continuation, RunRecord};
@@ -206,6 +208,22 @@ pub fn resume(
         return Ok(Resumable::Finished);
     }
     Ok(Resumable::Task(Box::new(task)))
+}
+
+/// Waits until it is known whether a process of another host holds the lock of the folder, as after
+/// the failure of a node, and takes the time off the wall time. Collective.
+pub fn await_lock(exchange: &dyn Parallel, options: &mut Options) {
+    if options.break_lock {
+        return;
+    }
+    let begun = Instant::now();
+    if exchange.rank() == 0 {
+        Lock::await_verdict(&options.out, |note| say_error(&format!("note: {note}")));
+    }
+    // The other ranks wait for rank 0.
+    exchange.broadcast(vec![0]);
+    let left = |time: Duration| time.saturating_sub(begun.elapsed());
+    options.wall_time = options.wall_time.map(left);
 }
 
 /// Continues the run of a task in its folder, if the folder holds it, from its newest good

@@ -5,7 +5,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
@@ -41,9 +41,14 @@ impl Holder {
         }
     }
 
+    /// Whether it is a process of this host, which can be looked up.
+    fn is_here(&self) -> bool {
+        self.host == provenance::host() && Path::new("/proc/self/stat").exists()
+    }
+
     /// Whether the process is known to be gone. `age`: time since the last heartbeat.
     fn is_gone(&self, age: Duration) -> bool {
-        if self.host == provenance::host() && Path::new("/proc/self/stat").exists() {
+        if self.is_here() {
             let ticks = start_of(self.pid);
             return ticks.is_none() || ticks != self.ticks;
         }
@@ -91,6 +96,40 @@ impl Lock {
             "{}: several programs take this lock in turn; try again",
             path.display()
         )))
+    }
+
+    /// Waits until it is known whether a process of another host still holds the lock: the process
+    /// renews the lock or removes it, or the lock becomes stale. Returns at once if the holder is of
+    /// this host. `note`: is told that this waits.
+    pub fn await_verdict(folder: &Path, note: impl Fn(&str)) {
+        let path = folder.join(LOCK_FILE);
+        let look = || {
+            let modified = fs::metadata(&path).and_then(|file| file.modified()).ok()?;
+            Some((fs::read_to_string(&path).ok()?, modified))
+        };
+        let Some(first) = look() else { return };
+        let Ok(holder) = serde_json::from_str::<Holder>(&first.0) else {
+            return;
+        };
+        if holder.is_here() {
+            return;
+        }
+        let begun = Instant::now();
+        // The second bound holds if the clocks of the hosts differ.
+        for looks in 0.. {
+            if age(&path) > STALE || begun.elapsed() > STALE || look().as_ref() != Some(&first) {
+                return;
+            }
+            if looks == 1 {
+                let Holder { host, pid, .. } = &holder;
+                note(&format!(
+                    "{}: held by process {pid} on {host}; waits until that process renews it or it is {} minutes old",
+                    path.display(),
+                    STALE.as_secs() / 60
+                ));
+            }
+            std::thread::sleep(Duration::from_secs(1));
+        }
     }
 
     /// Removes a stale lock.
@@ -280,6 +319,47 @@ mod tests {
         write(&folder, &before, Duration::ZERO);
         drop(Lock::take(&folder, false, &mut notes).unwrap());
         assert_eq!(notes.len(), 3);
+        fs::remove_dir(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_lock_of_another_host_is_watched() {
+        let folder = std::env::temp_dir().join(format!("gshear-watched-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let path = folder.join(LOCK_FILE);
+        let elsewhere = Holder {
+            host: "elsewhere".into(),
+            ..Holder::this()
+        };
+        let waited = |holder: &Holder, age: Duration, meanwhile: &dyn Fn()| {
+            write(&folder, holder, age);
+            let begun = Instant::now();
+            std::thread::scope(|scope| {
+                let waits = scope.spawn(|| Lock::await_verdict(&folder, |_| {}));
+                meanwhile();
+                waits.join().unwrap();
+            });
+            begun.elapsed()
+        };
+        let soon = Duration::from_millis(500);
+        assert!(waited(&Holder::this(), Duration::ZERO, &|| {}) < soon);
+        assert!(waited(&elsewhere, 2 * STALE, &|| {}) < soon);
+        // It becomes stale.
+        let almost = STALE.checked_sub(Duration::from_secs(2)).unwrap();
+        let time = waited(&elsewhere, almost, &|| {});
+        assert!(time > Duration::from_secs(1) && time < Duration::from_secs(10));
+        // Its owner renews it.
+        let time = waited(&elsewhere, Duration::from_mins(1), &|| {
+            std::thread::sleep(soon);
+            write(&folder, &elsewhere, Duration::ZERO);
+        });
+        assert!(time > soon && time < Duration::from_secs(10));
+        // Its owner ends.
+        let time = waited(&elsewhere, Duration::ZERO, &|| {
+            std::thread::sleep(soon);
+            fs::remove_file(&path).unwrap();
+        });
+        assert!(time > soon && time < Duration::from_secs(10));
         fs::remove_dir(&folder).unwrap();
     }
 }

@@ -8,7 +8,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::Source;
 use gshear_scene::sweep::Member;
 
-use crate::launch::{Resumable, from_the_start, resume_if_begun};
+use crate::launch::{Resumable, await_lock, from_the_start, resume_if_begun};
 use crate::options::Options;
 use crate::run::Outcome;
 use crate::say;
@@ -92,9 +92,14 @@ impl<'a> Sweep<'a> {
             )));
         };
         let task = from_the_start(exchange, &self.source, &self.values(member))?;
+        let mut options = Options {
+            out: self.folder(member),
+            ..options.clone()
+        };
+        await_lock(exchange, &mut options);
         let resumed = match options.overwrite {
             true => Resumable::Task(Box::new(task)),
-            false => resume_if_begun(exchange, &self.folder(member), task)?,
+            false => resume_if_begun(exchange, &options.out, task)?,
         };
         let Resumable::Task(task) = resumed else {
             say(exchange, &format!("sweep: {} is done", member.name));
@@ -105,10 +110,6 @@ impl<'a> Sweep<'a> {
             exchange,
             &format!("sweep: run {number} of {all}, {}", member.name),
         );
-        let options = Options {
-            out: self.folder(member),
-            ..options.clone()
-        };
         task.run(exchange, &options)
     }
 

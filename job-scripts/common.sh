@@ -1,0 +1,101 @@
+# shellcheck shell=bash
+# What the job scripts of all batch systems share. They source it; it is not submitted itself.
+#
+# A job runs the scene CONFIG, or one run of its [sweep]. If the folder of the results holds that
+# run already, the job continues it: submit the same line again after a job that stopped early.
+# These variables of the environment change a job:
+#
+#   CHAIN=N       at most N jobs, one after the other: a run that stops early goes on in another job
+#   MARGIN=S      the run stops S seconds before the job must end (180), but not before half of its
+#                 time if MARGIN is not set
+#   GSHEAR=PATH   the program, if it is not target/release/gshear-mpi beside job-scripts/
+#   LAUNCH=CMD    starts the ranks, instead of what is usual for the batch system
+#   JOB_SCRIPTS=DIR   this folder, if the job is not submitted from the folder of the project
+
+scripts=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+program=${GSHEAR:-${scripts%/*}/target/release/gshear-mpi}
+
+fail() {
+    echo "error: $*" >&2
+    exit 2
+}
+
+# read_arguments USAGE ARGUMENT...: takes the scene and the options of gshear-mpi from the script's
+# arguments, or from CONFIG and OPTIONS.
+read_arguments() {
+    local usage=$1
+    shift
+    if (($# == 0)) && [[ -n ${CONFIG:-} ]]; then
+        local options
+        read -r -a options <<<"${OPTIONS:-}"
+        set -- "$CONFIG" ${options[@]+"${options[@]}"}
+    fi
+    (($#)) || fail "$usage"
+    [[ $1 == *.toml ]] || fail "$1 is not a scene (*.toml); $usage"
+    [[ -x $program ]] ||
+        fail "no program $program; build it with cargo build --release, or set GSHEAR to its path"
+    [[ ${CHAIN:-1} =~ ^[1-9][0-9]*$ ]] || fail "CHAIN=$CHAIN: must be a number of jobs, from 1 on"
+    [[ ${MARGIN:-0} =~ ^[0-9]+$ ]] || fail "MARGIN=$MARGIN: must be a number of seconds"
+    arguments=("$@")
+}
+
+# Prints a time such as 1-02:03:04, 02:03:04 or 03:04 in seconds; nothing for any other text.
+seconds() {
+    if [[ $1 =~ ^[[:space:]]*(([0-9]+)-)?(([0-9]+):)?([0-9]+):([0-9]+)[[:space:]]*$ ]]; then
+        local days=${BASH_REMATCH[2]:-0} hours=${BASH_REMATCH[4]:-0}
+        local minutes=${BASH_REMATCH[5]} rest=${BASH_REMATCH[6]}
+        echo $((((10#$days * 24 + 10#$hours) * 60 + 10#$minutes) * 60 + 10#$rest))
+    fi
+}
+
+# run INDEX LEFT THREADS LAUNCHER...: runs the scene, or run INDEX of its sweep, and sets `code` to
+# its exit code. LEFT: seconds until the job must end; empty if that is unknown.
+run() {
+    local index=$1 left=$2 threads=$3
+    shift 3
+    local launch=("$@")
+    if [[ -n ${LAUNCH:-} ]]; then
+        read -r -a launch <<<"$LAUNCH"
+    fi
+    # A run of a sweep continues without being told.
+    if [[ -n $index ]]; then
+        arguments+=(--sweep "$index")
+    else
+        arguments+=(--resume auto)
+    fi
+    arguments+=(--threads "$threads")
+    # The program's own clock stops it in time, whether or not a signal of the batch system arrives.
+    if [[ -n $left ]]; then
+        local time=$((left - ${MARGIN:-180}))
+        if [[ -z ${MARGIN:-} ]] && ((time < left / 2)); then
+            time=$((left / 2))
+        fi
+        arguments+=(--walltime "$((time > 0 ? time : 1))s")
+    else
+        echo "note: the time left for this job is unknown; the run may be killed at its end" >&2
+    fi
+    # Threads that nobody asked for would take the cores of the ranks.
+    export OMP_NUM_THREADS=1 RAYON_NUM_THREADS=1
+    if ((EUID == 0)); then # In a container.
+        export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+    fi
+    # The signal before the end of the job is for the ranks; the script waits for them.
+    trap : USR1 USR2
+    echo "$(date '+%F %T') ${launch[*]} $program ${arguments[*]}"
+    code=0
+    "${launch[@]}" "$program" "${arguments[@]}" || code=$?
+    echo "$(date '+%F %T') exit code $code"
+}
+
+# goes_on N: whether the chain goes on after its N-th job.
+goes_on() {
+    ((code == 75)) || return 1
+    if [[ -z ${CHAIN:-} ]]; then
+        echo "stopped early; submit the same line again to continue"
+        return 1
+    fi
+    if (($1 >= CHAIN)); then
+        echo "stopped early, after the last job of the chain (CHAIN=$CHAIN); submit the same line again to continue"
+        return 1
+    fi
+}
