@@ -72,26 +72,23 @@ fn same(project: &Project, whole: impl AsRef<Path>, run: &str) {
     same_run(&project.at("").join(whole), &project.at(run));
 }
 
-/// The long run in one piece: its folder, and the time it took.
-fn whole() -> (&'static Path, Duration) {
-    static WHOLE: OnceLock<(PathBuf, Duration)> = OnceLock::new();
-    let (folder, time) = WHOLE.get_or_init(|| {
+/// The folder of the long run in one piece.
+fn whole() -> &'static Path {
+    static WHOLE: OnceLock<PathBuf> = OnceLock::new();
+    WHOLE.get_or_init(|| {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("queues");
-        let begun = Instant::now();
         let mut run = Command::new(PROGRAM);
         run.arg(common::crossing::SCENE)
             .args(LONG)
             .arg("--overwrite");
         succeed(run.arg("--out").arg(&folder));
-        (folder, begun.elapsed())
-    });
-    (folder, *time)
+        folder
+    })
 }
 
-/// MARGIN that leaves jobs of a minute too little time for the long run.
-fn margin() -> String {
-    let time = (whole().1.as_secs() / 2).clamp(1, 20);
-    (60 - time).to_string()
+/// LAUNCH for jobs of which the first `stops` stop early.
+fn launch(name: &str, stops: usize, ranks: &str) -> String {
+    format!("{ROOT}/tests/queues/stops {name} {stops} {ranks}")
 }
 
 /// Whether a run was resumed.
@@ -399,32 +396,28 @@ fn slurm_runs_an_array(slurm: &Slurm) {
 fn slurm_runs_a_chain(slurm: &Slurm) {
     let project = Project::new();
     let arguments = [&["my.toml"], &LONG[..]].concat();
-    let margin = margin();
-    // The signal comes at the very end, after the program's own clock.
-    let one_minute = ["--ntasks=1", "--time=1", "--signal=USR1@1"];
+    let of_stops = |name, stops| launch(name, stops, "srun --mpi=pmix --cpus-per-task=1");
+    let one = ["--ntasks=1"];
     let chain = slurm.submit(
         &project,
-        &[("CHAIN", "30"), ("MARGIN", &margin)],
-        &one_minute,
+        &[("CHAIN", "30"), ("LAUNCH", &of_stops("chain", 2))],
+        &one,
         &arguments,
     );
     // One that is too short: it stops early, and Slurm sees it.
     let more = [&arguments[..], &["--out=out/short"]].concat();
     let short = slurm.submit(
         &project,
-        &[("CHAIN", "2"), ("MARGIN", "59")],
-        &one_minute,
+        &[("CHAIN", "2"), ("LAUNCH", &of_stops("short", 2))],
+        &one,
         &more,
     );
-    let ended = slurm.ended(&chain);
-    let restarts = ended.strip_prefix("COMPLETED 0:0 ");
-    let restarts = restarts.unwrap_or_else(|| panic!("{ended}"));
-    assert_ne!(restarts, "0");
-    same(&project, whole().0, "out/my");
+    assert_eq!(slurm.ended(&chain), "COMPLETED 0:0 2");
+    same(&project, whole(), "out/my");
     assert!(is_resumed(&project.at("out/my")));
     let log = project.text(&format!("gshear-{chain}.log"));
     let stops = log.matches("goes back into the queue").count();
-    assert_eq!(stops.to_string(), restarts, "{log}");
+    assert_eq!(stops, 2, "{log}");
     assert_eq!(slurm.ended(&short), "FAILED 75:0 1");
     let log = project.text(&format!("gshear-{short}.log"));
     let last = "after the last job of the chain (CHAIN=2)";
@@ -440,7 +433,7 @@ fn slurm_requeues_a_job(slurm: &Slurm) {
     until("the shear", shears);
     slurm.says("scontrol", &["requeue", &job]);
     assert_eq!(slurm.ended(&job), "COMPLETED 0:0 1");
-    same(&project, whole().0, "out/my");
+    same(&project, whole(), "out/my");
     assert!(is_resumed(&project.at("out/my")), "it started again");
 }
 
@@ -462,7 +455,7 @@ fn slurm_cancels_a_chain(slurm: &Slurm) {
     assert!(!project.at("out/my/run.lock").exists());
     let again = slurm.submit(&project, &chain, &["--ntasks=1"], &arguments);
     assert_eq!(slurm.ended(&again), "COMPLETED 0:0 0");
-    same(&project, whole().0, "out/my");
+    same(&project, whole(), "out/my");
     assert!(is_resumed(&project.at("out/my")));
 }
 
@@ -649,8 +642,8 @@ fn jobs_of_pbs_with_stand_ins() {
     same(&project, "whole", "out/my");
 
     let chain = Pbs::new(&project, "chain");
-    let margin = margin();
-    let variables = format!("{config},{set},CHAIN=30,MARGIN={margin}");
+    let stops = launch("chain", 2, "mpirun -n 1");
+    let variables = format!("{config},{set},CHAIN=30,LAUNCH={stops}");
     let resources = ["select=1:ncpus=1:mpiprocs=1", "walltime=00:01:00"];
     let [select, walltime] = resources;
     let of_chain = [
@@ -658,7 +651,7 @@ fn jobs_of_pbs_with_stand_ins() {
     ];
     chain.submit(&[&of_chain[..], &["-v", &variables]].concat());
     let jobs = chain.run();
-    assert!(jobs.len() > 1);
+    assert_eq!(jobs.len(), 3);
     for (number, (code, text)) in jobs.iter().enumerate() {
         assert_eq!(*code, 0, "{text}");
         let last = number + 1 == jobs.len();
@@ -677,11 +670,12 @@ fn jobs_of_pbs_with_stand_ins() {
             assert_eq!(chain.value(number + 1, key), value);
         }
     }
-    same(&project, whole().0, "out/chain");
+    same(&project, whole(), "out/chain");
 
     // Each task of an array goes on by itself, and the chain ends after its last job.
     let array = Pbs::new(&project, "array");
-    let variables = format!("CONFIG=sweep.toml,OPTIONS={options},CHAIN=2,MARGIN=59");
+    let stops = launch("array", 2, "mpirun -n 1");
+    let variables = format!("CONFIG=sweep.toml,OPTIONS={options},CHAIN=2,LAUNCH={stops}");
     array.submit(&["-J", "2-3", "-l", select, "-l", walltime, "-v", &variables]);
     let jobs = array.run();
     let codes: Vec<i32> = jobs.iter().map(|job| job.0).collect();
@@ -739,23 +733,19 @@ fn jobs_of_lsf_with_stand_ins() {
             variables: all.map(|(k, v)| ((*k).into(), (*v).into())).collect(),
         }
     };
-    let (options, margin) = (LONG.join(" "), margin());
+    let (options, stops) = (LONG.join(" "), launch("chain", 2, "mpirun -n 1"));
     let chain = job(
         "7",
         "0",
         &[
             ("CONFIG", "my.toml"),
             ("OPTIONS", &options),
-            ("MARGIN", &margin),
+            ("LAUNCH", &stops),
         ],
     );
-    let mut jobs = 1;
-    while chain.run().0 == 75 {
-        jobs += 1;
-    }
-    assert_eq!(chain.run().0, 0);
-    assert!((2..30).contains(&jobs), "{jobs} jobs");
-    same(&project, whole().0, "out/my");
+    let codes = [(); 4].map(|()| chain.run().0);
+    assert_eq!(codes, [75, 75, 0, 0]);
+    same(&project, whole(), "out/my");
     let log = project.text("gshear-7.log");
     assert!(
         log.contains("--walltime ") && log.contains("the run is finished"),
@@ -803,7 +793,7 @@ fn jobs_of_flux() {
         one=$(batch -n 2 --output=one.log $J my.toml {short})
         task=$(batch -n 1 --env=INDEX=3 $J sweep.toml {short})
         bad=$(batch -n 1 --env=CHAIN=9 $J my.toml --set=seed=-1)
-        chain=$(batch -n 1 --env=CHAIN=30 --env=MARGIN=597 $J my.toml {long} --out out/chain)
+        chain=$(batch -n 1 --env=CHAIN=30 '--env=LAUNCH={stops}' $J my.toml {long} --out out/chain)
         for job in $one $task $bad $chain; do
             flux job wait-event -t 300 $job clean >/dev/null
             flux job status --exception-exit-code=99 $job 2>/dev/null
@@ -814,6 +804,7 @@ fn jobs_of_flux() {
         flux jobs -a --no-header --format 'failed {{result}} {{returncode}}' --filter=failed",
         short = SHORT[0],
         long = LONG.join(" "),
+        stops = launch("chain", 2, "flux run -n 1"),
     );
     fs::write(project.at("jobs.sh"), script).expect("written");
     let mut flux = Command::new("flux");
@@ -829,7 +820,7 @@ fn jobs_of_flux() {
     );
     let jobs = text.lines().find_map(|line| line.strip_prefix("jobs "));
     let jobs: usize = jobs.and_then(|n| n.parse().ok()).expect("a number");
-    assert!(jobs > 4, "the chain has more than one job: {text}");
+    assert_eq!(jobs, 6, "the chain has three jobs: {text}");
     assert!(text.contains("failed FAILED 2"), "{text}");
     project.run(&["my.toml", SHORT[0], "--out=whole"]);
     same(&project, "whole", "out/my");
@@ -839,7 +830,7 @@ fn jobs_of_flux() {
         "sweep/friction-0.5_seed-5",
         "out/sweep/friction-0.5_seed-5",
     );
-    same(&project, whole().0, "out/chain");
+    same(&project, whole(), "out/chain");
 }
 
 #[test]
@@ -849,7 +840,7 @@ fn job_scripts_are_clean() {
         entries.map(|entry| entry.expect("a script").path())
     };
     let scripts: Vec<PathBuf> = at("job-scripts").chain(at("tests/queues")).collect();
-    assert_eq!(scripts.len(), 8, "{scripts:?}");
+    assert_eq!(scripts.len(), 9, "{scripts:?}");
     for script in &scripts {
         succeed(Command::new("bash").arg("-n").arg(script));
     }
