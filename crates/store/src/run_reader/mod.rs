@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use hdf5::Dataset;
 
 pub use self::periodic::{Owner, PeriodicRunFile, owner};
+pub(crate) use self::source::attributes;
 use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;

@@ -9,6 +9,7 @@ use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenU
 use hdf5::{Dataset, File, H5Type, Location};
 
 use super::{Parameter, Series, StoredScalars};
+use crate::checksums::{OF_PARAMETERS, of_parameters};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -164,7 +165,9 @@ impl<'a> OpenFile<'a> {
         step.truncate(rows);
         let row = |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| columns[c][k]));
         let scalars = (0..rows).map(row).collect();
-        Ok(Some(StoredScalars { step, scalars }))
+        let stored = StoredScalars { step, scalars };
+        self.verify_scalars(&stored)?;
+        Ok(Some(stored))
     }
 
     /// Returns the shortest length. In a finished run all must be equal; a run that was stopped may
@@ -205,16 +208,26 @@ impl<'a> OpenFile<'a> {
             .file
             .group("parameters")
             .map_err(|e| self.wrong("parameters", one_line(&e)))?;
-        let names = group
-            .attr_names()
-            .map_err(|e| self.wrong("parameters", one_line(&e)))?;
-        let read = |name: String| {
-            let value = parameter(&group, &name)
-                .map_err(|e| self.wrong(&format!("parameters: attribute {name}"), one_line(&e)))?;
-            Ok((name, value))
-        };
-        names.into_iter().map(read).collect()
+        let mut parameters = attributes(&group)
+            .map_err(|(name, e)| self.wrong(&format!("parameters{name}"), one_line(&e)))?;
+        // A file of an earlier version has none.
+        match parameters.remove(OF_PARAMETERS) {
+            Some(stored) if stored != Parameter::Text(of_parameters(&parameters)) => {
+                Err(self.damage("parameters"))
+            }
+            _ => Ok(parameters),
+        }
     }
+}
+
+/// All attributes of a group, by name. An error comes with the attribute that it is about.
+pub fn attributes(group: &Location) -> Result<BTreeMap<String, Parameter>, (String, hdf5::Error)> {
+    let names = group.attr_names().map_err(|e| (String::new(), e))?;
+    let read = |name: String| match parameter(group, &name) {
+        Ok(value) => Ok((name, value)),
+        Err(e) => Err((format!(": attribute {name}"), e)),
+    };
+    names.into_iter().map(read).collect()
 }
 
 fn parameter(group: &Location, name: &str) -> hdf5::Result<Parameter> {
