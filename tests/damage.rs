@@ -15,7 +15,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Longest time of a program with a damaged file, on a busy machine.
-const LONGEST: Duration = Duration::from_secs(60);
+const LONGEST: Duration = Duration::from_mins(1);
 
 /// What happens to the bytes of a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -304,6 +304,10 @@ impl Subject for Resumed {
             _ => return Ok(None),
         };
         Ok(Some(all))
+    }
+    fn is_free(&self) -> bool {
+        // Text without checksums.
+        self.name == "resumed-log"
     }
 }
 

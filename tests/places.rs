@@ -18,7 +18,8 @@ const SET: [&str; 5] = [
     "output.frame_strain=0.02",
     "output.series_strain=0.005",
     "shear.strain=0.5",
-    "bookkeeping.watchdog=4",
+    // Long enough for a busy machine.
+    "bookkeeping.watchdog=20",
 ];
 
 /// A folder on which something is mounted.
