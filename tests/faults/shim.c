@@ -1,5 +1,7 @@
 /* Makes system calls on the files of a run fail, for the tests of faults. Loaded by LD_PRELOAD.
  *
+ * A call writes, cuts or flushes a file, or makes, renames or links one.
+ *
  * FAULT_PATH   part of the path of the files concerned
  * FAULT_CALL   the call that fails first, counted from 1 in each process; 0 only counts
  * FAULT_CALLS  how many calls fail from then on (default: all)
@@ -13,6 +15,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
+#include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -31,22 +34,16 @@ static long rank(void) {
     return number("OMPI_COMM_WORLD_RANK", number("PMIX_RANK", 0));
 }
 
-static int concerned(int fd) {
+static int concerned(const char *path) {
     const char *part = getenv("FAULT_PATH");
-    char link[64], path[4096];
-    if (!part) return 0;
-    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
-    ssize_t n = readlink(link, path, sizeof path - 1);
-    if (n < 0) return 0;
-    path[n] = 0;
-    return path[0] == '/' && strstr(path, part) != NULL;
+    return part && path[0] == '/' && strstr(path, part) != NULL;
 }
 
 enum fault { NONE, FAIL, SHORT, KILL, TORN };
 
-/* What becomes of this call; sets errno if it fails. */
-static enum fault fault(int fd) {
-    if (!concerned(fd)) return NONE;
+/* What becomes of a call on this path; sets errno if it fails. */
+static enum fault fault_at(const char *path) {
+    if (!concerned(path)) return NONE;
     long call = atomic_fetch_add(&calls, 1) + 1;
     long of_rank = number("FAULT_RANK", -1), first = number("FAULT_CALL", 0);
     long many = number("FAULT_CALLS", 1L << 40);
@@ -60,6 +57,15 @@ static enum fault fault(int fd) {
     if (!strcmp(kind, "kill")) return KILL;
     if (!strcmp(kind, "torn")) return TORN;
     return NONE;
+}
+
+static enum fault fault(int fd) {
+    char link[64], path[4096];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    ssize_t n = readlink(link, path, sizeof path - 1);
+    if (n < 0) return NONE;
+    path[n] = 0;
+    return fault_at(path);
 }
 
 static void die(void) {
@@ -79,7 +85,6 @@ __attribute__((destructor)) static void report(void) {
 #define REAL(type, name, ...) \
     static type (*real)(__VA_ARGS__); \
     if (!real) real = (type (*)(__VA_ARGS__))dlsym(RTLD_NEXT, name)
-
 
 ssize_t write(int fd, const void *data, size_t n) {
     REAL(ssize_t, "write", int, const void *, size_t);
@@ -166,4 +171,36 @@ int ftruncate64(int fd, off_t length) {
 int fsync(int fd) {
     REAL(int, "fsync", int);
     return simple(fd) ? -1 : real(fd);
+}
+
+/* A call that makes, renames or links a file. */
+static int named(const char *path) {
+    switch (fault_at(path)) {
+    case FAIL: return -1;
+    case KILL: case TORN: die();
+    default: return 0;
+    }
+}
+
+#define OPEN(function) \
+    int function(const char *path, int flags, ...) { \
+        REAL(int, #function, const char *, int, ...); \
+        va_list more; \
+        va_start(more, flags); \
+        int mode = flags & O_CREAT ? va_arg(more, int) : 0; \
+        va_end(more); \
+        return flags & O_CREAT && named(path) ? -1 : real(path, flags, mode); \
+    }
+
+OPEN(open)
+OPEN(open64)
+
+int rename(const char *from, const char *to) {
+    REAL(int, "rename", const char *, const char *);
+    return named(to) ? -1 : real(from, to);
+}
+
+int linkat(int from_folder, const char *from, int to_folder, const char *to, int flags) {
+    REAL(int, "linkat", int, const char *, int, const char *, int);
+    return named(to) ? -1 : real(from_folder, from, to_folder, to, flags);
 }

@@ -248,6 +248,8 @@ pub struct RunFolder {
     lock: Option<Lock>,
     /// Whether the files of an earlier run are still to be removed.
     clear: Cell<bool>,
+    /// The checkpoint that the run resumes from, if the folder's newest one is another.
+    cut_back_to: Cell<Option<PathBuf>>,
     /// Folders that were made for this run, the innermost first.
     made: Vec<PathBuf>,
 }
@@ -284,6 +286,7 @@ impl RunFolder {
             path: options.out.clone(),
             lock: None,
             clear: Cell::new(false),
+            cut_back_to: Cell::default(),
             made: Vec::new(),
         };
         let mut notes = Vec::new();
@@ -316,7 +319,16 @@ impl RunFolder {
             existing::recover(&self.path.join(name), notes)?;
         }
         // Another job may have written between the first look and the lock.
-        self.check(claim, options, Some(notes))
+        self.check(claim, options, Some(notes))?;
+        if let (Entry::Resume, Some(checkpoint), false) =
+            (claim.entry, claim.checkpoint, options.overwrite)
+        {
+            let newest = Watched::id(&self.path.join(checkpoint::NAME));
+            if newest.is_some() && newest != Watched::id(checkpoint) {
+                self.cut_back_to.set(Some(checkpoint.into()));
+            }
+        }
+        Ok(())
     }
 
     /// With `notes`, also the files that a resume continues, which only the holder of the lock can
@@ -409,16 +421,20 @@ impl RunFolder {
         }
     }
 
-    /// Removes the files of an earlier run, once, before this run writes its first one. Collective.
+    /// Once, before this run writes its first file: removes those of an earlier run. Where frames and
+    /// rows are cut back to an older checkpoint, that one becomes the newest first, because no
+    /// later one fits the files any more. Collective.
     ///
     /// # Errors
-    /// [`Failure::Other`] if a file cannot be removed.
+    /// [`Failure::Other`] if a file can be neither removed nor linked.
     pub fn clear(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
         let removed = match self.clear.replace(false) {
             true => remove_run(&self.path),
             false => Ok(()),
         };
-        agree(exchange, removed)
+        let cut_back = self.cut_back_to.take();
+        let newest = cut_back.map_or(Ok(()), |path| checkpoint::make_newest(&path, &self.path));
+        agree(exchange, removed.and(newest))
     }
 
     /// Checks that the folder is still there and this run still holds its lock. Collective.

@@ -24,6 +24,7 @@
 //! | --- | --- |
 //! | `GSHEAR_NO_SHARED_MEMORY` | if set on rank 0, all messages go through the MPI library |
 //! | `OMPI_MCA_btl_vader_eager_limit` | 16384 unless set, so that a halo message needs no handshake |
+//! | `OMPI_MCA_io` | `^ompio` unless set, because OMPIO loses the rest of a short write |
 //! | `OMPI_MCA_mpi_yield_when_idle` | 1 unless set, so that waiting ranks yield their core |
 //!
 //! The [contracts](gshear_dem#contracts) hold on any number of ranks: every sum is one of integers,

@@ -36,9 +36,11 @@ pub struct World {
 }
 
 /// Settings of Open MPI that the environment may override.
-const OPEN_MPI: [(&str, &str); 2] = [
+const OPEN_MPI: [(&str, &str); 3] = [
     // A halo message of 4 KiB just exceeds the default, above which a handshake comes first.
     ("OMPI_MCA_btl_vader_eager_limit", "16384"),
+    // OMPIO takes a write that the system did in part for a whole one; ROMIO writes the rest.
+    ("OMPI_MCA_io", "^ompio"),
     // A waiting rank yields its core. This costs nothing if each rank has one; with other work on
     // the cores, two ranks ran several times as fast.
     ("OMPI_MCA_mpi_yield_when_idle", "1"),

@@ -4,6 +4,10 @@
 //! number made from the place k of the number. It depends neither on the order of the sum nor on
 //! the ranks that hold the numbers, and a change of one number always changes it.
 
+use std::collections::BTreeMap;
+
+use super::parameter::Parameter;
+use gshear_analysis::frame_scalars::FrameScalars;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Group of the checksums.
@@ -12,6 +16,10 @@ pub const GROUP: &str = "checksums";
 pub const FRAMES: &str = "checksums/frames";
 /// `[R]`: of step, time and all columns of every row of the time series.
 pub const ROWS: &str = "checksums/rows";
+/// `[L']`: of step and all columns of every row of the scalars of frames.
+pub const SCALARS: &str = "checksums/scalars";
+/// Attribute of `parameters`: of all other attributes.
+pub const OF_PARAMETERS: &str = "checksum";
 /// Of what never changes: id, body, radius, mass, edges of the box.
 pub const CONSTANTS: &str = "checksums/constants";
 
@@ -105,6 +113,33 @@ pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, 
 /// Of the step and the time of a frame.
 pub fn of_clock(step: u64, time: f64) -> u64 {
     of_row(step, time, std::iter::empty())
+}
+
+/// Of a row of the scalars of frames.
+pub fn of_scalars(step: u64, scalars: &FrameScalars) -> u64 {
+    let names = FrameScalars::COLUMNS.map(|column| column.name);
+    // They have no time of their own.
+    of_row(step, 0.0, names.into_iter().zip(scalars.columns()))
+}
+
+/// Of attributes, as hexadecimal digits.
+pub fn of_parameters(parameters: &BTreeMap<String, Parameter>) -> String {
+    let mut bytes = Vec::new();
+    for (name, value) in parameters {
+        let (kind, content) = match value {
+            Parameter::Text(text) => (b't', text.as_bytes().to_vec()),
+            Parameter::Integer(value) => (b'i', value.to_le_bytes().to_vec()),
+            Parameter::Number(value) => (b'n', value.to_le_bytes().to_vec()),
+            Parameter::Numbers(values) => {
+                (b'v', values.iter().flat_map(|x| x.to_le_bytes()).collect())
+            }
+        };
+        for part in [name.as_bytes(), &[kind], &content] {
+            bytes.extend((part.len() as u64).to_le_bytes());
+            bytes.extend(part);
+        }
+    }
+    format!("{:016x}", xxh3_64(&bytes))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
+use super::h5;
 use super::journal::{self, Journal};
 use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES};
 use super::scalar_columns::SCALARS;
@@ -21,7 +22,7 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
         journal.restore(path)?;
     }
     hdf5::silence_errors(true);
-    let Err(error) = hdf5::File::open(path) else {
+    let Err(error) = hdf5::File::open(path).and_then(|file| h5::walk(&file)) else {
         return Ok(());
     };
     let free = |k: &u64| !path.with_extension(format!("unreadable-{k}.h5")).exists();

@@ -49,6 +49,7 @@ pub mod journal;
 mod layout;
 pub mod log;
 pub mod matrix_market;
+mod parameter;
 pub mod provenance;
 pub mod reduced_writer;
 mod room;

@@ -4,6 +4,7 @@
 //! rank reserves the room beforehand, with a plain system call whose error is reliable.
 
 use std::fs::File;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use gshear_dem::failure::Failure;
@@ -35,11 +36,16 @@ pub fn reserve(path: &Path, start: u64, end: u64) -> Result<(), Failure> {
         }
     });
     reserved.map_err(|e| {
-        Failure::other(format!(
-            "{}: cannot reserve {:.1} MB for what is to be written next ({e}); free space, then resume from the last checkpoint",
-            path.display(),
-            needed as f64 / 1e6
-        ))
+        let name = path.display();
+        Failure::other(match e.kind() {
+            ErrorKind::NotFound => format!(
+                "{name}: was removed during the run; resume from the last checkpoint, or start again"
+            ),
+            _ => format!(
+                "{name}: cannot reserve {:.1} MB for what is to be written next ({e}); free space, then resume from the last checkpoint",
+                needed as f64 / 1e6
+            ),
+        })
     })
 }
 
@@ -67,5 +73,13 @@ mod tests {
         let message = reserve(&path, 0, 1 << 50).unwrap_err().to_string();
         assert!(message.contains("cannot reserve"), "{message}");
         assert!(message.contains("run.h5"), "{message}");
+    }
+
+    #[test]
+    fn a_file_that_is_gone_is_no_full_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = reserve(&folder.path().join("run.h5"), 0, 10).unwrap_err();
+        let message = error.to_string();
+        assert!(message.contains("was removed during the run"), "{message}");
     }
 }

@@ -1,5 +1,6 @@
 //! Scalars of frames in `run.h5`: `observables/gshear/`, one row per frame.
 
+use super::checksums::{self, of_scalars};
 use super::collective::CollectiveOutcome;
 use super::h5::{Dataset, H5File};
 use super::layout::{CHUNK_ROWS, by_root, set_unit, stored_name};
@@ -13,6 +14,8 @@ pub const SCALARS: &str = "observables/gshear";
 pub struct ScalarColumns {
     step: Dataset<u64>,
     values: Vec<Dataset<f64>>,
+    /// Checksums of the rows; `None` in a file without.
+    sums: Option<Dataset<u64>>,
     rows: Vec<(u64, FrameScalars)>,
     written: u64,
 }
@@ -27,6 +30,9 @@ impl ScalarColumns {
         if !file.has(SCALARS) {
             if rows > 0 {
                 return Err(file.lacks(SCALARS, rows));
+            }
+            if file.has(checksums::GROUP) {
+                drop(file.dataset::<u64>(checksums::SCALARS, &[0], Some(&[CHUNK_ROWS]))?);
             }
             for n in all.clone() {
                 file.group(&format!("{SCALARS}/{}", names[n]))?;
@@ -46,14 +52,23 @@ impl ScalarColumns {
         let mut columns = ScalarColumns {
             step: file.open_dataset(&name(0, "step"))?,
             values: values.collect::<Result<_, _>>()?,
+            sums: match file.has(checksums::SCALARS) {
+                true => Some(file.open_dataset(checksums::SCALARS)?),
+                false => None,
+            },
             rows: Vec::new(),
             written: rows,
         };
-        if columns.step.rows() < rows || columns.values.iter().any(|c| c.rows() < rows) {
+        let shorter = |sums: &Dataset<u64>| sums.rows() < rows;
+        if columns.step.rows() < rows
+            || columns.values.iter().any(|c| c.rows() < rows)
+            || columns.sums.as_ref().is_some_and(shorter)
+        {
             return Err(file.lacks(SCALARS, rows));
         }
         columns.step.resize(rows)?;
         columns.values.iter_mut().try_for_each(|c| c.resize(rows))?;
+        columns.sums.iter_mut().try_for_each(|c| c.resize(rows))?;
         Ok(columns)
     }
 
@@ -82,6 +97,13 @@ impl ScalarColumns {
         for (n, column) in self.values.iter_mut().enumerate() {
             let values: Vec<f64> = rows.iter().map(|r| r.1.columns()[n]).collect();
             outcome.note(by_root(root, column, self.written, &values));
+        }
+        if let Some(sums) = &mut self.sums {
+            let of_rows: Vec<u64> = rows
+                .iter()
+                .map(|(step, row)| of_scalars(*step, row))
+                .collect();
+            outcome.note(by_root(root, sums, self.written, &of_rows));
         }
         self.written += rows.len() as u64;
     }

@@ -1,7 +1,7 @@
 //! The writer of `run.h5`: frames and time series, written by all ranks together in batches.
 
 use super::batch::{Frames, ShareColumns, Shares, length};
-use super::checksums::{self, of_clock, of_row};
+use super::checksums::{self, OF_PARAMETERS, of_clock, of_parameters, of_row};
 use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::existing::inspect;
 use super::h5::{Attribute, H5File, Slab};
@@ -128,6 +128,7 @@ impl TrajectoryWriter {
             for (name, value) in &attributes {
                 file.attribute(PARAMETERS, name, value)?;
             }
+            seal(&file)?;
             let columns = Datasets::new(
                 &file,
                 Mode::Create,
@@ -192,6 +193,7 @@ impl TrajectoryWriter {
         for name in AT_THE_END {
             outcome.note(writer.file.remove_attribute(PARAMETERS, name));
         }
+        outcome.note(seal(&writer.file));
         let columns = &mut writer.columns;
         outcome.note(columns.offset.resize(frames + 1));
         outcome.note(columns.step.resize(frames));
@@ -240,6 +242,7 @@ impl TrajectoryWriter {
         for (name, value) in shared(exchange, attributes.collect()) {
             outcome.note(self.file.attribute(PARAMETERS, &name, &value));
         }
+        outcome.note(seal(&self.file));
         self.file.agree(exchange, outcome)
     }
 
@@ -595,6 +598,15 @@ fn shared(
     let bytes = serde_json::to_vec(&attributes).expect("attributes are texts and finite numbers");
     serde_json::from_slice(&exchange.broadcast(bytes))
         .expect("attributes are texts and finite numbers")
+}
+
+/// Writes the checksum of the attributes of `parameters`, whose texts HDF5 does not protect.
+/// Collective.
+fn seal(file: &H5File) -> Result<(), Failure> {
+    let mut attributes = file.attributes(PARAMETERS)?;
+    attributes.remove(OF_PARAMETERS);
+    let sum = Attribute::Word(of_parameters(&attributes));
+    file.attribute(PARAMETERS, OF_PARAMETERS, &sum)
 }
 
 /// Writes a one-dimensional dataset of fixed size.

@@ -289,6 +289,17 @@ pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<(), Failure> {
         .map_err(|e| Failure::other(format!("{}: cannot be kept: {e}", kept.display())))
 }
 
+/// Makes a checkpoint the newest of the folder: it gets the name `checkpoint.h5`. To be called on one
+/// rank.
+///
+/// # Errors
+/// [`Failure::Other`] if the file can be neither linked nor copied.
+pub fn make_newest(path: &Path, folder: &Path) -> Result<(), Failure> {
+    let newest = folder.join(NAME);
+    link(path, &newest)
+        .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", newest.display())))
+}
+
 /// Returns the kept checkpoints of a stage in a folder with their steps, sorted by step.
 pub fn kept(folder: &Path, stage: &str) -> Vec<(u64, PathBuf)> {
     let prefix = kept_prefix(stage);

@@ -2,6 +2,7 @@
 //! module calls the C library for them; it holds the only unsafe code of this crate.
 
 use super::collective::CollectiveOutcome;
+use super::parameter::{Parameter, attributes};
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use hdf5::types::{FixedAscii, VarLenUnicode};
@@ -17,10 +18,14 @@ mod extents;
 use crate::room;
 use extents::RawData;
 use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+
+/// No file has groups within groups of as many levels.
+const DEEPEST: usize = 8;
 
 /// The value of an attribute.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -287,6 +292,16 @@ impl H5File {
         })
     }
 
+    /// Returns all attributes of a group, by name.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
+    pub fn attributes(&self, group: &str) -> Result<BTreeMap<String, Parameter>, Failure> {
+        let failure = |what: &str, e| self.context.failure(&format!("{group}{what}"), "read", &e);
+        let location = self.location(group).map_err(|e| failure("", e))?;
+        attributes(&location).map_err(|(what, e)| failure(&what, e))
+    }
+
     fn location(&self, object: &str) -> hdf5::Result<Location> {
         let group = if object == "/" {
             self.file.as_group()?
@@ -388,6 +403,26 @@ impl<T> Drop for Dataset<T> {
             std::mem::forget(self.inner.clone());
         }
     }
+}
+
+/// Looks up every object of a file and every piece of its data, without reading the data.
+///
+/// # Errors
+/// A damaged structure.
+pub fn walk(file: &hdf5::File) -> hdf5::Result<()> {
+    fn below(group: &hdf5::Group, levels: usize) -> hdf5::Result<()> {
+        for dataset in group.datasets()? {
+            RawData::of(dataset).extents()?;
+        }
+        match levels {
+            0 => Err("its groups contain each other".into()),
+            _ => group
+                .groups()?
+                .iter()
+                .try_for_each(|group| below(group, levels - 1)),
+        }
+    }
+    below(file, DEEPEST)
 }
 
 fn set_attribute(location: &Location, name: &str, value: &Attribute) -> hdf5::Result<()> {

@@ -8,7 +8,6 @@ mod state;
 mod verify;
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::path::{Path, PathBuf};
 
 use hdf5::Dataset;
@@ -18,34 +17,11 @@ use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;
 use crate::file_names::RUN_FILE;
+pub use crate::parameter::Parameter;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Disks, SeriesRow};
 use gshear_scene::Dimensions;
-
-/// An attribute of `parameters`.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Parameter {
-    /// Text.
-    Text(String),
-    /// Integer.
-    Integer(i64),
-    /// Number.
-    Number(f64),
-    /// List of numbers.
-    Numbers(Vec<f64>),
-}
-
-impl fmt::Display for Parameter {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Parameter::Text(text) => f.write_str(text),
-            Parameter::Integer(value) => write!(f, "{value}"),
-            Parameter::Number(value) => write!(f, "{value:?}"),
-            Parameter::Numbers(values) => write!(f, "{values:?}"),
-        }
-    }
-}
 
 /// The time series: L rows, as many as every column has.
 #[derive(Debug, Clone, PartialEq, Default)]

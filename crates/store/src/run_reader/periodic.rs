@@ -12,7 +12,7 @@ use crate::checksums;
 use crate::journal;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, Sheared};
+use gshear_dem::state::{Cell, Disks, Sheared};
 
 const POSITION: &str = "particles/trajectory/position";
 
@@ -87,6 +87,19 @@ impl PeriodicRunFile {
             _ => 2,
         };
         let sums = FrameSums::read(&source, axes)?;
+        let of_grains = |part: &str| format!("particles/trajectory/{part}");
+        let edges: Vec<f64> = source.of_length(&of_grains("box/edges"), 3)?;
+        let disks = Disks {
+            radius: source.of_length(&of_grains("radius"), grains.len())?,
+            body: source.of_length(&of_grains("body"), grains.len())?,
+            mass: source.of_length(&of_grains("mass"), grains.len())?,
+            length: edges[0],
+        };
+        source.verify_constants(&grains, &disks, &edges)?;
+        let clock = |t: &usize| checksums::of_clock(frame_step[*t], frame_time[*t]);
+        if let Some(t) = (0..frames).find(|t| !sums.agrees(*t, "clock", clock(t))) {
+            return Err(source.damage(&format!("{POSITION}/step and time: frame {t}")));
+        }
         let of_frame = 3 * grains.len();
         let frame_values = values
             .as_slice()
@@ -94,8 +107,7 @@ impl PeriodicRunFile {
             .chunks(of_frame.max(1));
         for (t, values) in frame_values.enumerate() {
             if !sums.agrees(t, "position", checksums::of_sequence(0, values)) {
-                let what = "its checksum differs from the stored one: the file is damaged";
-                return Err(source.wrong(&name, format!("frame {t}: {what}")));
+                return Err(source.damage(&format!("{name}: frame {t}")));
             }
         }
         let of_frame = |frame: usize| {
@@ -111,8 +123,8 @@ impl PeriodicRunFile {
             frame_step,
             frame_time,
             positions: (0..frames).map(of_frame).collect(),
-            radius: source.of_length("particles/trajectory/radius", grains.len())?,
-            edges: source.of_length("particles/trajectory/box/edges", 3)?,
+            radius: disks.radius,
+            edges,
         })
     }
 

@@ -5,10 +5,11 @@ use std::fmt;
 use std::io::Read as _;
 use std::path::Path;
 
-use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenUnicode};
-use hdf5::{Dataset, File, H5Type, Location};
+use hdf5::{Dataset, File, H5Type};
 
 use super::{Parameter, Series, StoredScalars};
+use crate::checksums::{OF_PARAMETERS, of_parameters};
+use crate::parameter::attributes;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -17,10 +18,6 @@ use gshear_dem::state::SeriesRow;
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
-/// Longest fixed-length string attribute that is read; HDF5 itself allows no more than 64 KiB in an
-/// attribute.
-const TEXT: usize = 65_536;
-
 /// An open file and its path for messages.
 pub(super) struct OpenFile<'a> {
     file: File,
@@ -164,7 +161,9 @@ impl<'a> OpenFile<'a> {
         step.truncate(rows);
         let row = |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| columns[c][k]));
         let scalars = (0..rows).map(row).collect();
-        Ok(Some(StoredScalars { step, scalars }))
+        let stored = StoredScalars { step, scalars };
+        self.verify_scalars(&stored)?;
+        Ok(Some(stored))
     }
 
     /// Returns the shortest length. In a finished run all must be equal; a run that was stopped may
@@ -205,48 +204,15 @@ impl<'a> OpenFile<'a> {
             .file
             .group("parameters")
             .map_err(|e| self.wrong("parameters", one_line(&e)))?;
-        let names = group
-            .attr_names()
-            .map_err(|e| self.wrong("parameters", one_line(&e)))?;
-        let read = |name: String| {
-            let value = parameter(&group, &name)
-                .map_err(|e| self.wrong(&format!("parameters: attribute {name}"), one_line(&e)))?;
-            Ok((name, value))
-        };
-        names.into_iter().map(read).collect()
-    }
-}
-
-fn parameter(group: &Location, name: &str) -> hdf5::Result<Parameter> {
-    let attribute = group.attr(name)?;
-    Ok(match attribute.dtype()?.to_descriptor()? {
-        TypeDescriptor::VarLenUnicode => {
-            Parameter::Text(attribute.read_scalar::<VarLenUnicode>()?.to_string())
+        let mut parameters = attributes(&group)
+            .map_err(|(name, e)| self.wrong(&format!("parameters{name}"), one_line(&e)))?;
+        // A file of an earlier version has none.
+        match parameters.remove(OF_PARAMETERS) {
+            Some(stored) if stored != Parameter::Text(of_parameters(&parameters)) => {
+                Err(self.damage("parameters"))
+            }
+            _ => Ok(parameters),
         }
-        TypeDescriptor::VarLenAscii => {
-            Parameter::Text(attribute.read_scalar::<VarLenAscii>()?.to_string())
-        }
-        TypeDescriptor::FixedUnicode(_) => {
-            Parameter::Text(attribute.read_raw::<FixedUnicode<TEXT>>()?.concat_text())
-        }
-        TypeDescriptor::FixedAscii(_) => {
-            Parameter::Text(attribute.read_raw::<FixedAscii<TEXT>>()?.concat_text())
-        }
-        TypeDescriptor::Integer(_) | TypeDescriptor::Unsigned(_) if attribute.is_scalar() => {
-            Parameter::Integer(attribute.read_scalar()?)
-        }
-        _ if attribute.is_scalar() => Parameter::Number(attribute.read_scalar()?),
-        _ => Parameter::Numbers(attribute.read_raw()?),
-    })
-}
-
-trait ConcatText {
-    fn concat_text(&self) -> String;
-}
-
-impl<T: AsRef<str>> ConcatText for Vec<T> {
-    fn concat_text(&self) -> String {
-        self.iter().map(AsRef::as_ref).collect()
     }
 }
 

@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
+use super::StoredScalars;
 use super::source::OpenFile;
-use crate::checksums::{self, CONSTANTS, FRAMES, GROUP, ROWS};
+use crate::checksums::{self, CONSTANTS, FRAMES, GROUP, ROWS, SCALARS};
 use crate::layout::frame_columns;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -42,7 +43,7 @@ impl FrameSums {
 }
 
 impl OpenFile<'_> {
-    fn damage(&self, what: &str) -> Failure {
+    pub(super) fn damage(&self, what: &str) -> Failure {
         self.wrong(
             what,
             "its checksum differs from the stored one: the file is damaged",
@@ -91,6 +92,25 @@ impl OpenFile<'_> {
         };
         match (0..step.len().min(stored.len())).find(|&k| found(k) != stored[k]) {
             Some(k) => Err(self.damage(&format!("observables: row {k}"))),
+            None => Ok(()),
+        }
+    }
+}
+
+impl OpenFile<'_> {
+    /// Compares the rows of the scalars of frames with their checksums.
+    pub(super) fn verify_scalars(&self, found: &StoredScalars) -> Result<(), Failure> {
+        if !self.exists(SCALARS) {
+            return Ok(());
+        }
+        let stored: Vec<u64> = self.all(SCALARS)?;
+        let rows = found.step.iter().zip(&found.scalars);
+        let sums = rows.map(|(step, row)| checksums::of_scalars(*step, row));
+        match sums
+            .zip(&stored)
+            .position(|(found, stored)| found != *stored)
+        {
+            Some(k) => Err(self.damage(&format!("observables/gshear: row {k}"))),
             None => Ok(()),
         }
     }

@@ -1,0 +1,78 @@
+//! The attributes of a file that describe its run.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use hdf5::Location;
+use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenUnicode};
+
+/// Longest fixed-length string attribute that is read; HDF5 itself allows no more than 64 KiB in an
+/// attribute.
+const TEXT: usize = 65_536;
+
+/// An attribute of `parameters`.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Parameter {
+    /// Text.
+    Text(String),
+    /// Integer.
+    Integer(i64),
+    /// Number.
+    Number(f64),
+    /// List of numbers.
+    Numbers(Vec<f64>),
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Parameter::Text(text) => f.write_str(text),
+            Parameter::Integer(value) => write!(f, "{value}"),
+            Parameter::Number(value) => write!(f, "{value:?}"),
+            Parameter::Numbers(values) => write!(f, "{values:?}"),
+        }
+    }
+}
+
+/// All attributes of a group, by name. An error comes with the attribute that it is about.
+pub fn attributes(group: &Location) -> Result<BTreeMap<String, Parameter>, (String, hdf5::Error)> {
+    let names = group.attr_names().map_err(|e| (String::new(), e))?;
+    let read = |name: String| match parameter(group, &name) {
+        Ok(value) => Ok((name, value)),
+        Err(e) => Err((format!(": attribute {name}"), e)),
+    };
+    names.into_iter().map(read).collect()
+}
+
+fn parameter(group: &Location, name: &str) -> hdf5::Result<Parameter> {
+    let attribute = group.attr(name)?;
+    Ok(match attribute.dtype()?.to_descriptor()? {
+        TypeDescriptor::VarLenUnicode => {
+            Parameter::Text(attribute.read_scalar::<VarLenUnicode>()?.to_string())
+        }
+        TypeDescriptor::VarLenAscii => {
+            Parameter::Text(attribute.read_scalar::<VarLenAscii>()?.to_string())
+        }
+        TypeDescriptor::FixedUnicode(_) => {
+            Parameter::Text(attribute.read_raw::<FixedUnicode<TEXT>>()?.concat_text())
+        }
+        TypeDescriptor::FixedAscii(_) => {
+            Parameter::Text(attribute.read_raw::<FixedAscii<TEXT>>()?.concat_text())
+        }
+        TypeDescriptor::Integer(_) | TypeDescriptor::Unsigned(_) if attribute.is_scalar() => {
+            Parameter::Integer(attribute.read_scalar()?)
+        }
+        _ if attribute.is_scalar() => Parameter::Number(attribute.read_scalar()?),
+        _ => Parameter::Numbers(attribute.read_raw()?),
+    })
+}
+
+trait ConcatText {
+    fn concat_text(&self) -> String;
+}
+
+impl<T: AsRef<str>> ConcatText for Vec<T> {
+    fn concat_text(&self) -> String {
+        self.iter().map(AsRef::as_ref).collect()
+    }
+}
