@@ -23,7 +23,7 @@ const SET: [&str; 5] = [
     "output.frame_strain=2e-4",
     "output.series_strain=5e-4",
     "shear.strain=0.004",
-    "bookkeeping.watchdog=4",
+    "bookkeeping.watchdog=15",
 ];
 
 /// The library that makes calls fail, compiled into `folder`.
@@ -483,6 +483,10 @@ fn random_kills(
 fn a_run_survives_faults_of_its_files() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     study(&[1, 3], |start, ranks, calls| {
+        // A new run on one rank and a resumed one on three meet every kind.
+        if (start == Start::New) != (ranks == 1) {
+            return random_kills((start, ranks), 1, &mut random);
+        }
         let mut faults = random_kills((start, ranks), 2, &mut random);
         for (k, kind) in FAILING.into_iter().chain(KILLING).enumerate() {
             let rank = k % ranks;
@@ -501,7 +505,7 @@ fn a_short_write_is_completed() {
             (start, ranks),
             ("short", Some(1)),
             0,
-            spread(calls[0], 8, 0.5),
+            spread(calls[0], 5, 0.5),
         )
         .collect()
     });
