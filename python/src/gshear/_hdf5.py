@@ -29,6 +29,19 @@ def unit(item: h5py.Group | h5py.Dataset) -> str | None:
     return None if found is None else text(found)
 
 
+def open_for_reading(path: Path) -> h5py.File:
+    """Opens a file without locking it.
+
+    HDF5 refuses this if the same process has it open with locks; then it is opened with locks.
+    """
+    try:
+        return h5py.File(path, "r", locking=False)
+    except OSError as error:
+        if "locking flag" not in str(error):
+            raise
+        return h5py.File(path, "r")
+
+
 class SharedFile:
     """An HDF5 file, opened when first used and opened again when it has changed on disk.
 
@@ -59,14 +72,14 @@ class SharedFile:
                 signature = self.signature()
                 if self._file is None or signature != self._signature:
                     self._release()
-                    self._file = h5py.File(self.path, "r", locking=False)
+                    self._file = open_for_reading(self.path)
                     self._signature = signature
                 return self._file
             except OSError as error:
                 self._release()
-                if isinstance(error, FileNotFoundError) or attempt + 1 == ATTEMPTS:
+                absent = isinstance(error, FileNotFoundError)
+                if absent or attempt + 1 == ATTEMPTS or not self.reopen_if_recent():
                     raise RunError(f"{self.path}: cannot be read: {error}") from error
-                time.sleep(PAUSE)
         raise AssertionError("the last attempt returns or raises")
 
     def reopen_if_recent(self) -> bool:

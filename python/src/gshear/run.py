@@ -25,6 +25,12 @@ T = TypeVar("T")
 
 # Files that hold frames and time series; a folder with several is read from the first.
 FILES = ("run.h5", "aqs.h5", "newtonian.h5")
+# Since 3.1 pandas reads numbers to their last bit without being told.
+EXACT: dict[str, Any] = (
+    {"float_precision": "round_trip"}
+    if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
+    else {}
+)
 GRAINS = "particles/trajectory"
 CONTACTS = "connectivity/contacts"
 
@@ -82,6 +88,11 @@ class Run:
     def __repr__(self) -> str:
         return f"<Run {self.path}: {len(self.frames)} frames, {len(self.series)} rows>"
 
+    @property
+    def hdf5(self) -> h5py.File:
+        """The open file, for what this class does not read. Do not close it, do not keep it."""
+        return self._file.open()
+
     # What the file says of the run
 
     @property
@@ -132,7 +143,8 @@ class Run:
         # H5MD sorts names; the log has the order of the declaration.
         log = self.folder / "log.csv"
         if self.path.name == "run.h5" and log.exists():
-            order = log.open(encoding="utf-8").readline().strip().split(",")
+            with log.open(encoding="utf-8") as file_of_log:
+                order = file_of_log.readline().strip().split(",")
             elements = {
                 name: elements[name]
                 for name in sorted(elements, key=lambda n: order.index(n) if n in order else -1)
@@ -330,11 +342,7 @@ class Run:
 
     def regions(self) -> pd.DataFrame:
         """Returns the scalars of every frame of disks (`regions.csv`)."""
-
-        def belong(table: pd.DataFrame) -> bool:
-            return np.array_equal(table["step"], self.frames.step)
-
-        table = self._table("regions.csv", ["regions"], belong)
+        table = self._table("regions.csv", ["regions"], self._are_regions)
         return _with_units(table, self._scalar_units())
 
     def measures(self) -> pd.DataFrame:
@@ -376,7 +384,7 @@ class Run:
                 path = self.results / f"dmin-{radius:g}" / "reduced.h5"
             if not self._is_dmin(path, radius):
                 self._reduce(["dmin", "--radius", repr(float(radius))], path.parent)
-        with h5py.File(path, "r", locking=False) as file:
+        with _hdf5.open_for_reading(path) as file:
             values: NDArray[np.float64] = file["dmin/value"][index]
             return values
 
@@ -388,7 +396,7 @@ class Run:
         if not self._is_newer(path):
             return False
         try:
-            with h5py.File(path, "r", locking=False) as file:
+            with _hdf5.open_for_reading(path) as file:
                 attributes = file.attrs
                 strains = file["dmin/strain"][:]
                 return (
@@ -440,22 +448,38 @@ class Run:
         return self._table(name, ["spectrum", "--frame", str(index)], folder=folder)
 
     def _are_phases(self, table: pd.DataFrame) -> bool:
-        """Whether every phase starts and ends at this run's steps and strains."""
+        """Whether every phase starts and ends at this run's steps, with this run's change of τ."""
         series = self._once("series", self._read_series)
-        if len(table) and table["end_row"].max() >= len(series):
+        rows = table[["start_row", "end_row"]].to_numpy()
+        if rows.max(initial=-1) >= len(series):
             return False
-        return all(
-            np.array_equal(table[f"{end}_{column}"], series[column].to_numpy()[table[f"{end}_row"]])
-            for end in ("start", "end")
-            for column in ("step", "strain")
+        step, tau = series["step"].to_numpy(), series["stress_ratio"].to_numpy()
+        return np.array_equal(table[["start_step", "end_step"]], step[rows]) and _equal(
+            table["delta_tau_p"], tau[rows[:, 1]] - tau[rows[:, 0]]
+        )
+
+    def _are_regions(self, table: pd.DataFrame) -> bool:
+        """Whether the table has this run's frames, with this run's τ."""
+        return np.array_equal(table["step"], self.frames.step) and _equal(
+            table["stress_ratio"], self._stress_ratio_of_frames()
         )
 
     def _are_measures(self, table: pd.DataFrame) -> bool:
-        """Whether every phase starts and ends at the strain of a frame."""
-        strains = np.append(self.frames.strain, np.inf)
+        """Whether every phase starts and ends at this run's frames, with this run's change of τ."""
+        strains, tau = self.frames.strain, self._stress_ratio_of_frames()
         ends = table[["start_strain", "end_strain"]].to_numpy()
         at = np.searchsorted(strains, ends * (1 - 1e-9))
-        return bool(np.all(np.abs(strains[at] - ends) <= 1e-9 * np.abs(ends)))
+        if at.max(initial=-1) >= len(strains):
+            return False
+        return np.allclose(strains[at], ends, rtol=1e-9, atol=0) and _equal(
+            table["delta_tau_p"], tau[at[:, 1]] - tau[at[:, 0]]
+        )
+
+    def _stress_ratio_of_frames(self) -> NDArray[np.float64]:
+        """Returns τ of every frame, [T]; NaN if the series has no row at its step."""
+        series = self._once("series", self._read_series)
+        tau = pd.Series(series["stress_ratio"].to_numpy(), index=series["step"])
+        return tau.reindex(self.frames.step).to_numpy(dtype=np.float64)
 
     def _table(
         self,
@@ -588,6 +612,12 @@ def _python(value: Any) -> Any:  # noqa: ANN401 - attributes have any type
     return value
 
 
+def _equal(table: pd.Series, own: NDArray[np.float64]) -> bool:
+    """Whether a column has the numbers of the run, where the run has any."""
+    known = np.isfinite(own)
+    return np.allclose(table.to_numpy()[known], own[known], rtol=1e-9, atol=0)
+
+
 def _with_units(table: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
     table.attrs["units"] = {name: unit for name, unit in units.items() if name in table}
     return table
@@ -595,7 +625,8 @@ def _with_units(table: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
 
 def _csv(path: Path) -> pd.DataFrame:
     """Returns a table; its numbers have the same bits as those of the program that wrote it."""
-    return pd.read_csv(path, float_precision="round_trip")
+    table: pd.DataFrame = pd.read_csv(path, **EXACT)
+    return table
 
 
 def _complete_lines(path: Path) -> pd.DataFrame:
@@ -604,4 +635,5 @@ def _complete_lines(path: Path) -> pd.DataFrame:
     complete = text[: text.rfind(b"\n") + 1]
     if not complete:
         return pd.DataFrame()
-    return pd.read_csv(io.BytesIO(complete), float_precision="round_trip")
+    table: pd.DataFrame = pd.read_csv(io.BytesIO(complete), **EXACT)
+    return table
