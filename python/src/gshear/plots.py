@@ -136,6 +136,8 @@ def stress_ratio(ax: Axes, run: Run, *, drops: int = 3) -> list[Line2D]:
     lines = ax.plot(series["strain"], series["stress_ratio"], color="#333333", linewidth=0.8)
     if drops:
         ends = run.drops(drops)[["start_row", "end_row"]].to_numpy()
+        near = 0.03 * np.ptp(series["strain"])
+        labelled: list[tuple[float, int]] = []
         for place, (start, end) in enumerate(ends, start=1):
             rows = series.iloc[start : end + 1]
             (line,) = ax.plot(
@@ -147,11 +149,16 @@ def stress_ratio(ax: Axes, run: Run, *, drops: int = 3) -> list[Line2D]:
                 label="largest drops" if place == 1 else None,
             )
             lines.append(line)
-            top = rows.iloc[0]
+            strain = float(series["strain"].iloc[start])
+            taken = [level for at, level in labelled if abs(at - strain) < near]
+            level = min(set(range(len(taken) + 1)) - set(taken))
+            labelled.append((strain, level))
+            # Numbers of neighbours stand above each other, over all of τ near them.
+            around = series.loc[(series["strain"] - strain).abs() < near, "stress_ratio"]
             ax.annotate(
                 str(place),
-                (top["strain"], top["stress_ratio"]),
-                xytext=(0, 4),
+                (strain, around.max()),
+                xytext=(0, 4 + 12 * level),
                 textcoords="offset points",
                 ha="center",
                 color=SLIP,
@@ -159,7 +166,7 @@ def stress_ratio(ax: Axes, run: Run, *, drops: int = 3) -> list[Line2D]:
         ax.legend(frameon=False, loc="lower right")
     ax.set_xlabel("shear strain γ")
     ax.set_ylabel("stress ratio τ")
-    ax.margins(x=0.01, y=0.08)
+    ax.margins(x=0.01, y=0.15)
     return lines
 
 

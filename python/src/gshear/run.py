@@ -64,7 +64,8 @@ class Run:
         results: str | os.PathLike[str] | None = None,
         quiet: bool = False,
     ) -> None:
-        self.path = _file_of(Path(path))
+        self._name = _file_of(Path(path))
+        self.path = self._name.absolute()
         self.folder = self.path.parent
         self.results = Path(results) if results is not None else self.folder
         self.quiet = quiet
@@ -86,7 +87,7 @@ class Run:
         self._file.close()
 
     def __repr__(self) -> str:
-        return f"<Run {self.path}: {len(self.frames)} frames, {len(self.series)} rows>"
+        return f"<Run {self._name}: {len(self.frames)} frames, {len(self.series)} rows>"
 
     @property
     def hdf5(self) -> h5py.File:
@@ -582,16 +583,16 @@ class Frames:
         return self._run._frame(_position(index, len(self), self._run.path))
 
     def __repr__(self) -> str:
-        return f"<Frames of {self._run.path}: {len(self)}>"
+        return f"<Frames of {self._run._name}: {len(self)}>"
 
 
 def _file_of(path: Path) -> Path:
     """Returns the HDF5 file of a run, given the file or its folder."""
     if path.is_file():
-        return path.absolute()
+        return path
     for name in FILES:
         if (path / name).is_file():
-            return (path / name).absolute()
+            return path / name
     what = f"holds none of {', '.join(FILES)}" if path.is_dir() else "no such file or folder"
     raise RunError(f"{path}: {what}: give the folder of a run (`--out` of gshear-mpi) or its file")
 
