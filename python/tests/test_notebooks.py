@@ -50,7 +50,7 @@ def test_gouge_reads_a_run(copy: Callable[[str], Path], monkeypatch: pytest.Monk
     assert (folder / "run.h5").stat().st_mtime_ns == written
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS.glob("*.ipynb"), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(NOTEBOOKS.glob("*.ipynb")), ids=lambda path: path.stem)
 def test_notebooks_are_stored_executed(path: Path) -> None:
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)

@@ -67,7 +67,7 @@ class Run:
         self._name = _file_of(Path(path))
         self.path = self._name.absolute()
         self.folder = self.path.parent
-        self.results = Path(results) if results is not None else self.folder
+        self.results = self.folder if results is None else Path(results).absolute()
         self.quiet = quiet
         self._file = SharedFile(self.path)
 
