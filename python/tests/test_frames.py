@@ -58,7 +58,7 @@ def test_indices_and_slices(disks: Run) -> None:
     count = len(disks.frames)
     assert count == 50
     assert disks.frame(-1).index == count - 1
-    assert disks.frame(np.int64(3).item()).step == disks.frames.step[3]
+    assert disks.frame(np.int64(3)).step == disks.frame(np.uint8(3)).step == disks.frames.step[3]
     assert [frame.index for frame in disks.frames[-2:]] == [48, 49]
     assert [frame.step for frame in disks.frames] == disks.frames.step.tolist()
     backwards = disks.frame(slice(4, None, -2))

@@ -7,7 +7,7 @@ in grey. Lengths are drawn in the unit of the run, with the prefix that suits th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 import pandas as pd
@@ -33,7 +33,7 @@ PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 def force_network(
     ax: Axes,
     run: Run,
-    frame: int | Frame = -1,
+    frame: SupportsIndex | Frame = -1,
     *,
     width: float = 1.5,
     colorbar: bool = True,
@@ -82,7 +82,7 @@ def force_network(
 
 
 def dmin_map(
-    ax: Axes, run: Run, frame: int, *, colorbar: bool = True, decades: float = 4.0
+    ax: Axes, run: Run, frame: SupportsIndex, *, colorbar: bool = True, decades: float = 4.0
 ) -> EllipseCollection:
     """Draws disks coloured by D²min between the frame before and this one, over r̄².
 
@@ -181,7 +181,7 @@ def series(ax: Axes, run: Run, column: str, *, against: str = "strain") -> Line2
 
 
 def dmin_distribution(
-    ax: Axes, run: Run, frames: Mapping[str, int | slice] | None = None
+    ax: Axes, run: Run, frames: Mapping[str, SupportsIndex | slice] | None = None
 ) -> list[Line2D]:
     """Draws the fraction of the free grains whose D²min is at least x, over r̄².
 
@@ -334,10 +334,10 @@ def _readable(unit: str) -> str:
     )
 
 
-def _frame_of_disks(run: Run, frame: int | Frame) -> Frame:
+def _frame_of_disks(run: Run, frame: SupportsIndex | Frame) -> Frame:
     if run.dimension != 2:
         raise RunError(f"{run.path}: this figure shows disks; the run has spheres")
-    return run.frame(frame) if isinstance(frame, int) else frame
+    return frame if isinstance(frame, Frame) else run.frame(frame)
 
 
 def _with_images(frame: Frame, values: NDArray[Any]) -> NDArray[Any]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import operator
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar, overload
+from typing import Any, SupportsIndex, TypeVar, overload
 
 import h5py
 import numpy as np
@@ -187,18 +188,18 @@ class Run:
         return Frames(self)
 
     @overload
-    def frame(self, index: int) -> Frame: ...
+    def frame(self, index: SupportsIndex) -> Frame: ...
     @overload
     def frame(self, index: slice) -> Iterator[Frame]: ...
-    def frame(self, index: int | slice) -> Frame | Iterator[Frame]:
+    def frame(self, index: SupportsIndex | slice) -> Frame | Iterator[Frame]:
         """Returns a frame, from the end if `index` is negative, or an iterator over a slice."""
         return self.frames[index]
 
     @overload
-    def contacts(self, index: int) -> Contacts: ...
+    def contacts(self, index: SupportsIndex) -> Contacts: ...
     @overload
     def contacts(self, index: slice) -> Iterator[Contacts]: ...
-    def contacts(self, index: int | slice) -> Contacts | Iterator[Contacts]:
+    def contacts(self, index: SupportsIndex | slice) -> Contacts | Iterator[Contacts]:
         """Returns the contacts of a frame, or an iterator over those of a slice."""
         if isinstance(index, slice):
             return (frame.contacts for frame in self.frames[index])
@@ -358,11 +359,7 @@ class Run:
         self.measures()
         return self._table("correlations.csv", ["correlate"], lambda _: True)
 
-    @overload
-    def dmin(self, index: int, *, radius: float = ...) -> NDArray[np.float64]: ...
-    @overload
-    def dmin(self, index: slice, *, radius: float = ...) -> NDArray[np.float64]: ...
-    def dmin(self, index: int | slice, *, radius: float = 5.0) -> NDArray[np.float64]:
+    def dmin(self, index: SupportsIndex | slice, *, radius: float = 5.0) -> NDArray[np.float64]:
         """Returns D²min of the grains between the frame before and frame `index` (m²).
 
         Lee & Hurley, equations B1 to B4 (Falk & Langer 1998); `docs/reduction.md` has the details.
@@ -377,7 +374,7 @@ class Run:
             [N], by id; of a slice [frames, N].
         """
         frames = len(self.frames)
-        if isinstance(index, int):
+        if not isinstance(index, slice):
             index = _position(index, frames, self.path)
         path = self.results / "reduced.h5"
         if not self._is_dmin(path, radius):
@@ -426,7 +423,7 @@ class Run:
         tables = [path for path in sorted(folder.glob("*.csv")) if self._is_newer(path)]
         return {path.stem: _csv(path) for path in tables}
 
-    def spectrum(self, frame: int = -1) -> pd.DataFrame:
+    def spectrum(self, frame: SupportsIndex = -1) -> pd.DataFrame:
         """Returns eigenvalues of K v = λ M v nearest to zero, one line each (`spectrum.csv`).
 
         `docs/spectrum.md` describes the columns. A run in a periodic box has the spectrum of its
@@ -437,7 +434,7 @@ class Run:
             frame: Frame of a run between walls.
         """
         if self.path.name != "run.h5":
-            if frame != -1:
+            if operator.index(frame) != -1:
                 raise RunError(f"{self.path}: spectra of boxes are those of the last checkpoint")
             return self._table("spectrum.csv", ["spectrum"], of=self.folder / "checkpoint.h5")
         frames = len(self.frames)
@@ -574,10 +571,10 @@ class Frames:
         return self[:]
 
     @overload
-    def __getitem__(self, index: int) -> Frame: ...
+    def __getitem__(self, index: SupportsIndex) -> Frame: ...
     @overload
     def __getitem__(self, index: slice) -> Iterator[Frame]: ...
-    def __getitem__(self, index: int | slice) -> Frame | Iterator[Frame]:
+    def __getitem__(self, index: SupportsIndex | slice) -> Frame | Iterator[Frame]:
         if isinstance(index, slice):
             return (self._run._frame(k) for k in range(*index.indices(len(self))))
         return self._run._frame(_position(index, len(self), self._run.path))
@@ -597,8 +594,9 @@ def _file_of(path: Path) -> Path:
     raise RunError(f"{path}: {what}: give the folder of a run (`--out` of gshear-mpi) or its file")
 
 
-def _position(index: int, count: int, path: Path) -> int:
+def _position(index: SupportsIndex, count: int, path: Path) -> int:
     """Returns an index from 0 on, of one that may count from the end."""
+    index = operator.index(index)
     if not -count <= index < count:
         raise IndexError(f"{path}: no frame {index}: the run has {count} frames")
     return index % count
