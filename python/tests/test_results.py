@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -175,6 +176,21 @@ def test_results_of_another_run_are_made_anew(
         if name != "reduced.h5":
             assert (run.folder / name).read_bytes() == right
         assert np.nanmax(run.dmin(-1)) == pytest.approx(run.regions()["dmin_greatest"].iloc[-1])
+
+
+@pytest.mark.parametrize(("name", "value"), [("digest", "0" * 32), ("strain", 0.5)])
+def test_dmin_of_other_frames_is_made_anew(
+    name: str, value: str | float, copy: Callable[[str], Path]
+) -> None:
+    with Run(copy("disks"), quiet=True) as run:
+        right = run.dmin(1)
+        with h5py.File(run.folder / "reduced.h5", "r+") as file:
+            if name == "digest":
+                file.attrs["digest"] = value
+            else:
+                file["dmin/strain"][3] = value
+            file["dmin/value"][1] = 0.0
+        np.testing.assert_array_equal(run.dmin(1), right)
 
 
 def test_results_in_another_folder(copy: Callable[[str], Path], tmp_path: Path) -> None:
