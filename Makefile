@@ -18,11 +18,12 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test docs scaling bench accuracy stress faults peers million clean
+.PHONY: help deps build run test python docs scaling bench accuracy stress faults peers million clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
-	@echo "make test      format, lints, every test of every crate, those through mpirun among them, and rustdoc"
+	@echo "make test      format, lints, every test of every crate, those through mpirun among them, rustdoc, and make python"
+	@echo "make python    lints, types and tests of the Python package in python/; a part of make test"
 	@echo "make docs      write the tables of keys and columns in docs/ and docs/scene.schema.json"
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
 	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
@@ -54,6 +55,15 @@ test: deps
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
 	cargo test --release --locked --workspace
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
+	$(MAKE) python
+
+# The programs are named because others may come first in the path.
+python: build
+	@scripts/python-env
+	cd python && ../target/python/bin/ruff format --check
+	cd python && ../target/python/bin/ruff check
+	cd python && ../target/python/bin/mypy
+	cd python && GSHEAR_MPI=$(abspath $(PROGRAM)) GSHEAR_REDUCE=$(abspath $(REDUCE)) ../target/python/bin/pytest --durations=5
 
 # From the declarations of the keys; a test says when it is due.
 docs:

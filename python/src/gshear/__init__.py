@@ -1,0 +1,36 @@
+"""Reads runs of gshear-mpi, calls gshear-reduce for what is missing, and plots both.
+
+    from gshear import Run
+
+    with Run("out/plane-shear-2d") as run:
+        print(run.scene["contact.friction"], run.series["stress_ratio"].mean())
+        contacts = run.contacts(-1)
+        print(contacts.normal_force.mean(), run.dmin(-1))
+
+Names of columns are those of the files (`docs/file-formats.md` of gshear-mpi), units are SI, in 2D
+per unit depth; runs in a periodic box have the units of their scene.
+"""
+
+from importlib.metadata import version
+
+from .box import Box
+from .errors import GshearError, ProgramFailedError, ProgramNotFoundError, RunError
+from .frames import Contacts, Frame
+from .programs import simulate
+from .run import Frames, Run
+from .scene import Scene
+
+__version__ = version("gshear")
+__all__ = [
+    "Box",
+    "Contacts",
+    "Frame",
+    "Frames",
+    "GshearError",
+    "ProgramFailedError",
+    "ProgramNotFoundError",
+    "Run",
+    "RunError",
+    "Scene",
+    "simulate",
+]

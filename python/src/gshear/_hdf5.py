@@ -1,0 +1,110 @@
+"""HDF5 files that another process may be writing."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from .errors import RunError
+
+# A program that writes the file may be in the middle of a flush.
+ATTEMPTS = 20
+PAUSE = 0.1  # s
+RECENT = 60.0  # s
+
+
+def text(value: object) -> str:
+    """Returns a text attribute, of fixed or variable length, as `str`."""
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def unit(item: h5py.Group | h5py.Dataset) -> str | None:
+    """Returns the attribute `unit` of a dataset, or of the values of an H5MD element, if any."""
+    if isinstance(item, h5py.Group):
+        return unit(item["value"]) if "value" in item else None
+    found = item.attrs.get("unit")
+    return None if found is None else text(found)
+
+
+def open_for_reading(path: Path) -> h5py.File:
+    """Opens a file without locking it.
+
+    HDF5 refuses this if the same process has it open with locks; then it is opened with locks.
+    """
+    try:
+        return h5py.File(path, "r", locking=False)
+    except OSError as error:
+        if "locking flag" not in str(error):
+            raise
+        return h5py.File(path, "r")
+
+
+class SharedFile:
+    """An HDF5 file, opened when first used and opened again when it has changed on disk.
+
+    HDF5 keeps metadata of an open file in memory, so that frames written later would stay hidden.
+    Files are opened without locks: the program that writes the file does not lock it, and locks
+    fail on some network file systems.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file: h5py.File | None = None
+        self._signature: tuple[int, ...] = ()
+        self._closed = False
+        self.cache: dict[str, Any] = {}
+        """What was read from the present state of the file; emptied when the file changes."""
+
+    def open(self) -> h5py.File:
+        """Returns the open file.
+
+        Raises:
+            RunError: The file cannot be opened.
+            ValueError: The run is closed.
+        """
+        if self._closed:
+            raise ValueError(f"{self.path}: the run is closed")
+        for attempt in range(ATTEMPTS):
+            try:
+                signature = self.signature()
+                if self._file is None or signature != self._signature:
+                    self._release()
+                    self._file = open_for_reading(self.path)
+                    self._signature = signature
+                return self._file
+            except OSError as error:
+                self._release()
+                absent = isinstance(error, FileNotFoundError)
+                if absent or attempt + 1 == ATTEMPTS or not self.reopen_if_recent():
+                    raise RunError(f"{self.path}: cannot be read: {error}") from error
+        raise AssertionError("the last attempt returns or raises")
+
+    def reopen_if_recent(self) -> bool:
+        """Waits and opens the file again, if it was written less than a minute ago.
+
+        Returns False if it was not, so that another attempt would find the same.
+        """
+        if time.time() - self.path.stat().st_mtime > RECENT:
+            return False
+        self._release()
+        time.sleep(PAUSE)
+        return True
+
+    def signature(self) -> tuple[int, ...]:
+        """Returns numbers that change when the file does."""
+        status = self.path.stat()
+        return (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+
+    def close(self) -> None:
+        """Closes the file for good."""
+        self._release()
+        self._closed = True
+
+    def _release(self) -> None:
+        if self._file is not None:
+            self._file.close()
+        self._file = None
+        self.cache = {}

@@ -1,0 +1,187 @@
+"""Grains and contacts of a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .box import Box
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+Array = NDArray[Any]
+Reader = Callable[[], Array]
+
+
+class Columns(Mapping[str, Array]):
+    """Arrays by name, each read from the file when it is first used.
+
+    `columns["radius"]` and `columns.radius` are the same. The names are those of the file
+    (`docs/file-formats.md`).
+
+    Attributes:
+        units: Units by name, as the file has them (H5MD: `kg m s-2`). Pure numbers have none, and
+            neither have files in reduced units.
+    """
+
+    def __init__(self, readers: Mapping[str, Reader], units: Mapping[str, str]) -> None:
+        self._readers = dict(readers)
+        self._read: dict[str, Array] = {}
+        self.units = dict(units)
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self._read:
+            self._read[name] = self._readers[name]()
+        return self._read[name]
+
+    def __getattr__(self, name: str) -> Array:
+        # Names with an underscore are never columns; during unpickling `_readers` is not yet there.
+        if name.startswith("_") or name not in self._readers:
+            raise AttributeError(f"{type(self).__name__} has no column {name!r}")
+        return self[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._readers)
+
+    def __len__(self) -> int:
+        return len(self._readers)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._readers]
+
+
+class Frame(Columns):
+    """Grains at one step. Row n of every column is the grain with id n.
+
+    Columns, for N grains: `id`, `radius` (m), `body` (0 free, 1 bottom wall, 2 top wall), `mass`
+    (kg; kg/m for disks), each [N]; `position` (m) and `velocity` (m/s), [N, 3], with z = 0 for
+    disks; `angular_velocity` (rad/s), [N] for disks, [N, 3] for spheres.
+
+    Attributes:
+        index: Number of the frame, from 0 on.
+        step: Steps since the start of the shear; in `aqs.h5` strain steps.
+        time: Time (s); in `aqs.h5` the strain.
+        strain: Shear strain γ.
+        dimension: 2 for disks, 3 for spheres.
+        box: The periodic cell.
+        contacts: The contacts of this frame.
+    """
+
+    def __init__(
+        self,
+        readers: Mapping[str, Reader],
+        units: Mapping[str, str],
+        *,
+        index: int,
+        step: int,
+        time: float,
+        strain: float,
+        dimension: int,
+        box: Box,
+        contacts: Callable[[Frame], Contacts],
+    ) -> None:
+        super().__init__(readers, units)
+        self.index = index
+        self.step = step
+        self.time = time
+        self.strain = strain
+        self.dimension = dimension
+        self.box = box
+        self.contacts = contacts(self)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Frame {self.index}: step {self.step}, strain {self.strain:.6g}, "
+            f"{len(self.radius)} grains, {self.contacts.count} contacts>"
+        )
+
+
+class Contacts(Columns):
+    """Contacts of a frame, ordered by (i, j).
+
+    Columns, for K contacts: `i`, `j` (ids, i < j), `normal_force` (F_n, on i along n, never
+    negative), `overlap` (δ), `sliding` (1 at Coulomb's limit), each [K]; `tangential_force` (F_t on
+    i) and `tangential_history`, [K] for disks (along t̂ = ẑ × n), [K, 3] for spheres;
+    `rolling_history`, [K], for disks. Forces are in N, for disks in N/m. `docs/glossary.md`
+    defines the quantities.
+
+    Attributes:
+        frame: The frame with the grains.
+        count: K.
+    """
+
+    def __init__(
+        self, readers: Mapping[str, Reader], units: Mapping[str, str], frame: Frame, count: int
+    ) -> None:
+        super().__init__(readers, units)
+        self.frame = frame
+        self.count = count
+
+    @property
+    def pairs(self) -> Array:
+        """[K, 2], ids (i, j) of every contact: the edges of the contact network."""
+        return np.stack([self.i, self.j], axis=1)
+
+    @property
+    def separation(self) -> NDArray[np.float64]:
+        """[K, 3], r = r_i - r_j, nearest periodic image (m)."""
+        x = self.frame.position
+        return self.frame.box.minimum_image(x[self.i] - x[self.j])
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """[K, 3], n = r/|r|, from j to i."""
+        r = self.separation
+        unit: NDArray[np.float64] = r / np.linalg.norm(r, axis=1, keepdims=True)
+        return unit
+
+    @property
+    def force(self) -> NDArray[np.float64]:
+        """[K, 3], force on i: F_n n + F_t (N; N/m for disks). That on j is opposite."""
+        n = self.normal
+        t = self.tangential_force
+        if t.ndim == 1:
+            t = t[:, None] * np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
+        total: NDArray[np.float64] = self.normal_force[:, None] * n + t
+        return total
+
+    def force_on_grains(self) -> NDArray[np.float64]:
+        """Returns the sum of the contact forces on every grain, [N, 3] (N; N/m for disks)."""
+        total = np.zeros(self.frame.position.shape)
+        force = self.force
+        np.add.at(total, self.i, force)
+        np.subtract.at(total, self.j, force)
+        return total
+
+    def coordination(self) -> NDArray[np.int64]:
+        """Returns the number of contacts of every grain, [N]."""
+        ends = np.concatenate([self.i, self.j])
+        return np.bincount(ends, minlength=len(self.frame.radius))
+
+    def to_networkx(self) -> nx.Graph:
+        """Returns the contact network as a `networkx.Graph`.
+
+        Nodes are all grains by id, with `radius` and `body`; edges are contacts, with the columns
+        that have one number per contact. Needs networkx (`pip install gshear[networkx]`).
+        """
+        import networkx as nx
+
+        graph = nx.Graph()
+        radius, body = self.frame.radius.tolist(), self.frame.body.tolist()
+        graph.add_nodes_from(
+            (n, {"radius": radius[n], "body": body[n]}) for n in range(len(radius))
+        )
+        names = [name for name in self if name not in ("i", "j") and self[name].ndim == 1]
+        values = zip(*(self[name].tolist() for name in names), strict=True)
+        graph.add_edges_from(
+            (i, j, dict(zip(names, row, strict=True)))
+            for (i, j), row in zip(self.pairs.tolist(), values, strict=True)
+        )
+        return graph
+
+    def __repr__(self) -> str:
+        return f"<Contacts of frame {self.frame.index}: {self.count}>"

@@ -1,0 +1,99 @@
+"""Finds and starts gshear-mpi and gshear-reduce."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from .errors import ProgramFailedError, ProgramNotFoundError
+
+
+def find(name: str) -> Path:
+    """Returns the path of `gshear-mpi` or `gshear-reduce`.
+
+    The places, in this order: the environment variable `GSHEAR_MPI` or `GSHEAR_REDUCE`, `PATH`, and
+    `target/release` of the checkout that holds this package.
+
+    Raises:
+        ProgramNotFoundError: None of the places has it, or the variable names no program.
+    """
+    variable = name.upper().replace("-", "_")
+    if given := os.environ.get(variable):
+        if found := shutil.which(given):
+            return Path(found)
+        raise ProgramNotFoundError(
+            f"{variable}={given}: no program of this name: set it to the path of {name}"
+        )
+    if found := shutil.which(name):
+        return Path(found)
+    for folder in Path(__file__).resolve().parents:
+        program = folder / "target" / "release" / name
+        if shutil.which(program):
+            return program
+    raise ProgramNotFoundError(
+        f"{name} not found in PATH or in target/release of the checkout: "
+        f"build it with `make build`, or set {variable} to its path"
+    )
+
+
+def run(command: Iterable[str | os.PathLike[str]], *, quiet: bool = False) -> str:
+    """Runs a command and returns its standard output.
+
+    Unless `quiet`, prints the command to standard error before.
+
+    Raises:
+        ProgramFailedError: The exit code is not 0; has what the program wrote.
+    """
+    words = [os.fspath(word) for word in command]
+    if not quiet:
+        print(f"gshear: running {shlex.join(words)}", file=sys.stderr)
+    # Without this, Open MPI refuses to start as root, as in a container.
+    root = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    environment = os.environ | (root if os.geteuid() == 0 else {})
+    done = subprocess.run(
+        words, check=False, capture_output=True, text=True, env=environment, errors="replace"
+    )
+    if done.returncode != 0:
+        raise ProgramFailedError(words, done.returncode, done.stdout + done.stderr)
+    return done.stdout
+
+
+def simulate(
+    scene: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    ranks: int = 2,
+    values: Mapping[str, object] | None = None,
+    quiet: bool = False,
+) -> Path:
+    """Runs a scene with gshear-mpi, or continues it, and returns the folder of its results.
+
+    A run that is finished already is left as it is (`--resume auto`). The call returns when the run
+    has ended.
+
+    Args:
+        scene: Path of a scene, see `docs/config.md`.
+        out: Folder of the results.
+        ranks: Number of MPI ranks; with 1 the program runs without mpirun.
+        values: Values of the scene to replace, as in `{"shear.strain": 0.02}` (`--set`).
+        quiet: Do not print the command.
+
+    Raises:
+        ProgramNotFoundError: gshear-mpi or mpirun is missing.
+        ProgramFailedError: The run failed or stopped early (exit code 75).
+    """
+    command: list[str | os.PathLike[str]] = []
+    if ranks != 1:
+        if shutil.which("mpirun") is None:
+            raise ProgramNotFoundError("mpirun not found in PATH: install an MPI, or use ranks=1")
+        command += ["mpirun", "-n", str(ranks), "--bind-to", "none", "--oversubscribe"]
+    command += [find("gshear-mpi"), scene, "--out", out, "--resume", "auto"]
+    for key, value in (values or {}).items():
+        command += ["--set", f"{key}={value}"]
+    run(command, quiet=quiet)
+    return Path(out)

@@ -1,0 +1,638 @@
+"""Runs of gshear-mpi."""
+
+from __future__ import annotations
+
+import io
+import operator
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, SupportsIndex, TypeVar, overload
+
+import h5py
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from . import _hdf5, programs
+from ._hdf5 import SharedFile
+from .box import Box
+from .errors import RunError
+from .frames import Contacts, Frame, Reader
+from .scene import Scene
+
+T = TypeVar("T")
+
+# Files that hold frames and time series; a folder with several is read from the first.
+FILES = ("run.h5", "aqs.h5", "newtonian.h5")
+# Since 3.1 pandas reads numbers to their last bit without being told.
+EXACT: dict[str, Any] = (
+    {"float_precision": "round_trip"}
+    if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
+    else {}
+)
+GRAINS = "particles/trajectory"
+CONTACTS = "connectivity/contacts"
+
+
+class Run:
+    """A run between walls (`run.h5`) or in a periodic box (`aqs.h5`, `newtonian.h5`).
+
+    Arrays are read when they are used. A run that is under way can be read: what it writes later is
+    seen by the next access. Results of `gshear-reduce` are read from its files; if they are missing
+    or older than the run, gshear-reduce is run first, and the command is printed.
+
+    Use it in a `with` statement, or call `close`.
+
+    Args:
+        path: Folder of a run, or one of its files. Of a folder with `aqs.h5` and `newtonian.h5` the
+            first is read; give the path of the second to read it.
+        results: Folder for what gshear-reduce writes, for runs in folders that cannot be written.
+            Default: that of the run.
+        quiet: Do not print the commands that are run.
+
+    Attributes:
+        path: The HDF5 file.
+        folder: Its folder.
+        results: Folder for what gshear-reduce writes.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        results: str | os.PathLike[str] | None = None,
+        quiet: bool = False,
+    ) -> None:
+        self._name = _file_of(Path(path))
+        self.path = self._name.absolute()
+        self.folder = self.path.parent
+        self.results = self.folder if results is None else Path(results).absolute()
+        self.quiet = quiet
+        self._file = SharedFile(self.path)
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the file. Arrays that were read stay valid; reading more raises ValueError."""
+        self._file.close()
+
+    def __repr__(self) -> str:
+        return f"<Run {self._name}: {len(self.frames)} frames, {len(self.series)} rows>"
+
+    @property
+    def hdf5(self) -> h5py.File:
+        """The open file, for what this class does not read. Do not close it, do not keep it."""
+        return self._file.open()
+
+    # What the file says of the run
+
+    @property
+    def scene(self) -> Scene:
+        """The checked scene, every default filled in."""
+        return self._once("scene", lambda _: Scene(self.parameters["scene"]))
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Attributes of the group `parameters`: identity, provenance and derived quantities."""
+
+        def read(file: h5py.File) -> dict[str, Any]:
+            attributes = file["parameters"].attrs
+            return {name: _python(attributes[name]) for name in attributes}
+
+        return dict(self._once("parameters", read))
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run has ended by itself; if not, it is under way or was stopped."""
+        return bool(self.parameters.get("digest"))
+
+    @property
+    def dimension(self) -> int:
+        """2 for disks, 3 for spheres."""
+        return int(self.parameters["dimension"])
+
+    @property
+    def series(self) -> pd.DataFrame:
+        """The time series, one line per row, with `step`, `time` and the columns of the file.
+
+        `series.attrs["units"]` has the units by column, as the file has them; pure numbers have
+        none. While a run between walls is under way, the values come from `log.csv`, which is
+        written row by row.
+        """
+        log = self.folder / "log.csv"
+        if self.path.name == "run.h5" and log.exists() and not self.finished:
+            units = {name: unit for name, unit in self._series_units().items() if unit}
+            return _with_units(_complete_lines(log), units)
+        stored: pd.DataFrame = self._once("series", self._read_series)
+        return _with_units(stored.copy(), stored.attrs["units"])
+
+    def _read_series(self, file: h5py.File) -> pd.DataFrame:
+        observables = file["observables"]
+        elements = {
+            name: item for name, item in observables.items() if "value" in item and "step" in item
+        }
+        # H5MD sorts names; the log has the order of the declaration.
+        log = self.folder / "log.csv"
+        if self.path.name == "run.h5" and log.exists():
+            with log.open(encoding="utf-8") as file_of_log:
+                order = file_of_log.readline().strip().split(",")
+            elements = {
+                name: elements[name]
+                for name in sorted(elements, key=lambda n: order.index(n) if n in order else -1)
+            }
+        columns: dict[str, Any] = {}
+        for name, element in elements.items():
+            if not columns:
+                columns = {"step": element["step"][:], "time": element["time"][:]}
+            columns[name] = element["value"][:]
+        # The program may be adding rows to one column after the other.
+        rows = min((len(column) for column in columns.values()), default=0)
+        table = pd.DataFrame({name: column[:rows] for name, column in columns.items()})
+        table.attrs["units"] = {n: u for n, u in self._series_units().items() if u is not None}
+        return table
+
+    def _series_units(self) -> dict[str, str | None]:
+        def read(file: h5py.File) -> dict[str, str | None]:
+            items = {n: i for n, i in file["observables"].items() if "value" in i and "step" in i}
+            units = {name: _hdf5.unit(item) for name, item in items.items()}
+            for item in list(items.values())[:1]:
+                units |= {"step": _hdf5.unit(item["step"]), "time": _hdf5.unit(item["time"])}
+            return units
+
+        found: dict[str, str | None] = self._once("series units", read)
+        return found
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of length and force that follow from the time series: empty in reduced units."""
+        series = self._series_units()
+        known = {"length": series.get("wall_height"), "force": series.get("normal_force")}
+        return {name: unit for name, unit in known.items() if unit}
+
+    # Frames
+
+    @property
+    def frames(self) -> Frames:
+        """The frames: steps, times and strains; `frames[i]`, `frames[a:b]`, iteration."""
+        return Frames(self)
+
+    @overload
+    def frame(self, index: SupportsIndex) -> Frame: ...
+    @overload
+    def frame(self, index: slice) -> Iterator[Frame]: ...
+    def frame(self, index: SupportsIndex | slice) -> Frame | Iterator[Frame]:
+        """Returns a frame, from the end if `index` is negative, or an iterator over a slice."""
+        return self.frames[index]
+
+    @overload
+    def contacts(self, index: SupportsIndex) -> Contacts: ...
+    @overload
+    def contacts(self, index: slice) -> Iterator[Contacts]: ...
+    def contacts(self, index: SupportsIndex | slice) -> Contacts | Iterator[Contacts]:
+        """Returns the contacts of a frame, or an iterator over those of a slice."""
+        if isinstance(index, slice):
+            return (frame.contacts for frame in self.frames[index])
+        return self.frames[index].contacts
+
+    def _frame(self, index: int) -> Frame:
+        file = self._file.open()
+        offset = file[CONTACTS]["offset"]
+        first, last = int(offset[index]), int(offset[index + 1])
+        readers, units = self._grain_columns(file, index)
+        contact_readers, contact_units = self._contact_columns(file, first, last)
+        times = self._frame_times
+        return Frame(
+            readers,
+            units,
+            index=index,
+            step=int(times["step"][index]),
+            time=float(times["time"][index]),
+            strain=float(times["strain"][index]),
+            dimension=self.dimension,
+            box=self._box(index),
+            contacts=lambda frame: Contacts(contact_readers, contact_units, frame, last - first),
+        )
+
+    def _grain_columns(
+        self, file: h5py.File, index: int
+    ) -> tuple[dict[str, Reader], dict[str, str]]:
+        readers, units = {}, {}
+        for name, item in file[GRAINS].items():
+            if isinstance(item, h5py.Dataset):
+                readers[name] = self._reader(f"{GRAINS}/{name}", slice(None))
+            elif "value" in item:
+                readers[name] = self._reader(f"{GRAINS}/{name}/value", index)
+            else:
+                continue
+            if unit := _hdf5.unit(item):
+                units[name] = unit
+        return readers, units
+
+    def _contact_columns(
+        self, file: h5py.File, first: int, last: int
+    ) -> tuple[dict[str, Reader], dict[str, str]]:
+        readers, units = {}, {}
+        for name, item in file[CONTACTS].items():
+            if name in ("step", "time", "offset"):
+                continue
+            readers[name] = self._reader(f"{CONTACTS}/{name}", slice(first, last))
+            if unit := _hdf5.unit(item):
+                units[name] = unit
+        return readers, units
+
+    def _reader(self, name: str, rows: int | slice) -> Reader:
+        def read() -> NDArray[Any]:
+            values: NDArray[Any] = self._file.open()[name][rows]
+            return values
+
+        return read
+
+    @property
+    def _frame_times(self) -> dict[str, NDArray[Any]]:
+        """`step`, `time` and `strain` of the complete frames, each [T]."""
+
+        def read(file: h5py.File) -> dict[str, NDArray[Any]]:
+            elements = [item for item in file[GRAINS].values() if "value" in item]
+            count = min([len(item["value"]) for item in elements] + [len(elements[0]["step"])])
+            contacts = file[CONTACTS]
+            # The program may be writing a frame: its contacts must be there as well.
+            stored = min(
+                len(item)
+                for name, item in contacts.items()
+                if name not in ("step", "time", "offset")
+            )
+            complete = int(np.searchsorted(contacts["offset"][:], stored, side="right")) - 1
+            count = max(0, min(count, complete))
+            step, time = elements[0]["step"][:count], elements[0]["time"][:count]
+            return {"step": step, "time": time, "strain": self._strain_at(file, step)}
+
+        times: dict[str, NDArray[Any]] = self._once("frame times", read)
+        return times
+
+    def _strain_at(self, file: h5py.File, step: NDArray[Any]) -> NDArray[np.float64]:
+        """Returns γ at steps: that of the row of the series, or linear between and after rows."""
+        if "strain" not in file["observables"]:
+            # Newton's equations in a box, which is not sheared meanwhile.
+            return np.full(len(step), float(file["parameters"].attrs.get("strain", np.nan)))
+        series = self.series
+        rows = series["step"].to_numpy(dtype=np.float64)
+        strains = series["strain"].to_numpy()
+        if len(rows) < 2:
+            return np.where(np.isin(step, rows), 0.0, np.nan)
+        slope = (strains[-1] - strains[-2]) / (rows[-1] - rows[-2])
+        after = strains[-1] + slope * (step - rows[-1])
+        between: NDArray[np.float64] = np.interp(step, rows, strains)
+        return np.where(step > rows[-1], after, between)
+
+    def _box(self, index: int) -> Box:
+        file = self._file.open()
+        box = file[GRAINS]["box"]
+        item = box["edges"]
+        edges = np.asarray(item["value"][index] if isinstance(item, h5py.Group) else item[:])
+        boundary = [_hdf5.text(value) for value in box.attrs["boundary"]]
+        gradient = self.dimension - 1
+        offset = 0.0
+        if edges.ndim == 2:
+            # A tilted cell: the edge along the gradient leans along x.
+            offset, edges = float(edges[gradient, 0]), np.diagonal(edges).copy()
+        elif boundary[gradient] == "periodic":
+            offset = self._image_offset(file, index)
+        x, y, z = (value == "periodic" for value in boundary)
+        return Box(edges, (x, y, z), gradient, offset)
+
+    def _image_offset(self, file: h5py.File, index: int) -> float:
+        if "image_offset" not in file["observables"]:
+            return float(file["parameters"].attrs.get("image_offset", 0.0))
+        element = file["observables"]["image_offset"]
+        step = self._frame_times["step"][index]
+        row = np.flatnonzero(element["step"][:] == step)
+        if len(row) == 0:
+            raise RunError(f"{self.path}: no row of observables/image_offset at strain step {step}")
+        return float(element["value"][row[0]])
+
+    # Results of gshear-reduce
+
+    def phases(self) -> pd.DataFrame:
+        """Returns the stick and slip phases of τ, one line per phase (`phases.csv`).
+
+        `docs/reduction.md` defines phases, `docs/file-formats.md` the columns. Rows are those of
+        `series`.
+        """
+        return self._table("phases.csv", ["phases"], self._are_phases)
+
+    def drops(self, count: int | None = None) -> pd.DataFrame:
+        """Returns the slip phases, largest drop of τ first, with the columns of `phases`.
+
+        Args:
+            count: At most so many.
+        """
+        phases = self.phases()
+        slips = phases[phases["kind"] == "slip"]
+        drops = slips.sort_values("delta_tau_p", kind="stable", ignore_index=True)
+        return drops if count is None else drops.head(count)
+
+    def regions(self) -> pd.DataFrame:
+        """Returns the scalars of every frame of disks (`regions.csv`)."""
+        table = self._table("regions.csv", ["regions"], self._are_regions)
+        return _with_units(table, self._scalar_units())
+
+    def measures(self) -> pd.DataFrame:
+        """Returns the statistics of every phase of disks (`measures.csv` of `correlate`)."""
+        return self._table("measures.csv", ["correlate"], self._are_measures)
+
+    def correlations(self) -> pd.DataFrame:
+        """Returns Spearman's ρ in ranges of the change of τ, for disks (`correlations.csv`).
+
+        A table that `gshear-reduce correlate` made with other options, such as `--from`, is read.
+        """
+        self.measures()
+        return self._table("correlations.csv", ["correlate"], lambda _: True)
+
+    def dmin(self, index: SupportsIndex | slice, *, radius: float = 5.0) -> NDArray[np.float64]:
+        """Returns D²min of the grains between the frame before and frame `index` (m²).
+
+        Lee & Hurley, equations B1 to B4 (Falk & Langer 1998); `docs/reduction.md` has the details.
+        NaN in frame 0, for rattlers of the earlier frame, and where D²min is undefined.
+
+        Args:
+            index: Frame, or slice of frames.
+            radius: Radius of the neighbourhood over the mean radius. Other values than that of
+                `reduced.h5` are computed into a folder of their own.
+
+        Returns:
+            [N], by id; of a slice [frames, N].
+        """
+        frames = len(self.frames)
+        if not isinstance(index, slice):
+            index = _position(index, frames, self.path)
+        path = self.results / "reduced.h5"
+        if not self._is_dmin(path, radius):
+            if self._is_dmin(path, None):
+                path = self.results / f"dmin-{radius:g}" / "reduced.h5"
+            if not self._is_dmin(path, radius):
+                self._reduce(["dmin", "--radius", repr(float(radius))], path.parent)
+        with _hdf5.open_for_reading(path) as file:
+            values: NDArray[np.float64] = file["dmin/value"][index]
+            return values
+
+    def _grains(self) -> int:
+        return int(self._once("grains", lambda file: len(file[GRAINS]["id"])))
+
+    def _is_dmin(self, path: Path, radius: float | None) -> bool:
+        """Whether `path` has D²min of this run, with this radius unless it is None."""
+        if not self._is_newer(path):
+            return False
+        try:
+            with _hdf5.open_for_reading(path) as file:
+                attributes = file.attrs
+                strains = file["dmin/strain"][:]
+                return (
+                    _hdf5.text(attributes["digest"]) == self.parameters.get("digest", "")
+                    and file["dmin/value"].shape == (len(self.frames), self._grains())
+                    and np.allclose(strains, self.frames.strain, rtol=1e-6, equal_nan=True)
+                    and radius in (None, float(attributes["radius_over_mean_radius"]))
+                )
+        except (OSError, KeyError):
+            return False
+
+    def rate_state(self) -> dict[str, pd.DataFrame]:
+        """Returns the tables of rate-and-state friction, by name of the file without its ending.
+
+        `docs/rate-state.md` describes fits and intervals, `docs/file-formats.md` the tables. If
+        `gshear-reduce rate-state` was given several realisations with this run as the first, these
+        are their tables.
+        """
+        folder = self.results / "rate-state"
+
+        def belong(table: pd.DataFrame) -> bool:
+            return bool(np.isin(table["time"][table["experiment"] == 0], self.series["time"]).all())
+
+        self._table("rate-state/rate-state.csv", ["rate-state"], belong, folder)
+        # A former reduction may have left tables that this one did not write.
+        tables = [path for path in sorted(folder.glob("*.csv")) if self._is_newer(path)]
+        return {path.stem: _csv(path) for path in tables}
+
+    def spectrum(self, frame: SupportsIndex = -1) -> pd.DataFrame:
+        """Returns eigenvalues of K v = λ M v nearest to zero, one line each (`spectrum.csv`).
+
+        `docs/spectrum.md` describes the columns. A run in a periodic box has the spectrum of its
+        last checkpoint. The file of the last frame is that of `gshear-reduce spectrum` without
+        `--frame`, so that a spectrum computed with other options is read.
+
+        Args:
+            frame: Frame of a run between walls.
+        """
+        if self.path.name != "run.h5":
+            if operator.index(frame) != -1:
+                raise RunError(f"{self.path}: spectra of boxes are those of the last checkpoint")
+            return self._table("spectrum.csv", ["spectrum"], of=self.folder / "checkpoint.h5")
+        frames = len(self.frames)
+        index = _position(frame, frames, self.path)
+        if index == frames - 1:
+            return self._table("spectrum.csv", ["spectrum"])
+        folder = self.results / f"spectrum-{index}"
+        name = f"{folder.name}/spectrum.csv"
+        return self._table(name, ["spectrum", "--frame", str(index)], folder=folder)
+
+    def _are_phases(self, table: pd.DataFrame) -> bool:
+        """Whether every phase starts and ends at this run's steps, with this run's change of τ."""
+        series = self._once("series", self._read_series)
+        rows = table[["start_row", "end_row"]].to_numpy()
+        if rows.max(initial=-1) >= len(series):
+            return False
+        step, tau = series["step"].to_numpy(), series["stress_ratio"].to_numpy()
+        return np.array_equal(table[["start_step", "end_step"]], step[rows]) and _equal(
+            table["delta_tau_p"], tau[rows[:, 1]] - tau[rows[:, 0]]
+        )
+
+    def _are_regions(self, table: pd.DataFrame) -> bool:
+        """Whether the table has this run's frames, with this run's τ."""
+        return np.array_equal(table["step"], self.frames.step) and _equal(
+            table["stress_ratio"], self._stress_ratio_of_frames()
+        )
+
+    def _are_measures(self, table: pd.DataFrame) -> bool:
+        """Whether every phase starts and ends at this run's frames, with this run's change of τ."""
+        strains, tau = self.frames.strain, self._stress_ratio_of_frames()
+        ends = table[["start_strain", "end_strain"]].to_numpy()
+        at = np.searchsorted(strains, ends * (1 - 1e-9))
+        if at.max(initial=-1) >= len(strains):
+            return False
+        return np.allclose(strains[at], ends, rtol=1e-9, atol=0) and _equal(
+            table["delta_tau_p"], tau[at[:, 1]] - tau[at[:, 0]]
+        )
+
+    def _stress_ratio_of_frames(self) -> NDArray[np.float64]:
+        """Returns τ of every frame, [T]; NaN if the series has no row at its step."""
+        series = self._once("series", self._read_series)
+        tau = pd.Series(series["stress_ratio"].to_numpy(), index=series["step"])
+        return tau.reindex(self.frames.step).to_numpy(dtype=np.float64)
+
+    def _table(
+        self,
+        name: str,
+        command: Sequence[str],
+        belongs: Callable[[pd.DataFrame], bool] = lambda _: True,
+        folder: Path | None = None,
+        of: Path | None = None,
+    ) -> pd.DataFrame:
+        """Returns a table of gshear-reduce, made anew unless it is newer than the run and of it.
+
+        Args:
+            name: Path of the table below `results`.
+            command: Command of gshear-reduce and its options.
+            belongs: Whether a table is of this run.
+            folder: Folder that the command writes into; default `results`.
+            of: File that is reduced; default the run's.
+        """
+        path = self.results / name
+        if self._is_newer(path, of):
+            table = _csv(path)
+            if belongs(table):
+                return table
+        self._reduce(command, folder or self.results, of)
+        return _csv(path)
+
+    def _is_newer(self, path: Path, of: Path | None = None) -> bool:
+        """Whether a result exists and was written after the file that it is computed from."""
+        try:
+            return path.stat().st_mtime_ns > (of or self.path).stat().st_mtime_ns
+        except FileNotFoundError:
+            return False
+
+    def _reduce(self, command: Sequence[str], folder: Path, of: Path | None = None) -> None:
+        program = programs.find("gshear-reduce")
+        words = [str(program), *command, str(of or self.path), "--out", str(folder)]
+        programs.run(words, quiet=self.quiet)
+
+    def _scalar_units(self) -> dict[str, str]:
+        """Units of the scalars of frames, if the run has computed some."""
+
+        def read(file: h5py.File) -> dict[str, str]:
+            group = file["observables"].get("gshear", {})
+            units = {name: _hdf5.unit(item) for name, item in group.items()}
+            return {name: unit for name, unit in units.items() if unit}
+
+        found: dict[str, str] = self._once("scalar units", read)
+        return found
+
+    def _once(self, name: str, read: Callable[[h5py.File], T]) -> T:
+        """Returns what `read` makes of the file, kept until the file changes."""
+        for _ in range(_hdf5.ATTEMPTS):
+            file = self._file.open()
+            if name in self._file.cache:
+                kept: T = self._file.cache[name]
+                return kept
+            try:
+                value = read(file)
+            except (KeyError, OSError) as error:
+                problem = error
+                if not self._file.reopen_if_recent():
+                    break
+            else:
+                self._file.cache[name] = value
+                return value
+        raise RunError(f"{self.path}: not a complete run of gshear-mpi: {problem}") from problem
+
+
+class Frames:
+    """The frames of a run.
+
+    `frames[i]` is a `Frame`, `frames[a:b:c]` an iterator over frames, which are read one by one.
+
+    Attributes:
+        step: [T], steps since the start of the shear; in `aqs.h5` strain steps.
+        time: [T], times (s); in `aqs.h5` strains.
+        strain: [T], shear strains γ.
+    """
+
+    def __init__(self, run: Run) -> None:
+        times = run._frame_times
+        self._run = run
+        self.step: NDArray[np.uint64] = times["step"]
+        self.time: NDArray[np.float64] = times["time"]
+        self.strain: NDArray[np.float64] = times["strain"]
+
+    def __len__(self) -> int:
+        return len(self.step)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self[:]
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> Frame: ...
+    @overload
+    def __getitem__(self, index: slice) -> Iterator[Frame]: ...
+    def __getitem__(self, index: SupportsIndex | slice) -> Frame | Iterator[Frame]:
+        if isinstance(index, slice):
+            return (self._run._frame(k) for k in range(*index.indices(len(self))))
+        return self._run._frame(_position(index, len(self), self._run.path))
+
+    def __repr__(self) -> str:
+        return f"<Frames of {self._run._name}: {len(self)}>"
+
+
+def _file_of(path: Path) -> Path:
+    """Returns the HDF5 file of a run, given the file or its folder."""
+    if path.is_file():
+        return path
+    for name in FILES:
+        if (path / name).is_file():
+            return path / name
+    what = f"holds none of {', '.join(FILES)}" if path.is_dir() else "no such file or folder"
+    raise RunError(f"{path}: {what}: give the folder of a run (`--out` of gshear-mpi) or its file")
+
+
+def _position(index: SupportsIndex, count: int, path: Path) -> int:
+    """Returns an index from 0 on, of one that may count from the end."""
+    index = operator.index(index)
+    if not -count <= index < count:
+        raise IndexError(f"{path}: no frame {index}: the run has {count} frames")
+    return index % count
+
+
+def _python(value: Any) -> Any:  # noqa: ANN401 - attributes have any type
+    """Returns an attribute as a Python number or text, or as an array."""
+    if isinstance(value, bytes):
+        return value.decode()
+    if isinstance(value, np.generic):
+        return value.item()
+    return value
+
+
+def _equal(table: pd.Series, own: NDArray[np.float64]) -> bool:
+    """Whether a column has the numbers of the run, where the run has any."""
+    known = np.isfinite(own)
+    return np.allclose(table.to_numpy()[known], own[known], rtol=1e-9, atol=0)
+
+
+def _with_units(table: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
+    table.attrs["units"] = {name: unit for name, unit in units.items() if name in table}
+    return table
+
+
+def _csv(path: Path) -> pd.DataFrame:
+    """Returns a table; its numbers have the same bits as those of the program that wrote it."""
+    table: pd.DataFrame = pd.read_csv(path, **EXACT)
+    return table
+
+
+def _complete_lines(path: Path) -> pd.DataFrame:
+    """Returns the table of a file that is being written, without a last line that has no end."""
+    text = path.read_bytes()
+    complete = text[: text.rfind(b"\n") + 1]
+    if not complete:
+        return pd.DataFrame()
+    table: pd.DataFrame = pd.read_csv(io.BytesIO(complete), **EXACT)
+    return table

@@ -1,0 +1,93 @@
+"""Runs made by the real programs, once per session."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+
+from gshear import Run, simulate
+
+mpl.use("Agg")
+CHECKOUT = Path(__file__).resolve().parents[2]
+SCENES = CHECKOUT / "tests" / "scenes"
+
+
+@pytest.fixture(scope="session")
+def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Returns a function that makes a run, once, and returns its folder, which nobody changes."""
+    base = tmp_path_factory.mktemp("runs")
+    slow: dict[str, object] = {"shear.inertial_number": 5e-3, "shear.strain": 0.1}
+    slow |= {"output.frame_strain": 2e-3, "output.series_strain": 5e-4}
+    protocol = (
+        "[{ velocity = 3.0, distance = 2e-3 }, { velocity = 0.0, time = 2e-4 }, "
+        "{ velocity = 2.0, distance = 1.5e-3 }]"
+    )
+    scenes: dict[str, tuple[str, int, dict[str, object]]] = {
+        "disks": ("crossing.toml", 2, slow),
+        "other disks": ("crossing.toml", 2, slow | {"seed": 6}),
+        "spheres": ("crossing-3d.toml", 2, {"shear.protocol": protocol}),
+        "box": ("periodic.toml", 1, {}),
+    }
+
+    def folder(name: str) -> Path:
+        scene, ranks, values = scenes[name]
+        if not (base / name).exists():
+            simulate(SCENES / scene, base / name, ranks=ranks, values=values, quiet=True)
+        return base / name
+
+    return folder
+
+
+@pytest.fixture
+def copy(originals: Callable[[str], Path], tmp_path: Path) -> Callable[[str], Path]:
+    """Returns a function that copies a run, for tests that write into its folder."""
+
+    def folder(name: str) -> Path:
+        return Path(shutil.copytree(originals(name), tmp_path / name))
+
+    return folder
+
+
+@pytest.fixture(scope="session")
+def reduced(
+    originals: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[str], Path]:
+    """As `originals`, with the results of gshear-reduce of earlier tests beside the run."""
+    base = tmp_path_factory.mktemp("reduced")
+
+    def folder(name: str) -> Path:
+        if not (base / name).exists():
+            shutil.copytree(originals(name), base / name)
+        return base / name
+
+    return folder
+
+
+@pytest.fixture(params=["disks", "spheres"])
+def walls(request: pytest.FixtureRequest, reduced: Callable[[str], Path]) -> Iterator[Run]:
+    """A run between walls, of disks and of spheres."""
+    with Run(reduced(request.param), quiet=True) as run:
+        yield run
+
+
+@pytest.fixture
+def disks(reduced: Callable[[str], Path]) -> Iterator[Run]:
+    with Run(reduced("disks"), quiet=True) as run:
+        yield run
+
+
+@pytest.fixture
+def spheres(reduced: Callable[[str], Path]) -> Iterator[Run]:
+    with Run(reduced("spheres"), quiet=True) as run:
+        yield run
+
+
+@pytest.fixture(params=["aqs.h5", "newtonian.h5"])
+def box(request: pytest.FixtureRequest, reduced: Callable[[str], Path]) -> Iterator[Run]:
+    """A run in a sheared periodic box: strain steps, then Newton's equations."""
+    with Run(reduced("box") / request.param, quiet=True) as run:
+        yield run

@@ -1,0 +1,65 @@
+"""The notebooks: executed with small runs; stored as executed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import nbclient
+import nbformat
+import pytest
+
+from gshear import Run
+
+NOTEBOOKS = Path(__file__).resolve().parents[1] / "notebooks"
+
+
+def execute(name: str, scene: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Executes a notebook, which raises if a cell does, and returns the text of its outputs."""
+    monkeypatch.setenv("GSHEAR_NOTEBOOK_SCENE", str(scene))
+    monkeypatch.setenv("GSHEAR_NOTEBOOK_OUT", str(out))
+    notebook = nbformat.read(NOTEBOOKS / name, as_version=4)
+    client = nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3")
+    client.execute(cwd=str(NOTEBOOKS))
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    errors = [output for output in outputs if output.get("name") == "stderr"]
+    assert errors == []
+    data = [output.get("data", {}) for output in outputs]
+    assert sum("image/png" in item for item in data) >= 4
+    shown = [item.get("text/plain", "") for item in data]
+    return "\n".join(shown + [output.get("text", "") for output in outputs])
+
+
+def test_stick_slip_runs_the_program(
+    originals: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The checked scene of a run is a scene.
+    scene = originals("disks") / "scene.toml"
+    said = execute("stick-slip-2d.ipynb", scene, tmp_path / "out", monkeypatch)
+    with Run(tmp_path / "out") as run, Run(originals("disks")) as original:
+        assert run.parameters["digest"] == original.parameters["digest"]
+        assert f"contacts of a free grain {run.series['coordination'].iloc[0]:.1f}"[:-3] in said
+
+
+def test_gouge_reads_a_run(copy: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = copy("spheres")
+    written = (folder / "run.h5").stat().st_mtime_ns
+    said = execute("gouge.ipynb", folder / "scene.toml", folder, monkeypatch)
+    assert "mu_ss" in said
+    assert (folder / "run.h5").stat().st_mtime_ns == written
+
+
+@pytest.mark.parametrize("path", sorted(NOTEBOOKS.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_notebooks_are_stored_executed(path: Path) -> None:
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert [cell.execution_count for cell in code] == list(range(1, len(code) + 1))
+    outputs = [output for cell in code for output in cell.outputs]
+    assert not any(output.output_type == "error" for output in outputs)
+    assert path.stat().st_size < 700_000
+    # Paths of the machine that executed it do not belong into the repository.
+    texts = [output.get("text", "") for output in outputs]
+    texts += [str(output.get("data", {}).get("text/plain", "")) for output in outputs]
+    assert [text for text in texts if re.search(r"(^|[\s<'\"])/\w+/", text)] == []

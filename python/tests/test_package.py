@@ -1,0 +1,45 @@
+"""The package as such."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+
+import gshear
+from gshear.programs import find
+
+from .conftest import CHECKOUT
+
+
+def test_version_is_that_of_the_programs() -> None:
+    command = [str(find("gshear-reduce")), "--version"]
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert said.split()[-1] == gshear.__version__
+
+
+def test_types_are_for_others_too() -> None:
+    assert (files("gshear") / "py.typed").is_file()
+
+
+def test_everything_public_is_documented() -> None:
+    for name in gshear.__all__:
+        assert getattr(gshear, name).__doc__
+
+
+@pytest.mark.parametrize("page", ["README.md", "python/README.md"])
+def test_examples_run(
+    page: str, copy: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    examples = re.findall(r"```python\n(.*?)```", (CHECKOUT / page).read_text(), re.DOTALL)
+    assert len(examples) == 1
+    (tmp_path / "out").mkdir()
+    copy("disks").rename(tmp_path / "out" / "plane-shear-2d")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(examples[0], page, "exec"), {})  # noqa: S102
+    plt.close("all")

@@ -1,0 +1,178 @@
+"""Scenes, parameters and time series, compared with the files read by other means."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from gshear import Run, RunError, simulate
+from gshear.programs import find
+
+from .conftest import SCENES
+
+
+def bits(number: float) -> str:
+    return "NaN" if math.isnan(number) else number.hex()
+
+
+def assert_equals_log(run: Run, log: Path) -> None:
+    with log.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(run.series) == list(rows[0])
+    assert len(run.series) == len(rows) > 100
+    for name in run.series:
+        ours = [bits(float(value)) for value in run.series[name]]
+        assert ours == [bits(float(row[name])) for row in rows], name
+
+
+def test_series_has_the_bits_of_the_log(walls: Run) -> None:
+    assert walls.finished
+    assert_equals_log(walls, walls.folder / "log.csv")
+    # Not because it reads the log.
+    without = walls.folder / "log.moved"
+    (walls.folder / "log.csv").rename(without)
+    try:
+        with Run(walls.folder) as run:
+            assert set(run.series) == set(walls.series)
+            assert run.series["stress_ratio"].equals(walls.series["stress_ratio"])
+    finally:
+        without.rename(walls.folder / "log.csv")
+
+
+def test_series_of_a_box_is_that_of_the_file(box: Run) -> None:
+    with h5py.File(box.path, locking=False) as file:
+        names = set(file["observables"])
+        assert names | {"step", "time"} == set(box.series)
+        for name in names:
+            np.testing.assert_array_equal(box.series[name], file["observables"][name]["value"][:])
+        assert box.series["step"].tolist() == file["observables/pressure/step"][:].tolist()
+    assert box.series.attrs["units"] == {}
+
+
+@pytest.mark.parametrize(("name", "force"), [("disks", "N m-1"), ("spheres", "N")])
+def test_units_are_those_of_the_file(
+    name: str, force: str, originals: Callable[[str], Path]
+) -> None:
+    with Run(originals(name)) as run:
+        units = run.series.attrs["units"]
+        assert units["normal_force"] == units["shear_force"] == force
+        assert units["wall_height"] == "m"
+        assert "stress_ratio" not in units
+        assert run.units == {"length": "m", "force": force}
+
+
+def test_scene_and_parameters(disks: Run, box: Run) -> None:
+    # contact.law is a default that the scene does not name.
+    assert "law" not in (SCENES / "crossing.toml").read_text()
+    assert disks.scene["contact.law"] == disks.scene["contact"]["law"] == "lee-hurley"
+    assert "contact.normal_stiffness" not in disks.scene
+    assert "# effective modulus" in disks.scene.text
+    assert disks.parameters["ranks"] == 2
+    assert len(disks.parameters["run_id"]) == 32
+    assert box.scene["box.solid_fraction"] == 0.72
+    assert (disks.dimension, box.dimension) == (2, 3)
+
+
+def test_the_file_may_be_open_elsewhere(disks: Run) -> None:
+    other = Run(disks.path)
+    with h5py.File(disks.path) as file, other:
+        rows = len(file["observables/strain/value"])
+        assert len(other.series) == rows
+        assert other.hdf5["observables/strain/value"][-1] == other.series["strain"].iloc[-1]
+
+
+def test_missing_runs_are_named(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"nothing: no such file or folder: give the folder"):
+        Run(tmp_path / "nothing")
+    with pytest.raises(RunError, match=r"holds none of run.h5, aqs.h5, newtonian.h5"):
+        Run(tmp_path)
+    foreign = tmp_path / "run.h5"
+    with h5py.File(foreign, "w") as file:
+        file.create_group("parameters")
+    os.utime(foreign, (0, 0))
+    with Run(foreign) as run, pytest.raises(RunError, match="not a complete run of gshear-mpi"):
+        _ = run.series
+    foreign.write_text("text")
+    os.utime(foreign, (0, 0))
+    with pytest.raises(RunError, match="cannot be read"):
+        _ = Run(foreign).parameters
+
+
+def test_a_run_without_its_end_is_read_from_the_log(copy: Callable[[str], Path]) -> None:
+    folder = copy("disks")
+    log = folder / "log.csv"
+    lines = log.read_text().splitlines(keepends=True)
+    with Run(folder) as run:
+        complete = run.series
+    with h5py.File(folder / "run.h5", "r+") as file:
+        del file["parameters"].attrs["digest"]
+    # As if the program were in the middle of a line.
+    log.write_text("".join(lines[:150]) + lines[150][:40])
+    with Run(folder) as run:
+        assert not run.finished
+        assert len(run.series) == 149
+        assert run.series["strain"].equals(complete["strain"][:149])
+        assert run.series.attrs["units"] == complete.attrs["units"]
+
+
+def test_a_stopped_run_grows_when_it_is_resumed(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    command = [str(find("gshear-mpi")), str(SCENES / "crossing.toml"), "--out", str(out)]
+    stopped = subprocess.run([*command, "--stop-at", "2000"], check=False, capture_output=True)
+    assert stopped.returncode == 75
+    with Run(out, quiet=True) as run:
+        before, phases = run.frames, run.phases()
+        assert not run.finished
+        assert 10 < len(before) < 51
+        first = run.frame(-1).position
+        assert phases["end_step"].max() <= 2000
+        simulate(SCENES / "crossing.toml", out, ranks=2, quiet=True)
+        assert run.finished
+        assert len(run.frames) == 51
+        np.testing.assert_array_equal(run.frames.strain[: len(before)], before.strain)
+        np.testing.assert_array_equal(run.frame(len(before) - 1).position, first)
+        # The table of the first part is out of date.
+        assert run.phases()["end_step"].max() > 5000
+        assert_equals_log(run, out / "log.csv")
+
+
+def test_a_run_is_read_while_it_is_written(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    command = [str(find("gshear-mpi")), str(SCENES / "crossing.toml"), "--out", str(out)]
+    with subprocess.Popen(
+        [*command, "--set", "shear.strain=1000"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as program:
+        try:
+            while not (out / "run.h5").exists():
+                assert program.poll() is None
+            with Run(out, quiet=True) as run:
+                seen: set[int] = set()
+                while len(seen) < 4 or max(seen) == 0:
+                    assert program.poll() is None
+                    count = len(run.frames)
+                    if count not in seen and count > 0:
+                        frame = run.frame(-1)
+                        assert frame.strain == pytest.approx(frame.step * step_strain(run))
+                        assert np.isfinite(frame.contacts.force).all()
+                        assert len(run.series) > 0
+                    seen.add(count)
+                assert not run.finished
+        finally:
+            program.terminate()
+            program.wait()
+    assert program.returncode == 75
+
+
+def step_strain(run: Run) -> float:
+    parameters = run.parameters
+    return float(parameters["time_step"] * parameters["wall_speed"] / parameters["height_start"])
