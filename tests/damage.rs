@@ -305,10 +305,6 @@ impl Subject for Resumed {
         };
         Ok(Some(all))
     }
-    fn is_free(&self) -> bool {
-        // Text without checksums.
-        self.name == "resumed-log"
-    }
 }
 
 /// Text that a user gives: a configuration, or a packing.
@@ -577,12 +573,10 @@ fn every_number_is_protected() {
         let attributes = attributes.iter().map(|name| (name, true));
         for (object, is_attribute) in names.into_iter().map(|n| (n, false)).chain(attributes) {
             std::fs::write(&path, &whole).expect("written");
-            let file = hdf5::File::open_rw(&path).expect("HDF5");
-            match is_attribute {
-                true => change_attribute(&file, object),
+            common::change_file(&path, |file| match is_attribute {
+                true => change_attribute(file, object),
                 false => change_one(&file.dataset(object).expect("a dataset")),
-            }
-            file.close().expect("closed");
+            });
             let bytes = std::fs::read(&path).expect("the file");
             let found = subject
                 .read(&bytes)

@@ -150,16 +150,15 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
 
     let other = temporary.path().join("other.h5");
     std::fs::copy(folder.join("run.h5"), &other).expect("a copy");
-    let copy = hdf5::File::open_rw(&other).expect("the copy");
-    let spins = copy
-        .dataset("particles/trajectory/angular_velocity/value")
-        .expect("ω");
-    let mut values = spins.read_raw::<f64>().expect("f64");
-    values[(5 * n + 17) * 3 + 1] += 1.0;
-    spins.write_raw(&values).expect("ω is written");
-    drop(spins);
-    copy.unlink("checksums").expect("no checksums");
-    copy.close().expect("the copy is closed");
+    common::change_file(&other, |copy| {
+        let spins = copy
+            .dataset("particles/trajectory/angular_velocity/value")
+            .expect("ω");
+        let mut values = spins.read_raw::<f64>().expect("f64");
+        values[(5 * n + 17) * 3 + 1] += 1.0;
+        spins.write_raw(&values).expect("ω is written");
+        copy.unlink("checksums").expect("no checksums");
+    });
     let runs = [text(&folder), text(&other)];
     let words = said(&reduce(&["compare", runs[0], runs[0]]), 0);
     let values = |name: &str| -> usize {
@@ -276,16 +275,15 @@ fn another_time_series_is_noticed() {
     let row = row.expect("a row");
     let step = run.series().step[row];
     drop(run);
-    let file = hdf5::File::open_rw(folder.join("run.h5")).expect("run.h5");
-    let column = file.dataset("observables/coordination/value");
-    let column = column.expect("a column");
-    let mut values = column.read_raw::<f64>().expect("values");
-    values[row] = f64::from_bits(values[row].to_bits() ^ 1);
-    column.write_raw(&values).expect("written");
-    drop(column);
-    // The checksums would tell before.
-    file.unlink("checksums").expect("no checksums");
-    file.close().expect("closed");
+    common::change_file(&folder.join("run.h5"), |file| {
+        let column = file.dataset("observables/coordination/value");
+        let column = column.expect("a column");
+        let mut values = column.read_raw::<f64>().expect("values");
+        values[row] = f64::from_bits(values[row].to_bits() ^ 1);
+        column.write_raw(&values).expect("written");
+        // The checksums would tell before.
+        file.unlink("checksums").expect("no checksums");
+    });
     let words = said(&reduce(&arguments), 3);
     let place = format!("first at step {step}, coordination is");
     assert!(words.contains(&place) && words.contains("1 of "), "{words}");

@@ -254,6 +254,19 @@ pub fn same_run(a: &Path, b: &Path) {
     }
 }
 
+/// Changes an HDF5 file. It is then another file of that name, which HDF5 can lock: a process that
+/// another thread of this test started meanwhile has inherited the one changed here, with its lock.
+pub fn change_file(path: &Path, change: impl FnOnce(&hdf5::File)) {
+    let copy = path.with_extension("changing");
+    std::fs::copy(path, &copy).expect("a copy");
+    let file = hdf5::File::open_rw(&copy).expect("an HDF5 file");
+    change(&file);
+    file.close().expect("closed");
+    std::fs::remove_file(path).expect("removed");
+    std::fs::copy(&copy, path).expect("a copy");
+    std::fs::remove_file(&copy).expect("removed");
+}
+
 /// Paths of all datasets below a group.
 pub fn datasets(file: &hdf5::File, path: &str) -> Vec<String> {
     let group = if path.is_empty() {

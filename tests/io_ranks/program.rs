@@ -1,14 +1,14 @@
 //! Writes made-up frames, rows and checkpoints from the ranks it is started on.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
     ContactSample, ContactState, FramePart, GrainSample, GrainState, Snapshot,
 };
-use gshear_mpi_exchange::World;
+use gshear_mpi_exchange::{Parallel, World};
 use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
 use gshear_store::{checkpoint, log::Log};
 
@@ -142,6 +142,7 @@ fn damaged(world: &World, path: &Path) {
 
 /// Cost of frames, rows and checkpoints.
 fn time(world: &World, folder: &Path) -> Result<(), Failure> {
+    world.watch(Duration::from_mins(8));
     let print = |what: &str, microseconds: f64| {
         if world.rank() == 0 {
             println!("{what}: {microseconds:.1} us");

@@ -19,7 +19,7 @@ use gshear_store::file_names::{
     AQS_FILE, LOG_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
 };
 use gshear_store::log::Log;
-use gshear_store::run_reader;
+use gshear_store::run_reader::{self, RunFile};
 
 use crate::header::Header;
 use crate::lock::{Lock, unwritable};
@@ -402,7 +402,13 @@ impl RunFolder {
             ));
         }
         match header {
-            Header::Shear { .. } if there || log.exists() => Log::check(&log, last, kept).map(drop),
+            Header::Shear { .. } if there || log.exists() => {
+                Log::check(&log, last, kept)?;
+                match (there, last) {
+                    (true, Some(last)) => Log::compare(&log, last, RunFile::open(&path)?.series()),
+                    _ => Ok(()),
+                }
+            }
             Header::Newtonian { lines, .. } if there && *lines > 0 => {
                 let wanted = match &scene.boundary {
                     Boundary::Periodic(of) => of.newtonian.is_some_and(|of| of.spectra > 0),

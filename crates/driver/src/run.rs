@@ -158,11 +158,10 @@ impl<'a> Run<'a> {
         let name = bookkeeping.simd;
         let isa = Isa::named(name)
             .ok_or_else(|| Failure::input(format!("this processor has no {name}")))?;
-        if bookkeeping.watchdog > 0.0 {
-            exchange.watch(Duration::from_secs_f64(
-                bookkeeping.watchdog.clamp(1.0, 1e9),
-            ));
-        }
+        exchange.watch(match bookkeeping.watchdog {
+            0.0 => Duration::MAX,
+            seconds => Duration::from_secs_f64(seconds.clamp(1.0, 1e9)),
+        });
         let now = Instant::now();
         Ok(Self {
             exchange,

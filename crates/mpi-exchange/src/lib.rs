@@ -41,5 +41,5 @@ mod watchdog;
 mod world;
 
 pub use parallel::Parallel;
-pub use watchdog::Waiting;
+pub use watchdog::{LoneFailure, Waiting};
 pub use world::World;

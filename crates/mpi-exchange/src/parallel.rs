@@ -4,7 +4,7 @@ use gshear_dem::domain::{Exchange, Solo};
 use mpi::ffi::MPI_Comm;
 use std::time::Duration;
 
-use crate::watchdog::Waiting;
+use crate::watchdog::{LoneFailure, Waiting};
 
 /// A set of ranks that parallel libraries can address, such as HDF5.
 pub trait Parallel: Exchange {
@@ -17,9 +17,16 @@ pub trait Parallel: Exchange {
         Waiting::UNWATCHED
     }
 
+    /// Where this rank notes that it has failed in a collective operation, until all ranks know.
+    /// Not collective.
+    fn lone_failure(&self) -> LoneFailure {
+        LoneFailure::default()
+    }
+
     /// From now on, ends the job with a message that names the rank if a rank has waited so long
     /// and no rank of its node computes. On several nodes ten times as long, since the ranks of
-    /// other nodes are not seen. Not collective.
+    /// other nodes are not seen. A few seconds after a [`LoneFailure`] with that message. Not
+    /// collective.
     fn watch(&self, _: Duration) {}
 }
 

@@ -5,8 +5,8 @@
 //! one that computes.
 
 use std::io::Write;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -58,6 +58,27 @@ impl Drop for Waiting<'_> {
     }
 }
 
+/// A failure of this rank in a collective operation. The other ranks may not know of it, and wait
+/// in that operation for ever: the watchdog then ends the job with this failure.
+#[derive(Clone, Default)]
+pub struct LoneFailure(Arc<Mutex<Option<String>>>);
+
+impl LoneFailure {
+    /// Stores the message, unless there is an earlier one.
+    pub fn note(&self, message: &str) {
+        self.lock().get_or_insert_with(|| message.into());
+    }
+
+    /// All ranks know of it.
+    pub fn clear(&self) {
+        *self.lock() = None;
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Option<String>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// Where the ranks of this node publish their progress.
 pub trait Ranks: Send + Sync {
     /// Rank and progress of those on this node, in order.
@@ -96,21 +117,26 @@ pub struct Watchdog {
 /// Seconds for which a thread may count nothing before its process is taken for stopped: more than
 /// a loaded machine keeps a thread waiting.
 const STOPPED: u64 = 5;
+/// So long this rank waits after a failure of its own for the others to agree on it.
+const AGREEMENT: Duration = Duration::from_secs(5);
 /// Ranks of other nodes are not seen, and may compute: they get this many times as long.
 const ELSEWHERE: u32 = 10;
 
 impl Watchdog {
     /// Ends the job by `end` with a message once this rank has waited for `limit` and no rank of
-    /// the node computes.
+    /// the node computes, or for a few seconds after a `failure` of its own.
     pub fn start(
         rank: usize,
         limit: Duration,
         ranks: Arc<dyn Ranks>,
+        failure: LoneFailure,
         end: impl Fn(&str) + Send + 'static,
     ) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
-        let thread = std::thread::spawn(move || watch(rank, limit, &*ranks, &stopped, end));
+        let thread = std::thread::spawn(move || {
+            watch(rank, limit, &*ranks, &failure, &stopped, end);
+        });
         Self {
             stop,
             thread: Some(thread),
@@ -139,6 +165,7 @@ fn watch(
     rank: usize,
     limit: Duration,
     ranks: &dyn Ranks,
+    failure: &LoneFailure,
     stopped: &AtomicBool,
     end: impl Fn(&str),
 ) {
@@ -148,7 +175,7 @@ fn watch(
     own.process
         .store(std::process::id().into(), Ordering::Relaxed);
     let limit = if ranks.elsewhere() {
-        limit * ELSEWHERE
+        limit.saturating_mul(ELSEWHERE)
     } else {
         limit
     };
@@ -180,6 +207,13 @@ fn watch(
             (operation, since, told) = (current, Instant::now(), false);
         }
         let waited = since.elapsed();
+        if own.waits()
+            && waited > AGREEMENT
+            && let Some(failure) = &*failure.lock()
+        {
+            end(&format!("{failure}; resume from the last checkpoint"));
+            return;
+        }
         if waited < limit {
             continue;
         }
@@ -248,8 +282,8 @@ mod tests {
 
     fn start(node: &Arc<Node>, rank: usize, said: &Arc<Mutex<Vec<String>>>) -> Watchdog {
         let said = said.clone();
-        let limit = Duration::from_secs(1);
-        Watchdog::start(rank, limit, node.clone(), move |m| {
+        let (limit, failure) = (Duration::from_secs(1), LoneFailure::default());
+        Watchdog::start(rank, limit, node.clone(), failure, move |m| {
             said.lock().unwrap().push(m.into());
         })
     }
@@ -271,6 +305,27 @@ mod tests {
             said[0].starts_with("rank 1 (process 77) does not answer"),
             "{said:?}"
         );
+    }
+
+    #[test]
+    fn a_failure_that_the_others_do_not_know_of_ends_the_job() {
+        let (node, failure) = (node(2), LoneFailure::default());
+        let (ended, end) = channel();
+        let limit = Duration::from_hours(1);
+        let dog = Watchdog::start(0, limit, node.clone(), failure.clone(), move |m| {
+            let _ = ended.send(m.to_string());
+        });
+        let waiting = node.0[0].wait();
+        // Known to all.
+        failure.note("damaged");
+        failure.clear();
+        assert!(end.recv_timeout(AGREEMENT * 2).is_err());
+        // Rank 1 does not know, and may compute.
+        failure.note("no room");
+        failure.note("cannot close");
+        let said = end.recv_timeout(Duration::from_mins(1)).unwrap();
+        assert!(said.starts_with("no room;"), "{said}");
+        drop((waiting, dog));
     }
 
     #[test]

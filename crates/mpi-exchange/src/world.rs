@@ -2,7 +2,7 @@
 
 use crate::node::Node;
 use crate::parallel::Parallel;
-use crate::watchdog::{Alone, Progress, Ranks, Waiting, Watchdog};
+use crate::watchdog::{Alone, LoneFailure, Progress, Ranks, Waiting, Watchdog};
 use bytemuck::cast_slice_mut;
 use gshear_dem::domain::{Exchange, Link};
 use std::cell::RefCell;
@@ -26,6 +26,7 @@ pub struct World {
     // Dropped before the node, whose memory it reads.
     watchdog: RefCell<Option<Watchdog>>,
     alone: Arc<Alone>,
+    failure: LoneFailure,
     communicator: SimpleCommunicator,
     rank: usize,
     size: usize,
@@ -90,6 +91,7 @@ impl World {
         World {
             watchdog: RefCell::default(),
             alone: Arc::new(alone),
+            failure: LoneFailure::default(),
             node: shares.then(|| Node::new(&communicator)).flatten(),
             rank,
             size,
@@ -154,6 +156,10 @@ impl Parallel for World {
         self.progress().wait()
     }
 
+    fn lone_failure(&self) -> LoneFailure {
+        self.failure.clone()
+    }
+
     fn watch(&self, limit: Duration) {
         let ranks: Arc<dyn Ranks> = match &self.node {
             // SAFETY: the watchdog is dropped before the node.
@@ -164,7 +170,13 @@ impl Parallel for World {
             let _ = writeln!(std::io::stderr(), "error: {message}");
             end_process(1);
         };
-        *self.watchdog.borrow_mut() = Some(Watchdog::start(self.rank, limit, ranks, end));
+        *self.watchdog.borrow_mut() = Some(Watchdog::start(
+            self.rank,
+            limit,
+            ranks,
+            self.failure.clone(),
+            end,
+        ));
     }
 
     /// `None` for a single rank, for which HDF5's serial driver is faster.

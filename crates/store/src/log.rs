@@ -1,6 +1,7 @@
 //! `log.csv`: the time series as text.
 
 use super::collective::agree;
+use super::run_reader::Series;
 use super::table::TableFile;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
@@ -61,6 +62,43 @@ impl Log {
         Ok((columns, found))
     }
 
+    /// Compares the rows up to the step `last` with those of the same steps in `run.h5`. Writes
+    /// nothing. Not collective.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] that names the first line that differs.
+    pub fn compare(path: &Path, last: u64, series: &Series) -> Result<(), Failure> {
+        let unread = |e: std::io::Error| unfit(path, e.to_string());
+        let lines = BufReader::new(std::fs::File::open(path).map_err(unread)?).split(b'\n');
+        for (number, line) in lines.enumerate().skip(1) {
+            let line = line.map_err(unread)?;
+            let Some(step) = step_of(&line).filter(|step| *step <= last) else {
+                break;
+            };
+            // Rows of before a lost run.h5 stand in the log alone.
+            let Ok(row) = series.step.binary_search(&step) else {
+                continue;
+            };
+            let numbers = series.columns.iter().map(|column| column[row]);
+            let numbers = [series.time[row]].into_iter().chain(numbers);
+            let wanted: Vec<String> = [step.to_string()]
+                .into_iter()
+                .chain(numbers.map(shortest))
+                .collect();
+            if line != wanted.join(",").as_bytes() {
+                return Err(unfit(
+                    path,
+                    format!(
+                        "line {} differs from the row of step {step} in run.h5; put the file back, or \
+                         continue with --out OTHER, where the files begin anew",
+                        number + 1
+                    ),
+                ));
+            }
+        }
+        Ok(())
+    }
+
     fn of(
         exchange: &dyn Exchange,
         open: impl FnOnce() -> Result<TableFile, Failure>,
@@ -112,14 +150,19 @@ fn rows_up_to(path: &Path, last: Option<u64>) -> Result<u64, Failure> {
     loop {
         line.clear();
         reader.read_until(b'\n', &mut line).map_err(unread)?;
-        let step = line.split(|&byte| byte == b',').next();
-        let step = step.and_then(|step| std::str::from_utf8(step).ok()?.parse::<u64>().ok());
+        let step = step_of(&line);
         // A killed program may leave part of a line.
         match step {
             Some(step) if step <= last && line.ends_with(b"\n") => rows += 1,
             _ => return Ok(rows),
         }
     }
+}
+
+/// The step of a line.
+fn step_of(line: &[u8]) -> Option<u64> {
+    let step = line.split(|&byte| byte == b',').next()?;
+    std::str::from_utf8(step).ok()?.parse().ok()
 }
 
 /// The columns of an existing log, in which renamed ones may have their former names.
@@ -173,6 +216,38 @@ mod tests {
 
     fn text(path: &Path) -> String {
         std::fs::read_to_string(path).unwrap()
+    }
+
+    #[test]
+    fn a_changed_digit_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let mut log = Log::create(&Solo, &path).unwrap();
+        let mut series = Series {
+            columns: vec![Vec::new(); SeriesRow::COLUMNS.len()],
+            ..Series::default()
+        };
+        for k in 0..5 {
+            log.row(10 * k, 0.1 * k as f64, &row(k)).unwrap();
+            // The first rows stand in the log alone.
+            if k > 1 {
+                series.step.push(10 * k);
+                series.time.push(0.1 * k as f64);
+                for (column, x) in series.columns.iter_mut().zip(row(k).columns()) {
+                    column.push(x);
+                }
+            }
+        }
+        log.flush().unwrap();
+        let compare = |last| Log::compare(&path, last, &series).map_err(|e| e.to_string());
+        assert_eq!(compare(40), Ok(()));
+        let whole = text(&path);
+        let digit = whole.rfind('3').unwrap();
+        let mut changed = whole.clone();
+        changed.replace_range(digit..=digit, "4");
+        std::fs::write(&path, changed).unwrap();
+        assert!(compare(40).unwrap_err().contains("line 6 differs"));
+        assert_eq!(compare(39), Ok(()));
     }
 
     #[test]

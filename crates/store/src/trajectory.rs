@@ -121,7 +121,7 @@ impl TrajectoryWriter {
         };
         agree(exchange, removed)?;
         let created = (|| {
-            let file = H5File::create(path, exchange.communicator())?;
+            let file = H5File::create(path, exchange)?;
             // Scenes of a periodic box may use any consistent set of units.
             let units = header.walls;
             describe(&file, header.axes, header.walls, units)?;
@@ -177,7 +177,7 @@ impl TrajectoryWriter {
             ranks: exchange.size() as u64,
         };
         let opened = (|| {
-            let file = H5File::open(path, exchange.communicator())?;
+            let file = H5File::open(path, exchange)?;
             let (grains, axes) = (grains as usize, axes as usize);
             let columns = Datasets::new(&file, Mode::Open, grains, axes, series, false)?;
             Ok((file, columns))

@@ -120,7 +120,7 @@ pub fn write(
         attributes.push((Displacement::CHECKSUM, sum));
     }
     let part = folder.join(PART);
-    let file = agree(exchange, H5File::create(&part, exchange.communicator()))?;
+    let file = agree(exchange, H5File::create(&part, exchange))?;
     let bytes = |records: u64, of_one: usize| records as usize * of_one;
     let mut needed = header.len() + scene.len();
     needed += bytes(grains.length, size_of::<GrainState>());

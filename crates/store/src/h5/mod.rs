@@ -4,13 +4,12 @@
 use super::collective::CollectiveOutcome;
 use super::parameter::{Parameter, attributes};
 use gshear_dem::failure::Failure;
-use gshear_mpi_exchange::Parallel;
+use gshear_mpi_exchange::{LoneFailure, Parallel};
 use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
 use hdf5_sys::h5::hsize_t;
 use hdf5_sys::h5i::hid_t;
 use hdf5_sys::{h5d, h5p, h5s};
-use mpi::ffi::MPI_Comm;
 use serde::{Deserialize, Serialize};
 
 mod extents;
@@ -89,6 +88,8 @@ struct Context {
     /// Whether a call has failed. The file is then not closed, because closing it is collective and
     /// could wait for ever.
     failed: Cell<bool>,
+    /// A failed rank may leave a collective call that the others wait in.
+    lone: LoneFailure,
     /// The datasets of the file that were created or opened.
     raw_data: RefCell<Vec<RawData>>,
     /// Below this offset (bytes), room has been reserved.
@@ -99,7 +100,9 @@ impl Context {
     fn failure(&self, object: &str, what: &str, error: &dyn std::fmt::Display) -> Failure {
         self.failed.set(true);
         let file = self.path.display();
-        Failure::other(format!("{file}: {object}: cannot {what}: {error}"))
+        let message = format!("{file}: {object}: cannot {what}: {error}");
+        self.lone.note(&message);
+        Failure::other(message)
     }
 }
 
@@ -119,24 +122,25 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn create(path: &Path, communicator: Option<MPI_Comm>) -> Result<Self, Failure> {
-        Self::open_as(path, communicator, hdf5::OpenMode::Create, "create")
+    pub fn create(path: &Path, exchange: &dyn Parallel) -> Result<Self, Failure> {
+        Self::open_as(path, exchange, hdf5::OpenMode::Create, "create")
     }
 
     /// Opens an existing file for writing.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn open(path: &Path, communicator: Option<MPI_Comm>) -> Result<Self, Failure> {
-        Self::open_as(path, communicator, hdf5::OpenMode::ReadWrite, "open")
+    pub fn open(path: &Path, exchange: &dyn Parallel) -> Result<Self, Failure> {
+        Self::open_as(path, exchange, hdf5::OpenMode::ReadWrite, "open")
     }
 
     fn open_as(
         path: &Path,
-        communicator: Option<MPI_Comm>,
+        exchange: &dyn Parallel,
         mode: hdf5::OpenMode,
         what: &str,
     ) -> Result<Self, Failure> {
+        let communicator = exchange.communicator();
         let fail = |error: hdf5::Error| {
             Failure::other(format!("{}: cannot {what}: {error}", path.display()))
         };
@@ -160,6 +164,7 @@ impl H5File {
                 path: path.into(),
                 transfer,
                 failed: Cell::new(false),
+                lone: exchange.lone_failure(),
                 raw_data: RefCell::default(),
                 reserved: Cell::new(0),
             }),
@@ -368,6 +373,7 @@ impl H5File {
         outcome: CollectiveOutcome,
     ) -> Result<(), Failure> {
         let agreed = outcome.agree(exchange);
+        self.context.lone.clear();
         if agreed.is_err() {
             self.context.failed.set(true);
         }
