@@ -334,6 +334,9 @@ impl Scenario {
         if !fault.is_kill() && (crashed || !said.contains("error: ")) {
             return lost("crashes".into());
         }
+        if !fault.is_kill() && said.contains("bookkeeping.watchdog") {
+            return lost("says no reason".into());
+        }
         let run = self.path("run");
         let early = !run.join("checkpoint.h5").exists();
         if early && (fault.start == Start::Resume || run.join("checkpoint.previous.h5").exists()) {

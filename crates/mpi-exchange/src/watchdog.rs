@@ -6,7 +6,7 @@
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -61,20 +61,36 @@ impl Drop for Waiting<'_> {
 /// A failure of this rank in a collective operation. The other ranks may not know of it, and wait
 /// in that operation for ever: the watchdog then ends the job with this failure.
 #[derive(Clone, Default)]
-pub struct LoneFailure(Arc<Mutex<Option<String>>>);
+pub struct LoneFailure(Arc<Mutex<Noted>>);
+
+#[derive(Default)]
+struct Noted {
+    cause: Option<String>,
+    failure: Option<String>,
+}
 
 impl LoneFailure {
-    /// Stores the message, unless there is an earlier one.
+    /// Stores the failure of an operation, unless there is an earlier one.
     pub fn note(&self, message: &str) {
-        self.lock().get_or_insert_with(|| message.into());
+        self.lock().failure.get_or_insert_with(|| message.into());
+    }
+
+    /// Stores the cause of a failure, which is told if the operation does not end.
+    pub fn note_cause(&self, message: &str) {
+        self.lock().cause.get_or_insert_with(|| message.into());
     }
 
     /// All ranks know of it.
     pub fn clear(&self) {
-        *self.lock() = None;
+        *self.lock() = Noted::default();
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Option<String>> {
+    fn message(&self) -> Option<String> {
+        let noted = self.lock();
+        noted.failure.as_ref().or(noted.cause.as_ref()).cloned()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Noted> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -118,7 +134,7 @@ pub struct Watchdog {
 /// a loaded machine keeps a thread waiting.
 const STOPPED: u64 = 5;
 /// So long this rank waits after a failure of its own for the others to agree on it.
-const AGREEMENT: Duration = Duration::from_secs(5);
+const AGREEMENT: Duration = Duration::from_secs(2);
 /// Ranks of other nodes are not seen, and may compute: they get this many times as long.
 const ELSEWHERE: u32 = 10;
 
@@ -209,7 +225,7 @@ fn watch(
         let waited = since.elapsed();
         if own.waits()
             && waited > AGREEMENT
-            && let Some(failure) = &*failure.lock()
+            && let Some(failure) = failure.message()
         {
             end(&format!("{failure}; resume from the last checkpoint"));
             return;
@@ -318,9 +334,11 @@ mod tests {
         let waiting = node.0[0].wait();
         // Known to all.
         failure.note("damaged");
+        failure.note_cause("no link");
         failure.clear();
         assert!(end.recv_timeout(AGREEMENT * 2).is_err());
         // Rank 1 does not know, and may compute.
+        failure.note_cause("no link");
         failure.note("no room");
         failure.note("cannot close");
         let said = end.recv_timeout(Duration::from_mins(1)).unwrap();

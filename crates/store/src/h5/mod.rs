@@ -13,6 +13,7 @@ use hdf5_sys::{h5d, h5p, h5s};
 use serde::{Deserialize, Serialize};
 
 mod extents;
+mod mpi_errors;
 
 use crate::room;
 use extents::RawData;
@@ -157,6 +158,10 @@ impl H5File {
             })
             .open_as(path, mode)
             .map_err(fail)?;
+        let lone = exchange.lone_failure();
+        if communicator.is_some() {
+            mpi_errors::note(&file, path, lone.clone()).map_err(fail)?;
+        }
         let transfer = transfer(communicator.is_some()).map_err(fail)?;
         Ok(H5File {
             file,
@@ -164,7 +169,7 @@ impl H5File {
                 path: path.into(),
                 transfer,
                 failed: Cell::new(false),
-                lone: exchange.lone_failure(),
+                lone,
                 raw_data: RefCell::default(),
                 reserved: Cell::new(0),
             }),

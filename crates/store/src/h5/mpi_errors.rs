@@ -1,0 +1,82 @@
+//! Failures of MPI's file operations. HDF5 returns them when its call ends, but a rank whose
+//! operation has failed may skip a part of a collective call in which the others wait for it, and
+//! then itself wait for them in the next part.
+
+use std::ffi::{c_char, c_int, c_void};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use gshear_mpi_exchange::LoneFailure;
+use hdf5_sys::{h5f, h5p};
+use mpi::ffi;
+
+/// A file whose failures are noted.
+struct Noted {
+    /// Address of MPI's file.
+    handle: usize,
+    path: PathBuf,
+    failure: LoneFailure,
+}
+
+/// Few: one for each path.
+static FILES: Mutex<Vec<Noted>> = Mutex::new(Vec::new());
+
+fn files() -> MutexGuard<'static, Vec<Noted>> {
+    FILES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// From now on, notes failures of this rank's operations on a file that was opened with MPI.
+pub(super) fn note(file: &hdf5::File, path: &Path, failure: LoneFailure) -> hdf5::Result<()> {
+    hdf5::sync::sync(|| {
+        let mut handle: *mut c_void = std::ptr::null_mut();
+        // SAFETY: the file is open; HDF5 writes the address of its MPI file into `handle`.
+        let found = unsafe { h5f::H5Fget_vfd_handle(file.id(), h5p::H5P_DEFAULT, &raw mut handle) };
+        hdf5::h5check(found)?;
+        // SAFETY: HDF5's driver for MPI gives a pointer to the handle, which lives as long as the
+        // file is open.
+        let handle = unsafe { *handle.cast::<ffi::MPI_File>() };
+        let mut files = files();
+        files.retain(|file| file.handle != handle as usize && file.path != path);
+        files.push(Noted {
+            handle: handle as usize,
+            path: path.into(),
+            failure,
+        });
+        drop(files);
+        // SAFETY: MPI runs, and the file is open. The handler reads only the two arguments that
+        // every call passes. MPI keeps the handler until the file is closed.
+        unsafe {
+            let mut handler = std::mem::zeroed();
+            ffi::MPI_File_create_errhandler(Some(variadic(failed)), &raw mut handler);
+            ffi::MPI_File_set_errhandler(handle, handler);
+            ffi::MPI_Errhandler_free(&raw mut handler);
+        }
+        Ok(())
+    })
+}
+
+type Handler = unsafe extern "C" fn(*mut ffi::MPI_File, *mut c_int);
+type VariadicHandler = unsafe extern "C" fn(*mut ffi::MPI_File, *mut c_int, ...);
+
+/// MPI passes further arguments that it does not specify.
+fn variadic(handler: Handler) -> VariadicHandler {
+    // SAFETY: in the C calling conventions of Linux, the first two arguments are passed in the same
+    // registers whether or not others may follow.
+    unsafe { std::mem::transmute(handler) }
+}
+
+/// Called by MPI in the operation that failed, which then returns the error.
+unsafe extern "C" fn failed(file: *mut ffi::MPI_File, code: *mut c_int) {
+    // SAFETY: MPI passes valid addresses.
+    let (handle, code) = unsafe { (*file as usize, *code) };
+    let mut text = [0u8; ffi::MPI_MAX_ERROR_STRING as usize];
+    let mut length = 0;
+    // SAFETY: `text` holds the longest text.
+    unsafe { ffi::MPI_Error_string(code, text.as_mut_ptr().cast::<c_char>(), &raw mut length) };
+    let text = String::from_utf8_lossy(&text[..length.clamp(0, text.len() as c_int) as usize]);
+    if let Some(file) = files().iter().find(|file| file.handle == handle) {
+        let path = file.path.display();
+        file.failure
+            .note_cause(&format!("{path}: cannot be written: {text}"));
+    }
+}
