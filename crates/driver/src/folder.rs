@@ -404,8 +404,10 @@ impl RunFolder {
         match header {
             Header::Shear { .. } if there || log.exists() => {
                 Log::check(&log, last, kept)?;
-                match (there, last) {
-                    (true, Some(last)) => Log::compare(&log, last, RunFile::open(&path)?.series()),
+                // A killed program may have left anything after the checkpoint, which a reader refuses.
+                let file = there.then(|| RunFile::open(&path).ok()).flatten();
+                match (file, last) {
+                    (Some(file), Some(last)) => Log::compare(&log, last, file.series()),
                     _ => Ok(()),
                 }
             }
