@@ -72,7 +72,7 @@ fn spheres_cross(folder: &Path) {
         .and_then(|a| a.read_raw())
         .expect("rank_map");
     let slab = |x: f64| cuts.iter().filter(|&&c| c <= x).count();
-    let edges: Vec<f64> = read("particles/trajectory/box/edges")
+    let edges: Vec<f64> = read("particles/trajectory/box/edges/value")
         .read_raw()
         .expect("edges");
     let mut counts = [0; 5];

@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::synthetic::{at_the_end, attributes, contact, grain, header, pairs, row, shapes};
+use common::synthetic::{
+    at_the_end, attributes, contact, edges, grain, header, pairs, row, shapes,
+};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::SeriesRow;
@@ -28,7 +30,7 @@ fn frames(writer: &mut TrajectoryWriter, times: std::ops::Range<u64>) {
             .map(|p| contact(t, p))
             .collect();
         writer
-            .frame(&Solo, t, t as f64, &grains, &contacts)
+            .frame(&Solo, (t, t as f64), &edges(t), &grains, &contacts)
             .unwrap();
         writer.series(&Solo, t, t as f64, &row(t)).unwrap();
     }

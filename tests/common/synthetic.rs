@@ -3,8 +3,8 @@
 #![allow(dead_code)]
 
 use gshear_dem::state::{
-    ContactForce, ContactSample, ContactState, Displacement, FramePart, GrainPosition, GrainSample,
-    GrainState, SeriesRow, Snapshot,
+    BoxEdges, ContactForce, ContactSample, ContactState, Displacement, FramePart, GrainPosition,
+    GrainSample, GrainState, SeriesRow, Snapshot,
 };
 use gshear_store::h5::Attribute;
 use gshear_store::trajectory::{GrainShape, RunHeader};
@@ -43,6 +43,8 @@ pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
         series: &SeriesRow::COLUMNS,
         axes: 2,
         edges: [20.0, 15.5, 0.0],
+        author: "the test",
+        history_unit: "N",
         grains,
         attributes: &[],
     }
@@ -62,6 +64,12 @@ pub fn at_the_end() -> Vec<(&'static str, Attribute)> {
         ("speed", 1.5e7.into()),
         ("rank_map", vec![0.0, 10.0, 20.0].into()),
     ]
+}
+
+/// The box at time `t`.
+pub fn edges(t: u64) -> BoxEdges {
+    let height = 15.5 + number(t, 0, 20);
+    [[20.0, 0.0, 0.0], [0.0, height, 0.0], [0.0, 0.0, 1.0]]
 }
 
 pub fn grain(t: u64, id: u64) -> GrainSample {

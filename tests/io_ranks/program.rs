@@ -13,7 +13,7 @@ use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
 use gshear_store::{checkpoint, log::Log};
 
 use crate::common::synthetic::{
-    at_the_end, attributes, contact, grain, header, owner, pairs, row, shapes, snapshot,
+    at_the_end, attributes, contact, edges, grain, header, owner, pairs, row, shapes, snapshot,
 };
 
 /// `FOLDER GRAINS` writes, `damaged CHECKPOINT` reads what it must refuse, `time FOLDER` measures.
@@ -56,7 +56,13 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
             .rev()
             .filter(|p| is_owned(t, u64::from(p.0)));
         let contacts: Vec<ContactSample> = pairs.map(|p| contact(t, p)).collect();
-        writer.frame(world, 10 * t, t as f64 * 0.1, &of_rank, &contacts)
+        writer.frame(
+            world,
+            (10 * t, t as f64 * 0.1),
+            &edges(t),
+            &of_rank,
+            &contacts,
+        )
     };
     for t in 0..100 {
         frame(&mut writer, t)?;
@@ -174,7 +180,7 @@ fn time(world: &World, folder: &Path) -> Result<(), Failure> {
         world.barrier();
         let start = Instant::now();
         for t in 0..frames {
-            writer.frame(world, t, t as f64, &of_rank, &contacts)?;
+            writer.frame(world, (t, t as f64), &edges(t), &of_rank, &contacts)?;
         }
         print(
             "  frame",

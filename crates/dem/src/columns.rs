@@ -36,12 +36,13 @@ pub struct Column {
 }
 
 impl Column {
-    /// Unit in so many dimensions, `None` for pure numbers. In 2D forces and energies are per unit
+    /// Unit in so many dimensions, `None` for pure numbers. In 2D forces, energies and masses are per unit
     /// depth.
     pub fn unit_in(&self, axes: usize) -> Option<String> {
         match (self.unit, axes) {
             ("1", _) => None,
-            (unit @ ("N" | "J"), 2) => Some(format!("{unit} m-1")),
+            (unit @ ("N" | "J" | "kg"), 2) => Some(format!("{unit} m-1")),
+            ("N m", 2) => Some("N".into()),
             (unit, _) => Some(unit.into()),
         }
     }

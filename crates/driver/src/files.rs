@@ -6,7 +6,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactSample, GrainSample, SeriesRow};
+use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, SeriesRow};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
@@ -90,6 +90,10 @@ pub struct Format<'a> {
     pub walls: bool,
     /// Height of the box (m).
     pub height: f64,
+    /// Who made the run, if the configuration says it.
+    pub author: Option<&'a str>,
+    /// Unit of the tangential history in 3D.
+    pub history_unit: &'static str,
     /// Attributes in addition to those of every run.
     pub attributes: Vec<(&'static str, Attribute)>,
     /// Whether `log.csv` is written.
@@ -197,7 +201,13 @@ impl Files {
         let mut edges = [0.0; 3];
         edges[..D::UP].copy_from_slice(&system.cell.periods[..D::UP]);
         edges[D::UP] = format.height;
+        let user = match (exchange.rank(), format.author) {
+            (0, None) => provenance::user(),
+            _ => String::new(),
+        };
         let header = RunHeader {
+            author: format.author.unwrap_or(&user),
+            history_unit: format.history_unit,
             axes: D::AXES,
             walls: format.walls,
             series: format.columns,
@@ -247,19 +257,20 @@ impl Files {
         }
     }
 
-    /// Writes the next frame: the grains of this rank, and the contacts whose first grain it owns.
+    /// Writes the next frame: the box, the grains of this rank, and the contacts whose first grain
+    /// it owns.
     ///
     /// # Errors
     /// A file that cannot be written.
     pub fn frame(
         &mut self,
         exchange: &dyn Parallel,
-        step: u64,
-        time: f64,
+        clock: (u64, f64),
+        edges: &BoxEdges,
         (grains, contacts): (&[GrainSample], &[ContactSample]),
     ) -> Result<(), Failure> {
         self.trajectory
-            .frame(exchange, step, time, grains, contacts)
+            .frame(exchange, clock, edges, grains, contacts)
     }
 
     /// Writes the next rows of scalars of frames, which are the same on every rank.

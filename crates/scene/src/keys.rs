@@ -285,7 +285,7 @@ mod tests {
         );
         assert_eq!(
             resolve("grains").unwrap_err(),
-            "unknown key; it belongs in [sample]; the top level knows title, seed, dimension, material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping"
+            "unknown key; it belongs in [sample]; the top level knows title, author, seed, dimension, material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping"
         );
         assert_eq!(
             resolve("smaple.grains").unwrap_err(),

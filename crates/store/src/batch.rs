@@ -3,7 +3,7 @@
 use super::checksums;
 use super::collective::{IdBlocks, records_of};
 use super::layout::{elements, forces};
-use gshear_dem::state::{ContactSample, GrainSample};
+use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use std::ops::Range;
 
 /// Assigns the parts of a batch to the ranks. Each rank writes one contiguous stretch in the order
@@ -66,6 +66,8 @@ impl Shares {
 pub struct Frames {
     pub step: Vec<u64>,
     pub time: Vec<f64>,
+    /// Edge vectors of the box.
+    pub edges: Vec<BoxEdges>,
     /// Grains and contacts of each frame.
     counts: Vec<[usize; 2]>,
     grains: Vec<GrainSample>,
@@ -81,11 +83,13 @@ impl Frames {
         &mut self,
         step: u64,
         time: f64,
+        edges: &BoxEdges,
         grains: &[GrainSample],
         contacts: &[ContactSample],
     ) {
         self.step.push(step);
         self.time.push(time);
+        self.edges.push(*edges);
         self.counts.push([grains.len(), contacts.len()]);
         self.grains.extend_from_slice(grains);
         self.contacts.extend_from_slice(contacts);
@@ -94,6 +98,7 @@ impl Frames {
     pub fn clear(&mut self) {
         self.step.clear();
         self.time.clear();
+        self.edges.clear();
         self.counts.clear();
         self.grains.clear();
         self.contacts.clear();
@@ -320,10 +325,11 @@ mod tests {
         frames.push(
             0,
             0.0,
+            &[[0.0; 3]; 3],
             &grains,
             &[contact(5, 6), contact(0, 3), contact(0, 1)],
         );
-        frames.push(1, 1.0, &grains, &[]);
+        frames.push(1, 1.0, &[[0.0; 3]; 3], &grains, &[]);
         for ranks in 1..=9 {
             let shares = Shares {
                 frames: 2,
@@ -353,6 +359,7 @@ mod tests {
         frames.push(
             0,
             0.0,
+            &[[0.0; 3]; 3],
             &[GrainSample {
                 id: 0,
                 ..bytemuck::Zeroable::zeroed()

@@ -11,33 +11,56 @@ pub const PARTICLES: &str = "particles/trajectory";
 pub const BOX: &str = "particles/trajectory/box";
 pub const OBSERVABLES: &str = "observables";
 const CONTACTS: &str = "connectivity/contacts";
+/// The edges of the box at the frames.
+pub const EDGES_VALUE: &str = "particles/trajectory/box/edges/value";
 
-/// Names of the grain datasets in `axes` dimensions, and the numbers per grain in each.
-pub fn elements(axes: usize) -> [(&'static str, usize); 3] {
-    let spins = if axes == 2 { 1 } else { 3 };
-    [
-        ("position", 3),
-        ("velocity", 3),
-        ("angular_velocity", spins),
-    ]
+const fn column(name: &'static str, unit: &'static str, doc: &'static str) -> Column {
+    Column {
+        name,
+        unit,
+        doc,
+        former: None,
+    }
 }
 
-/// Names of the contact datasets of type f64 in `axes` dimensions, and the numbers per contact in
-/// each.
-pub fn forces(axes: usize) -> &'static [(&'static str, usize)] {
+/// Constant quantities of a grain; `id`, `species` and `body` have no units.
+pub const RADIUS: Column = column("radius", "m", "R");
+/// See [`RADIUS`].
+pub const MASS: Column = column("mass", "kg", "m");
+const POSITION: Column = column("position", "m", "wrapped into the box");
+const VELOCITY: Column = column("velocity", "m s-1", "at the full step");
+const SPIN: Column = column("angular_velocity", "rad s-1", "about z; spheres: all axes");
+const EDGES: Column = column("edges", "m", "edges of the box");
+const TIME: Column = column("time", "s", "time");
+
+/// The grain datasets in `axes` dimensions, and the numbers per grain in each.
+pub fn elements(axes: usize) -> [(Column, usize); 3] {
+    let spins = if axes == 2 { 1 } else { 3 };
+    [(POSITION, 3), (VELOCITY, 3), (SPIN, spins)]
+}
+
+const NORMAL_FORCE: Column = column("normal_force", "N", "F_n");
+const TANGENTIAL_FORCE: Column = column("tangential_force", "N", "F_t");
+/// The unit is that of the law's history.
+const TANGENTIAL_HISTORY: Column = column("tangential_history", "N", "history of F_t");
+const ROLLING_HISTORY: Column = column("rolling_history", "N m", "M^k");
+const OVERLAP: Column = column("overlap", "m", "δ");
+
+/// The contact datasets of type f64 in `axes` dimensions, and the numbers per contact in each.
+pub fn forces(axes: usize) -> &'static [(Column, usize)] {
     match axes {
         2 => &[
-            ("normal_force", 1),
-            ("tangential_force", 1),
-            ("tangential_history", 1),
-            ("rolling_history", 1),
-            ("overlap", 1),
+            (NORMAL_FORCE, 1),
+            (TANGENTIAL_FORCE, 1),
+            (TANGENTIAL_HISTORY, 1),
+            (ROLLING_HISTORY, 1),
+            (OVERLAP, 1),
         ],
         _ => &[
-            ("normal_force", 1),
-            ("tangential_force", 3),
-            ("tangential_history", 3),
-            ("overlap", 1),
+            (NORMAL_FORCE, 1),
+            (TANGENTIAL_FORCE, 3),
+            (TANGENTIAL_HISTORY, 3),
+            (OVERLAP, 1),
         ],
     }
 }
@@ -45,8 +68,8 @@ pub fn forces(axes: usize) -> &'static [(&'static str, usize)] {
 /// Names of the datasets of a frame in `axes` dimensions, in the order of the checksums. `clock`
 /// are its step and time, `pairs` the ids of the contacts.
 pub fn frame_columns(axes: usize) -> Vec<&'static str> {
-    let grains = elements(axes).map(|(name, _)| name);
-    let contacts = forces(axes).iter().map(|(name, _)| *name);
+    let grains = elements(axes).map(|(column, _)| column.name);
+    let contacts = forces(axes).iter().map(|(column, _)| column.name);
     ["clock"]
         .into_iter()
         .chain(grains)
@@ -97,10 +120,29 @@ impl Checksums {
     }
 }
 
+/// What the datasets of a file depend on.
+#[derive(Clone, Copy)]
+pub struct Layout<'a> {
+    /// Number of grains.
+    pub grains: usize,
+    /// Dimensions.
+    pub axes: usize,
+    /// Whether the box is bounded along its last axis, and so its edges are at right angles.
+    pub walls: bool,
+    /// The columns of the time series.
+    pub series: &'a [Column],
+    /// Whether the quantities are in SI units, and new datasets say which.
+    pub units: bool,
+    /// Unit of the tangential history in 3D.
+    pub history_unit: &'static str,
+}
+
 /// The growing datasets of the file.
 pub struct Datasets {
     /// Dimensions.
     pub axes: usize,
+    /// `[T][3]` or `[T][3][3]`; `None` in a file of an earlier version.
+    pub edges: Option<Dataset<f64>>,
     pub step: Dataset<u64>,
     pub time: Dataset<f64>,
     /// Of [`elements`].
@@ -122,22 +164,25 @@ pub struct Datasets {
 }
 
 impl Datasets {
-    /// `series`: the columns of the time series; `units`: whether new ones get their units.
-    /// Collective.
-    pub fn new(
-        file: &H5File,
-        mode: Mode,
-        grains: usize,
-        axes: usize,
-        series: &[Column],
-        units: bool,
-    ) -> Result<Self, Failure> {
+    /// Creates or opens the datasets. Collective.
+    pub fn new(file: &H5File, mode: Mode, layout: &Layout<'_>) -> Result<Self, Failure> {
+        let Layout {
+            grains,
+            axes,
+            series,
+            ..
+        } = *layout;
+        let units = layout.units && mode == Mode::Create;
+        let in_units = |dataset: Dataset<f64>, column: &Column| {
+            if units {
+                set_unit(&dataset, column, axes)?;
+            }
+            Ok::<_, Failure>(dataset)
+        };
         let clock = |folder: &str| -> Result<(Dataset<u64>, Dataset<f64>), Failure> {
             let step = growing(file, mode, &format!("{folder}/step"), CHUNK_ROWS)?;
-            Ok((
-                step,
-                growing(file, mode, &format!("{folder}/time"), CHUNK_ROWS)?,
-            ))
+            let time = growing(file, mode, &format!("{folder}/time"), CHUNK_ROWS)?;
+            Ok((step, in_units(time, &TIME)?))
         };
         let link_clock = |from: &str, to: &str| -> Result<(), Failure> {
             if mode == Mode::Create {
@@ -158,14 +203,30 @@ impl Datasets {
         let elements = elements(axes);
         let element = |n: usize| format!("{PARTICLES}/{}", elements[n].0);
         let mut values = Vec::new();
-        for (n, &(_, width)) in elements.iter().enumerate() {
+        for (n, (column, width)) in elements.iter().enumerate() {
             group(&element(n))?;
             let name = format!("{}/value", element(n));
-            values.push(of_grains(file, mode, &name, grains, width)?);
+            let dataset = of_grains(file, mode, &name, grains, *width)?;
+            values.push(in_units(dataset, column)?);
         }
         let (step, time) = clock(&element(0))?;
         link_clock(&element(0), &element(1))?;
         link_clock(&element(0), &element(2))?;
+        let edges = match mode {
+            Mode::Open if !file.has(EDGES_VALUE) => None,
+            Mode::Open => Some(file.open_dataset(EDGES_VALUE)?),
+            Mode::Create => {
+                let path = format!("{BOX}/edges");
+                file.group(&path)?;
+                link_clock(&element(0), &path)?;
+                let (shape, chunk): (&[usize], &[usize]) = match layout.walls {
+                    true => (&[0, 3], &[CHUNK_ROWS / 8, 3]),
+                    false => (&[0, 3, 3], &[CHUNK_ROWS / 16, 3, 3]),
+                };
+                let dataset = file.dataset(EDGES_VALUE, shape, Some(chunk))?;
+                Some(in_units(dataset, &EDGES)?)
+            }
+        };
 
         group(CONTACTS)?;
         link_clock(&element(0), CONTACTS)?;
@@ -174,8 +235,17 @@ impl Datasets {
             .clamp(CHUNK_ROWS, CHUNK_BYTES / 8);
         let contact = |name: &str| format!("{CONTACTS}/{name}");
         let mut columns = Vec::new();
-        for &(name, width) in forces(axes) {
-            columns.push(growing_wide(file, mode, &contact(name), rows, width)?);
+        for (column, width) in forces(axes) {
+            let dataset = growing_wide(file, mode, &contact(column.name), rows, *width)?;
+            let mut column = *column;
+            if column.name == TANGENTIAL_HISTORY.name {
+                column.unit = layout.history_unit;
+            }
+            columns.push(in_units(dataset, &column)?);
+        }
+        if mode == Mode::Create {
+            let grains = Attribute::Reference(format!("/{PARTICLES}"));
+            file.attribute(CONTACTS, "particles_group", &grains)?;
         }
 
         let stored: Vec<&str> = series
@@ -190,10 +260,7 @@ impl Datasets {
         for (name, column) in names.iter().zip(series) {
             group(name)?;
             let dataset = growing(file, mode, &format!("{name}/value"), CHUNK_ROWS)?;
-            if mode == Mode::Create && units {
-                set_unit(&dataset, column, axes)?;
-            }
-            observables.push(dataset);
+            observables.push(in_units(dataset, column)?);
         }
         let (row_step, row_time) = clock(&names[0])?;
         for name in &names[1..] {
@@ -202,6 +269,7 @@ impl Datasets {
 
         Ok(Datasets {
             axes,
+            edges,
             step,
             time,
             values,
@@ -295,29 +363,28 @@ pub fn by_root<T: H5Type + Copy>(
     column.append(after, Slab::rows(before, local.len() as u64, 1), local)
 }
 
-/// Writes the groups and attributes that H5MD 1.1 requires. `walls`: the box is bounded along its
-/// last axis. Collective.
-pub fn describe(file: &H5File, axes: usize, walls: bool, units: bool) -> Result<(), Failure> {
-    let name = "gshear-mpi";
+/// Writes the groups and attributes that H5MD 1.1 requires. Collective.
+pub fn describe(file: &H5File, layout: &Layout<'_>, author: &str) -> Result<(), Failure> {
     for group in ["h5md", "h5md/author", "h5md/creator", BOX, PARAMETERS] {
         file.group(group)?;
     }
+    let word = |word: &str| Attribute::Word(word.into());
     file.attribute("h5md", "version", &Attribute::Integers(vec![1, 1]))?;
-    file.attribute("h5md/author", "name", &name.into())?;
-    file.attribute("h5md/creator", "name", &name.into())?;
-    file.attribute("h5md/creator", "version", &env!("CARGO_PKG_VERSION").into())?;
-    if units {
+    file.attribute("h5md/author", "name", &Attribute::Name(author.into()))?;
+    file.attribute("h5md/creator", "name", &word("gshear-mpi"))?;
+    file.attribute("h5md/creator", "version", &word(env!("CARGO_PKG_VERSION")))?;
+    if layout.units {
         const UNITS: &str = "h5md/modules/units";
         file.group(UNITS)?;
         file.attribute(UNITS, "version", &Attribute::Integers(vec![1, 0]))?;
-        file.attribute(UNITS, "system", &Attribute::Word("SI".into()))?;
+        file.attribute(UNITS, "system", &word("SI"))?;
     }
     file.attribute(BOX, "dimension", &Attribute::Count(3))?;
-    let last = if walls { "none" } else { "periodic" };
-    let boundary = match axes {
+    let last = if layout.walls { "none" } else { "periodic" };
+    let boundary = match layout.axes {
         2 => ["periodic", last, "none"],
         _ => ["periodic", "periodic", last],
     };
     let boundary = boundary.map(String::from);
-    file.attribute(BOX, "boundary", &Attribute::Texts(boundary.into()))
+    file.attribute(BOX, "boundary", &Attribute::Words(boundary.into()))
 }

@@ -44,6 +44,26 @@ pub fn now() -> String {
     humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
 }
 
+/// Returns who runs this program: the user of git, or the account.
+pub fn user() -> String {
+    let git = std::process::Command::new("git")
+        .args(["config", "--get", "user.name"])
+        .stdin(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .output();
+    let of_git = git
+        .ok()
+        .map(|of| String::from_utf8_lossy(&of.stdout).trim().to_string());
+    let account = || {
+        ["USER", "LOGNAME"]
+            .into_iter()
+            .find_map(|name| std::env::var(name).ok())
+    };
+    (of_git.filter(|name| !name.is_empty()))
+        .or_else(account)
+        .unwrap_or_else(|| "unknown".into())
+}
+
 /// The name of this machine.
 pub fn host() -> String {
     let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();

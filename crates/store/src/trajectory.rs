@@ -4,11 +4,11 @@ use super::batch::{Frames, ShareColumns, Shares, length};
 use super::checksums::{self, OF_PARAMETERS, of_clock, of_parameters, of_row};
 use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::existing::inspect;
-use super::h5::{Attribute, H5File, Slab};
+use super::h5::{Attribute, Dataset, H5File, Slab};
 use super::journal::{self, Journal};
 use super::layout::{
-    BOX, CHUNK_FRAMES, Datasets, Mode, PARAMETERS, PARTICLES, by_root, describe, forces,
-    frame_columns,
+    CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, by_root, describe,
+    forces, frame_columns,
 };
 use super::scalar_columns::ScalarColumns;
 use bytemuck::{Pod, Zeroable};
@@ -16,7 +16,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactSample, GrainSample, GrainState};
+use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, GrainState};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
 use std::path::{Path, PathBuf};
@@ -59,6 +59,10 @@ pub struct RunHeader<'a> {
     pub series: &'a [Column],
     /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
     pub edges: [f64; 3],
+    /// Who made the run; rank 0's is written.
+    pub author: &'a str,
+    /// Unit of the tangential history in 3D.
+    pub history_unit: &'static str,
     /// This rank's grains; together the ranks hold each of the ids 0 … N-1 once.
     pub grains: &'a [GrainShape],
     /// Attributes of `parameters`; rank 0's are written.
@@ -109,7 +113,10 @@ impl TrajectoryWriter {
         for (name, value) in header.attributes {
             attributes.push((name.to_string(), value.clone()));
         }
+        attributes.push(("edges".into(), Attribute::Numbers(header.edges.to_vec())));
         let attributes = shared(exchange, attributes);
+        let author = exchange.broadcast(header.author.into());
+        let author = String::from_utf8_lossy(&author);
         let blocks = IdBlocks {
             grains,
             ranks: exchange.size() as u64,
@@ -122,21 +129,21 @@ impl TrajectoryWriter {
         agree(exchange, removed)?;
         let created = (|| {
             let file = H5File::create(path, exchange)?;
-            // Scenes of a periodic box may use any consistent set of units.
-            let units = header.walls;
-            describe(&file, header.axes, header.walls, units)?;
+            let layout = Layout {
+                grains: grains as usize,
+                axes: header.axes,
+                walls: header.walls,
+                series: header.series,
+                // Scenes of a periodic box may use any consistent set of units.
+                units: header.walls,
+                history_unit: header.history_unit,
+            };
+            describe(&file, &layout, &author)?;
             for (name, value) in &attributes {
                 file.attribute(PARAMETERS, name, value)?;
             }
             seal(&file)?;
-            let columns = Datasets::new(
-                &file,
-                Mode::Create,
-                grains as usize,
-                header.axes,
-                header.series,
-                units,
-            )?;
+            let columns = Datasets::new(&file, Mode::Create, &layout)?;
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, created)?;
@@ -178,8 +185,16 @@ impl TrajectoryWriter {
         };
         let opened = (|| {
             let file = H5File::open(path, exchange)?;
-            let (grains, axes) = (grains as usize, axes as usize);
-            let columns = Datasets::new(&file, Mode::Open, grains, axes, series, false)?;
+            let layout = Layout {
+                grains: grains as usize,
+                axes: axes as usize,
+                series,
+                // They matter only to new datasets.
+                walls: true,
+                units: false,
+                history_unit: "",
+            };
+            let columns = Datasets::new(&file, Mode::Open, &layout)?;
             Ok((file, columns))
         })();
         let (file, columns) = agree(exchange, opened)?;
@@ -198,6 +213,9 @@ impl TrajectoryWriter {
         outcome.note(columns.offset.resize(frames + 1));
         outcome.note(columns.step.resize(frames));
         outcome.note(columns.time.resize(frames));
+        if let Some(edges) = &mut columns.edges {
+            outcome.note(edges.resize(frames));
+        }
         columns
             .values
             .iter_mut()
@@ -290,7 +308,6 @@ impl TrajectoryWriter {
         let mass: Vec<f64> = shapes.iter().map(|g| g.mass).collect();
         let root = exchange.rank() == 0;
         let edges = if root { &header.edges[..] } else { &[] };
-        let all = Slab::rows(0, edges.len() as u64, 1);
 
         let mut sums = checksums::of_constants(ids.start, &id, &body, [&radius, &mass], edges)
             .map(|sum| sum as i64);
@@ -307,11 +324,15 @@ impl TrajectoryWriter {
             places,
             of_root,
         ));
+        let numbers = |column: &Column, values: &[f64]| {
+            let unit = column.unit_in(header.axes).filter(|_| header.walls);
+            fixed_in_units(file, &name(column.name), grains, local, values, unit)
+        };
         outcome.note(fixed(file, &name("id"), grains, local, &id));
         outcome.note(fixed(file, &name("body"), grains, local, &body));
-        outcome.note(fixed(file, &name("radius"), grains, local, &radius));
-        outcome.note(fixed(file, &name("mass"), grains, local, &mass));
-        outcome.note(fixed(file, &format!("{BOX}/edges"), 3, all, edges));
+        outcome.note(file.link(&name("body"), &name("species")));
+        outcome.note(numbers(&RADIUS, &radius));
+        outcome.note(numbers(&MASS, &mass));
         outcome.note(by_root(root, &mut self.columns.offset, 0, &[0]));
         self.file.agree(exchange, outcome)?;
         self.flush_file(exchange)
@@ -327,7 +348,8 @@ impl TrajectoryWriter {
         self.rows_written + self.rows.len() as u64
     }
 
-    /// Adds the next frame: this rank's grains, and the contacts whose lower id is one of them, in
+    /// Adds the next frame: `edges` of the box (between walls, the diagonal is written), which are
+    /// the same on every rank, this rank's grains, and the contacts whose lower id is one of them, in
     /// any order. Together the ranks must give each grain and each contact once. Frames are
     /// buffered and written in batches, so few calls communicate.
     ///
@@ -336,12 +358,12 @@ impl TrajectoryWriter {
     pub fn frame(
         &mut self,
         exchange: &dyn Parallel,
-        step: u64,
-        time: f64,
+        (step, time): (u64, f64),
+        edges: &BoxEdges,
         grains: &[GrainSample],
         contacts: &[ContactSample],
     ) -> Result<(), Failure> {
-        self.frames.push(step, time, grains, contacts);
+        self.frames.push(step, time, edges, grains, contacts);
         if self.frames.len() < self.batch {
             return Ok(());
         }
@@ -506,11 +528,29 @@ impl TrajectoryWriter {
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
         outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
         outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));
+        let of_box = columns.edges.as_ref().map_or(0, Dataset::row_length);
+        let edges: Vec<f64> = match of_box {
+            0 => Vec::new(),
+            3 => (self.frames.edges.iter())
+                .flat_map(|edges| std::array::from_fn::<_, 3, _>(|axis| edges[axis][axis]))
+                .collect(),
+            _ => self.frames.edges.as_flattened().as_flattened().to_vec(),
+        };
+        if let Some(column) = &mut columns.edges {
+            let rows = if root { count } else { 0 };
+            let local = if root { &edges[..] } else { &[] };
+            let slab = Slab {
+                start: [before, 0, 0],
+                count: [rows, 3, 3],
+            };
+            outcome.note(column.append(after, slab, local));
+        }
         if let Some(checksums) = &mut columns.checksums {
             let mut sums: Vec<u64> = sums.iter().map(|&sum| sum as u64).collect();
             let clock = self.frames.step.iter().zip(&self.frames.time);
-            for (row, (&step, &time)) in sums.chunks_exact_mut(width).zip(clock) {
-                row[0] = of_clock(step, time);
+            let rows = sums.chunks_exact_mut(width).zip(clock);
+            for (t, (row, (&step, &time))) in rows.enumerate() {
+                row[0] = of_clock(step, time, &edges[t * of_box..][..of_box]);
             }
             let sums = if root { &sums[..] } else { &[] };
             let rows = Slab::rows(before, (sums.len() / width) as u64, width as u64);
@@ -620,6 +660,22 @@ fn fixed<T: H5Type + Copy>(
     file.dataset::<T>(name, &[size], None)?.write(slab, data)
 }
 
+/// Writes a dataset of numbers with their unit.
+fn fixed_in_units(
+    file: &H5File,
+    name: &str,
+    size: usize,
+    slab: Slab,
+    data: &[f64],
+    unit: Option<String>,
+) -> Result<(), Failure> {
+    let dataset = file.dataset(name, &[size], None)?;
+    let described = unit.map_or(Ok(()), |unit| {
+        dataset.attribute("unit", &Attribute::Word(unit))
+    });
+    described.and(dataset.write(slab, data))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -645,12 +701,17 @@ mod tests {
             walls: true,
             series: &SeriesRow::COLUMNS,
             edges: [2.0, 3.0, 0.0],
+            author: "the test",
+            history_unit: "N",
             grains: &grains,
             attributes: &[("scene", "seed = 1".into())],
         };
         let mut writer = TrajectoryWriter::create(&Solo, path, &header).unwrap();
         let grain = GrainSample::zeroed();
-        writer.frame(&Solo, 0, 0.0, &[grain], &[]).unwrap();
+        let edges = [[0.0; 3]; 3];
+        writer
+            .frame(&Solo, (0, 0.0), &edges, &[grain], &[])
+            .unwrap();
         (0..rows).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
         writer.finish(&Solo, &[]).unwrap();
     }

@@ -16,8 +16,8 @@ class Box:
     """The cell of a frame. Lengths have the unit of the file: m, or that of a scene with `[box]`.
 
     Attributes:
-        edges: [3], lengths of the edges. 0 along z for disks. Between walls the last edge is the
-            height at the start of the shear.
+        edges: [3], lengths of the edges; for disks the last one is the unit depth. Between walls
+            the height is that of the frame; in files of earlier versions that at the start.
         periodic: [3], whether the axis is periodic.
         gradient: Axis along which the velocity of the shear changes: 1 (y) for disks, 2 (z) for
             spheres. The shear is along x.

@@ -120,6 +120,8 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     const PARAMETERS: usize;
     /// Numbers per contact that the law keeps from step to step; 0 where the grains do not touch.
     const HISTORY: usize;
+    /// Unit in 3D of the history of F_t: that of its elastic part, or `m` of a displacement.
+    const HISTORY_UNIT: &'static str = "N";
     /// Whether forces other than F_n can arise.
     const FRICTION: bool;
     /// Whether rolling torques can arise.

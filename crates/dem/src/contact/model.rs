@@ -27,6 +27,9 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// The largest F_n (N; N/m in 2D) of two grains of this radius (m) within the law.
     fn largest_normal_force(&self, radius: f64) -> f64;
 
+    /// Unit in 3D of the history of F_t, as the units module of H5MD writes it.
+    fn history_unit(&self) -> &'static str;
+
     /// Converts the history of a contact, as the law keeps it, to the layout of
     /// [`crate::state::ContactState`].
     fn to_state(&self, history: [f64; 3]) -> [f64; 3];
@@ -73,6 +76,10 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
 
     fn largest_normal_force(&self, radius: f64) -> f64 {
         self.largest_force(radius)
+    }
+
+    fn history_unit(&self) -> &'static str {
+        C::HISTORY_UNIT
     }
 
     fn to_state(&self, history: [f64; 3]) -> [f64; 3] {

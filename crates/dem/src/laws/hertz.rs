@@ -346,6 +346,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     type Space = Three;
     const PARAMETERS: usize = 3;
     const HISTORY: usize = if FRICTION { 3 } else { 0 };
+    const HISTORY_UNIT: &'static str = "m";
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = false;
 

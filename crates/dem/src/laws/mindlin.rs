@@ -166,6 +166,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
     type Space = D;
     const PARAMETERS: usize = 1;
     const HISTORY: usize = if FRICTION { D::SPINS } else { 0 };
+    const HISTORY_UNIT: &'static str = "m";
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = false;
 

@@ -8,6 +8,9 @@ pub fn nearest_image(dx: f64, length: f64) -> f64 {
     dx - length * (dx / length).round()
 }
 
+/// The edge vectors of a box, one a row (m).
+pub type BoxEdges = [[f64; 3]; 3];
+
 /// The periods of the cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
@@ -133,6 +136,19 @@ impl Cell {
             .map_or(cutoff, |s| at_greatest_offset(s).cutoff_along_x(cutoff))
     }
 
+    /// The edge vectors; `height`: along the last axis (m), if the cell is not periodic along it. In
+    /// two dimensions the third edge is the unit depth.
+    pub fn edges<D: Dimension>(&self, height: f64) -> BoxEdges {
+        let mut edges = [[0.0; 3]; 3];
+        edges[2][2] = 1.0;
+        for (axis, period) in self.periods[..D::UP].iter().enumerate() {
+            edges[axis][axis] = *period;
+        }
+        edges[D::UP][D::UP] = self.sheared.map_or(height, |sheared| sheared.height);
+        edges[D::UP][0] = self.sheared.map_or(0.0, |sheared| sheared.offset);
+        edges
+    }
+
     /// Advances the Lees–Edwards offset by a time step (s).
     pub fn advance_offset(&mut self, step: f64) {
         if let Some(Sheared { velocity, .. }) = self.sheared
@@ -223,6 +239,26 @@ mod tests {
     fn separations_in_a_sheared_cell_are_those_of_the_nearest_images() {
         nearest::<Two>();
         nearest::<Three>();
+    }
+
+    #[test]
+    fn the_edges_lead_to_the_images() {
+        let walls = Cell::between_walls([5.0, 4.0]);
+        let depth = [0.0, 0.0, 1.0];
+        let lengths = [[5.0, 0.0, 0.0], [0.0, 7.0, 0.0], depth];
+        assert_eq!(walls.edges::<Two>(7.0), lengths);
+        let mut cell = walls;
+        cell.sheared = Some(Sheared {
+            height: 6.0,
+            offset: -1.5,
+            velocity: 0.25,
+        });
+        let [a, b, c] = cell.edges::<Three>(f64::NAN);
+        for image in [a, b, c] {
+            assert_eq!(cell.separation::<Three>(&image, &[0.0; 3]), [0.0; 3]);
+        }
+        assert_eq!((a[0], b[1], c), (5.0, 4.0, [-1.5, 0.0, 6.0]));
+        assert_eq!(cell.edges::<Two>(0.0)[1..], [[-1.5, 6.0, 0.0], depth]);
     }
 
     #[test]

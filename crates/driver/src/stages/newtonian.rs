@@ -163,6 +163,8 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             columns: &NewtonianRow::COLUMNS,
             walls: false,
             height: system.cell.sheared.map_or(0.0, |s| s.height),
+            author: scene.author.as_deref(),
+            history_unit: law.history_unit(),
             attributes,
             log: false,
             scalars: false,
@@ -285,8 +287,9 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
             }
             if frame_due {
                 let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);
+                let edges = self.system.cell.edges::<D>(0.0);
                 self.files
-                    .frame(exchange, step, time, (&grains, &contacts))?;
+                    .frame(exchange, (step, time), &edges, (&grains, &contacts))?;
             }
         }
         if self.due.spectrum(step) {

@@ -115,6 +115,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             columns: &SeriesRow::COLUMNS,
             walls: true,
             height: schedule.height,
+            author: scene.author.as_deref(),
+            history_unit: law.history_unit(),
             attributes: attributes(plane_shear, &schedule),
             log: true,
             scalars: plane_shear.analysis.scalars,
@@ -292,8 +294,12 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             let (grains, contacts) =
                 observe::frame(&mut self.system, self.law.as_ref(), &self.samples);
             if frames {
+                let edges = self
+                    .system
+                    .cell
+                    .edges::<D>(self.walls.piston.height - self.frame.walls);
                 self.files
-                    .frame(exchange, step, time, (&grains, &contacts))?;
+                    .frame(exchange, (step, time), &edges, (&grains, &contacts))?;
             }
             if let (Some(analysis), true) = (&mut self.analysis, analysed) {
                 let rows = analysis.frame(exchange, step, &grains, &contacts);

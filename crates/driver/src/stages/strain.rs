@@ -53,6 +53,8 @@ impl<'a, D: Dimension> Strain<'a, D> {
             columns: &AqsRow::COLUMNS,
             walls: false,
             height: system.cell.sheared.map_or(0.0, |s| s.height),
+            author: scene.author.as_deref(),
+            history_unit: law.history_unit(),
             attributes: vec![(
                 "mean_diameter",
                 Attribute::Number(scene.sample.mean_diameter),
@@ -239,8 +241,10 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         let every = aqs.frame_every;
         if every > 0 && step.is_multiple_of(every) {
             let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);
+            let edges = self.system.cell.edges::<D>(0.0);
+            let clock = (step, step as f64);
             self.files
-                .frame(exchange, step, step as f64, (&grains, &contacts))?;
+                .frame(exchange, clock, &edges, (&grains, &contacts))?;
         }
         let Some((before, of)) = self.before.take() else {
             return Ok(());

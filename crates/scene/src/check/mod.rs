@@ -34,6 +34,7 @@ pub(super) fn scene(
 ) -> Result<Scene, Failure> {
     let mut c = Checker::new(input, tables);
     let title = c.text(&raw.title);
+    let author = c.text(&raw.author);
     let seed = c.count(&raw.seed);
     let dimension = match c.count(&raw.dimension) {
         3 => Dimensions::Three,
@@ -60,6 +61,7 @@ pub(super) fn scene(
     let time_step = time::derive(&mut c, &raw.time, (&law, &contact), &sample, &boundary)?;
     let mut scene = Scene {
         title: title.unwrap_or_else(|| default_title.into()),
+        author,
         seed,
         dimension,
         law,

@@ -30,6 +30,8 @@ table! {
             otherwise: "`\"Plane shear\"`, of a box `\"Periodic box\"`",
             change: Change::Resume,
         },
+        /// who made the run, as the HDF5 files name the author
+        author: Text { otherwise: "`user.name` of git, or the account", change: Change::Resume },
         /// seed of every random number
         seed: Whole { range: FROM_ZERO, default: Some(1), change: Change::Never },
         /// 2: disks, 3: spheres

@@ -22,6 +22,8 @@ pub use walls::{
 pub struct Scene {
     /// The name of the run.
     pub title: String,
+    /// Who made the run, if the configuration says it.
+    pub author: Option<String>,
     /// Seed of every random number.
     pub seed: u64,
     /// Disks or spheres.

@@ -43,6 +43,9 @@ pub(super) fn toml(scene: &Scene) -> String {
 fn head(t: &mut Lines, scene: &Scene) {
     let keys = raw::Raw::KEYS;
     t.text(&keys.title, &scene.title);
+    if let Some(author) = &scene.author {
+        t.text(&keys.author, author);
+    }
     t.whole(&keys.seed, scene.seed);
     t.whole(&keys.dimension, scene.dimension.axes() as u64);
     let values = |t: &mut Lines, table: &str| {

@@ -5,7 +5,7 @@ use super::collective::CollectiveOutcome;
 use super::parameter::{Parameter, attributes};
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::{LoneFailure, Parallel};
-use hdf5::types::{FixedAscii, VarLenUnicode};
+use hdf5::types::{FixedAscii, FixedUnicode, VarLenUnicode};
 use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
 use hdf5_sys::h5::hsize_t;
 use hdf5_sys::h5i::hid_t;
@@ -32,10 +32,14 @@ const DEEPEST: usize = 8;
 pub enum Attribute {
     /// Text of any length.
     Text(String),
-    /// List of texts.
-    Texts(Vec<String>),
     /// At most 32 ASCII characters, of fixed length: covered by the object's own checksum.
     Word(String),
+    /// List of such words.
+    Words(Vec<String>),
+    /// Text of fixed length: its first 128 bytes of UTF-8.
+    Name(String),
+    /// Reference to an object of this path.
+    Reference(String),
     /// Number.
     Number(f64),
     /// List of numbers.
@@ -78,6 +82,9 @@ impl From<Vec<f64>> for Attribute {
 
 /// Fixed-length text of an attribute.
 pub type Word = FixedAscii<32>;
+
+/// Bytes of a name.
+const NAME: usize = 128;
 
 /// Bytes of metadata that a batch may add.
 const METADATA_BYTES: u64 = 256 << 10;
@@ -443,20 +450,30 @@ fn set_attribute(location: &Location, name: &str, value: &Attribute) -> hdf5::Re
     let text = |text: &String| -> hdf5::Result<VarLenUnicode> {
         text.parse().map_err(|e| hdf5::Error::from(format!("{e}")))
     };
+    let word = |word: &String| -> hdf5::Result<Word> {
+        Word::from_ascii(word).map_err(|e| hdf5::Error::from(format!("{e}")))
+    };
     match value {
         Attribute::Text(value) => put(location, name, text(value)?),
-        Attribute::Word(value) => {
-            let word = Word::from_ascii(value).map_err(|e| hdf5::Error::from(format!("{e}")))?;
-            put(location, name, word)
+        Attribute::Word(value) => put(location, name, word(value)?),
+        Attribute::Words(values) => {
+            let values: hdf5::Result<Vec<_>> = values.iter().map(word).collect();
+            put_all(location, name, &values?)
+        }
+        Attribute::Name(value) => {
+            let end = value.floor_char_boundary(NAME);
+            let value: FixedUnicode<NAME> =
+                (value[..end].parse()).map_err(|e| hdf5::Error::from(format!("{e}")))?;
+            put(location, name, value)
+        }
+        Attribute::Reference(path) => {
+            let reference: hdf5::ObjectReference1 = location.reference(path)?;
+            put(location, name, reference)
         }
         Attribute::Number(value) => put(location, name, *value),
         Attribute::Count(value) => put(location, name, *value),
         Attribute::Numbers(values) => put_all(location, name, values),
         Attribute::Integers(values) => put_all(location, name, values),
-        Attribute::Texts(values) => {
-            let values: hdf5::Result<Vec<_>> = values.iter().map(text).collect();
-            put_all(location, name, &values?)
-        }
     }
 }
 
@@ -518,6 +535,11 @@ impl<T: H5Type + Copy> Dataset<T> {
     /// Returns the number of rows.
     pub fn rows(&self) -> u64 {
         self.shape[0] as u64
+    }
+
+    /// Returns the number of values in a row.
+    pub fn row_length(&self) -> usize {
+        self.shape[1..].iter().product()
     }
 
     /// Writes an attribute, replacing one of the same name. Collective.

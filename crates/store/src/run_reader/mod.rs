@@ -129,14 +129,8 @@ impl RunFile {
                 format!("row {row} is grain {found}; rows must be 0 … N-1"),
             ));
         }
-        let edges: Vec<f64> = source.all("particles/trajectory/box/edges")?;
-        if edges.len() != 3 || edges[0].is_nan() || edges[0] <= 0.0 {
-            return Err(source.wrong(
-                "particles/trajectory/box/edges",
-                "does not hold L_x > 0, height, 0, or L_x > 0, L_y, height",
-            ));
-        }
         let parameters = source.parameters()?;
+        let edges = source.edges(&parameters)?;
         let dimension = match parameters.get("dimension") {
             Some(Parameter::Integer(3)) => Dimensions::Three,
             _ => Dimensions::Two,
@@ -209,14 +203,17 @@ impl RunFile {
         time.truncate(frames);
         offset.truncate(frames + 1);
         let sums = FrameSums::read(&source, dimension.axes())?;
-        let clock = |t: usize| checksums::of_clock(step[t], time[t]);
+        let (of_box, width) = source.frame_edges(frames)?;
+        let of_box = |t: usize| &of_box[t * width..][..width];
+        let clock = |t: usize| checksums::of_clock(step[t], time[t], of_box(t));
         if let Some(t) = (0..frames).find(|&t| !sums.agrees(t, "clock", clock(t))) {
-            return Err(Self::damaged_frame(&path, t, "position/step and time"));
+            return Err(Self::damaged_frame(&path, t, "step, time and box/edges"));
         }
 
         Ok(RunFile {
+            path,
             grains,
-            edges: [edges[0], edges[1], edges[2]],
+            edges,
             dimension,
             parameters,
             series,
@@ -229,7 +226,6 @@ impl RunFile {
             angular_velocity,
             contacts,
             sums,
-            path,
         })
     }
 

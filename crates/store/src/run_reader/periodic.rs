@@ -33,7 +33,7 @@ pub struct PeriodicRunFile {
     pub positions: Vec<Vec<[f64; 3]>>,
     /// `[N]` Radii (m).
     pub radius: Vec<f64>,
-    edges: Vec<f64>,
+    edges: [f64; 3],
 }
 
 impl PeriodicRunFile {
@@ -88,7 +88,7 @@ impl PeriodicRunFile {
         };
         let sums = FrameSums::read(&source, axes)?;
         let of_grains = |part: &str| format!("particles/trajectory/{part}");
-        let edges: Vec<f64> = source.of_length(&of_grains("box/edges"), 3)?;
+        let edges = source.edges(&parameters)?;
         let disks = Disks {
             radius: source.of_length(&of_grains("radius"), grains.len())?,
             body: source.of_length(&of_grains("body"), grains.len())?,
@@ -96,9 +96,11 @@ impl PeriodicRunFile {
             length: edges[0],
         };
         source.verify_constants(&grains, &disks, &edges)?;
-        let clock = |t: &usize| checksums::of_clock(frame_step[*t], frame_time[*t]);
+        let (of_box, width) = source.frame_edges(frames)?;
+        let of_box = |t: usize| &of_box[t * width..][..width];
+        let clock = |t: &usize| checksums::of_clock(frame_step[*t], frame_time[*t], of_box(*t));
         if let Some(t) = (0..frames).find(|t| !sums.agrees(*t, "clock", clock(t))) {
-            return Err(source.damage(&format!("{POSITION}/step and time: frame {t}")));
+            return Err(source.damage(&format!("{POSITION}/step and time, box/edges: frame {t}")));
         }
         let of_frame = 3 * grains.len();
         let frame_values = values

@@ -9,6 +9,7 @@ use hdf5::{Dataset, File, H5Type};
 
 use super::{Parameter, Series, StoredScalars};
 use crate::checksums::{OF_PARAMETERS, of_parameters};
+use crate::layout::EDGES_VALUE;
 use crate::parameter::attributes;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
@@ -17,6 +18,7 @@ use gshear_dem::state::SeriesRow;
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
+const OLD_EDGES: &str = "particles/trajectory/box/edges";
 pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
 /// An open file and its path for messages.
 pub(super) struct OpenFile<'a> {
@@ -98,6 +100,48 @@ impl<'a> OpenFile<'a> {
             ));
         }
         Ok(dataset)
+    }
+
+    /// The edges of the box at the start (m): L_x, height, 0, or L_x, L_y, height.
+    pub(super) fn edges(
+        &self,
+        parameters: &BTreeMap<String, Parameter>,
+    ) -> Result<[f64; 3], Failure> {
+        let (name, edges) = match parameters.get("edges") {
+            Some(Parameter::Numbers(edges)) => ("parameters: edges", edges.clone()),
+            // Of an earlier version.
+            _ => (OLD_EDGES, self.all(OLD_EDGES)?),
+        };
+        match edges[..] {
+            [x, y, z] if x > 0.0 => Ok([x, y, z]),
+            _ => Err(self.wrong(
+                name,
+                "does not hold L_x > 0, height, 0, or L_x > 0, L_y, height",
+            )),
+        }
+    }
+
+    /// The edges of the box at the first `frames` frames, and the numbers of each; none in a file
+    /// of an earlier version.
+    pub(super) fn frame_edges(&self, frames: usize) -> Result<(Vec<f64>, usize), Failure> {
+        if !self.exists(EDGES_VALUE) {
+            return Ok((Vec::new(), 0));
+        }
+        let dataset = self.dataset(EDGES_VALUE)?;
+        let (values, width) = match dataset.shape()[..] {
+            [_, 3] => (dataset.read_raw::<f64>(), 3),
+            [_, 3, 3] => (dataset.read_raw::<f64>(), 9),
+            ref shape => {
+                return Err(self.wrong(EDGES_VALUE, format!("has the shape {shape:?}")));
+            }
+        };
+        let mut values = values
+            .map_err(|e| self.wrong(EDGES_VALUE, format!("cannot be read: {}", one_line(&e))))?;
+        if values.len() < frames * width {
+            return Err(self.wrong(EDGES_VALUE, "has fewer rows than there are frames"));
+        }
+        values.truncate(frames * width);
+        Ok((values, width))
     }
 
     /// A dataset of a column's group, under the present or the former name of the column.
