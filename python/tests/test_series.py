@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 import os
 import subprocess
@@ -36,6 +37,11 @@ def assert_equals_log(run: Run, log: Path) -> None:
 def test_series_has_the_bits_of_the_log(walls: Run) -> None:
     assert walls.finished
     assert_equals_log(walls, walls.folder / "log.csv")
+    described = json.loads((walls.folder / "log.csv-metadata.json").read_text(encoding="utf-8"))
+    columns = {column["name"]: column for column in described["tableSchema"]["columns"]}
+    assert list(columns) == list(walls.series)
+    units = {name: c["schema:unitText"] for name, c in columns.items() if "schema:unitText" in c}
+    assert units == walls.series.attrs["units"]
     # Not because it reads the log.
     without = walls.folder / "log.moved"
     (walls.folder / "log.csv").rename(without)

@@ -1,11 +1,12 @@
 //! `export`, on made-up runs; a checkpoint's export is tested where real ones are made (`tests/packing.rs`).
 
 use std::f64::consts::PI;
+use std::path::Path;
 
 use gshear_scene::lammps_data::{DataFile, parse};
 
 use crate::fixture::Fixture;
-use crate::{alone, done, folder_with, refused};
+use crate::{alone, are_described, done, folder_with, refused};
 
 fn read(path: &str) -> DataFile {
     parse("exported", &std::fs::read_to_string(path).expect(path)).expect("what was written")
@@ -99,6 +100,8 @@ fn frames_as_tables() {
     ]);
     let contacts = format!("{path}/tables/some-contacts.csv");
     assert_eq!(said, format!("wrote {out}\nwrote {contacts}\n"));
+    let tables = Path::new(&path).join("tables");
+    are_described(&tables, &["some.csv", "some-contacts.csv"]);
     done(&["dmin", &path]);
     let reduced = hdf5::File::open(format!("{path}/reduced.h5")).expect("reduced.h5");
     let dmin = reduced.dataset("dmin/value").expect("dmin");

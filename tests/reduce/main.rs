@@ -10,6 +10,7 @@ mod results;
 mod spectrum;
 mod study;
 
+use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -39,6 +40,25 @@ fn folder_with(fixture: &Fixture) -> (TempDir, String) {
     fixture.write(&folder.path().join("run.h5"));
     let path = folder.path().to_str().expect("UTF-8").to_string();
     (folder, path)
+}
+
+/// Every column of these tables is described in the file beside it.
+fn are_described(folder: &Path, tables: &[&str]) {
+    for table in tables {
+        let csv = std::fs::read_to_string(folder.join(table)).expect("a table");
+        let names = csv.lines().next().expect("a line").split(',');
+        let path = folder.join(format!("{table}-metadata.json"));
+        let metadata = std::fs::read(path).unwrap_or_else(|e| panic!("{table}: {e}"));
+        let metadata: serde_json::Value = serde_json::from_slice(&metadata).expect("JSON");
+        let columns = metadata["tableSchema"]["columns"]
+            .as_array()
+            .expect("columns");
+        assert_eq!(metadata["url"], *table);
+        assert!(
+            columns.iter().map(|column| &column["name"]).eq(names),
+            "{table}"
+        );
+    }
 }
 
 /// Asks for exit code 0 and nothing on standard error; returns standard output.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use gshear_dem::state::Frame;
 
 use crate::fixture::Fixture;
-use crate::{alone, done, folder_with};
+use crate::{alone, are_described, done, folder_with};
 
 #[test]
 fn dmin_is_written_for_every_frame() {
@@ -100,6 +100,7 @@ fn phases_are_tabulated() {
     let (folder, path) = folder_with(&fixture);
     let told = done(&["phases", &path]);
     assert!(told.contains("largest drop: Δτ_p = -7.5000e0"), "{told}");
+    are_described(folder.path(), &["phases.csv"]);
     let csv = std::fs::read_to_string(folder.path().join("phases.csv")).expect("the table");
     let rows: Vec<Vec<&str>> = csv
         .lines()

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::{alone, done, refused};
+use super::{alone, are_described, done, refused};
 
 /// 2 on the diagonal and two blocks of pairs, 1 ± 2i and 4 ± 0.5i, over masses of 2.
 const K: &str = "%%MatrixMarket matrix coordinate real general
@@ -93,6 +93,7 @@ fn eigenvalues_and_vectors_of_files() {
             how == "--dense" || said.contains("2 found, 2 counted by the winding"),
             "{said}"
         );
+        are_described(&out, &["spectrum.csv"]);
         let rows = table(&out);
         assert_eq!(rows.len(), 6);
         for (re, im) in exact {

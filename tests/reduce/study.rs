@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use crate::fixture::Fixture;
 use crate::results::assert_well_formed;
-use crate::{alone, done, folder_with, reduce, refused};
+use crate::{alone, are_described, done, folder_with, reduce, refused};
 
 /// A table by its columns, every line as long as the header.
 fn table(path: &Path) -> BTreeMap<String, Vec<String>> {
@@ -88,6 +88,8 @@ fn the_measures_of_a_phase_are_those_of_its_frames() {
     let (folder, path) = folder_with(&Fixture::sheared(16, 12, 60));
     done(&["regions", &path]);
     done(&["correlate", &path]);
+    let tables = ["regions.csv", "measures.csv", "correlations.csv"];
+    are_described(folder.path(), &tables);
     let frames = table(&folder.path().join("regions.csv"));
     let phases = table(&folder.path().join("measures.csv"));
     let (strain, one) = (

@@ -36,6 +36,16 @@ pub struct Column {
 }
 
 impl Column {
+    /// A column that has always had this name.
+    pub const fn new(name: &'static str, unit: &'static str, doc: &'static str) -> Self {
+        Self {
+            name,
+            unit,
+            doc,
+            former: None,
+        }
+    }
+
     /// Unit in so many dimensions, `None` for pure numbers. In 2D forces, energies and masses are per unit
     /// depth.
     pub fn unit_in(&self, axes: usize) -> Option<String> {

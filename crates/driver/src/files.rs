@@ -11,6 +11,7 @@ use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::agree;
+use gshear_store::dictionary;
 use gshear_store::existing;
 use gshear_store::file_names::{LOG_FILE, SCENE_FILE};
 use gshear_store::h5::Attribute;
@@ -219,7 +220,15 @@ impl Files {
             trajectory: TrajectoryWriter::create(exchange, &out.join(format.name), &header)?,
             log: match (format.log, log_up_to) {
                 (false, _) => None,
-                (true, None) => Some(Log::create(exchange, &out.join(LOG_FILE))?),
+                (true, None) => {
+                    let log = out.join(LOG_FILE);
+                    let described = match exchange.rank() {
+                        0 => dictionary::write_metadata(LOG_FILE, &log, &Log::names(), D::AXES),
+                        _ => Ok(()),
+                    };
+                    agree(exchange, described)?;
+                    Some(Log::create(exchange, &log)?)
+                }
                 // Rows of before a lost run.h5 stay.
                 (true, last) => Some(Log::open_to_append(exchange, &out.join(LOG_FILE), last, 0)?),
             },

@@ -16,7 +16,7 @@ use gshear_store::collective::agree;
 use gshear_store::columns::{AqsRow, NewtonianRow};
 use gshear_store::existing;
 use gshear_store::file_names::{
-    AQS_FILE, LOG_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
+    AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
 };
 use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile};
@@ -236,7 +236,7 @@ impl FileOwner {
 fn is_of_a_run(name: &str, path: &Path) -> bool {
     let checkpoint = name.starts_with("checkpoint") && name.contains(".h5");
     TRAJECTORIES.contains(&name.trim_end_matches(".journal"))
-        || [LOG_FILE, SPECTRA_FILE].contains(&name)
+        || [LOG_FILE, LOG_METADATA_FILE, SPECTRA_FILE].contains(&name)
         || checkpoint
         || (name == SCENE_FILE
             && fs::read_to_string(path).is_ok_and(|text| id_in_scene(&text).is_some()))

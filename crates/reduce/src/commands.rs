@@ -14,7 +14,8 @@ use gshear_report::lee_hurley::StudyOptions;
 use gshear_store::run_reader::RunFile;
 
 use super::{
-    compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum, study,
+    columns, compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum,
+    study,
 };
 
 /// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
@@ -42,6 +43,17 @@ pub enum Command {
     Info {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
+    },
+    /// Print name, unit and meaning of the columns of every table
+    ///
+    /// Of log.csv, of the tables that this program writes, and of the time series of boxes.
+    /// Beside each CSV file the same stands in FILE-metadata.json (CSV on the Web).
+    Columns {
+        /// Only of this table, such as log.csv or phases.csv
+        table: Option<String>,
+        /// Dimensions: in 2 forces, energies and masses are per unit depth
+        #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u8).range(2..=3))]
+        dimension: u8,
     },
     /// Compare two runs field by field, to the last bit
     ///
@@ -246,6 +258,9 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
     let threads = arguments.threads.map_or(1, usize::from);
     match &arguments.command {
         Command::Info { run } => info::print(&RunFile::open(run)?, output)?,
+        Command::Columns { table, dimension } => {
+            columns::print(table.as_deref(), usize::from(*dimension), output)?;
+        }
         Command::Compare { a, b } => {
             let comparison = compare::runs(&RunFile::open(a)?, &RunFile::open(b)?)?;
             comparison.print(output).map_err(cannot_write)?;

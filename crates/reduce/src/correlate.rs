@@ -8,9 +8,9 @@ use gshear_analysis::ranges::ValueRange;
 use gshear_analysis::regions::MinPoints;
 use gshear_analysis::spearman::Correlation;
 use gshear_dem::failure::Failure;
+use gshear_store::dictionary;
 use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
-use gshear_store::text_writer;
 
 /// Writes `measures.csv` and `correlations.csv` of the phases from γ = `onset` on into `folder`.
 /// Returns the paths.
@@ -31,9 +31,9 @@ pub fn write(
     } = FrameSeries::of(run)?;
     let regime = Regime::from(onset, &strain, &tau, &scalars, reading);
     let paths = ["measures.csv", "correlations.csv"].map(|name| folder.join(name));
-    text_writer::write(&paths[0], &measures(&regime))?;
+    dictionary::write_table(&paths[0], &measures(&regime))?;
     let unit = run.grains().mean_radius().powi(2);
-    text_writer::write(&paths[1], &correlations(&regime, unit))?;
+    dictionary::write_table(&paths[1], &correlations(&regime, unit))?;
     Ok(paths)
 }
 

@@ -21,6 +21,7 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 
+mod columns;
 mod commands;
 pub mod compare;
 mod correlate;

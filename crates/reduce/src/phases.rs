@@ -6,9 +6,9 @@ use std::path::Path;
 use crate::output::cannot_write;
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_dem::failure::Failure;
+use gshear_store::dictionary;
 use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
-use gshear_store::text_writer;
 
 /// Writes `phases.csv` into `folder` and a summary to `output`.
 ///
@@ -18,7 +18,7 @@ pub fn write(run: &RunFile, folder: &Path, output: &mut impl Write) -> Result<()
     let series = run.series();
     let found = phases::find(series.column("strain"), series.column("stress_ratio"));
     let path = folder.join("phases.csv");
-    text_writer::write(&path, &table(&found, &series.step))?;
+    dictionary::write_table(&path, &table(&found, &series.step))?;
     summary(&found, output).map_err(cannot_write)?;
     writeln!(output, "wrote {}", path.display()).map_err(cannot_write)
 }

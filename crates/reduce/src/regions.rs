@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use super::scalars::FrameSeries;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
+use gshear_store::dictionary;
 use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
-use gshear_store::text_writer;
 
 /// Writes `regions.csv` into `folder`, one line per frame. Returns its path.
 ///
@@ -15,7 +15,7 @@ use gshear_store::text_writer;
 /// An unfit or damaged run, a file that cannot be written.
 pub fn write(run: &RunFile, folder: &Path) -> Result<PathBuf, Failure> {
     let path = folder.join("regions.csv");
-    text_writer::write(&path, &table(&FrameSeries::of(run)?))?;
+    dictionary::write_table(&path, &table(&FrameSeries::of(run)?))?;
     Ok(path)
 }
 

@@ -16,7 +16,7 @@ use gshear_spectrum::{
 };
 use gshear_store::spectrum_writer::{self, Columns};
 use gshear_store::table::Table;
-use gshear_store::{matrix_market, text_writer};
+use gshear_store::{dictionary, matrix_market, text_writer};
 
 /// Unknowns up to which --all-pairs uses the dense solver: 200 MB of vectors, one to two minutes.
 const DENSE: usize = 3000;
@@ -149,7 +149,7 @@ pub fn write(options: &SpectrumOptions, output: &mut impl Write) -> Result<(), F
     let folder = options.out.as_deref().unwrap_or(beside);
     let columns = columns(&problem, &spectrum, &grain);
     let csv = folder.join("spectrum.csv");
-    text_writer::write(&csv, &table(&spectrum, &columns.participation))?;
+    dictionary::write_table(&csv, &table(&spectrum, &columns.participation))?;
     let vectors = spectrum_writer::write(folder, &source, &problem, &columns)?;
     let svg = folder.join("spectrum.svg");
     text_writer::write(

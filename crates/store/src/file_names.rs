@@ -4,6 +4,8 @@
 pub const RUN_FILE: &str = "run.h5";
 /// The time series of the shear as text.
 pub const LOG_FILE: &str = "log.csv";
+/// Units and meaning of its columns.
+pub const LOG_METADATA_FILE: &str = "log.csv-metadata.json";
 /// The scene, with all defaults.
 pub const SCENE_FILE: &str = "scene.toml";
 /// Strain steps of a run in a periodic box.

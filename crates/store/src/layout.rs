@@ -14,24 +14,15 @@ const CONTACTS: &str = "connectivity/contacts";
 /// The edges of the box at the frames.
 pub const EDGES_VALUE: &str = "particles/trajectory/box/edges/value";
 
-const fn column(name: &'static str, unit: &'static str, doc: &'static str) -> Column {
-    Column {
-        name,
-        unit,
-        doc,
-        former: None,
-    }
-}
-
 /// Constant quantities of a grain; `id`, `species` and `body` have no units.
-pub const RADIUS: Column = column("radius", "m", "R");
+pub const RADIUS: Column = Column::new("radius", "m", "R");
 /// See [`RADIUS`].
-pub const MASS: Column = column("mass", "kg", "m");
-const POSITION: Column = column("position", "m", "wrapped into the box");
-const VELOCITY: Column = column("velocity", "m s-1", "at the full step");
-const SPIN: Column = column("angular_velocity", "rad s-1", "about z; spheres: all axes");
-const EDGES: Column = column("edges", "m", "edges of the box");
-const TIME: Column = column("time", "s", "time");
+pub const MASS: Column = Column::new("mass", "kg", "m");
+const POSITION: Column = Column::new("position", "m", "wrapped into the box");
+const VELOCITY: Column = Column::new("velocity", "m s-1", "at the full step");
+const SPIN: Column = Column::new("angular_velocity", "rad s-1", "about z; spheres: all axes");
+const EDGES: Column = Column::new("edges", "m", "edges of the box");
+const TIME: Column = Column::new("time", "s", "time");
 
 /// The grain datasets in `axes` dimensions, and the numbers per grain in each.
 pub fn elements(axes: usize) -> [(Column, usize); 3] {
@@ -39,12 +30,12 @@ pub fn elements(axes: usize) -> [(Column, usize); 3] {
     [(POSITION, 3), (VELOCITY, 3), (SPIN, spins)]
 }
 
-const NORMAL_FORCE: Column = column("normal_force", "N", "F_n");
-const TANGENTIAL_FORCE: Column = column("tangential_force", "N", "F_t");
+const NORMAL_FORCE: Column = Column::new("normal_force", "N", "F_n");
+const TANGENTIAL_FORCE: Column = Column::new("tangential_force", "N", "F_t");
 /// The unit is that of the law's history.
-const TANGENTIAL_HISTORY: Column = column("tangential_history", "N", "history of F_t");
-const ROLLING_HISTORY: Column = column("rolling_history", "N m", "M^k");
-const OVERLAP: Column = column("overlap", "m", "δ");
+const TANGENTIAL_HISTORY: Column = Column::new("tangential_history", "N", "history of F_t");
+const ROLLING_HISTORY: Column = Column::new("rolling_history", "N m", "M^k");
+const OVERLAP: Column = Column::new("overlap", "m", "δ");
 
 /// The contact datasets of type f64 in `axes` dimensions, and the numbers per contact in each.
 pub fn forces(axes: usize) -> &'static [(Column, usize)] {

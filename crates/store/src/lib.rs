@@ -38,6 +38,7 @@ pub mod checkpoint;
 mod checksums;
 pub mod collective;
 pub mod columns;
+pub mod dictionary;
 pub mod existing;
 pub mod file_names;
 #[allow(

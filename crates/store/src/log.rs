@@ -13,12 +13,18 @@ use std::path::Path;
 pub struct Log(Option<TableFile>);
 
 impl Log {
+    /// The names of its columns.
+    pub fn names() -> Vec<&'static str> {
+        let row = SeriesRow::COLUMNS.iter().map(|column| column.name);
+        ["step", "time"].into_iter().chain(row).collect()
+    }
+
     /// Creates the log, replacing an existing file. Collective.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn create(exchange: &dyn Exchange, path: &Path) -> Result<Self, Failure> {
-        Self::of(exchange, || TableFile::create(path, &columns()))
+        Self::of(exchange, || TableFile::create(path, &Self::names()))
     }
 
     /// Opens an existing log to continue after `last`, a step; `None`: from its first row on. Later
@@ -126,11 +132,6 @@ impl Log {
     pub fn flush(&mut self) -> Result<(), Failure> {
         self.0.as_mut().map_or(Ok(()), TableFile::flush)
     }
-}
-
-fn columns() -> Vec<&'static str> {
-    let row = SeriesRow::COLUMNS.iter().map(|column| column.name);
-    ["step", "time"].into_iter().chain(row).collect()
 }
 
 fn unfit(path: &Path, why: String) -> Failure {
@@ -311,7 +312,7 @@ mod tests {
             std::fs::write(&path, format!("{names}\n")).unwrap();
             Log::open_to_append(&Solo, &path, None, 0).map(drop)
         };
-        let names = columns().join(",");
+        let names = Log::names().join(",");
         assert!(open(&names).is_ok());
         assert!(open(&names.replace("dissipated_", "lost_")).is_ok());
         let refused = |names: &str| open(names).unwrap_err().to_string();

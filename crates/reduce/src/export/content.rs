@@ -17,7 +17,7 @@ use gshear_store::run_reader::RunFile;
 pub enum GrainField {
     /// D²min since the frame before (m²); NaN where it is undefined
     Dmin,
-    /// Contact stress (Pa; N/m in 2D), compression positive: xx, yy, xy; 3D: xx, yy, zz, xy, xz, yz
+    /// Contact stress (Pa), compression positive: xx, yy, xy; 3D: xx, yy, zz, xy, xz, yz
     Stress,
     /// 1 in the grains of the greatest reduction of force since the frame before (2D)
     Regions,

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use csv::{StringRecord, Writer};
 
 use gshear_dem::failure::Failure;
+use gshear_store::dictionary;
 use gshear_store::table::TableCell;
 use gshear_store::text_writer::PartFile;
 
@@ -29,14 +30,26 @@ struct TableStream {
     path: PathBuf,
     writer: Writer<PartFile>,
     line: StringRecord,
+    names: StringRecord,
+    /// Its name in the dictionary.
+    kind: &'static str,
+    axes: usize,
 }
 
 impl TableStream {
-    fn create<'a>(path: &Path, names: impl Iterator<Item = &'a str>) -> Result<Self, Failure> {
+    fn create<'a>(
+        (kind, axes): (&'static str, usize),
+        path: &Path,
+        names: impl Iterator<Item = &'a str>,
+    ) -> Result<Self, Failure> {
+        let names: StringRecord = names.collect();
         let mut table = Self {
             path: path.to_path_buf(),
             writer: Writer::from_writer(PartFile::create(path)?),
-            line: names.collect(),
+            line: names.clone(),
+            names,
+            kind,
+            axes,
         };
         table.end_line()?;
         Ok(table)
@@ -60,7 +73,10 @@ impl TableStream {
             .writer
             .into_inner()
             .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))?;
-        file.finish()
+        let written = file.finish()?;
+        let names: Vec<&str> = self.names.iter().collect();
+        dictionary::write_metadata(self.kind, &written, &names, self.axes)?;
+        Ok(written)
     }
 
     fn unwritten(&self, error: &csv::Error) -> Failure {
@@ -86,8 +102,12 @@ impl CsvWriter {
         let named = named.iter().map(String::as_str);
         let contacts = FRAME.into_iter().chain(["i", "j"]).chain(named);
         Ok(Self {
-            grains: TableStream::create(path, grains)?,
-            contacts: TableStream::create(&contacts_beside(path), contacts)?,
+            grains: TableStream::create(("frames.csv", axes), path, grains)?,
+            contacts: TableStream::create(
+                ("frames-contacts.csv", axes),
+                &contacts_beside(path),
+                contacts,
+            )?,
             grain_columns: of_grain,
             quantities,
         })

@@ -17,7 +17,7 @@ use gshear_analysis::rate_state::{
 use gshear_dem::failure::Failure;
 use gshear_report::rate_state as figures;
 use gshear_store::run_reader::RunFile;
-use gshear_store::text_writer;
+use gshear_store::{dictionary, text_writer};
 
 /// Evolution laws to fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -68,7 +68,11 @@ pub fn write(
     let views: Vec<figures::View> = reduction.views();
     files.extend(figures::all(&views, reduction.fitted[0].best()));
     for (name, text) in &files {
-        text_writer::write(&folder.join(name), text)?;
+        let path = folder.join(name);
+        match path.extension().is_some_and(|of| of == "csv") {
+            true => dictionary::write_table(&path, text)?,
+            false => text_writer::write(&path, text)?,
+        }
     }
     summary(&reduction, output).map_err(cannot_write)?;
     writeln!(

@@ -1,0 +1,471 @@
+//! The columns of every CSV file: name, unit and meaning. `gshear-reduce columns` prints them, and
+//! beside each file they are written as `<file>-metadata.json` (CSV on the Web, W3C 2015).
+
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::SeriesRow;
+use serde_json::{Value, json};
+use std::path::Path;
+
+use crate::columns::{AqsRow, NewtonianRow};
+use crate::layout::{MASS, RADIUS, elements, forces};
+use crate::text_writer;
+
+/// A table of numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TableDescription {
+    /// Name of the file; of a group in an HDF5 file `file: group`.
+    pub file: &'static str,
+    /// What a line is.
+    pub lines: &'static str,
+    /// The columns. Those with an axis or a component stand once, without it.
+    pub columns: Vec<Column>,
+}
+
+const STEP: Column = Column::new("step", "1", "steps since the start of the shear");
+const TIME: Column = Column::new("time", "s", "time since the start of the shear");
+const STRAIN: Column = Column::new("strain", "1", "γ");
+const FRAME: Column = Column::new("frame", "1", "number of the frame, from 0 on");
+const PHASE: [Column; 3] = [
+    Column::new("phase", "1", "number of the phase, from 0 on"),
+    Column::new("kind", "1", "stick or slip"),
+    Column::new("length", "1", "long if t_p > 3 intervals, else short"),
+];
+const STRAINS: [Column; 2] = [
+    Column::new("start_strain", "1", "γ at the start"),
+    Column::new("end_strain", "1", "γ at the end"),
+];
+const DURATION: Column = Column::new("t_p", "1", "intervals of the time series in the phase");
+const CHANGE: Column = Column::new("delta_tau_p", "1", "Δτ_p, change of τ over the phase");
+
+const PHASE_PLACES: [Column; 4] = [
+    Column::new("start_row", "1", "row of the time series at the start"),
+    Column::new("end_row", "1", "row of the time series at the end"),
+    Column::new("start_step", "1", "step at the start"),
+    Column::new("end_step", "1", "step at the end"),
+];
+
+const MEASURES: [Column; 7] = [
+    Column::new("dmin_max", "m2", "mgD²min: greatest gD²min (LH 1)"),
+    Column::new("top_max", "m2", "mg_t10%D²min: greatest g_t10%D²min (LH 2)"),
+    Column::new(
+        "dmin_sum",
+        "m2",
+        "sgD²min: sum of gD²min from t_s on (LH 3)",
+    ),
+    Column::new(
+        "top_sum",
+        "m2",
+        "sg_t10%D²min: sum of g_t10%D²min from t_s on (LH 4)",
+    ),
+    Column::new("regions_least", "1", "N_c: least number of GR regions"),
+    Column::new(
+        "angle_mean",
+        "rad",
+        "mean |θ| in the last interval with N_c regions",
+    ),
+    Column::new(
+        "angle_median",
+        "rad",
+        "median |θ| in the last interval with N_c regions",
+    ),
+];
+
+const CORRELATIONS: [Column; 9] = [
+    Column::new("of", "1", "quantity"),
+    Column::new("with", "1", "quantity that it is correlated with"),
+    Column::new("over", "1", "intervals, or phases: all, long or short"),
+    Column::new("range_of", "1", "quantity that the range is of"),
+    Column::new("from", "1", "end of the range that is nearer to 0"),
+    Column::new("to", "1", "other end of the range"),
+    Column::new("pairs", "1", "number of pairs in the range"),
+    Column::new("rho", "1", "Spearman's ρ"),
+    Column::new("p", "1", "its two-sided p"),
+];
+
+const SPECTRUM: [Column; 6] = [
+    Column::new("lambda_re", "s-2", "real part of the eigenvalue λ"),
+    Column::new("lambda_im", "s-2", "imaginary part"),
+    Column::new("verdict", "1", "zero, real, pair or doubtful"),
+    Column::new("residual", "1", "|Kv - λMv| over ‖A‖|v|"),
+    Column::new("condition", "1", "condition number of the eigenvalue"),
+    Column::new("participation", "1", "share of the grains that move"),
+];
+
+const SPECTRA: [Column; 4] = [
+    Column::new("time", "s", "time since the start of the stage"),
+    Column::new("real", "s-2", "real part of the eigenvalue λ"),
+    Column::new("imaginary", "s-2", "imaginary part"),
+    Column::new("verdict", "1", "zero, real, pair or doubtful"),
+];
+
+const SEGMENT: [Column; 2] = [
+    Column::new(
+        "experiment",
+        "1",
+        "number of the protocol, in the order of the runs",
+    ),
+    Column::new(
+        "segment",
+        "1",
+        "segment of the drive, counted from the first slide",
+    ),
+];
+const MU_OF_LAWS: [Column; 2] = [
+    Column::new("mu_aging", "1", "μ of the aging law fitted to all data"),
+    Column::new("mu_slip", "1", "μ of the slip law fitted to all data"),
+];
+const VELOCITIES: [Column; 2] = [
+    Column::new("velocity_before", "m s-1", "drive velocity before"),
+    Column::new("velocity_after", "m s-1", "drive velocity after"),
+];
+
+const MEAN_SERIES: [Column; 4] = [
+    TIME,
+    Column::new("slip", "m", "displacement of the top wall"),
+    Column::new("mu", "1", "μ = S/N, mean of the realisations"),
+    Column::new(
+        "two_sigma",
+        "1",
+        "two standard deviations among the realisations",
+    ),
+];
+const SEGMENTS: [Column; 6] = [
+    Column::new("drive_velocity", "m s-1", "velocity of the drive"),
+    Column::new("duration", "s", "duration"),
+    Column::new("rows", "1", "rows of the time series"),
+    Column::new("slip", "m", "slip during the segment"),
+    Column::new("mu_ss", "1", "steady μ, of slides"),
+    Column::new("error", "1", "its standard error"),
+];
+const STEPS: [Column; 8] = [
+    Column::new(
+        "direct",
+        "1",
+        "direct effect: peak of μ less its value before",
+    ),
+    Column::new("direct_error", "1", "standard error"),
+    Column::new(
+        "evolution",
+        "1",
+        "evolution effect: peak less the new steady μ",
+    ),
+    Column::new("evolution_error", "1", "standard error"),
+    Column::new("net", "1", "change of the steady μ"),
+    Column::new("net_error", "1", "standard error"),
+    Column::new(
+        "direct_aging",
+        "1",
+        "direct effect of the aging law fitted to all data",
+    ),
+    Column::new(
+        "direct_slip",
+        "1",
+        "direct effect of the slip law fitted to all data",
+    ),
+];
+const AFTER_STEPS: [Column; 5] = [
+    Column::new("slip_from", "m", "start of the slip range after the step"),
+    Column::new("slip_to", "m", "end of the range"),
+    Column::new("steps", "1", "number of velocity steps"),
+    Column::new("change", "1", "mean of μ less the steady μ before the step"),
+    Column::new(
+        "error",
+        "1",
+        "standard error from the scatter among the steps",
+    ),
+];
+const HOLDS: [Column; 10] = [
+    Column::new("velocity_before", "m s-1", "drive velocity before the hold"),
+    Column::new("t_hold", "s", "duration of the hold"),
+    Column::new("relaxation", "1", "decrease of μ during the hold"),
+    Column::new(
+        "velocity_after",
+        "m s-1",
+        "drive velocity of the slide after it",
+    ),
+    Column::new("peak", "1", "greatest μ of that slide"),
+    Column::new(
+        "slip_at_peak",
+        "m",
+        "slip from the end of the hold to the peak",
+    ),
+    Column::new("healing", "1", "peak less the steady μ"),
+    Column::new("error", "1", "standard error"),
+    Column::new(
+        "healing_aging",
+        "1",
+        "healing of the aging law fitted to all data",
+    ),
+    Column::new(
+        "healing_slip",
+        "1",
+        "healing of the slip law fitted to all data",
+    ),
+];
+const FIT: [Column; 5] = [
+    Column::new("fit", "1", "which data are fitted"),
+    Column::new("experiment", "1", "number of the protocol"),
+    Column::new("first_segment", "1", "first segment fitted"),
+    Column::new("last_segment", "1", "last segment fitted"),
+    Column::new("law", "1", "aging or slip"),
+];
+const INTERVALS: [[Column; 3]; 5] = [
+    [
+        Column::new("a", "1", "a of the law"),
+        Column::new("a_low", "1", "lower end of its 95 % interval"),
+        Column::new("a_high", "1", "upper end"),
+    ],
+    [
+        Column::new("b", "1", "b of the law"),
+        Column::new("b_low", "1", "lower end of its 95 % interval"),
+        Column::new("b_high", "1", "upper end"),
+    ],
+    [
+        Column::new("a_minus_b", "1", "a - b"),
+        Column::new("a_minus_b_low", "1", "lower end of its 95 % interval"),
+        Column::new("a_minus_b_high", "1", "upper end"),
+    ],
+    [
+        Column::new("d_c", "m", "D_c of the law"),
+        Column::new("d_c_low", "m", "lower end of its 95 % interval"),
+        Column::new("d_c_high", "m", "upper end"),
+    ],
+    [
+        Column::new("mu_star", "1", "μ* at V*"),
+        Column::new("mu_star_low", "1", "lower end of its 95 % interval"),
+        Column::new("mu_star_high", "1", "upper end"),
+    ],
+];
+const FIT_END: [Column; 5] = [
+    Column::new("v_star", "m s-1", "V*"),
+    Column::new("rms", "1", "root mean square of the residuals of μ"),
+    Column::new("effective_values", "1", "number of independent values of μ"),
+    Column::new("chi_squared", "1", "χ² per degree of freedom"),
+    Column::new("why_none", "1", "why there is no fit"),
+];
+
+const PLACE: [Column; 3] = [
+    Column::new("x", "m", "position along x, wrapped into the box"),
+    Column::new("y", "m", "position along y"),
+    Column::new("z", "m", "position along z"),
+];
+const CONTACT_IDS: [Column; 2] = [
+    Column::new("i", "1", "lower id"),
+    Column::new("j", "1", "higher id"),
+];
+const SLIDING: Column = Column::new("sliding", "1", "1 at Coulomb's limit");
+const FIELDS: [Column; 4] = [
+    Column::new("dmin", "m2", "D²min since the frame before"),
+    Column::new("stress", "Pa", "stress of the grain; compression positive"),
+    Column::new("region", "1", "1 in a GR region"),
+    Column::new("contacts", "1", "number of contacts"),
+];
+
+/// Returns all tables in `axes` dimensions.
+pub fn tables(axes: usize) -> Vec<TableDescription> {
+    let table = |file, lines, columns: &[&[Column]]| TableDescription {
+        file,
+        lines,
+        columns: columns.concat(),
+    };
+    let of_frame = [FRAME, STEP, TIME, STRAIN];
+    let stress_ratio = [Column::new("stress_ratio", "1", "τ")];
+    let grain = [
+        Column::new("id", "1", "id of the grain"),
+        Column::new("body", "1", "0 free, 1 bottom wall, 2 top wall"),
+        RADIUS,
+        MASS,
+    ];
+    // Which one it is depends on the law: `unit` of the dataset in run.h5 says it.
+    let either = if axes == 2 { "N m-1 or m" } else { "N or m" };
+    let named = |columns: &[(Column, usize)]| -> Vec<Column> {
+        let of_law = |(column, _): &(Column, usize)| match column.name {
+            "tangential_history" => Column::new(column.name, either, column.doc),
+            _ => *column,
+        };
+        columns.iter().map(of_law).collect()
+    };
+    let mut series = vec![STEP, TIME];
+    series.extend(SeriesRow::COLUMNS);
+    vec![
+        table("log.csv", "row of the time series", &[&series]),
+        table(
+            "aqs.h5: observables",
+            "strain step of a periodic box",
+            &[&AqsRow::COLUMNS],
+        ),
+        table(
+            "newtonian.h5: observables",
+            "row of the time series of a periodic box",
+            &[&NewtonianRow::COLUMNS],
+        ),
+        table("spectra.csv", "eigenvalue and time", &[&SPECTRA]),
+        table(
+            "phases.csv",
+            "phase of τ",
+            &[
+                &PHASE,
+                &PHASE_PLACES,
+                &STRAINS,
+                &[DURATION],
+                &[Column::new("t_p_strain", "1", "Δγ of the phase")],
+                &[CHANGE],
+            ],
+        ),
+        table(
+            "regions.csv",
+            "frame, from the one before it",
+            &[
+                &[FRAME, STEP, STRAIN],
+                &stress_ratio,
+                &FrameScalars::COLUMNS,
+            ],
+        ),
+        table(
+            "measures.csv",
+            "phase of τ",
+            &[&PHASE, &STRAINS, &[DURATION, CHANGE], &MEASURES],
+        ),
+        table("correlations.csv", "range", &[&CORRELATIONS]),
+        table("spectrum.csv", "eigenvalue", &[&SPECTRUM]),
+        table(
+            "rate-state.csv",
+            "row of the mean series",
+            &[&SEGMENT, &MEAN_SERIES, &MU_OF_LAWS],
+        ),
+        table(
+            "segments.csv",
+            "segment of the drive",
+            &[&SEGMENT, &SEGMENTS],
+        ),
+        table(
+            "steps.csv",
+            "velocity step",
+            &[&SEGMENT, &VELOCITIES, &STEPS],
+        ),
+        table(
+            "after-steps.csv",
+            "slip range after all steps between two velocities",
+            &[&VELOCITIES, &AFTER_STEPS],
+        ),
+        table("holds.csv", "hold", &[&SEGMENT, &HOLDS]),
+        table(
+            "fits.csv",
+            "fit of a law",
+            &[&FIT, INTERVALS.as_flattened(), &FIT_END],
+        ),
+        table(
+            "frames.csv",
+            "grain and frame",
+            &[
+                &of_frame,
+                &grain,
+                &PLACE[..axes],
+                &named(&elements(axes)[1..]),
+                &FIELDS,
+            ],
+        ),
+        table(
+            "frames-contacts.csv",
+            "contact and frame",
+            &[&of_frame, &CONTACT_IDS, &named(forces(axes)), &[SLIDING]],
+        ),
+    ]
+}
+
+/// Returns the metadata of a table `kind`, such as `log.csv`, in a file of the name `file`, if the
+/// dictionary has all its columns. A component is described as its vector: `velocity_x` as
+/// `velocity`.
+fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<String> {
+    let table = tables(axes).into_iter().find(|table| table.file == kind)?;
+    let describe = |name: &&str| -> Option<Value> {
+        let is_of = |column: &&Column| {
+            let rest = name.strip_prefix(column.name);
+            rest.is_some_and(|rest| rest.is_empty() || AXES.contains(&rest))
+        };
+        let column = table.columns.iter().find(is_of)?;
+        let mut described = json!({ "name": name, "titles": name, "dc:description": column.doc });
+        if let Some(unit) = column.unit_in(axes) {
+            described["schema:unitText"] = unit.into();
+        }
+        Some(described)
+    };
+    let columns: Vec<Value> = names.iter().map(describe).collect::<Option<_>>()?;
+    Some(format!(
+        "{:#}\n",
+        json!({
+            "@context": "http://www.w3.org/ns/csvw",
+            "url": file,
+            "dc:description": format!("One line per {}", table.lines),
+            "tableSchema": { "columns": columns },
+        })
+    ))
+}
+
+/// Writes the metadata of a table `kind`, such as `log.csv`, beside the table, or, if the dictionary
+/// lacks a column, nothing.
+///
+/// # Errors
+/// [`Failure::Other`] if the file cannot be written.
+pub fn write_metadata(
+    kind: &str,
+    table: &Path,
+    names: &[&str],
+    axes: usize,
+) -> Result<(), Failure> {
+    let file = table.file_name().unwrap_or_default().to_string_lossy();
+    match metadata(kind, &file, names, axes) {
+        Some(text) => text_writer::write(&table.with_file_name(format!("{file}{ENDING}")), &text),
+        None => Ok(()),
+    }
+}
+
+/// Writes a table of the reducer and its metadata.
+///
+/// # Errors
+/// [`Failure::Other`] if a file cannot be written.
+pub fn write_table(path: &Path, csv: &str) -> Result<(), Failure> {
+    text_writer::write(path, csv)?;
+    let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
+    let kind = path.file_name().unwrap_or_default().to_string_lossy();
+    // None of its columns is a force or an energy, so the dimension does not matter.
+    write_metadata(&kind, path, &names, 3)
+}
+
+/// Of the name of metadata, after that of its table.
+const ENDING: &str = "-metadata.json";
+
+/// Ends of the names of components.
+const AXES: [&str; 9] = ["_x", "_y", "_z", "_xx", "_xy", "_xz", "_yy", "_yz", "_zz"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn components_are_described_as_their_vector() {
+        let names = ["frame", "x", "angular_velocity_z", "stress_xy"];
+        let text = metadata("frames.csv", "a.csv", &names, 2).expect("described");
+        let found: Value = serde_json::from_str(&text).expect("JSON");
+        let column = |k: usize| &found["tableSchema"]["columns"][k];
+        assert_eq!(found["url"], "a.csv");
+        assert_eq!(column(1)["schema:unitText"], "m");
+        assert_eq!(column(2)["schema:unitText"], "rad s-1");
+        assert_eq!(column(3)["schema:unitText"], "Pa");
+        assert_eq!(column(0).get("schema:unitText"), None);
+        assert_eq!(metadata("frames.csv", "a.csv", &["positions"], 2), None);
+        assert_eq!(metadata("other.csv", "a.csv", &["step"], 2), None);
+    }
+
+    #[test]
+    fn forces_of_disks_are_per_unit_depth() {
+        let unit = |axes| {
+            let text = metadata("log.csv", "log.csv", &["shear_force"], axes).expect("described");
+            let found: Value = serde_json::from_str(&text).expect("JSON");
+            found["tableSchema"]["columns"][0]["schema:unitText"].clone()
+        };
+        assert_eq!((unit(2), unit(3)), ("N m-1".into(), "N".into()));
+    }
+}
