@@ -53,8 +53,8 @@ run: build
 test: deps
 	cargo fmt --check
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
-	cargo test --release --locked --workspace
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
+	cargo test --release --locked --workspace
 	$(MAKE) python
 
 # The programs are named because others may come first in the path.

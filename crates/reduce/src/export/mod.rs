@@ -1,7 +1,7 @@
 //! `export`: writes frames or a checkpoint in the formats of other programs.
 //!
-//! Data files hold one state and are written whole ([`data_file`]). All other formats are written
-//! frame by frame by a [`FrameWriter`], so that memory does not grow with the number of frames.
+//! Data files hold one state and are written whole (`data_file`). All other formats are written
+//! frame by frame by a `FrameWriter`, so that memory does not grow with the number of frames.
 
 mod content;
 mod csv;
