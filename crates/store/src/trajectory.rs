@@ -204,6 +204,8 @@ impl TrajectoryWriter {
             writer.contacts_written,
             writer.rows_written,
         ) = (frames, contacts, rows);
+        // A file that was closed has no journal, and a kill while it is cut would damage it.
+        writer.write_journal(exchange)?;
         let mut outcome = CollectiveOutcome::default();
         for name in AT_THE_END {
             outcome.note(writer.file.remove_attribute(PARAMETERS, name));
