@@ -331,6 +331,42 @@ fn what_cannot_be_replayed_is_refused() {
 }
 
 /// The study of a run that stored its scalars and checkpoints is that of the run that stored its frames.
+/// The maps of a report without frames are those of one with a frame for every row.
+#[test]
+fn the_report_replays_the_largest_drop() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let report = |name: &str, set: &[&str]| -> PathBuf {
+        let folder = temporary.path().join(name);
+        let mut all = vec!["output.series_strain=0.002"];
+        all.extend(set);
+        run(SCENE, 1, &folder, &all);
+        said(&reduce(&["report", text(&folder)]), 0);
+        folder.join("report")
+    };
+    let whole = report("whole", &["output.frame_strain=0.002"]);
+    let kept = [
+        "output.keep_checkpoints=true",
+        "output.checkpoint_strain=0.25",
+    ];
+    let again = report("kept", &[&kept[..], &["output.frame_strain=0"]].concat());
+    let none = report("none", &["output.frame_strain=0"]);
+    assert!(again.join("replay/run.h5").is_file() && !whole.join("replay").exists());
+    for figure in [
+        "dmin",
+        "force-change",
+        "force-network-before",
+        "force-network-after",
+    ] {
+        let data = |report: &Path| std::fs::read(report.join(format!("{figure}.csv"))).ok();
+        assert!(data(&whole).is_some_and(|of| of.len() > 1000), "{figure}");
+        assert!(data(&whole) == data(&again), "{figure} differs");
+        assert_eq!(data(&none), None);
+    }
+    let page = std::fs::read_to_string(none.join("index.html")).expect("a page");
+    assert!(page.contains("there are no maps"));
+}
+
 #[test]
 fn the_study_replays_the_largest_drop() {
     let _alone = common::alone();

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gshear_dem::state::Frame;
+use gshear_dem::state::{Frame, SeriesRow};
 
 use crate::fixture::Fixture;
 use crate::{alone, are_described, done, folder_with};
@@ -167,7 +167,8 @@ fn report_of(fixture: &Fixture) -> (Vec<String>, serde_json::Value, String) {
         .map(|entry| entry.expect("an entry").path())
         .collect();
     files.sort();
-    for file in files.iter().filter(|file| !file.ends_with("summary.json")) {
+    let is_page = |file: &&PathBuf| file.extension().is_some_and(|e| e == "svg" || e == "html");
+    for file in files.iter().filter(is_page) {
         assert_well_formed(&std::fs::read_to_string(file).expect("text"), file);
     }
     let read = |name: &str| {
@@ -187,20 +188,35 @@ fn report_of(fixture: &Fixture) -> (Vec<String>, serde_json::Value, String) {
 #[test]
 fn a_report_has_every_figure_and_needs_nothing_else() {
     let _alone = alone();
-    let (names, summary, page) = report_of(&Fixture::sheared(16, 12, 20));
-    let expected = [
-        "dmin.svg",
-        "force-change.svg",
-        "force-network-after.svg",
-        "force-network-before.svg",
-        "index.html",
-        "largest-drop.svg",
-        "phase-histogram.svg",
-        "stress-strain.svg",
-        "summary.json",
-    ];
-    assert_eq!(names, expected);
-    assert_eq!(page.matches("<svg ").count(), 7);
+    let fixture = Fixture::sheared(16, 12, 20);
+    let (names, summary, page) = report_of(&fixture);
+    for figure in [
+        "dilation",
+        "dmin",
+        "fabric",
+        "force-change",
+        "force-distribution",
+        "force-network-after",
+        "force-network-before",
+        "fraction-profile",
+        "largest-drop",
+        "pair-correlation",
+        "phase-histogram",
+        "stress-strain",
+        "velocity-profile",
+    ] {
+        for end in ["svg", "csv"] {
+            let name = format!("{figure}.{end}");
+            assert!(names.contains(&name), "{name} is not in {names:?}");
+        }
+        assert!(page.contains(&format!(
+            "<figure id=\"{figure}\">\n<svg role=\"img\" aria-label=\""
+        )));
+    }
+    let ends_with = |end: &str| names.iter().filter(|name| name.ends_with(end)).count();
+    let figures = page.matches("<svg ").count();
+    assert_eq!([ends_with(".svg"), ends_with(".csv")], [figures; 2]);
+    assert_eq!(ends_with(".json") + ends_with(".html"), 2);
     assert!(page.contains("Made up &lt;for&gt; tests &amp; nothing else"));
     let links = page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
     assert!(
@@ -247,6 +263,33 @@ fn a_summary_has_the_numbers_of_the_run() {
     assert_eq!(summary["largest_drop"]["rows"], serde_json::json!([25, 26]));
     // Frames are every tenth row.
     assert_eq!(summary["maps"]["frames"], serde_json::json!([2, 3]));
+}
+
+#[test]
+fn a_step_of_the_drive_is_no_drop() {
+    let _alone = alone();
+    let mut fixture = Fixture::small();
+    let named = |name: &str| SeriesRow::COLUMNS.iter().position(|of| of.name == name);
+    let drive = named("drive_velocity").expect("a column");
+    // τ falls by 5 where the velocity of the drive falls, by 8 while it rests, else by 2 at most.
+    fixture.series[1] = (0..51)
+        .map(|row| match row {
+            20 => 1.0,
+            30 => -2.0,
+            40 => 4.0,
+            row => 6.0 + f64::from(row % 2),
+        })
+        .collect();
+    fixture.series[drive] = (0..51)
+        .map(|row| match row {
+            0..20 => 2.0,
+            28..32 => 0.0,
+            _ => 1.0,
+        })
+        .collect();
+    let (_, summary, page) = report_of(&fixture);
+    assert_eq!(summary["largest_drop"]["rows"], serde_json::json!([39, 40]));
+    assert!(page.contains("slip (mm)") && page.contains("id=\"slip-rate\""));
 }
 
 #[test]

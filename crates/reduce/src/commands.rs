@@ -9,8 +9,8 @@ use crate::output::cannot_write;
 use gshear_analysis as analysis;
 use gshear_analysis::regions::MinPoints;
 use gshear_dem::failure::Failure;
-use gshear_report as report;
 use gshear_report::lee_hurley::StudyOptions;
+use gshear_store::file_names::{AQS_FILE, RUN_FILE};
 use gshear_store::run_reader::RunFile;
 
 use super::{
@@ -199,7 +199,11 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Write a report: index.html with all figures, the figures as SVG, summary.json
+    /// Write a report: index.html with all figures, each as SVG with its data as CSV, summary.json
+    ///
+    /// Of a run between walls. If no frames show its largest drop but checkpoints were kept
+    /// (output.keep_checkpoints), the drop is computed again, with a frame per row. Of a run in a
+    /// periodic box the page is that of --study bonfanti.
     ///
     /// --study lee-hurley takes one or several runs. It writes every figure of Lee & Hurley that
     /// shows data, under its number, as fig-NN.svg with fig-NN.csv; the paper's numbers next to
@@ -351,7 +355,13 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             from,
             min_points,
         } => {
-            if let Some(PaperStudy::Bonfanti) = study {
+            // Without a study, the page of a run in a box is that of its study.
+            let of_box = |run: &PathBuf| {
+                let there = |name| run.join(name).exists();
+                there(AQS_FILE) && !there(RUN_FILE)
+            };
+            let boxed = study.is_none() && runs.len() == 1 && of_box(&runs[0]);
+            if boxed || matches!(study, Some(PaperStudy::Bonfanti)) {
                 let page = study::bonfanti(runs, out.as_deref())?;
                 writeln!(output, "wrote {}", page.display()).map_err(cannot_write)?;
                 return Ok(0);
@@ -372,7 +382,7 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
                         runs.len()
                     )));
                 }
-                None => report::write(&first, &folder("report"))?,
+                None => study::report(&first, &folder("report"), threads)?,
             };
             writeln!(output, "wrote {}", page.display()).map_err(cannot_write)?;
         }

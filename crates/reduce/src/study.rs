@@ -1,4 +1,4 @@
-//! `report --study`: repeats a published study on our runs.
+//! `report`: a page on a run; with `--study` it repeats a published study on our runs.
 
 use std::path::{Path, PathBuf};
 
@@ -57,6 +57,25 @@ pub fn lee_hurley(
         studied.push(found);
     }
     lee_hurley::write(&studied, folder)
+}
+
+/// Writes the report of a run into `folder`. If no frames show its largest drop and checkpoints were
+/// kept, `threads` threads replay it into `folder`/replay. Returns the path of the page.
+///
+/// # Errors
+/// A damaged run, a replay that differs, files that cannot be written.
+pub fn report(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf, Failure> {
+    let missing = gshear_report::window_without_frames(run)?.filter(|_| replay::can(run));
+    let again = |strain| {
+        let request = ReplayRequest {
+            strain,
+            every: None,
+            threads,
+        };
+        replay::window(run, request, &folder.join("replay"))
+    };
+    let replayed = missing.map(again).transpose()?;
+    gshear_report::write(run, replayed.as_ref().map(|of| &of.run), folder)
 }
 
 /// Writes the study of Bonfanti et al. on the run in a folder. Returns the path of the page.

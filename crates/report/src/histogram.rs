@@ -4,6 +4,7 @@ use super::colour::{SLIP, STICK};
 use super::plot::{Layout, figure};
 use super::ticks;
 use gshear_analysis::phases::{Phase, PhaseKind};
+use gshear_store::table::Table;
 
 const LAYOUT: Layout = Layout {
     size: [900.0, 400.0],
@@ -11,6 +12,15 @@ const LAYOUT: Layout = Layout {
 };
 /// Bins per decade, of equal ratio.
 const BINS: f64 = 5.0;
+
+/// Returns the phases as a table.
+pub fn data(phases: &[Phase]) -> String {
+    Table::of(phases)
+        .column("kind", |phase| phase.kind.name())
+        .columns(["start_strain", "end_strain"], |phase| phase.strain)
+        .column("delta_tau_p", |phase| phase.change)
+        .csv()
+}
 
 /// Draws the number of stick and slip phases by |Δτ_p|, on logarithmic axes.
 pub fn of_changes(phases: &[Phase]) -> String {

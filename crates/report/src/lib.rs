@@ -11,7 +11,7 @@
 //! use gshear_store::run_reader::RunFile;
 //!
 //! let run = RunFile::open("out/plane-shear-2d".as_ref())?;
-//! let page = gshear_report::write(&run, &run.folder().join("report"))?;
+//! let page = gshear_report::write(&run, None, &run.folder().join("report"))?;
 //! println!("open {}", page.display());
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
@@ -20,6 +20,7 @@ pub mod bonfanti;
 pub mod colour;
 mod compose;
 mod histogram;
+mod history;
 pub mod lee_hurley;
 mod map;
 mod page;
@@ -27,54 +28,62 @@ pub mod plot;
 pub mod rate_state;
 pub mod spectrum;
 mod stress;
+mod structure;
 mod summary;
 pub mod ticks;
 
 use std::path::{Path, PathBuf};
 
+use self::history::Axis;
 use self::map::MapView;
+pub use self::summary::window_without_frames;
 use self::summary::{DropFrames, Summary};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;
 use gshear_store::run_reader::RunFile;
 use gshear_store::text_writer;
 
-/// A figure of the report: name of its file, caption in HTML, and SVG.
+/// A figure of the report: name of its files, caption in HTML, SVG, and its data as CSV.
 struct ReportFigure {
     name: &'static str,
     caption: String,
     svg: String,
+    data: String,
 }
 
-/// Writes the report into `folder`, which is created if missing: `index.html`, the figures as SVG,
-/// and `summary.json`. Returns the path of the page.
+/// Writes the report into `folder`, which is created if missing: `index.html`, the figures as SVG
+/// with their data as CSV, and `summary.json`. Returns the path of the page. `replayed`: the run
+/// around its largest drop, if [`window_without_frames`] asks for it.
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.
-pub fn write(run: &RunFile, folder: &Path) -> Result<PathBuf, Failure> {
-    let summary = Summary::of(run)?;
-    let figures = figures(run, &summary);
+pub fn write(run: &RunFile, replayed: Option<&RunFile>, folder: &Path) -> Result<PathBuf, Failure> {
+    let summary = Summary::of(run, replayed)?;
+    let mut facts = page::facts(run, &summary);
+    let mut figures = figures(run, &summary);
+    figures.extend(structure::figures(run, &mut facts)?);
     for figure in &figures {
-        text_writer::write(&folder.join(figure.name).with_extension("svg"), &figure.svg)?;
+        let path = folder.join(figure.name);
+        text_writer::write(&path.with_extension("svg"), &figure.svg)?;
+        text_writer::write(&path.with_extension("csv"), &figure.data)?;
     }
     let json = format!("{:#}\n", summary.json(run));
     text_writer::write(&folder.join("summary.json"), &json)?;
     // Written last, so that the page never refers to missing figures.
     let page = folder.join("index.html");
-    text_writer::write(&page, &page::html(run, &summary, &figures))?;
+    text_writer::write(&page, &page::html(run, &summary, facts, &figures))?;
     Ok(page)
 }
 
 fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
-    let (strain, tau) = (
-        run.series().column("strain"),
-        run.series().column("stress_ratio"),
-    );
+    let (axis, tau) = (Axis::of(run), run.series().column("stress_ratio"));
     let phases = &summary.phases;
+    let of_tau = axis.table(run.series(), &["stress_ratio"]);
     let mut figures = vec![ReportFigure {
         name: "stress-strain",
         caption: "Shear stress ratio over the whole run, with stick (τ increases) and slip (τ decreases) phases.".into(),
-        svg: stress::whole(strain, tau, phases, summary.drop.as_ref()),
+        svg: stress::whole(&axis, tau, phases, summary.drop.as_ref()),
+        data: of_tau.clone(),
     }];
     let shown = summary
         .event
@@ -82,7 +91,9 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
         .map(|event| event.drop)
         .or(summary.drop);
     if let Some(drop) = &shown {
-        let frames = summary.event.as_ref().map(|event| event.strain);
+        let on_axis = |event: &DropFrames| event.strain.map(|strain| 100.0 * strain);
+        let driven = summary::is_driven(run);
+        let frames = summary.event.as_ref().filter(|_| !driven).map(on_axis);
         figures.push(ReportFigure {
             name: "largest-drop",
             caption: format!(
@@ -91,14 +102,17 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
                 drop.change,
                 drop.duration()
             ),
-            svg: stress::around(strain, tau, phases, drop, frames),
+            svg: stress::around(&axis, tau, phases, drop, frames),
+            data: of_tau,
         });
     }
     figures.push(ReportFigure {
         name: "phase-histogram",
         caption: "Number of stick and slip phases by the magnitude of their change of τ.".into(),
         svg: histogram::of_changes(phases),
+        data: histogram::data(phases),
     });
+    figures.extend(history::figures(run, &axis));
     if let Some(event) = &summary.event {
         figures.extend(maps(run.grains(), event));
     }
@@ -120,8 +134,10 @@ fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
     };
     let network = "Lines join the centres of touching grains; their width and colour give the normal force, \
                    on the same scale before and after. Disks of the walls are grey.";
+    let [earlier, later] = [&event.earlier, &event.later].map(map::data_of_contacts);
     [
         ReportFigure {
+            data: earlier,
             name: "force-network-before",
             caption: format!("Force network before the drop. {network}{part}"),
             svg: map::forces(
@@ -133,6 +149,7 @@ fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
             ),
         },
         ReportFigure {
+            data: later,
             name: "force-network-after",
             caption: format!("Force network after the drop. {network}{part}"),
             svg: map::forces(
@@ -144,6 +161,7 @@ fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
             ),
         },
         ReportFigure {
+            data: map::data_of_changes(&event.earlier, &event.later),
             name: "force-change",
             caption: format!(
                 "Differential force network over the drop: change of the magnitude of every contact force, \
@@ -152,6 +170,7 @@ fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
             svg: map::force_changes(grains, &event.earlier, &event.later, view, &between),
         },
         ReportFigure {
+            data: map::data_of_grains(grains, &event.later, &event.dmin),
             name: "dmin",
             caption: format!(
                 "D²<sub>min</sub> over the drop, in units of the mean radius squared, with neighbours within 5 r̄. \

@@ -7,6 +7,7 @@ use super::plot::{Layout, Plot, figure};
 use super::ticks::{self, Tick};
 use gshear_analysis::forces;
 use gshear_dem::state::{ContactSample, Disks, Frame};
+use gshear_store::table::Table;
 
 const WIDTH: f64 = 900.0;
 const MARGIN: [f64; 4] = [72.0, 36.0, 104.0, 58.0];
@@ -83,6 +84,42 @@ impl MapView {
     pub(super) fn sees_height(&self, y: f64, reach: f64) -> bool {
         y + reach >= self.y[0] && y - reach <= self.y[1]
     }
+}
+
+/// A table of the contacts of a frame, with the centres of both grains (m) and F_n (N/m).
+pub fn data_of_contacts(frame: &Frame) -> String {
+    Table::of(&frame.contacts)
+        .columns(["i", "j"], |contact| [contact.i, contact.j])
+        .columns(["x_i", "y_i"], |contact| frame.position[contact.i as usize])
+        .columns(["x_j", "y_j"], |contact| frame.position[contact.j as usize])
+        .column("normal_force", |contact| contact.normal_force)
+        .csv()
+}
+
+/// A table of the contacts of the later frame with the change of their force (N/m).
+pub fn data_of_changes(earlier: &Frame, later: &Frame) -> String {
+    let mut changes = Vec::new();
+    forces::changes(earlier, later, &mut changes);
+    Table::of(later.contacts.iter().zip(changes))
+        .columns(["i", "j"], |(contact, _)| [contact.i, contact.j])
+        .columns(["x_i", "y_i"], |(contact, _)| {
+            later.position[contact.i as usize]
+        })
+        .columns(["x_j", "y_j"], |(contact, _)| {
+            later.position[contact.j as usize]
+        })
+        .column("change", |(_, change)| *change)
+        .csv()
+}
+
+/// A table of the grains: centre and radius (m), and D²min (m²).
+pub fn data_of_grains(grains: &Disks, frame: &Frame, dmin: &[f64]) -> String {
+    Table::of(0..grains.count())
+        .column("id", |n| *n)
+        .columns(["x", "y"], |n| frame.position[*n])
+        .column("radius", |n| grains.radius[*n])
+        .column("dmin", |n| dmin[*n])
+        .csv()
 }
 
 /// Draws the normal forces of a frame as lines between the centres of touching grains, with width

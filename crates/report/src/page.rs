@@ -1,12 +1,17 @@
 //! The HTML page of a run's report: one self-contained file.
 
 use super::ReportFigure;
-use super::summary::Summary;
+use super::summary::{DropFrames, Summary};
 use gshear_analysis::phases::PhaseKind;
 use gshear_store::run_reader::RunFile;
 
 /// Returns the report as HTML, figures and style included.
-pub fn html(run: &RunFile, summary: &Summary, figures: &[ReportFigure]) -> String {
+pub fn html(
+    run: &RunFile,
+    summary: &Summary,
+    facts: Vec<(&'static str, String)>,
+    figures: &[ReportFigure],
+) -> String {
     let title = escape(&title(run));
     let lead = match run.digest() {
         Some(_) => "A finished run of gshear-mpi.",
@@ -16,14 +21,25 @@ pub fn html(run: &RunFile, summary: &Summary, figures: &[ReportFigure]) -> Strin
     };
     let mut body = String::new();
     for figure in figures {
+        let alt = alternative(&figure.caption);
+        let described = format!("<svg role=\"img\" aria-label=\"{alt}\" ");
         body += &format!(
-            "<figure id=\"{}\">\n{}<figcaption>{}</figcaption>\n</figure>\n",
-            figure.name, figure.svg, figure.caption
+            "<figure id=\"{0}\">\n{1}<figcaption>{2} <span class=\"data\">Data: {0}.csv</span></figcaption>\n</figure>\n",
+            figure.name,
+            figure.svg.replacen("<svg ", &described, 1),
+            figure.caption
         );
     }
-    if summary.event.is_none() {
-        body += "<p>No slip phase has a frame before and after it, so there are no maps: \
-                 write frames more often (output.frame_strain).</p>\n";
+    if run.dimension().axes() == 2 {
+        let smaller = |event: &DropFrames| Some(event.drop) != summary.drop;
+        if summary.event.is_none() {
+            body += "<p>No slip phase has a frame before and after it, so there are no maps: \
+                     write frames more often (output.frame_strain), or keep checkpoints \
+                     (output.keep_checkpoints), from which the report computes the drop again.</p>\n";
+        } else if summary.event.as_ref().is_some_and(smaller) {
+            body += "<p>The maps do not show the largest drop, which has no frames before and after it. \
+                     With kept checkpoints (output.keep_checkpoints) the report computes it again.</p>\n";
+        }
     }
     let parameters = run.parameters().iter().filter(|(name, _)| *name != "scene");
     let parameters = parameters.map(|(name, value)| (escape(name), escape(&value.to_string())));
@@ -34,7 +50,7 @@ pub fn html(run: &RunFile, summary: &Summary, figures: &[ReportFigure]) -> Strin
          {}<h2>Figures</h2>\n{body}<h2>Parameters</h2>\n{}\
          <details><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n</body>\n</html>\n",
         include_str!("page.css"),
-        table(facts(run, summary)),
+        table(facts.into_iter().map(|(name, value)| (name.into(), value))),
         table(parameters),
         escape(run.scene())
     )
@@ -49,14 +65,18 @@ fn title(run: &RunFile) -> String {
     title.map_or_else(|| run.path().display().to_string(), str::to_string)
 }
 
-fn facts(run: &RunFile, summary: &Summary) -> Vec<(String, String)> {
+/// Returns the numbers of the table at the top, in HTML.
+pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
     let mut facts: Vec<(&str, String)> = Vec::new();
     let series = run.series();
     let last = series.column("strain").last().copied();
     let walls = run.grains().body.iter().filter(|body| **body != 0).count();
     facts.push(("Run", escape(&run.path().display().to_string())));
     facts.push((
-        "Disks",
+        match run.dimension().axes() {
+            2 => "Disks",
+            _ => "Spheres",
+        },
         format!("{}, including {walls} in the walls", run.grains().count()),
     ));
     facts.push((
@@ -125,9 +145,22 @@ fn facts(run: &RunFile, summary: &Summary) -> Vec<(String, String)> {
             .map_or("none: the run has not ended".into(), escape),
     ));
     facts
-        .into_iter()
-        .map(|(name, value)| (name.to_string(), value))
-        .collect()
+}
+
+/// A caption without marks, as the text of a picture that is not seen.
+fn alternative(caption: &str) -> String {
+    let mut text = String::new();
+    let mut inside = false;
+    for c in caption.chars() {
+        match c {
+            '<' => inside = true,
+            '>' => inside = false,
+            '"' => {}
+            c if !inside => text.push(c),
+            _ => {}
+        }
+    }
+    text
 }
 
 fn number(value: f64) -> String {

@@ -3,6 +3,7 @@
 use plotters::style::RGBColor;
 
 use super::colour::{GREY, INK, SLIP, STICK, WHITE};
+use super::history::Axis;
 use super::plot::{Layout, Plot, figure};
 use super::ticks;
 use gshear_analysis::phases::{Phase, PhaseKind};
@@ -15,9 +16,9 @@ const LAYOUT: Layout = Layout {
 /// run, where colours would blur.
 const VISIBLE: f64 = 0.02;
 
-/// Draws τ over the whole run, with large phases in colour. `strain` and `tau` are `[L]`.
-pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -> String {
-    let percent = percent_of(strain);
+/// Draws τ over the whole run, with large phases in colour. `tau` is `[L]`.
+pub fn whole(axis: &Axis, tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -> String {
+    let percent = &axis.values;
     let x = padded(percent.iter().copied(), 0.0);
     let y = padded(tau.iter().copied(), 0.1);
     figure(LAYOUT, x, y, |plot| {
@@ -28,14 +29,14 @@ pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>
             plot.note(percent[drop.start], "largest drop");
         }
         let rows: Vec<usize> = (0..tau.len()).collect();
-        draw(plot, &percent, tau, &rows, GREY, 0.7);
+        draw(plot, percent, tau, &rows, GREY, 0.7);
         for phase in phases
             .iter()
             .filter(|phase| phase.change.abs() >= VISIBLE * (y[1] - y[0]))
         {
             draw(
                 plot,
-                &percent,
+                percent,
                 tau,
                 &rows[phase.start..=phase.end],
                 colour(phase.kind),
@@ -43,12 +44,7 @@ pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>
             );
         }
         plot.clip();
-        plot.axes(
-            &x_ticks,
-            &y_ticks,
-            "shear strain γ (%)",
-            "shear stress ratio τ = S/N",
-        );
+        plot.axes(&x_ticks, &y_ticks, axis.label, "shear stress ratio τ = S/N");
         plot.legend(&[
             (STICK, "stick"),
             (SLIP, "slip"),
@@ -57,15 +53,16 @@ pub fn whole(strain: &[f64], tau: &[f64], phases: &[Phase], drop: Option<&Phase>
     })
 }
 
-/// Draws τ around a drop with its phases shaded. `frames`: γ of the two frames that the maps show.
+/// Draws τ around a drop with its phases shaded. `frames`: places of the
+/// two frames that the maps show.
 pub fn around(
-    strain: &[f64],
+    axis: &Axis,
     tau: &[f64],
     phases: &[Phase],
     drop: &Phase,
     frames: Option<[f64; 2]>,
 ) -> String {
-    let percent = percent_of(strain);
+    let percent = &axis.values;
     let rows = window(tau.len(), drop);
     let x = padded(percent[rows.clone()].iter().copied(), 0.0);
     let y = padded(tau[rows.clone()].iter().copied(), 0.08);
@@ -84,22 +81,17 @@ pub fn around(
         }
         plot.grid(&[], &y_ticks);
         let rows: Vec<usize> = rows.collect();
-        draw(plot, &percent, tau, &rows, INK, 1.4);
+        draw(plot, percent, tau, &rows, INK, 1.4);
         if rows.len() <= 150 {
             for &row in &rows {
                 plot.disk([percent[row], tau[row]], 2.2, INK, None);
             }
         }
         for strain in frames.into_iter().flatten() {
-            plot.vertical_line(100.0 * strain, INK);
+            plot.vertical_line(strain, INK);
         }
         plot.clip();
-        plot.axes(
-            &x_ticks,
-            &y_ticks,
-            "shear strain γ (%)",
-            "shear stress ratio τ = S/N",
-        );
+        plot.axes(&x_ticks, &y_ticks, axis.label, "shear stress ratio τ = S/N");
         let dashed = "dashed: frames of the maps below";
         let mut legend = vec![(STICK, "stick"), (SLIP, "slip"), (INK, "τ")];
         if frames.is_some() {

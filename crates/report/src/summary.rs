@@ -39,6 +39,41 @@ impl Moments {
     }
 }
 
+/// Whether a spring or a protocol moves the wall, so that the strain is no measure of the time.
+pub fn is_driven(run: &RunFile) -> bool {
+    let velocities = run.series().column("drive_velocity");
+    run.number("spring_stiffness").is_some_and(f64::is_finite)
+        || velocities.windows(2).any(|pair| pair[0] != pair[1])
+}
+
+/// The largest slip at a constant velocity of the drive: the stress after a change of the velocity
+/// or during a hold falls because of the drive.
+fn largest_drop(run: &RunFile, phases: &[Phase]) -> Option<Phase> {
+    let drive = run.series().column("drive_velocity");
+    let is_free = |phase: &&Phase| {
+        let velocities = &drive[phase.start..=phase.end];
+        velocities[0] != 0.0 && velocities.iter().all(|v| *v == velocities[0])
+    };
+    let free: Vec<Phase> = phases.iter().filter(is_free).copied().collect();
+    phases::largest_drop(&free).copied()
+}
+
+/// γ from before the start to after the end of the largest drop, if it is one of disks that no
+/// frames show from its start to its end.
+///
+/// # Errors
+/// A damaged file.
+pub fn window_without_frames(run: &RunFile) -> Result<Option<[f64; 2]>, Failure> {
+    let (series, strain) = (run.series(), run.series().column("strain"));
+    let phases = phases::find(strain, series.column("stress_ratio"));
+    let Some(drop) = largest_drop(run, &phases).filter(|_| run.dimension().axes() == 2) else {
+        return Ok(None);
+    };
+    let shown = |row: usize| run.frame_steps().binary_search(&series.step[row]).is_ok();
+    let window = [drop.start, drop.end].map(|row| strain[row]);
+    Ok((!(shown(drop.start) && shown(drop.end))).then_some(window))
+}
+
 /// The two frames around a drop, and D²min between them.
 pub struct DropFrames {
     /// The slip.
@@ -57,12 +92,20 @@ pub struct DropFrames {
 }
 
 impl DropFrames {
-    /// Returns the largest drop that lies between two frames; `None` if no slip does.
+    /// Returns the largest drop that lies between two of the frames of `shown`; `None` if no slip
+    /// does, or the grains are spheres.
     ///
     /// # Errors
     /// If a frame cannot be read.
-    pub fn largest(run: &RunFile, phases: &[Phase]) -> Result<Option<Self>, Failure> {
-        let (steps, rows) = (run.frame_steps(), &run.series().step);
+    pub fn largest(
+        run: &RunFile,
+        shown: &RunFile,
+        phases: &[Phase],
+    ) -> Result<Option<Self>, Failure> {
+        if run.dimension().axes() == 3 {
+            return Ok(None);
+        }
+        let (steps, rows) = (shown.frame_steps(), &run.series().step);
         let frames = |phase: &Phase| {
             let earlier = steps
                 .partition_point(|step| *step <= rows[phase.start])
@@ -76,12 +119,12 @@ impl DropFrames {
             .copied()
             .collect();
         let Some((drop, frames)) =
-            phases::largest_drop(&covered).and_then(|drop| Some((*drop, frames(drop)?)))
+            largest_drop(run, &covered).and_then(|drop| Some((drop, frames(&drop)?)))
         else {
             return Ok(None);
         };
-        let strain = run.frame_strains()?;
-        let [earlier, later] = [run.frame(frames[0])?, run.frame(frames[1])?];
+        let strain = shown.frame_strains()?;
+        let [earlier, later] = [shown.frame(frames[0])?, shown.frame(frames[1])?];
         let grains = run.grains();
         let mut dmin = vec![f64::NAN; grains.count()];
         NonAffine::default().between(
@@ -136,11 +179,11 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Computes the numbers of a run.
+    /// Computes the numbers of a run. `replayed`: the run around its largest drop, with frames.
     ///
     /// # Errors
     /// If the run is damaged.
-    pub fn of(run: &RunFile) -> Result<Self, Failure> {
+    pub fn of(run: &RunFile, replayed: Option<&RunFile>) -> Result<Self, Failure> {
         let (strain, tau) = (
             run.series().column("strain"),
             run.series().column("stress_ratio"),
@@ -148,9 +191,9 @@ impl Summary {
         let phases = phases::find(strain, tau);
         let half = 0.5 * strain.last().copied().unwrap_or(0.0);
         let latter = &tau[strain.partition_point(|strain| *strain < half)..];
-        let event = DropFrames::largest(run, &phases)?;
+        let event = DropFrames::largest(run, replayed.unwrap_or(run), &phases)?;
         Ok(Summary {
-            drop: phases::largest_drop(&phases).copied(),
+            drop: largest_drop(run, &phases),
             stress: Moments::of(latter),
             event,
             phases,

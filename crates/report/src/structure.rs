@@ -1,0 +1,445 @@
+//! Figures of the structure of the sample, from frames of the latter half: profiles across the
+//! height, distribution of forces, fabric, pair correlation. Disks and spheres.
+
+use std::f64::consts::PI;
+
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{FrameRecords, body};
+use gshear_store::run_reader::RunFile;
+use gshear_store::table::Table;
+
+use super::ReportFigure;
+use super::colour::CURVES;
+use super::plot::{Layout, figure};
+use super::stress::padded;
+use super::ticks;
+
+const LAYOUT: Layout = Layout {
+    size: [900.0, 360.0],
+    margin: [84.0, 36.0, 24.0, 58.0],
+};
+/// Most frames that are read, and grains in all of them.
+const MOST_FRAMES: usize = 24;
+const MOST_GRAINS: usize = 400_000;
+/// Layers across the height.
+const LAYERS: usize = 40;
+/// Width of the bins of a force over its mean, and their number.
+const FORCE_BIN: f64 = 0.25;
+const FORCE_BINS: usize = 32;
+/// Bins of the angle of a contact, over 180°.
+const ANGLES: usize = 36;
+/// Bins of g(r) per mean diameter, and its greatest distance in mean diameters.
+const BINS_PER_DIAMETER: usize = 20;
+const FARTHEST: f64 = 4.0;
+/// Most grains in a frame around which pairs are counted.
+const MOST_CENTRES: usize = 1000;
+
+/// Sums over frames.
+struct Sums<'a> {
+    run: &'a RunFile,
+    axes: usize,
+    frames: usize,
+    /// Lower and upper end of the layers along the last axis (m).
+    ends: [f64; 2],
+    /// Volume (m³; m² in 2D) of the grains in each layer, and times their velocity along x.
+    layers: Vec<[f64; 2]>,
+    /// Counts of F_n and of |F_t|, over the mean F_n of the frame.
+    forces: [Vec<u64>; 2],
+    /// Number of contacts and sum of F_n over its mean, by the angle of the contact.
+    angles: Vec<[f64; 2]>,
+    pairs: Vec<f64>,
+    /// Σ n_x n_x, n_x n_z, n_z n_z of the contacts (y for z in 2D).
+    fabric: [f64; 3],
+    mean_diameter: f64,
+    farthest: f64,
+}
+
+/// Draws the structure; nothing without frames. Adds the fabric to the facts of the page.
+///
+/// # Errors
+/// A damaged file.
+pub fn figures(
+    run: &RunFile,
+    facts: &mut Vec<(&'static str, String)>,
+) -> Result<Vec<ReportFigure>, Failure> {
+    let frames = chosen(run);
+    let Some(&first) = frames.first() else {
+        return Ok(Vec::new());
+    };
+    let axes = run.dimension().axes();
+    let radius = &run.grains().radius;
+    let start = run.records(first..first + 1)?.swap_remove(0);
+    let reach = |sign: f64| {
+        let end = start.grains.iter().zip(radius);
+        end.map(move |(grain, r)| sign * grain.position[axes - 1] + r)
+            .fold(f64::NEG_INFINITY, f64::max)
+    };
+    let ends = [-reach(-1.0), reach(1.0)];
+    let mean_diameter = 2.0 * run.grains().mean_radius();
+    let [x, y] = run.cell().periods;
+    let period = if axes == 2 { x } else { x.min(y) };
+    let farthest = (FARTHEST * mean_diameter)
+        .min(0.25 * (ends[1] - ends[0]))
+        .min(0.5 * period);
+    let bins = (farthest / mean_diameter * BINS_PER_DIAMETER as f64) as usize;
+    let mut sums = Sums {
+        run,
+        axes,
+        frames: frames.len(),
+        ends,
+        layers: vec![[0.0; 2]; LAYERS],
+        forces: [vec![0; FORCE_BINS], vec![0; FORCE_BINS]],
+        angles: vec![[0.0; 2]; ANGLES],
+        pairs: vec![0.0; bins],
+        fabric: [0.0; 3],
+        mean_diameter,
+        farthest,
+    };
+    for &t in &frames {
+        let frame = run.records(t..t + 1)?.swap_remove(0);
+        sums.profile(&frame);
+        sums.contacts(&frame);
+        sums.pairs_of(&frame);
+    }
+    let of = format!(
+        "{} frames of the latter half",
+        if frames.len() == 1 {
+            "One of the".into()
+        } else {
+            format!("Mean of {}", frames.len())
+        }
+    );
+    let [xx, xz, zz] = sums
+        .fabric
+        .map(|sum| sum / (sums.fabric[0] + sums.fabric[2]));
+    if xx.is_finite() {
+        let difference = ((xx - zz).powi(2) + 4.0 * xz * xz).sqrt();
+        let angle = (0.5 * (2.0 * xz).atan2(xx - zz)).to_degrees();
+        facts.push((
+            "Fabric in the plane of shear: difference of the principal values of ⟨n⊗n⟩, direction of the greater",
+            format!("{difference:.4}, {angle:.1}° from the direction of shear"),
+        ));
+    }
+    Ok([
+        sums.velocities(&of),
+        sums.fractions(&of),
+        sums.distribution(&of),
+        sums.fabric(&of),
+        sums.correlation(&of),
+    ]
+    .into_iter()
+    .flatten()
+    .collect())
+}
+
+/// Evenly spread frames of the latter half.
+fn chosen(run: &RunFile) -> Vec<usize> {
+    let frames = run.frames();
+    let all = frames - frames / 2;
+    let most = (MOST_GRAINS / run.grains().count().max(1)).clamp(1, MOST_FRAMES);
+    let many = all.min(most);
+    (1..=many)
+        .map(|k| frames / 2 + k * all / many - 1)
+        .collect()
+}
+
+impl Sums<'_> {
+    fn base(&self) -> f64 {
+        let [x, y] = self.run.cell().periods;
+        if self.axes == 2 { x } else { x * y }
+    }
+
+    fn layer_height(&self) -> f64 {
+        (self.ends[1] - self.ends[0]) / LAYERS as f64
+    }
+
+    fn profile(&mut self, frame: &FrameRecords) {
+        let (height, bottom, axes) = (self.layer_height(), self.ends[0], self.axes);
+        for (grain, &r) in frame.grains.iter().zip(&self.run.grains().radius) {
+            let z = grain.position[axes - 1] - bottom;
+            let layer = |z: f64| ((z / height).floor().max(0.0) as usize).min(LAYERS - 1);
+            for k in layer(z - r)..=layer(z + r) {
+                let [low, high] = [k as f64 * height - z, (k + 1) as f64 * height - z];
+                let volume = below(high, r, axes) - below(low, r, axes);
+                self.layers[k][0] += volume;
+                self.layers[k][1] += volume * grain.velocity[0];
+            }
+        }
+    }
+
+    fn contacts(&mut self, frame: &FrameRecords) {
+        let cell = self.run.cell();
+        let bodies = &self.run.grains().body;
+        let is_free = |id: u32| u32::from(bodies[id as usize]) == body::FREE;
+        let free: Vec<_> = (frame.contacts.iter())
+            .filter(|contact| is_free(contact.i) && is_free(contact.j))
+            .collect();
+        let mean = free.iter().map(|c| c.normal_force).sum::<f64>() / free.len() as f64;
+        for contact in free {
+            let tangential = contact.tangential_force.iter().map(|f| f * f).sum::<f64>();
+            let forces = [contact.normal_force, tangential.sqrt()].map(|f| f / mean);
+            for (counts, force) in self.forces.iter_mut().zip(forces) {
+                if let Some(count) = counts.get_mut((force / FORCE_BIN) as usize) {
+                    *count += 1;
+                }
+            }
+            let [a, b] = [contact.i, contact.j].map(|id| &frame.grains[id as usize].position);
+            let r = match self.axes {
+                2 => cell.separation::<Two>(a, b),
+                _ => cell.separation::<Three>(a, b),
+            };
+            let length = r.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let [x, z] = [r[0] / length, r[self.axes - 1] / length];
+            let turned = z.atan2(x).rem_euclid(PI) / PI * ANGLES as f64;
+            let angle = &mut self.angles[(turned as usize).min(ANGLES - 1)];
+            angle[0] += 1.0;
+            angle[1] += forces[0];
+            for (sum, part) in self.fabric.iter_mut().zip([x * x, x * z, z * z]) {
+                *sum += part;
+            }
+        }
+    }
+
+    fn pairs_of(&mut self, frame: &FrameRecords) {
+        let (cell, axes) = (self.run.cell(), self.axes);
+        let bodies = &self.run.grains().body;
+        let free: Vec<[f64; 3]> = (frame.grains.iter().zip(bodies))
+            .filter(|(_, of)| u32::from(**of) == body::FREE)
+            .map(|(grain, _)| grain.position)
+            .collect();
+        let up = |place: &[f64; 3]| place[axes - 1];
+        let [low, high] = free
+            .iter()
+            .map(up)
+            .fold([f64::MAX, f64::MIN], |[a, b], z| [a.min(z), b.max(z)]);
+        let inner =
+            |place: &&[f64; 3]| up(place) > low + self.farthest && up(place) < high - self.farthest;
+        let centres: Vec<&[f64; 3]> = free.iter().filter(inner).collect();
+        let every = centres.len().div_ceil(MOST_CENTRES).max(1);
+        let centres: Vec<&[f64; 3]> = centres.into_iter().step_by(every).collect();
+        let density = free.len() as f64 / (self.base() * (high - low));
+        let width = self.mean_diameter / BINS_PER_DIAMETER as f64;
+        let scale = 1.0 / (centres.len() as f64 * density * self.frames as f64);
+        for a in &centres {
+            for b in &free {
+                let r = match axes {
+                    2 => cell.separation::<Two>(&a[..], b),
+                    _ => cell.separation::<Three>(&a[..], b),
+                };
+                let distance = r.iter().map(|x| x * x).sum::<f64>().sqrt();
+                let bin = (distance / width) as usize;
+                if bin < self.pairs.len() && distance > 0.0 {
+                    let [inside, outside] = [bin, bin + 1].map(|k| match axes {
+                        2 => PI * (k as f64 * width).powi(2),
+                        _ => 4.0 / 3.0 * PI * (k as f64 * width).powi(3),
+                    });
+                    self.pairs[bin] += scale / (outside - inside);
+                }
+            }
+        }
+    }
+
+    fn heights(&self) -> Vec<f64> {
+        let middle = |k: usize| (k as f64 + 0.5) * self.layer_height() / self.mean_diameter;
+        (0..LAYERS).map(middle).collect()
+    }
+
+    fn velocities(&self, of: &str) -> Option<ReportFigure> {
+        let of_layer = |[volume, moved]: &[f64; 2]| moved / volume;
+        let values: Vec<f64> = self.layers.iter().map(of_layer).collect();
+        let lines = [("velocity_x", "velocity", &values[..])];
+        drawn(
+            (
+                "velocity-profile",
+                format!(
+                    "{of}: velocity along the direction of shear across the height, in layers."
+                ),
+            ),
+            ("height", "height over d̄", &self.heights()),
+            "velocity (m/s)",
+            &lines,
+        )
+    }
+
+    fn fractions(&self, of: &str) -> Option<ReportFigure> {
+        let layer = self.base() * self.layer_height() * self.frames as f64;
+        let values: Vec<f64> = self.layers.iter().map(|of| of[0] / layer).collect();
+        drawn(
+            (
+                "fraction-profile",
+                format!(
+                    "{of}: solid fraction across the height, in layers; the outermost belong to the walls."
+                ),
+            ),
+            ("height", "height over d̄", &self.heights()),
+            "solid fraction",
+            &[("solid_fraction", "solid fraction", &values)],
+        )
+    }
+
+    fn distribution(&self, of: &str) -> Option<ReportFigure> {
+        let all = self.angles.iter().map(|of| of[0]).sum::<f64>();
+        let density = |counts: &Vec<u64>| -> Vec<f64> {
+            counts
+                .iter()
+                .map(|n| *n as f64 / (all * FORCE_BIN))
+                .collect()
+        };
+        let [normal, tangential] = [density(&self.forces[0]), density(&self.forces[1])];
+        let logarithms = |values: &[f64]| values.iter().map(|p| p.log10()).collect::<Vec<_>>();
+        let forces: Vec<f64> = (0..FORCE_BINS)
+            .map(|k| (k as f64 + 0.5) * FORCE_BIN)
+            .collect();
+        let lines = [
+            ("log10_density_normal", "F_{n}", &logarithms(&normal)[..]),
+            (
+                "log10_density_tangential",
+                "|F_{t}|",
+                &logarithms(&tangential)[..],
+            ),
+        ];
+        drawn(
+            (
+                "force-distribution",
+                format!(
+                    "{of}: probability density of the forces between free grains, over the mean normal force."
+                ),
+            ),
+            ("force_over_mean", "F/⟨F_{n}⟩", &forces),
+            "log_{10} probability density",
+            &lines,
+        )
+    }
+
+    fn fabric(&self, of: &str) -> Option<ReportFigure> {
+        let all = self.angles.iter().map(|of| of[0]).sum::<f64>();
+        let density: Vec<f64> = self
+            .angles
+            .iter()
+            .map(|of| of[0] / all * ANGLES as f64)
+            .collect();
+        let force: Vec<f64> = self.angles.iter().map(|of| of[1] / of[0]).collect();
+        let angle = |k: usize| (k as f64 + 0.5) * 180.0 / ANGLES as f64;
+        let angles: Vec<f64> = (0..ANGLES).map(angle).collect();
+        let lines = [
+            (
+                "density",
+                "number of contacts over that of an isotropic fabric",
+                &density[..],
+            ),
+            (
+                "mean_force",
+                "their mean F_{n} over the mean of all",
+                &force[..],
+            ),
+        ];
+        drawn(
+            (
+                "fabric",
+                format!(
+                    "{of}: contacts between free grains by the angle of their normal in the plane of shear, from the direction of shear (0°) to the gradient (90°)."
+                ),
+            ),
+            ("angle", "angle of the contact (°)", &angles),
+            "relative to the mean",
+            &lines,
+        )
+    }
+
+    fn correlation(&self, of: &str) -> Option<ReportFigure> {
+        // No grain is far enough from the walls.
+        if self.pairs.iter().all(|g| *g == 0.0) {
+            return None;
+        }
+        let place = |k: usize| (k as f64 + 0.5) / BINS_PER_DIAMETER as f64;
+        let places: Vec<f64> = (0..self.pairs.len()).map(place).collect();
+        drawn(
+            (
+                "pair-correlation",
+                format!(
+                    "{of}: pair correlation g(r) of the free grains, around those far from the walls."
+                ),
+            ),
+            ("distance_over_mean_diameter", "r/d̄", &places),
+            "g(r)",
+            &[("g", "g(r)", &self.pairs)],
+        )
+    }
+}
+
+/// Volume (area in 2D) of a grain of radius r below the height z over its centre.
+fn below(z: f64, r: f64, axes: usize) -> f64 {
+    let z = z.clamp(-r, r);
+    match axes {
+        2 => z * (r * r - z * z).max(0.0).sqrt() + r * r * ((z / r).asin() + 0.5 * PI),
+        _ => PI * (r * r * z - z.powi(3) / 3.0 + 2.0 / 3.0 * r.powi(3)),
+    }
+}
+
+/// Draws curves over common places; `None` if no curve has two points.
+fn drawn(
+    (name, caption): (&'static str, String),
+    (x_name, x_label, places): (&'static str, &str, &[f64]),
+    y_label: &str,
+    lines: &[(&'static str, &str, &[f64])],
+) -> Option<ReportFigure> {
+    let finite = |values: &[f64]| values.iter().filter(|v| v.is_finite()).count();
+    if !lines.iter().any(|(.., values)| finite(values) > 1) {
+        return None;
+    }
+    let x = padded(places.iter().copied(), 0.02);
+    let y = padded(lines.iter().flat_map(|(.., of)| of.iter().copied()), 0.08);
+    let svg = figure(LAYOUT, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 5));
+        plot.grid(&x_ticks, &y_ticks);
+        for ((.., values), colour) in lines.iter().zip(CURVES) {
+            let points: Vec<[f64; 2]> = (places.iter().zip(*values))
+                .map(|(x, y)| [*x, *y])
+                .collect();
+            for stretch in points.split(|point| !point[1].is_finite()) {
+                if stretch.len() > 1 {
+                    plot.line(stretch, colour, 1.3);
+                }
+                for point in stretch {
+                    plot.disk(*point, 2.0, colour, None);
+                }
+            }
+        }
+        plot.clip();
+        plot.axes(&x_ticks, &y_ticks, x_label, y_label);
+        if lines.len() > 1 {
+            let names = lines
+                .iter()
+                .zip(CURVES)
+                .map(|(line, colour)| (colour, line.1));
+            plot.legend(&names.collect::<Vec<_>>());
+        }
+    });
+    let data = Table::of(0..places.len())
+        .column(x_name, |k| places[*k])
+        .columns(lines.iter().map(|line| line.0), |k| {
+            lines.iter().map(|line| line.2[*k]).collect::<Vec<f64>>()
+        })
+        .csv();
+    Some(ReportFigure {
+        name,
+        caption,
+        svg,
+        data,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grain_is_the_sum_of_its_slices() {
+        for (axes, whole) in [(2, PI * 4.0), (3, PI * 32.0 / 3.0)] {
+            assert!((below(2.0, 2.0, axes) - whole).abs() < 1e-14 * whole);
+            assert!((below(0.0, 2.0, axes) - 0.5 * whole).abs() < 1e-14 * whole);
+            assert_eq!(below(-3.0, 2.0, axes), 0.0);
+        }
+    }
+}
