@@ -373,7 +373,7 @@ fn below(z: f64, r: f64, axes: usize) -> f64 {
     let z = z.clamp(-r, r);
     match axes {
         2 => z * (r * r - z * z).max(0.0).sqrt() + r * r * ((z / r).asin() + 0.5 * PI),
-        _ => PI * (r * r * z - z.powi(3) / 3.0 + 2.0 / 3.0 * r.powi(3)),
+        _ => PI / 3.0 * (z + r).powi(2) * (2.0 * r - z),
     }
 }
 
