@@ -192,6 +192,7 @@ fn realisations_give_the_law_that_they_are_made_of() {
         "healing.svg",
         "holds.csv",
         "holds.svg",
+        "index.html",
         "rate-state.csv",
         "rate-state.json",
         "reslides.svg",
@@ -326,6 +327,34 @@ fn protocols_are_fitted_together() {
     }
     assert!(names(&out).contains(&"fit-1.svg".to_string()));
     assert!(!names(&out).contains(&"holds.svg".to_string()));
+}
+
+/// One small step in noise: it shows the direct effect, and not how friction evolves.
+#[test]
+fn what_the_data_do_not_determine_is_said_to_be_so() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let brief = run(&[SLIDE, segment(0.022, 0.3)], 4e-3, 3e-3, 3);
+    let path = written(folder.path(), "brief", &brief);
+    let said = done(&["rate-state", &path, "--law", "slip"]);
+    let out = Path::new(&path).join("rate-state");
+    let fit = &json(&out)["fits"][0]["laws"]["slip"];
+    for name in ["b", "a_minus_b", "d_c"] {
+        assert!(fit[name].is_null(), "{name} of {fit}");
+    }
+    let [low, high] = [0, 1].map(|k| fit["a"]["interval"][k].as_f64().expect("a number"));
+    assert!(low < LAW.a && LAW.a < high, "{fit}");
+    let mut reader = csv::Reader::from_path(out.join("fits.csv")).expect("a table");
+    let names = reader.headers().expect("a header").clone();
+    let row = reader.records().next().expect("a fit").expect("cells");
+    let cell = |name: &str| &row[names.iter().position(|of| of == name).expect("a column")];
+    for name in ["b", "b_low", "b_high", "d_c"] {
+        assert_eq!(cell(name), "", "{name}");
+    }
+    assert_eq!(cell("undetermined"), "b a_minus_b d_c");
+    assert!(said.contains("not determined"), "{said}");
+    let page = std::fs::read_to_string(out.join("index.html")).expect("a page");
+    assert!(page.contains("b = not determined"));
 }
 
 #[test]

@@ -21,14 +21,11 @@ pub fn html(
     };
     let mut body = String::new();
     for figure in figures {
-        let alt = alternative(&figure.caption);
-        let described = format!("<svg role=\"img\" aria-label=\"{alt}\" ");
-        body += &format!(
-            "<figure id=\"{0}\">\n{1}<figcaption>{2} <span class=\"data\">Data: {0}.csv</span></figcaption>\n</figure>\n",
-            figure.name,
-            figure.svg.replacen("<svg ", &described, 1),
-            figure.caption
+        let data = format!(
+            "{} <span class=\"data\">Data: {}.csv</span>",
+            figure.caption, figure.name
         );
+        body += &self::figure(figure.name, &data, &figure.svg);
     }
     if run.dimension().axes() == 2 {
         let smaller = |event: &DropFrames| Some(event.drop) != summary.drop;
@@ -43,16 +40,39 @@ pub fn html(
     }
     let parameters = run.parameters().iter().filter(|(name, _)| *name != "scene");
     let parameters = parameters.map(|(name, value)| (escape(name), escape(&value.to_string())));
+    let body = format!(
+        "{}<h2>Figures</h2>\n{body}<h2>Parameters</h2>\n{}{}",
+        table(facts.into_iter().map(|(name, value)| (name.into(), value))),
+        table(parameters),
+        scene_of(run.scene())
+    );
+    document(&title, lead, &body)
+}
+
+/// Returns a page that stands alone; title, lead and body are HTML.
+pub fn document(title: &str, lead: &str, body: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>{title}</title>\n\
-         <style>\n{}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<p class=\"lead\">{lead}</p>\n\
-         {}<h2>Figures</h2>\n{body}<h2>Parameters</h2>\n{}\
-         <details><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n</body>\n</html>\n",
-        include_str!("page.css"),
-        table(facts.into_iter().map(|(name, value)| (name.into(), value))),
-        table(parameters),
-        escape(run.scene())
+         <style>\n{}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<p class=\"lead\">{lead}</p>\n{body}</body>\n</html>\n",
+        include_str!("page.css")
+    )
+}
+
+/// Returns a figure with its drawing in the page; the caption is HTML.
+pub fn figure(name: &str, caption: &str, svg: &str) -> String {
+    let described = format!("<svg role=\"img\" aria-label=\"{}\" ", alternative(caption));
+    format!(
+        "<figure id=\"{name}\">\n{}<figcaption>{caption}</figcaption>\n</figure>\n",
+        svg.replacen("<svg ", &described, 1)
+    )
+}
+
+/// Returns the scene, folded.
+pub fn scene_of(toml: &str) -> String {
+    format!(
+        "<details><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n",
+        escape(toml)
     )
 }
 
@@ -171,7 +191,8 @@ fn number(value: f64) -> String {
     }
 }
 
-fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
+/// Returns a table of names and values, both HTML.
+pub fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
     let rows = rows
         .into_iter()
         .map(|(name, value)| format!("<tr><th>{name}</th><td>{value}</td></tr>\n"));
@@ -179,7 +200,7 @@ fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
 }
 
 /// Text between tags. Own code because three replacements are not worth a crate.
-pub(super) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

@@ -238,11 +238,16 @@ const INTERVALS: [[Column; 3]; 5] = [
         Column::new("mu_star_high", "1", "upper end"),
     ],
 ];
-const FIT_END: [Column; 5] = [
+const FIT_END: [Column; 6] = [
     Column::new("v_star", "m s-1", "V*"),
     Column::new("rms", "1", "root mean square of the residuals of μ"),
     Column::new("effective_values", "1", "number of independent values of μ"),
     Column::new("chi_squared", "1", "χ² per degree of freedom"),
+    Column::new(
+        "undetermined",
+        "1",
+        "parameters that the data do not determine",
+    ),
     Column::new("why_none", "1", "why there is no fit"),
 ];
 

@@ -19,7 +19,13 @@ pub struct Estimate {
     pub value: f64,
     /// Lower and upper end of the 95 % interval.
     pub interval: [f64; 2],
+    /// Whether the data say anything about it: the interval of a positive quantity spans less than
+    /// a factor of 1000, that of a friction coefficient less than 2.
+    pub determined: bool,
 }
+
+/// The half-widths from which on an estimate counts as not determined.
+const WIDEST: [f64; 2] = [1.0, 3.454];
 
 impl Estimate {
     /// Creates a symmetric interval of half-width `half_width`.
@@ -27,6 +33,7 @@ impl Estimate {
         Estimate {
             value,
             interval: [value - half_width, value + half_width],
+            determined: half_width < WIDEST[0],
         }
     }
 
@@ -35,6 +42,7 @@ impl Estimate {
         Estimate {
             value,
             interval: [value * (-half_width).exp(), value * half_width.exp()],
+            determined: half_width < WIDEST[1],
         }
     }
 }
@@ -74,6 +82,12 @@ impl Fit {
             ("d_c", self.d_c),
             ("mu_star", self.mu_star),
         ]
+    }
+
+    /// Returns the names of the parameters that the data do not determine.
+    pub fn undetermined(&self) -> Vec<&'static str> {
+        let without = self.estimates().into_iter().filter(|(_, e)| !e.determined);
+        without.map(|(name, _)| name).collect()
     }
 }
 

@@ -66,7 +66,14 @@ pub fn write(
     let reduction = reduce(runs, laws)?;
     let mut files = tables::files(&reduction);
     let views: Vec<figures::View> = reduction.views();
-    files.extend(figures::all(&views, reduction.fitted[0].best()));
+    let drawn = figures::all(&views, reduction.fitted[0].best());
+    let page = figures::page(
+        &drawn,
+        &page_rows(&reduction),
+        &folder.display().to_string(),
+    );
+    files.extend(drawn);
+    files.push(("index.html".into(), page));
     for (name, text) in &files {
         let path = folder.join(name);
         match path.extension().is_some_and(|of| of == "csv") {
@@ -138,6 +145,60 @@ impl Reduction {
     }
 }
 
+/// Writes an estimate with its interval.
+fn shown(e: Estimate, digits: usize) -> String {
+    let [low, high] = e.interval;
+    match e.determined {
+        true => format!("{:.digits$} ({low:.digits$} … {high:.digits$})", e.value),
+        false => "not determined".into(),
+    }
+}
+
+/// Returns the table of the page: names and texts.
+fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
+    let mut rows = Vec::new();
+    let mut add = |name: String, text: String| rows.push([name, text]);
+    for (k, (experiment, runs)) in reduction
+        .experiments
+        .iter()
+        .zip(&reduction.runs)
+        .enumerate()
+    {
+        let protocol = format!(
+            "{} velocity steps, {} holds; k/N = {:.4e} 1/m; {}",
+            experiment.steps.len(),
+            experiment.holds.len(),
+            experiment.record.stiffness,
+            runs.join(", ")
+        );
+        add(format!("Experiment {k}"), protocol);
+        for healing in &experiment.healing {
+            let [before, after] = healing.velocities;
+            add(
+                format!("Healing per factor e of hold time, {before} m/s, hold, {after} m/s"),
+                format!("{:.5}", healing.slope),
+            );
+        }
+    }
+    for fitted in reduction.fitted.iter().filter(|f| f.event.is_none()) {
+        for (law, fit) in &fitted.fits {
+            let name = format!("Fit to {}, {} law", fitted.name, law.name());
+            let text = match fit {
+                Ok(fit) => format!(
+                    "a = {}; b = {}; a - b = {}; D_c = {} m",
+                    shown(fit.a, 5),
+                    shown(fit.b, 5),
+                    shown(fit.a_minus_b, 5),
+                    shown(fit.d_c, 6)
+                ),
+                Err(why) => format!("none: {why}"),
+            };
+            add(name, text);
+        }
+    }
+    rows
+}
+
 /// Prints the main results.
 fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()> {
     for (k, (experiment, runs)) in reduction
@@ -191,10 +252,6 @@ fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()
         "{:<18}{:<7}{:<30}{:<30}{:<33}{:<10}{:>9}",
         "fit to", "law", "a", "b", "D_c (m)", "rms", "χ²"
     )?;
-    let shown = |e: Estimate, digits: usize| {
-        let [low, high] = e.interval;
-        format!("{:.digits$} ({low:.digits$} … {high:.digits$})", e.value)
-    };
     for fitted in reduction.fitted.iter().filter(|f| f.event.is_none()) {
         for ((law, fit), chi) in fitted.fits.iter().zip(&fitted.chi_squared) {
             let (name, law) = (fitted.name, law.name());

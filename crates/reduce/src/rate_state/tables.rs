@@ -177,9 +177,10 @@ fn fits(reduction: &Reduction) -> String {
         .column("law", |(_, law, ..)| law.name())
         .columns(estimates.into_iter().flatten(), |(_, _, fit, _)| {
             match fit {
-                Ok(fit) => fit
-                    .estimates()
-                    .map(|(_, e)| [e.value, e.interval[0], e.interval[1]].map(known)),
+                Ok(fit) => fit.estimates().map(|(_, e)| match e.determined {
+                    true => [e.value, e.interval[0], e.interval[1]].map(known),
+                    false => [None; 3],
+                }),
                 Err(_) => [[None; 3]; 5],
             }
             .into_iter()
@@ -194,6 +195,9 @@ fn fits(reduction: &Reduction) -> String {
         )
         .column("chi_squared", |(_, _, fit, chi)| {
             fit.as_ref().ok().and(**chi).and_then(known)
+        })
+        .column("undetermined", |(_, _, fit, _)| {
+            fit.as_ref().ok().map(|fit| fit.undetermined().join(" "))
         })
         .column("why_none", |(_, _, fit, _)| {
             fit.as_ref().err().map(String::as_str)
@@ -279,7 +283,10 @@ fn fit(fitted: &Fitted) -> Value {
                         "chi_squared": chi,
                     });
                     for (name, e) in fit.estimates() {
-                        value[name] = json!({ "value": e.value, "interval": e.interval });
+                        value[name] = match e.determined {
+                            true => json!({ "value": e.value, "interval": e.interval }),
+                            false => Value::Null,
+                        };
                     }
                     value
                 }

@@ -5,7 +5,7 @@ mod curves;
 
 use std::path::{Path, PathBuf};
 
-use crate::page::escape;
+use crate::page::{document, escape, scene_of};
 use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
 use gshear_dem::dimension::{Three, Two};
@@ -278,15 +278,13 @@ fn html(studied: &BoxRun, numbers: &[PaperValue], figures: &[PaperFigure]) -> St
             )
         })
         .collect();
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>The study of Bonfanti et al.</title>\n\
-         <style>\n{}</style>\n</head>\n<body>\n<h1>The study of Bonfanti et al.</h1>\n\
-         <p class=\"lead\">The figures of \"Oscillatory instabilities in three-dimensional frictional granular matter\" for the run {}.</p>\n\
-         <table>\n<tr><th></th><td>paper</td><td>this run</td></tr>\n{rows}</table>\n<h2>Figures</h2>\n{body}\
-         <details><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n</body>\n</html>\n",
-        include_str!("../page.css"),
-        escape(&studied.strain.path().display().to_string()),
-        escape(studied.strain.text("scene").unwrap_or_default()),
-    )
+    let lead = format!(
+        "The figures of \"Oscillatory instabilities in three-dimensional frictional granular matter\" for the run {}.",
+        escape(&studied.strain.path().display().to_string())
+    );
+    let body = format!(
+        "<table>\n<tr><th></th><td>paper</td><td>this run</td></tr>\n{rows}</table>\n<h2>Figures</h2>\n{body}{}",
+        scene_of(studied.strain.text("scene").unwrap_or_default())
+    );
+    document("The study of Bonfanti et al.", &lead, &body)
 }

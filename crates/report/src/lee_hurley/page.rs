@@ -3,7 +3,7 @@
 use super::numbers::QuotedNumber;
 use super::studied::Studied;
 use super::{Drawn, Figure};
-use crate::page::escape;
+use crate::page::{document, escape};
 
 /// Returns the page as HTML, which refers to the figures as files in the same folder. `seeds`: name
 /// and SVG of the figures over several seeds.
@@ -48,15 +48,15 @@ pub fn html(
             run.size.name()
         );
     }
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>The study of Lee and Hurley</title>\n\
-         <style>\n{}</style>\n</head>\n<body>\n<h1>The study of Lee and Hurley</h1>\n\
-         <p class=\"lead\">The figures of \"Microscopic dynamics of particle rearrangement and its correlation with stick-slip behavior in \
-         granular shear\" for these runs, with the numbers of the paper. Each figure links to its data as CSV.</p>\n\
-         <h2>Figures</h2>\n<p>Figure 1 is a drawing of the set-up.</p>\n{body}{ensemble}<h2>Numbers of the paper and of these runs</h2>\n\
-         <p>Coefficients below 0.4 are called weak, from 0.6 on strong; the paper uses the words without numbers.</p>\n{tables}</body>\n</html>\n",
-        include_str!("../page.css")
+    let body = format!(
+        "<h2>Figures</h2>\n<p>Figure 1 is a drawing of the set-up.</p>\n{body}{ensemble}<h2>Numbers of the paper and of these runs</h2>\n\
+         <p>Coefficients below 0.4 are called weak, from 0.6 on strong; the paper uses the words without numbers.</p>\n{tables}"
+    );
+    document(
+        "The study of Lee and Hurley",
+        "The figures of \"Microscopic dynamics of particle rearrangement and its correlation with stick-slip behavior in \
+         granular shear\" for these runs, with the numbers of the paper. Each figure links to its data as CSV.",
+        &body,
     )
 }
 

@@ -8,6 +8,7 @@ use self::curve::{Curve, draw};
 use self::healing::{healing, peak_offset};
 use super::stress::padded;
 use super::ticks;
+use crate::page;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fit, Hold};
 
 /// An experiment and the predictions of the fitted laws for it.
@@ -45,6 +46,47 @@ pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
     add("healing.svg", healing(views));
     figures
 }
+
+/// Returns a page with these figures, names and SVG, and a table of names and texts. `place`: where
+/// the tables are.
+pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> String {
+    let mut body = format!(
+        "{}<h2>Figures</h2>\n",
+        page::table(rows.iter().map(|row| {
+            let [name, text] = row.each_ref().map(|text| page::escape(text));
+            (name, text)
+        }))
+    );
+    for (name, svg) in figures {
+        let caption = CAPTIONS.iter().find(|(start, _)| name.starts_with(start));
+        body += &page::figure(
+            name.trim_end_matches(".svg"),
+            caption.map_or("", |(_, caption)| caption),
+            svg,
+        );
+    }
+    let lead = format!(
+        "Rate-and-state friction. Intervals are of 95 %. The tables are in {}; gshear-reduce columns explains them.",
+        page::escape(place)
+    );
+    page::document("Rate-and-state friction", &lead, &body)
+}
+
+/// Captions by the beginning of the name of a figure.
+const CAPTIONS: [(&str, &str); 6] = [
+    (
+        "fit",
+        "Friction over slip, and the laws fitted to all data.",
+    ),
+    ("steps", "Friction after the velocity steps."),
+    ("holds", "Relaxation in the holds."),
+    (
+        "reslides-normalised",
+        "Slides after the holds, less the peak that the hold time gives.",
+    ),
+    ("reslides", "Slides after the holds."),
+    ("healing", "Healing over the hold time."),
+];
 
 /// Draws μ against slip over the whole record.
 fn fit_over_data(view: &View) -> String {
