@@ -185,7 +185,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
             let name = format!("Fit to {}, {} law", fitted.name, law.name());
             let text = match fit {
                 Ok(fit) => format!(
-                    "a = {}; b = {}; a - b = {}; D_c = {} m",
+                    "a = {}; b = {}; a - b = {}; D_c (m) = {}",
                     shown(fit.a, 5),
                     shown(fit.b, 5),
                     shown(fit.a_minus_b, 5),

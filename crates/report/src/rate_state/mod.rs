@@ -66,7 +66,7 @@ pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> 
         );
     }
     let lead = format!(
-        "Rate-and-state friction. Intervals are of 95 %. The tables are in {}; gshear-reduce columns explains them.",
+        "Fits with intervals of 95 %. The tables are in {}; gshear-reduce columns explains them.",
         page::escape(place)
     );
     page::document("Rate-and-state friction", &lead, &body)
