@@ -96,7 +96,7 @@ fn a_flipped_bit_in_any_dataset_is_named() {
         }
     }
     drop(file);
-    assert_eq!(places.len(), 3 * (2 + 8 + 3 + 3 + 4 + 4));
+    assert_eq!(places.len(), 3 * (2 + 9 + 3 + 3 + 4 + 4));
     for (place, part) in places {
         let mut damaged = whole.clone();
         damaged[place] ^= 1;
@@ -162,7 +162,7 @@ fn what_is_no_whole_checkpoint_is_refused() {
         .unwrap();
     file.close().unwrap();
     let message = format!(
-        "format version {}; this program reads version {VERSION}",
+        "format version {}; this program reads versions 4 to {VERSION}",
         VERSION + 1
     );
     assert!(refused(&path).contains(&message));

@@ -85,6 +85,7 @@ impl Impact {
             radius: RADII[id as usize],
             force: [0.0; 3],
             torque: [0.0; 3],
+            image: [0; 3],
         };
         let distance = RADII[0] + RADII[1] + GAP;
         let grains = vec![grain(0, 0.0, [0.0; 3]), grain(1, distance, velocity)];

@@ -43,6 +43,7 @@ def test_numpy_reads_the_arrays(exported: tuple[Run, Callable[[str], Path]]) -> 
             frame, contacts = run.frame(t), run.contacts(t)
             assert np.array_equal(arrays["position"][k], frame.position)
             assert np.array_equal(arrays["velocity"][k], frame.velocity)
+            assert np.array_equal(arrays["image"][k], frame.image)
             rows = slice(ends[k], ends[k + 1])
             assert np.array_equal(arrays["contact_pair"][rows], contacts.pairs)
             assert np.array_equal(arrays["contact_normal_force"][rows], contacts.normal_force)
@@ -118,6 +119,8 @@ def test_ovito_reads_grains_and_contacts(exported: tuple[Run, Callable[[str], Pa
         lines = local.read_text().splitlines()
         head = next(line for line in lines if line.startswith("ITEM: ENTRIES")).split()[2:]
         names = ["Particle Identifiers.1", "Particle Identifiers.2", *head[2:]]
+        # The modifier forgets them.
+        image = pipeline.compute(len(frames) - 1).particles["Periodic Image"][...]
         bonds = LoadTrajectoryModifier()
         bonds.source.load(str(local), columns=names)
         pipeline.modifiers.append(bonds)
@@ -125,6 +128,7 @@ def test_ovito_reads_grains_and_contacts(exported: tuple[Run, Callable[[str], Pa
         order = np.argsort(data.particles["Particle Identifier"][...])
         place = data.particles.positions[...][order]
         assert np.abs(place - frame.position).max() <= 1e-15 * np.abs(frame.position).max()
+        assert np.array_equal(image[order], frame.image)
         # OVITO keeps radii in single precision.
         radius = data.particles["Radius"][...][order]
         assert np.allclose(radius, frame.radius, rtol=2e-7, atol=0)

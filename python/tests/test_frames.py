@@ -143,6 +143,21 @@ def test_contact_forces_on_the_wall_are_those_of_the_series(walls: Run) -> None:
     assert compared > 30
 
 
+def test_unwrapped_positions_follow_the_walls(walls: Run) -> None:
+    slip = walls.series.set_index("step")["slip"].astype(float).to_dict()
+    first = walls.frames[0]
+    top, bottom = first.body == 2, first.body == 1
+    last, images = first.unwrapped, 0
+    for frame in frames_with_rows(walls):
+        moved = frame.unwrapped - first.unwrapped
+        assert moved[top, 0] == pytest.approx(slip[frame.step] - slip[first.step], abs=1e-12)
+        assert np.array_equal(moved[bottom], np.zeros_like(moved[bottom]))
+        assert np.abs(frame.unwrapped - last).max() < 0.25 * frame.box.edges[0]
+        last = frame.unwrapped
+        images += int(np.count_nonzero(frame.image))
+    assert images > 0
+
+
 def test_coordination_is_that_of_the_series(walls: Run) -> None:
     series = walls.series.set_index("step")
     for frame in frames_with_rows(walls):

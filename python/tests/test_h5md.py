@@ -25,16 +25,18 @@ def test_pyh5md_reads_grains_box_and_contacts(run: Run) -> None:
 
     with run, pyh5md.File(str(run.path), "r") as file:
         grains = file.particles_group("trajectory")
-        position, velocity = (pyh5md.element(grains, name) for name in ("position", "velocity"))
+        names = ("position", "velocity", "image")
+        position, velocity, image = (pyh5md.element(grains, name) for name in names)
         edges = pyh5md.element(grains["box"], "edges")
         contacts = file["connectivity/contacts"]
         assert file[contacts.attrs["particles_group"]] == grains
         for t, frame in enumerate(run.frames):
-            for element in (position, velocity, edges):
+            for element in (position, velocity, image, edges):
                 assert element.step[t] == frame.step
                 assert element.time[t] == frame.time
             assert np.array_equal(position.value[t], frame.position)
             assert np.array_equal(velocity.value[t], frame.velocity)
+            assert np.array_equal(image.value[t], frame.image)
             vectors = edges.value[t] if edges.value.ndim == 3 else np.diag(edges.value[t])
             assert np.array_equal(np.diagonal(vectors), frame.box.edges)
             rows = slice(*contacts["offset"][t : t + 2])
@@ -54,23 +56,13 @@ def test_mdanalysis_reads_grains_box_and_contacts(run: Run) -> None:
             assert np.array_equal(ts.velocities, frame.velocity.astype(np.float32))
             assert ts.time == frame.time
             assert np.array_equal(ts.data["contacts"], frame.contacts.pairs)
-            assert np.allclose(ts.triclinic_dimensions, vectors(frame.box), rtol=1e-5, atol=1e-9)
+            assert np.allclose(ts.triclinic_dimensions, frame.box.vectors, rtol=1e-5, atol=1e-9)
             series = run.series
             row = series[series["step"] == frame.step]
             for name in ("coordination", "sliding_fraction"):
                 if name in series and len(row):
                     assert ts.data[name] == row[name].item()
         u.trajectory.close()
-
-
-def vectors(box: object) -> np.ndarray:
-    """Edge vectors of a box, one a row."""
-    from gshear import Box
-
-    assert isinstance(box, Box)
-    edges = np.diag(box.edges)
-    edges[box.gradient, 0] = box.image_offset
-    return edges
 
 
 def test_the_box_of_a_frame_is_that_of_its_row(originals: Callable[[str], Path]) -> None:
@@ -88,6 +80,7 @@ def test_every_dataset_says_its_unit(run: Run) -> None:
     with run:
         units = run.series.attrs["units"]
         series = {f"observables/{name}/value" for name in run.series if name not in units}
+        series.add("particles/trajectory/image/value")
 
         def look(name: str, item: h5py.HLObject) -> None:
             if not isinstance(item, h5py.Dataset) or name.startswith("checksums"):

@@ -72,12 +72,17 @@ pub fn edges(t: u64) -> BoxEdges {
     [[20.0, 0.0, 0.0], [0.0, height, 0.0], [0.0, 0.0, 1.0]]
 }
 
+fn image(t: u64, id: u64) -> [i64; 3] {
+    [0, 1, 2].map(|axis| (hash(t, id, 30 + axis) % 7) as i64 - 3)
+}
+
 pub fn grain(t: u64, id: u64) -> GrainSample {
     GrainSample {
         id,
         position: [number(t, id, 3), number(t, id, 4), 0.0],
         velocity: [number(t, id, 5), number(t, id, 6), 0.0],
         angular_velocity: [0.0, 0.0, number(t, id, 7)],
+        image: image(t, id),
     }
 }
 
@@ -122,6 +127,7 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         radius: number(t, id, 19),
         force: [20, 21, 22].map(|c| number(t, id, c)),
         torque: [23, 24, 25].map(|c| number(t, id, c)),
+        image: image(t, id),
     };
     let contact = |(i, j)| ContactState {
         i,

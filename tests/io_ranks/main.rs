@@ -48,6 +48,12 @@ fn datasets(path: &Path) -> BTreeMap<String, (Vec<usize>, Vec<u8>)> {
                 TypeDescriptor::Unsigned(IntSize::U4) => {
                     bytemuck::cast_slice(&dataset.read_raw::<u32>().unwrap()).into()
                 }
+                TypeDescriptor::Integer(IntSize::U8) => {
+                    bytemuck::cast_slice(&dataset.read_raw::<i64>().unwrap()).into()
+                }
+                TypeDescriptor::Integer(IntSize::U4) => {
+                    bytemuck::cast_slice(&dataset.read_raw::<i32>().unwrap()).into()
+                }
                 TypeDescriptor::Unsigned(IntSize::U1) => dataset.read_raw::<u8>().unwrap(),
                 other => panic!("{}: {other}", dataset.name()),
             };
@@ -141,6 +147,10 @@ fn content(path: &Path, grains: u64) {
     assert_eq!(of_grains("position/value"), position);
     let velocity: Vec<f64> = all.clone().flat_map(|g| g.velocity).collect();
     assert_eq!(of_grains("velocity/value"), velocity);
+    let images = file.dataset("particles/trajectory/image/value").unwrap();
+    let images: Vec<i64> = images.read_raw().unwrap();
+    let expected: Vec<i64> = all.clone().flat_map(|g| g.image).collect();
+    assert_eq!(images, expected);
     assert_eq!(
         of_grains("angular_velocity/value"),
         all.map(|g| g.angular_velocity[2]).collect::<Vec<_>>()

@@ -72,6 +72,7 @@ fn grains<D: Dimension>(random: &mut ChaCha8Rng) -> Vec<GrainState> {
             radius: 0.5 + 0.03 * random.random_range(-1.0..1.0),
             force: [0.0; 3],
             torque: [0.0; 3],
+            image: [0; 3],
         }
     };
     (0..SIDE.pow(D::AXES as u32)).map(grain).collect()

@@ -217,7 +217,7 @@ pub fn frame<D: Dimension>(
     (grains, contacts)
 }
 
-/// The digest of the state: of every grain, every touching contact with its history, `more` (such
+/// The digest of the state: of every grain without its image, every touching contact with its history, `more` (such
 /// as the walls) and the step. It is the sum of their 128-bit hashes, so it does not depend on
 /// which rank has them; collective.
 pub fn digest<D: Dimension>(
@@ -235,7 +235,7 @@ pub fn digest<D: Dimension>(
         halves[1] = halves[1].wrapping_add((hash >> 64) as u64 as i64);
     };
     for g in system.grain_states() {
-        add(bytemuck::bytes_of(&g));
+        add(g.moving());
     }
     for c in system.owned_contact_states(law) {
         add(bytemuck::bytes_of(&c));

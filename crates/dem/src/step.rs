@@ -15,7 +15,7 @@ use crate::drive::{Drive, TopForce};
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Counting, PairForce, PassOutcome};
 use crate::simd::{Lanes, Work};
-use crate::state::{Cell, Grains, Units, body};
+use crate::state::{Cell, Grains, Sheared, Units, body};
 use crate::system::{Outside, System};
 use crate::threads::{OwnedPart, SharedInput};
 
@@ -63,7 +63,11 @@ pub fn advance<D: Dimension>(
         system.clock.end(StepPhase::Rebuild);
     }
     drive.drift(step, &mut system.grains);
-    system.cell.advance_offset(step);
+    if let Some(Sheared { velocity, .. }) = system.cell.sheared
+        && velocity != 0.0
+    {
+        system.shear(step * velocity);
+    }
     let (isa, cell) = (system.isa, system.cell);
     let mut fastest = drive.speed();
     let second_kick_deferred = std::mem::take(&mut system.second_kick_deferred);
@@ -290,7 +294,7 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool> Work
         // cycle, a chain of floating-point maxima would wait for each result.
         let mut fastest = 0;
         let grains = part.record.iter_mut().zip(part.force).zip(part.half_kick);
-        for ((record, force), kick) in grains {
+        for (((record, force), kick), image) in grains.zip(part.image) {
             let r = D::fields_mut(record);
             let [linear, angular] = *kick;
             // One short loop per quantity, which the compiler vectorises.
@@ -329,12 +333,13 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool> Work
             for w in &w[..D::SPINS] {
                 speed += 0.0 * w;
             }
-            for (x, period) in r[..D::UP].iter_mut().zip(cell.periods) {
+            let along = r[..D::UP].iter_mut().zip(cell.periods).zip(&mut *image);
+            for ((x, period), image) in along {
                 if *x < 0.0 || *x >= period {
-                    *x = Cell::wrapped(*x, period);
+                    *image += Cell::wrap(x, period);
                 }
             }
-            cell.wrap_last_axis::<D>(r);
+            cell.wrap_last_axis::<D>(r, image);
             *force = Zeroable::zeroed();
             fastest = speed.to_bits().max(fastest);
         }

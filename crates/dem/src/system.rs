@@ -308,6 +308,16 @@ impl<D: Dimension> System<D> {
         }
     }
 
+    /// Adds this length (m) to the Lees–Edwards offset; images above may then be one further.
+    pub fn shear(&mut self, by: f64) {
+        let periods = self.cell.shear(by);
+        if periods != 0 {
+            for image in &mut self.grains.image {
+                image[0] += periods * image[D::UP];
+            }
+        }
+    }
+
     /// The states of the owned grains.
     pub fn grain_states(&mut self) -> Vec<GrainState> {
         self.finish_step();

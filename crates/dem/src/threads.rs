@@ -10,7 +10,7 @@ use crate::dimension::Dimension;
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Counting, PairForce, Pass, PassOutcome, Scratch};
 use crate::simd::Isa;
-use crate::state::{Cell, Contacts, Grains, Units};
+use crate::state::{Cell, Contacts, Grains, Image, Units};
 
 /// Number of grains whose forces a thread clears and adds together.
 const PAGE: usize = 256;
@@ -215,6 +215,7 @@ impl<D: Dimension> ThreadPool<D> {
             record: &mut grains.record[..owned],
             force: &mut grains.force[..owned],
             half_kick: &grains.half_kick,
+            image: &mut grains.image,
         };
         let Some(workers) = &self.workers else {
             return each(work(rest));
@@ -228,15 +229,18 @@ impl<D: Dimension> ThreadPool<D> {
                 let (record, record_after) = rest.record.split_at_mut(size);
                 let (force, force_after) = rest.force.split_at_mut(size);
                 let (half_kick, half_kick_after) = rest.half_kick.split_at(size);
+                let (image, image_after) = rest.image.split_at_mut(size);
                 rest = OwnedPart {
                     record: record_after,
                     force: force_after,
                     half_kick: half_kick_after,
+                    image: image_after,
                 };
                 let part = OwnedPart {
                     record,
                     force,
                     half_kick,
+                    image,
                 };
                 scope.spawn(move |_| *result = work(part));
             }
@@ -261,4 +265,6 @@ pub struct OwnedPart<'a, D: Dimension> {
     pub force: &'a mut [D::Force],
     /// ½Δt/m and ½Δt/I.
     pub half_kick: &'a [[f64; 2]],
+    /// Their images.
+    pub image: &'a mut [Image],
 }

@@ -142,6 +142,8 @@ impl Frames {
 pub struct ShareColumns {
     /// One array per entry of [`elements`], `[frame][id][width]` over the share.
     pub values: [Vec<f64>; 3],
+    /// `[frame][id][3]` over the share.
+    pub image: Vec<i32>,
     /// Number of contacts of each frame of the share.
     pub counts: Vec<i64>,
     pub i: Vec<u32>,
@@ -158,6 +160,7 @@ impl ShareColumns {
         let (frames, block) = (length(&share.frames) as usize, length(&share.ids) as usize);
         let mut part = ShareColumns {
             values: elements(axes).map(|(_, width)| vec![0.0; frames * block * width]),
+            image: vec![0; frames * block * 3],
             counts: Vec::with_capacity(frames),
             i: Vec::new(),
             j: Vec::new(),
@@ -182,6 +185,8 @@ impl ShareColumns {
                     let at = f * block + n;
                     part.values[0][3 * at..][..3].copy_from_slice(&grain.position);
                     part.values[1][3 * at..][..3].copy_from_slice(&grain.velocity);
+                    let image = &mut part.image[3 * at..][..3];
+                    image.copy_from_slice(&grain.image.map(|of_axis| of_axis as i32));
                     let spin = &grain.angular_velocity;
                     match axes {
                         2 => part.values[2][at] = spin[2],
@@ -236,6 +241,8 @@ impl ShareColumns {
                 sums.push(checksums::of_contacts(&places, values, *width));
             }
             sums.push(checksums::of_flags(&places, &self.sliding[contacts]));
+            let of_block = &self.image[f * block * 3..][..block * 3];
+            sums.push(checksums::of_images(share.ids.start * 3, of_block));
             sums
         };
         self.counts.iter().enumerate().map(of_frame).collect()
@@ -314,6 +321,7 @@ mod tests {
             position: [id as f64, 1.0, 0.0],
             velocity: [2.0, 3.0, 0.0],
             angular_velocity: [0.0, 0.0, 4.0],
+            image: [id as i64, -1, 0],
         };
         let contact = |i, j| ContactSample {
             i,
@@ -336,11 +344,13 @@ mod tests {
                 grains: 7,
                 ranks,
             };
-            let (mut x, mut pairs, mut counts) = (Vec::new(), Vec::new(), [0; 2]);
+            let (mut x, mut images) = (Vec::new(), Vec::new());
+            let (mut pairs, mut counts) = (Vec::new(), [0; 2]);
             for (rank, message) in frames.messages(&shares).into_iter().enumerate() {
                 let share = shares.of(rank);
                 let part = ShareColumns::assemble(&[message], &share, 2);
                 x.extend(part.values[0].chunks(3).map(|p| p[0]));
+                images.extend(part.image.chunks(3).map(|p| [p[0], p[1]]));
                 pairs.extend(part.i.iter().copied().zip(part.j));
                 share
                     .frames
@@ -348,6 +358,7 @@ mod tests {
                     .for_each(|(f, n)| counts[f as usize] += n);
             }
             assert!(x.into_iter().eq((0..14).map(|n| f64::from(n % 7))));
+            assert!(images.into_iter().eq((0..14).map(|n| [n % 7, -1])));
             assert_eq!((pairs, counts), (vec![(0, 1), (0, 3), (5, 6)], [3, 0]));
         }
     }

@@ -47,6 +47,14 @@ pub fn of_sequence(first: u64, values: &[f64]) -> u64 {
     })
 }
 
+/// Of images that follow each other from the place `first` on.
+pub fn of_images(first: u64, images: &[i32]) -> u64 {
+    let terms = images.iter().zip(first..);
+    terms.fold(0, |sum: u64, (&image, place)| {
+        sum.wrapping_add(weight(place).wrapping_mul(u64::from(image as u32)))
+    })
+}
+
 /// Of what never changes of the grains `first`, `first` + 1, …, and of the edges of the box.
 pub fn of_constants(
     first: u64,

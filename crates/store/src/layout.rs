@@ -11,6 +11,8 @@ pub const PARTICLES: &str = "particles/trajectory";
 pub const BOX: &str = "particles/trajectory/box";
 pub const OBSERVABLES: &str = "observables";
 const CONTACTS: &str = "connectivity/contacts";
+/// Images of the grains at the frames; files of earlier versions have none.
+pub const IMAGE_VALUE: &str = "particles/trajectory/image/value";
 /// The edges of the box at the frames.
 pub const EDGES_VALUE: &str = "particles/trajectory/box/edges/value";
 
@@ -66,7 +68,7 @@ pub fn frame_columns(axes: usize) -> Vec<&'static str> {
         .chain(grains)
         .chain(["pairs"])
         .chain(contacts)
-        .chain(["sliding"])
+        .chain(["sliding", "image"])
         .collect()
 }
 
@@ -138,6 +140,8 @@ pub struct Datasets {
     pub time: Dataset<f64>,
     /// Of [`elements`].
     pub values: Vec<Dataset<f64>>,
+    /// `[T][N][3]`; `None` in a file of an earlier version.
+    pub image: Option<Dataset<i32>>,
     pub offset: Dataset<u64>,
     pub i: Dataset<u32>,
     pub j: Dataset<u32>,
@@ -203,6 +207,15 @@ impl Datasets {
         let (step, time) = clock(&element(0))?;
         link_clock(&element(0), &element(1))?;
         link_clock(&element(0), &element(2))?;
+        let image = match mode {
+            Mode::Open if !file.has(IMAGE_VALUE) => None,
+            _ => {
+                let path = format!("{PARTICLES}/image");
+                group(&path)?;
+                link_clock(&element(0), &path)?;
+                Some(of_grains(file, mode, IMAGE_VALUE, grains, 3)?)
+            }
+        };
         let edges = match mode {
             Mode::Open if !file.has(EDGES_VALUE) => None,
             Mode::Open => Some(file.open_dataset(EDGES_VALUE)?),
@@ -261,6 +274,7 @@ impl Datasets {
         Ok(Datasets {
             axes,
             edges,
+            image,
             step,
             time,
             values,
@@ -322,13 +336,13 @@ fn growing_wide(
 }
 
 /// A growing dataset `[T][N][width]`, or `[T][N]` if `width` is 1.
-fn of_grains(
+fn of_grains<T: H5Type + Copy>(
     file: &H5File,
     mode: Mode,
     name: &str,
     grains: usize,
     width: usize,
-) -> Result<Dataset<f64>, Failure> {
+) -> Result<Dataset<T>, Failure> {
     if mode == Mode::Open {
         return file.open_dataset(name);
     }

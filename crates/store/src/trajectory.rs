@@ -218,6 +218,9 @@ impl TrajectoryWriter {
         if let Some(edges) = &mut columns.edges {
             outcome.note(edges.resize(frames));
         }
+        if let Some(image) = &mut columns.image {
+            outcome.note(image.resize(frames));
+        }
         columns
             .values
             .iter_mut()
@@ -518,6 +521,9 @@ impl TrajectoryWriter {
         for (column, values) in columns.values.iter_mut().zip(&part.values) {
             outcome.note(column.append(after, block, values));
         }
+        if let Some(image) = &mut columns.image {
+            outcome.note(image.append(after, block, &part.image));
+        }
         outcome.note(columns.i.append(end, stretch, &part.i));
         outcome.note(columns.j.append(end, stretch, &part.j));
         let forces = forces(columns.axes);
@@ -539,24 +545,25 @@ impl TrajectoryWriter {
             _ => self.frames.edges.as_flattened().as_flattened().to_vec(),
         };
         if let Some(column) = &mut columns.edges {
-            let rows = if root { count } else { 0 };
-            let local = if root { &edges[..] } else { &[] };
             let slab = Slab {
                 start: [before, 0, 0],
-                count: [rows, 3, 3],
+                count: [if root { count } else { 0 }, 3, 3],
             };
+            let local = if root { &edges[..] } else { &[] };
             outcome.note(column.append(after, slab, local));
         }
         if let Some(checksums) = &mut columns.checksums {
-            let mut sums: Vec<u64> = sums.iter().map(|&sum| sum as u64).collect();
             let clock = self.frames.step.iter().zip(&self.frames.time);
-            let rows = sums.chunks_exact_mut(width).zip(clock);
-            for (t, (row, (&step, &time))) in rows.enumerate() {
-                row[0] = of_clock(step, time, &edges[t * of_box..][..of_box]);
+            let rows = sums.chunks_exact(width).zip(clock);
+            // A file of an earlier version may have fewer columns.
+            let stored = checksums.frames.row_length();
+            let mut sums = Vec::new();
+            for (t, (row, (&step, &time))) in rows.enumerate().filter(|_| root) {
+                sums.push(of_clock(step, time, &edges[t * of_box..][..of_box]));
+                sums.extend(row[1..stored].iter().map(|&sum| sum as u64));
             }
-            let sums = if root { &sums[..] } else { &[] };
-            let rows = Slab::rows(before, (sums.len() / width) as u64, width as u64);
-            outcome.note(checksums.frames.append(after, rows, sums));
+            let rows = Slab::rows(before, (sums.len() / stored) as u64, stored as u64);
+            outcome.note(checksums.frames.append(after, rows, &sums));
         }
         self.file.agree(exchange, outcome)?;
         (self.frames_written, self.contacts_written) = (after, end);

@@ -31,6 +31,13 @@ class Box:
     gradient: int
     image_offset: float = 0.0
 
+    @property
+    def vectors(self) -> Vectors:
+        """[3, 3], the vectors of the edges, one a row; that along the gradient leans if sheared."""
+        vectors = np.diag(self.edges)
+        vectors[self.gradient, 0] = self.image_offset
+        return vectors
+
     def minimum_image(self, separation: ArrayLike) -> Vectors:
         """Returns the nearest periodic images of separations, [..., 3].
 

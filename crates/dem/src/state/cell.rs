@@ -8,6 +8,9 @@ pub fn nearest_image(dx: f64, length: f64) -> f64 {
     dx - length * (dx / length).round()
 }
 
+/// Multiples of the edges of the box by which a position is wrapped.
+pub type Image = [i64; 3];
+
 /// The edge vectors of a box, one a row (m).
 pub type BoxEdges = [[f64; 3]; 3];
 
@@ -64,35 +67,43 @@ impl Cell {
         r
     }
 
-    /// Wraps x into [0, period). Called in the step in which x leaves that range.
+    /// Wraps x into [0, period). Called in the step in which x leaves that range. Returns by how many
+    /// periods it went beyond, which is added to its image.
     #[cold]
-    pub fn wrapped(x: f64, period: f64) -> f64 {
-        let inside = if x < 0.0 { x + period } else { x - period };
+    pub fn wrap(x: &mut f64, period: f64) -> i64 {
+        let below = *x < 0.0;
+        let inside = if below { *x + period } else { *x - period };
         // If x is just below 0, the sum rounds to the period.
-        if inside >= period { 0.0 } else { inside }
+        let outside = inside >= period;
+        *x = if outside { 0.0 } else { inside };
+        i64::from(!below) - i64::from(below && !outside)
     }
 
     /// Wraps the position of a record that has left a sheared cell along the last axis, and changes
     /// its velocities by that of the image.
     #[inline(always)]
-    pub fn wrap_last_axis<D: Dimension>(&self, fields: &mut [f64]) {
+    pub fn wrap_last_axis<D: Dimension>(&self, fields: &mut [f64], image: &mut Image) {
         if let Some(sheared) = &self.sheared
             && !(0.0..sheared.height).contains(&fields[D::UP])
         {
-            self.wrap_through_image::<D>(sheared, fields);
+            self.wrap_through_image::<D>(sheared, fields, image);
         }
     }
 
     #[cold]
-    fn wrap_through_image<D: Dimension>(&self, sheared: &Sheared, fields: &mut [f64]) {
-        let images = if fields[D::UP] < 0.0 { 1.0 } else { -1.0 };
-        fields[D::UP] = Self::wrapped(fields[D::UP], sheared.height);
-        let x = fields[0] + images * sheared.offset;
-        fields[0] = if (0.0..self.periods[0]).contains(&x) {
-            x
-        } else {
-            Self::wrapped(x, self.periods[0])
-        };
+    fn wrap_through_image<D: Dimension>(
+        &self,
+        sheared: &Sheared,
+        fields: &mut [f64],
+        image: &mut Image,
+    ) {
+        let beyond = Self::wrap(&mut fields[D::UP], sheared.height);
+        image[D::UP] += beyond;
+        let images = -beyond as f64;
+        fields[0] += images * sheared.offset;
+        if !(0.0..self.periods[0]).contains(&fields[0]) {
+            image[0] += Self::wrap(&mut fields[0], self.periods[0]);
+        }
         fields[D::VELOCITY] += images * sheared.velocity;
         fields[D::HALF_VELOCITY] += images * sheared.velocity;
     }
@@ -149,21 +160,16 @@ impl Cell {
         edges
     }
 
-    /// Advances the Lees–Edwards offset by a time step (s).
-    pub fn advance_offset(&mut self, step: f64) {
-        if let Some(Sheared { velocity, .. }) = self.sheared
-            && velocity != 0.0
-        {
-            self.shear(step * velocity);
-        }
-    }
-
-    /// Adds this length (m) to the Lees–Edwards offset.
-    pub fn shear(&mut self, by: f64) {
+    /// Adds this length (m) to the Lees–Edwards offset. Returns the number of periods that were
+    /// taken from it to keep it within ± L_x/2.
+    pub fn shear(&mut self, by: f64) -> i64 {
         let period = self.periods[0];
-        if let Some(sheared) = &mut self.sheared {
-            sheared.offset = nearest_image(sheared.offset + by, period);
-        }
+        let Some(sheared) = &mut self.sheared else {
+            return 0;
+        };
+        let whole = sheared.offset + by;
+        sheared.offset = nearest_image(whole, period);
+        ((whole - sheared.offset) / period).round() as i64
     }
 }
 
@@ -261,6 +267,31 @@ mod tests {
         assert_eq!(cell.edges::<Two>(0.0)[1..], [[-1.5, 6.0, 0.0], depth]);
     }
 
+    /// A place just below 0 is rounded to 0, not moved by a period.
+    #[test]
+    fn images_are_counted_where_positions_jump() {
+        for (x, inside, image) in [
+            (-0.25, 4.75, -1),
+            (5.25, 0.25, 1),
+            (5.0, 0.0, 1),
+            (-1e-30, 0.0, 0),
+        ] {
+            let mut wrapped = x;
+            assert_eq!(Cell::wrap(&mut wrapped, 5.0), image);
+            assert_eq!(wrapped, inside);
+        }
+        let mut cell = Cell {
+            periods: [5.0, f64::INFINITY],
+            sheared: Some(Sheared {
+                height: 6.0,
+                offset: 2.25,
+                velocity: 0.0,
+            }),
+        };
+        assert_eq!((cell.shear(0.5), cell.sheared.unwrap().offset), (1, -2.25));
+        assert_eq!((cell.shear(-0.5), cell.sheared.unwrap().offset), (-1, 2.25));
+    }
+
     #[test]
     fn a_grain_and_its_image_are_in_one_place() {
         let sheared = Sheared {
@@ -276,7 +307,13 @@ mod tests {
             let mut fields = vec![0.0; 16];
             (fields[0], fields[Two::UP]) = (x, z);
             let before = cell.slab_coordinate::<Two>(&fields);
-            cell.wrap_last_axis::<Two>(&mut fields);
+            let mut image = [0; 3];
+            cell.wrap_last_axis::<Two>(&mut fields, &mut image);
+            let edges = cell.edges::<Two>(0.0);
+            for (axis, before) in [x, z].into_iter().enumerate() {
+                let images = (0..3).map(|k| image[k] as f64 * edges[k][axis]);
+                assert_eq!(fields[axis] + images.sum::<f64>(), before);
+            }
             assert!((0.0..5.0).contains(&fields[0]) && (0.0..6.0).contains(&fields[1]));
             assert!((cell.slab_coordinate::<Two>(&fields) - before).abs() < 1e-14);
             assert!(length(cell.separation::<Two>(&fields, &[x, z])) < 1e-14);

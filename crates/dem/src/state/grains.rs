@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
 
-use super::GrainState;
+use super::{GrainState, Image};
 
 /// The body that a grain belongs to.
 pub mod body {
@@ -113,6 +113,8 @@ pub struct Grains<D: Dimension> {
     pub mass: Vec<f64>,
     /// ½Δt/m and ½Δt/I, owned grains; 0 for those of walls.
     pub half_kick: Vec<[f64; 2]>,
+    /// Images, owned grains; see [`GrainState::image`].
+    pub image: Vec<Image>,
 }
 
 impl<D: Dimension> Default for Grains<D> {
@@ -127,6 +129,7 @@ impl<D: Dimension> Default for Grains<D> {
             units: Units::new(1.0, 1.0),
             mass: Vec::new(),
             half_kick: Vec::new(),
+            image: Vec::new(),
         }
     }
 }
@@ -151,8 +154,10 @@ impl<D: Dimension> Grains<D> {
         self.record.clear();
         self.force.clear();
         self.mass.clear();
+        self.image.clear();
         for g in owned {
             self.push(g);
+            self.image.push(g.image);
             self.mass.push(masses.of(D::volume(g.radius)));
         }
         self.set_step(step);
@@ -205,6 +210,11 @@ impl<D: Dimension> Grains<D> {
         D::fields_mut(&mut self.record[g])
     }
 
+    /// The record of an owned grain and its image, to move it.
+    pub fn place_mut(&mut self, g: usize) -> (&mut [f64], &mut Image) {
+        (D::fields_mut(&mut self.record[g]), &mut self.image[g])
+    }
+
     /// The complete state of a grain.
     pub fn state(&self, g: usize) -> GrainState {
         let (r, f) = (self.fields(g), &self.force[g][..]);
@@ -227,6 +237,8 @@ impl<D: Dimension> Grains<D> {
             radius: self.radius[g],
             force: linear(f, 0),
             torque: angular(f, D::TORQUE),
+            // Ghosts have none.
+            image: self.image.get(g).copied().unwrap_or_default(),
         }
     }
 
@@ -245,5 +257,6 @@ impl<D: Dimension> Grains<D> {
             + self.record.capacity() * size_of::<D::Record>()
             + self.force.capacity() * size_of::<D::Force>()
             + self.half_kick.capacity() * size_of::<[f64; 2]>()
+            + self.image.capacity() * size_of::<Image>()
     }
 }

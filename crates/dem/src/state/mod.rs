@@ -23,7 +23,7 @@ mod grains;
 mod sample;
 mod snapshot;
 
-pub use cell::{BoxEdges, Cell, Sheared, length, nearest_image};
+pub use cell::{BoxEdges, Cell, Image, Sheared, length, nearest_image};
 pub use contacts::{BlockRange, CandidatePair, Contacts, Touching};
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};

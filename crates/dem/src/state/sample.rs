@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::GrainState;
+use super::{GrainState, Image};
 
 /// A grain in a frame: its row of `particles/trajectory` in `run.h5`. In two dimensions the unused
 /// components are 0.
@@ -17,6 +17,8 @@ pub struct GrainSample {
     pub velocity: [f64; 3],
     /// Angular velocity (rad/s).
     pub angular_velocity: [f64; 3],
+    /// Image in which it is; see [`GrainState::image`].
+    pub image: Image,
 }
 
 impl From<&GrainState> for GrainSample {
@@ -26,6 +28,7 @@ impl From<&GrainState> for GrainSample {
             position: grain.position,
             velocity: grain.velocity,
             angular_velocity: grain.angular_velocity,
+            image: grain.image,
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{ContactSample, GrainSample};
+use super::{ContactSample, GrainSample, Image};
 
 /// The state of a grain, SI units; in two dimensions the unused components are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -25,6 +25,16 @@ pub struct GrainState {
     pub force: [f64; 3],
     /// Torque of the last step (N m; N in 2D).
     pub torque: [f64; 3],
+    /// Image in which it is: the position plus these multiples of the edges of the box moves without
+    /// jumps.
+    pub image: Image,
+}
+
+impl GrainState {
+    /// The bytes of all that the motion depends on: of every field before the image.
+    pub fn moving(&self) -> &[u8] {
+        &bytemuck::bytes_of(self)[..std::mem::offset_of!(Self, image)]
+    }
 }
 
 /// The state of a touching contact, `i < j`.

@@ -220,24 +220,24 @@ pub(super) fn displace<D: Dimension>(
     if let Some(sheared) = &mut system.cell.sheared {
         sheared.velocity = shear / step;
     }
-    system.cell.shear(shear);
+    system.shear(shear);
     let cell = system.cell;
     for (g, [way, turn]) in moves.iter().enumerate() {
-        let fields = system.grains_mut().fields_mut(g);
+        let (fields, image) = system.grains_mut().place_mut(g);
         for axis in 0..axes {
             fields[D::HALF_VELOCITY + axis] = way[axis] / step;
-            let x = fields[axis] + way[axis];
-            fields[axis] = match cell.periods.get(axis) {
-                Some(&period) if axis < D::UP && !(0.0..period).contains(&x) => {
-                    Cell::wrapped(x, period)
-                }
-                _ => x,
-            };
+            fields[axis] += way[axis];
+        }
+        for axis in 0..D::UP {
+            let period = cell.periods[axis];
+            if !(0.0..period).contains(&fields[axis]) {
+                image[axis] += Cell::wrap(&mut fields[axis], period);
+            }
         }
         for k in 0..spins {
             fields[D::HALF_SPIN + k] = turn[3 - spins + k] / step;
         }
-        cell.wrap_last_axis::<D>(fields);
+        cell.wrap_last_axis::<D>(fields, image);
     }
     let outside = forces(exchange, system, law, &mut NoWalls, step, None);
     stop(system);

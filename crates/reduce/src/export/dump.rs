@@ -52,7 +52,7 @@ impl DumpWriter {
         Self::head(file, run, frame, ("ATOMS", grains.len()))?;
         write!(
             file,
-            "ITEM: ATOMS id type x y z vx vy vz omegax omegay omegaz radius mass"
+            "ITEM: ATOMS id type x y z vx vy vz omegax omegay omegaz radius mass ix iy iz"
         )?;
         for name in run.field_names() {
             write!(file, " {name}")?;
@@ -64,7 +64,12 @@ impl DumpWriter {
             let state = [grain.position, grain.velocity, grain.angular_velocity];
             let fixed = [constants.radius[g], constants.mass[g]];
             let fields = frame.fields.iter().map(|(_, values)| values[g]);
-            for value in state.into_iter().flatten().chain(fixed).chain(fields) {
+            for value in state.into_iter().flatten().chain(fixed) {
+                write!(file, " {value:?}")?;
+            }
+            let [x, y, z] = grain.image;
+            write!(file, " {x} {y} {z}")?;
+            for value in fields {
                 write!(file, " {value:?}")?;
             }
             writeln!(file)?;

@@ -26,6 +26,7 @@ pub struct NpzWriter {
     position: Vec<f64>,
     velocity: Vec<f64>,
     angular_velocity: Vec<f64>,
+    image: Vec<i64>,
     fields: Vec<(&'static str, Vec<f64>)>,
     /// Row of the first contact of each frame, and after the last.
     offset: Vec<u64>,
@@ -48,6 +49,7 @@ impl NpzWriter {
             position: Vec::new(),
             velocity: Vec::new(),
             angular_velocity: Vec::new(),
+            image: Vec::new(),
             fields: Vec::new(),
             offset: vec![0],
             pairs: Vec::new(),
@@ -73,6 +75,7 @@ impl NpzWriter {
         archive.add("position", &self.position, &vectors)?;
         archive.add("velocity", &self.velocity, &vectors)?;
         archive.add("angular_velocity", &self.angular_velocity, &vectors)?;
+        archive.add("image", &self.image, &vectors)?;
         for (name, values) in &self.fields {
             archive.add(name, values, &[frames, grains])?;
         }
@@ -105,6 +108,10 @@ trait Element: NoUninit {
 
 impl Element for f64 {
     const KIND: &'static str = "<f8";
+}
+
+impl Element for i64 {
+    const KIND: &'static str = "<i8";
 }
 
 impl Element for u64 {
@@ -174,6 +181,8 @@ impl FrameWriter for NpzWriter {
         self.position.extend(of(|g| g.position));
         self.velocity.extend(of(|g| g.velocity));
         self.angular_velocity.extend(of(|g| g.angular_velocity));
+        self.image
+            .extend(records.grains.iter().flat_map(|g| g.image));
         if self.fields.is_empty() {
             let named = frame.fields.iter().map(|(name, _)| (*name, Vec::new()));
             self.fields = named.collect();

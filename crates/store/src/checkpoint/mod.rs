@@ -10,7 +10,7 @@ use gshear_dem::state::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, Snapshot,
 };
 use gshear_mpi_exchange::Parallel;
-use records::{Record, length, read_records, write_one, write_records};
+use records::{Record, length, read_records, stored_bytes, write_one, write_records};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
@@ -22,13 +22,18 @@ pub const PREVIOUS: &str = "checkpoint.previous.h5";
 const PART: &str = "checkpoint.h5.part";
 
 const FORMAT: &str = "gshear-checkpoint";
-/// Version of the format; a checkpoint of another version is refused.
-pub const VERSION: u64 = 4;
+/// Version of the format.
+pub const VERSION: u64 = 5;
+/// The earliest version that is read.
+const EARLIEST: u64 = 4;
 
 /// Returns the wrapping sum of the records' hashes, which depends neither on their order nor on the
-/// ranks that hold them.
-fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64 {
-    let hashes = records.iter().map(|r| xxh3_64(bytemuck::bytes_of(r)));
+/// ranks that hold them. `version`: of the format.
+fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R], version: u64) -> u64 {
+    let length = stored_bytes::<R>(version);
+    let hashes = records
+        .iter()
+        .map(|r| xxh3_64(&bytemuck::bytes_of(r)[..length]));
     total(exchange, hashes.fold(0, u64::wrapping_add))
 }
 
@@ -96,27 +101,27 @@ pub fn write(
         ("checksum_scene", sum(xxh3_64(&scene))),
         (
             GrainState::CHECKSUM,
-            sum(checksum(exchange, &grains.records)),
+            sum(checksum(exchange, &grains.records, VERSION)),
         ),
         (
             ContactState::CHECKSUM,
-            sum(checksum(exchange, &contacts.records)),
+            sum(checksum(exchange, &contacts.records, VERSION)),
         ),
     ];
     if let Some((grains, contacts)) = &analysed {
         attributes.extend([
             (
                 GrainPosition::CHECKSUM,
-                sum(checksum(exchange, &grains.records)),
+                sum(checksum(exchange, &grains.records, VERSION)),
             ),
             (
                 ContactForce::CHECKSUM,
-                sum(checksum(exchange, &contacts.records)),
+                sum(checksum(exchange, &contacts.records, VERSION)),
             ),
         ]);
     }
     if let Some(displacements) = &displacements {
-        let sum = sum(checksum(exchange, &displacements.records));
+        let sum = sum(checksum(exchange, &displacements.records, VERSION));
         attributes.push((Displacement::CHECKSUM, sum));
     }
     let part = folder.join(PART);
@@ -328,7 +333,7 @@ pub fn is_checkpoint(path: &Path) -> bool {
 /// [`Failure::Input`] if the file is missing, not a checkpoint, or damaged in one of the two.
 pub fn read_texts(path: &Path) -> Result<[String; 2], Failure> {
     hdf5::silence_errors(true);
-    let texts = open(path).and_then(|file| texts(&file));
+    let texts = open(path).and_then(|(file, _)| texts(&file));
     texts.map_err(|why| Failure::input(format!("{}: {why}", path.display())))
 }
 
@@ -407,7 +412,7 @@ impl Checked<'_> {
     }
 
     fn all<R: Record>(&self, piece: &Piece<R>, ordered: bool) -> Result<(), String> {
-        if hex(checksum(self.exchange, &piece.records)) != piece.sum {
+        if hex(checksum(self.exchange, &piece.records, piece.version)) != piece.sum {
             return Err(format!(
                 "damaged: the checksum of its {} differs from the stored one",
                 R::NAME
@@ -437,6 +442,8 @@ struct Pieces {
 struct Piece<R> {
     records: Vec<R>,
     sum: String,
+    /// Version of the format.
+    version: u64,
 }
 
 fn word(file: &hdf5::File, name: &str) -> Result<String, String> {
@@ -445,8 +452,8 @@ fn word(file: &hdf5::File, name: &str) -> Result<String, String> {
     String::from_utf8(value.as_bytes().to_vec()).map_err(|_| format!("damaged: attribute {name}"))
 }
 
-/// Opens a checkpoint of this version.
-fn open(path: &Path) -> Result<hdf5::File, String> {
+/// Opens a checkpoint. Returns the version of its format as well.
+fn open(path: &Path) -> Result<(hdf5::File, u64), String> {
     if !path.is_file() {
         return Err("there is no such checkpoint".into());
     }
@@ -463,12 +470,12 @@ fn open(path: &Path) -> Result<hdf5::File, String> {
         .attr("format_version")
         .and_then(|a| a.read_scalar::<u64>());
     let version = version.map_err(|e| format!("damaged: attribute format_version ({e})"))?;
-    if version != VERSION {
+    if !(EARLIEST..=VERSION).contains(&version) {
         return Err(format!(
-            "a checkpoint of format version {version}; this program reads version {VERSION}"
+            "a checkpoint of format version {version}; this program reads versions {EARLIEST} to {VERSION}"
         ));
     }
-    Ok(file)
+    Ok((file, version))
 }
 
 /// The header and the scene.
@@ -487,7 +494,7 @@ fn texts(file: &hdf5::File) -> Result<[String; 2], String> {
 }
 
 fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String> {
-    let file = open(path)?;
+    let (file, version) = open(path)?;
     let [header, scene] = texts(&file)?;
     let names = file.attr_names().unwrap_or_default();
     let word = |name: &str| word(&file, name);
@@ -498,23 +505,24 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         };
         Ok((list, list.range(rank)))
     };
+    let from = (&file, version);
     let has = |sum: &str| names.iter().any(|n| n == sum);
     let grains = share("grains/id")?;
     Ok(Pieces {
         header,
         scene,
         blocks: grains.0,
-        grains: piece(&file, grains, word(GrainState::CHECKSUM)?)?,
-        contacts: piece(&file, share("contacts/i")?, word(ContactState::CHECKSUM)?)?,
+        grains: piece(from, grains, word(GrainState::CHECKSUM)?)?,
+        contacts: piece(from, share("contacts/i")?, word(ContactState::CHECKSUM)?)?,
         analysed: match has(GrainPosition::CHECKSUM) {
             true => Some((
                 piece(
-                    &file,
+                    from,
                     share("analysed/grains/id")?,
                     word(GrainPosition::CHECKSUM)?,
                 )?,
                 piece(
-                    &file,
+                    from,
                     share("analysed/contacts/i")?,
                     word(ContactForce::CHECKSUM)?,
                 )?,
@@ -523,7 +531,7 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         },
         displacements: match has(Displacement::CHECKSUM) {
             true => Some(piece(
-                &file,
+                from,
                 share("travels/id")?,
                 word(Displacement::CHECKSUM)?,
             )?),
@@ -533,10 +541,14 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
 }
 
 fn piece<R: Record>(
-    file: &hdf5::File,
+    (file, version): (&hdf5::File, u64),
     (list, local): (IdBlocks, Range<u64>),
     sum: String,
 ) -> Result<Piece<R>, String> {
-    let records = read_records(file, list.grains, local)?;
-    Ok(Piece { records, sum })
+    let records = read_records(file, version, list.grains, local)?;
+    Ok(Piece {
+        records,
+        sum,
+        version,
+    })
 }

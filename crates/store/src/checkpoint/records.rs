@@ -45,6 +45,18 @@ pub(super) trait Record: Pod {
     const CHECKSUM: &'static str;
     fn integers() -> Vec<Field<Self, u32>>;
     fn numbers() -> Vec<Field<Self, f64>>;
+    /// The last fields of the record, which are stored since version 5 of the format and 0 before.
+    fn signed() -> Vec<Field<Self, i64>> {
+        Vec::new()
+    }
+}
+
+/// Bytes of a record that a version of the format stores.
+pub(super) fn stored_bytes<R: Record>(version: u64) -> usize {
+    let later = R::signed()
+        .into_iter()
+        .map(|field| field.width * size_of::<i64>());
+    size_of::<R>() - if version < 5 { later.sum() } else { 0 }
 }
 
 impl Record for GrainState {
@@ -65,6 +77,10 @@ impl Record for GrainState {
             field!(Self, force, 3),
             field!(Self, torque, 3),
         ]
+    }
+
+    fn signed() -> Vec<Field<Self, i64>> {
+        vec![field!(Self, image, 3)]
     }
 }
 
@@ -171,6 +187,9 @@ pub(super) fn write_records<R: Record>(
     for field in R::numbers() {
         outcome.note(write_column(file, &field, all, first, local));
     }
+    for field in R::signed() {
+        outcome.note(write_column(file, &field, all, first, local));
+    }
 }
 
 pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
@@ -185,6 +204,7 @@ pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
 
 pub(super) fn read_records<R: Record>(
     file: &hdf5::File,
+    version: u64,
     all: u64,
     local: Range<u64>,
 ) -> Result<Vec<R>, String> {
@@ -224,6 +244,9 @@ pub(super) fn read_records<R: Record>(
     }
     for field in R::numbers() {
         fill(file, &field, all, &local, &mut records)?;
+    }
+    for field in R::signed().iter().filter(|_| version >= 5) {
+        fill(file, field, all, &local, &mut records)?;
     }
     Ok(records)
 }

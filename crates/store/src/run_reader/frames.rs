@@ -10,7 +10,7 @@ use super::verify::Pairs;
 use super::{FrameFields, RunFile};
 use crate::checksums;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample};
+use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample, Image};
 use gshear_scene::Dimensions;
 
 /// Contacts of some frames, as far as they were read.
@@ -63,6 +63,7 @@ impl RunFile {
             Dimensions::Three => self.vectors(&self.angular_velocity, &range)?,
         }
         .into_iter();
+        let mut image = self.images(&range)?.into_iter();
         let contacts = self.contacts(&range, FrameFields::All)?;
         let frame = |t: usize| FrameRecords {
             step: self.step[t],
@@ -73,6 +74,7 @@ impl RunFile {
                     position: position.next().unwrap_or_default(),
                     velocity: velocity.next().unwrap_or_default(),
                     angular_velocity: angular_velocity.next().unwrap_or_default(),
+                    image: image.next().unwrap_or_default(),
                 })
                 .collect(),
             contacts: contacts.of_rows(self.rows(t..t + 1)),
@@ -92,6 +94,23 @@ impl RunFile {
         let (values, _) = values.into_raw_vec_and_offset();
         self.verify_grains(dataset, range, &values)?;
         Ok(values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
+    }
+
+    /// Reads the images of some frames, all grains of a frame after the other; none from a file of
+    /// an earlier version.
+    fn images(&self, range: &Range<usize>) -> Result<Vec<Image>, Failure> {
+        let Some(dataset) = &self.image else {
+            return Ok(Vec::new());
+        };
+        let values = dataset
+            .read_slice::<i32, _, Ix3>(s![range.start..range.end, .., ..])
+            .map_err(|e| self.damaged(dataset, &e))?;
+        let (values, _) = values.into_raw_vec_and_offset();
+        for (t, of_frame) in (range.clone()).zip(values.chunks(3 * self.grains.count())) {
+            self.verify(t, "image", checksums::of_images(0, of_frame))?;
+        }
+        let images = values.chunks_exact(3);
+        Ok(images.map(|v| [v[0], v[1], v[2]].map(i64::from)).collect())
     }
 
     /// Reads ω of disks, `[frames][N]`.

@@ -17,6 +17,7 @@ use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;
 use crate::file_names::RUN_FILE;
+use crate::layout::IMAGE_VALUE;
 pub use crate::parameter::Parameter;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
@@ -88,6 +89,8 @@ pub struct RunFile {
     position: Dataset,
     velocity: Dataset,
     angular_velocity: Dataset,
+    /// `None` in a file of an earlier version.
+    image: Option<Dataset>,
     contacts: ContactColumns,
     sums: FrameSums,
 }
@@ -152,6 +155,10 @@ impl RunFile {
         let velocity = source.frames("particles/trajectory/velocity/value", &[n, 3])?;
         let angular_velocity =
             source.frames("particles/trajectory/angular_velocity/value", spins)?;
+        let image = match source.exists(IMAGE_VALUE) {
+            true => Some(source.frames(IMAGE_VALUE, &[n, 3])?),
+            false => None,
+        };
         let mut step: Vec<u64> = source.all("particles/trajectory/position/step")?;
         let mut time: Vec<f64> = source.all("particles/trajectory/position/time")?;
         let mut offset: Vec<u64> = source.all("connectivity/contacts/offset")?;
@@ -187,7 +194,7 @@ impl RunFile {
             .take_while(|&&end| end <= stored)
             .count()
             .saturating_sub(1);
-        let lengths = [
+        let mut lengths = vec![
             ("particles/trajectory/position/value", position.shape()[0]),
             ("particles/trajectory/velocity/value", velocity.shape()[0]),
             (
@@ -198,6 +205,7 @@ impl RunFile {
             ("particles/trajectory/position/time", time.len()),
             ("connectivity/contacts", whole),
         ];
+        lengths.extend(image.as_ref().map(|image| (IMAGE_VALUE, image.shape()[0])));
         let frames = source.common_length(&lengths, finished, "frames")?;
         step.truncate(frames);
         time.truncate(frames);
@@ -224,6 +232,7 @@ impl RunFile {
             position,
             velocity,
             angular_velocity,
+            image,
             contacts,
             sums,
         })

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::StoredScalars;
 use super::source::OpenFile;
 use crate::checksums::{self, CONSTANTS, FRAMES, GROUP, ROWS, SCALARS};
-use crate::layout::frame_columns;
+use crate::layout::{IMAGE_VALUE, frame_columns};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;
@@ -24,7 +24,10 @@ impl FrameSums {
         if !source.exists(GROUP) {
             return Ok(Self::default());
         }
-        let columns = frame_columns(axes);
+        let mut columns = frame_columns(axes);
+        if !source.exists(IMAGE_VALUE) {
+            columns.retain(|name| *name != "image");
+        }
         let sums = source.frames(FRAMES, &[columns.len()])?.read_raw();
         Ok(Self {
             columns,

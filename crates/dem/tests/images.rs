@@ -1,0 +1,135 @@
+//! Positions with their images move without jumps, where they cross the edges of the box and where
+//! the offset of a sheared box returns.
+
+use bytemuck::Zeroable;
+use gshear_dem::dimension::{Dimension, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::hertz::{Hertz, Spheres};
+use gshear_dem::laws::hooke::{Hooke, Springs};
+use gshear_dem::simd::Isa;
+use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
+
+const RADIUS: f64 = 1e-3;
+/// Edges of the box (m), and the time step (s).
+const EDGES: [f64; 3] = [20e-3, 16e-3, 12e-3];
+const STEP: f64 = 1e-5;
+const STEPS: u64 = 20_000;
+
+/// Four grains that never touch each other, because they fly in different planes or one after the
+/// other: in unwrapped coordinates each moves along a straight line, whatever the images do.
+fn straight<D: Dimension>(law: &dyn PairForce<D>, sheared: bool) {
+    let height = EDGES[D::UP];
+    let cell = Cell {
+        periods: match D::AXES {
+            2 => [EDGES[0], f64::INFINITY],
+            _ => [EDGES[0], EDGES[1]],
+        },
+        sheared: sheared.then_some(Sheared {
+            height,
+            offset: 0.3e-3,
+            velocity: 0.37,
+        }),
+    };
+    let up = if sheared { 0.23 } else { 0.0 };
+    // All rise together, so that they stay apart whatever the shear; two fly to the left.
+    let grain = |id: usize| {
+        let mut grain = GrainState {
+            id: id as u32,
+            radius: RADIUS,
+            ..GrainState::zeroed()
+        };
+        grain.position[0] = 2e-3 + 1e-3 * id as f64;
+        grain.position[D::UP] = (1.5 + 3.0 * id as f64) * RADIUS;
+        grain.velocity[0] = if id < 2 { -0.31 } else { 0.17 };
+        grain.velocity[D::UP] = up;
+        if D::AXES == 3 {
+            grain.position[1] = 5e-3;
+            grain.velocity[1] = -0.11;
+        }
+        grain
+    };
+    let start: Vec<GrainState> = (0..4).map(grain).collect();
+    let mut system = System::<D>::new(
+        &Solo,
+        Setup {
+            isa: Isa::detect(),
+            list: ListSettings::default(),
+            cell,
+            largest_radius: RADIUS,
+            mean_diameter: 2.0 * RADIUS,
+            masses: Masses::Density(2500.0),
+            step: STEP,
+            gravity: 0.0,
+            typical_force: 1.0,
+            threads: 1,
+        },
+    )
+    .expect("one rank");
+    (system.replace(&Solo, law, &mut NoWalls, start.clone(), Vec::new())).expect("a list");
+    initial_forces(&Solo, &mut system, law, &mut NoWalls, None).expect("sound forces");
+    let (mut farthest, mut above) = ([0i64; 3], 0);
+    for k in 1..=STEPS {
+        advance(
+            &Solo,
+            &mut system,
+            law,
+            &mut NoWalls,
+            StepRequest::default(),
+        )
+        .expect("sound");
+        if k % 7 != 0 && k != STEPS {
+            continue;
+        }
+        let edges = system.cell.edges::<D>(height);
+        for grain in system.grain_states() {
+            let from = start[grain.id as usize];
+            for axis in 0..D::AXES {
+                let images = (0..D::AXES).map(|n| grain.image[n] as f64 * edges[n][axis]);
+                let unwrapped = grain.position[axis] + images.sum::<f64>();
+                let expected = from.position[axis] + k as f64 * STEP * from.velocity[axis];
+                assert!(
+                    (unwrapped - expected).abs() < 1e-12,
+                    "step {k}, grain {}, axis {axis}: {unwrapped} for {expected}",
+                    grain.id
+                );
+                farthest[axis] = farthest[axis].max(grain.image[axis].abs());
+            }
+            above += usize::from(grain.image[D::UP] > 0);
+        }
+    }
+    assert!(farthest[0] > 1 && (D::AXES == 2 || farthest[1] > 0));
+    // 74 mm of shear: the offset returns three times while grains are above.
+    assert_eq!(above > 0, sheared);
+}
+
+#[test]
+fn disks_fly_straight() {
+    let springs = Springs {
+        normal_stiffness: 1e6,
+        tangential_stiffness: 1e6,
+        density: 2500.0,
+        damping_ratio: 0.1,
+    };
+    let law = Hooke::<Two, false, false>::new(&springs, &Contact::default());
+    straight(&law, false);
+    straight(&law, true);
+}
+
+#[test]
+fn spheres_fly_straight() {
+    let spheres = Spheres {
+        young_modulus: 1e9,
+        poisson_ratio: 0.2,
+        density: 2500.0,
+        normal_damping: 1e5,
+        tangential_damping: 5e4,
+    };
+    let law = Hertz::<false>::new(&spheres, &Contact::default());
+    straight(&law, false);
+    straight(&law, true);
+}
