@@ -343,8 +343,8 @@ impl Subject for Input {
 
 /// All kinds of files, of the kept runs.
 fn subjects(folder: &Path) -> Vec<(Box<dyn Subject>, f64)> {
-    let walls = kept_files("walls", folder);
-    let cell = kept_files("box", folder);
+    let walls = kept_files("walls-5", folder);
+    let cell = kept_files("box-5", folder);
     let stopped = folder.join("stopped");
     let mut command = simulate();
     command.arg(kept_scene("walls.toml")).arg("--stop-at=100");
@@ -555,9 +555,15 @@ fn every_number_is_protected() {
     let mut changed = 0;
     for (name, unread) in [
         ("run", &[][..]),
-        // The study needs neither velocities nor contacts.
-        ("aqs", &["velocity", "contacts", "checksums/frames"]),
-        ("newtonian", &["velocity", "contacts", "checksums/frames"]),
+        // The study needs neither velocities nor images nor contacts.
+        (
+            "aqs",
+            &["velocity", "image", "contacts", "checksums/frames"],
+        ),
+        (
+            "newtonian",
+            &["velocity", "image", "contacts", "checksums/frames"],
+        ),
     ] {
         let (subject, _) = (subjects.iter())
             .find(|(subject, _)| subject.name() == name)

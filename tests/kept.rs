@@ -27,9 +27,18 @@ fn resumed(checkpoint: &Path, out: &Path, ranks: usize) -> Outcome {
 
 #[test]
 fn a_kept_run_is_read_repeated_and_continued() {
+    read_repeated_and_continued("walls");
+}
+
+#[test]
+fn a_kept_run_with_images_is_read_repeated_and_continued() {
+    read_repeated_and_continued("walls-5");
+}
+
+fn read_repeated_and_continued(name: &str) {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
-    let kept = kept_files("walls", folder.path());
+    let kept = kept_files(name, folder.path());
     let run = RunFile::open(&kept).expect("a run");
     let digest = run.digest().expect("a digest").to_string();
     let info = reduce(&["info"], &[&kept]);
@@ -57,9 +66,18 @@ fn a_kept_run_is_read_repeated_and_continued() {
 
 #[test]
 fn a_kept_run_in_a_box_is_read_and_continued() {
+    box_read_and_continued("box");
+}
+
+#[test]
+fn a_kept_run_in_a_box_with_images_is_read_and_continued() {
+    box_read_and_continued("box-5");
+}
+
+fn box_read_and_continued(name: &str) {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
-    let kept = kept_files("box", folder.path());
+    let kept = kept_files(name, folder.path());
     reduce(&["report", "--study=bonfanti"], &[&kept]);
     let page = std::fs::read_to_string(kept.join("bonfanti/index.html")).expect("a page");
     assert!(page.contains("figure") || page.contains("Figure"), "{page}");
