@@ -25,6 +25,7 @@
 //! | `GSHEAR_NO_SHARED_MEMORY` | if set on rank 0, all messages go through the MPI library |
 //! | `OMPI_MCA_btl_vader_eager_limit` | 16384 unless set, so that a halo message needs no handshake |
 //! | `OMPI_MCA_io` | `^ompio` unless set, because OMPIO loses the rest of a short write |
+//! | `ROMIO_HINTS` | hints for MPI-IO; unless set, each rank writes for itself |
 //! | `OMPI_MCA_mpi_yield_when_idle` | 1 unless set, so that waiting ranks yield their core |
 //!
 //! The [contracts](gshear_dem#contracts) hold on any number of ranks: every sum is one of integers,
@@ -35,6 +36,7 @@
     reason = "MPI's C interface, shared memory, and the environment of Open MPI"
 )]
 
+mod hints;
 mod node;
 mod parallel;
 mod watchdog;

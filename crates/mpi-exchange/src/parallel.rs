@@ -1,7 +1,7 @@
 //! Ranks that may have an MPI communicator.
 
 use gshear_dem::domain::{Exchange, Solo};
-use mpi::ffi::MPI_Comm;
+use mpi::ffi::{MPI_Comm, MPI_Info};
 use std::time::Duration;
 
 use crate::watchdog::{LoneFailure, Waiting};
@@ -10,6 +10,11 @@ use crate::watchdog::{LoneFailure, Waiting};
 pub trait Parallel: Exchange {
     /// The communicator of the ranks; `None` for a single process.
     fn communicator(&self) -> Option<MPI_Comm>;
+
+    /// Hints for MPI-IO.
+    fn hints(&self) -> Option<MPI_Info> {
+        None
+    }
 
     /// Marks that this rank waits for other ranks or for files until the result is dropped; calls
     /// of [`Exchange`] mark themselves. Not collective.

@@ -1,5 +1,6 @@
 //! Many ranks, by MPI.
 
+use crate::hints::Hints;
 use crate::node::Node;
 use crate::parallel::Parallel;
 use crate::watchdog::{Alone, LoneFailure, Progress, Ranks, Waiting, Watchdog};
@@ -32,6 +33,7 @@ pub struct World {
     size: usize,
     /// Shared memory with the ranks on this node, if it is used.
     node: Option<Node>,
+    hints: Option<Hints>,
     // Dropped last: ends MPI.
     _universe: Universe,
 }
@@ -93,6 +95,7 @@ impl World {
             alone: Arc::new(alone),
             failure: LoneFailure::default(),
             node: shares.then(|| Node::new(&communicator)).flatten(),
+            hints: Hints::new(),
             rank,
             size,
             communicator,
@@ -182,6 +185,10 @@ impl Parallel for World {
     /// `None` for a single rank, for which HDF5's serial driver is faster.
     fn communicator(&self) -> Option<mpi::ffi::MPI_Comm> {
         (self.size > 1).then(|| self.communicator.as_raw())
+    }
+
+    fn hints(&self) -> Option<mpi::ffi::MPI_Info> {
+        self.hints.as_ref().map(Hints::as_raw)
     }
 }
 

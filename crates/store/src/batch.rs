@@ -1,6 +1,6 @@
 //! Moves a batch of frames from the ranks that own the grains to the ranks that write them.
 
-use super::checksums;
+use super::checksums::{self, ContactWeights};
 use super::collective::{IdBlocks, records_of};
 use super::layout::{elements, forces};
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
@@ -68,10 +68,11 @@ pub struct Frames {
     pub time: Vec<f64>,
     /// Edge vectors of the box.
     pub edges: Vec<BoxEdges>,
-    /// Grains and contacts of each frame.
-    counts: Vec<[usize; 2]>,
-    grains: Vec<GrainSample>,
-    contacts: Vec<ContactSample>,
+    /// Of each frame the numbers of its grains and contacts, the grains, and the contacts: as they
+    /// are sent.
+    bytes: Vec<u8>,
+    /// Where each frame ends in them.
+    ends: Vec<usize>,
 }
 
 impl Frames {
@@ -90,52 +91,78 @@ impl Frames {
         self.step.push(step);
         self.time.push(time);
         self.edges.push(*edges);
-        self.counts.push([grains.len(), contacts.len()]);
-        self.grains.extend_from_slice(grains);
-        self.contacts.extend_from_slice(contacts);
+        add(&mut self.bytes, grains, contacts);
+        self.ends.push(self.bytes.len());
     }
 
+    /// Forgets all frames.
     pub fn clear(&mut self) {
+        // The next batch is about as large; memory that grows would be copied again and again.
+        let bytes = self.ends.last().copied().unwrap_or(0);
         self.step.clear();
         self.time.clear();
         self.edges.clear();
-        self.counts.clear();
-        self.grains.clear();
-        self.contacts.clear();
+        self.ends.clear();
+        self.bytes.clear();
+        self.bytes.reserve(bytes);
     }
 
-    /// Returns a message to each rank. For every frame in the rank's share it holds the numbers of
-    /// grains and contacts, the grains, and the contacts.
-    pub fn messages(&self, shares: &Shares) -> Vec<Vec<u8>> {
-        let mut messages = vec![Vec::new(); shares.ranks as usize];
-        let add = |message: &mut Vec<u8>, grains: &[GrainSample], contacts: &[ContactSample]| {
-            let counts = [grains.len() as u64, contacts.len() as u64];
-            message.extend_from_slice(bytemuck::bytes_of(&counts));
-            message.extend_from_slice(bytemuck::cast_slice(grains));
-            message.extend_from_slice(bytemuck::cast_slice(contacts));
+    /// Returns a message to each rank, with what `bytes` has of the frames in the rank's share. The
+    /// frames themselves are gone then.
+    pub fn messages(&mut self, shares: &Shares) -> Vec<Vec<u8>> {
+        let begin = |frame: u64| match frame {
+            0 => 0,
+            _ => self.ends[frame as usize - 1],
         };
-        let (mut grains, mut contacts) = (&self.grains[..], &self.contacts[..]);
-        for (f, &[n_grains, n_contacts]) in (0..).zip(&self.counts) {
-            let (of_grains, of_contacts) = (&grains[..n_grains], &contacts[..n_contacts]);
-            (grains, contacts) = (&grains[n_grains..], &contacts[n_contacts..]);
-            if let Some(blocks) = shares.by_frame() {
-                add(&mut messages[blocks.holder(f)], of_grains, of_contacts);
-                continue;
-            }
-            let (first, blocks) = shares.of_frame(f.into());
-            let mut parts = vec![(Vec::new(), Vec::new()); blocks.ranks as usize];
-            for grain in of_grains {
-                parts[blocks.holder(grain.id as u32)].0.push(*grain);
-            }
-            for contact in of_contacts {
-                parts[blocks.holder(contact.i)].1.push(*contact);
-            }
-            for (message, (grains, contacts)) in messages[first as usize..].iter_mut().zip(&parts) {
-                add(message, grains, contacts);
+        match shares.by_frame() {
+            Some(IdBlocks { ranks: 1, .. }) => vec![std::mem::take(&mut self.bytes)],
+            Some(blocks) => (0..shares.ranks as usize)
+                .map(|rank| blocks.range(rank))
+                .map(|frames| self.bytes[begin(frames.start)..begin(frames.end)].to_vec())
+                .collect(),
+            None => {
+                let mut messages = vec![Vec::new(); shares.ranks as usize];
+                for frame in 0..self.len() as u64 {
+                    let (first, blocks) = shares.of_frame(frame);
+                    let mut parts = vec![(Vec::new(), Vec::new()); blocks.ranks as usize];
+                    let mut bytes = &self.bytes[begin(frame)..begin(frame + 1)];
+                    let (grains, contacts) = take_frame(&mut bytes);
+                    for grain in grains {
+                        parts[blocks.holder(grain.id as u32)].0.push(grain);
+                    }
+                    for contact in contacts {
+                        parts[blocks.holder(contact.i)].1.push(contact);
+                    }
+                    let of_frame = messages[first as usize..].iter_mut();
+                    for (message, (grains, contacts)) in of_frame.zip(&parts) {
+                        add(message, grains, contacts);
+                    }
+                }
+                messages
             }
         }
-        messages
     }
+}
+
+/// Appends a part of a frame to a message.
+fn add(message: &mut Vec<u8>, grains: &[GrainSample], contacts: &[ContactSample]) {
+    let counts = [grains.len() as u64, contacts.len() as u64];
+    message.extend_from_slice(bytemuck::bytes_of(&counts));
+    message.extend_from_slice(bytemuck::cast_slice(grains));
+    message.extend_from_slice(bytemuck::cast_slice(contacts));
+}
+
+/// Splits off the next part of a frame from a message: its grains and contacts.
+fn take_frame<'a>(
+    rest: &mut &'a [u8],
+) -> (
+    impl Iterator<Item = GrainSample> + use<'a>,
+    impl Iterator<Item = ContactSample> + use<'a>,
+) {
+    let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(rest, 16));
+    let grains = take(rest, counts[0] as usize * size_of::<GrainSample>());
+    let contacts = take(rest, counts[1] as usize * size_of::<ContactSample>());
+    (records_of(grains), records_of(contacts))
 }
 
 /// One rank's share of a batch, as columns.
@@ -158,14 +185,19 @@ impl ShareColumns {
     /// occurs twice, which is a bug.
     pub fn assemble(messages: &[Vec<u8>], share: &Share, axes: usize) -> ShareColumns {
         let (frames, block) = (length(&share.frames) as usize, length(&share.ids) as usize);
+        let bytes: usize = messages.iter().map(Vec::len).sum();
+        let of_grains = frames * (16 * messages.len() + block * size_of::<GrainSample>());
+        let contacts = bytes.saturating_sub(of_grains) / size_of::<ContactSample>();
         let mut part = ShareColumns {
             values: elements(axes).map(|(_, width)| vec![0.0; frames * block * width]),
             image: vec![0; frames * block * 3],
             counts: Vec::with_capacity(frames),
-            i: Vec::new(),
-            j: Vec::new(),
-            forces: vec![Vec::new(); forces(axes).len()],
-            sliding: Vec::new(),
+            i: Vec::with_capacity(contacts),
+            j: Vec::with_capacity(contacts),
+            forces: (forces(axes).iter())
+                .map(|(_, width)| Vec::with_capacity(contacts * width))
+                .collect(),
+            sliding: Vec::with_capacity(contacts),
         };
         let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
         let mut seen = vec![false; block];
@@ -175,10 +207,8 @@ impl ShareColumns {
             seen.fill(false);
             found.clear();
             for rest in &mut rest {
-                let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(rest, 16));
-                let grains = take(rest, counts[0] as usize * size_of::<GrainSample>());
-                let contacts = take(rest, counts[1] as usize * size_of::<ContactSample>());
-                for grain in records_of::<GrainSample>(grains) {
+                let (grains, contacts) = take_frame(rest);
+                for grain in grains {
                     let n = (grain.id - share.ids.start) as usize;
                     assert!(!seen[n], "grain {} twice in a frame", grain.id);
                     seen[n] = true;
@@ -193,7 +223,7 @@ impl ShareColumns {
                         _ => part.values[2][3 * at..][..3].copy_from_slice(spin),
                     }
                 }
-                found.extend(records_of::<ContactSample>(contacts));
+                found.extend(contacts);
             }
             if let Some(n) = seen.iter().position(|s| !s) {
                 panic!("grain {} is not in a frame", share.ids.start + n as u64);
@@ -219,6 +249,11 @@ impl ShareColumns {
     /// [`crate::layout::frame_columns`], without those of the clock.
     pub fn checksums(&self, share: &Share, axes: usize) -> Vec<Vec<u64>> {
         let block = length(&share.ids) as usize;
+        let of_width = [1, 3].map(|width| {
+            let first = share.ids.start * width as u64;
+            checksums::weights(first, block * width)
+        });
+        let weights = ContactWeights::new(&self.i, &self.j, axes);
         let mut begin = 0;
         let of_frame = |(f, &count): (usize, &i64)| {
             let contacts = begin..begin + count as usize;
@@ -226,23 +261,17 @@ impl ShareColumns {
             let mut sums = Vec::new();
             for ((_, width), values) in elements(axes).iter().zip(&self.values) {
                 let of_block = &values[f * block * width..][..block * width];
-                sums.push(checksums::of_sequence(
-                    share.ids.start * *width as u64,
-                    of_block,
-                ));
+                let weights = &of_width[usize::from(*width == 3)];
+                sums.push(checksums::of_numbers(weights, of_block));
             }
-            let pairs = self.i[contacts.clone()]
-                .iter()
-                .zip(&self.j[contacts.clone()]);
-            let places: Vec<u64> = pairs.map(|(&i, &j)| checksums::place_of(i, j)).collect();
-            sums.push(checksums::of_pairs(&places));
+            sums.push(weights.pairs(contacts.clone()));
             for ((_, width), values) in forces(axes).iter().zip(&self.forces) {
                 let values = &values[contacts.start * width..contacts.end * width];
-                sums.push(checksums::of_contacts(&places, values, *width));
+                sums.push(weights.numbers(contacts.clone(), values, *width));
             }
-            sums.push(checksums::of_flags(&places, &self.sliding[contacts]));
+            sums.push(weights.flags(contacts.clone(), &self.sliding[contacts]));
             let of_block = &self.image[f * block * 3..][..block * 3];
-            sums.push(checksums::of_images(share.ids.start * 3, of_block));
+            sums.push(checksums::of_images(&of_width[1], of_block));
             sums
         };
         self.counts.iter().enumerate().map(of_frame).collect()
@@ -338,7 +367,7 @@ mod tests {
             &[contact(5, 6), contact(0, 3), contact(0, 1)],
         );
         frames.push(1, 1.0, &[[0.0; 3]; 3], &grains, &[]);
-        for ranks in 1..=9 {
+        for ranks in (1..=9).rev() {
             let shares = Shares {
                 frames: 2,
                 grains: 7,

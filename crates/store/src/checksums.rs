@@ -5,9 +5,11 @@
 //! the ranks that hold the numbers, and a change of one number always changes it.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use super::parameter::Parameter;
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::simd::{Isa, Lanes, Work};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Group of the checksums.
@@ -24,6 +26,7 @@ pub const OF_PARAMETERS: &str = "checksum";
 pub const CONSTANTS: &str = "checksums/constants";
 
 /// The weight of a place (SplitMix64, odd).
+#[inline(always)]
 pub fn weight(place: u64) -> u64 {
     let mut z = place.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -33,25 +36,68 @@ pub fn weight(place: u64) -> u64 {
 
 /// The bits of a number, mixed so that round numbers, too, differ in their last bits. Numbers with
 /// different bits stay different.
-fn mixed(x: f64) -> u64 {
-    let bits = x.to_bits();
+#[inline(always)]
+fn mixed(bits: u64) -> u64 {
     let bits = (bits ^ (bits >> 32)).wrapping_mul(0xd6e8_feb8_6659_fd93);
     bits ^ (bits >> 32)
 }
 
-/// Of numbers that follow each other from the place `first` on.
-pub fn of_sequence(first: u64, values: &[f64]) -> u64 {
-    let terms = values.iter().zip(first..);
-    terms.fold(0, |sum: u64, (x, place)| {
-        sum.wrapping_add(weight(place).wrapping_mul(mixed(*x)))
-    })
+/// Σ w m(x), compiled for the instruction set of the processor: the checksums would else be a tenth
+/// of the cost of a frame.
+struct WeightedSum<'a>(&'a [u64], &'a [f64]);
+
+impl Work for WeightedSum<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) -> u64 {
+        let mut sum = 0u64;
+        for (weight, x) in self.0.iter().zip(self.1) {
+            sum = sum.wrapping_add(weight.wrapping_mul(mixed(x.to_bits())));
+        }
+        sum
+    }
 }
 
-/// Of images that follow each other from the place `first` on.
-pub fn of_images(first: u64, images: &[i32]) -> u64 {
-    let terms = images.iter().zip(first..);
-    terms.fold(0, |sum: u64, (&image, place)| {
-        sum.wrapping_add(weight(place).wrapping_mul(u64::from(image as u32)))
+/// Replaces places by their weights.
+struct Weigh<'a>(&'a mut [u64]);
+
+impl Work for Weigh<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) {
+        for place in self.0 {
+            *place = weight(*place);
+        }
+    }
+}
+
+fn weights_of(mut places: Vec<u64>) -> Vec<u64> {
+    Isa::detect().run(Weigh(&mut places));
+    places
+}
+
+/// The weights of the places from `first` on.
+pub fn weights(first: u64, count: usize) -> Vec<u64> {
+    weights_of((first..).take(count).collect())
+}
+
+/// Of numbers with these weights.
+pub fn of_numbers(weights: &[u64], values: &[f64]) -> u64 {
+    Isa::detect().run(WeightedSum(weights, values))
+}
+
+/// Of numbers that follow each other from the place `first` on.
+pub fn of_sequence(first: u64, values: &[f64]) -> u64 {
+    of_numbers(&weights(first, values.len()), values)
+}
+
+/// Of images with these weights.
+pub fn of_images(weights: &[u64], images: &[i32]) -> u64 {
+    let terms = weights.iter().zip(images);
+    terms.fold(0, |sum: u64, (weight, &image)| {
+        sum.wrapping_add(weight.wrapping_mul(u64::from(image as u32)))
     })
 }
 
@@ -75,44 +121,58 @@ pub fn of_constants(
     ]
 }
 
-/// The place of a contact, wherever its row is.
-pub fn place_of(i: u32, j: u32) -> u64 {
-    u64::from(i) << 32 | u64::from(j)
+/// The weights of contacts, wherever their rows are.
+pub struct ContactWeights {
+    of_pairs: Vec<u64>,
+    /// Of the components of their vectors, if they have any.
+    of_vectors: Vec<u64>,
 }
 
-/// Of the pairs of grains alone.
-pub fn of_pairs(places: &[u64]) -> u64 {
-    places
-        .iter()
-        .fold(0, |sum: u64, &place| sum.wrapping_add(weight(place)))
-}
-
-/// Of a column of contacts, `width` numbers each.
-pub fn of_contacts(places: &[u64], values: &[f64], width: usize) -> u64 {
-    let mut sum = 0u64;
-    for (&place, values) in places.iter().zip(values.chunks_exact(width)) {
-        let of_contact = weight(place);
-        for (x, part) in values.iter().zip(0..) {
-            let weight = of_contact.wrapping_add(2 * part);
-            sum = sum.wrapping_add(weight.wrapping_mul(mixed(*x)));
+impl ContactWeights {
+    /// `axes`: number of dimensions; only contacts of spheres have vectors.
+    pub fn new(i: &[u32], j: &[u32], axes: usize) -> Self {
+        let pairs = i.iter().zip(j);
+        let places = pairs.map(|(&i, &j)| u64::from(i) << 32 | u64::from(j));
+        let of_pairs = weights_of(places.collect());
+        let components = |weight: &u64| [0, 2, 4].map(|more| weight.wrapping_add(more));
+        let of_vectors = match axes {
+            2 => Vec::new(),
+            _ => of_pairs.iter().flat_map(components).collect(),
+        };
+        Self {
+            of_pairs,
+            of_vectors,
         }
     }
-    sum
-}
 
-/// Of flags of contacts.
-pub fn of_flags(places: &[u64], flags: &[u8]) -> u64 {
-    let terms = places.iter().zip(flags);
-    terms.fold(0, |sum: u64, (&place, &flag)| {
-        sum.wrapping_add(weight(place).wrapping_mul(flag.into()))
-    })
+    /// Of the pairs of grains alone.
+    pub fn pairs(&self, rows: Range<usize>) -> u64 {
+        let weights = self.of_pairs[rows].iter().copied();
+        weights.fold(0, u64::wrapping_add)
+    }
+
+    /// Of a column, 1 or 3 numbers each.
+    pub fn numbers(&self, rows: Range<usize>, values: &[f64], width: usize) -> u64 {
+        match width {
+            1 => of_numbers(&self.of_pairs[rows], values),
+            _ => of_numbers(&self.of_vectors[3 * rows.start..3 * rows.end], values),
+        }
+    }
+
+    /// Of flags.
+    pub fn flags(&self, rows: Range<usize>, flags: &[u8]) -> u64 {
+        let terms = self.of_pairs[rows].iter().zip(flags);
+        terms.fold(0, |sum: u64, (weight, &flag)| {
+            sum.wrapping_add(weight.wrapping_mul(flag.into()))
+        })
+    }
 }
 
 /// Of a row of the time series, whose columns have these names in the file.
 pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, f64)>) -> u64 {
     let named = |name: &str, bits: u64| weight(xxh3_64(name.as_bytes())).wrapping_mul(bits);
-    let numbers = columns.map(|(name, x)| named(name, mixed(x)));
-    [named("step", step), named("time", mixed(time))]
+    let numbers = columns.map(|(name, x)| named(name, mixed(x.to_bits())));
+    [named("step", step), named("time", mixed(time.to_bits()))]
         .into_iter()
         .chain(numbers)
         .fold(0, u64::wrapping_add)
@@ -183,28 +243,43 @@ mod tests {
 
     #[test]
     fn contacts_count_by_their_ids() {
-        let places = [place_of(1, 2), place_of(1, 3), place_of(4, 5)];
-        let back = [places[2], places[0], places[1]];
-        assert_eq!(of_pairs(&places), of_pairs(&back));
-        let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-        let moved = [5.0, 6.0, 1.0, 2.0, 3.0, 4.0];
-        assert_eq!(
-            of_contacts(&places, &values, 2),
-            of_contacts(&back, &moved, 2)
-        );
-        assert_ne!(
-            of_contacts(&places, &values, 2),
-            of_contacts(&places, &moved, 2)
-        );
-        assert_ne!(
-            of_contacts(&places, &[1.0, 2.0, 3.0], 1),
-            of_contacts(&places, &[2.0, 1.0, 3.0], 1)
-        );
-        assert_eq!(of_flags(&places, &[0, 1, 0]), of_flags(&back, &[0, 0, 1]));
-        assert_ne!(of_flags(&places, &[0, 1, 0]), of_flags(&places, &[1, 0, 0]));
-        assert_ne!(
-            of_pairs(&places),
-            of_pairs(&[places[0], places[1], place_of(4, 6)])
-        );
+        let of = |pairs: [[u32; 2]; 3]| {
+            ContactWeights::new(&pairs.map(|p| p[0]), &pairs.map(|p| p[1]), 3)
+        };
+        let there = of([[1, 2], [1, 3], [4, 5]]);
+        let back = of([[4, 5], [1, 2], [1, 3]]);
+        assert_eq!(there.pairs(0..3), back.pairs(0..3));
+        let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
+        let moved = [7.0, 8.0, 9.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let all = |of: &ContactWeights, values: &[f64]| of.numbers(0..3, values, 3);
+        assert_eq!(all(&there, &values), all(&back, &moved));
+        assert_ne!(all(&there, &values), all(&there, &moved));
+        // Parts and components count, too.
+        let part = back.numbers(1..3, &values[..6], 3);
+        let sum = part.wrapping_add(back.numbers(0..1, &values[6..], 3));
+        assert_eq!(sum, all(&there, &values));
+        let turned = [2.0, 1.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
+        assert_ne!(all(&there, &turned), all(&there, &values));
+        let one = |values: [f64; 3]| there.numbers(0..3, &values, 1);
+        assert_ne!(one([1.0, 2.0, 3.0]), one([2.0, 1.0, 3.0]));
+        let flags = |of: &ContactWeights, flags: [u8; 3]| of.flags(0..3, &flags);
+        assert_eq!(flags(&there, [0, 1, 0]), flags(&back, [0, 0, 1]));
+        assert_ne!(flags(&there, [0, 1, 0]), flags(&there, [1, 0, 0]));
+        let other = of([[1, 2], [1, 3], [4, 6]]);
+        assert_ne!(there.pairs(0..3), other.pairs(0..3));
+    }
+
+    /// Whatever the processor: files go from one to another.
+    #[test]
+    fn instruction_sets_agree() {
+        let values: Vec<f64> = (0..1003).map(|k| (f64::from(k) * 0.37).sin()).collect();
+        let weights = weights(5, values.len());
+        let places: Vec<u64> = (5..1008).collect();
+        let mut others = places.clone();
+        Isa::Portable.run(Weigh(&mut others));
+        assert_eq!(others, weights);
+        assert_eq!(others, places.into_iter().map(weight).collect::<Vec<_>>());
+        let portable = Isa::Portable.run(WeightedSum(&weights, &values));
+        assert_eq!(portable, of_numbers(&weights, &values));
     }
 }

@@ -155,7 +155,7 @@ impl H5File {
         let file = hdf5::File::with_options()
             .with_fapl(|access| {
                 if let Some(communicator) = communicator {
-                    access.mpio(communicator, None);
+                    access.mpio(communicator, exchange.hints());
                     access.all_coll_metadata_ops(true).coll_metadata_write(true);
                 }
                 // Format 1.8 has checksums on most of the file's structure. Format 1.10 would

@@ -106,8 +106,9 @@ impl RunFile {
             .read_slice::<i32, _, Ix3>(s![range.start..range.end, .., ..])
             .map_err(|e| self.damaged(dataset, &e))?;
         let (values, _) = values.into_raw_vec_and_offset();
+        let weights = checksums::weights(0, 3 * self.grains.count());
         for (t, of_frame) in (range.clone()).zip(values.chunks(3 * self.grains.count())) {
-            self.verify(t, "image", checksums::of_images(0, of_frame))?;
+            self.verify(t, "image", checksums::of_images(&weights, of_frame))?;
         }
         let images = values.chunks_exact(3);
         Ok(images.map(|v| [v[0], v[1], v[2]].map(i64::from)).collect())
@@ -135,11 +136,12 @@ impl RunFile {
         let name = dataset.name();
         let column = name.trim_end_matches("/value").rsplit('/').next();
         let of_frame = (values.len() / range.len().max(1)).max(1);
+        let weights = checksums::weights(0, of_frame);
         for (t, values) in range.clone().zip(values.chunks(of_frame)) {
             self.verify(
                 t,
                 column.unwrap_or_default(),
-                checksums::of_sequence(0, values),
+                checksums::of_numbers(&weights, values),
             )?;
         }
         Ok(())
@@ -269,7 +271,7 @@ impl RunFile {
             sliding: self.column::<u8>(&columns.sliding, &others)?,
         };
         self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
-        let pairs = Pairs::new(&contacts.i, &contacts.j, rows.start);
+        let pairs = Pairs::new(&contacts.i, &contacts.j, rows.start, self.dimension.axes());
         let spins = self.dimension.axes() * 2 - 3;
         let flat = |vectors: &[[f64; 3]]| -> Vec<f64> {
             vectors

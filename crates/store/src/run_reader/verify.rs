@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::StoredScalars;
 use super::source::OpenFile;
-use crate::checksums::{self, CONSTANTS, FRAMES, GROUP, ROWS, SCALARS};
+use crate::checksums::{self, CONSTANTS, ContactWeights, FRAMES, GROUP, ROWS, SCALARS};
 use crate::layout::{IMAGE_VALUE, frame_columns};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -121,17 +121,15 @@ impl OpenFile<'_> {
 
 /// The contacts of frames that have been read.
 pub struct Pairs {
-    /// Their places, as [`checksums::place_of`] has them.
-    places: Vec<u64>,
+    weights: ContactWeights,
     first: usize,
 }
 
 impl Pairs {
-    /// `first`: row of the first contact.
-    pub fn new(i: &[u32], j: &[u32], first: usize) -> Self {
-        let pairs = i.iter().zip(j);
+    /// `first`: row of the first contact; `axes`: number of dimensions.
+    pub fn new(i: &[u32], j: &[u32], first: usize, axes: usize) -> Self {
         Self {
-            places: pairs.map(|(&i, &j)| checksums::place_of(i, j)).collect(),
+            weights: ContactWeights::new(i, j, axes),
             first,
         }
     }
@@ -142,19 +140,19 @@ impl Pairs {
 
     /// Checksum of the ids.
     pub fn ids(&self, rows: &Range<usize>) -> u64 {
-        checksums::of_pairs(&self.places[self.local(rows)])
+        self.weights.pairs(self.local(rows))
     }
 
     /// Checksum of a column of `width` numbers a contact.
     pub fn numbers(&self, rows: &Range<usize>, values: &[f64], width: usize) -> u64 {
         let rows = self.local(rows);
         let values = &values[rows.start * width..rows.end * width];
-        checksums::of_contacts(&self.places[rows], values, width)
+        self.weights.numbers(rows, values, width)
     }
 
     /// Checksum of a column of flags.
     pub fn flags(&self, rows: &Range<usize>, flags: &[u8]) -> u64 {
         let rows = self.local(rows);
-        checksums::of_flags(&self.places[rows.clone()], &flags[rows])
+        self.weights.flags(rows.clone(), &flags[rows])
     }
 }
