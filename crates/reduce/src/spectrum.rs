@@ -10,13 +10,14 @@ use super::export::Which;
 use super::stiffness::{self, StateSelection};
 use crate::output::cannot_write;
 use gshear_dem::failure::Failure;
+use gshear_report::drawing;
 use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
     Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
 };
 use gshear_store::spectrum_writer::{self, Columns};
 use gshear_store::table::Table;
-use gshear_store::{dictionary, matrix_market, text_writer};
+use gshear_store::{dictionary, matrix_market};
 
 /// Unknowns up to which --all-pairs uses the dense solver: 200 MB of vectors, one to two minutes.
 const DENSE: usize = 3000;
@@ -152,7 +153,7 @@ pub fn write(options: &SpectrumOptions, output: &mut impl Write) -> Result<(), F
     dictionary::write_table(&csv, &table(&spectrum, &columns.participation))?;
     let vectors = spectrum_writer::write(folder, &source, &problem, &columns)?;
     let svg = folder.join("spectrum.svg");
-    text_writer::write(
+    drawing::write(
         &svg,
         &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues),
     )?;

@@ -19,6 +19,7 @@
 pub mod bonfanti;
 pub mod colour;
 mod compose;
+pub mod drawing;
 mod histogram;
 mod history;
 pub mod lee_hurley;
@@ -62,10 +63,11 @@ pub fn write(run: &RunFile, replayed: Option<&RunFile>, folder: &Path) -> Result
     let mut facts = page::facts(run, &summary);
     let mut figures = figures(run, &summary);
     figures.extend(structure::figures(run, &mut facts)?);
+    let place = |figure: &ReportFigure| folder.join(figure.name).with_extension("svg");
+    let drawn = figures.iter().map(|figure| (place(figure), &*figure.svg));
+    drawing::write_all(&drawn.collect::<Vec<_>>())?;
     for figure in &figures {
-        let path = folder.join(figure.name);
-        text_writer::write(&path.with_extension("svg"), &figure.svg)?;
-        text_writer::write(&path.with_extension("csv"), &figure.data)?;
+        text_writer::write(&place(figure).with_extension("csv"), &figure.data)?;
     }
     let json = format!("{:#}\n", summary.json(run));
     text_writer::write(&folder.join("summary.json"), &json)?;

@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 
 use gshear_dem::failure::Failure;
 
-/// Writes a text file; creates its folder if missing.
+/// Writes a file; creates its folder if missing.
 ///
 /// # Errors
 /// [`Failure::Other`] if the folder or the file cannot be written.
-pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
+pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), Failure> {
     let mut file = PartFile::create(path)?;
-    let written = file.write_all(text.as_bytes());
+    let written = file.write_all(content.as_ref());
     file.checked(written)?;
     file.finish().map(drop)
 }

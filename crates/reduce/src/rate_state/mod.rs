@@ -15,7 +15,7 @@ use gshear_analysis::rate_state::{
     modelled, stacks,
 };
 use gshear_dem::failure::Failure;
-use gshear_report::rate_state as figures;
+use gshear_report::{drawing, rate_state as figures};
 use gshear_store::run_reader::RunFile;
 use gshear_store::{dictionary, text_writer};
 
@@ -72,7 +72,8 @@ pub fn write(
         &page_rows(&reduction),
         &folder.display().to_string(),
     );
-    files.extend(drawn);
+    let figures = drawn.iter().map(|(name, svg)| (folder.join(name), &**svg));
+    let written = drawing::write_all(&figures.collect::<Vec<_>>())?;
     files.push(("index.html".into(), page));
     for (name, text) in &files {
         let path = folder.join(name);
@@ -85,7 +86,7 @@ pub fn write(
     writeln!(
         output,
         "wrote {} files into {}",
-        files.len(),
+        files.len() + written,
         folder.display()
     )
     .map_err(cannot_write)

@@ -5,6 +5,7 @@ mod curves;
 
 use std::path::{Path, PathBuf};
 
+use crate::drawing;
 use crate::page::{document, escape, scene_of};
 use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
@@ -69,7 +70,7 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
     for figure in &figures {
         if let Ok(drawn) = &figure.drawn {
             let name = format!("fig-{:02}", figure.number);
-            text_writer::write(&folder.join(name.clone() + ".svg"), &drawn.svg)?;
+            drawing::write(&folder.join(name.clone() + ".svg"), &drawn.svg)?;
             text_writer::write(&folder.join(name + ".csv"), &drawn.csv)?;
         }
     }

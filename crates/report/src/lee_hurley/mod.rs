@@ -16,6 +16,7 @@ mod studied;
 use std::path::{Path, PathBuf};
 
 pub use self::studied::{DropStage, Event, MapStep, Size, Studied, StudyOptions, friction};
+use crate::drawing;
 use gshear_dem::failure::Failure;
 use gshear_store::text_writer;
 
@@ -51,9 +52,14 @@ impl Figure {
 /// If a file cannot be written.
 pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
     let drawn = figures(runs);
+    let svg = |figure: &Figure| folder.join(figure.name() + ".svg");
+    let figures = drawn
+        .iter()
+        .flatten()
+        .map(|figure| (svg(figure), &*figure.svg));
+    drawing::write_all(&figures.collect::<Vec<_>>())?;
     for figure in drawn.iter().flatten() {
         let path = |end: &str| folder.join(figure.name() + end);
-        text_writer::write(&path(".svg"), &figure.svg)?;
         for (end, data) in &figure.data {
             text_writer::write(&path(end), data)?;
         }
@@ -73,7 +79,7 @@ pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
     }
     let seeds = ensemble::figures(&families);
     for (name, svg) in &seeds {
-        text_writer::write(&folder.join(name), svg)?;
+        drawing::write(&folder.join(name), svg)?;
     }
     // Written last, so that the page never refers to missing figures.
     let page = folder.join("index.html");

@@ -1,0 +1,101 @@
+//! Files of figures: SVG for pages, PDF for papers, PNG for slides.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock};
+
+use gshear_dem::failure::Failure;
+use gshear_store::text_writer;
+use rayon::prelude::*;
+use resvg::tiny_skia::{Pixmap, Transform};
+use svg2pdf::usvg::{Options, Tree, fontdb::Database};
+use svg2pdf::{ConversionOptions, PageOptions};
+
+/// Pixels of a PNG per pixel of the figure.
+const SCALE: f32 = 2.0;
+
+/// The fonts of PDF and PNG, which are the same on every machine.
+static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
+    let mut fonts = Database::new();
+    fonts.load_font_data(dejavu::sans::regular().to_vec());
+    fonts.load_font_data(dejavu::sans::bold().to_vec());
+    fonts.set_sans_serif_family("DejaVu Sans");
+    Arc::new(fonts)
+});
+
+/// Writes figures (path that ends in `.svg`, and the SVG) with PDF and PNG beside each. Returns the
+/// number of files.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write_all(figures: &[(PathBuf, &str)]) -> Result<usize, Failure> {
+    let written = figures.par_iter().map(|(path, svg)| write(path, svg));
+    written.sum()
+}
+
+/// [`write_all`] of one figure.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write(path: &Path, svg: &str) -> Result<usize, Failure> {
+    let bad = |why: &dyn std::fmt::Display| {
+        Failure::other(format!("{}: cannot be drawn: {why}", path.display()))
+    };
+    let options = Options {
+        fontdb: FONTS.clone(),
+        font_family: "DejaVu Sans".into(),
+        ..Options::default()
+    };
+    let tree = Tree::from_str(svg, &options).map_err(|e| bad(&e))?;
+    let pdf = svg2pdf::to_pdf(&tree, ConversionOptions::default(), PageOptions::default());
+    let pdf = pdf.map_err(|e| bad(&e))?;
+    let size = tree.size().to_int_size();
+    let side = |length: u32| (length as f32 * SCALE) as u32;
+    let mut pixels = Pixmap::new(side(size.width()), side(size.height()))
+        .ok_or_else(|| bad(&"it has no size"))?;
+    let scale = Transform::from_scale(SCALE, SCALE);
+    resvg::render(&tree, scale, &mut pixels.as_mut());
+    let png = pixels.encode_png().map_err(|e| bad(&e))?;
+    text_writer::write(path, svg)?;
+    text_writer::write(&path.with_extension("pdf"), pdf)?;
+    text_writer::write(&path.with_extension("png"), png)?;
+    Ok(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plot::{Layout, figure};
+
+    /// A figure has its size, its text and its colours in every format.
+    #[test]
+    fn every_format_shows_the_figure() {
+        let layout = Layout {
+            size: [300.0, 200.0],
+            margin: [50.0, 20.0, 20.0, 50.0],
+        };
+        let svg = figure(layout, [0.0, 1.0], [0.0, 1.0], |plot| {
+            plot.disk([0.5, 0.5], 20.0, crate::colour::SLIP, None);
+            plot.axes(&[], &[], "γ", "|Δτ_{p}| (Pa)");
+        });
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.svg");
+        assert_eq!(write(&path, &svg).unwrap(), 3);
+        let image = Pixmap::load_png(path.with_extension("png")).unwrap();
+        assert_eq!((image.width(), image.height()), (600, 400));
+        // The middle of the axes: (50 + 115, 20 + 65) px.
+        let middle = image.pixel(330, 170).unwrap();
+        let red = crate::colour::SLIP;
+        assert_eq!(
+            [middle.red(), middle.green(), middle.blue()],
+            [red.0, red.1, red.2]
+        );
+        let dark = |x: u32, y: u32| image.pixel(x, y).is_some_and(|p| p.red() < 128);
+        let below = (0..600).filter(|x| (360..400).any(|y| dark(*x, y))).count();
+        assert!(below > 5, "no letter below the axis");
+        let pdf = std::fs::read(path.with_extension("pdf")).unwrap();
+        assert!(pdf.starts_with(b"%PDF-"));
+        let has = |part: &[u8]| pdf.windows(part.len()).any(|at| at == part);
+        assert!(has(b"DejaVuSans"), "the font is embedded");
+        assert!(has(b"/MediaBox [0 0 300 200]") || has(b"/MediaBox[0 0 300 200]"));
+    }
+}
