@@ -73,7 +73,7 @@ pub fn write(run: &RunFile, replayed: Option<&RunFile>, folder: &Path) -> Result
     text_writer::write(&folder.join("summary.json"), &json)?;
     // Written last, so that the page never refers to missing figures.
     let page = folder.join("index.html");
-    text_writer::write(&page, &page::html(run, &summary, facts, &figures))?;
+    text_writer::write(&page, page::html(run, &summary, facts, &figures))?;
     Ok(page)
 }
 

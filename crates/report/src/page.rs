@@ -54,8 +54,9 @@ pub fn document(title: &str, lead: &str, body: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>{title}</title>\n\
-         <style>\n{}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<p class=\"lead\">{lead}</p>\n{body}</body>\n</html>\n",
-        include_str!("page.css")
+         <style>\n{}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<p class=\"lead\">{lead}</p>\n{body}<script>\n{}</script>\n</body>\n</html>\n",
+        include_str!("page.css"),
+        include_str!("page.js")
     )
 }
 

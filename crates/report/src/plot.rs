@@ -35,6 +35,8 @@ pub struct Plot<'a> {
     layout: Layout,
     x: [f64; 2],
     y: [f64; 2],
+    /// How a page reads places off the axes, as attributes of the figure.
+    readings: String,
 }
 
 /// Shape of a marker.
@@ -74,17 +76,19 @@ pub fn figure(layout: Layout, x: [f64; 2], y: [f64; 2], draw: impl FnOnce(&mut P
         layout,
         x,
         y,
+        readings: String::new(),
     };
     let whole = [[0.0, 0.0], layout.size];
     plot.pixel_box(whole, WHITE, 1.0);
     draw(&mut plot);
     plot.backend.present().expect(IN_MEMORY);
+    let readings = std::mem::take(&mut plot.readings);
     drop(plot);
     let [width, height] = layout.size;
     let body = svg.find('>').map_or("", |end| &svg[end + 1..]);
     let header = format!(
         "{NAMESPACE} width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} {}\" \
-         stroke-linejoin=\"round\" stroke-linecap=\"round\">",
+         stroke-linejoin=\"round\" stroke-linecap=\"round\"{readings}>",
         size[0], size[1]
     );
     header + &typeset(body)
@@ -299,6 +303,14 @@ impl Plot<'_> {
     /// Draws the axes with ticks and labels.
     pub fn axes(&mut self, x: &[Tick], y: &[Tick], x_label: &str, y_label: &str) {
         let [[left, top], [right, bottom]] = self.frame();
+        let edges = [left, top, right, bottom].map(|edge| edge * CANVAS);
+        let readings = [reading(x, self.x, x_label), reading(y, self.y, y_label)];
+        if let [Some(x), Some(y)] = readings {
+            let [left, top, right, bottom] = edges;
+            self.readings = format!(
+                " data-frame=\"{left} {top} {right} {bottom}\" data-x=\"{x}\" data-y=\"{y}\""
+            );
+        }
         self.outline([[left, top], [right, bottom]], 1.0);
         for (value, label) in x {
             let [at, _] = self.pixel([*value, self.y[0]]);
@@ -429,6 +441,37 @@ impl Plot<'_> {
     }
 }
 
+/// Returns how a page reads an axis: whether its scale is logarithmic, the numbers at its ends in the
+/// unit of the label, and the label. `None` if two ticks do not say.
+fn reading(ticks: &[Tick], ends: [f64; 2], label: &str) -> Option<String> {
+    let number = |(_, text): &Tick| {
+        let text = text.replace('−', "-");
+        match text.strip_prefix("10^{") {
+            Some(exponent) => Some((true, exponent.strip_suffix('}')?.parse::<f64>().ok()?)),
+            None => Some((false, text.parse::<f64>().ok()?)),
+        }
+    };
+    let numbers = ticks
+        .iter()
+        .filter_map(|tick| Some((tick.0, number(tick)?)));
+    let (mut first, mut last) = (None, None);
+    for tick in numbers {
+        first = first.or(Some(tick));
+        last = Some(tick);
+    }
+    let ((x0, (kind, a)), (x1, (_, b))) = (first?, last?);
+    if x0 == x1 {
+        return None;
+    }
+    let [low, high] = ends.map(|x| a + (b - a) * (x - x0) / (x1 - x0));
+    let kind = if kind { "log" } else { "linear" };
+    let plain: String = label.chars().filter(|c| !"^_{}".contains(*c)).collect();
+    Some(format!(
+        "{kind} {low} {high} {}",
+        crate::page::escape(&plain)
+    ))
+}
+
 /// plotters divides font sizes by 1.24 for SVG; this undoes it.
 fn font(size: f64, colour: &RGBColor) -> TextStyle<'_> {
     TextStyle::from(("Helvetica, Arial, sans-serif", size * 1.24 * CANVAS).into_font())
@@ -536,5 +579,20 @@ mod tests {
             "{svg}"
         );
         assert!(svg.contains("stroke-width=\"20\"") && svg.contains("viewBox=\"0 0 2000 1000\""));
+    }
+
+    /// The numbers at the ends of an axis, in the unit of its label.
+    #[test]
+    fn pages_read_axes_off_their_ticks() {
+        let ticks = [(0.001, "−1".to_string()), (0.003, "1".to_string())];
+        let read = reading(&ticks, [0.0, 0.004], "x_{a} (mm)");
+        assert_eq!(read.unwrap(), "linear -2 2 xa (mm)");
+        let decades = crate::ticks::decades(-2.5, 1.0, 8);
+        assert_eq!(reading(&decades, [-2.5, 1.0], "N").unwrap(), "log -2.5 1 N");
+        assert_eq!(reading(&ticks[..1], [0.0, 1.0], "x"), None);
+        assert_eq!(
+            reading(&[(0.0, "a".into()), (1.0, "b".into())], [0.0, 1.0], "x"),
+            None
+        );
     }
 }

@@ -96,7 +96,7 @@ pub fn write(
         },
         Path::to_path_buf,
     );
-    text_writer::write(&path, &reader.text(&state))?;
+    text_writer::write(&path, reader.text(&state))?;
     Ok(path)
 }
 

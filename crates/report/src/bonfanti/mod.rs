@@ -82,7 +82,7 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
         .csv();
     text_writer::write(&folder.join("numbers.csv"), &csv)?;
     let page = folder.join("index.html");
-    text_writer::write(&page, &html(&studied, &numbers, &figures))?;
+    text_writer::write(&page, html(&studied, &numbers, &figures))?;
     Ok(page)
 }
 

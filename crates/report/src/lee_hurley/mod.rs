@@ -65,8 +65,8 @@ pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
         }
     }
     let numbers = numbers::of(runs);
-    text_writer::write(&folder.join("numbers.csv"), &numbers::csv(&numbers))?;
-    text_writer::write(&folder.join("drops.csv"), &drops::csv(runs))?;
+    text_writer::write(&folder.join("numbers.csv"), numbers::csv(&numbers))?;
+    text_writer::write(&folder.join("drops.csv"), drops::csv(runs))?;
     let mut families = family::families(runs);
     families.retain(|family| family.runs.len() > 1);
     if !families.is_empty() {
@@ -83,7 +83,7 @@ pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
     }
     // Written last, so that the page never refers to missing figures.
     let page = folder.join("index.html");
-    text_writer::write(&page, &page::html(runs, &numbers, &drawn, &seeds))?;
+    text_writer::write(&page, page::html(runs, &numbers, &drawn, &seeds))?;
     Ok(page)
 }
 
