@@ -148,6 +148,15 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
     let n = whole.grains().count();
     assert!(frames.len() > 20 && n > 500);
 
+    // Its report has pictures of them.
+    said(&reduce(&["report", text(&folder)]), 0);
+    for name in ["grains-velocity", "grains-displacement", "forces-3d"] {
+        for end in ["svg", "pdf", "png", "csv"] {
+            let path = folder.join("report").join(format!("{name}.{end}"));
+            assert!(path.is_file(), "{}", path.display());
+        }
+    }
+
     let other = temporary.path().join("other.h5");
     std::fs::copy(folder.join("run.h5"), &other).expect("a copy");
     common::change_file(&other, |copy| {
@@ -167,6 +176,7 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
         numbers.next().expect("a number").parse().expect("a number")
     };
     assert_eq!(values("angular_velocity "), 3 * n * frames.len());
+    assert_eq!(values("image "), 3 * n * frames.len());
     assert_eq!(
         values("c. tangential_force "),
         3 * values("c. normal_force ")

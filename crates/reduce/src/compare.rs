@@ -292,7 +292,8 @@ fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
 
 /// Compares the fields of frames, read in blocks.
 fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>, Failure> {
-    let mut fields = FrameComparison::new(a.dimension());
+    let images = a.has_images() && b.has_images();
+    let mut fields = FrameComparison::new(a.dimension(), images);
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);
@@ -323,13 +324,15 @@ struct FrameComparison {
     position: FieldComparison,
     velocity: FieldComparison,
     angular_velocity: FieldComparison,
+    /// If both runs have images.
+    image: Option<FieldComparison>,
     /// Whether a contact is in both runs.
     pairs: FieldComparison,
     contacts: Vec<FieldComparison>,
 }
 
 impl FrameComparison {
-    fn new(dimension: Dimensions) -> Self {
+    fn new(dimension: Dimensions, images: bool) -> Self {
         FrameComparison {
             dimension,
             step: FieldComparison::new("frame step"),
@@ -337,6 +340,7 @@ impl FrameComparison {
             position: FieldComparison::new("position"),
             velocity: FieldComparison::new("velocity"),
             angular_velocity: FieldComparison::new("angular_velocity"),
+            image: images.then(|| FieldComparison::new("image")),
             pairs: FieldComparison::new("contacts"),
             contacts: CONTACT_FIELDS
                 .iter()
@@ -364,6 +368,12 @@ impl FrameComparison {
                 let at = Location::GrainOf(t, n, PARTS[k]);
                 self.angular_velocity
                     .see(a.angular_velocity[k], b.angular_velocity[k], at);
+            }
+            if let Some(image) = &mut self.image {
+                for (k, part) in PARTS.into_iter().enumerate().take(axes) {
+                    let at = Location::GrainOf(t, n, part);
+                    image.see(a.image[k] as f64, b.image[k] as f64, at);
+                }
             }
         }
         self.see_contacts(t, &a.contacts, &b.contacts);
@@ -411,8 +421,9 @@ impl FrameComparison {
             self.position,
             self.velocity,
             self.angular_velocity,
-            self.pairs,
         ];
+        fields.extend(self.image);
+        fields.push(self.pairs);
         fields.extend(self.contacts);
         fields
     }
@@ -462,7 +473,7 @@ mod tests {
         };
         let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
-        let mut fields = FrameComparison::new(Dimensions::Two);
+        let mut fields = FrameComparison::new(Dimensions::Two, false);
         fields.see_contacts(7, &a, &b);
         assert_eq!((fields.pairs.compared, fields.pairs.differing), (4, 2));
         assert_eq!(fields.pairs.first, Location::ContactOf(7, 0, 1));

@@ -25,6 +25,7 @@ mod history;
 pub mod lee_hurley;
 mod map;
 mod page;
+mod picture;
 pub mod plot;
 pub mod rate_state;
 pub mod spectrum;
@@ -63,6 +64,7 @@ pub fn write(run: &RunFile, replayed: Option<&RunFile>, folder: &Path) -> Result
     let mut facts = page::facts(run, &summary);
     let mut figures = figures(run, &summary);
     figures.extend(structure::figures(run, &mut facts)?);
+    figures.extend(picture::figures(run)?);
     let place = |figure: &ReportFigure| folder.join(figure.name).with_extension("svg");
     let drawn = figures.iter().map(|figure| (place(figure), &*figure.svg));
     drawing::write_all(&drawn.collect::<Vec<_>>())?;

@@ -96,6 +96,11 @@ impl RunFile {
         Ok(values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
     }
 
+    /// Returns whether the file has the images of the grains; those of earlier versions have none.
+    pub fn has_images(&self) -> bool {
+        self.image.is_some()
+    }
+
     /// Reads the images of some frames, all grains of a frame after the other; none from a file of
     /// an earlier version.
     fn images(&self, range: &Range<usize>) -> Result<Vec<Image>, Failure> {

@@ -1,0 +1,317 @@
+//! Pictures of a packing of spheres, seen from the front, the right and above.
+
+use std::collections::BTreeSet;
+
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{FrameRecords, body};
+use gshear_store::run_reader::RunFile;
+use gshear_store::table::Table;
+
+use super::ReportFigure;
+use super::colour::{FORCE, Scale, VIRIDIS, WALL};
+use super::plot::{Layout, Plot, figure};
+use super::ticks::{self, Tick};
+
+/// Width of the drawing (px), and the greatest height.
+const WIDTH: f64 = 620.0;
+const TALLEST: f64 = 700.0;
+/// Left, top, right, bottom of it (px).
+const MARGIN: [f64; 4] = [10.0, 30.0, 130.0, 10.0];
+/// Colours of a picture, so that few gradients are needed.
+const COLOURS: f64 = 40.0;
+/// Most spheres of a picture; of more the front ones are drawn.
+const MOST: usize = 20_000;
+/// Turn about the vertical, and tilt (rad).
+const TURN: f64 = -0.6;
+const TILT: f64 = 0.35;
+
+/// Returns the place of a point in the picture, and how far it is from the viewer (m).
+fn seen([x, y, z]: [f64; 3]) -> ([f64; 2], f64) {
+    let (right, far) = (
+        x * TURN.cos() + y * TURN.sin(),
+        y * TURN.cos() - x * TURN.sin(),
+    );
+    (
+        [right, z * TILT.cos() + far * TILT.sin()],
+        far * TILT.cos() - z * TILT.sin(),
+    )
+}
+
+/// Draws the last frame: grains by their velocity and by their displacement in the latter half of
+/// the run, and the contact forces. Nothing for disks.
+///
+/// # Errors
+/// If the run is damaged.
+pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
+    let frames = run.frames();
+    if run.dimension().axes() == 2 || frames == 0 {
+        return Ok(Vec::new());
+    }
+    let last = run.records(frames - 1..frames)?.swap_remove(0);
+    let half = run.records(frames / 2..frames / 2 + 1)?.swap_remove(0);
+    let packing = Packing::new(run, &last);
+    let velocity: Vec<f64> = last.grains.iter().map(|g| g.velocity[0]).collect();
+    let mut pictures = vec![ReportFigure {
+        name: "grains-velocity",
+        caption: format!(
+            "Grains of the last frame by their velocity along x. {}",
+            packing.note()
+        ),
+        svg: packing.grains(&velocity, "velocity along x", "m/s"),
+        data: packing.table("velocity_x", &velocity),
+    }];
+    if run.has_images() && half.step < last.step {
+        let [period, _] = run.cell().periods;
+        let moved: Vec<f64> = (last.grains.iter().zip(&half.grains))
+            .map(|(a, b)| a.position[0] - b.position[0] + (a.image[0] - b.image[0]) as f64 * period)
+            .collect();
+        pictures.push(ReportFigure {
+            name: "grains-displacement",
+            caption: format!(
+                "Grains of the last frame by their displacement along x in the latter half of the run. {}",
+                packing.note()
+            ),
+            svg: packing.grains(&moved, "displacement along x", "m"),
+            data: packing.table("displacement_x", &moved),
+        });
+    }
+    if !last.contacts.is_empty() {
+        pictures.push(ReportFigure {
+            name: "forces-3d",
+            caption: "Normal forces of the last frame: lines between the centres, wider and darker for greater forces; grains of the walls are grey.".into(),
+            svg: packing.forces(),
+            data: Table::of(&last.contacts)
+                .column("i", |c| c.i)
+                .column("j", |c| c.j)
+                .column("normal_force", |c| c.normal_force)
+                .csv(),
+        });
+    }
+    Ok(pictures)
+}
+
+struct Packing<'a> {
+    run: &'a RunFile,
+    frame: &'a FrameRecords,
+    /// Those drawn, the farthest first.
+    order: Vec<usize>,
+    x: [f64; 2],
+    y: [f64; 2],
+}
+
+impl<'a> Packing<'a> {
+    fn new(run: &'a RunFile, frame: &'a FrameRecords) -> Self {
+        let mut order: Vec<usize> = (0..frame.grains.len()).collect();
+        let far = |g: usize| seen(frame.grains[g].position).1;
+        order.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
+        order.drain(..order.len().saturating_sub(MOST));
+        let (mut x, mut y) = (
+            [f64::INFINITY, f64::NEG_INFINITY],
+            [f64::INFINITY, f64::NEG_INFINITY],
+        );
+        for &g in &order {
+            let (place, r) = (seen(frame.grains[g].position).0, run.grains().radius[g]);
+            for (range, at) in [&mut x, &mut y].into_iter().zip(place) {
+                *range = [range[0].min(at - r), range[1].max(at + r)];
+            }
+        }
+        Self {
+            run,
+            frame,
+            order,
+            x,
+            y,
+        }
+    }
+
+    fn note(&self) -> String {
+        let all = self.frame.grains.len();
+        match self.order.len() {
+            drawn if drawn < all => format!("The {drawn} in front, of {all}."),
+            _ => "Grains of the walls are grey.".into(),
+        }
+    }
+
+    fn table(&self, name: &'static str, values: &[f64]) -> String {
+        Table::of(0..self.frame.grains.len())
+            .column("id", |g| *g)
+            .column("radius", |g| self.run.grains().radius[*g])
+            .columns(["x", "y", "z"], |g| self.frame.grains[*g].position)
+            .column(name, |g| values[*g])
+            .csv()
+    }
+
+    /// Draws on axes as wide as the packing, with a colour bar from `low` to `high`.
+    fn drawn(
+        &self,
+        scale: &Scale,
+        [low, high]: [f64; 2],
+        (label, unit): (&str, &str),
+        draw: impl FnOnce(&mut Plot),
+    ) -> String {
+        let [width, height] = [self.x[1] - self.x[0], self.y[1] - self.y[0]];
+        let pixels = (WIDTH / width).min(TALLEST / height);
+        let [left, top, right, bottom] = MARGIN;
+        let layout = Layout {
+            size: [
+                left + width * pixels + right,
+                top + height * pixels + bottom,
+            ],
+            margin: MARGIN,
+        };
+        figure(layout, self.x, self.y, |plot| {
+            draw(plot);
+            let (factor, prefix) = ticks::prefix(high.abs().max(low.abs()));
+            let on_bar = |(value, text): Tick| ((value / factor - low) / (high - low), text);
+            let ticks = ticks::round(low * factor, high * factor, 6);
+            let ticks: Vec<Tick> = ticks.into_iter().map(on_bar).collect();
+            plot.colour_bar(scale, &ticks, &format!("{label} ({prefix}{unit})"));
+            plot.title(&format!("step {}", self.frame.step));
+        })
+    }
+
+    fn grains(&self, values: &[f64], label: &str, unit: &str) -> String {
+        let free = |g: &&usize| self.run.grains().body[**g] == body::FREE as u8;
+        let mut sorted: Vec<f64> = self.order.iter().filter(free).map(|g| values[*g]).collect();
+        sorted.sort_by(f64::total_cmp);
+        // The outermost percent would leave all others in one colour.
+        let at = |part: f64| sorted.get((part * (sorted.len().max(1) - 1) as f64) as usize);
+        let [low, high] = [0.01, 0.99].map(|part| at(part).copied().unwrap_or(0.0));
+        let high = if high > low { high } else { low + 1e-12 };
+        let svg = self.drawn(&VIRIDIS, [low, high], (label, unit), |plot| {
+            let pixels = plot.scale();
+            for &g in &self.order {
+                let colour = match free(&&g) {
+                    true => {
+                        let part = (values[g] - low) / (high - low);
+                        VIRIDIS.at((part * COLOURS).round() / COLOURS)
+                    }
+                    false => WALL,
+                };
+                let place = seen(self.frame.grains[g].position).0;
+                plot.disk(place, self.run.grains().radius[g] * pixels, colour, None);
+            }
+        });
+        as_spheres(&svg)
+    }
+
+    fn forces(&self) -> String {
+        let force = |k: usize| self.frame.contacts[k].normal_force;
+        let mut sorted: Vec<f64> = (0..self.frame.contacts.len()).map(force).collect();
+        sorted.sort_by(f64::total_cmp);
+        let high = sorted[(0.99 * (sorted.len() - 1) as f64) as usize].max(f64::MIN_POSITIVE);
+        let (grains, radius) = (&self.frame.grains, &self.run.grains().radius);
+        let svg = self.drawn(&FORCE, [0.0, high], ("normal force", "N"), |plot| {
+            let pixels = plot.scale();
+            let wall = |g: &&usize| self.run.grains().body[**g] != body::FREE as u8;
+            for &g in self.order.iter().filter(wall) {
+                plot.disk(seen(grains[g].position).0, radius[g] * pixels, WALL, None);
+            }
+            let centre = |k: usize| {
+                let contact = &self.frame.contacts[k];
+                let (i, j) = (contact.i as usize, contact.j as usize);
+                (
+                    grains[i].position,
+                    grains[j].position,
+                    radius[i] + radius[j],
+                )
+            };
+            let mut order: Vec<usize> = (0..sorted.len()).collect();
+            order.sort_by(|&a, &b| force(a).total_cmp(&force(b)));
+            for k in order {
+                let (a, b, reach) = centre(k);
+                let apart = (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>();
+                // One across the edge of the box would run through all of it.
+                if apart <= reach * reach {
+                    let part = force(k) / high;
+                    plot.line(
+                        &[seen(a).0, seen(b).0],
+                        FORCE.at(part),
+                        0.3 + 3.0 * part.min(1.5),
+                    );
+                }
+            }
+        });
+        as_spheres(&svg)
+    }
+}
+
+/// Shades the disks of a figure as spheres under a light from the upper left.
+fn as_spheres(svg: &str) -> String {
+    let mut colours = BTreeSet::new();
+    let shaded = |line: &str, colours: &mut BTreeSet<String>| -> Option<String> {
+        let line = line.strip_prefix("<circle ")?;
+        let (before, rest) = line.split_once("fill=\"#")?;
+        let (colour, after) = rest.split_once('"')?;
+        colours.insert(colour.to_string());
+        Some(format!(
+            "<circle {before}fill=\"url(#sphere-{colour})\"{after}"
+        ))
+    };
+    let body: Vec<String> = svg
+        .lines()
+        .map(|line| shaded(line, &mut colours).unwrap_or_else(|| line.into()))
+        .collect();
+    let mixed = |colour: &str, with: f64, part: f64| {
+        let channel = |k: usize| {
+            let value = u8::from_str_radix(&colour[2 * k..2 * k + 2], 16).map_or(0.0, f64::from);
+            (value + (with - value) * part).round() as u8
+        };
+        format!("#{:02x}{:02x}{:02x}", channel(0), channel(1), channel(2))
+    };
+    let gradients: String = (colours.iter())
+        .map(|colour| {
+            format!(
+                "<radialGradient id=\"sphere-{colour}\" cx=\"0.35\" cy=\"0.3\" r=\"0.75\">\
+                 <stop offset=\"0\" stop-color=\"{}\"/><stop offset=\"0.5\" stop-color=\"#{colour}\"/>\
+                 <stop offset=\"1\" stop-color=\"{}\"/></radialGradient>\n",
+                mixed(colour, 255.0, 0.55),
+                mixed(colour, 0.0, 0.55)
+            )
+        })
+        .collect();
+    let svg = body.join("\n") + "\n";
+    match svg.find('>') {
+        Some(end) => format!(
+            "{}\n<defs>\n{gradients}</defs>{}",
+            &svg[..=end],
+            &svg[end + 1..]
+        ),
+        None => svg,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x runs to the right, z upwards, y away from the viewer; lengths stay.
+    #[test]
+    fn points_are_seen_from_the_front_and_above() {
+        let ([right, up], far) = seen([1.0, 2.0, 3.0]);
+        let length = right * right + up * up + far * far;
+        assert!((length - 14.0).abs() < 1e-12);
+        assert!(seen([1.0, 0.0, 0.0]).0[0] > 0.0);
+        assert!(seen([0.0, 0.0, 1.0]).0[1] > 0.0);
+        assert!(seen([0.0, 1.0, 0.0]).1 > 0.0);
+        // What is above is nearer to a viewer above.
+        assert!(seen([0.0, 0.0, 1.0]).1 < 0.0);
+    }
+
+    #[test]
+    fn disks_become_spheres_of_their_colour() {
+        let svg = "<svg>\n<circle cx=\"1\" cy=\"2\" r=\"3\" fill=\"#808080\" stroke=\"none\"/>\n<line/>\n</svg>\n";
+        let shaded = as_spheres(svg);
+        assert!(
+            shaded
+                .contains("<circle cx=\"1\" cy=\"2\" r=\"3\" fill=\"url(#sphere-808080)\" stroke")
+        );
+        assert_eq!(
+            shaded
+                .matches("<radialGradient id=\"sphere-808080\"")
+                .count(),
+            1
+        );
+        assert!(shaded.contains("<line/>"));
+    }
+}
