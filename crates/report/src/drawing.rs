@@ -10,8 +10,9 @@ use resvg::tiny_skia::{Pixmap, Transform};
 use svg2pdf::usvg::{Options, Tree, fontdb::Database};
 use svg2pdf::{ConversionOptions, PageOptions};
 
-/// Pixels of a PNG per pixel of the figure.
+/// Pixels of a PNG per pixel of the figure, if that gives no more than these pixels.
 const SCALE: f32 = 2.0;
+const MOST_PIXELS: f32 = 3e6;
 
 /// The fonts of PDF and PNG, which are the same on every machine.
 static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
@@ -49,11 +50,13 @@ pub fn write(path: &Path, svg: &str) -> Result<usize, Failure> {
     let pdf = svg2pdf::to_pdf(&tree, ConversionOptions::default(), PageOptions::default());
     let pdf = pdf.map_err(|e| bad(&e))?;
     let size = tree.size().to_int_size();
-    let side = |length: u32| (length as f32 * SCALE) as u32;
+    let area = tree.size().width() * tree.size().height();
+    let scale = SCALE.min((MOST_PIXELS / area).sqrt()).max(1.0);
+    let side = |length: u32| (length as f32 * scale) as u32;
     let mut pixels = Pixmap::new(side(size.width()), side(size.height()))
         .ok_or_else(|| bad(&"it has no size"))?;
-    let scale = Transform::from_scale(SCALE, SCALE);
-    resvg::render(&tree, scale, &mut pixels.as_mut());
+    let enlarged = Transform::from_scale(scale, scale);
+    resvg::render(&tree, enlarged, &mut pixels.as_mut());
     let png = pixels.encode_png().map_err(|e| bad(&e))?;
     text_writer::write(path, svg)?;
     text_writer::write(&path.with_extension("pdf"), pdf)?;
