@@ -4,7 +4,7 @@ mod common;
 
 use std::path::Path;
 
-use common::{Outcome, gshear_mpi};
+use common::{Outcome, gshear_mpi, last_images};
 use gshear_dem::columns::Column;
 use gshear_store::columns::{AqsRow, NewtonianRow};
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE};
@@ -44,6 +44,7 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     let with = |more: &[&'static str]| [&base[..], more].concat();
     let expected = digests(&run(&at("one"), 1, &base));
     assert_eq!(expected.len(), 2);
+    let images = last_images(&at("one"));
     for (ranks, more) in [
         (2, &[][..]),
         (3, &["--set=bookkeeping.skin=0.05"]),
@@ -51,12 +52,14 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     ] {
         let found = digests(&run(&at("other"), ranks, &with(more)));
         assert_eq!(found, expected, "{dimension}, {ranks} ranks, {more:?}");
+        assert_eq!(last_images(&at("other")), images, "{dimension}, {more:?}");
     }
     for simd in ["portable", "avx2"] {
         if gshear_dem::simd::Isa::named(simd).is_some() {
             let set = format!("--set=bookkeeping.simd={simd}");
             let found = digests(&run(&at("other"), 1, &[&base[..], &[&*set]].concat()));
             assert_eq!(found, expected, "{dimension}, {simd}");
+            assert_eq!(last_images(&at("other")), images, "{dimension}, {simd}");
         }
     }
     let overdamped = ["--set=relax.method=overdamped", "--set=aqs.steps=2"];
@@ -70,6 +73,11 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     ];
     let found = digests(&run(&at("other"), 1, &with(&other_output)));
     assert_eq!(found, expected, "{dimension}, other output");
+    assert_eq!(
+        last_images(&at("other")),
+        images,
+        "{dimension}, other output"
+    );
     let looking = ["--set=aqs.spectrum=true", "--set=aqs.birth_precision=1e-3"];
     let found = digests(&run(&at("other"), 2, &with(&looking)));
     assert_eq!(found[0], expected[0], "{dimension}, with spectra");
@@ -87,6 +95,7 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     let resumed = gshear_mpi(3, &at("part"), &[resume]);
     let found = [said(&stopped), digests(&resumed)].concat();
     assert_eq!(found, expected, "{dimension}, resumed");
+    assert_eq!(last_images(&at("part")), images, "{dimension}, resumed");
     let read = |name: &str, file: &str, columns: &[Column]| {
         let run = PeriodicRunFile::open(&at(name).join(file), columns).expect("a file of the run");
         let bits = |column: &Column| -> Vec<u64> {

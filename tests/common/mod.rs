@@ -223,6 +223,15 @@ pub fn alone() -> std::sync::MutexGuard<'static, ()> {
         .unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
+/// The images of the grains in the last checkpoint of a run: the digest does not see them.
+pub fn last_images(folder: &Path) -> Vec<i64> {
+    let file = hdf5::File::open(folder.join("checkpoint.h5")).expect("a checkpoint");
+    let images = file.dataset("grains/image").expect("images");
+    let images: Vec<i64> = images.read_raw().expect("integers");
+    assert!(images.iter().any(|image| *image != 0), "no grain crosses");
+    images
+}
+
 /// All datasets of two runs' `run.h5` are the same, to the last bit.
 pub fn same_run(a: &Path, b: &Path) {
     let open = |folder: &Path| hdf5::File::open(folder.join("run.h5")).expect("run.h5");
