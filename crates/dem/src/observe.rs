@@ -217,9 +217,9 @@ pub fn frame<D: Dimension>(
     (grains, contacts)
 }
 
-/// The digest of the state: of every grain without its image, every touching contact with its history, `more` (such
-/// as the walls) and the step. It is the sum of their 128-bit hashes, so it does not depend on
-/// which rank has them; collective.
+/// The digest of the state: of every grain without its image, every touching contact with its
+/// history, `more` (such as the walls) and the step. It is the sum of their 128-bit hashes, so it
+/// does not depend on which rank has them; collective.
 pub fn digest<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,

@@ -42,7 +42,7 @@ fn mixed(bits: u64) -> u64 {
     bits ^ (bits >> 32)
 }
 
-/// Σ w m(x), compiled for the instruction set of the processor: the checksums would else be a tenth
+/// Σ w m(x), compiled for the instruction set of the processor: the checksums would otherwise be a tenth
 /// of the cost of a frame.
 struct WeightedSum<'a>(&'a [u64], &'a [f64]);
 

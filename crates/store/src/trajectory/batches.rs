@@ -1,0 +1,159 @@
+//! Batches of frames and rows, written by all ranks together.
+
+use super::TrajectoryWriter;
+use crate::batch::{ShareColumns, Shares, length};
+use crate::checksums::{of_clock, of_row};
+use crate::collective::CollectiveOutcome;
+use crate::h5::{Dataset, Slab};
+use crate::layout::{by_root, forces, frame_columns};
+use crate::scalar_columns::ScalarColumns;
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactSample, GrainSample};
+use gshear_mpi_exchange::Parallel;
+
+impl TrajectoryWriter {
+    pub(super) fn write_frames(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let count = self.frames.len() as u64;
+        if count == 0 {
+            return Ok(());
+        }
+        let _waiting = exchange.waiting();
+        let shares = Shares {
+            frames: count,
+            grains: self.blocks.grains,
+            ranks: self.blocks.ranks,
+        };
+        let messages = exchange.all_to_all(self.frames.messages(&shares));
+        let share = shares.of(exchange.rank());
+        let part = ShareColumns::assemble(&messages, &share, self.columns.axes);
+        drop(messages);
+
+        // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
+        let first = share.frames.start as usize;
+        let width = frame_columns(self.columns.axes).len();
+        // Per frame the number of contacts, then the checksums.
+        let mut sums = vec![0i64; count as usize * width];
+        let of_share = part.checksums(&share, self.columns.axes);
+        let rows = sums.chunks_exact_mut(width).skip(first);
+        for ((row, contacts), checksums) in rows.zip(&part.counts).zip(of_share) {
+            row[0] = *contacts;
+            for (sum, checksum) in row[1..].iter_mut().zip(checksums) {
+                *sum = checksum as i64;
+            }
+        }
+        exchange.sum(&mut sums);
+        let counts = sums.chunks_exact(width).map(|row| row[0]);
+        let begin = self.contacts_written + exchange.sum_below(part.i.len() as u64);
+        let of_width = |width: usize| Slab::rows(begin, part.i.len() as u64, width as u64);
+        let stretch = of_width(1);
+        let mut end = self.contacts_written;
+        let mut ends = Vec::with_capacity(count as usize);
+        for count in counts {
+            end += count as u64;
+            ends.push(end);
+        }
+
+        let (before, after) = (self.frames_written, self.frames_written + count);
+        let block = Slab {
+            start: [before + share.frames.start, share.ids.start, 0],
+            count: [length(&share.frames), length(&share.ids), 3],
+        };
+        let contacts = end - self.contacts_written;
+        let bytes = count * self.blocks.grains * size_of::<GrainSample>() as u64
+            + contacts * size_of::<ContactSample>() as u64;
+        self.file.reserve(exchange, bytes as usize)?;
+        let root = exchange.rank() == 0;
+        let columns = &mut self.columns;
+        let mut outcome = CollectiveOutcome::default();
+        for (column, values) in columns.values.iter_mut().zip(&part.values) {
+            outcome.note(column.append(after, block, values));
+        }
+        if let Some(image) = &mut columns.image {
+            outcome.note(image.append(after, block, &part.image));
+        }
+        outcome.note(columns.i.append(end, stretch, &part.i));
+        outcome.note(columns.j.append(end, stretch, &part.j));
+        let forces = forces(columns.axes);
+        for ((column, values), (_, width)) in
+            columns.forces.iter_mut().zip(&part.forces).zip(forces)
+        {
+            outcome.note(column.append(end, of_width(*width), values));
+        }
+        outcome.note(columns.sliding.append(end, stretch, &part.sliding));
+        outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
+        outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
+        outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));
+        let of_box = columns.edges.as_ref().map_or(0, Dataset::row_length);
+        let edges: Vec<f64> = match of_box {
+            0 => Vec::new(),
+            3 => (self.frames.edges.iter())
+                .flat_map(|edges| std::array::from_fn::<_, 3, _>(|axis| edges[axis][axis]))
+                .collect(),
+            _ => self.frames.edges.as_flattened().as_flattened().to_vec(),
+        };
+        if let Some(column) = &mut columns.edges {
+            let slab = Slab {
+                start: [before, 0, 0],
+                count: [if root { count } else { 0 }, 3, 3],
+            };
+            let local = if root { &edges[..] } else { &[] };
+            outcome.note(column.append(after, slab, local));
+        }
+        if let Some(checksums) = &mut columns.checksums {
+            let clock = self.frames.step.iter().zip(&self.frames.time);
+            let rows = sums.chunks_exact(width).zip(clock);
+            // A file of an earlier version may have fewer columns.
+            let stored = checksums.frames.row_length();
+            let mut sums = Vec::new();
+            for (t, (row, (&step, &time))) in rows.enumerate().filter(|_| root) {
+                sums.push(of_clock(step, time, &edges[t * of_box..][..of_box]));
+                sums.extend(row[1..stored].iter().map(|&sum| sum as u64));
+            }
+            let rows = Slab::rows(before, (sums.len() / stored) as u64, stored as u64);
+            outcome.note(checksums.frames.append(after, rows, &sums));
+        }
+        self.file.agree(exchange, outcome)?;
+        (self.frames_written, self.contacts_written) = (after, end);
+        self.frames.clear();
+        self.flush_now_and_then(exchange)
+    }
+
+    pub(super) fn write_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let scalars = self.scalars.as_ref().map_or(0, ScalarColumns::waiting);
+        if self.rows.is_empty() && scalars == 0 {
+            return Ok(());
+        }
+        let _waiting = exchange.waiting();
+        let rows = std::mem::take(&mut self.rows);
+        let numbers = rows.iter().map(|(_, _, row)| 2 + row.len()).sum::<usize>();
+        let of_scalars = scalars * size_of::<FrameScalars>();
+        self.file.reserve(exchange, 8 * numbers + of_scalars)?;
+        let root = exchange.rank() == 0;
+        let before = self.rows_written;
+        let columns = &mut self.columns;
+        let mut outcome = CollectiveOutcome::default();
+        let step: Vec<u64> = rows.iter().map(|r| r.0).collect();
+        outcome.note(by_root(root, &mut columns.row_step, before, &step));
+        let time: Vec<f64> = rows.iter().map(|r| r.1).collect();
+        outcome.note(by_root(root, &mut columns.row_time, before, &time));
+        for (n, column) in columns.observables.iter_mut().enumerate() {
+            let values: Vec<f64> = rows.iter().map(|r| r.2[n]).collect();
+            outcome.note(by_root(root, column, before, &values));
+        }
+        if let Some(checksums) = &mut columns.checksums {
+            let sum = |(step, time, row): &(u64, f64, Vec<f64>)| {
+                let names = columns.names.iter().copied();
+                of_row(*step, *time, names.zip(row.iter().copied()))
+            };
+            let sums: Vec<u64> = rows.iter().map(sum).collect();
+            outcome.note(by_root(root, &mut checksums.rows, before, &sums));
+        }
+        if let Some(scalars) = &mut self.scalars {
+            scalars.write(root, &mut outcome);
+        }
+        self.file.agree(exchange, outcome)?;
+        self.rows_written += rows.len() as u64;
+        self.flush_now_and_then(exchange)
+    }
+}

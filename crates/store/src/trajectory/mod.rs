@@ -1,0 +1,449 @@
+//! The writer of `run.h5`: frames and time series, written by all ranks together in batches.
+
+mod batches;
+mod resume;
+
+use crate::batch::{Frames, length};
+use crate::checksums::{self, OF_PARAMETERS, of_parameters};
+use crate::collective::{CollectiveOutcome, IdBlocks, agree};
+use crate::h5::{Attribute, H5File, Slab};
+use crate::journal::{self, Journal};
+use crate::layout::{
+    CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, by_root, describe,
+};
+use crate::scalar_columns::ScalarColumns;
+use bytemuck::{Pod, Zeroable};
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
+use gshear_dem::domain::total;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, GrainState};
+use gshear_mpi_exchange::Parallel;
+use hdf5::H5Type;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The constant properties of a grain.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct GrainShape {
+    /// Number of the grain, 0 … N-1.
+    pub id: u32,
+    /// 0 free, 1 bottom wall, 2 top wall.
+    pub body: u32,
+    /// R (m).
+    pub radius: f64,
+    /// m (kg; kg/m in 2D).
+    pub mass: f64,
+}
+
+impl GrainShape {
+    /// The constant properties of a grain in this state. `mass`: m (kg; kg/m in 2D).
+    pub fn new(grain: &GrainState, mass: f64) -> Self {
+        Self {
+            id: grain.id,
+            body: grain.body,
+            radius: grain.radius,
+            mass,
+        }
+    }
+}
+
+/// Content of `run.h5` from the start of the run.
+#[derive(Debug, Clone, Copy)]
+pub struct RunHeader<'a> {
+    /// Number of dimensions.
+    pub axes: usize,
+    /// Whether the box is bounded along its last axis.
+    pub walls: bool,
+    /// Columns of the time series.
+    pub series: &'a [Column],
+    /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
+    pub edges: [f64; 3],
+    /// Who made the run; rank 0's is written.
+    pub author: &'a str,
+    /// Unit of the tangential history in 3D.
+    pub history_unit: &'static str,
+    /// This rank's grains; together the ranks hold each of the ids 0 … N-1 once.
+    pub grains: &'a [GrainShape],
+    /// Attributes of `parameters`; rank 0's are written.
+    pub attributes: &'a [(&'a str, Attribute)],
+}
+
+/// Attributes written only when a run ends.
+const AT_THE_END: [&str; 3] = ["digest", "speed", "rank_map"];
+/// Bytes of frames buffered before they are written, over all ranks.
+const BATCH_BYTES: usize = 16 << 20;
+/// Rows of the time series buffered before they are written.
+const BATCH_ROWS: usize = 1024;
+/// Longest time between flushes to disk (s), if batches come as often.
+const FLUSH_SECONDS: f64 = 2.0;
+
+/// `run.h5`, open for writing. Its content does not depend on the number of ranks. Every call is
+/// collective.
+pub struct TrajectoryWriter {
+    columns: Datasets,
+    /// Where the run computes scalars of frames.
+    scalars: Option<ScalarColumns>,
+    file: H5File,
+    path: PathBuf,
+    blocks: IdBlocks,
+    /// Number of frames in a batch.
+    batch: usize,
+    frames: Frames,
+    rows: Vec<(u64, f64, Vec<f64>)>,
+    frames_written: u64,
+    contacts_written: u64,
+    rows_written: u64,
+    flushed: Instant,
+}
+
+impl TrajectoryWriter {
+    /// Creates the file, replacing an existing one.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn create(
+        exchange: &dyn Parallel,
+        path: &Path,
+        header: &RunHeader<'_>,
+    ) -> Result<Self, Failure> {
+        let _waiting = exchange.waiting();
+        let grains = total(exchange, header.grains.len() as u64);
+        let mut attributes = Vec::new();
+        for (name, value) in header.attributes {
+            attributes.push((name.to_string(), value.clone()));
+        }
+        attributes.push(("edges".into(), Attribute::Numbers(header.edges.to_vec())));
+        let attributes = shared(exchange, attributes);
+        let author = exchange.broadcast(header.author.into());
+        let author = String::from_utf8_lossy(&author);
+        let blocks = IdBlocks {
+            grains,
+            ranks: exchange.size() as u64,
+        };
+        // One of another run would bring that run's metadata back.
+        let removed = match exchange.rank() {
+            0 => journal::remove(path),
+            _ => Ok(()),
+        };
+        agree(exchange, removed)?;
+        let created = (|| {
+            let file = H5File::create(path, exchange)?;
+            let layout = Layout {
+                grains: grains as usize,
+                axes: header.axes,
+                walls: header.walls,
+                series: header.series,
+                // Scenes of a periodic box may use any consistent set of units.
+                units: header.walls,
+                history_unit: header.history_unit,
+            };
+            describe(&file, &layout, &author)?;
+            for (name, value) in &attributes {
+                file.attribute(PARAMETERS, name, value)?;
+            }
+            seal(&file)?;
+            let columns = Datasets::new(&file, Mode::Create, &layout)?;
+            Ok((file, columns))
+        })();
+        let (file, columns) = agree(exchange, created)?;
+        let mut writer = Self::new(file, path, columns, blocks);
+        writer.write_statics(exchange, header)?;
+        Ok(writer)
+    }
+
+    /// Writes attributes of `parameters` (rank 0's), replacing those of the same names.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn attributes(
+        &mut self,
+        exchange: &dyn Parallel,
+        attributes: &[(&str, Attribute)],
+    ) -> Result<(), Failure> {
+        let attributes = attributes
+            .iter()
+            .map(|(name, value)| (name.to_string(), value.clone()));
+        let mut outcome = CollectiveOutcome::default();
+        for (name, value) in shared(exchange, attributes.collect()) {
+            outcome.note(self.file.attribute(PARAMETERS, &name, &value));
+        }
+        outcome.note(seal(&self.file));
+        self.file.agree(exchange, outcome)
+    }
+
+    fn new(file: H5File, path: &Path, columns: Datasets, blocks: IdBlocks) -> Self {
+        // About two contacts a grain.
+        let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
+        TrajectoryWriter {
+            columns,
+            scalars: None,
+            file,
+            path: path.into(),
+            blocks,
+            batch: (BATCH_BYTES / (frame * blocks.grains as usize).max(1)).clamp(1, CHUNK_FRAMES),
+            frames: Frames::default(),
+            rows: Vec::new(),
+            frames_written: 0,
+            contacts_written: 0,
+            rows_written: 0,
+            flushed: Instant::now(),
+        }
+    }
+
+    fn write_statics(
+        &mut self,
+        exchange: &dyn Parallel,
+        header: &RunHeader<'_>,
+    ) -> Result<(), Failure> {
+        let mut shapes = self.blocks.redistribute(exchange, header.grains, |g| g.id);
+        shapes.sort_unstable_by_key(|g| g.id);
+        let ids = self.blocks.range(exchange.rank());
+        let complete = shapes.iter().map(|g| u64::from(g.id)).eq(ids.clone());
+        assert!(complete, "a run's grains are not 0 … N-1");
+
+        self.file.reserve(
+            exchange,
+            size_of::<GrainShape>() * self.blocks.grains as usize,
+        )?;
+        let file = &self.file;
+        let grains = self.blocks.grains as usize;
+        let name = |part: &str| format!("{PARTICLES}/{part}");
+        let local = Slab::rows(ids.start, length(&ids), 1);
+        let id: Vec<u32> = shapes.iter().map(|g| g.id).collect();
+        let body: Vec<u8> = shapes.iter().map(|g| g.body as u8).collect();
+        let radius: Vec<f64> = shapes.iter().map(|g| g.radius).collect();
+        let mass: Vec<f64> = shapes.iter().map(|g| g.mass).collect();
+        let root = exchange.rank() == 0;
+        let edges = if root { &header.edges[..] } else { &[] };
+
+        let mut sums = checksums::of_constants(ids.start, &id, &body, [&radius, &mass], edges)
+            .map(|sum| sum as i64);
+        exchange.sum(&mut sums);
+        let sums = sums.map(|sum| sum as u64);
+        let of_root = if root { &sums[..] } else { &[] };
+        let places = Slab::rows(0, of_root.len() as u64, 1);
+
+        let mut outcome = CollectiveOutcome::default();
+        outcome.note(fixed(
+            file,
+            checksums::CONSTANTS,
+            sums.len(),
+            places,
+            of_root,
+        ));
+        let numbers = |column: &Column, values: &[f64]| {
+            let unit = column.unit_in(header.axes).filter(|_| header.walls);
+            fixed_in_units(file, &name(column.name), grains, local, values, unit)
+        };
+        outcome.note(fixed(file, &name("id"), grains, local, &id));
+        outcome.note(fixed(file, &name("body"), grains, local, &body));
+        outcome.note(file.link(&name("body"), &name("species")));
+        outcome.note(numbers(&RADIUS, &radius));
+        outcome.note(numbers(&MASS, &mass));
+        outcome.note(by_root(root, &mut self.columns.offset, 0, &[0]));
+        self.file.agree(exchange, outcome)?;
+        self.flush_file(exchange)
+    }
+
+    /// Returns the number of frames so far, buffered ones included.
+    pub fn frames(&self) -> u64 {
+        self.frames_written + self.frames.len() as u64
+    }
+
+    /// Returns the number of rows of the time series so far, buffered ones included.
+    pub fn rows(&self) -> u64 {
+        self.rows_written + self.rows.len() as u64
+    }
+
+    /// Adds the next frame: `edges` of the box (between walls, the diagonal is written), which are
+    /// the same on every rank, this rank's grains, and the contacts whose lower id is one of them, in
+    /// any order. Together the ranks must give each grain and each contact once. Frames are
+    /// buffered and written in batches, so few calls communicate.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn frame(
+        &mut self,
+        exchange: &dyn Parallel,
+        (step, time): (u64, f64),
+        edges: &BoxEdges,
+        grains: &[GrainSample],
+        contacts: &[ContactSample],
+    ) -> Result<(), Failure> {
+        self.frames.push(step, time, edges, grains, contacts);
+        if self.frames.len() < self.batch {
+            return Ok(());
+        }
+        self.write_frames(exchange)
+    }
+
+    /// Adds the next row of the time series, which must be the same on every rank.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn series(
+        &mut self,
+        exchange: &dyn Parallel,
+        step: u64,
+        time: f64,
+        row: &impl AsRef<[f64]>,
+    ) -> Result<(), Failure> {
+        self.rows.push((step, time, row.as_ref().to_vec()));
+        if self.rows.len() < BATCH_ROWS {
+            return Ok(());
+        }
+        self.write_rows(exchange)
+    }
+
+    /// Starts to write scalars of frames after the first `rows` rows in the file.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file holds fewer rows; [`Failure::Other`] if it cannot be written.
+    pub fn begin_scalars(&mut self, exchange: &dyn Parallel, rows: u64) -> Result<(), Failure> {
+        let scalars = ScalarColumns::new(&self.file, rows);
+        self.scalars = Some(agree(exchange, scalars)?);
+        Ok(())
+    }
+
+    /// Returns the number of rows of scalars so far, buffered ones included; 0 without scalars.
+    pub fn scalar_rows(&self) -> u64 {
+        self.scalars.as_ref().map_or(0, ScalarColumns::rows)
+    }
+
+    /// Adds rows of scalars, which must be the same on every rank. The rows of the time series of
+    /// their steps must have been added.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    ///
+    /// # Panics
+    /// Before [`Self::begin_scalars`].
+    pub fn scalars(
+        &mut self,
+        exchange: &dyn Parallel,
+        rows: &[(u64, FrameScalars)],
+    ) -> Result<(), Failure> {
+        let scalars = self.scalars.as_mut().expect("scalars were begun");
+        scalars.push(rows);
+        if scalars.waiting() < BATCH_ROWS {
+            return Ok(());
+        }
+        self.write_rows(exchange)
+    }
+
+    /// Writes all buffers to disk, so that the file can be read and continued even if the program
+    /// is killed.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let _waiting = exchange.waiting();
+        self.write_frames(exchange)?;
+        self.write_rows(exchange)?;
+        self.flush_file(exchange)?;
+        self.write_journal(exchange)
+    }
+
+    /// Writes all buffers and the attributes of `parameters` known only at the end (rank 0's), and
+    /// closes the file.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn finish(
+        mut self,
+        exchange: &dyn Parallel,
+        attributes: &[(&str, Attribute)],
+    ) -> Result<(), Failure> {
+        let _waiting = exchange.waiting();
+        self.write_frames(exchange)?;
+        self.write_rows(exchange)?;
+        self.attributes(exchange, attributes)?;
+        drop((self.columns, self.scalars));
+        agree(exchange, self.file.close())?;
+        let removed = match exchange.rank() {
+            0 => journal::remove(&self.path),
+            _ => Ok(()),
+        };
+        agree(exchange, removed)
+    }
+
+    /// Flushes if the last flush was long ago. A flush after every batch would double the cost of
+    /// frames in fast runs.
+    fn flush_now_and_then(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        // The ranks' clocks differ, but all ranks must decide alike.
+        if exchange.maximum(self.flushed.elapsed().as_secs_f64()) < FLUSH_SECONDS {
+            return Ok(());
+        }
+        self.flush_file(exchange)
+    }
+
+    fn flush_file(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let mut outcome = CollectiveOutcome::default();
+        outcome.note(self.file.flush());
+        self.flushed = Instant::now();
+        self.file.agree(exchange, outcome)
+    }
+
+    /// Keeps the metadata of this flush, to which the file returns if the program is killed.
+    fn write_journal(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        let raw = agree(exchange, self.file.raw_extents())?;
+        let written = match exchange.rank() {
+            0 => Journal::of(&self.path, raw).and_then(|journal| journal.write(&self.path)),
+            _ => Ok(()),
+        };
+        let mut outcome = CollectiveOutcome::default();
+        outcome.note(written);
+        self.file.agree(exchange, outcome)
+    }
+}
+
+/// Returns rank 0's attributes on every rank, because HDF5 requires equal arguments.
+fn shared(
+    exchange: &dyn Parallel,
+    attributes: Vec<(String, Attribute)>,
+) -> Vec<(String, Attribute)> {
+    let bytes = serde_json::to_vec(&attributes).expect("attributes are texts and finite numbers");
+    serde_json::from_slice(&exchange.broadcast(bytes))
+        .expect("attributes are texts and finite numbers")
+}
+
+/// Writes the checksum of the attributes of `parameters`, whose texts HDF5 does not protect.
+/// Collective.
+fn seal(file: &H5File) -> Result<(), Failure> {
+    let mut attributes = file.attributes(PARAMETERS)?;
+    attributes.remove(OF_PARAMETERS);
+    let sum = Attribute::Word(of_parameters(&attributes));
+    file.attribute(PARAMETERS, OF_PARAMETERS, &sum)
+}
+
+/// Writes a one-dimensional dataset of fixed size.
+fn fixed<T: H5Type + Copy>(
+    file: &H5File,
+    name: &str,
+    size: usize,
+    slab: Slab,
+    data: &[T],
+) -> Result<(), Failure> {
+    file.dataset::<T>(name, &[size], None)?.write(slab, data)
+}
+
+/// Writes a dataset of numbers with their unit.
+fn fixed_in_units(
+    file: &H5File,
+    name: &str,
+    size: usize,
+    slab: Slab,
+    data: &[f64],
+    unit: Option<String>,
+) -> Result<(), Failure> {
+    let dataset = file.dataset(name, &[size], None)?;
+    let described = unit.map_or(Ok(()), |unit| {
+        dataset.attribute("unit", &Attribute::Word(unit))
+    });
+    described.and(dataset.write(slab, data))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,110 @@
+//! A `run.h5` that is continued.
+
+use super::{AT_THE_END, TrajectoryWriter, seal};
+use crate::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
+use crate::existing::inspect;
+use crate::h5::H5File;
+use crate::layout::{Datasets, Layout, Mode, PARAMETERS};
+use gshear_dem::columns::Column;
+use gshear_dem::failure::Failure;
+use gshear_mpi_exchange::Parallel;
+use std::path::Path;
+
+impl TrajectoryWriter {
+    /// Opens an existing file to continue after its first `frames` frames and `rows` rows; later
+    /// ones are removed. `series`: columns of the time series.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is not a `run.h5` or holds less.
+    pub fn open_to_append(
+        exchange: &dyn Parallel,
+        path: &Path,
+        series: &[Column],
+        frames: u64,
+        rows: u64,
+    ) -> Result<Self, Failure> {
+        let _waiting = exchange.waiting();
+        // Only one rank inspects the file: after a failure in a collective call the others could
+        // wait for ever.
+        let mut extent = Vec::new();
+        let looked = match exchange.rank() {
+            0 => inspect(path, series, frames, rows).map(|e| extent = e.to_vec()),
+            _ => Ok(()),
+        };
+        agree(exchange, looked)?;
+        let extent = exchange.broadcast(bytemuck::cast_slice(&extent).to_vec());
+        let extent: Vec<u64> = records_of(&extent).collect();
+        let [grains, contacts, axes] = extent[..] else {
+            unreachable!("three numbers were sent")
+        };
+
+        let blocks = IdBlocks {
+            grains,
+            ranks: exchange.size() as u64,
+        };
+        let opened = (|| {
+            let file = H5File::open(path, exchange)?;
+            let layout = Layout {
+                grains: grains as usize,
+                axes: axes as usize,
+                series,
+                // They matter only to new datasets.
+                walls: true,
+                units: false,
+                history_unit: "",
+            };
+            let columns = Datasets::new(&file, Mode::Open, &layout)?;
+            Ok((file, columns))
+        })();
+        let (file, columns) = agree(exchange, opened)?;
+        let mut writer = Self::new(file, path, columns, blocks);
+        (
+            writer.frames_written,
+            writer.contacts_written,
+            writer.rows_written,
+        ) = (frames, contacts, rows);
+        // A file that was closed has no journal, and a kill while it is cut would damage it.
+        writer.write_journal(exchange)?;
+        let mut outcome = CollectiveOutcome::default();
+        for name in AT_THE_END {
+            outcome.note(writer.file.remove_attribute(PARAMETERS, name));
+        }
+        outcome.note(seal(&writer.file));
+        let columns = &mut writer.columns;
+        outcome.note(columns.offset.resize(frames + 1));
+        outcome.note(columns.step.resize(frames));
+        outcome.note(columns.time.resize(frames));
+        if let Some(edges) = &mut columns.edges {
+            outcome.note(edges.resize(frames));
+        }
+        if let Some(image) = &mut columns.image {
+            outcome.note(image.resize(frames));
+        }
+        columns
+            .values
+            .iter_mut()
+            .for_each(|c| outcome.note(c.resize(frames)));
+        outcome.note(columns.i.resize(contacts));
+        outcome.note(columns.j.resize(contacts));
+        columns
+            .forces
+            .iter_mut()
+            .for_each(|c| outcome.note(c.resize(contacts)));
+        outcome.note(columns.sliding.resize(contacts));
+        outcome.note(columns.row_step.resize(rows));
+        outcome.note(columns.row_time.resize(rows));
+        columns
+            .observables
+            .iter_mut()
+            .for_each(|c| outcome.note(c.resize(rows)));
+        if let Some(checksums) = &mut columns.checksums {
+            outcome.note(checksums.frames.resize(frames));
+            outcome.note(checksums.rows.resize(rows));
+        }
+        writer.file.agree(exchange, outcome)?;
+        writer.flush_file(exchange)?;
+        // The space of removed rows may be used again, which the last journal does not know.
+        writer.write_journal(exchange)?;
+        Ok(writer)
+    }
+}

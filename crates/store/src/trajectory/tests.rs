@@ -1,0 +1,130 @@
+use super::*;
+use crate::layout::OBSERVABLES;
+use crate::run_reader::RunFile;
+use gshear_dem::domain::Solo;
+use gshear_dem::state::SeriesRow;
+
+fn row(k: u64) -> SeriesRow {
+    SeriesRow::from_columns(std::array::from_fn(|c| (100 * k + c as u64) as f64))
+}
+
+/// A file with the rows `0..rows` and one frame of one grain.
+fn create(path: &Path, rows: u64) {
+    let grains = [GrainShape {
+        id: 0,
+        body: 0,
+        radius: 1.0,
+        mass: 1.0,
+    }];
+    let header = RunHeader {
+        axes: 2,
+        walls: true,
+        series: &SeriesRow::COLUMNS,
+        edges: [2.0, 3.0, 0.0],
+        author: "the test",
+        history_unit: "N",
+        grains: &grains,
+        attributes: &[("scene", "seed = 1".into())],
+    };
+    let mut writer = TrajectoryWriter::create(&Solo, path, &header).unwrap();
+    let grain = GrainSample::zeroed();
+    let edges = [[0.0; 3]; 3];
+    writer
+        .frame(&Solo, (0, 0.0), &edges, &[grain], &[])
+        .unwrap();
+    (0..rows).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
+    writer.finish(&Solo, &[]).unwrap();
+}
+
+/// Gives columns other names, or takes them away (`None`).
+/// As an earlier version wrote it, without checksums.
+fn rename(path: &Path, names: &[(&str, Option<&str>)]) {
+    let file = hdf5::File::open_rw(path).unwrap();
+    if file.link_exists(checksums::GROUP) {
+        file.unlink(checksums::GROUP).unwrap();
+    }
+    let group = file.group(OBSERVABLES).unwrap();
+    for (from, to) in names {
+        match to {
+            Some(to) => group.relink(from, to).unwrap(),
+            None => group.unlink(from).unwrap(),
+        }
+    }
+}
+
+fn append(path: &Path, frames: u64, rows: u64) -> Result<TrajectoryWriter, Failure> {
+    TrajectoryWriter::open_to_append(&Solo, path, &SeriesRow::COLUMNS, frames, rows)
+}
+
+#[test]
+fn files_with_former_names_are_read_and_continued() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    create(&path, 3);
+    let formers: Vec<_> = SeriesRow::COLUMNS
+        .iter()
+        .filter_map(|column| Some((column.name, Some(column.former?))))
+        .collect();
+    rename(&path, &formers);
+    let mut writer = append(&path, 1, 2).unwrap();
+    (2..5).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
+    writer.finish(&Solo, &[]).unwrap();
+
+    let run = RunFile::open(&path).unwrap();
+    assert_eq!(run.series().step, [0, 1, 2, 3, 4]);
+    for (c, column) in SeriesRow::COLUMNS.iter().enumerate() {
+        let values: Vec<f64> = (0..5).map(|k| row(k).columns()[c]).collect();
+        assert_eq!(run.series().column(column.name), values, "{column}");
+    }
+    let file = hdf5::File::open(&path).unwrap();
+    for (present, former) in formers {
+        assert!(file.link_exists(&format!("{OBSERVABLES}/{}", former.unwrap())));
+        assert!(!file.link_exists(&format!("{OBSERVABLES}/{present}")));
+    }
+}
+
+#[test]
+fn a_file_of_other_columns_is_not_continued() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |from: &str, to: Option<&str>| {
+        let path = folder.path().join("run.h5");
+        create(&path, 3);
+        rename(&path, &[(from, to)]);
+        match append(&path, 1, 3) {
+            Err(Failure::Input(message)) => message,
+            _ => panic!("not refused"),
+        }
+    };
+    assert!(refused("slip_rate", None).contains("no column slip_rate"));
+    assert!(refused("strain", None).contains("no column strain"));
+    assert!(refused("slip", Some("offset")).contains("no column slip;"));
+    let path = folder.path().join("run.h5");
+    create(&path, 3);
+    let group = hdf5::File::open_rw(&path)
+        .unwrap()
+        .group(OBSERVABLES)
+        .unwrap();
+    group.create_group("temperature").unwrap();
+    group.create_group("gshear").unwrap();
+    drop(group);
+    let message = append(&path, 1, 3).err().unwrap().to_string();
+    assert!(message.contains("its column temperature"), "{message}");
+}
+
+#[test]
+fn values_have_units_per_unit_depth() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    create(&path, 1);
+    let file = hdf5::File::open(&path).unwrap();
+    let unit = |name: &str| {
+        let values = file
+            .dataset(&format!("{OBSERVABLES}/{name}/value"))
+            .unwrap();
+        let unit = values.attr("unit").ok()?;
+        Some(unit.read_scalar::<crate::h5::Word>().unwrap().to_string())
+    };
+    assert_eq!(unit("slip_rate").as_deref(), Some("m s-1"));
+    assert_eq!(unit("work_load").as_deref(), Some("J m-1"));
+    assert_eq!(unit("strain"), None);
+}
