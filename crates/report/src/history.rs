@@ -194,13 +194,7 @@ fn drawn(run: &RunFile, axis: &Axis, panel: &Panel) -> Option<ReportFigure> {
         }
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, axis.label, &label);
-        let names = lines
-            .iter()
-            .zip(CURVES)
-            .map(|(line, colour)| (colour, line.1));
-        if lines.len() > 1 {
-            plot.legend(&names.collect::<Vec<_>>());
-        }
+        plot.legend_of_curves(&lines.iter().map(|line| line.1).collect::<Vec<_>>());
     });
     let columns: Vec<&str> = panel.lines.iter().map(|(column, _)| *column).collect();
     Some(ReportFigure {

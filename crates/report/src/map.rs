@@ -138,7 +138,7 @@ pub fn forces(grains: &Disks, frame: &Frame, view: MapView, greatest: f64, title
             FORCE.at(share)
         });
         let (factor, unit) = ticks::prefix(greatest);
-        let ticks = on_bar(
+        let ticks = ticks::on_bar(
             ticks::round(0.0, greatest * factor, 6),
             0.0,
             greatest * factor,
@@ -195,7 +195,7 @@ pub fn force_changes(
         plot.clip();
         plot.colour_bar(
             &CHANGE,
-            &on_bar(ticks::round(-end, end, 6), -end, end),
+            &ticks::on_bar(ticks::round(-end, end, 6), -end, end),
             &format!("change of |f| ({unit}N/m)"),
         );
         plot.title(title);
@@ -231,7 +231,7 @@ pub fn dmin(grains: &Disks, frame: &Frame, dmin: &[f64], view: MapView, title: &
             });
         }
         plot.clip();
-        let ticks = on_bar(ticks::decades(low, high, 8), low, high);
+        let ticks = ticks::on_bar(ticks::decades(low, high, 8), low, high);
         plot.colour_bar(&VIRIDIS, &ticks, "D²_{min}/r̄²");
         plot.title(title);
     })
@@ -256,14 +256,6 @@ fn map(view: MapView, draw: impl FnOnce(&mut Plot)) -> String {
         );
         plot.axes(&x, &y, &format!("x ({unit}m)"), &format!("y ({unit}m)"));
     })
-}
-
-/// Ticks of `low` … `high` as positions on the colour bar.
-fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
-    ticks
-        .into_iter()
-        .map(|(value, label)| ((value - low) / (high - low), label))
-        .collect()
 }
 
 fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: MapView) {

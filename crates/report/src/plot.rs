@@ -9,7 +9,7 @@ use plotters::backend::{DrawingBackend, SVGBackend};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
-use super::colour::{GREY, INK, PALE, Scale, WHITE};
+use super::colour::{CURVES, GREY, INK, PALE, Scale, WHITE};
 use super::ticks::Tick;
 
 /// Canvas units per pixel. plotters has integer coordinates only, so it draws on a larger canvas
@@ -262,12 +262,11 @@ impl Plot<'_> {
     pub fn clip(&mut self) {
         let [[left, top], [right, bottom]] = self.frame();
         let [width, height] = self.layout.size;
-        let far = 4000.0;
         for edge in [
-            [[-far, -far], [left, height + far]],
-            [[right, -far], [width + far, height + far]],
-            [[-far, -far], [width + far, top]],
-            [[-far, bottom], [width + far, height + far]],
+            [[0.0, 0.0], [left, height]],
+            [[right, 0.0], [width, height]],
+            [[0.0, 0.0], [width, top]],
+            [[0.0, bottom], [width, height]],
         ] {
             self.pixel_box(edge, WHITE, 1.0);
         }
@@ -348,6 +347,14 @@ impl Plot<'_> {
             self.text([x + 28.0, y], name, FONT, (HPos::Left, VPos::Center), INK);
             let length = name.chars().filter(|c| !"_^{}".contains(*c)).count();
             x += 28.0 + 7.2 * length as f64 + 22.0;
+        }
+    }
+
+    /// [`Self::legend`] of curves in the order of [`CURVES`]; nothing for a single one.
+    pub fn legend_of_curves(&mut self, names: &[&str]) {
+        if names.len() > 1 {
+            let entries: Vec<_> = CURVES.into_iter().zip(names.iter().copied()).collect();
+            self.legend(&entries);
         }
     }
 

@@ -48,6 +48,14 @@ pub fn decades(low: f64, high: f64, most: usize) -> Vec<Tick> {
         .collect()
 }
 
+/// Returns ticks of `low` … `high` as parts of that range, as they lie on a colour bar.
+pub fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
+    ticks
+        .into_iter()
+        .map(|(value, label)| ((value - low) / (high - low), label))
+        .collect()
+}
+
 /// Returns the factor and the SI prefix that give a value one to three digits before the decimal
 /// point.
 pub fn prefix(value: f64) -> (f64, &'static str) {
