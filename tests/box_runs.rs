@@ -6,9 +6,8 @@ use std::path::Path;
 use std::process::Command;
 
 use common::{Outcome, gshear_mpi};
-use gshear_store::columns::NewtonianRow;
 use gshear_store::file_names::NEWTONIAN_FILE;
-use gshear_store::run_reader::PeriodicRunFile;
+use gshear_store::run_reader::RunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
@@ -23,8 +22,8 @@ fn done(outcome: &Outcome) -> &str {
     &outcome.text
 }
 
-fn positions(folder: &Path) -> PeriodicRunFile {
-    PeriodicRunFile::open(&folder.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS).expect("a run")
+fn newtonian(folder: &Path) -> RunFile {
+    RunFile::open_any(&folder.join(NEWTONIAN_FILE)).expect("a run")
 }
 
 /// A stretch of Newton's equations from the kept checkpoint: the same frames, to the last bit.
@@ -43,8 +42,9 @@ fn a_stretch_of_newtons_equations_is_replayed() {
         "--set=output.keep_checkpoints=true",
     ]);
     done(&run(scene, 2, &at("kept"), &kept));
-    let stored = positions(&at("frames"));
-    let [from, to] = [0.3, 0.6].map(|part| stored.time[(part * stored.time.len() as f64) as usize]);
+    let stored = newtonian(&at("frames"));
+    let times = &stored.series().time;
+    let [from, to] = [0.3, 0.6].map(|part| times[(part * times.len() as f64) as usize]);
     let replayed = at("replayed");
     let output = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"))
         .arg("replay")
@@ -57,19 +57,17 @@ fn a_stretch_of_newtons_equations_is_replayed() {
         + &String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{text}");
     assert!(text.contains("to the last bit"), "{text}");
-    let again = positions(&replayed);
+    let again = newtonian(&replayed);
     let mut compared = 0;
-    for (t, step) in again.frame_step.iter().enumerate() {
-        if let Ok(of) = stored.frame_step.binary_search(step) {
-            assert_eq!(again.positions[t], stored.positions[of], "step {step}");
+    for (t, step) in again.frame_steps().iter().enumerate() {
+        if let Ok(of) = stored.frame_steps().binary_search(step) {
+            let at = |run: &RunFile, t: usize| run.positions(t..t + 1).expect("positions");
+            assert_eq!(at(&again, t), at(&stored, of), "step {step}");
             compared += 1;
         }
     }
     assert!(compared >= 20, "{compared} frames of both");
-    assert!(
-        again.frame_step.len() > compared,
-        "denser than the stored ones"
-    );
+    assert!(again.frames() > compared, "denser than the stored ones");
 }
 
 /// A sweep over boxes: what is done is passed over, what was stopped goes on, to the same bits.

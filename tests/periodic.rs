@@ -6,9 +6,8 @@ use std::path::Path;
 
 use common::{Outcome, gshear_mpi};
 use gshear_analysis::growth;
-use gshear_store::columns::{AqsRow, NewtonianRow};
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE};
-use gshear_store::run_reader::PeriodicRunFile;
+use gshear_store::run_reader::RunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
@@ -38,25 +37,26 @@ fn newtons_method_finds_the_state_of_overdamped_dynamics() {
         ];
         let outcome = run(&folder, 1, &more);
         assert_eq!(outcome.code, 0, "{}", outcome.text);
-        PeriodicRunFile::open(&folder.join(AQS_FILE), &AqsRow::COLUMNS).expect("a file of the run")
+        RunFile::open_any(&folder.join(AQS_FILE)).expect("a file of the run")
     };
     let (newton, overdamped) = (of("newton"), of("overdamped"));
-    let fell_back: f64 = newton.column("fell_back").iter().sum();
+    let fell_back: f64 = newton.series().column("fell_back").iter().sum();
     assert!(fell_back < 3.0, "{fell_back} of 8 steps were not smooth");
     assert!(
         overdamped
+            .series()
             .column("overdamped_steps")
             .iter()
             .skip(1)
             .all(|n| *n > 0.0)
     );
     for name in ["elastic_energy", "pressure"] {
-        for (a, b) in newton.column(name).iter().zip(overdamped.column(name)) {
+        for (a, b) in (newton.series().column(name).iter()).zip(overdamped.series().column(name)) {
             assert!((a / b - 1.0).abs() < 1e-9, "{name}: {a} {b}");
         }
     }
-    let change = |run: &PeriodicRunFile| {
-        let stress = run.column("shear_stress");
+    let change = |run: &RunFile| {
+        let stress = run.series().column("shear_stress");
         stress[8] - stress[0]
     };
     assert!((change(&newton) / change(&overdamped) - 1.0).abs() < 1e-5);
@@ -81,9 +81,9 @@ fn a_complex_pair_grows_as_its_eigenvalue_says() {
     }
     let outcome = gshear_mpi(1, folder.path(), &arguments);
     assert_eq!(outcome.code, 0, "{}", outcome.text);
-    let run = PeriodicRunFile::open(&folder.path().join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)
-        .expect("a file of the run");
-    let growth = growth::fit(&run.time, run.column("msd"), 1e-11).expect("growth");
+    let run = RunFile::open_any(&folder.path().join(NEWTONIAN_FILE)).expect("a file of the run");
+    let growth =
+        growth::fit(&run.series().time, run.series().column("msd"), 1e-11).expect("growth");
     let of = |name: &str| run.number(name).expect("a complex pair");
     assert!(growth.decades > 8.0, "{growth:?}");
     assert!(

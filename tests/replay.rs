@@ -216,7 +216,7 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
         .dataset("dmin/value")
         .and_then(|d| d.read_raw())
         .expect("D²min");
-    let periods = whole.cell().periods;
+    let periods = whole.periods();
     let radius = 5.0 * whole.grains().mean_radius();
     let t = frames.len() / 2;
     let (earlier, later) = (&frames[t - 1], &frames[t]);

@@ -2,7 +2,7 @@
 //! contacts of a frame.
 
 use super::forces;
-use gshear_dem::dimension::{Dimension, Three};
+use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{Cell, Disks, Frame, FrameRecords};
 
 /// Returns the contact stress of every grain, `[N]` of σ_xx, σ_yy, σ_xy (Pa; forces in 2D are per
@@ -34,18 +34,22 @@ pub fn tensors(grains: &Disks, frame: &Frame) -> Vec<[f64; 3]> {
     stress
 }
 
-/// [`tensors`] of spheres, `[N]` of σ_xx, σ_yy, σ_zz, σ_xy, σ_xz, σ_yz (Pa), with the volume (4/3)πR³
-/// for A.
-pub fn of_spheres(grains: &Disks, cell: Cell, frame: &FrameRecords) -> Vec<[f64; 6]> {
+/// [`tensors`] in two or three dimensions and any cell, `[N]` of σ_xx, σ_yy, σ_zz, σ_xy, σ_xz, σ_yz
+/// (Pa), of spheres with the volume (4/3)πR³ for A.
+pub fn in_cell<D: Dimension>(grains: &Disks, cell: Cell, frame: &FrameRecords) -> Vec<[f64; 6]> {
     let mut stress = vec![[0.0; 6]; grains.count()];
     for contact in &frame.contacts {
         let [i, j] = [contact.i, contact.j].map(|g| g as usize);
         let [from, to] = [j, i].map(|g| frame.grains[g].position);
-        let r = cell.separation::<Three>(&to, &from);
+        let r = cell.separation::<D>(&to, &from);
         let distance = r.iter().map(|x| x * x).sum::<f64>().sqrt();
         let n = r.map(|x| x / distance);
-        let f: [f64; 3] =
-            std::array::from_fn(|k| contact.normal_force * n[k] + contact.tangential_force[k]);
+        // Of disks the frame has the component along (-n_y, n_x).
+        let tangential = match (D::AXES, contact.tangential_force) {
+            (2, [along, ..]) => [-along * n[1], along * n[0], 0.0],
+            (_, vector) => vector,
+        };
+        let f: [f64; 3] = std::array::from_fn(|k| contact.normal_force * n[k] + tangential[k]);
         let symmetric = |a: usize, b: usize| 0.5 * (n[a] * f[b] + n[b] * f[a]);
         let moment = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
         for grain in [i, j] {
@@ -56,7 +60,7 @@ pub fn of_spheres(grains: &Disks, cell: Cell, frame: &FrameRecords) -> Vec<[f64;
     }
     for (stress, radius) in stress.iter_mut().zip(&grains.radius) {
         for s in stress {
-            *s *= radius / Three::volume(*radius);
+            *s *= radius / D::volume(*radius);
         }
     }
     stress

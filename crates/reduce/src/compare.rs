@@ -5,7 +5,7 @@ use std::fmt;
 use std::io::{self, Write};
 
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactSample, FrameRecords, SeriesRow};
+use gshear_dem::state::{ContactSample, FrameRecords};
 use gshear_scene::Dimensions;
 use gshear_store::run_reader::RunFile;
 
@@ -210,6 +210,11 @@ impl Comparison {
 /// [`Failure::Input`] if a file is damaged.
 pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison, Failure> {
     let mut found = Comparison::default();
+    if a.stage() != b.stage() {
+        let [a, b] = [a, b].map(|run| run.stage().name());
+        found.unequal.push(format!("the stage {a} against {b}"));
+        return Ok(found);
+    }
     parameters(a, b, &mut found);
     let grains = found.count("number of grains", a.grains().count(), b.grains().count());
     let rows = found.count(
@@ -227,10 +232,22 @@ pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison, Failure> {
     let mut cell = FieldComparison::new("box");
     cell.see(a.grains().length, b.grains().length, Location::Nowhere);
     if dimension == Dimensions::Three {
-        let [x, y] = [a, b].map(|run| run.cell().periods[1]);
+        let [x, y] = [a, b].map(|run| run.periods()[1]);
         cell.see(x, y, Location::Nowhere);
     }
     cell.see(a.height(), b.height(), Location::Nowhere);
+    // Files of earlier versions have no box of every frame.
+    let boxes = if a.has_boxes() && b.has_boxes() {
+        frames
+    } else {
+        0
+    };
+    for t in 0..boxes {
+        let [x, y] = [a, b].map(|run| run.box_edges(t));
+        for (x, y) in x.as_flattened().iter().zip(y.as_flattened()) {
+            cell.see(*x, *y, Location::Frame(t));
+        }
+    }
     found.fields.push(cell);
     let (x, y) = (a.grains(), b.grains());
     if grains == x.count() && grains == y.count() {
@@ -253,7 +270,7 @@ pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison, Failure> {
         time.see(x.time[row], y.time[row], Location::Row(row));
     }
     found.fields.extend([step, time]);
-    for column in SeriesRow::COLUMNS {
+    for column in x.declared {
         let mut field = FieldComparison::new(column.name);
         let pairs = x.column(column.name).iter().zip(y.column(column.name));
         pairs

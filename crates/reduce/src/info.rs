@@ -6,8 +6,7 @@ use std::io::Write;
 use crate::output::cannot_write;
 use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::SeriesRow;
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
 
 /// Prints the content of a run.
 ///
@@ -32,9 +31,15 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     let grains = run.grains();
     let of_body = |body: u8| grains.body.iter().filter(|b| **b == body).count();
     let (all, free, bottom, top) = (grains.count(), of_body(0), of_body(1), of_body(2));
+    let walls = run.stage() == RunStage::Shear;
     lines.push((
         "grains",
-        format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall"),
+        match walls {
+            true => {
+                format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall")
+            }
+            false => all.to_string(),
+        },
     ));
     let least = grains.radius.iter().copied().fold(f64::INFINITY, f64::min);
     let most = grains.radius.iter().copied().fold(0.0, f64::max);
@@ -45,14 +50,17 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
             grains.mean_radius()
         ),
     ));
-    lines.push((
-        "box",
-        format!(
-            "{:.4e} m (periodic) × {:.4e} m at the start",
-            grains.length,
-            run.height()
-        ),
-    ));
+    let (length, height) = (grains.length, run.height());
+    let width = match run.periods()[1] {
+        f64::INFINITY => String::new(),
+        width => format!(" × {width:.4e} m"),
+    };
+    let of_height = match walls {
+        true => "(periodic) × {} at the start",
+        false => "× {} (periodic)",
+    };
+    let of_height = of_height.replace("{}", &format!("{height:.4e} m"));
+    lines.push(("box", format!("{length:.4e} m{width} {of_height}")));
 
     let strains = run.frame_strains()?;
     let steps = run.frame_steps();
@@ -62,8 +70,13 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
         lines.push(("contacts", format!("{contacts}, {mean:.1} per frame")));
     }
     let series = run.series();
-    lines.push(("series", span(&series.step, series.column("strain"))));
-    lines.push(("columns", joined_names(&SeriesRow::COLUMNS, ", ")));
+    let strains = match run.stage() {
+        RunStage::Shear => series.column("strain"),
+        RunStage::Strain => &series.time,
+        RunStage::Newtonian => &strains[..0],
+    };
+    lines.push(("series", span(&series.step, strains)));
+    lines.push(("columns", joined_names(series.declared, ", ")));
 
     let mut text = String::new();
     for (name, value) in lines {
@@ -81,14 +94,17 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// Returns the number of entries and the range of steps and strains.
+/// Returns the number of entries and the range of steps and, where they have one, of strains.
 fn span(step: &[u64], strain: &[f64]) -> String {
     let count = step.len();
-    match (step, strain) {
-        ([first, .., last], [from, .., to]) => {
-            format!("{count}: step {first} … {last}, γ = {from:.8} … {to:.8}")
-        }
-        ([only], [at]) => format!("1: step {only}, γ = {at:.8}"),
-        _ => "none".to_string(),
+    let strains = match strain {
+        [from, .., to] => format!(", γ = {from:.8} … {to:.8}"),
+        [at] => format!(", γ = {at:.8}"),
+        [] => String::new(),
+    };
+    match step {
+        [first, .., last] => format!("{count}: step {first} … {last}{strains}"),
+        [only] => format!("1: step {only}{strains}"),
+        [] => "none".to_string(),
     }
 }

@@ -15,7 +15,7 @@ use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::columns::NewtonianRow;
 use gshear_store::file_names::{NEWTONIAN_FILE, RUN_FILE};
-use gshear_store::run_reader::{self, PeriodicRunFile, RunFile};
+use gshear_store::run_reader::{self, RunFile};
 
 /// The part of a run to replay.
 #[derive(Debug, Clone, Copy)]
@@ -239,7 +239,8 @@ pub fn newtonian(
         )));
     }
     let path = folder.join(NEWTONIAN_FILE);
-    let stored = PeriodicRunFile::open(&path, &NewtonianRow::COLUMNS)?;
+    let file = RunFile::open_any(&path)?;
+    let stored = file.series();
     let within = |row: &usize| stored.time[*row] >= time[0] && stored.time[*row] <= time[1];
     let mut rows = (0..stored.time.len()).filter(within);
     let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
@@ -259,7 +260,8 @@ pub fn newtonian(
     };
     let set = ["output.keep_checkpoints=false", "newtonian.spectra=0"];
     let from = again(folder, "newtonian", window, &set, (threads, out))?;
-    let computed = PeriodicRunFile::open(&out.join(NEWTONIAN_FILE), &NewtonianRow::COLUMNS)?;
+    let repeated = RunFile::open_any(&out.join(NEWTONIAN_FILE))?;
+    let computed = repeated.series();
     let mut same = 0;
     for (k, step) in computed.step.iter().enumerate() {
         let Ok(row) = stored.step.binary_search(step) else {
@@ -276,11 +278,11 @@ pub fn newtonian(
         }
         same += 1;
     }
-    let frames = &computed.frame_step;
+    let frames = repeated.frame_steps();
     writeln!(
         output,
         "wrote {}: {} frames, steps {} to {}, from the checkpoint of step {from}; {same} rows of the time series equal those of {} to the last bit",
-        computed.path().display(),
+        repeated.path().display(),
         frames.len(),
         frames.first().copied().unwrap_or_default(),
         frames.last().copied().unwrap_or_default(),

@@ -225,6 +225,7 @@ mod tests {
         let path = folder.path().join("log.csv");
         let mut log = Log::create(&Solo, &path).unwrap();
         let mut series = Series {
+            declared: &SeriesRow::COLUMNS,
             columns: vec![Vec::new(); SeriesRow::COLUMNS.len()],
             ..Series::default()
         };

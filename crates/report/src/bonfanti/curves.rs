@@ -9,7 +9,7 @@ use crate::plot::{Layout, figure};
 use crate::stress::{decimate, padded};
 use crate::ticks;
 use gshear_analysis::growth::Growth;
-use gshear_store::run_reader::PeriodicRunFile;
+use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
 
 const WIDE: Layout = Layout {
@@ -100,9 +100,9 @@ fn zipped(x: &[f64], y: &[f64]) -> Vec<[f64; 2]> {
 }
 
 /// Draws figure 1: the extreme imaginary parts against strain.
-pub fn imaginary(run: &PeriodicRunFile) -> Result<SvgWithData, &'static str> {
+pub fn imaginary(run: &RunFile) -> Result<SvgWithData, &'static str> {
     let [strain, least, greatest] =
-        ["strain", "imaginary_least", "imaginary_greatest"].map(|name| run.column(name));
+        ["strain", "imaginary_least", "imaginary_greatest"].map(|name| run.series().column(name));
     if greatest.iter().all(|x| x.is_nan()) {
         return Err("no eigenvalues along the strain: set aqs.spectrum");
     }
@@ -159,13 +159,13 @@ pub(super) fn spectra(rows: &[SpectrumRow]) -> SvgWithData {
 }
 
 /// Draws figure 3: growth of the mean square displacement.
-pub fn growth(run: &PeriodicRunFile, growth: Option<&Growth>) -> SvgWithData {
-    let msd = run.column("msd");
+pub fn growth(run: &RunFile, growth: Option<&Growth>) -> SvgWithData {
+    let (time, msd) = (&run.series().time, run.series().column("msd"));
     let log = |points: &[[f64; 2]]| -> Vec<[f64; 2]> {
         let positive = points.iter().filter(|p| p[1] > 0.0);
         positive.map(|p| [p[0], p[1].log10()]).collect()
     };
-    let measured = zipped(&run.time, msd);
+    let measured = zipped(time, msd);
     let mut lines = vec![Line {
         points: log(&measured),
         colour: STICK,
@@ -198,7 +198,7 @@ pub fn growth(run: &PeriodicRunFile, growth: Option<&Growth>) -> SvgWithData {
         true,
         &lines,
     ));
-    if let Some(zoom) = dense(&run.time) {
+    if let Some(zoom) = dense(time) {
         let zoomed = Line {
             points: measured[zoom].to_vec(),
             colour: STICK,
@@ -214,7 +214,7 @@ pub fn growth(run: &PeriodicRunFile, growth: Option<&Growth>) -> SvgWithData {
     }
     SvgWithData {
         svg: grid_of(1, &panels),
-        csv: rows(&[("time", &run.time), ("msd", msd)]),
+        csv: rows(&[("time", time), ("msd", msd)]),
     }
 }
 
@@ -232,25 +232,24 @@ fn dense(time: &[f64]) -> Option<std::ops::Range<usize>> {
 }
 
 /// Draws figure 4: trajectories of the fastest grains.
+///
+/// `places`: of the grains in the frames up to the end of the growth (m).
 pub fn spirals(
-    run: &PeriodicRunFile,
+    run: &RunFile,
     growth: Option<&Growth>,
+    places: &[Vec<[f64; 3]>],
 ) -> Result<SvgWithData, &'static str> {
-    let growth = growth.ok_or("the mean square displacement does not grow exponentially")?;
-    let end = run
-        .frame_time
-        .iter()
-        .take_while(|t| **t <= growth.to)
-        .count();
+    growth.ok_or("the mean square displacement does not grow exponentially")?;
+    let (times, end) = (run.frame_times(), places.len());
     if end < 3 {
         return Err("fewer than three frames during the growth: increase newtonian.frames");
     }
     let moved = |frame: usize, grain: usize| -> [f64; 3] {
-        let (now, start) = (run.positions[frame][grain], run.positions[0][grain]);
+        let (now, start) = (places[frame][grain], places[0][grain]);
         std::array::from_fn(|axis| now[axis] - start[axis])
     };
     let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let mut grains: Vec<usize> = (0..run.positions[0].len()).collect();
+    let mut grains: Vec<usize> = (0..run.grains().count()).collect();
     grains.sort_by(|a, b| length(moved(end - 1, *b)).total_cmp(&length(moved(end - 1, *a))));
     grains.truncate(8);
     let greatest = grains
@@ -262,10 +261,10 @@ pub fn spirals(
     let mut lines = Vec::new();
     for (k, &grain) in grains.iter().enumerate() {
         let mut points = Vec::new();
-        for frame in 0..end {
+        for (frame, time) in times[..end].iter().enumerate() {
             let place = moved(frame, grain).map(|x| x / greatest);
             points.push([place[0], place[1]]);
-            rows.push((run.frame_time[frame], grain, place));
+            rows.push((*time, grain, place));
         }
         lines.push(Line {
             points,
@@ -316,14 +315,14 @@ pub fn slip(mode_weight: &[f64], dmin: &[f64]) -> SvgWithData {
 }
 
 /// Draws figure 5: shear stress against time.
-pub fn stress(run: &PeriodicRunFile, growth: Option<&Growth>) -> SvgWithData {
-    let stress = run.column("shear_stress");
+pub fn stress(run: &RunFile, growth: Option<&Growth>) -> SvgWithData {
+    let (time, stress) = (&run.series().time, run.series().column("shear_stress"));
     let line = |points| Line {
         points,
         colour: STICK,
         name: String::new(),
     };
-    let all = zipped(&run.time, stress);
+    let all = zipped(time, stress);
     let mut panels = vec![panel(
         WIDE,
         "(a)",
@@ -340,6 +339,6 @@ pub fn stress(run: &PeriodicRunFile, growth: Option<&Growth>) -> SvgWithData {
     }
     SvgWithData {
         svg: grid_of(1, &panels),
-        csv: rows(&[("time", &run.time), ("shear_stress", stress)]),
+        csv: rows(&[("time", time), ("shear_stress", stress)]),
     }
 }

@@ -11,21 +11,22 @@ use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_store::columns::{AqsRow, NewtonianRow};
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, SPECTRA_FILE};
-use gshear_store::run_reader::PeriodicRunFile;
+use gshear_store::run_reader::RunFile;
 use gshear_store::table::{self, Table};
-use gshear_store::text_writer;
+use gshear_store::{dictionary, text_writer};
 
 /// Limit of the linear regime: mean square displacement over the square of the mean diameter.
 const LINEAR: f64 = 1e-11;
 
 /// The data of a run.
 struct BoxRun {
-    strain: PeriodicRunFile,
-    newtonian: Option<PeriodicRunFile>,
+    strain: RunFile,
+    newtonian: Option<RunFile>,
     spectra: Vec<SpectrumRow>,
     growth: Option<Growth>,
+    /// Places of the grains in the frames of the linear growth, which do not jump at the seams.
+    places: Vec<Vec<[f64; 3]>>,
     /// |v|² in the growing pair, and D²min of the slip that follows it, `[N]` each.
     slip: Option<[Vec<f64>; 2]>,
 }
@@ -66,12 +67,13 @@ struct PaperValue {
 pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<PathBuf, Failure> {
     let studied = BoxRun::read(run, mode_weight)?;
     let figures = studied.figures();
+    let axes = studied.strain.dimension().axes();
     let numbers = studied.numbers();
     for figure in &figures {
         if let Ok(drawn) = &figure.drawn {
             let name = format!("fig-{:02}", figure.number);
             drawing::write(&folder.join(name.clone() + ".svg"), &drawn.svg)?;
-            text_writer::write(&folder.join(name + ".csv"), &drawn.csv)?;
+            dictionary::write_figure_data(&folder.join(name + ".csv"), &drawn.csv, axes)?;
         }
     }
     let csv = Table::of(&numbers)
@@ -80,7 +82,7 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
         .column("ours", |number| &number.ours)
         .quoted()
         .csv();
-    text_writer::write(&folder.join("numbers.csv"), &csv)?;
+    dictionary::write_figure_data(&folder.join("numbers.csv"), &csv, axes)?;
     let page = folder.join("index.html");
     text_writer::write(&page, html(&studied, &numbers, &figures))?;
     Ok(page)
@@ -88,10 +90,10 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
 
 impl BoxRun {
     fn read(run: &Path, mode_weight: Option<&[f64]>) -> Result<Self, Failure> {
-        let strain = PeriodicRunFile::open(&run.join(AQS_FILE), &AqsRow::COLUMNS)?;
+        let strain = RunFile::open_any(&run.join(AQS_FILE))?;
         let path = run.join(NEWTONIAN_FILE);
         let newtonian = match path.exists() {
-            true => Some(PeriodicRunFile::open(&path, &NewtonianRow::COLUMNS)?),
+            true => Some(RunFile::open_any(&path)?),
             false => None,
         };
         let path = run.join(SPECTRA_FILE);
@@ -101,17 +103,26 @@ impl BoxRun {
         };
         let growth = newtonian.as_ref().and_then(|run| {
             let diameter = run.number("mean_diameter").unwrap_or(1.0);
-            growth::fit(&run.time, run.column("msd"), LINEAR * diameter * diameter)
+            let (series, limit) = (run.series(), LINEAR * diameter * diameter);
+            growth::fit(&series.time, series.column("msd"), limit)
         });
-        let slip = newtonian
-            .as_ref()
-            .zip(mode_weight)
-            .and_then(|(run, mode_weight)| Some([mode_weight.to_vec(), dmin_of(run)?]));
+        let slip = match (&newtonian, mode_weight) {
+            (Some(run), Some(weight)) => dmin_of(run)?.map(|dmin| [weight.to_vec(), dmin]),
+            _ => None,
+        };
+        let places = match (&newtonian, &growth) {
+            (Some(run), Some(growth)) => {
+                let times = run.frame_times();
+                run.unwrapped(0..times.iter().take_while(|t| **t <= growth.to).count())?
+            }
+            _ => Vec::new(),
+        };
         Ok(Self {
             strain,
             newtonian,
             spectra,
             growth,
+            places,
             slip,
         })
     }
@@ -145,7 +156,8 @@ impl BoxRun {
                 number: 4,
                 caption: "Trajectories of the eight spheres with the greatest displacement at the end of the linear growth, over the greatest displacement, seen along z. \
                           The interval of the frames is a little more than a whole number of periods, so they show the oscillation slowed down.",
-                drawn: moving.and_then(|run| curves::spirals(run, self.growth.as_ref())),
+                drawn: moving
+                    .and_then(|run| curves::spirals(run, self.growth.as_ref(), &self.places)),
             },
             PaperFigure {
                 number: 5,
@@ -178,7 +190,7 @@ impl BoxRun {
                 .zip(of_strain("birth_after"))
                 .map(|(low, high)| format!("{high:.12} (no pair {:.1e} earlier)", high - low)),
         );
-        let rows = self.strain.step.len().saturating_sub(1);
+        let rows = self.strain.series().rows().saturating_sub(1);
         add(
             "strain steps that fell back to overdamped dynamics",
             "(overdamped dynamics throughout)",
@@ -234,7 +246,7 @@ impl BoxRun {
             "drop of the shear stress",
             "22 %",
             self.newtonian.as_ref().and_then(|run| {
-                let stress = run.column("shear_stress");
+                let stress = run.series().column("shear_stress");
                 let (first, last) = (stress.first()?, stress.last()?);
                 Some(format!("{:.1} %", 100.0 * (1.0 - last / first)))
             }),
@@ -244,14 +256,19 @@ impl BoxRun {
 }
 
 /// D²min of every grain between the first and the last frame, with neighbours within 5 mean radii
-/// as in LH.
-fn dmin_of(run: &PeriodicRunFile) -> Option<Vec<f64>> {
-    let (first, last) = (run.positions.first()?, run.positions.last()?);
-    let radius = 5.0 * run.radius.iter().sum::<f64>() / run.radius.len() as f64;
-    Some(match run.is_planar() {
-        true => event::non_affine::<Two>(run.cell(), first, last, radius, |_| true),
-        false => event::non_affine::<Three>(run.cell(), first, last, radius, |_| true),
-    })
+/// as in LH; `None` without frames.
+fn dmin_of(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
+    let Some(last) = run.frames().checked_sub(1) else {
+        return Ok(None);
+    };
+    let at = |t: usize| Ok::<_, Failure>(run.positions(t..t + 1)?.swap_remove(0));
+    let (earlier, later) = (at(0)?, at(last)?);
+    let cells = [0, last].map(|t| run.cell(t));
+    let radius = 5.0 * run.grains().mean_radius();
+    Ok(Some(match run.dimension().axes() {
+        2 => event::non_affine::<Two>(cells, &earlier, &later, radius, |_| true),
+        _ => event::non_affine::<Three>(cells, &earlier, &later, radius, |_| true),
+    }))
 }
 
 fn html(studied: &BoxRun, numbers: &[PaperValue], figures: &[PaperFigure]) -> String {
@@ -285,7 +302,7 @@ fn html(studied: &BoxRun, numbers: &[PaperValue], figures: &[PaperFigure]) -> St
     );
     let body = format!(
         "<table>\n<tr><th></th><td>paper</td><td>this run</td></tr>\n{rows}</table>\n<h2>Figures</h2>\n{body}{}",
-        scene_of(studied.strain.text("scene").unwrap_or_default())
+        scene_of(studied.strain.scene())
     );
     document("The study of Bonfanti et al.", &lead, &body)
 }

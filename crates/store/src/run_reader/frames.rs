@@ -96,6 +96,37 @@ impl RunFile {
         Ok(values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
     }
 
+    /// Reads the positions of a range of frames within 0 … T, `[frames][N]` (m).
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is damaged.
+    pub fn positions(&self, range: Range<usize>) -> Result<Vec<Vec<[f64; 3]>>, Failure> {
+        let all = self.vectors(&self.position, &range)?;
+        let of_frame = self.grains.count().max(1);
+        let mut frames: Vec<_> = all.chunks(of_frame).map(<[_]>::to_vec).collect();
+        frames.resize(range.len(), Vec::new());
+        Ok(frames)
+    }
+
+    /// Reads [`RunFile::positions`] with the images added, so that nothing jumps at the seams; a
+    /// file of an earlier version has none.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file is damaged.
+    pub fn unwrapped(&self, range: Range<usize>) -> Result<Vec<Vec<[f64; 3]>>, Failure> {
+        let mut frames = self.positions(range.clone())?;
+        let images = self.images(&range)?;
+        let places = frames.iter_mut().flatten().zip(images);
+        let of_frame = self.grains.count().max(1);
+        for (k, (place, image)) in places.enumerate() {
+            let edges = self.box_edges(range.start + k / of_frame);
+            for (edge, many) in edges.iter().zip(image) {
+                (place.iter_mut().zip(edge)).for_each(|(x, side)| *x += many as f64 * side);
+            }
+        }
+        Ok(frames)
+    }
+
     /// Returns whether the file has the images of the grains; those of earlier versions have none.
     pub fn has_images(&self) -> bool {
         self.image.is_some()

@@ -1,8 +1,8 @@
-//! Reads `run.h5` (docs/file-formats.md) serially, by blocks of frames, so that memory does not
-//! grow with the length of the run.
+//! Reads `run.h5`, `aqs.h5` and `newtonian.h5` (docs/file-formats.md) serially, by blocks of frames,
+//! so that memory does not grow with the length of the run.
 
 mod frames;
-mod periodic;
+mod owner;
 mod source;
 mod state;
 mod verify;
@@ -12,36 +12,95 @@ use std::path::{Path, PathBuf};
 
 use hdf5::Dataset;
 
-pub use self::periodic::{Owner, PeriodicRunFile, owner};
+pub use self::owner::{Owner, owner};
 use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;
-use crate::file_names::RUN_FILE;
+use crate::columns::{AqsRow, NewtonianRow};
+use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 use crate::layout::IMAGE_VALUE;
 pub use crate::parameter::Parameter;
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::columns::Column;
+use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, Disks, SeriesRow};
+use gshear_dem::state::{BoxEdges, Cell, Disks, SeriesRow, Sheared};
 use gshear_scene::Dimensions;
+
+/// The stage of a run whose frames and time series a file holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunStage {
+    /// Shear between walls.
+    Shear,
+    /// Strain steps of a periodic box; time is strain.
+    Strain,
+    /// Newton's equations in a periodic box.
+    Newtonian,
+}
+
+impl RunStage {
+    /// All stages; the file of an earlier one has no column that only a later one has.
+    const ALL: [Self; 3] = [Self::Newtonian, Self::Strain, Self::Shear];
+
+    /// Columns of the time series.
+    pub fn columns(self) -> &'static [Column] {
+        match self {
+            Self::Shear => &SeriesRow::COLUMNS,
+            Self::Strain => &AqsRow::COLUMNS,
+            Self::Newtonian => &NewtonianRow::COLUMNS,
+        }
+    }
+
+    /// Name, as messages and checkpoints have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Shear => "shear",
+            Self::Strain => "aqs",
+            Self::Newtonian => "newtonian",
+        }
+    }
+
+    /// Name of the file in the folder of a run.
+    pub fn file_name(self) -> &'static str {
+        match self {
+            Self::Shear => RUN_FILE,
+            Self::Strain => AQS_FILE,
+            Self::Newtonian => NEWTONIAN_FILE,
+        }
+    }
+
+    /// The stage whose columns a file has; [`RunStage::Shear`] if none fits, so that messages name
+    /// the columns of that.
+    fn of(source: &OpenFile<'_>) -> Self {
+        let is_stored = |name: &str| source.exists(&format!("observables/{name}"));
+        let has_all = |stage: &Self| {
+            let mut columns = stage.columns().iter();
+            columns.all(|column| column.stored_name(is_stored).is_some())
+        };
+        Self::ALL.into_iter().find(has_all).unwrap_or(Self::Shear)
+    }
+}
 
 /// The time series: L rows, as many as every column has.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Series {
-    /// `[L]` Steps since the start of the shear.
+    /// What the columns are.
+    pub declared: &'static [Column],
+    /// `[L]` Steps since the start of the stage.
     pub step: Vec<u64>,
-    /// `[L]` Time (s).
+    /// `[L]` Time (s); strain in the stage of strain steps.
     pub time: Vec<f64>,
-    /// `[columns of SeriesRow][L]` Values.
+    /// `[columns][L]` Values.
     pub columns: Vec<Vec<f64>>,
 }
 
 impl Series {
-    /// Returns a column of [`SeriesRow`] by its name, `[L]`.
+    /// Returns a column by its name, `[L]`.
     ///
     /// # Panics
-    /// On any other name.
+    /// On a name that is not declared.
     pub fn column(&self, name: &str) -> &[f64] {
-        let mut columns = SeriesRow::COLUMNS.iter();
+        let mut columns = self.declared.iter();
         let at = columns.position(|column| column.name == name);
         &self.columns[at.unwrap_or_else(|| panic!("{name} is no column of the time series"))]
     }
@@ -73,9 +132,10 @@ pub struct StoredScalars {
     pub scalars: Vec<FrameScalars>,
 }
 
-/// An open `run.h5`. Frames are read on demand, everything else on opening.
+/// An open file of a run. Frames are read on demand, everything else on opening.
 pub struct RunFile {
     path: PathBuf,
+    stage: RunStage,
     grains: Disks,
     /// Box at the start of the shear (m): L_x, height in 2D; L_x, L_y, height in 3D.
     edges: [f64; 3],
@@ -85,6 +145,8 @@ pub struct RunFile {
     scalars: Option<StoredScalars>,
     step: Vec<u64>,
     time: Vec<f64>,
+    /// `[T]` Edges of the box; empty in a file of an earlier version.
+    boxes: Vec<BoxEdges>,
     offset: Vec<u64>,
     position: Dataset,
     velocity: Dataset,
@@ -107,21 +169,43 @@ struct ContactColumns {
 }
 
 impl RunFile {
-    /// Opens a run: a `run.h5`, or the folder that holds one.
+    /// Opens a run between walls: a `run.h5`, or the folder that holds one.
     ///
     /// A run that was stopped early is read as far as all of its datasets go.
     ///
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
-    /// wrong shape.
+    /// wrong shape; a file of a run in a periodic box.
     pub fn open(run: &Path) -> Result<Self, Failure> {
+        let file = Self::open_any(run)?;
+        match file.stage {
+            RunStage::Shear => Ok(file),
+            _ => Err(Failure::input(format!(
+                "{}: is of a run in a periodic box; this command needs a run between walls",
+                file.path.display()
+            ))),
+        }
+    }
+
+    /// Opens the file of any stage. Of a folder, `run.h5`, or the strain steps of a run in a
+    /// periodic box.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
+    /// wrong shape.
+    pub fn open_any(run: &Path) -> Result<Self, Failure> {
         let path = if run.is_dir() {
-            run.join(RUN_FILE)
+            let strained = run.join(AQS_FILE);
+            match run.join(RUN_FILE) {
+                sheared if !sheared.exists() && strained.exists() => strained,
+                sheared => sheared,
+            }
         } else {
             run.to_path_buf()
         };
         hdf5::silence_errors(true);
         let source = OpenFile::open(&path)?;
+        let stage = RunStage::of(&source);
 
         let id: Vec<u32> = source.all("particles/trajectory/id")?;
         let n = id.len();
@@ -147,7 +231,7 @@ impl RunFile {
         };
         source.verify_constants(&id, &grains, &edges)?;
         let finished = parameters.contains_key("digest");
-        let series = source.series(finished)?;
+        let series = source.series(stage.columns(), finished)?;
         let scalars = source.scalars(finished)?;
 
         let spins = if planar { &[n][..] } else { &[n, 3] };
@@ -218,8 +302,21 @@ impl RunFile {
             return Err(Self::damaged_frame(&path, t, "step, time and box/edges"));
         }
 
+        let square = |edges: &[f64]| -> BoxEdges {
+            let along = |axis: usize| match edges.len() {
+                9 => [edges[3 * axis], edges[3 * axis + 1], edges[3 * axis + 2]],
+                _ => std::array::from_fn(|k| if k == axis { edges[axis] } else { 0.0 }),
+            };
+            std::array::from_fn(along)
+        };
+        let boxes = match width {
+            0 => Vec::new(),
+            _ => (0..frames).map(|t| square(of_box(t))).collect(),
+        };
+
         Ok(RunFile {
             path,
+            stage,
             grains,
             edges,
             dimension,
@@ -228,6 +325,7 @@ impl RunFile {
             scalars,
             step,
             time,
+            boxes,
             offset,
             position,
             velocity,
@@ -251,6 +349,11 @@ impl RunFile {
             true => Ok(()),
             false => Err(Self::damaged_frame(&self.path, t, column)),
         }
+    }
+
+    /// Returns the stage that wrote the file.
+    pub fn stage(&self) -> RunStage {
+        self.stage
     }
 
     /// Returns the path of the file.
@@ -281,12 +384,58 @@ impl RunFile {
         self.dimension
     }
 
-    /// Returns the periodic cell.
-    pub fn cell(&self) -> Cell {
-        Cell::between_walls(match self.dimension {
+    /// Returns the periods along the walls (m), those of every frame: L_x, and L_y of spheres.
+    pub fn periods(&self) -> [f64; 2] {
+        match self.dimension {
             Dimensions::Two => [self.edges[0], f64::INFINITY],
             Dimensions::Three => [self.edges[0], self.edges[1]],
-        })
+        }
+    }
+
+    /// Returns the periodic cell at frame t < T.
+    pub fn cell(&self, t: usize) -> Cell {
+        let sheared = Sheared {
+            height: self.height(),
+            offset: self.offset_of_image(t),
+            velocity: 0.0,
+        };
+        Cell {
+            periods: self.periods(),
+            sheared: (self.stage != RunStage::Shear).then_some(sheared),
+        }
+    }
+
+    /// The Lees–Edwards offset of a box at frame t (m).
+    fn offset_of_image(&self, t: usize) -> f64 {
+        let stored = self
+            .boxes
+            .get(t)
+            .map(|edges| edges[self.dimension.axes() - 1][0]);
+        let before = || match self.stage {
+            RunStage::Strain => {
+                let row = self.series.step.binary_search(&self.step[t]).ok()?;
+                Some(self.series.column("image_offset")[row])
+            }
+            _ => self.number("image_offset"),
+        };
+        stored.or_else(before).unwrap_or(0.0)
+    }
+
+    /// Returns whether the file has the box of every frame; those of earlier versions have not.
+    pub fn has_boxes(&self) -> bool {
+        !self.boxes.is_empty()
+    }
+
+    /// Returns the edge vectors of the box at frame t < T (m), one a row. Between walls the edge
+    /// across them is the height, or that at the start in a file of an earlier version.
+    pub fn box_edges(&self, t: usize) -> BoxEdges {
+        self.boxes
+            .get(t)
+            .copied()
+            .unwrap_or_else(|| match self.dimension {
+                Dimensions::Two => self.cell(t).edges::<Two>(self.height()),
+                Dimensions::Three => self.cell(t).edges::<Three>(self.height()),
+            })
     }
 
     /// Returns the time series.
@@ -346,12 +495,26 @@ impl RunFile {
         &self.offset
     }
 
+    /// Returns the time of the frames, `[T]` (s); their strain in the stage of strain steps.
+    pub fn frame_times(&self) -> &[f64] {
+        &self.time
+    }
+
     /// Returns γ of the frames, `[T]`: V t/H if the wall moves at the constant velocity V; if a
-    /// spring or a protocol moves it, interpolated between the rows of the time series.
+    /// spring or a protocol moves it, interpolated between the rows of the time series; that of the
+    /// cell in a periodic box.
     ///
     /// # Errors
     /// [`Failure::Input`] if a parameter is missing.
     pub fn frame_strains(&self) -> Result<Vec<f64>, Failure> {
+        match self.stage {
+            RunStage::Shear => {}
+            RunStage::Strain => return Ok(self.time.clone()),
+            RunStage::Newtonian => {
+                let strain = self.number("strain").unwrap_or(f64::NAN);
+                return Ok(vec![strain; self.frames()]);
+            }
+        }
         let velocities = self.series.column("drive_velocity");
         let changes = velocities.windows(2).any(|pair| pair[0] != pair[1]);
         if changes || self.number("spring_stiffness").is_some_and(f64::is_finite) {

@@ -14,7 +14,6 @@ use crate::parameter::attributes;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::SeriesRow;
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
@@ -156,17 +155,19 @@ impl<'a> OpenFile<'a> {
         self.all(&format!("{group}/{name}/{part}"))
     }
 
-    pub(super) fn series(&self, finished: bool) -> Result<Series, Failure> {
+    /// The time series of these columns.
+    pub(super) fn series(
+        &self,
+        names: &'static [Column],
+        finished: bool,
+    ) -> Result<Series, Failure> {
         const GROUP: &str = "observables";
-        let names = SeriesRow::COLUMNS;
         let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
         let mut time: Vec<f64> = self.column(GROUP, &names[0], "time")?;
         let read = |column: &Column| self.column(GROUP, column, "value");
         let mut columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
-        let mut lengths = vec![
-            ("observables/strain/step", step.len()),
-            ("observables/strain/time", time.len()),
-        ];
+        let of_first = ["step", "time"].map(|part| format!("{GROUP}/{}/{part}", names[0]));
+        let mut lengths = vec![(&*of_first[0], step.len()), (&*of_first[1], time.len())];
         lengths.extend(
             names
                 .iter()
@@ -182,6 +183,7 @@ impl<'a> OpenFile<'a> {
         let named: Vec<_> = names.iter().zip(columns.iter().map(|c| &c[..])).collect();
         self.verify_rows((&step, &time), &named)?;
         Ok(Series {
+            declared: names,
             step,
             time,
             columns,

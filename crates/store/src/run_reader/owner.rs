@@ -1,0 +1,50 @@
+//! Which run a file belongs to.
+
+use std::path::Path;
+
+use super::Parameter;
+use super::source::OpenFile;
+use crate::journal;
+use gshear_dem::failure::Failure;
+
+/// The run that a file of frames and time series belongs to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Owner {
+    /// The identity of the run; `None` in files of versions without it.
+    pub run_id: Option<String>,
+    /// The scene as TOML.
+    pub scene: String,
+    /// Whether the stage of the file is done.
+    pub finished: bool,
+    /// Whether the run began from a checkpoint of another one.
+    pub branch: bool,
+    /// Steps of the stage before the file begins; 0 unless it was begun at a resume.
+    pub begun_at: u64,
+    /// Whether a replay wrote the file.
+    pub replay: bool,
+}
+
+/// Reads which run a `run.h5`, `aqs.h5` or `newtonian.h5` belongs to.
+///
+/// # Errors
+/// [`Failure::Input`] if the file is not of a run, or damaged.
+pub fn owner(path: &Path) -> Result<Owner, Failure> {
+    hdf5::silence_errors(true);
+    let parameters = OpenFile::open(path)?.parameters()?;
+    let text = |name: &str| match parameters.get(name) {
+        Some(Parameter::Text(text)) => Some(text.clone()),
+        _ => None,
+    };
+    Ok(Owner {
+        run_id: text("run_id"),
+        scene: text("scene").unwrap_or_default(),
+        // A file with a journal was not closed: a killed program may have left it in any state.
+        finished: parameters.contains_key("digest") && !journal::path_of(path).exists(),
+        branch: parameters.contains_key("parent_run_id"),
+        begun_at: match parameters.get("begun_at_step") {
+            Some(Parameter::Integer(step)) => *step as u64,
+            _ => 0,
+        },
+        replay: parameters.contains_key("replay"),
+    })
+}
