@@ -81,6 +81,15 @@ fn box_read_and_continued(name: &str) {
     reduce(&["report", "--study=bonfanti"], &[&kept]);
     let page = std::fs::read_to_string(kept.join("bonfanti/index.html")).expect("a page");
     assert!(page.contains("figure") || page.contains("Figure"), "{page}");
+    for entry in std::fs::read_dir(kept.join("bonfanti")).expect("the study") {
+        let table = entry.expect("an entry").path();
+        let units = format!("{}-metadata.json", table.display());
+        let is_table = table.extension().is_some_and(|end| end == "csv");
+        assert!(
+            !is_table || Path::new(&units).exists(),
+            "{units} is missing"
+        );
+    }
     // From a checkpoint after the strain steps, whose last bits depend on the processor.
     let digest = |text: &str| {
         let (_, digest) = text.rsplit_once("digest ").expect("a digest");

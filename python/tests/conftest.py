@@ -31,6 +31,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
         "other disks": ("crossing.toml", 2, slow | {"seed": 6}),
         "spheres": ("crossing-3d.toml", 2, {"shear.protocol": protocol}),
         "box": ("periodic.toml", 1, {}),
+        "disks in a box": ("periodic.toml", 1, {"dimension": 2, "box.solid_fraction": 0.9}),
     }
 
     def folder(name: str) -> Path:

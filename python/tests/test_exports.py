@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gshear import Run
 from gshear.programs import find
 
-FIELDS = {"disks": "dmin,stress,regions,contacts", "spheres": "dmin,stress,contacts"}
+FIELDS = {
+    "disks": "dmin,stress,regions,contacts",
+    "spheres": "dmin,stress,contacts",
+    "box": "dmin,stress,contacts",
+    "disks in a box": "dmin,stress,contacts",
+}
 
 
-@pytest.fixture(params=["disks", "spheres"])
+@pytest.fixture(params=FIELDS)
 def exported(
     request: pytest.FixtureRequest, originals: Callable[[str], Path], tmp_path: Path
 ) -> tuple[Run, Callable[[str], Path]]:
@@ -31,6 +39,18 @@ def exported(
         return path
 
     return Run(run, quiet=True), export
+
+
+def bounds(run: Run, t: int) -> NDArray[np.float64]:
+    """The edges that exported frames have: those of the box, but the extent of the grains."""
+    frame = run.frame(t)
+    edges, up = frame.box.vectors, frame.box.gradient
+    if not frame.box.periodic[up]:
+        height = frame.position[:, up]
+        edges[up, up] = (height + frame.radius).max() - (height - frame.radius).min()
+    if run.dimension == 2:
+        edges[2, 2] = 2 * frame.radius.max()
+    return edges
 
 
 def test_numpy_reads_the_arrays(exported: tuple[Run, Callable[[str], Path]]) -> None:
@@ -48,6 +68,18 @@ def test_numpy_reads_the_arrays(exported: tuple[Run, Callable[[str], Path]]) -> 
             assert np.array_equal(arrays["contact_pair"][rows], contacts.pairs)
             assert np.array_equal(arrays["contact_normal_force"][rows], contacts.normal_force)
             assert np.array_equal(arrays["contact_overlap"][rows], contacts.overlap)
+            np.testing.assert_allclose(arrays["edges"][k], bounds(run, t), rtol=1e-14)
+            # Contact stress, summed over the grains, is that of the contacts in the cell.
+            axes = "xyz"[: run.dimension]
+            volume = np.pi * frame.radius**2
+            if run.dimension == 3:
+                volume *= 4 / 3 * frame.radius
+            lever = contacts.normal * frame.radius[contacts.pairs].sum(axis=1)[:, None]
+            whole = np.einsum("ka,kb->ab", lever, contacts.force)
+            for a, b in itertools.combinations_with_replacement(range(len(axes)), 2):
+                of_grains = arrays[f"stress_{axes[a]}{axes[b]}"][k] @ volume
+                both = (whole[a, b] + whole[b, a]) / 2
+                assert abs(of_grains - both) <= 1e-11 * np.abs(whole).max()
         assert arrays["body"].dtype == np.uint8
 
 
@@ -97,7 +129,8 @@ def test_ase_reads_the_grains(exported: tuple[Run, Callable[[str], Path]]) -> No
             assert np.array_equal(image.positions, frame.position)
             assert np.array_equal(image.arrays["radius"], frame.radius)
             assert image.info["step"] == frame.step
-            assert image.pbc.tolist() == [True, run.dimension == 3, False]
+            assert image.pbc.tolist() == list(frame.box.periodic)
+            np.testing.assert_allclose(image.cell[:], bounds(run, t), rtol=1e-14)
         assert np.isfinite(image.arrays["dmin"]).any()
 
 
@@ -132,6 +165,74 @@ def test_ovito_reads_grains_and_contacts(exported: tuple[Run, Callable[[str], Pa
         # OVITO keeps radii in single precision.
         radius = data.particles["Radius"][...][order]
         assert np.allclose(radius, frame.radius, rtol=2e-7, atol=0)
+        np.testing.assert_allclose(data.cell[:, :3].T, bounds(run, last), rtol=1e-12, atol=1e-18)
         assert data.particles.bonds.count == len(contacts.pairs)
         force = np.asarray(data.particles.bonds["normal_force"][...])
         assert np.allclose(np.sort(force), np.sort(contacts.normal_force), rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["disks", "box"])
+def test_eigenvectors_by_grain(name: str, copy: Callable[[str], Path], tmp_path: Path) -> None:
+    folder = copy(name)
+    run = folder / ("aqs.h5" if name == "box" else "run.h5")
+    stiffness, archive = tmp_path / "K.mtx", tmp_path / "modes.npz"
+    reduce = [str(find("gshear-reduce"))]
+    of_frame = ["spectrum", str(run), "--frame", "1", "--export-matrix", str(stiffness)]
+    subprocess.run([*reduce, *of_frame], check=True, capture_output=True)
+    modes = ["export", str(run), "--modes", "0,3", "--format", "npz", "--out", str(archive)]
+    subprocess.run([*reduce, *modes], check=True, capture_output=True)
+    size, rows, columns, entries = matrix(stiffness)
+    _, _, _, mass = matrix(stiffness.with_suffix(".mass.mtx"))
+    with h5py.File(folder / "spectrum.h5") as file, np.load(archive) as arrays:
+        assert arrays["frame"].tolist() == [1]
+        free = arrays["body"] == 0
+        turns = [2] if file.attrs["stage"] == "shear" else [0, 1, 2]
+        axes = [0, 1] if len(turns) == 1 else [0, 1, 2]
+        for k in [0, 3]:
+            eigenvalue = file["lambda_re"][k] + 1j * file["lambda_im"][k]
+            parts = []
+            for kind, of in [("displacement", axes), ("rotation", turns)]:
+                re, im = (arrays[f"mode{k}_{kind}_{part}"][0] for part in ["re", "im"])
+                assert not re[~free].any()
+                assert not im[~free].any()
+                parts.append((re + 1j * im)[free][:, of])
+            # The unknowns of K: translations, then rotations, of grain after grain.
+            v = np.concatenate(parts, axis=1).ravel()
+            assert len(v) == size
+            assert abs(np.linalg.norm(v) - 1) < 1e-12
+            product = np.zeros(size, dtype=complex)
+            np.add.at(product, rows, entries * v[columns])
+            left = product - eigenvalue * mass * v
+            assert np.linalg.norm(left) < 1e-9 * np.abs(entries).max()
+
+
+def matrix(path: Path) -> tuple[int, NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    """Size, rows, columns and entries of a square Matrix Market file."""
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("%")]
+    size = int(lines[0].split()[0])
+    numbers = np.array([line.split() for line in lines[1:]], dtype=float)
+    rows, columns = (numbers[:, :2].T - 1).astype(np.intp)
+    return size, rows, columns, numbers[:, 2]
+
+
+def test_modes_are_those_of_their_frame(copy: Callable[[str], Path]) -> None:
+    run = copy("disks") / "run.h5"
+    reduce = str(find("gshear-reduce"))
+
+    def said(*options: str) -> tuple[int, str]:
+        command = [reduce, "export", str(run), "--format", "xyz", *options]
+        outcome = subprocess.run(command, check=False, capture_output=True, text=True)
+        return outcome.returncode, outcome.stderr
+
+    code, message = said("--modes", "0")
+    assert code == 2
+    assert "spectrum.h5" in message
+    spectrum = [reduce, "spectrum", str(run), "--frame", "2", "--count", "3"]
+    subprocess.run(spectrum, check=True, capture_output=True)
+    code, message = said("--modes", "0", "--frames", "0..4")
+    assert code == 2
+    assert "frame 2" in message
+    code, message = said("--modes", "99")
+    assert code == 2
+    assert "no eigenvector 99" in message
+    assert said("--modes", "1")[0] == 0

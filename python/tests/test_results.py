@@ -15,19 +15,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gshear import Frame, ProgramFailedError, ProgramNotFoundError, Run, RunError, simulate
+from gshear import Frame, ProgramFailedError, ProgramNotFoundError, Run, simulate
 from gshear.programs import find
 
 
 def falk_langer(earlier: Frame, later: Frame, reach: float) -> NDArray[np.float64]:
     """D²min of every grain by least squares, grain by grain (Falk & Langer 1998; LH B1 to B4)."""
-    d, box = earlier.dimension, earlier.box
+    d = earlier.dimension
     needed = np.where(earlier.body == 0, d + 1, d)
     bears = earlier.contacts.coordination() >= needed
     result = np.full(len(bears), np.nan)
     for i in np.flatnonzero(bears):
-        before = box.minimum_image(earlier.position - earlier.position[i])[:, :d]
-        after = box.minimum_image(later.position - later.position[i])[:, :d]
+        before = earlier.box.minimum_image(earlier.position - earlier.position[i])[:, :d]
+        after = later.box.minimum_image(later.position - later.position[i])[:, :d]
         near = bears & (np.linalg.norm(before, axis=1) < reach)
         near[i] = False
         _, left, rank, _ = np.linalg.lstsq(before[near], after[near], rcond=1e-8)
@@ -48,6 +48,15 @@ def test_dmin_against_least_squares(walls: Run, radius: float) -> None:
         rounding = (1e-14 * walls.frame(0).box.edges[0]) ** 2 * 1e4
         np.testing.assert_allclose(theirs, ours, rtol=1e-7, atol=rounding)
     assert np.isnan(walls.dmin(0, radius=radius)).all()
+
+
+def test_dmin_of_a_box_against_least_squares(box: Run) -> None:
+    reach = 4.0 * box.frame(0).radius.mean()
+    for index in range(1, len(box.frames)):
+        ours = falk_langer(box.frame(index - 1), box.frame(index), reach)
+        theirs = box.dmin(index, radius=4.0)
+        assert np.isfinite(ours).sum() > 30
+        np.testing.assert_allclose(theirs, ours, rtol=1e-7, atol=1e-24)
 
 
 def test_dmin_of_slices_and_negative_frames(disks: Run) -> None:
@@ -106,10 +115,9 @@ def test_rate_state_of_a_spring(spheres: Run) -> None:
 def test_spectra(disks: Run, reduced: Callable[[str], Path]) -> None:
     with Run(reduced("box"), quiet=True) as run:
         eigenvalues = run.spectrum()
-        assert len(eigenvalues) == 20
+        assert 20 <= len(eigenvalues) <= 21
         assert eigenvalues["residual"].max() < 1e-10
-        with pytest.raises(RunError, match="last checkpoint"):
-            run.spectrum(0)
+        assert not np.array_equal(run.spectrum(0)["lambda_re"], eigenvalues["lambda_re"])
     # Of pairs both eigenvalues are given, so that there may be one more than asked for.
     last, third = disks.spectrum(), disks.spectrum(3)
     assert 20 <= min(len(last), len(third)) <= max(len(last), len(third)) <= 21

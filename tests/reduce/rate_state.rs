@@ -332,6 +332,24 @@ fn protocols_are_fitted_together() {
     assert!(!names(&out).contains(&"holds.svg".to_string()));
 }
 
+/// The plain report of a run under a spring leads to its rate and state.
+#[test]
+fn a_report_of_a_spring_has_its_fits() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let stepped = run(&[SLIDE, segment(0.022, 0.3)], 4e-3, 3e-3, 3);
+    let path = written(folder.path(), "stepped", &stepped);
+    done(&["report", &path]);
+    let report = Path::new(&path).join("report");
+    let page = std::fs::read_to_string(report.join("index.html")).expect("a page");
+    assert!(page.contains("href=\"rate-state/index.html\""), "{page}");
+    let fits = std::fs::read_to_string(report.join("rate-state/index.html")).expect("a page");
+    assert!(
+        fits.contains("slip law") && fits.contains("aging law"),
+        "{fits}"
+    );
+}
+
 /// One small step in noise: it shows the direct effect, and not how friction evolves.
 #[test]
 fn what_the_data_do_not_determine_is_said_to_be_so() {

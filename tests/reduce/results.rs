@@ -221,7 +221,8 @@ fn a_report_has_every_figure_and_needs_nothing_else() {
     let ends_with = |end: &str| names.iter().filter(|name| name.ends_with(end)).count();
     let figures = page.matches("<svg ").count();
     assert_eq!([ends_with(".svg"), ends_with(".csv")], [figures; 2]);
-    assert_eq!(ends_with(".json") + ends_with(".html"), 2);
+    assert_eq!(ends_with(".csv-metadata.json"), figures);
+    assert_eq!(ends_with(".json") + ends_with(".html"), figures + 2);
     assert!(page.contains("Made up &lt;for&gt; tests &amp; nothing else"));
     // The name of SVG is no address.
     let links = page.replace("\"http://www.w3.org/2000/svg\"", "");

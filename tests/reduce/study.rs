@@ -228,6 +228,11 @@ fn checked(folder: &Path) -> Vec<String> {
         );
     }
     names.sort();
+    let is_table = |name: &&String| name.ends_with(".csv");
+    for table in names.iter().filter(is_table) {
+        let units = format!("{table}-metadata.json");
+        assert!(names.contains(&units), "{units} is missing");
+    }
     names
 }
 

@@ -131,9 +131,11 @@ pub enum Command {
     /// density gives each grain the mass of the disk per metre of depth. sample.packing reads both.
     /// The other formats hold any number of frames; lammps-dump and csv write the contacts into
     /// NAME-contacts beside the file. Types in LAMMPS' formats: 1 free grains, 2 bottom wall, 3 top
-    /// wall; ids are those of the run plus 1. Everything is in SI units.
+    /// wall; ids are those of the run plus 1. Everything is in SI units, of a run in a box in its
+    /// own ones.
     Export {
-        /// A run.h5, the folder that holds one, or a checkpoint
+        /// A run.h5, aqs.h5 or newtonian.h5, the folder that holds a run.h5 or aqs.h5, or a
+        /// checkpoint
         run: PathBuf,
         /// Format of the file
         #[arg(long, value_enum)]
@@ -147,8 +149,15 @@ pub enum Command {
         /// Numbers to compute for every grain
         #[arg(long, value_enum, value_delimiter = ',', value_name = "FIELD,...")]
         fields: Vec<export::GrainField>,
-        /// File to write [default: frame-N.data, checkpoint.data or frames.FORMAT in the folder of
-        /// the run]
+        /// Eigenvectors of spectrum.h5, by their numbers from 0 on: displacement and rotation of
+        /// every grain, real and imaginary parts, with the frame they are of
+        #[arg(long, value_delimiter = ',', value_name = "K,...")]
+        modes: Vec<usize>,
+        /// File of the eigenvectors [default: spectrum.h5 in the folder of the run]
+        #[arg(long, value_name = "FILE", requires = "modes")]
+        spectrum: Option<PathBuf>,
+        /// File to write [default: frame-N.data, checkpoint.data, frames.FORMAT, or of a box
+        /// aqs-frames.FORMAT or newtonian-frames.FORMAT in the folder of the run]
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
@@ -261,17 +270,17 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
     // Threads of a replay.
     let threads = arguments.threads.map_or(1, usize::from);
     match &arguments.command {
-        Command::Info { run } => info::print(&RunFile::open(run)?, output)?,
+        Command::Info { run } => info::print(&RunFile::open_any(run)?, output)?,
         Command::Columns { table, dimension } => {
             columns::print(table.as_deref(), usize::from(*dimension), output)?;
         }
         Command::Compare { a, b } => {
-            let comparison = compare::runs(&RunFile::open(a)?, &RunFile::open(b)?)?;
+            let comparison = compare::runs(&RunFile::open_any(a)?, &RunFile::open_any(b)?)?;
             comparison.print(output).map_err(cannot_write)?;
             return Ok(i32::from(!comparison.equal()));
         }
         Command::Dmin { run, out, radius } => {
-            let run = RunFile::open(run)?;
+            let run = RunFile::open_any(run)?;
             let path = dmin::write(&run, out.as_deref().unwrap_or(run.folder()), *radius)?;
             writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
         }
@@ -302,6 +311,8 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             frame,
             frames,
             fields,
+            modes,
+            spectrum,
             out,
         } => {
             let request = export::ExportRequest {
@@ -309,6 +320,8 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
                 frame: *frame,
                 frames: *frames,
                 fields: fields.clone(),
+                modes: modes.clone(),
+                spectrum: spectrum.clone(),
                 out: out.clone(),
             };
             for path in export::write(run, &request)? {

@@ -9,13 +9,14 @@ use faer::{Mat, Par, c64};
 use super::export::Which;
 use super::stiffness::{self, StateSelection};
 use crate::output::cannot_write;
+use gshear_analysis::jacobian::Jacobian;
 use gshear_dem::failure::Failure;
 use gshear_report::drawing;
 use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
     Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
 };
-use gshear_store::spectrum_writer::{self, Columns};
+use gshear_store::spectrum_writer::{self, Columns, StateOrigin, Unknown};
 use gshear_store::table::Table;
 use gshear_store::{dictionary, matrix_market};
 
@@ -113,11 +114,10 @@ fn resolution(text: &str) -> Result<f64, String> {
 /// # Errors
 /// Bad matrices, an iteration that does not converge, files that cannot be written.
 pub fn write(options: &SpectrumOptions, output: &mut impl Write) -> Result<(), Failure> {
+    let asked = asked(options, output)?;
     let Asked {
-        problem,
-        source,
-        grain,
-    } = asked(options, output)?;
+        problem, source, ..
+    } = &asked;
     let par = match rayon::current_num_threads() {
         1 => Par::Seq,
         threads => Par::rayon(threads),
@@ -132,8 +132,8 @@ pub fn write(options: &SpectrumOptions, output: &mut impl Write) -> Result<(), F
         problem.null().ncols()
     )
     .map_err(cannot_write)?;
-    let mut spectrum = solve(options, &problem, par, output)?;
-    refine(&mut spectrum, &problem, par, output).map_err(cannot_write)?;
+    let mut spectrum = solve(options, problem, par, output)?;
+    refine(&mut spectrum, problem, par, output).map_err(cannot_write)?;
     let centre = options.shift;
     let spectrum = if options.dense || options.all_pairs {
         spectrum.arranged(|_| true, |e| e.value.re)
@@ -148,10 +148,10 @@ pub fn write(options: &SpectrumOptions, output: &mut impl Write) -> Result<(), F
     };
     let beside = beside.unwrap_or(Path::new(""));
     let folder = options.out.as_deref().unwrap_or(beside);
-    let columns = columns(&problem, &spectrum, &grain);
+    let columns = columns(&asked, &spectrum);
     let csv = folder.join("spectrum.csv");
     dictionary::write_table(&csv, &table(&spectrum, &columns.participation))?;
-    let vectors = spectrum_writer::write(folder, &source, &problem, &columns)?;
+    let vectors = spectrum_writer::write(folder, source, problem, &columns)?;
     let svg = folder.join("spectrum.svg");
     drawing::write(
         &svg,
@@ -167,8 +167,11 @@ pub fn write(options: &SpectrumOptions, output: &mut impl Write) -> Result<(), F
 struct Asked {
     problem: Problem,
     source: PathBuf,
-    /// Grain of every unknown.
+    /// Number of the grain of every unknown, for the participation ratio.
     grain: Vec<usize>,
+    /// Of a run: what the unknowns are, and the state.
+    unknowns: Vec<Unknown>,
+    origin: Option<StateOrigin>,
 }
 
 fn asked(options: &SpectrumOptions, output: &mut impl Write) -> Result<Asked, Failure> {
@@ -182,6 +185,8 @@ fn asked(options: &SpectrumOptions, output: &mut impl Write) -> Result<Asked, Fa
         grain: grain.collect(),
         problem,
         source,
+        unknowns: Vec::new(),
+        origin: None,
     })
 }
 
@@ -230,7 +235,25 @@ fn of_run(
         problem,
         source: run.to_path_buf(),
         grain: (0..n).map(grain).collect(),
+        unknowns: match made.paper {
+            Some(_) => Vec::new(),
+            None => (0..n).map(|unknown| moved(jacobian, unknown)).collect(),
+        },
+        origin: made.paper.is_none().then_some(made.origin),
     })
+}
+
+/// What an unknown of K moves: translations come first, and disks turn about z only.
+fn moved(jacobian: &Jacobian, unknown: usize) -> Unknown {
+    let (per_grain, axes) = (jacobian.per_grain, jacobian.axes);
+    let component = match unknown % per_grain {
+        axis if axis < axes => axis,
+        turn => 6 + turn - per_grain,
+    };
+    Unknown {
+        grain: jacobian.grains[unknown / per_grain],
+        component: component as u8,
+    }
 }
 
 fn sparse(
@@ -468,7 +491,8 @@ fn summary(spectrum: &Spectrum, output: &mut impl Write) -> std::io::Result<()> 
     )
 }
 
-fn columns(problem: &Problem, spectrum: &Spectrum, grain: &[usize]) -> Columns {
+fn columns(asked: &Asked, spectrum: &Spectrum) -> Columns {
+    let problem = &asked.problem;
     let k = spectrum.eigenvalues.len();
     let mut vectors = ndarray::Array3::zeros((k, problem.unknowns(), 2));
     let mut taking_part = Vec::with_capacity(k);
@@ -481,12 +505,14 @@ fn columns(problem: &Problem, spectrum: &Spectrum, grain: &[usize]) -> Columns {
             to[0] = value.re;
             to[1] = value.im;
         }
-        taking_part.push(participation(&v, grain));
+        taking_part.push(participation(&v, &asked.grain));
     }
     Columns {
         eigenvalues: spectrum.eigenvalues.clone(),
         participation: taking_part,
         vectors,
+        unknowns: asked.unknowns.clone(),
+        origin: asked.origin.clone(),
     }
 }
 

@@ -15,6 +15,7 @@ use gshear_driver::header::Header;
 use gshear_scene::{Boundary, Contact, Dimensions, Law, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunFile;
+use gshear_store::spectrum_writer::StateOrigin;
 use std::io::Write;
 
 /// The frame to take.
@@ -32,6 +33,8 @@ pub struct StiffnessMatrix {
     pub jacobian: Jacobian,
     /// J in the form of the paper's appendix.
     pub paper: Option<faer::sparse::SparseColMat<usize, f64>>,
+    /// The state.
+    pub origin: StateOrigin,
 }
 
 /// A state with its law and cell, from which K is assembled.
@@ -44,6 +47,7 @@ pub struct StoredState {
     pub grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
     what: String,
+    origin: StateOrigin,
 }
 
 impl StoredState {
@@ -57,7 +61,7 @@ impl StoredState {
             return of_checkpoint(path, selection);
         }
         let selection = selection.unwrap_or(StateSelection::Frame(Which::Last));
-        of_run(&RunFile::open(path)?, selection)
+        of_run(&RunFile::open_any(path)?, selection)
     }
 
     /// Assembles K and M.
@@ -111,7 +115,11 @@ pub fn of(
     .map_err(cannot_write)?;
     let radius = |g: u32| found.grains[g as usize].radius;
     let paper = paper.then(|| paper_form(&jacobian, radius));
-    Ok(StiffnessMatrix { jacobian, paper })
+    Ok(StiffnessMatrix {
+        jacobian,
+        paper,
+        origin: found.origin,
+    })
 }
 
 fn of_scene(
@@ -119,7 +127,7 @@ fn of_scene(
     cell: Cell,
     grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
-    what: String,
+    (what, origin): (String, StateOrigin),
 ) -> StoredState {
     StoredState {
         law: scene.law,
@@ -129,6 +137,7 @@ fn of_scene(
         grains,
         contacts,
         what,
+        origin,
     }
 }
 
@@ -143,6 +152,11 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
     let header = Header::read(&snapshot)?;
     let scene = header.scene(path, toml, &[])?;
     let (grains, contacts) = (snapshot.grains, snapshot.contacts);
+    let origin = StateOrigin {
+        run_id: None,
+        stage: header.stage(),
+        step: header.step(),
+    };
     match (&header, &scene.boundary) {
         (Header::Pack { .. }, _) => Err(Failure::input(format!(
             "{}: a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",
@@ -159,12 +173,12 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
                 path.display()
             );
             let cell = scene.sample.sheared_cell(progress.offset);
-            Ok(of_scene(scene, cell, grains, contacts, what))
+            Ok(of_scene(scene, cell, grains, contacts, (what, origin)))
         }
         (_, Boundary::Walls(_)) => {
             let what = format!("step {} of the shear in {}", header.step(), path.display());
             let cell = scene.sample.cell();
-            Ok(of_scene(scene, cell, grains, contacts, what))
+            Ok(of_scene(scene, cell, grains, contacts, (what, origin)))
         }
         (_, Boundary::Periodic(_)) => Err(Failure::input(format!(
             "{}: the checkpoint is of a stage between walls, but its scene has a [box]",
@@ -187,13 +201,22 @@ fn of_run(run: &RunFile, selection: StateSelection) -> Result<StoredState, Failu
     };
     let name = format!("{} (its scene)", run.path().display());
     let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
-    scene.plane_shear(&name)?;
     let (grains, contacts) = run.state(t)?;
     let what = format!(
         "frame {t} (step {}) of {}",
         run.frame_steps()[t],
         run.path().display()
     );
-    let cell = scene.sample.cell();
-    Ok(of_scene(scene, cell, grains, contacts, what))
+    let origin = StateOrigin {
+        run_id: run.text("run_id").map(str::to_string),
+        stage: run.stage().name(),
+        step: run.frame_steps()[t],
+    };
+    Ok(of_scene(
+        scene,
+        run.cell(t),
+        grains,
+        contacts,
+        (what, origin),
+    ))
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::rate_state::{self, Laws};
 use super::replay::{self, ReplayRequest};
 use super::scalars::FrameSeries;
 use super::stiffness::StoredState;
@@ -60,7 +61,8 @@ pub fn lee_hurley(
 }
 
 /// Writes the report of a run into `folder`. If no frames show its largest drop and checkpoints were
-/// kept, `threads` threads replay it into `folder`/replay. Returns the path of the page.
+/// kept, `threads` threads replay it into `folder`/replay. Velocity steps and holds under a spring
+/// are reduced into `folder`/rate-state. Returns the path of the page.
 ///
 /// # Errors
 /// A damaged run, a replay that differs, files that cannot be written.
@@ -75,7 +77,17 @@ pub fn report(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf, F
         replay::window(run, request, &folder.join("replay"))
     };
     let replayed = missing.map(again).transpose()?;
-    gshear_report::write(run, replayed.as_ref().map(|of| &of.run), folder)
+    let slider = match rate_state::is_test(run) {
+        true => Some("rate-state"),
+        false => None,
+    };
+    if let Some(name) = slider {
+        let runs = std::slice::from_ref(run);
+        rate_state::write(runs, Laws::Both, &folder.join(name), &mut std::io::sink())?;
+    }
+    let page = slider.map(|name| format!("{name}/index.html"));
+    let replayed = replayed.as_ref().map(|of| &of.run);
+    gshear_report::write(run, replayed, page.as_deref(), folder)
 }
 
 /// Writes the study of Bonfanti et al. on the run in a folder. Returns the path of the page.

@@ -11,7 +11,7 @@
 //! use gshear_store::run_reader::RunFile;
 //!
 //! let run = RunFile::open("out/plane-shear-2d".as_ref())?;
-//! let page = gshear_report::write(&run, None, &run.folder().join("report"))?;
+//! let page = gshear_report::write(&run, None, None, &run.folder().join("report"))?;
 //! println!("open {}", page.display());
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
@@ -43,7 +43,7 @@ use self::summary::{DropFrames, Summary};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;
 use gshear_store::run_reader::RunFile;
-use gshear_store::text_writer;
+use gshear_store::{dictionary, text_writer};
 
 /// A figure of the report: name of its files, caption in HTML, SVG, and its data as CSV.
 struct ReportFigure {
@@ -55,13 +55,23 @@ struct ReportFigure {
 
 /// Writes the report into `folder`, which is created if missing: `index.html`, the figures as SVG
 /// with their data as CSV, and `summary.json`. Returns the path of the page. `replayed`: the run
-/// around its largest drop, if [`window_without_frames`] asks for it.
+/// around its largest drop, if [`window_without_frames`] asks for it; `rate_state`: address of the
+/// page of its rate-and-state friction, from `folder`.
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.
-pub fn write(run: &RunFile, replayed: Option<&RunFile>, folder: &Path) -> Result<PathBuf, Failure> {
+pub fn write(
+    run: &RunFile,
+    replayed: Option<&RunFile>,
+    rate_state: Option<&str>,
+    folder: &Path,
+) -> Result<PathBuf, Failure> {
     let summary = Summary::of(run, replayed)?;
     let mut facts = page::facts(run, &summary);
+    facts.extend(rate_state.map(|page| {
+        let link = format!("<a href=\"{page}\">velocity steps, holds and fits</a>");
+        ("Rate and state", link)
+    }));
     let mut figures = figures(run, &summary);
     figures.extend(structure::figures(run, &mut facts)?);
     figures.extend(picture::figures(run)?);
@@ -69,7 +79,8 @@ pub fn write(run: &RunFile, replayed: Option<&RunFile>, folder: &Path) -> Result
     let drawn = figures.iter().map(|figure| (place(figure), &*figure.svg));
     drawing::write_all(&drawn.collect::<Vec<_>>())?;
     for figure in &figures {
-        text_writer::write(&place(figure).with_extension("csv"), &figure.data)?;
+        let path = place(figure).with_extension("csv");
+        dictionary::write_figure_data(&path, &figure.data, run.dimension().axes())?;
     }
     let json = format!("{:#}\n", summary.json(run));
     text_writer::write(&folder.join("summary.json"), &json)?;

@@ -2,6 +2,9 @@
 
 use std::collections::BTreeSet;
 
+use gshear_analysis::dmin::RADIUS;
+use gshear_analysis::{event, rattlers};
+use gshear_dem::dimension::Three;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{FrameRecords, body};
 use gshear_store::run_reader::RunFile;
@@ -10,7 +13,7 @@ use gshear_store::table::Table;
 use super::ReportFigure;
 use super::colour::{FORCE, Scale, VIRIDIS, WALL};
 use super::plot::{Layout, Plot, figure};
-use super::ticks::{self, Tick};
+use super::ticks;
 
 /// Width of the drawing (px), and the greatest height.
 const WIDTH: f64 = 620.0;
@@ -48,32 +51,31 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
         return Ok(Vec::new());
     }
     let last = run.records(frames - 1..frames)?.swap_remove(0);
-    let half = run.records(frames / 2..frames / 2 + 1)?.swap_remove(0);
     let packing = Packing::new(run, &last);
     let velocity: Vec<f64> = last.grains.iter().map(|g| g.velocity[0]).collect();
-    let mut pictures = vec![ReportFigure {
-        name: "grains-velocity",
-        caption: format!(
-            "Grains of the last frame by their velocity along x. {}",
-            packing.note()
-        ),
-        svg: packing.grains(&velocity, "velocity along x", "m/s"),
-        data: packing.table("velocity_x", &velocity),
-    }];
-    if run.has_images() && half.step < last.step {
-        let [period, _] = run.cell().periods;
-        let moved: Vec<f64> = (last.grains.iter().zip(&half.grains))
-            .map(|(a, b)| a.position[0] - b.position[0] + (a.image[0] - b.image[0]) as f64 * period)
-            .collect();
-        pictures.push(ReportFigure {
-            name: "grains-displacement",
-            caption: format!(
-                "Grains of the last frame by their displacement along x in the latter half of the run. {}",
-                packing.note()
-            ),
-            svg: packing.grains(&moved, "displacement along x", "m"),
-            data: packing.table("displacement_x", &moved),
-        });
+    let mut pictures = vec![packing.figure(
+        ("grains-velocity", "velocity_x"),
+        ("velocity along x", "m/s"),
+        "",
+        &velocity,
+    )];
+    if run.has_images() && frames > 2 {
+        let start = run.unwrapped(frames / 2..frames / 2 + 1)?.swap_remove(0);
+        let end = run.unwrapped(frames - 1..frames)?.swap_remove(0);
+        let moved: Vec<f64> = end.iter().zip(&start).map(|(a, b)| a[0] - b[0]).collect();
+        pictures.push(packing.figure(
+            ("grains-displacement", "displacement_x"),
+            ("displacement along x", "m"),
+            " in the latter half of the run",
+            &moved,
+        ));
+        let dmin = non_affine(run, [frames / 2, frames - 1])?;
+        pictures.push(packing.figure(
+            ("grains-dmin", "log10_dmin_over_square"),
+            ("log_{10} D²_{min}/r̄²", ""),
+            " in the latter half of the run",
+            &dmin,
+        ));
     }
     if !last.contacts.is_empty() {
         pictures.push(ReportFigure {
@@ -88,6 +90,21 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
         });
     }
     Ok(pictures)
+}
+
+/// log₁₀ of D²min over r̄² between two frames, with neighbours within 5 r̄ in the earlier one; NaN
+/// for rattlers.
+fn non_affine(run: &RunFile, [from, to]: [usize; 2]) -> Result<Vec<f64>, Failure> {
+    let (grains, earlier) = (run.grains(), run.records(from..from + 1)?);
+    let mut rattler = Vec::new();
+    rattlers::mark::<3>(grains, &earlier[0].contacts, &mut rattler);
+    let mean = grains.mean_radius();
+    let cells = [from, to].map(|t| run.cell(t));
+    let at = |t: usize| Ok::<_, Failure>(run.positions(t..t + 1)?.swap_remove(0));
+    let (start, end) = (at(from)?, at(to)?);
+    let dmin = event::non_affine::<Three>(cells, &start, &end, RADIUS * mean, |g| !rattler[g]);
+    let over_square = dmin.into_iter().map(|dmin| dmin / (mean * mean));
+    Ok(over_square.map(f64::log10).collect())
 }
 
 struct Packing<'a> {
@@ -128,7 +145,7 @@ impl<'a> Packing<'a> {
         let all = self.frame.grains.len();
         match self.order.len() {
             drawn if drawn < all => format!("The {drawn} in front, of {all}."),
-            _ => "Grains of the walls are grey.".into(),
+            _ => "Grey: grains of the walls, and those without a value.".into(),
         }
     }
 
@@ -161,27 +178,58 @@ impl<'a> Packing<'a> {
         };
         figure(layout, self.x, self.y, |plot| {
             draw(plot);
-            let (factor, prefix) = ticks::prefix(high.abs().max(low.abs()));
-            let on_bar = |(value, text): Tick| ((value / factor - low) / (high - low), text);
-            let ticks = ticks::round(low * factor, high * factor, 6);
-            let ticks: Vec<Tick> = ticks.into_iter().map(on_bar).collect();
-            plot.colour_bar(scale, &ticks, &format!("{label} ({prefix}{unit})"));
+            let (factor, prefix) = match unit {
+                "" => (1.0, ""),
+                _ => ticks::prefix(high.abs().max(low.abs())),
+            };
+            let [low, high] = [low * factor, high * factor];
+            let ticks = ticks::on_bar(ticks::round(low, high, 6), low, high);
+            let label = match unit {
+                "" => label.to_string(),
+                unit => format!("{label} ({prefix}{unit})"),
+            };
+            plot.colour_bar(scale, &ticks, &label);
             plot.title(&format!("step {}", self.frame.step));
         })
     }
 
+    /// The grains by the values of a quantity, the data with them in `column`; `when` ends the name
+    /// of the quantity in the caption.
+    fn figure(
+        &self,
+        (name, column): (&'static str, &'static str),
+        (label, unit): (&str, &str),
+        when: &str,
+        values: &[f64],
+    ) -> ReportFigure {
+        ReportFigure {
+            name,
+            caption: format!(
+                "Grains of the last frame by their {}{when}. {}",
+                label
+                    .replace("_{10}", "<sub>10</sub>")
+                    .replace("_{min}", "<sub>min</sub>"),
+                self.note()
+            ),
+            svg: self.grains(values, label, unit),
+            data: self.table(column, values),
+        }
+    }
+
     fn grains(&self, values: &[f64], label: &str, unit: &str) -> String {
         let free = |g: &&usize| self.run.grains().body[**g] == body::FREE as u8;
-        let mut sorted: Vec<f64> = self.order.iter().filter(free).map(|g| values[*g]).collect();
+        let known = self.order.iter().filter(free).map(|g| values[*g]);
+        let mut sorted: Vec<f64> = known.filter(|value| value.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
         // The outermost percent would leave all others in one colour.
         let at = |part: f64| sorted.get((part * (sorted.len().max(1) - 1) as f64) as usize);
         let [low, high] = [0.01, 0.99].map(|part| at(part).copied().unwrap_or(0.0));
-        let high = if high > low { high } else { low + 1e-12 };
+        // Equal values still need a scale.
+        let high = high.max(low + 1e-12 * low.abs().max(1.0));
         let svg = self.drawn(&VIRIDIS, [low, high], (label, unit), |plot| {
             let pixels = plot.scale();
             for &g in &self.order {
-                let colour = match free(&&g) {
+                let colour = match free(&&g) && !values[g].is_nan() {
                     true => {
                         let part = (values[g] - low) / (high - low);
                         VIRIDIS.at((part * COLOURS).round() / COLOURS)
@@ -207,28 +255,21 @@ impl<'a> Packing<'a> {
             for &g in self.order.iter().filter(wall) {
                 plot.disk(seen(grains[g].position).0, radius[g] * pixels, WALL, None);
             }
-            let centre = |k: usize| {
-                let contact = &self.frame.contacts[k];
-                let (i, j) = (contact.i as usize, contact.j as usize);
-                (
-                    grains[i].position,
-                    grains[j].position,
-                    radius[i] + radius[j],
-                )
-            };
+            let mut is_drawn = vec![false; grains.len()];
+            self.order.iter().for_each(|&g| is_drawn[g] = true);
             let mut order: Vec<usize> = (0..sorted.len()).collect();
             order.sort_by(|&a, &b| force(a).total_cmp(&force(b)));
             for k in order {
-                let (a, b, reach) = centre(k);
+                let contact = &self.frame.contacts[k];
+                let (i, j) = (contact.i as usize, contact.j as usize);
+                let (a, b) = (grains[i].position, grains[j].position);
                 let apart = (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>();
                 // One across the edge of the box would run through all of it.
-                if apart <= reach * reach {
+                let is_near = apart <= (radius[i] + radius[j]).powi(2);
+                if is_near && is_drawn[i] && is_drawn[j] {
                     let part = force(k) / high;
-                    plot.line(
-                        &[seen(a).0, seen(b).0],
-                        FORCE.at(part),
-                        0.3 + 3.0 * part.min(1.5),
-                    );
+                    let width = 0.3 + 3.0 * part.min(1.5);
+                    plot.line(&[seen(a).0, seen(b).0], FORCE.at(part), width);
                 }
             }
         });

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{FrameRecords, body};
+use gshear_dem::state::{Cell, FrameRecords, body};
 use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
 
@@ -77,7 +77,7 @@ pub fn figures(
     };
     let ends = [-reach(-1.0), reach(1.0)];
     let mean_diameter = 2.0 * run.grains().mean_radius();
-    let [x, y] = run.cell().periods;
+    let [x, y] = run.periods();
     let period = if axes == 2 { x } else { x.min(y) };
     let farthest = (FARTHEST * mean_diameter)
         .min(0.25 * (ends[1] - ends[0]))
@@ -99,8 +99,8 @@ pub fn figures(
     for &t in &frames {
         let frame = run.records(t..t + 1)?.swap_remove(0);
         sums.profile(&frame);
-        sums.contacts(&frame);
-        sums.pairs_of(&frame);
+        sums.contacts(run.cell(t), &frame);
+        sums.pairs_of(run.cell(t), &frame);
     }
     let of = format!(
         "{} frames of the latter half",
@@ -146,7 +146,7 @@ fn chosen(run: &RunFile) -> Vec<usize> {
 
 impl Sums<'_> {
     fn base(&self) -> f64 {
-        let [x, y] = self.run.cell().periods;
+        let [x, y] = self.run.periods();
         if self.axes == 2 { x } else { x * y }
     }
 
@@ -168,8 +168,7 @@ impl Sums<'_> {
         }
     }
 
-    fn contacts(&mut self, frame: &FrameRecords) {
-        let cell = self.run.cell();
+    fn contacts(&mut self, cell: Cell, frame: &FrameRecords) {
         let bodies = &self.run.grains().body;
         let is_free = |id: u32| u32::from(bodies[id as usize]) == body::FREE;
         let free: Vec<_> = (frame.contacts.iter())
@@ -201,8 +200,8 @@ impl Sums<'_> {
         }
     }
 
-    fn pairs_of(&mut self, frame: &FrameRecords) {
-        let (cell, axes) = (self.run.cell(), self.axes);
+    fn pairs_of(&mut self, cell: Cell, frame: &FrameRecords) {
+        let axes = self.axes;
         let bodies = &self.run.grains().body;
         let free: Vec<[f64; 3]> = (frame.grains.iter().zip(bodies))
             .filter(|(_, of)| u32::from(**of) == body::FREE)
@@ -256,7 +255,11 @@ impl Sums<'_> {
                     "{of}: velocity along the direction of shear across the height, in layers."
                 ),
             ),
-            ("height", "height over d̄", &self.heights()),
+            (
+                "height_over_mean_diameter",
+                "height over d̄",
+                &self.heights(),
+            ),
             "velocity (m/s)",
             &lines,
         )
@@ -272,7 +275,11 @@ impl Sums<'_> {
                     "{of}: solid fraction across the height, in layers; the outermost belong to the walls."
                 ),
             ),
-            ("height", "height over d̄", &self.heights()),
+            (
+                "height_over_mean_diameter",
+                "height over d̄",
+                &self.heights(),
+            ),
             "solid fraction",
             &[("solid_fraction", "solid fraction", &values)],
         )
@@ -408,13 +415,7 @@ fn drawn(
         }
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, x_label, y_label);
-        if lines.len() > 1 {
-            let names = lines
-                .iter()
-                .zip(CURVES)
-                .map(|(line, colour)| (colour, line.1));
-            plot.legend(&names.collect::<Vec<_>>());
-        }
+        plot.legend_of_curves(&lines.iter().map(|line| line.1).collect::<Vec<_>>());
     });
     let data = Table::of(0..places.len())
         .column(x_name, |k| places[*k])

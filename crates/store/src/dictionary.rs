@@ -261,11 +261,140 @@ const CONTACT_IDS: [Column; 2] = [
     Column::new("j", "1", "higher id"),
 ];
 const SLIDING: Column = Column::new("sliding", "1", "1 at Coulomb's limit");
+const MODES: [Column; 4] = [
+    Column::new(
+        "modeK_displacement_re",
+        "1",
+        "displacement in eigenvector K, real part",
+    ),
+    Column::new(
+        "modeK_displacement_im",
+        "1",
+        "displacement in eigenvector K, imaginary part",
+    ),
+    Column::new(
+        "modeK_rotation_re",
+        "1",
+        "rotation in eigenvector K, real part",
+    ),
+    Column::new(
+        "modeK_rotation_im",
+        "1",
+        "rotation in eigenvector K, imaginary part",
+    ),
+];
 const FIELDS: [Column; 4] = [
     Column::new("dmin", "m2", "D²min since the frame before"),
     Column::new("stress", "Pa", "stress of the grain; compression positive"),
     Column::new("region", "1", "1 in a GR region"),
     Column::new("contacts", "1", "number of contacts"),
+];
+
+/// The kind of the tables of figures and studies.
+const OF_FIGURES: &str = "report/*.csv";
+/// Columns that tables of figures and studies have and no other table, or with another meaning.
+const FIGURES: [Column; 49] = [
+    Column::new("panel", "1", "panel of the figure"),
+    Column::new("run", "1", "name of the run in the legend"),
+    Column::new("stage", "1", "before, during or after the drop"),
+    Column::new("rank", "1", "rank of the drop in its run, from 1 on"),
+    Column::new("what", "1", "quantity"),
+    Column::new("statement", "1", "what the paper says"),
+    Column::new("paper", "1", "value of the paper"),
+    Column::new("ours", "1", "value of the run"),
+    Column::new(
+        "runs_of",
+        "1",
+        "name of the runs that differ in their seeds",
+    ),
+    Column::new("runs", "1", "number of runs"),
+    Column::new("mean", "1", "mean of the runs, in the unit of the quantity"),
+    Column::new("error", "1", "its standard error"),
+    Column::new("least", "1", "least of the runs"),
+    Column::new("greatest", "1", "greatest of the runs"),
+    Column::new("least_pairs", "1", "least number of pairs of a run"),
+    Column::new("rho_mean", "1", "mean of Spearman's ρ of the runs"),
+    Column::new("rho_error", "1", "its standard error"),
+    Column::new("rho_least", "1", "least ρ of the runs"),
+    Column::new("rho_greatest", "1", "greatest ρ of the runs"),
+    Column::new("p_median", "1", "median of the two-sided p of the runs"),
+    Column::new("grain", "1", "id of the grain"),
+    Column::new(
+        "x",
+        "m",
+        "centre; in trajectories of a box displacement over the greatest",
+    ),
+    Column::new("y", "m", "as x"),
+    Column::new("z", "m", "as x"),
+    Column::new("x_i", "m", "centre of grain i"),
+    Column::new("y_i", "m", "centre of grain i"),
+    Column::new("x_j", "m", "centre of grain j"),
+    Column::new("y_j", "m", "centre of grain j"),
+    Column::new("u_x", "m", "non-affine displacement"),
+    Column::new("u_y", "m", "non-affine displacement"),
+    Column::new("in_gr_region", "1", "1 in a GR region"),
+    Column::new("greatest_dmin", "1", "1 for the greatest tenth of D²min"),
+    Column::new("dmin", "m2", "D²min over the interval"),
+    Column::new("force", "N", "|f|, size of the contact force"),
+    Column::new("force_change", "N", "its change over the interval"),
+    Column::new("change", "N", "change of |f| over the drop"),
+    Column::new(
+        "displacement_x",
+        "m",
+        "displacement along x in the latter half of the run",
+    ),
+    Column::new(
+        "velocity_x",
+        "m s-1",
+        "velocity along x; of layers the mean by volume",
+    ),
+    Column::new(
+        "log10_dmin_over_square",
+        "1",
+        "log₁₀ of D²min/r̄² in the latter half of the run",
+    ),
+    Column::new(
+        "height_over_mean_diameter",
+        "1",
+        "height over the mean diameter, from the lower end",
+    ),
+    Column::new("force_over_mean", "1", "force over the mean normal force"),
+    Column::new(
+        "log10_density_normal",
+        "1",
+        "log₁₀ of the probability density of F_n",
+    ),
+    Column::new(
+        "log10_density_tangential",
+        "1",
+        "log₁₀ of the probability density of |F_t|",
+    ),
+    Column::new(
+        "angle",
+        "deg",
+        "angle of the contact normal from the direction of shear",
+    ),
+    Column::new(
+        "density",
+        "1",
+        "number of contacts over that of an isotropic fabric",
+    ),
+    Column::new(
+        "mean_force",
+        "1",
+        "their mean normal force over the mean of all",
+    ),
+    Column::new(
+        "distance_over_mean_diameter",
+        "1",
+        "r over the mean diameter",
+    ),
+    Column::new("g", "1", "pair correlation g(r)"),
+    Column::new(
+        "eigenvector_square",
+        "1",
+        "|v|² of the grain in the growing pair; the sum is 1",
+    ),
 ];
 
 /// Returns all tables in `axes` dimensions.
@@ -370,6 +499,7 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
                 &PLACE[..axes],
                 &named(&elements(axes)[1..]),
                 &FIELDS,
+                &MODES,
             ],
         ),
         table(
@@ -377,20 +507,34 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
             "contact and frame",
             &[&of_frame, &CONTACT_IDS, &named(forces(axes)), &[SLIDING]],
         ),
+        table(OF_FIGURES, "point, grain, contact or number", &[&FIGURES]),
     ]
 }
 
 /// Returns the metadata of a table `kind`, such as `log.csv`, in a file of the name `file`, if the
 /// dictionary has all its columns. A component is described as its vector: `velocity_x` as
-/// `velocity`.
+/// `velocity`; an eigenvector without its number: `mode12_rotation_re_x` as `modeK_rotation_re`.
 fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<String> {
-    let table = tables(axes).into_iter().find(|table| table.file == kind)?;
+    let all = tables(axes);
+    let table = all.iter().find(|table| table.file == kind)?;
+    // Figures show columns of other tables.
+    let others = all.iter().filter(|_| kind == OF_FIGURES);
+    let known = || {
+        table
+            .columns
+            .iter()
+            .chain(others.clone().flat_map(|of| &of.columns))
+    };
     let describe = |name: &&str| -> Option<Value> {
+        let of_mode = name
+            .strip_prefix("mode")
+            .map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
+        let general = of_mode.map_or_else(|| name.to_string(), |rest| format!("modeK{rest}"));
         let is_of = |column: &&Column| {
-            let rest = name.strip_prefix(column.name);
+            let rest = general.strip_prefix(column.name);
             rest.is_some_and(|rest| rest.is_empty() || AXES.contains(&rest))
         };
-        let column = table.columns.iter().find(is_of)?;
+        let column = known().find(is_of)?;
         let mut described = json!({ "name": name, "titles": name, "dc:description": column.doc });
         if let Some(unit) = column.unit_in(axes) {
             described["schema:unitText"] = unit.into();
@@ -439,6 +583,16 @@ pub fn write_table(path: &Path, csv: &str) -> Result<(), Failure> {
     write_metadata(&kind, path, &names, 3)
 }
 
+/// Writes the data of a figure or of a study of a run in `axes` dimensions, and its metadata.
+///
+/// # Errors
+/// [`Failure::Other`] if a file cannot be written.
+pub fn write_figure_data(path: &Path, csv: &str, axes: usize) -> Result<(), Failure> {
+    text_writer::write(path, csv)?;
+    let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
+    write_metadata(OF_FIGURES, path, &names, axes)
+}
+
 /// Of the name of metadata, after that of its table.
 const ENDING: &str = "-metadata.json";
 
@@ -451,7 +605,8 @@ mod tests {
 
     #[test]
     fn components_are_described_as_their_vector() {
-        let names = ["frame", "x", "angular_velocity_z", "stress_xy"];
+        let mode = "mode12_rotation_im_z";
+        let names = ["frame", "x", "angular_velocity_z", "stress_xy", mode];
         let text = metadata("frames.csv", "a.csv", &names, 2).expect("described");
         let found: Value = serde_json::from_str(&text).expect("JSON");
         let column = |k: usize| &found["tableSchema"]["columns"][k];
@@ -460,6 +615,9 @@ mod tests {
         assert_eq!(column(2)["schema:unitText"], "rad s-1");
         assert_eq!(column(3)["schema:unitText"], "Pa");
         assert_eq!(column(0).get("schema:unitText"), None);
+        assert_eq!(column(4)["name"], mode);
+        let doc = column(4)["dc:description"].as_str().unwrap_or_default();
+        assert!(doc.starts_with("rotation"), "{doc}");
         assert_eq!(metadata("frames.csv", "a.csv", &["positions"], 2), None);
         assert_eq!(metadata("other.csv", "a.csv", &["step"], 2), None);
     }

@@ -7,6 +7,7 @@
 //! | [`checkpoint`] | writes and reads `checkpoint.h5`, with checksums |
 //! | [`log`] | writes `log.csv`, the time series as text |
 //! | [`reduced_writer`], [`spectrum_writer`] | write `reduced.h5` and `spectrum.h5` |
+//! | [`spectrum_reader`] | reads the eigenvectors of `spectrum.h5` |
 //! | [`table`], [`matrix_market`], [`text_writer`] | CSV tables, sparse matrices, small text files |
 //! | [`existing`] | what a resumed run finds in `run.h5`, and its repair |
 //! | [`journal`] | `run.h5.journal`: brings `run.h5` back to its last flush after a kill |
@@ -56,6 +57,7 @@ pub mod reduced_writer;
 mod room;
 pub mod run_reader;
 mod scalar_columns;
+pub mod spectrum_reader;
 pub mod spectrum_writer;
 pub mod table;
 pub mod text_writer;

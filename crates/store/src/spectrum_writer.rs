@@ -10,6 +10,26 @@ use ndarray::Array3;
 use gshear_dem::failure::Failure;
 use gshear_spectrum::{Eigenvalue, Problem};
 
+/// The stored state that K is of.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StateOrigin {
+    /// Identity of the run; `None` if it is not known.
+    pub run_id: Option<String>,
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// Step of the state in its stage.
+    pub step: u64,
+}
+
+/// What an unknown of K moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Unknown {
+    /// Id of the grain.
+    pub grain: u32,
+    /// 0, 1, 2: along x, y, z; 3, 4, 5: rotation about them.
+    pub component: u8,
+}
+
 /// Columns of the file, one entry per eigenvalue; k of them.
 pub struct Columns {
     /// Eigenvalues with residual, condition and verdict.
@@ -18,6 +38,10 @@ pub struct Columns {
     pub participation: Vec<f64>,
     /// Eigenvectors `[k][unknowns][2]`, real and imaginary parts.
     pub vectors: Array3<f64>,
+    /// `[unknowns]` What they are; none of a matrix without a run.
+    pub unknowns: Vec<Unknown>,
+    /// The state that K is of, if it is of a run.
+    pub origin: Option<StateOrigin>,
 }
 
 /// Writes `spectrum.h5` into `folder` and returns its path. `matrix`: file that K comes from.
@@ -56,6 +80,16 @@ pub fn write(
         file.new_dataset_builder()
             .with_data(&columns.vectors)
             .create("eigenvector")?;
+        if !columns.unknowns.is_empty() {
+            let grain: Vec<u32> = columns.unknowns.iter().map(|of| of.grain).collect();
+            let component: Vec<u8> = columns.unknowns.iter().map(|of| of.component).collect();
+            file.new_dataset_builder()
+                .with_data(&grain)
+                .create("grain")?;
+            file.new_dataset_builder()
+                .with_data(&component)
+                .create("component")?;
+        }
         let text = |name: &str, value: &str| {
             let value: VarLenUnicode = value.parse().unwrap_or_default();
             file.new_attr::<VarLenUnicode>()
@@ -69,6 +103,15 @@ pub fn write(
                 .create(name)?
                 .write_scalar(&(value as u64))
         };
+        if let Some(origin) = &columns.origin {
+            text("stage", origin.stage)?;
+            if let Some(id) = &origin.run_id {
+                text("run_id", id)?;
+            }
+            file.new_attr::<u64>()
+                .create("step")?
+                .write_scalar(&origin.step)?;
+        }
         count("rattling", problem.rattling())?;
         count("null_vectors", problem.null().ncols())?;
         file.new_attr::<f64>()

@@ -426,22 +426,20 @@ class Run:
     def spectrum(self, frame: SupportsIndex = -1) -> pd.DataFrame:
         """Returns eigenvalues of K v = λ M v nearest to zero, one line each (`spectrum.csv`).
 
-        `docs/spectrum.md` describes the columns. A run in a periodic box has the spectrum of its
-        last checkpoint. The file of the last frame is that of `gshear-reduce spectrum` without
-        `--frame`, so that a spectrum computed with other options is read.
+        `docs/spectrum.md` describes the columns. The file of the last frame of a run between walls
+        is that of `gshear-reduce spectrum` without `--frame`, so that a spectrum computed with
+        other options is read.
 
         Args:
-            frame: Frame of a run between walls.
+            frame: Frame of the run.
         """
-        if self.path.name != "run.h5":
-            if operator.index(frame) != -1:
-                raise RunError(f"{self.path}: spectra of boxes are those of the last checkpoint")
-            return self._table("spectrum.csv", ["spectrum"], of=self.folder / "checkpoint.h5")
         frames = len(self.frames)
         index = _position(frame, frames, self.path)
-        if index == frames - 1:
+        is_box = self.path.name != "run.h5"
+        if index == frames - 1 and not is_box:
             return self._table("spectrum.csv", ["spectrum"])
-        folder = self.results / f"spectrum-{index}"
+        stage = f"{self.path.stem}-" if is_box else ""
+        folder = self.results / f"spectrum-{stage}{index}"
         name = f"{folder.name}/spectrum.csv"
         return self._table(name, ["spectrum", "--frame", str(index)], folder=folder)
 
@@ -485,7 +483,6 @@ class Run:
         command: Sequence[str],
         belongs: Callable[[pd.DataFrame], bool] = lambda _: True,
         folder: Path | None = None,
-        of: Path | None = None,
     ) -> pd.DataFrame:
         """Returns a table of gshear-reduce, made anew unless it is newer than the run and of it.
 
@@ -494,26 +491,25 @@ class Run:
             command: Command of gshear-reduce and its options.
             belongs: Whether a table is of this run.
             folder: Folder that the command writes into; default `results`.
-            of: File that is reduced; default the run's.
         """
         path = self.results / name
-        if self._is_newer(path, of):
+        if self._is_newer(path):
             table = _csv(path)
             if belongs(table):
                 return table
-        self._reduce(command, folder or self.results, of)
+        self._reduce(command, folder or self.results)
         return _csv(path)
 
-    def _is_newer(self, path: Path, of: Path | None = None) -> bool:
-        """Whether a result exists and was written after the file that it is computed from."""
+    def _is_newer(self, path: Path) -> bool:
+        """Whether a result exists and was written after the run."""
         try:
-            return path.stat().st_mtime_ns > (of or self.path).stat().st_mtime_ns
+            return path.stat().st_mtime_ns > self.path.stat().st_mtime_ns
         except FileNotFoundError:
             return False
 
-    def _reduce(self, command: Sequence[str], folder: Path, of: Path | None = None) -> None:
+    def _reduce(self, command: Sequence[str], folder: Path) -> None:
         program = programs.find("gshear-reduce")
-        words = [str(program), *command, str(of or self.path), "--out", str(folder)]
+        words = [str(program), *command, str(self.path), "--out", str(folder)]
         programs.run(words, quiet=self.quiet)
 
     def _scalar_units(self) -> dict[str, str]:

@@ -1,16 +1,21 @@
 //! The frames of a run as they are exported: state of the grains, contacts, and numbers computed for
 //! every grain.
 
+use std::path::Path;
+
 use clap::ValueEnum;
 
-use gshear_analysis::dmin;
+use crate::dmin;
+
+use gshear_analysis::dmin::{NonAffine, RADIUS};
 use gshear_analysis::regions::{MinPoints, Regions};
-use gshear_analysis::{event, rattlers, stress};
+use gshear_analysis::stress;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{ContactSample, Disks, Frame, FrameRecords, GrainSample};
+use gshear_dem::state::{BoxEdges, ContactSample, Disks, Frame, FrameRecords, GrainSample};
 use gshear_scene::Dimensions;
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
+use gshear_store::spectrum_reader::{Mode, SpectrumFile};
 
 /// A number of every grain that is computed for the export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -50,10 +55,87 @@ impl GrainField {
     }
 }
 
+/// Eigenvectors that are exported with the state they are of.
+pub struct ExportedModes {
+    /// The state.
+    pub frame: usize,
+    /// Name and `[N][3]` values: displacements and rotations, real and imaginary parts.
+    vectors: Vec<(String, Vec<[f64; 3]>)>,
+}
+
+impl ExportedModes {
+    /// Reads eigenvectors of these numbers, from 0 on, from a `spectrum.h5` of this run.
+    ///
+    /// # Errors
+    /// A file of another run or of a state without a frame, an eigenvector that it does not have.
+    pub fn read(run: &RunFile, spectrum: &Path, numbers: &[usize]) -> Result<Self, Failure> {
+        let file = SpectrumFile::open(spectrum)?;
+        let other =
+            |what: &str| Failure::input(format!("--modes: {}: is of {what}", spectrum.display()));
+        if let (Some(id), Some(of)) = (&file.run_id, run.text("run_id"))
+            && id != of
+        {
+            return Err(other("another run"));
+        }
+        if file.stage != run.stage().name() {
+            return Err(other(&format!(
+                "the stage {} of the run, not of {}",
+                file.stage,
+                run.path().display()
+            )));
+        }
+        let Ok(frame) = run.frame_steps().binary_search(&file.step) else {
+            return Err(other(&format!(
+                "step {}, of which there is no frame",
+                file.step
+            )));
+        };
+        let mut vectors = Vec::new();
+        for &k in numbers {
+            let Mode {
+                displacement,
+                rotation,
+            } = file.mode(k, run.grains().count())?;
+            for (kind, parts) in [("displacement", displacement), ("rotation", rotation)] {
+                for (part, values) in ["re", "im"].into_iter().zip(parts) {
+                    vectors.push((format!("mode{k}_{kind}_{part}"), values));
+                }
+            }
+        }
+        Ok(Self { frame, vectors })
+    }
+}
+
+/// A number or a vector of every grain.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FieldShape {
+    /// Its name.
+    pub name: String,
+    /// Number of components: 1 or 3.
+    pub components: usize,
+}
+
+impl FieldShape {
+    /// Names of the components.
+    pub fn names(&self) -> impl Iterator<Item = String> + '_ {
+        component_names(&self.name, self.components)
+    }
+}
+
+/// The name of a number, or those of the components of a vector.
+fn component_names(name: &str, components: usize) -> impl Iterator<Item = String> {
+    let axes: &[&str] = match components {
+        1 => &[""],
+        _ => &["_x", "_y", "_z"],
+    };
+    axes.iter().map(move |axis| format!("{name}{axis}"))
+}
+
 /// A run, and what is exported of it.
 pub struct ExportedRun<'a> {
     run: &'a RunFile,
     fields: Vec<GrainField>,
+    modes: Option<ExportedModes>,
     strains: Vec<f64>,
 }
 
@@ -65,17 +147,23 @@ pub struct ExportedFrame {
     pub strain: f64,
     /// Steps and time (s) since the start of the shear, grains and contacts.
     pub records: FrameRecords,
-    /// Name and `[N]` values of the computed numbers.
-    pub fields: Vec<(&'static str, Vec<f64>)>,
+    /// `[N][components]` Values of the computed fields, in the order of [`ExportedRun::shapes`].
+    pub fields: Vec<Vec<f64>>,
 }
 
 impl<'a> ExportedRun<'a> {
     /// # Errors
-    /// A run without strains; fields that spheres do not have.
-    pub fn new(run: &'a RunFile, fields: &[GrainField]) -> Result<Self, Failure> {
-        if run.dimension() == Dimensions::Three && fields.contains(&GrainField::Regions) {
+    /// A run without strains; fields that spheres or boxes do not have.
+    pub fn new(
+        run: &'a RunFile,
+        fields: &[GrainField],
+        modes: Option<ExportedModes>,
+    ) -> Result<Self, Failure> {
+        let is_planar = run.dimension() == Dimensions::Two;
+        let has_regions = is_planar && run.stage() == RunStage::Shear;
+        if fields.contains(&GrainField::Regions) && !has_regions {
             return Err(Failure::input(format!(
-                "--fields regions: {}: needs disks",
+                "--fields regions: {}: needs disks between walls",
                 run.path().display()
             )));
         }
@@ -88,6 +176,7 @@ impl<'a> ExportedRun<'a> {
         Ok(Self {
             run,
             fields: once,
+            modes,
             strains: run.frame_strains()?,
         })
     }
@@ -102,17 +191,67 @@ impl<'a> ExportedRun<'a> {
         self.run.dimension().axes()
     }
 
-    /// Names of the computed numbers.
-    pub fn field_names(&self) -> impl Iterator<Item = &'static str> {
+    /// The computed fields.
+    pub fn shapes(&self) -> Vec<FieldShape> {
         let dimension = self.run.dimension();
-        self.fields
-            .iter()
-            .flat_map(move |field| field.names(dimension).iter().copied())
+        let names = self.fields.iter().flat_map(|field| field.names(dimension));
+        let modes = self.modes.iter().flat_map(|modes| &modes.vectors);
+        let shape = |name: &str, components| FieldShape {
+            name: name.into(),
+            components,
+        };
+        (names.map(|name| shape(name, 1)))
+            .chain(modes.map(|(name, _)| shape(name, 3)))
+            .collect()
+    }
+
+    /// Names of their components.
+    pub fn field_names(&self) -> Vec<String> {
+        self.shapes().iter().flat_map(FieldShape::names).collect()
+    }
+
+    /// The values of the computed fields of a grain.
+    pub fn field_values<'f>(
+        &self,
+        frame: &'f ExportedFrame,
+        grain: usize,
+    ) -> impl Iterator<Item = f64> + 'f {
+        let grains = self.grains().count();
+        frame.fields.iter().flat_map(move |values| {
+            let components = values.len() / grains;
+            values[grain * components..][..components].iter().copied()
+        })
+    }
+
+    /// Units of lengths, times and masses; a box may have any consistent ones.
+    pub fn units(&self) -> Option<&'static str> {
+        (self.run.stage() == RunStage::Shear).then_some("m s kg")
     }
 
     /// Which axes are periodic.
     pub fn periodic(&self) -> [bool; 3] {
-        [true, self.axes() == 3, false]
+        let is_box = self.run.stage() != RunStage::Shear;
+        match self.run.dimension() {
+            Dimensions::Two => [true, is_box, false],
+            Dimensions::Three => [true, true, is_box],
+        }
+    }
+
+    /// Displacement along x of the image above (m), by which the box is tilted; `None` between
+    /// walls.
+    pub fn tilt(&self, frame: &ExportedFrame) -> Option<f64> {
+        let sheared = self.run.cell(frame.number).sheared;
+        sheared.map(|sheared| sheared.offset)
+    }
+
+    /// The edge vectors of the box, one a row (m), with the lengths of [`Self::bounds`].
+    pub fn edges(&self, frame: &ExportedFrame) -> BoxEdges {
+        let mut edges = [[0.0; 3]; 3];
+        for (axis, [low, high]) in self.bounds(frame).into_iter().enumerate() {
+            edges[axis][axis] = high - low;
+        }
+        edges[self.axes() - 1][0] = self.tilt(frame).unwrap_or(0.0);
+        edges
     }
 
     /// The name, the version and the origin, on one line.
@@ -136,7 +275,11 @@ impl<'a> ExportedRun<'a> {
                 [low.min(height - radius), high.max(height + radius)]
             },
         );
-        let periods = self.run.cell().periods;
+        let extent = match self.tilt(frame) {
+            Some(_) => [0.0, self.run.height()],
+            None => extent,
+        };
+        let periods = self.run.periods();
         let largest = radius.iter().copied().fold(0.0, f64::max);
         match self.run.dimension() {
             Dimensions::Two => [[0.0, periods[0]], extent, [-largest, largest]],
@@ -148,14 +291,18 @@ impl<'a> ExportedRun<'a> {
     /// than the one in the box.
     pub fn nearest_image(&self, frame: &ExportedFrame, i: u32, j: u32) -> ([f64; 3], bool) {
         let [from, to] = [i, j].map(|g| frame.records.grains[g as usize].position);
-        let cell = self.run.cell();
+        let cell = self.run.cell(frame.number);
         let apart = match self.run.dimension() {
             Dimensions::Two => cell.separation::<Two>(&to, &from),
             Dimensions::Three => cell.separation::<Three>(&to, &from),
         };
         let image: [f64; 3] = std::array::from_fn(|axis| from[axis] + apart[axis]);
-        let moved = |axis: usize| (image[axis] - to[axis]).abs() > 0.25 * cell.periods[axis];
-        match (0..self.axes() - 1).any(moved) {
+        // Another image is a period away along some axis.
+        let lengths = self.bounds(frame).map(|[low, high]| high - low);
+        let periodic = self.periodic();
+        let moved =
+            |axis: usize| periodic[axis] && (image[axis] - to[axis]).abs() > 0.25 * lengths[axis];
+        match (0..self.axes()).any(moved) {
             true => (image, true),
             false => (to, false),
         }
@@ -179,7 +326,7 @@ impl<'a> ExportedRun<'a> {
                 },
                 _ => None,
             };
-            let fields = self.fields(before.as_ref(), &records);
+            let fields = self.fields(number, before.as_ref(), &records);
             let frame = ExportedFrame {
                 number,
                 strain: self.strains[number],
@@ -194,52 +341,50 @@ impl<'a> ExportedRun<'a> {
 
     fn fields(
         &self,
+        number: usize,
         before: Option<&FrameRecords>,
         now: &FrameRecords,
-    ) -> Vec<(&'static str, Vec<f64>)> {
-        let dimension = self.run.dimension();
-        let mut named = Vec::new();
-        for field in &self.fields {
-            let columns = match (field, dimension) {
-                (GrainField::Dmin, _) => vec![self.dmin(before, now)],
-                (GrainField::Stress, Dimensions::Two) => {
-                    columns_of(&stress::tensors(self.grains(), &planar(now)))
-                }
-                (GrainField::Stress, Dimensions::Three) => {
-                    columns_of(&stress::of_spheres(self.grains(), self.run.cell(), now))
-                }
-                (GrainField::Regions, _) => vec![self.regions(before, now)],
-                (GrainField::Contacts, _) => vec![self.contacts(now)],
-            };
-            named.extend(field.names(dimension).iter().copied().zip(columns));
-        }
-        named
+    ) -> Vec<Vec<f64>> {
+        let columns = self.fields.iter().flat_map(|field| match field {
+            GrainField::Dmin => vec![self.dmin(number, before, now)],
+            GrainField::Stress => self.stress(number, now),
+            GrainField::Regions => vec![self.regions(before, now)],
+            GrainField::Contacts => vec![self.contacts(now)],
+        });
+        let modes = self.modes.iter().flat_map(|modes| &modes.vectors);
+        let flat = modes.map(|(_, values)| values.as_flattened().to_vec());
+        columns.chain(flat).collect()
     }
 
-    fn dmin(&self, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
+    fn stress(&self, number: usize, now: &FrameRecords) -> Vec<Vec<f64>> {
+        let cell = self.run.cell(number);
+        match self.run.dimension() {
+            Dimensions::Two => {
+                let tensors = stress::in_cell::<Two>(self.grains(), cell, now);
+                columns_of(
+                    &tensors
+                        .iter()
+                        .map(|s| [s[0], s[1], s[3]])
+                        .collect::<Vec<_>>(),
+                )
+            }
+            Dimensions::Three => columns_of(&stress::in_cell::<Three>(self.grains(), cell, now)),
+        }
+    }
+
+    fn dmin(&self, number: usize, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
         let grains = self.grains();
         let Some(before) = before else {
             return vec![f64::NAN; grains.count()];
         };
-        let radius = dmin::RADIUS * grains.mean_radius();
-        match self.run.dimension() {
-            Dimensions::Two => {
-                let mut row = vec![0.0; grains.count()];
-                let [before, now] = [before, now].map(planar);
-                dmin::NonAffine::default().between(grains, radius, &before, &now, &mut row);
-                row
-            }
-            Dimensions::Three => {
-                let mut rattler = Vec::new();
-                rattlers::mark::<3>(grains, &before.contacts, &mut rattler);
-                let places = |frame: &FrameRecords| -> Vec<[f64; 3]> {
-                    frame.grains.iter().map(|grain| grain.position).collect()
-                };
-                let [before, now] = [before, now].map(places);
-                let bears = |n: usize| !rattler[n];
-                event::non_affine::<Three>(self.run.cell(), &before, &now, radius, bears)
-            }
+        let radius = RADIUS * grains.mean_radius();
+        if dmin::is_planar(self.run) {
+            let mut row = vec![0.0; grains.count()];
+            let [before, now] = [before, now].map(planar);
+            NonAffine::default().between(grains, radius, &before, &now, &mut row);
+            return row;
         }
+        dmin::between(self.run, [number - 1, number], [before, now], radius)
     }
 
     fn regions(&self, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
@@ -298,11 +443,7 @@ pub struct ContactQuantity {
 impl ContactQuantity {
     /// Names of the components.
     pub fn names(&self) -> impl Iterator<Item = String> {
-        let axes: &[&str] = match self.components.len() {
-            1 => &[""],
-            _ => &["_x", "_y", "_z"],
-        };
-        axes.iter().map(|axis| format!("{}{axis}", self.name))
+        component_names(self.name, self.components.len())
     }
 
     /// The values of the components.

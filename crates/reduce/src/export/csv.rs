@@ -94,10 +94,11 @@ impl CsvWriter {
         let axes = run.axes();
         let (of_grain, quantities) = (grain_columns(axes), contact_quantities(axes));
         let named = of_grain.iter().map(|(name, _)| *name);
+        let fields = run.field_names();
         let grains = (FRAME.into_iter())
             .chain(["id", "body", "radius", "mass"])
             .chain(named)
-            .chain(run.field_names());
+            .chain(fields.iter().map(String::as_str));
         let named: Vec<String> = quantities.iter().flat_map(ContactQuantity::names).collect();
         let named = named.iter().map(String::as_str);
         let contacts = FRAME.into_iter().chain(["i", "j"]).chain(named);
@@ -131,8 +132,8 @@ impl FrameWriter for CsvWriter {
             for (_, value) in &self.grain_columns {
                 table.cells(&[&value(grain)]);
             }
-            for (_, values) in &frame.fields {
-                table.cells(&[&values[g]]);
+            for value in run.field_values(frame, g) {
+                table.cells(&[&value]);
             }
             table.end_line()?;
         }

@@ -120,7 +120,7 @@ fn of_run(run: &RunFile, which: Which) -> Result<ExportedState, Failure> {
             run.path().display(),
         ),
         name: format!("frame-{t}"),
-        cell: run.cell(),
+        cell: run.cell(t),
         dimension: run.dimension(),
         grains: frame.grains.iter().enumerate().map(grain).collect(),
     })

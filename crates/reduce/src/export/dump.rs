@@ -39,11 +39,24 @@ impl DumpWriter {
             true => " pp",
             false => " ff",
         });
-        writeln!(file, "ITEM: BOX BOUNDS{}", kinds.collect::<String>())?;
-        for [low, high] in run.bounds(frame) {
-            writeln!(file, "{low:?} {high:?}")?;
-        }
-        Ok(())
+        let kinds: String = kinds.collect();
+        let mut bounds = run.bounds(frame);
+        let Some(tilt) = run.tilt(frame) else {
+            writeln!(file, "ITEM: BOX BOUNDS{kinds}")?;
+            return bounds
+                .iter()
+                .try_for_each(|[low, high]| writeln!(file, "{low:?} {high:?}"));
+        };
+        // The bounds along x are those of the tilted box.
+        bounds[0][0] += tilt.min(0.0);
+        bounds[0][1] += tilt.max(0.0);
+        let tilts = match run.axes() {
+            2 => [tilt, 0.0, 0.0],
+            _ => [0.0, tilt, 0.0],
+        };
+        writeln!(file, "ITEM: BOX BOUNDS xy xz yz{kinds}")?;
+        let mut lines = bounds.iter().zip(tilts);
+        lines.try_for_each(|([low, high], tilt)| writeln!(file, "{low:?} {high:?} {tilt:?}"))
     }
 
     fn write_grains(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> std::io::Result<()> {
@@ -63,13 +76,12 @@ impl DumpWriter {
             write!(file, "{} {}", grain.id + 1, constants.body[g] + 1)?;
             let state = [grain.position, grain.velocity, grain.angular_velocity];
             let fixed = [constants.radius[g], constants.mass[g]];
-            let fields = frame.fields.iter().map(|(_, values)| values[g]);
             for value in state.into_iter().flatten().chain(fixed) {
                 write!(file, " {value:?}")?;
             }
             let [x, y, z] = grain.image;
             write!(file, " {x} {y} {z}")?;
-            for value in fields {
+            for value in run.field_values(frame, g) {
                 write!(file, " {value:?}")?;
             }
             writeln!(file)?;

@@ -18,10 +18,10 @@ use clap::ValueEnum;
 
 use gshear_dem::failure::Failure;
 use gshear_store::checkpoint;
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
 
 pub use content::GrainField;
-use content::{ExportedFrame, ExportedRun};
+use content::{ExportedFrame, ExportedModes, ExportedRun};
 use data_file::Reader;
 pub use selection::{FrameRange, Which};
 
@@ -55,6 +55,10 @@ pub struct ExportRequest {
     pub frames: Option<FrameRange>,
     /// Numbers of every grain in addition to its state.
     pub fields: Vec<GrainField>,
+    /// Eigenvectors of the state, by their numbers in the file of them.
+    pub modes: Vec<usize>,
+    /// The file of eigenvectors; `None`: `spectrum.h5` in the folder of the run.
+    pub spectrum: Option<PathBuf>,
     /// The file to write; `None`: a file in the folder of the run.
     pub out: Option<PathBuf>,
 }
@@ -81,9 +85,9 @@ pub fn write(run: &Path, request: &ExportRequest) -> Result<Vec<PathBuf>, Failur
         _ => None,
     };
     if let Some(reader) = reader {
-        if request.frames.is_some() || !request.fields.is_empty() {
+        if request.frames.is_some() || !request.fields.is_empty() || !request.modes.is_empty() {
             return Err(Failure::input(
-                "--frames, --fields: a data file holds the state of one frame; give --frame, or another --format",
+                "--frames, --fields, --modes: a data file holds the state of one frame; give --frame, or another --format",
             ));
         }
         let path = data_file::write(run, reader, request.frame, request.out.as_deref())?;
@@ -95,19 +99,41 @@ pub fn write(run: &Path, request: &ExportRequest) -> Result<Vec<PathBuf>, Failur
             run.display()
         )));
     }
-    let file = RunFile::open(run)?;
+    let file = RunFile::open_any(run)?;
+    let modes = match request.modes.is_empty() {
+        true => None,
+        false => {
+            let beside = || file.folder().join("spectrum.h5");
+            let spectrum = request.spectrum.clone().unwrap_or_else(beside);
+            Some(ExportedModes::read(&file, &spectrum, &request.modes)?)
+        }
+    };
     let range = match (request.frame, request.frames) {
         (Some(which), None) => FrameRange::one(which.of(&file)?),
-        (None, frames) => frames.unwrap_or(FrameRange::ALL),
+        (None, Some(frames)) => frames,
+        (None, None) => (modes.as_ref()).map_or(FrameRange::ALL, |of| FrameRange::one(of.frame)),
         (Some(_), Some(_)) => {
             return Err(Failure::input("--frame, --frames: give one of them"));
         }
     };
     let numbers = range.of(&file)?;
-    let exported = ExportedRun::new(&file, &request.fields)?;
+    if let Some(modes) = modes.as_ref().filter(|modes| numbers != [modes.frame]) {
+        return Err(Failure::input(format!(
+            "--modes: the eigenvectors are of frame {}; leave --frame and --frames out",
+            modes.frame
+        )));
+    }
+    let exported = ExportedRun::new(&file, &request.fields, modes)?;
     let named = |ending: &str| match &request.out {
         Some(out) => out.clone(),
-        None => file.folder().join(format!("frames.{ending}")),
+        None => {
+            let stem = match file.stage() {
+                RunStage::Shear => "frames",
+                RunStage::Strain => "aqs-frames",
+                RunStage::Newtonian => "newtonian-frames",
+            };
+            file.folder().join(format!("{stem}.{ending}"))
+        }
     };
     let mut writer: Box<dyn FrameWriter> = match request.format {
         ExportFormat::LammpsDump => Box::new(dump::DumpWriter::create(&named("dump"))?),

@@ -12,7 +12,7 @@ use gshear_dem::state::GrainSample;
 use gshear_store::text_writer::part_of;
 
 use super::FrameWriter;
-use super::content::{ExportedFrame, ExportedRun, contact_quantities};
+use super::content::{ExportedFrame, ExportedRun, FieldShape, contact_quantities};
 
 /// Collects the frames, and writes them at the end: an archive needs whole arrays.
 pub struct NpzWriter {
@@ -23,11 +23,12 @@ pub struct NpzWriter {
     time: Vec<f64>,
     strain: Vec<f64>,
     bounds: Vec<f64>,
+    edges: Vec<f64>,
     position: Vec<f64>,
     velocity: Vec<f64>,
     angular_velocity: Vec<f64>,
     image: Vec<i64>,
-    fields: Vec<(&'static str, Vec<f64>)>,
+    fields: Vec<(FieldShape, Vec<f64>)>,
     /// Row of the first contact of each frame, and after the last.
     offset: Vec<u64>,
     pairs: Vec<u32>,
@@ -46,6 +47,7 @@ impl NpzWriter {
             time: Vec::new(),
             strain: Vec::new(),
             bounds: Vec::new(),
+            edges: Vec::new(),
             position: Vec::new(),
             velocity: Vec::new(),
             angular_velocity: Vec::new(),
@@ -68,6 +70,7 @@ impl NpzWriter {
         archive.add("time", &self.time, &[frames])?;
         archive.add("strain", &self.strain, &[frames])?;
         archive.add("bounds", &self.bounds, &[frames, 3, 2])?;
+        archive.add("edges", &self.edges, &[frames, 3, 3])?;
         archive.add("radius", &radius, &[grains])?;
         archive.add("body", &body, &[grains])?;
         archive.add("mass", &mass, &[grains])?;
@@ -76,8 +79,12 @@ impl NpzWriter {
         archive.add("velocity", &self.velocity, &vectors)?;
         archive.add("angular_velocity", &self.angular_velocity, &vectors)?;
         archive.add("image", &self.image, &vectors)?;
-        for (name, values) in &self.fields {
-            archive.add(name, values, &[frames, grains])?;
+        for (field, values) in &self.fields {
+            let shape = match field.components {
+                1 => &[frames, grains][..],
+                components => &[frames, grains, components],
+            };
+            archive.add(&field.name, values, shape)?;
         }
         let contacts = self.pairs.len() / 2;
         archive.add("contact_offset", &self.offset, &[frames + 1])?;
@@ -177,6 +184,7 @@ impl FrameWriter for NpzWriter {
         self.time.push(records.time);
         self.strain.push(frame.strain);
         self.bounds.extend(cast_slice::<_, f64>(&run.bounds(frame)));
+        self.edges.extend(cast_slice::<_, f64>(&run.edges(frame)));
         let of = |value: fn(&GrainSample) -> [f64; 3]| records.grains.iter().flat_map(value);
         self.position.extend(of(|g| g.position));
         self.velocity.extend(of(|g| g.velocity));
@@ -184,10 +192,10 @@ impl FrameWriter for NpzWriter {
         self.image
             .extend(records.grains.iter().flat_map(|g| g.image));
         if self.fields.is_empty() {
-            let named = frame.fields.iter().map(|(name, _)| (*name, Vec::new()));
-            self.fields = named.collect();
+            let shapes = run.shapes().into_iter();
+            self.fields = shapes.map(|shape| (shape, Vec::new())).collect();
         }
-        for ((_, all), (_, values)) in self.fields.iter_mut().zip(&frame.fields) {
+        for ((_, all), values) in self.fields.iter_mut().zip(&frame.fields) {
             all.extend(values);
         }
         let contacts = &records.contacts;

@@ -30,7 +30,7 @@ pub struct VtkWriter {
     path: PathBuf,
     file: File,
     points: Column<f64>,
-    point_data: Vec<(String, Column<f64>)>,
+    point_data: Vec<Column<f64>>,
     ids: Column<i64>,
     cells: [CellColumns; 4],
     cell_data: Vec<(ContactQuantity, Column<f64>)>,
@@ -181,13 +181,17 @@ impl VtkWriter {
         let steps = root.create_group("Steps")?;
         let of_points = steps.create_group("PointDataOffsets")?;
         let of_cells = steps.create_group("CellDataOffsets")?;
+        let shapes = run.shapes();
+        let fields = shapes.iter().map(|shape| match shape.components {
+            1 => (&*shape.name, 0),
+            width => (&*shape.name, width),
+        });
         let names = (STATE.iter().map(|(name, width, _)| (*name, *width)))
             .chain(CONSTANTS.map(|name| (name, 0)))
-            .chain(run.field_names().map(|name| (name, 0)));
+            .chain(fields);
         let (mut point_data, mut point_offsets) = (Vec::new(), Vec::new());
         for (name, width) in names {
-            let column = Column::create(&point_group, name, width)?;
-            point_data.push((name.to_string(), column));
+            point_data.push(Column::create(&point_group, name, width)?);
             point_offsets.push(Column::of_steps(&of_points, name, 0)?);
         }
         let ids = Column::create(&point_group, "id", 0)?;
@@ -291,16 +295,17 @@ impl VtkWriter {
         }
 
         let constants = run.grains();
-        let mut columns = self.point_data.iter_mut().map(|(_, column)| column);
+        let mut columns = self.point_data.iter_mut();
         for ((_, _, value), column) in STATE.iter().zip(columns.by_ref()) {
             let values: Vec<f64> = of_point.iter().flat_map(|&g| value(&grains[g])).collect();
             column.append(&values)?;
         }
         let body: Vec<f64> = constants.body.iter().map(|&body| body.into()).collect();
         let of_grains = [&constants.radius, &constants.mass, &body];
-        let fields = frame.fields.iter().map(|(_, values)| values);
-        for (values, column) in of_grains.into_iter().chain(fields).zip(columns) {
-            let values: Vec<f64> = of_point.iter().map(|&g| values[g]).collect();
+        for (values, column) in of_grains.into_iter().chain(&frame.fields).zip(columns) {
+            let width = column.width.max(1);
+            let of_grain = |&g: &usize| values[g * width..][..width].iter().copied();
+            let values: Vec<f64> = of_point.iter().flat_map(of_grain).collect();
             column.append(&values)?;
         }
         let ids: Vec<i64> = of_point.iter().map(|&g| g as i64).collect();

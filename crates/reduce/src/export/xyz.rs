@@ -22,27 +22,31 @@ impl XyzWriter {
     fn write(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> std::io::Result<()> {
         let file = &mut self.0;
         let grains = &frame.records.grains;
-        let bounds = run.bounds(frame);
-        let [lx, ly, lz] = bounds.map(|[low, high]| high - low);
-        let [ox, oy, oz] = bounds.map(|[low, _]| low);
+        let edges = run.edges(frame);
+        let lattice = edges.as_flattened().iter();
+        let lattice: Vec<String> = lattice.map(|side| format!("{side:?}")).collect();
+        let [ox, oy, oz] = run.bounds(frame).map(|[low, _]| low);
         let pbc = run
             .periodic()
             .map(|periodic| if periodic { "T" } else { "F" });
         writeln!(file, "{}", grains.len())?;
         write!(
             file,
-            "Lattice=\"{lx:?} 0.0 0.0 0.0 {ly:?} 0.0 0.0 0.0 {lz:?}\" Origin=\"{ox:?} {oy:?} {oz:?}\" pbc=\"{}\" \
+            "Lattice=\"{}\" Origin=\"{ox:?} {oy:?} {oz:?}\" pbc=\"{}\" \
              Properties=species:S:1:pos:R:3:velo:R:3:angular_velocity:R:3:radius:R:1:mass:R:1:id:I:1:body:I:1",
+            lattice.join(" "),
             pbc.join(" ")
         )?;
-        for name in run.field_names() {
-            write!(file, ":{name}:R:1")?;
+        for shape in run.shapes() {
+            write!(file, ":{}:R:{}", shape.name, shape.components)?;
         }
-        writeln!(
+        write!(
             file,
-            " frame={} step={} time={:?} strain={:?} units=\"m s kg\"",
+            " frame={} step={} time={:?} strain={:?}",
             frame.number, frame.records.step, frame.records.time, frame.strain
         )?;
+        let units = run.units().map(|units| format!(" units=\"{units}\""));
+        writeln!(file, "{}", units.unwrap_or_default())?;
         let constants = run.grains();
         for (g, grain) in grains.iter().enumerate() {
             // ASE knows chemical symbols only; X is its dummy.
@@ -53,8 +57,8 @@ impl XyzWriter {
                 write!(file, " {value:?}")?;
             }
             write!(file, " {} {}", grain.id, constants.body[g])?;
-            for (_, values) in &frame.fields {
-                write!(file, " {:?}", values[g])?;
+            for value in run.field_values(frame, g) {
+                write!(file, " {value:?}")?;
             }
             writeln!(file)?;
         }

@@ -92,6 +92,11 @@ pub fn write(
     .map_err(cannot_write)
 }
 
+/// Whether a run is under a spring and has velocity steps or holds.
+pub fn is_test(run: &RunFile) -> bool {
+    read::record(run).is_ok()
+}
+
 fn reduce(runs: &[RunFile], laws: Laws) -> Result<Reduction, Failure> {
     for (k, run) in runs.iter().enumerate() {
         let same = |other: &&RunFile| other.digest().is_some() && other.digest() == run.digest();

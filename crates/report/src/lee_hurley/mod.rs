@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub use self::studied::{DropStage, Event, MapStep, Size, Studied, StudyOptions, friction};
 use crate::drawing;
 use gshear_dem::failure::Failure;
-use gshear_store::text_writer;
+use gshear_store::{dictionary, text_writer};
 
 /// A figure with its number in the paper.
 pub struct Figure {
@@ -61,16 +61,19 @@ pub fn write(runs: &[Studied], folder: &Path) -> Result<PathBuf, Failure> {
     for figure in drawn.iter().flatten() {
         let path = |end: &str| folder.join(figure.name() + end);
         for (end, data) in &figure.data {
-            text_writer::write(&path(end), data)?;
+            dictionary::write_figure_data(&path(end), data, 2)?;
         }
     }
     let numbers = numbers::of(runs);
-    text_writer::write(&folder.join("numbers.csv"), numbers::csv(&numbers))?;
-    text_writer::write(&folder.join("drops.csv"), drops::csv(runs))?;
+    let write = |name: &str, text: &str| {
+        // Of disks.
+        dictionary::write_figure_data(&folder.join(name), text, 2)
+    };
+    write("numbers.csv", &numbers::csv(&numbers))?;
+    write("drops.csv", &drops::csv(runs))?;
     let mut families = family::families(runs);
     families.retain(|family| family.runs.len() > 1);
     if !families.is_empty() {
-        let write = |name: &str, text: &str| text_writer::write(&folder.join(name), text);
         write("ensemble.csv", &ensemble::numbers_csv(&families))?;
         write(
             "ensemble-correlations.csv",

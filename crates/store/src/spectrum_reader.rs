@@ -1,0 +1,122 @@
+//! Reads the eigenvectors of `spectrum.h5` by grain.
+
+use std::path::{Path, PathBuf};
+
+use hdf5::types::VarLenUnicode;
+use hdf5::{Dataset, File};
+use ndarray::{Ix2, s};
+
+use gshear_dem::failure::Failure;
+
+/// An open `spectrum.h5` of a run.
+pub struct SpectrumFile {
+    path: PathBuf,
+    /// Identity of the run; `None` if the writer did not know it.
+    pub run_id: Option<String>,
+    /// Name of the stage of the state.
+    pub stage: String,
+    /// Step of the state in its stage.
+    pub step: u64,
+    grain: Vec<u32>,
+    component: Vec<u8>,
+    vectors: Dataset,
+}
+
+/// An eigenvector: of every grain the displacement and the rotation, each as real and imaginary
+/// part; zero of grains that are held.
+pub struct Mode {
+    /// `[N][3]` Real and imaginary part of the displacement.
+    pub displacement: [Vec<[f64; 3]>; 2],
+    /// `[N][3]` Real and imaginary part of the rotation.
+    pub rotation: [Vec<[f64; 3]>; 2],
+}
+
+impl SpectrumFile {
+    /// Opens a file that `gshear-reduce spectrum` wrote of a run.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if it is no such file.
+    pub fn open(path: &Path) -> Result<Self, Failure> {
+        hdf5::silence_errors(true);
+        let bad = |why: &str| Failure::input(format!("{}: {why}", path.display()));
+        let file = File::open(path)
+            .map_err(|_| bad("cannot be read; write it with gshear-reduce spectrum"))?;
+        let unfit = |_| {
+            bad(
+                "has no eigenvectors by grain; write it with gshear-reduce spectrum RUN, without --paper-form",
+            )
+        };
+        let text = |name: &str| -> hdf5::Result<String> {
+            let value: VarLenUnicode = file.attr(name)?.read_scalar()?;
+            Ok(value.as_str().into())
+        };
+        let read = || -> hdf5::Result<Self> {
+            Ok(Self {
+                path: path.to_path_buf(),
+                run_id: text("run_id").ok(),
+                stage: text("stage")?,
+                step: file.attr("step")?.read_scalar()?,
+                grain: file.dataset("grain")?.read_raw()?,
+                component: file.dataset("component")?.read_raw()?,
+                vectors: file.dataset("eigenvector")?,
+            })
+        };
+        let found = read().map_err(unfit)?;
+        let unknowns = found.grain.len();
+        let fits = found.component.len() == unknowns
+            && found.component.iter().all(|&c| c < 6)
+            && matches!(found.vectors.shape()[..], [_, n, 2] if n == unknowns);
+        if fits {
+            Ok(found)
+        } else {
+            Err(bad("is damaged"))
+        }
+    }
+
+    /// Returns the number of eigenvectors.
+    pub fn modes(&self) -> usize {
+        self.vectors.shape()[0]
+    }
+
+    /// Reads eigenvector k, from 0 on, of a run of so many grains.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if there is no such vector or grain, or the file is damaged.
+    pub fn mode(&self, k: usize, grains: usize) -> Result<Mode, Failure> {
+        let bad = |why: String| Failure::input(format!("{}: {why}", self.path.display()));
+        if k >= self.modes() {
+            return Err(bad(format!(
+                "has no eigenvector {k}; it has 0 … {}",
+                self.modes().saturating_sub(1)
+            )));
+        }
+        if self.grain.iter().any(|&grain| grain as usize >= grains) {
+            return Err(bad(format!("has grains beyond the {grains} of the run")));
+        }
+        let values = self
+            .vectors
+            .read_slice::<f64, _, Ix2>(s![k, .., ..])
+            .map_err(|e| {
+                bad(format!(
+                    "cannot be read: {}",
+                    e.to_string().replace('\n', " ")
+                ))
+            })?;
+        let none = || [vec![[0.0; 3]; grains], vec![[0.0; 3]; grains]];
+        let mut mode = Mode {
+            displacement: none(),
+            rotation: none(),
+        };
+        let unknowns = self.grain.iter().zip(&self.component);
+        for ((&grain, &component), value) in unknowns.zip(values.outer_iter()) {
+            let parts = match component {
+                0..3 => &mut mode.displacement,
+                _ => &mut mode.rotation,
+            };
+            for (part, value) in parts.iter_mut().zip(value) {
+                part[grain as usize][usize::from(component % 3)] = *value;
+            }
+        }
+        Ok(mode)
+    }
+}
