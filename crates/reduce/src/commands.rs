@@ -20,8 +20,9 @@ use super::{
 
 /// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
 ///
-/// RUN is a run.h5 or the folder that holds one. A run that was stopped early is read up to its
-/// last complete row and frame.
+/// RUN is a run.h5 or the folder that holds one. Of a run in a box, info, compare, dmin, export and
+/// spectrum take aqs.h5 (that of its folder) or newtonian.h5. A run that was stopped early is read
+/// up to its last complete row and frame.
 ///
 /// Exit codes: 0 done; 1 the runs differ (compare), or any other failure; 2 bad input (file or
 /// arguments); 3 the numbers failed (no convergence, a replay that differs).
@@ -41,7 +42,7 @@ pub struct Arguments {
 pub enum Command {
     /// Show the content of a run
     Info {
-        /// A run.h5, or the folder that holds one
+        /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
         run: PathBuf,
     },
     /// Print name, unit and meaning of the columns of every table
@@ -61,9 +62,9 @@ pub enum Command {
     /// relative difference with its place. NaN equals NaN. Frames and rows are compared in their
     /// order, contacts by their ids. Exit code 0 if everything is equal, 1 if anything differs.
     Compare {
-        /// A run.h5, or the folder that holds one
+        /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
         a: PathBuf,
-        /// Another run.h5, or the folder that holds one
+        /// Another one
         b: PathBuf,
     },
     /// Write D²min between consecutive frames into reduced.h5 (Lee & Hurley, appendix B)
@@ -71,7 +72,7 @@ pub enum Command {
     /// Dataset dmin/value, by frame and grain, in m². NaN in frame 0, for rattlers of the earlier
     /// frame, and for grains with fewer than two neighbours or with all neighbours on one line.
     Dmin {
-        /// A run.h5, or the folder that holds one
+        /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
         run: PathBuf,
         /// Folder to write into [default: the run's]
         #[arg(long, value_name = "DIR")]
@@ -134,8 +135,7 @@ pub enum Command {
     /// wall; ids are those of the run plus 1. Everything is in SI units, of a run in a box in its
     /// own ones.
     Export {
-        /// A run.h5, aqs.h5 or newtonian.h5, the folder that holds a run.h5 or aqs.h5, or a
-        /// checkpoint
+        /// A run.h5, aqs.h5 or newtonian.h5, the folder of a run, or a checkpoint
         run: PathBuf,
         /// Format of the file
         #[arg(long, value_enum)]

@@ -29,7 +29,8 @@ const MOST_DENSE: usize = 12_000;
 #[derive(Debug, clap::Args)]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub struct SpectrumOptions {
-    /// A run.h5, the folder that holds one, or a checkpoint, from which K and M are assembled
+    /// A run.h5, aqs.h5 or newtonian.h5, the folder of a run, or a checkpoint, from which K and M
+    /// are assembled
     #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]
     run: Option<PathBuf>,
     /// Frame of the run: its number, from 0 on, or last [default: last]

@@ -37,6 +37,16 @@ impl Estimate {
         }
     }
 
+    /// [`Estimate::logarithmic`] of a. An a below the numerical error of the model has no effect that
+    /// could be measured, whatever the derivatives there, which are rounding errors.
+    fn direct_effect(a: f64, half_width: f64) -> Self {
+        let estimate = Self::logarithmic(a, half_width);
+        Estimate {
+            determined: estimate.determined && a > MODEL_ERROR,
+            ..estimate
+        }
+    }
+
     /// Creates an interval that is symmetric in the logarithm, of half-width `half_width` there.
     pub(super) fn logarithmic(value: f64, half_width: f64) -> Self {
         Estimate {
@@ -345,7 +355,7 @@ impl FitProblem<'_> {
         let count = residuals.iter().map(Vec::len).sum::<usize>() as f64;
         let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
         Ok(Fit {
-            a: Estimate::logarithmic(law.a, half_width(1.0, 0.0, 0.0, 0.0)),
+            a: Estimate::direct_effect(law.a, half_width(1.0, 0.0, 0.0, 0.0)),
             b: Estimate::linear(law.b, half_width(0.0, 1.0, 0.0, 0.0)),
             // d(a - b) = a d(ln a) - db
             a_minus_b: Estimate::linear(law.a - law.b, half_width(law.a, -1.0, 0.0, 0.0)),
@@ -432,5 +442,18 @@ impl LeastSquaresProblem<f64, Dyn, U4> for FitProblem<'_> {
 
     fn jacobian(&self) -> Option<OMatrix<f64, Dyn, U4>> {
         Some(self.derivatives())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_a_of_nothing_is_not_determined() {
+        let is_determined = |a, half_width| Estimate::direct_effect(a, half_width).determined;
+        assert!(is_determined(0.01, 0.1));
+        assert!(!is_determined(0.01, 4.0));
+        assert!(!is_determined(1.5e-16, 3e-3));
     }
 }
