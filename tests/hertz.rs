@@ -210,11 +210,7 @@ fn history_turns_with_the_contact() {
             sphere(0, RADIUS, place(0, 1.0), [0.0; 3], [0.0; 3]),
             sphere(1, RADIUS, place(0, -1.0), [0.0; 3], [0.0; 3]),
         ];
-        let contacts = vec![ContactState {
-            i: 0,
-            j: 1,
-            history: u,
-        }];
+        let contacts = vec![ContactState::new(0, 1, u)];
         let step = 1e-6;
         let mut pair = Spin::new(&GLASS, 1e6, step, grains, contacts);
         let spin = axis.map(|a| a * turn / step * distance / (2.0 * RADIUS));

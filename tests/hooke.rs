@@ -94,11 +94,11 @@ impl Impact {
             grain(0, [distance * n[0], distance * n[1]], [0.0; 2]),
             grain(1, [0.0; 2], moving),
         ];
-        let contacts = vec![ContactState {
-            i: 0,
-            j: 1,
-            history: [self.history[0], 0.0, self.history[1]],
-        }];
+        let contacts = vec![ContactState::new(
+            0,
+            1,
+            [self.history[0], 0.0, self.history[1]],
+        )];
         let list = ListSettings {
             skin: Some(0.1),
             rebuild_every: 0,

@@ -167,7 +167,7 @@ fn spheres_of_the_paper() -> (Vec<GrainState>, Vec<ContactState>, Cell) {
         let t = cross(n, any);
         let size = (0.5 + 0.4 * random.next()) * 0.4 * 3.5 * overlap / length(t);
         let history = t.map(|x| size * x);
-        ContactState { i, j, history }
+        ContactState::new(i, j, history)
     });
     let contacts = contacts.collect();
     (packing.grains, contacts, packing.cell)
@@ -183,6 +183,7 @@ fn the_form_of_the_paper() {
         contacts: &contacts,
         cell,
         masses: Masses::Equal(1.0),
+        at_rest: true,
     };
     let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
     let jacobian = assemble::<Three>(state, &law, History::Unturned);
@@ -243,6 +244,7 @@ fn translations_are_null_vectors() {
         contacts: &contacts,
         cell,
         masses: MASSES,
+        at_rest: true,
     };
     let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
     let jacobian = assemble::<Three>(state, &law, History::Turned);
@@ -270,11 +272,7 @@ fn linear_systems_are_solved() {
     let onto = 0.97 * (grains[0].radius + grains[free as usize + 1].radius) / length(r);
     let (near, apart) = (grains[0].position, r.map(|x| onto * x));
     grains[free as usize + 1].position = std::array::from_fn(|k| near[k] - apart[k]);
-    contacts.push(ContactState {
-        i: 0,
-        j: free + 1,
-        history: [0.0; 3],
-    });
+    contacts.push(ContactState::new(0, free + 1, [0.0; 3]));
     let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
     let mut solver = Solver::default();
     let mut random = Random(17);
@@ -287,6 +285,7 @@ fn linear_systems_are_solved() {
             contacts: &contacts,
             cell,
             masses: Masses::Equal(1.0),
+            at_rest: true,
         };
         let jacobian = assemble::<Three>(state, &law, History::Turned);
         let problem = jacobian.problem().expect("a problem");
@@ -341,6 +340,7 @@ fn eigenvalues_alone() {
         contacts: &contacts,
         cell,
         masses: Masses::Equal(1.0),
+        at_rest: true,
     };
     let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
     let problem = assemble::<Three>(state, &law, History::Turned)

@@ -308,7 +308,10 @@ fn is_of_second_order<D: Dimension>(friction: f64, of: [[Vector; 3]; 2]) -> bool
         let mut pair = Couple::<D>::new(friction, 4.0 / steps as f64, of);
         (0..steps).for_each(|_| pair.advance());
         assert!(pair.system.contacts.touching().next().is_some());
-        (pair.system.grains().state(0), pair.samples.sliding[0] != 0)
+        (
+            pair.system.grains().state(0),
+            pair.system.contacts.limits[0][0] != 0,
+        )
     };
     let (reference, sliding) = end(12800);
     let errors = [200, 400, 800].map(|steps| {

@@ -31,6 +31,22 @@ fn path(folder: &Path, name: &str) -> String {
     folder.join(name).to_str().expect("UTF-8").to_string()
 }
 
+/// The number of contacts of the last frame that slide, as the file has them.
+fn sliding_of_the_last_frame(run: &Path) -> usize {
+    let file = hdf5::File::open(run.join("run.h5")).expect("run.h5");
+    let contacts = |name: &str| {
+        let dataset = file.dataset(&format!("connectivity/contacts/{name}"));
+        dataset.expect("a dataset")
+    };
+    let ends: Vec<u64> = contacts("offset").read_raw().expect("offsets");
+    let flags: Vec<u8> = contacts("sliding").read_raw().expect("flags");
+    let [.., from, to] = ends[..] else {
+        panic!("no frames");
+    };
+    let flags = &flags[from as usize..to as usize];
+    flags.iter().filter(|flag| **flag == 1).count()
+}
+
 /// A frame and the checkpoint of the same step have the same K and M, to the last bit, in two
 /// dimensions and three, between walls and in a box; what is exported and read again has the same
 /// eigenvalues.
@@ -86,6 +102,15 @@ fn frames_and_checkpoints_have_one_stiffness() {
             &out("b"),
         ]);
         assert!(said.contains(&format!("(step {stop})")), "{said}");
+        if name != "box" {
+            let flagged = sliding_of_the_last_frame(&run);
+            assert!(flagged > 0, "{name}: nothing slides");
+            let of_them = format!(" contacts, {flagged} of them sliding");
+            assert!(
+                said.contains(&of_them),
+                "{name}: {flagged} slide, but {said}"
+            );
+        }
         let read = |file: &str| fs::read(file).expect("a file");
         assert!(read(&frame) == read(&checkpoint), "{name}: K differs");
         let mass = |file: &str| file.replace(".mtx", ".mass.mtx");

@@ -145,10 +145,8 @@ impl Scene {
         }
         let touching = self.pairs.iter().filter(|p| p.3 != Regime::Apart);
         let contacts = touching
-            .map(|&(i, j, [force, moment], _)| ContactState {
-                i: i as u32,
-                j: j as u32,
-                history: [force, 0.0, moment],
+            .map(|&(i, j, [force, moment], _)| {
+                ContactState::new(i as u32, j as u32, [force, 0.0, moment])
             })
             .collect();
         let mut system = system::<true, true>(

@@ -107,6 +107,7 @@ pub fn contact(t: u64, (i, j): (u32, u32)) -> ContactSample {
         rolling_history: of(4),
         overlap: of(5),
         sliding: u64::from(of(6) > 0.0),
+        rolling: u64::from(of(7) > 0.0),
     }
 }
 
@@ -135,6 +136,7 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         history: std::array::from_fn(|c| {
             number(t, u64::from(i) << 32 | u64::from(j), 26 + c as u64)
         }),
+        limits: i64::from((t as u32 + i + j) % 8),
     };
     let place = |id| GrainPosition {
         id: id as u32,

@@ -224,6 +224,11 @@ fn content(path: &Path, grains: u64) {
             .into_iter()
             .eq(contacts.iter().map(|c| c.sliding))
     );
+    assert!(
+        ids("connectivity/contacts/rolling")
+            .into_iter()
+            .eq(contacts.iter().map(|c| c.rolling))
+    );
 
     for (c, name) in gshear_dem::state::SeriesRow::COLUMNS.iter().enumerate() {
         assert!(

@@ -204,11 +204,7 @@ fn time(world: &World, folder: &Path) -> Result<(), Failure> {
             .collect();
         part.contacts = contacts
             .iter()
-            .map(|c| ContactState {
-                i: c.i,
-                j: c.j,
-                history: [1.0; 3],
-            })
+            .map(|c| ContactState::new(c.i, c.j, [1.0; 3]))
             .collect();
         let start = Instant::now();
         for _ in 0..4 {

@@ -354,6 +354,7 @@ fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
                     rolling_history: 1e-9 * normal_force,
                     overlap,
                     sliding: u64::from((i + j) % 20 == 0),
+                    rolling: 0,
                 });
             }
         }

@@ -53,11 +53,7 @@ impl Turning {
             .collect();
         let history = [tangential * LAW.friction * normal_force(), 0.0, 0.0];
         let grains = vec![at(0, 1.0, [1.0, 0.0]), at(1, -1.0, [1.0, 0.0])];
-        let contact = ContactState {
-            i: 0,
-            j: 1,
-            history,
-        };
+        let contact = ContactState::new(0, 1, history);
         let law = program_law(&LAW);
         let rig = Rig::free(law, setting(step), grains, vec![contact]).expect("within the law");
         Self {
@@ -192,12 +188,8 @@ fn disk_held(steps: u64) -> Line {
             ..grain(id, RADIUS, place, [0.0; 2], 0.0)
         });
     }
-    let contacts =
-        [(1, 0.2, 0.05), (2, -0.1, 0.03), (3, 0.15, -0.04)].map(|(j, t, m)| ContactState {
-            i: 0,
-            j,
-            history: [t * force, k_t, m * force * RADIUS],
-        });
+    let contacts = [(1, 0.2, 0.05), (2, -0.1, 0.03), (3, 0.15, -0.04)]
+        .map(|(j, t, m)| ContactState::new(0, j, [t * force, k_t, m * force * RADIUS]));
     let step = 0.1 * (law.mass(RADIUS) / k_n).sqrt();
     let mut rig = Rig::free(
         program_law::<true, true>(&law),
@@ -293,11 +285,7 @@ fn sphere_held(steps: u64) -> Line {
             ..free
         });
         let across = [n[1] - n[2], n[2] - n[0], n[0] - n[1]];
-        contacts.push(ContactState {
-            i: 0,
-            j,
-            history: across.map(|a| part * OVERLAP * a),
-        });
+        contacts.push(ContactState::new(0, j, across.map(|a| part * OVERLAP * a)));
     }
     let setting = Setting {
         length: 8.0 * RADIUS,

@@ -101,11 +101,7 @@ fn touching<D: Dimension>(grains: &[GrainState], cell: Cell) -> Option<Vec<Conta
                 return None;
             }
             if overlap > 0.0 {
-                pairs.push(ContactState {
-                    i: a.id,
-                    j: b.id,
-                    history: [0.0; 3],
-                });
+                pairs.push(ContactState::new(a.id, b.id, [0.0; 3]));
             }
         }
     }
@@ -221,6 +217,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
             contacts: &contacts,
             cell: self.system.cell,
             masses: MASSES,
+            at_rest: true,
         };
         assemble::<D>(state, self.law, History::Turned)
     }

@@ -27,8 +27,6 @@ pub struct ContactForces {
     pub tangential: Vec<[Lanes16; 3]>,
     /// δ (m).
     pub overlap: Vec<Lanes16>,
-    /// Lanes at the Coulomb limit.
-    pub sliding: Vec<u16>,
 }
 
 impl ContactForces {
@@ -40,8 +38,6 @@ impl ContactForces {
         }
         self.tangential.clear();
         self.tangential.resize(blocks, [Lanes16::ZERO; 3]);
-        self.sliding.clear();
-        self.sliding.resize(blocks, 0);
     }
 
     /// Borrows the room for some blocks.
@@ -49,8 +45,7 @@ impl ContactForces {
         Samples {
             normal: &mut self.normal[blocks.clone()],
             tangential: &mut self.tangential[blocks.clone()],
-            overlap: &mut self.overlap[blocks.clone()],
-            sliding: &mut self.sliding[blocks],
+            overlap: &mut self.overlap[blocks],
         }
     }
 }
@@ -60,7 +55,6 @@ pub struct Samples<'a> {
     normal: &'a mut [Lanes16],
     tangential: &'a mut [[Lanes16; 3]],
     overlap: &'a mut [Lanes16],
-    sliding: &'a mut [u16],
 }
 
 impl<'a> Samples<'a> {
@@ -69,19 +63,16 @@ impl<'a> Samples<'a> {
         let (normal, normal_after) = self.normal.split_at_mut(blocks);
         let (tangential, tangential_after) = self.tangential.split_at_mut(blocks);
         let (overlap, overlap_after) = self.overlap.split_at_mut(blocks);
-        let (sliding, sliding_after) = self.sliding.split_at_mut(blocks);
         (
             Samples {
                 normal,
                 tangential,
                 overlap,
-                sliding,
             },
             Samples {
                 normal: normal_after,
                 tangential: tangential_after,
                 overlap: overlap_after,
-                sliding: sliding_after,
             },
         )
     }
@@ -561,7 +552,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
     let largest = c(units.largest_force());
     let mut outside = None;
     let sums = &mut *pass.force;
-    let contacts = &pass.part;
+    let contacts = &mut pass.part;
     for (k, block) in chunk.enumerate() {
         let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
         let touching = load(&motion.overlap).greater(zero);
@@ -574,7 +565,10 @@ fn add_forces<C: ContactLaw, L: Lanes>(
             samples.normal[block] = response.normal;
             samples.overlap[block] = motion.overlap;
             samples.tangential[block] = response.tangential;
-            samples.sliding[block] = response.sliding & contacts.touching[block];
+        }
+        if C::FRICTION || C::ROLLING {
+            let touching = contacts.touching[block];
+            contacts.limits[block] = [response.sliding & touching, response.rolls & touching];
         }
         let mut force = n;
         let (mut on_i, mut on_j) = ([zero; 3], [zero; 3]);

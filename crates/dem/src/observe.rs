@@ -109,7 +109,7 @@ pub fn series<D: Dimension>(
     for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
         let free = |g: usize| i64::from(grains.body[g] == body::FREE);
         counts[0] += 1;
-        counts[1] += i64::from(samples.sliding[at.block] >> at.lane & 1);
+        counts[1] += i64::from(system.contacts.limits[at.block][0] >> at.lane & 1);
         counts[2] += free(at.i) + free(at.j);
     }
 
@@ -200,6 +200,8 @@ pub fn frame<D: Dimension>(
         .map(|at| {
             let state = system.contacts.state(law, at, &system.grains.id);
             let force = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
+            let limits = system.contacts.limits[at.block];
+            let at_limit = |of: usize| u64::from(limits[of] >> at.lane & 1);
             let planar = D::SPINS == 1;
             let tangential = |v: [f64; 3]| if planar { [v[0], 0.0, 0.0] } else { v };
             ContactSample {
@@ -210,7 +212,8 @@ pub fn frame<D: Dimension>(
                 tangential_history: tangential(state.history),
                 rolling_history: if planar { state.history[2] } else { 0.0 },
                 overlap: samples.overlap[at.block].0[at.lane],
-                sliding: u64::from(samples.sliding[at.block] >> at.lane & 1),
+                sliding: at_limit(0),
+                rolling: at_limit(1),
             }
         })
         .collect();
@@ -238,7 +241,7 @@ pub fn digest<D: Dimension>(
         add(g.moving());
     }
     for c in system.owned_contact_states(law) {
-        add(bytemuck::bytes_of(&c));
+        add(c.moving());
     }
     if exchange.rank() == 0 {
         add(more);

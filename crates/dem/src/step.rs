@@ -227,6 +227,7 @@ fn add_forces<D: Dimension>(
         ..
     } = system;
     pool.clear(&mut grains.force[grains.owned..]);
+    contacts.limits_are_known = step > 0.0;
     if *gravity > 0.0 {
         weigh(grains, *gravity);
     }

@@ -310,7 +310,8 @@ fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
 /// Compares the fields of frames, read in blocks.
 fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>, Failure> {
     let images = a.has_images() && b.has_images();
-    let mut fields = FrameComparison::new(a.dimension(), images);
+    let rolling = a.has_rolling() && b.has_rolling();
+    let mut fields = FrameComparison::new(a.dimension(), images, rolling);
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);
@@ -325,13 +326,15 @@ fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldCompari
 /// A field of a contact: name, whether it is a tangential vector (one component in 2D), getter.
 type ContactField = (&'static str, bool, fn(&ContactSample) -> [f64; 3]);
 
-const CONTACT_FIELDS: [ContactField; 6] = [
+const CONTACT_FIELDS: [ContactField; 7] = [
     ("normal_force", false, |c| [c.normal_force; 3]),
     ("tangential_force", true, |c| c.tangential_force),
     ("tangential_history", true, |c| c.tangential_history),
     ("rolling_history", false, |c| [c.rolling_history; 3]),
     ("overlap", false, |c| [c.overlap; 3]),
     ("sliding", false, |c| [c.sliding as f64; 3]),
+    // Last: not every run has it.
+    ("rolling", false, |c| [c.rolling as f64; 3]),
 ];
 
 struct FrameComparison {
@@ -349,7 +352,8 @@ struct FrameComparison {
 }
 
 impl FrameComparison {
-    fn new(dimension: Dimensions, images: bool) -> Self {
+    fn new(dimension: Dimensions, images: bool, rolling: bool) -> Self {
+        let columns = CONTACT_FIELDS.len() - usize::from(!rolling);
         FrameComparison {
             dimension,
             step: FieldComparison::new("frame step"),
@@ -359,7 +363,7 @@ impl FrameComparison {
             angular_velocity: FieldComparison::new("angular_velocity"),
             image: images.then(|| FieldComparison::new("image")),
             pairs: FieldComparison::new("contacts"),
-            contacts: CONTACT_FIELDS
+            contacts: CONTACT_FIELDS[..columns]
                 .iter()
                 .map(|(name, ..)| FieldComparison::new(format!("c. {name}")))
                 .collect(),
@@ -490,7 +494,7 @@ mod tests {
         };
         let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
-        let mut fields = FrameComparison::new(Dimensions::Two, false);
+        let mut fields = FrameComparison::new(Dimensions::Two, false, true);
         fields.see_contacts(7, &a, &b);
         assert_eq!((fields.pairs.compared, fields.pairs.differing), (4, 2));
         assert_eq!(fields.pairs.first, Location::ContactOf(7, 0, 1));

@@ -14,7 +14,7 @@ use gshear_dem::state::{Cell, ContactState, GrainState};
 use gshear_driver::header::Header;
 use gshear_scene::{Boundary, Contact, Dimensions, Law, Scene, Source};
 use gshear_store::checkpoint;
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_writer::StateOrigin;
 use std::io::Write;
 
@@ -46,6 +46,7 @@ pub struct StoredState {
     /// Grains by id.
     pub grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
+    at_rest: bool,
     what: String,
     origin: StateOrigin,
 }
@@ -71,6 +72,7 @@ impl StoredState {
             contacts: &self.contacts,
             cell: self.cell,
             masses: self.law.masses(),
+            at_rest: self.at_rest,
         };
         match self.dimension {
             Dimensions::Two => assemble::<Two>(state, self.force::<Two>().as_ref(), history),
@@ -122,22 +124,24 @@ pub fn of(
     })
 }
 
-fn of_scene(
-    scene: Scene,
-    cell: Cell,
-    grains: Vec<GrainState>,
-    contacts: Vec<ContactState>,
-    (what, origin): (String, StateOrigin),
-) -> StoredState {
-    StoredState {
-        law: scene.law,
-        contact: scene.contact,
-        dimension: scene.dimension,
-        cell,
-        grains,
-        contacts,
-        what,
-        origin,
+impl StoredState {
+    fn new(
+        scene: Scene,
+        cell: Cell,
+        (grains, contacts): (Vec<GrainState>, Vec<ContactState>),
+        (what, origin): (String, StateOrigin),
+    ) -> Self {
+        Self {
+            law: scene.law,
+            contact: scene.contact,
+            dimension: scene.dimension,
+            cell,
+            grains,
+            contacts,
+            at_rest: origin.stage == RunStage::Strain.name(),
+            what,
+            origin,
+        }
     }
 }
 
@@ -151,7 +155,7 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
     let header = Header::read(&snapshot)?;
     let scene = header.scene(path, toml, &[])?;
-    let (grains, contacts) = (snapshot.grains, snapshot.contacts);
+    let state = (snapshot.grains, snapshot.contacts);
     let origin = StateOrigin {
         run_id: None,
         stage: header.stage(),
@@ -173,12 +177,12 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
                 path.display()
             );
             let cell = scene.sample.sheared_cell(progress.offset);
-            Ok(of_scene(scene, cell, grains, contacts, (what, origin)))
+            Ok(StoredState::new(scene, cell, state, (what, origin)))
         }
         (_, Boundary::Walls(_)) => {
             let what = format!("step {} of the shear in {}", header.step(), path.display());
             let cell = scene.sample.cell();
-            Ok(of_scene(scene, cell, grains, contacts, (what, origin)))
+            Ok(StoredState::new(scene, cell, state, (what, origin)))
         }
         (_, Boundary::Periodic(_)) => Err(Failure::input(format!(
             "{}: the checkpoint is of a stage between walls, but its scene has a [box]",
@@ -201,7 +205,7 @@ fn of_run(run: &RunFile, selection: StateSelection) -> Result<StoredState, Failu
     };
     let name = format!("{} (its scene)", run.path().display());
     let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
-    let (grains, contacts) = run.state(t)?;
+    let state = run.state(t)?;
     let what = format!(
         "frame {t} (step {}) of {}",
         run.frame_steps()[t],
@@ -212,11 +216,5 @@ fn of_run(run: &RunFile, selection: StateSelection) -> Result<StoredState, Failu
         stage: run.stage().name(),
         step: run.frame_steps()[t],
     };
-    Ok(of_scene(
-        scene,
-        run.cell(t),
-        grains,
-        contacts,
-        (what, origin),
-    ))
+    Ok(StoredState::new(scene, run.cell(t), state, (what, origin)))
 }

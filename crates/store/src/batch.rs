@@ -178,6 +178,8 @@ pub struct ShareColumns {
     /// One array per entry of [`forces`].
     pub forces: Vec<Vec<f64>>,
     pub sliding: Vec<u8>,
+    /// Of disks.
+    pub rolling: Vec<u8>,
 }
 
 impl ShareColumns {
@@ -198,6 +200,7 @@ impl ShareColumns {
                 .map(|(_, width)| Vec::with_capacity(contacts * width))
                 .collect(),
             sliding: Vec::with_capacity(contacts),
+            rolling: Vec::with_capacity(contacts),
         };
         let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
         let mut seen = vec![false; block];
@@ -269,9 +272,12 @@ impl ShareColumns {
                 let values = &values[contacts.start * width..contacts.end * width];
                 sums.push(weights.numbers(contacts.clone(), values, *width));
             }
-            sums.push(weights.flags(contacts.clone(), &self.sliding[contacts]));
+            sums.push(weights.flags(contacts.clone(), &self.sliding[contacts.clone()]));
             let of_block = &self.image[f * block * 3..][..block * 3];
             sums.push(checksums::of_images(&of_width[1], of_block));
+            if axes == 2 {
+                sums.push(weights.flags(contacts.clone(), &self.rolling[contacts]));
+            }
             sums
         };
         self.counts.iter().enumerate().map(of_frame).collect()
@@ -301,6 +307,7 @@ impl ShareColumns {
                 column.extend_from_slice(values);
             }
             self.sliding.push(c.sliding as u8);
+            self.rolling.push(c.rolling as u8);
         }
     }
 }

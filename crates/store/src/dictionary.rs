@@ -260,7 +260,10 @@ const CONTACT_IDS: [Column; 2] = [
     Column::new("i", "1", "lower id"),
     Column::new("j", "1", "higher id"),
 ];
-const SLIDING: Column = Column::new("sliding", "1", "1 at Coulomb's limit");
+const LIMITS: [Column; 2] = [
+    Column::new("sliding", "1", "1 at Coulomb's limit"),
+    Column::new("rolling", "1", "1 at the limit of rolling; of disks"),
+];
 const MODES: [Column; 4] = [
     Column::new(
         "modeK_displacement_re",
@@ -505,7 +508,12 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
         table(
             "frames-contacts.csv",
             "contact and frame",
-            &[&of_frame, &CONTACT_IDS, &named(forces(axes)), &[SLIDING]],
+            &[
+                &of_frame,
+                &CONTACT_IDS,
+                &named(forces(axes)),
+                &LIMITS[..if axes == 2 { 2 } else { 1 }],
+            ],
         ),
         table(OF_FIGURES, "point, grain, contact or number", &[&FIGURES]),
     ]

@@ -12,6 +12,8 @@ pub const BOX: &str = "particles/trajectory/box";
 pub const OBSERVABLES: &str = "observables";
 const CONTACTS: &str = "connectivity/contacts";
 /// Images of the grains at the frames; files of earlier versions have none.
+/// Flags of rolling at its limit.
+pub const ROLLING: &str = "connectivity/contacts/rolling";
 pub const IMAGE_VALUE: &str = "particles/trajectory/image/value";
 /// The edges of the box at the frames.
 pub const EDGES_VALUE: &str = "particles/trajectory/box/edges/value";
@@ -69,6 +71,7 @@ pub fn frame_columns(axes: usize) -> Vec<&'static str> {
         .chain(["pairs"])
         .chain(contacts)
         .chain(["sliding", "image"])
+        .chain((axes == 2).then_some("rolling"))
         .collect()
 }
 
@@ -148,6 +151,8 @@ pub struct Datasets {
     /// Of [`forces`].
     pub forces: Vec<Dataset<f64>>,
     pub sliding: Dataset<u8>,
+    /// Of disks; `None` in a file of an earlier version.
+    pub rolling: Option<Dataset<u8>>,
     pub row_step: Dataset<u64>,
     pub row_time: Dataset<f64>,
     /// Of the time series, in the order of its columns.
@@ -283,6 +288,11 @@ impl Datasets {
             j: growing(file, mode, &contact("j"), rows)?,
             forces: columns,
             sliding: growing(file, mode, &contact("sliding"), rows)?,
+            rolling: match mode {
+                _ if axes != 2 => None,
+                Mode::Open if !file.has(ROLLING) => None,
+                _ => Some(growing(file, mode, ROLLING, rows)?),
+            },
             row_step,
             row_time,
             observables,

@@ -32,6 +32,9 @@ pub struct NetworkState<'a> {
     pub cell: Cell,
     /// Masses of the grains.
     pub masses: Masses,
+    /// Whether it is in equilibrium, so that the elastic forces alone decide which contacts are at
+    /// their limits; else it is as the contacts say.
+    pub at_rest: bool,
 }
 
 /// Whether the tangential history rotates with n.
@@ -143,7 +146,8 @@ pub fn assemble<D: Dimension>(
         .iter()
         .filter_map(|c| {
             let pair = [&grains[c.i as usize], &grains[c.j as usize]];
-            let contact = touch::<D>(pair, c.history, state.cell, law)?;
+            let limits = if state.at_rest { [None; 2] } else { c.limits() };
+            let contact = touch::<D>(pair, (c.history, limits), state.cell, law)?;
             Some((contact, [c.i, c.j].map(|g| place[g as usize])))
         })
         .collect();
@@ -186,7 +190,7 @@ pub fn assemble<D: Dimension>(
 /// The contact of two grains, or `None` without overlap.
 fn touch<D: Dimension>(
     [a, b]: [&GrainState; 2],
-    history: [f64; 3],
+    state: ([f64; 3], [Option<bool>; 2]),
     cell: Cell,
     law: &dyn Stiffness,
 ) -> Option<LinearContact> {
@@ -195,5 +199,5 @@ fn touch<D: Dimension>(
     let overlap = a.radius + b.radius - distance;
     let radii = [a.radius, b.radius];
     let n = r.map(|x| x / distance);
-    (overlap > 0.0).then(|| LinearContact::new::<D>(law, radii, n, distance, overlap, history))
+    (overlap > 0.0).then(|| LinearContact::new::<D>(law, radii, n, distance, overlap, state))
 }

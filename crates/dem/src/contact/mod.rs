@@ -90,6 +90,8 @@ pub struct Response {
     pub rolling: Lanes16,
     /// Lanes at the Coulomb limit.
     pub sliding: u16,
+    /// Lanes at the limit of rolling.
+    pub rolls: u16,
     /// Lanes with an overlap outside the law.
     pub beyond: u16,
     /// Dissipation by [`dissipation`], if an energy budget is kept; also of contacts that have just
@@ -104,6 +106,7 @@ impl Response {
         tangential: [Lanes16::ZERO; 3],
         rolling: Lanes16::ZERO,
         sliding: 0,
+        rolls: 0,
         beyond: 0,
         dissipated: [Lanes16::ZERO; dissipation::KINDS],
     };

@@ -40,18 +40,32 @@ pub struct Derivatives {
 /// A law that has derivatives.
 pub trait Stiffness: Sync {
     /// The derivatives for two grains of radii R_i, R_j (m) at the overlap δ > 0 (m), with a
-    /// history as in [`crate::state::ContactState`].
-    fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives;
+    /// history as in [`crate::state::ContactState`]. `limits`: whether the contact is at the limit of
+    /// friction and at that of rolling, as the step found with F_n of spring and damper; `None`: by
+    /// the elastic F_n, as in equilibrium.
+    fn derivatives(
+        &self,
+        radii: [f64; 2],
+        overlap: f64,
+        history: [f64; 3],
+        limits: [Option<bool>; 2],
+    ) -> Derivatives;
 }
 
 impl Derivatives {
     /// Adds those of F_t: the spring's force `trial` of stiffness k_t, cut to μF_n. F_n must be
     /// set.
-    pub(crate) fn limited(mut self, trial: [f64; 3], k_t: f64, friction: f64) -> Self {
+    pub(crate) fn limited(
+        mut self,
+        trial: [f64; 3],
+        k_t: f64,
+        friction: f64,
+        slides: Option<bool>,
+    ) -> Self {
         let length = norm(trial);
         let limit = friction * self.normal;
         self.direction = unit(trial, length);
-        self.sliding = length >= AT_LIMIT * limit;
+        self.sliding = slides.unwrap_or(length >= AT_LIMIT * limit);
         if self.sliding {
             self.tangential = self.direction.map(|t| limit * t);
             self.tangential_slope = self.direction.map(|t| friction * self.normal_slope * t);
@@ -65,8 +79,8 @@ impl Derivatives {
 
     /// Adds those of the rolling torque: the spring's torque `trial` of stiffness k_r, cut to `arm`
     /// F_n with arm = μ_r R_r (m). F_n must be set.
-    pub(crate) fn rolling(mut self, trial: f64, k_r: f64, arm: f64) -> Self {
-        if trial.abs() >= AT_LIMIT * arm * self.normal {
+    pub(crate) fn rolling(mut self, trial: f64, k_r: f64, arm: f64, rolls: Option<bool>) -> Self {
+        if rolls.unwrap_or(trial.abs() >= AT_LIMIT * arm * self.normal) {
             self.rolling_slope = (arm * self.normal_slope).copysign(trial);
         } else {
             self.rolling = k_r;
@@ -85,5 +99,38 @@ pub(crate) fn unit(v: [f64; 3], length: f64) -> [f64; 3] {
         v.map(|v| v / length)
     } else {
         [1.0, 0.0, 0.0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A damper makes F_n and with it the limit of the step greater or less than those of the
+    /// spring; what the step found decides, and only without it the spring.
+    #[test]
+    fn the_step_says_what_is_at_its_limit() {
+        let (friction, k_t, arm, k_r) = (0.5, 3.0, 0.1, 7.0);
+        let at = |trial: f64, slides, rolls| {
+            let spring = Derivatives {
+                normal: 2.0,
+                normal_slope: 4.0,
+                ..Derivatives::default()
+            };
+            let spring = spring.limited([trial, 0.0, 0.0], k_t, friction, slides);
+            spring.rolling(0.2 * trial, k_r, arm, rolls)
+        };
+        for trial in [0.9, 1.1] {
+            let slid = at(trial, Some(true), Some(true));
+            assert!(slid.sliding);
+            assert_eq!((slid.along, slid.rolling), (0.0, 0.0));
+            assert_eq!(slid.tangential_slope, [friction * 4.0, 0.0, 0.0]);
+            assert_eq!(slid.rolling_slope, arm * 4.0);
+            let stuck = at(trial, Some(false), Some(false));
+            assert!(!stuck.sliding);
+            assert_eq!((stuck.along, stuck.rolling), (k_t, k_r));
+            assert_eq!(stuck.tangential, [trial, 0.0, 0.0]);
+            assert_eq!(at(trial, None, None).sliding, trial > 1.0);
+        }
     }
 }

@@ -504,7 +504,13 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
 
 /// At constant u, F_t = -√(δR*) k_t u grows with √δ; at the limit F_t = -μF_n u/|u|.
 impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
-    fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+    fn derivatives(
+        &self,
+        radii: [f64; 2],
+        overlap: f64,
+        history: [f64; 3],
+        limits: [Option<bool>; 2],
+    ) -> Derivatives {
         let [r_i, r_j] = radii;
         let root = (overlap * r_i * r_j / (r_i + r_j)).sqrt();
         let d = Derivatives {
@@ -517,7 +523,8 @@ impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
         }
         let k_t = self.tangential_stiffness * root;
         let trial = history.map(|u| -k_t * u);
-        let mut d = d.limited(trial, k_t, self.friction);
+        let [slides, _] = limits;
+        let mut d = d.limited(trial, k_t, self.friction, slides);
         if !d.sliding {
             d.tangential_slope = d.tangential.map(|f| 0.5 * f / overlap);
         }

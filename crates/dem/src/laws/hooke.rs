@@ -367,7 +367,14 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
 impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
     for Hooke<D, FRICTION, ROLLING>
 {
-    fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+    fn derivatives(
+        &self,
+        radii: [f64; 2],
+        overlap: f64,
+        history: [f64; 3],
+        limits: [Option<bool>; 2],
+    ) -> Derivatives {
+        let [slides, rolls] = limits;
         let mut d = Derivatives {
             normal: self.normal_stiffness * overlap,
             normal_slope: self.normal_stiffness,
@@ -379,11 +386,11 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
             _ => [first, 0.0, 0.0],
         };
         if FRICTION {
-            d = d.limited(force, self.tangential_stiffness, self.friction);
+            d = d.limited(force, self.tangential_stiffness, self.friction, slides);
         }
         if ROLLING {
             let (k_r, arm) = self.rolling.spring(radii);
-            d = d.rolling(torque, k_r, arm);
+            d = d.rolling(torque, k_r, arm, rolls);
         }
         d
     }

@@ -498,10 +498,17 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 
 /// The history is a force, so F_t does not depend on δ below the limit. dF_n/dδ = πE*/(ℓ-2).
 impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION, ROLLING> {
-    fn derivatives(&self, radii: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+    fn derivatives(
+        &self,
+        radii: [f64; 2],
+        overlap: f64,
+        history: [f64; 3],
+        limits: [Option<bool>; 2],
+    ) -> Derivatives {
         let [r_i, r_j] = radii;
         let y = overlap / (4.0 * (r_i + r_j));
         let m = 1.0 / inverse_root(y);
+        let [slides, rolls] = limits;
         let mut d = Derivatives {
             normal: self.stiffness / m * overlap,
             normal_slope: self.stiffness / (m - 1.0),
@@ -510,11 +517,11 @@ impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION
         let [force, _, torque] = history;
         if FRICTION {
             let k_t = self.tangential_stiffness(radii, m, (y / m).sqrt());
-            d = d.limited([force, 0.0, 0.0], k_t, self.friction);
+            d = d.limited([force, 0.0, 0.0], k_t, self.friction, slides);
         }
         if ROLLING {
             let (k_r, arm) = self.rolling.spring(radii);
-            d = d.rolling(torque, k_r, arm);
+            d = d.rolling(torque, k_r, arm, rolls);
         }
         d
     }

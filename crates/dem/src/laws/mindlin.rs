@@ -338,7 +338,13 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
 /// perpendicular to it; ∂F_t/∂δ = -k_t (1 + s - s² + 2(2s² - s)) t/(2√δ) (BO B1). For s > 1, F_t =
 /// -μ k_n δ^(3/2) t/|t|, with the same derivatives at s = 1.
 impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
-    fn derivatives(&self, _: [f64; 2], overlap: f64, history: [f64; 3]) -> Derivatives {
+    fn derivatives(
+        &self,
+        _: [f64; 2],
+        overlap: f64,
+        history: [f64; 3],
+        [slides, _]: [Option<bool>; 2],
+    ) -> Derivatives {
         let root = overlap.sqrt();
         let mut d = Derivatives {
             normal: self.normal_stiffness * overlap * root,
@@ -352,7 +358,10 @@ impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
         d.direction = stiffness::unit(history, length);
         let s = length / (self.threshold_per_overlap() * overlap);
         let k_t = self.tangential_stiffness * root;
-        if s < 1.0 {
+        // A contact that was cut to s = 1 has it with a rounding error.
+        d.sliding = slides.unwrap_or(s >= 1.0);
+        if !d.sliding {
+            let s = s.min(1.0);
             let secant = 1.0 + s - s * s;
             d.along = k_t * (1.0 + 2.0 * s - 3.0 * s * s);
             d.across = k_t * secant;
@@ -360,7 +369,6 @@ impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
             let slope = -k_t / (2.0 * overlap) * (secant + 2.0 * s * (2.0 * s - 1.0));
             d.tangential_slope = history.map(|t| slope * t);
         } else {
-            d.sliding = true;
             d.across = self.friction * d.normal / length;
             d.tangential = d.direction.map(|t| -self.friction * d.normal * t);
             d.tangential_slope = d.direction.map(|t| -self.friction * d.normal_slope * t);

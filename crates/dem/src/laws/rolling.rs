@@ -10,7 +10,7 @@
 //! the contact (LH A22).
 
 use crate::contact::{Blocks, Limited, add_damping, dissipation};
-use crate::simd::{Lanes, Lanes16, inverse};
+use crate::simd::{Lanes, Lanes16, Mask, inverse};
 
 /// Number of quantities that [`Rolling::parameters`] computes.
 pub const PARAMETERS: usize = 3;
@@ -87,6 +87,7 @@ pub fn rolling_force<L: Lanes, const BUDGET: bool>(
         let m = Limited::new(token, 1, [trial; 3], limit, [damping; 3]);
         let (elastic, viscous) = (m.elastic[0], m.viscous[0]);
         (elastic - viscous).store(&mut response.rolling);
+        response.rolls = m.at_limit.bits();
         let (before, after) = (load(&history[place]), elastic.select(touching, zero));
         if BUDGET {
             let work = (before + after) * load(&motion.rolling_increment);

@@ -37,6 +37,10 @@ pub struct Contacts {
     pub history_lanes: usize,
     /// Lanes that touched when the forces were last computed.
     pub touching: Vec<u16>,
+    /// Lanes that were then at the limit of friction, and at that of rolling.
+    pub limits: Vec<[u16; 2]>,
+    /// Whether they are of a step in which the histories advanced.
+    pub limits_are_known: bool,
 }
 
 /// Two local grains closer than the cutoff, the one of lower id first.
@@ -75,13 +79,17 @@ impl Contacts {
         self.geometry.clear();
         self.history.clear();
         self.touching.clear();
+        self.limits.clear();
+        self.limits_are_known = remembered
+            .iter()
+            .all(|c| c.limits().iter().all(Option::is_some));
         for block in groups.iter().flat_map(|group| group.chunks(LANES)) {
             let mut of_block = Pairs {
                 i: [0; LANES],
                 j: [0; LANES],
             };
             let mut geometry = [Lanes16([FILLER; LANES]), Lanes16([-0.5 * FILLER; LANES])];
-            let mut touching = 0;
+            let (mut touching, mut limits) = (0, [0; 2]);
             let first = self.history.len();
             self.history
                 .resize(first + self.history_lanes, Lanes16::ZERO);
@@ -91,9 +99,13 @@ impl Contacts {
                 of_block.j[lane] = j;
                 geometry[0].0[lane] = radius[i as usize] + radius[j as usize];
                 geometry[1].0[lane] = radius[i as usize];
-                if let Some(history) = listed.history {
+                if let Some(contact) = listed.contact {
                     touching |= 1 << lane;
-                    let history = law.from_state(history);
+                    let is_at = contact.limits().map(Option::unwrap_or_default);
+                    for (lanes, is_at) in limits.iter_mut().zip(is_at) {
+                        *lanes |= u16::from(is_at) << lane;
+                    }
+                    let history = law.from_state(contact.history);
                     for (lanes, from) in self.history[first..].iter_mut().zip(history) {
                         lanes.0[lane] = from;
                     }
@@ -102,6 +114,7 @@ impl Contacts {
             self.pairs.push(of_block);
             self.geometry.push(geometry);
             self.touching.push(touching);
+            self.limits.push(limits);
         }
         let blocks = self.geometry.len();
         self.inner = groups[0].len().div_ceil(LANES);
@@ -125,6 +138,7 @@ impl Contacts {
             parameters: &self.parameters[of(self.parameter_lanes)],
             history: &mut self.history[of(self.history_lanes)],
             touching: &mut self.touching[of(1)],
+            limits: &mut self.limits[of(1)],
         }
     }
 
@@ -157,10 +171,13 @@ impl Contacts {
         for (to, lanes) in history.iter_mut().zip(lanes) {
             *to = lanes.0[at.lane];
         }
+        let is_at = |lanes: u16| self.limits_are_known.then_some(lanes >> at.lane & 1 == 1);
+        let limits = self.limits[at.block].map(is_at);
         ContactState {
             i: id[at.i],
             j: id[at.j],
             history: law.to_state(history),
+            limits: ContactState::stored(limits),
         }
     }
 
@@ -170,14 +187,15 @@ impl Contacts {
         self.pairs.memory()
             + self.geometry.capacity() * size_of::<[Lanes16; 2]>()
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Lanes16>()
-            + self.touching.capacity()
+            + self.touching.capacity() * size_of::<u16>()
+            + self.limits.capacity() * size_of::<[u16; 2]>()
     }
 }
 
-/// A pair of the list, and its history if it is a contact.
-struct Listed {
+/// A pair of the list, and its state if it is a contact.
+struct Listed<'a> {
     grains: [u32; 2],
-    history: Option<[f64; 3]>,
+    contact: Option<&'a ContactState>,
 }
 
 /// Number of pairs among which contacts come first: enough that few blocks hold both kinds, and few
@@ -187,9 +205,9 @@ const SORTED_TOGETHER: usize = 64 * LANES;
 /// A group in the order of the list.
 fn in_order<'a>(
     group: impl Iterator<Item = &'a CandidatePair>,
-    remembered: &[ContactState],
+    remembered: &'a [ContactState],
     id: &[u32],
-) -> Vec<Listed> {
+) -> Vec<Listed<'a>> {
     let mut rest = remembered.iter().peekable();
     let mut all: Vec<(f64, Listed)> = group
         .map(|pair| {
@@ -198,7 +216,7 @@ fn in_order<'a>(
             let contact = rest.next_if(|c| (c.i, c.j) == (i, j));
             let listed = Listed {
                 grains: pair.grains,
-                history: contact.map(|c| c.history),
+                contact,
             };
             (contact.map_or(pair.gap, |_| f64::NEG_INFINITY), listed)
         })
@@ -230,6 +248,8 @@ pub struct BlockRange<'a> {
     pub history: &'a mut [Lanes16],
     /// [`Contacts::touching`] of these blocks.
     pub touching: &'a mut [u16],
+    /// [`Contacts::limits`] of these blocks.
+    pub limits: &'a mut [[u16; 2]],
 }
 
 impl<'a> BlockRange<'a> {
@@ -245,6 +265,7 @@ impl<'a> BlockRange<'a> {
         let (parameters, parameters_after) = self.parameters.split_at(here * self.parameter_lanes);
         let (history, history_after) = self.history.split_at_mut(here * self.history_lanes);
         let (touching, touching_after) = self.touching.split_at_mut(here);
+        let (limits, limits_after) = self.limits.split_at_mut(here);
         (
             BlockRange {
                 first: self.first,
@@ -256,6 +277,7 @@ impl<'a> BlockRange<'a> {
                 parameters,
                 history,
                 touching,
+                limits,
             },
             BlockRange {
                 first: until,
@@ -267,6 +289,7 @@ impl<'a> BlockRange<'a> {
                 parameters: parameters_after,
                 history: history_after,
                 touching: touching_after,
+                limits: limits_after,
             },
         )
     }

@@ -56,6 +56,8 @@ pub struct ContactSample {
     pub overlap: f64,
     /// 1 if the elastic tangential force is at the Coulomb limit, else 0.
     pub sliding: u64,
+    /// 1 if the elastic rolling torque is at its limit, else 0.
+    pub rolling: u64,
 }
 
 crate::columns! {

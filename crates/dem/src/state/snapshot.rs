@@ -51,6 +51,40 @@ pub struct ContactState {
     pub j: u32,
     /// History; see above.
     pub history: [f64; 3],
+    /// [`ContactState::limits`], as [`ContactState::stored`] writes them.
+    pub limits: i64,
+}
+
+impl ContactState {
+    /// A contact with this history; what limits it is at is not known.
+    pub fn new(i: u32, j: u32, history: [f64; 3]) -> Self {
+        Self {
+            i,
+            j,
+            history,
+            limits: 0,
+        }
+    }
+
+    /// Whether it was at the limit of friction, and at that of rolling, when the forces were last
+    /// computed; `None` if that is not known, because that was no step, or it was not stored.
+    pub fn limits(&self) -> [Option<bool>; 2] {
+        let is_set = |bit: i64| self.limits & bit != 0;
+        [(1, 4), (2, 8)].map(|(limit, known)| is_set(known).then(|| is_set(limit)))
+    }
+
+    /// Limits as a number: 1 and 2 for friction and rolling, and 4 and 8 if that is known.
+    pub fn stored(limits: [Option<bool>; 2]) -> i64 {
+        let number = |known: i64, limit: Option<bool>| {
+            limit.map_or(0, |is_at| known + known / 4 * i64::from(is_at))
+        };
+        number(4, limits[0]) + number(8, limits[1])
+    }
+
+    /// The bytes of all that the motion depends on: of every field before the limits.
+    pub fn moving(&self) -> &[u8] {
+        &bytemuck::bytes_of(self)[..std::mem::offset_of!(Self, limits)]
+    }
 }
 
 /// The position of a disk in a frame, for the scalars of the frame.

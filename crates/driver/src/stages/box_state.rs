@@ -132,7 +132,7 @@ fn shares<D: Dimension>(
             shear: r[0] * force[up],
             pressure: (0..axes).map(|axis| r[axis] * force[axis]).sum(),
             energy: energy(0) + energy(1),
-            sliding: f64::from(samples.sliding[at.block] >> at.lane & 1),
+            sliding: f64::from(contacts.limits[at.block][0] >> at.lane & 1),
         }
     })
     .collect()

@@ -293,7 +293,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
             }
         }
         if self.due.spectrum(step) {
-            let whole = GlobalState::gather(exchange, &mut self.system, self.law);
+            let whole = GlobalState::moving(exchange, &mut self.system, self.law);
             let found = whole.eigenvalues::<D>(exchange, &mut self.system, self.law)?;
             if let Some(spectra) = &mut self.spectra {
                 spectra.write(exchange, time, &found)?;

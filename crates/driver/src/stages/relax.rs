@@ -86,7 +86,7 @@ impl Relaxation {
         factorisations: &mut u64,
     ) -> Result<bool, Failure> {
         let tolerance = self.relax.tolerance;
-        let before = GlobalState::gather(exchange, system, law);
+        let before = GlobalState::at_rest(exchange, system, law);
         let longest = LONGEST * self.mean_diameter;
         let mut opened = Vec::new();
         let mut left = residual(exchange, system, 0.0);
@@ -95,7 +95,7 @@ impl Relaxation {
                 return Ok(false);
             }
             *factorisations += 1;
-            let whole = GlobalState::gather(exchange, system, law);
+            let whole = GlobalState::at_rest(exchange, system, law);
             let tangent = whole.tangent(exchange, system, law);
             let factors = tangent.as_ref().and_then(|t| t.factor(&mut self.solver));
             loop {
@@ -114,7 +114,7 @@ impl Relaxation {
                     return Ok(false);
                 }
                 let now = residual(exchange, system, 0.0);
-                opened.extend(GlobalState::gather(exchange, system, law).opened_since(&before));
+                opened.extend(GlobalState::at_rest(exchange, system, law).opened_since(&before));
                 // NaN counts as no progress.
                 let falls = now < left;
                 if !falls {
@@ -127,7 +127,7 @@ impl Relaxation {
                 }
             }
         }
-        let after = GlobalState::gather(exchange, system, law);
+        let after = GlobalState::at_rest(exchange, system, law);
         Ok(!opened.into_iter().any(|pair| after.has(pair)))
     }
 }

@@ -22,11 +22,25 @@ pub(super) type Move = [[f64; 3]; 2];
 pub(super) struct GlobalState {
     pub grains: Vec<GrainState>,
     pub contacts: Vec<ContactState>,
+    /// [`jacobian::NetworkState::at_rest`].
+    at_rest: bool,
 }
 
 impl GlobalState {
-    /// Gathers them on every rank; collective.
-    pub fn gather<D: Dimension>(
+    /// Gathers those of a state at rest on every rank; collective.
+    pub fn at_rest<D: Dimension>(
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+        law: &dyn PairForce<D>,
+    ) -> Self {
+        Self {
+            at_rest: true,
+            ..Self::moving(exchange, system, law)
+        }
+    }
+
+    /// Gathers those of a moving state on every rank; collective.
+    pub fn moving<D: Dimension>(
         exchange: &dyn Parallel,
         system: &mut System<D>,
         law: &dyn PairForce<D>,
@@ -35,6 +49,7 @@ impl GlobalState {
         Self {
             grains: gathered(exchange, &system.grain_states(), |g| g.id),
             contacts: gathered(exchange, &contacts, |c| (c.i, c.j)),
+            at_rest: false,
         }
     }
 
@@ -57,6 +72,7 @@ impl GlobalState {
             contacts: &self.contacts,
             cell: system.cell,
             masses: system.masses,
+            at_rest: self.at_rest,
         };
         jacobian::assemble::<D>(state, law, History::Turned)
     }

@@ -136,7 +136,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
     }
 
     fn eigenvalues(&mut self, run: &Run<'_>) -> Result<Eigenvalues, Failure> {
-        let whole = GlobalState::gather(run.exchange, &mut self.system, self.law);
+        let whole = GlobalState::at_rest(run.exchange, &mut self.system, self.law);
         whole.eigenvalues::<D>(run.exchange, &mut self.system, self.law)
     }
 

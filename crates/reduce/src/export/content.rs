@@ -476,6 +476,9 @@ pub fn contact_quantities(axes: usize) -> Vec<ContactQuantity> {
     }
     all.push(("overlap", &[|c| c.overlap]));
     all.push(("sliding", &[|c| c.sliding as f64]));
+    if axes == 2 {
+        all.push(("rolling", &[|c| c.rolling as f64]));
+    }
     let quantity = |(name, components): (&'static str, &[Component])| ContactQuantity {
         name,
         components: components.to_vec(),

@@ -23,7 +23,7 @@ const PART: &str = "checkpoint.h5.part";
 
 const FORMAT: &str = "gshear-checkpoint";
 /// Version of the format.
-pub const VERSION: u64 = 5;
+pub const VERSION: u64 = 6;
 /// The earliest version that is read.
 const EARLIEST: u64 = 4;
 

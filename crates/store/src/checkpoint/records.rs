@@ -45,18 +45,17 @@ pub(super) trait Record: Pod {
     const CHECKSUM: &'static str;
     fn integers() -> Vec<Field<Self, u32>>;
     fn numbers() -> Vec<Field<Self, f64>>;
-    /// The last fields of the record, which are stored since version 5 of the format and 0 before.
-    fn signed() -> Vec<Field<Self, i64>> {
-        Vec::new()
+    /// The last fields of the record, which are stored since a version of the format and 0 before.
+    fn signed() -> (u64, Vec<Field<Self, i64>>) {
+        (0, Vec::new())
     }
 }
 
 /// Bytes of a record that a version of the format stores.
 pub(super) fn stored_bytes<R: Record>(version: u64) -> usize {
-    let later = R::signed()
-        .into_iter()
-        .map(|field| field.width * size_of::<i64>());
-    size_of::<R>() - if version < 5 { later.sum() } else { 0 }
+    let (since, fields) = R::signed();
+    let later = fields.iter().map(|field| field.width * size_of::<i64>());
+    size_of::<R>() - if version < since { later.sum() } else { 0 }
 }
 
 impl Record for GrainState {
@@ -79,8 +78,8 @@ impl Record for GrainState {
         ]
     }
 
-    fn signed() -> Vec<Field<Self, i64>> {
-        vec![field!(Self, image, 3)]
+    fn signed() -> (u64, Vec<Field<Self, i64>>) {
+        (5, vec![field!(Self, image, 3)])
     }
 }
 
@@ -95,6 +94,10 @@ impl Record for ContactState {
 
     fn numbers() -> Vec<Field<Self, f64>> {
         vec![field!(Self, history, 3)]
+    }
+
+    fn signed() -> (u64, Vec<Field<Self, i64>>) {
+        (6, vec![field!(Self, limits, number)])
     }
 }
 
@@ -187,7 +190,7 @@ pub(super) fn write_records<R: Record>(
     for field in R::numbers() {
         outcome.note(write_column(file, &field, all, first, local));
     }
-    for field in R::signed() {
+    for field in R::signed().1 {
         outcome.note(write_column(file, &field, all, first, local));
     }
 }
@@ -245,7 +248,8 @@ pub(super) fn read_records<R: Record>(
     for field in R::numbers() {
         fill(file, &field, all, &local, &mut records)?;
     }
-    for field in R::signed().iter().filter(|_| version >= 5) {
+    let (since, fields) = R::signed();
+    for field in fields.iter().filter(|_| version >= since) {
         fill(file, field, all, &local, &mut records)?;
     }
     Ok(records)

@@ -25,11 +25,13 @@ pub(super) struct ContactValues {
     rolling_history: Vec<f64>,
     overlap: Vec<f64>,
     sliding: Vec<u8>,
+    rolling: Vec<u8>,
 }
 
 impl ContactValues {
     pub(super) fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
         let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
+        let flag = |flags: &[u8], k: usize| flags.get(k).map_or(0, |flag| u64::from(*flag));
         let contact = |k: usize| ContactSample {
             i: self.i[k],
             j: self.j[k],
@@ -38,7 +40,8 @@ impl ContactValues {
             tangential_history: self.tangential_history.get(k).copied().unwrap_or_default(),
             rolling_history: of(&self.rolling_history, k),
             overlap: of(&self.overlap, k),
-            sliding: self.sliding.get(k).map_or(0, |sliding| u64::from(*sliding)),
+            sliding: flag(&self.sliding, k),
+            rolling: flag(&self.rolling, k),
         };
         (rows.start - self.first..rows.end - self.first)
             .map(contact)
@@ -125,6 +128,12 @@ impl RunFile {
             }
         }
         Ok(frames)
+    }
+
+    /// Returns whether the file has the flags of rolling at its limit: files of disks, but for earlier
+    /// versions.
+    pub fn has_rolling(&self) -> bool {
+        self.contacts.rolling.is_some()
     }
 
     /// Returns whether the file has the images of the grains; those of earlier versions have none.
@@ -305,6 +314,10 @@ impl RunFile {
             },
             overlap: self.column::<f64>(&columns.overlap, &others)?,
             sliding: self.column::<u8>(&columns.sliding, &others)?,
+            rolling: match &columns.rolling {
+                Some(dataset) => self.column::<u8>(dataset, &others)?,
+                None => Vec::new(),
+            },
         };
         self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
         let pairs = Pairs::new(&contacts.i, &contacts.j, rows.start, self.dimension.axes());
@@ -346,6 +359,9 @@ impl RunFile {
             }
             if fields == FrameFields::All {
                 self.verify(t, "sliding", pairs.flags(&rows, &contacts.sliding))?;
+                if self.has_rolling() {
+                    self.verify(t, "rolling", pairs.flags(&rows, &contacts.rolling))?;
+                }
             }
         }
         Ok(contacts)

@@ -18,7 +18,7 @@ use self::verify::FrameSums;
 use crate::checksums;
 use crate::columns::{AqsRow, NewtonianRow};
 use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
-use crate::layout::IMAGE_VALUE;
+use crate::layout::{IMAGE_VALUE, ROLLING};
 pub use crate::parameter::Parameter;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
@@ -166,6 +166,8 @@ struct ContactColumns {
     rolling_history: Option<Dataset>,
     overlap: Dataset,
     sliding: Dataset,
+    /// Of disks; `None` in a file of an earlier version.
+    rolling: Option<Dataset>,
 }
 
 impl RunFile {
@@ -264,6 +266,10 @@ impl RunFile {
             },
             overlap: column("overlap")?,
             sliding: column("sliding")?,
+            rolling: match source.exists(ROLLING) {
+                true => Some(column("rolling")?),
+                false => None,
+            },
         };
 
         let stored = contacts.shortest();
@@ -565,6 +571,7 @@ impl ContactColumns {
         columns
             .into_iter()
             .chain(&self.rolling_history)
+            .chain(&self.rolling)
             .map(|dataset| dataset.shape()[0] as u64)
             .min()
             .unwrap_or(0)

@@ -29,9 +29,11 @@ impl RunFile {
             Dimensions::Three => c.tangential_history,
         };
         let contact = |c: &ContactSample| ContactState {
-            i: c.i,
-            j: c.j,
-            history: history(c),
+            limits: ContactState::stored([
+                Some(c.sliding != 0),
+                self.has_rolling().then_some(c.rolling != 0),
+            ]),
+            ..ContactState::new(c.i, c.j, history(c))
         };
         Ok((
             (0..self.grains.count()).map(grain).collect(),

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::StoredScalars;
 use super::source::OpenFile;
 use crate::checksums::{self, CONSTANTS, ContactWeights, FRAMES, GROUP, ROWS, SCALARS};
-use crate::layout::{IMAGE_VALUE, frame_columns};
+use crate::layout::{IMAGE_VALUE, ROLLING, frame_columns};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;
@@ -27,6 +27,9 @@ impl FrameSums {
         let mut columns = frame_columns(axes);
         if !source.exists(IMAGE_VALUE) {
             columns.retain(|name| *name != "image");
+        }
+        if !source.exists(ROLLING) {
+            columns.retain(|name| *name != "rolling");
         }
         let sums = source.frames(FRAMES, &[columns.len()])?.read_raw();
         Ok(Self {

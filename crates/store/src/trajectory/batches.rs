@@ -81,6 +81,9 @@ impl TrajectoryWriter {
             outcome.note(column.append(end, of_width(*width), values));
         }
         outcome.note(columns.sliding.append(end, stretch, &part.sliding));
+        if let Some(rolling) = &mut columns.rolling {
+            outcome.note(rolling.append(end, stretch, &part.rolling));
+        }
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
         outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
         outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));

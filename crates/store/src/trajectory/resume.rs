@@ -91,6 +91,9 @@ impl TrajectoryWriter {
             .iter_mut()
             .for_each(|c| outcome.note(c.resize(contacts)));
         outcome.note(columns.sliding.resize(contacts));
+        if let Some(rolling) = &mut columns.rolling {
+            outcome.note(rolling.resize(contacts));
+        }
         outcome.note(columns.row_step.resize(rows));
         outcome.note(columns.row_time.resize(rows));
         columns
