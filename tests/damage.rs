@@ -343,8 +343,8 @@ impl Subject for Input {
 
 /// All kinds of files, of the kept runs.
 fn subjects(folder: &Path) -> Vec<(Box<dyn Subject>, f64)> {
-    let walls = kept_files("walls-5", folder);
-    let cell = kept_files("box-5", folder);
+    let walls = kept_files("walls-6", folder);
+    let cell = kept_files("box-6", folder);
     let stopped = folder.join("stopped");
     let mut command = simulate();
     command.arg(kept_scene("walls.toml")).arg("--stop-at=100");

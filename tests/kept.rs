@@ -35,6 +35,11 @@ fn a_kept_run_with_images_is_read_repeated_and_continued() {
     read_repeated_and_continued("walls-5");
 }
 
+#[test]
+fn a_kept_run_with_limits_is_read_repeated_and_continued() {
+    read_repeated_and_continued("walls-6");
+}
+
 fn read_repeated_and_continued(name: &str) {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
@@ -72,6 +77,11 @@ fn a_kept_run_in_a_box_is_read_and_continued() {
 #[test]
 fn a_kept_run_in_a_box_with_images_is_read_and_continued() {
     box_read_and_continued("box-5");
+}
+
+#[test]
+fn a_kept_run_in_a_box_with_limits_is_read_and_continued() {
+    box_read_and_continued("box-6");
 }
 
 fn box_read_and_continued(name: &str) {
