@@ -228,7 +228,7 @@ fn checked(folder: &Path) -> Vec<String> {
         );
     }
     names.sort();
-    let is_table = |name: &&String| name.ends_with(".csv");
+    let is_table = |name: &&String| Path::new(name).extension().is_some_and(|end| end == "csv");
     for table in names.iter().filter(is_table) {
         let units = format!("{table}-metadata.json");
         assert!(names.contains(&units), "{units} is missing");

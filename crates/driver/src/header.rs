@@ -9,7 +9,7 @@ use gshear_dem::budget::SavedBudget;
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Snapshot;
-use gshear_scene::{PackingFile, Scene, Source};
+use gshear_scene::{Boundary, PackingFile, Scene, Source, derived};
 
 use crate::record::RunRecord;
 use crate::written::Written;
@@ -143,13 +143,27 @@ impl Header {
     /// An override that contradicts the scene, or changes its grains.
     pub fn scene(&self, name: &Path, toml: String, set: &[String]) -> Result<Scene, Failure> {
         let source = Source::new(format!("{} (its scene)", name.display()), toml);
-        gshear_scene::load_with(&source, set, &mut |path, copies| {
+        let mut scene = gshear_scene::load_with(&source, set, &mut |path, copies| {
             let same = |file: &&PackingFile| file.path == path && file.replicate == copies;
             let known = self.packing().filter(same);
             known.cloned().ok_or_else(|| {
                 Failure::input("the grains are those of the checkpoint; leave it as it was")
             })
-        })
+        })?;
+        if let (
+            Self::Aqs { progress, .. } | Self::Newtonian { progress, .. },
+            Boundary::Periodic(periodic),
+        ) = (self, &scene.boundary)
+        {
+            // Earlier versions made the box for grains of the mean volume.
+            let before = || {
+                let volume = f64::from(scene.sample.grains) * scene.sample.mean_volume;
+                derived::box_length(scene.dimension, volume / periodic.solid_fraction)
+            };
+            let length = progress.length.unwrap_or_else(before);
+            scene.sample = scene.sample.in_box(length);
+        }
+        Ok(scene)
     }
 }
 
@@ -160,6 +174,9 @@ pub struct Progress {
     pub steps: u64,
     /// Lees–Edwards offset: displacement of the image above along x.
     pub offset: f64,
+    /// Length of the box; earlier versions did not store it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length: Option<f64>,
     /// The birth of the first complex pair; `None` before it.
     pub birth: Option<Birth>,
     /// Complex pairs after the last strain step.

@@ -2,7 +2,7 @@
 //! step. Of libm only roots and [`portable_ln`], since all of
 //! them reach the trajectory.
 
-use super::scene::Sample;
+use super::scene::{Dimensions, Sample};
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::laws::{Contact, Law, hooke};
@@ -36,6 +36,14 @@ pub fn cube_root(x: f64) -> f64 {
         portable_exp(third)
     };
     (0..2).fold(start, |y, _| y - (y - x / (y * y)) / 3.0)
+}
+
+/// The length (m) of a cubic box (square in 2D) of this volume (m³; m²).
+pub fn box_length(dimension: Dimensions, volume: f64) -> f64 {
+    match dimension {
+        Dimensions::Two => volume.sqrt(),
+        Dimensions::Three => cube_root(volume),
+    }
 }
 
 /// P (Pa) at which the mean overlap is d̄/κ: F = k_n(δ̄) δ̄ = P d̄, in 3D P d̄², for two grains of

@@ -80,9 +80,7 @@ impl<'a> Lattice<'a> {
         let planar = self.sample.is_planar();
         let mut bottom = 0.0;
         let grain = |id| {
-            let mut random = ChaCha8Rng::seed_from_u64(seed);
-            random.set_stream(u64::from(id));
-            let mut uniform = || random.random::<f64>();
+            let mut uniform = stream(seed, id);
             let radius = radius(self.sample, self.sizes, &mut uniform);
             let mut position = [0.0; 3];
             for axis in 0..if planar { 1 } else { 2 } {
@@ -130,6 +128,38 @@ pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64)
             radii[((uniform() * radii.len() as f64) as usize).min(radii.len() - 1)]
         }
     }
+}
+
+/// The random numbers of a grain in [0, 1), of which the radius takes the first.
+pub fn stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(u64::from(id));
+    move || random.random::<f64>()
+}
+
+/// Number of large grains of a binary mixture of `grains`.
+pub fn large(grains: u32, large_fraction: f64) -> usize {
+    (large_fraction * f64::from(grains)).round() as usize
+}
+
+/// The volume (m³; m² in 2D) of all grains of a box: of a binary mixture there are exactly as many
+/// large ones as its fraction says, other radii are those that are drawn. `volume`: of a radius.
+pub fn volume_in_box(
+    seed: u64,
+    sample: &Sample,
+    sizes: &Sizes,
+    volume: impl Fn(f64) -> f64,
+) -> f64 {
+    let count = f64::from(sample.grains);
+    if let Sizes::Binary { large_fraction } = sizes {
+        let large = large(sample.grains, *large_fraction) as f64;
+        if large == large_fraction * count {
+            return count * sample.mean_volume;
+        }
+        return large * volume(sample.radius_max) + (count - large) * volume(sample.radius_min);
+    }
+    let of_grain = |id| volume(radius(sample, sizes, &mut stream(seed, id)));
+    (0..sample.grains).map(of_grain).sum()
 }
 
 /// Makes walls of the grains whose centre is within `thickness` (m) of the `planes` (m) across the

@@ -360,7 +360,11 @@ impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
         let k_t = self.tangential_stiffness * root;
         // A contact that was cut to s = 1 has it with a rounding error.
         d.sliding = slides.unwrap_or(s >= 1.0);
-        if !d.sliding {
+        if d.sliding {
+            d.across = self.friction * d.normal / length;
+            d.tangential = d.direction.map(|t| -self.friction * d.normal * t);
+            d.tangential_slope = d.direction.map(|t| -self.friction * d.normal_slope * t);
+        } else {
             let s = s.min(1.0);
             let secant = 1.0 + s - s * s;
             d.along = k_t * (1.0 + 2.0 * s - 3.0 * s * s);
@@ -368,10 +372,6 @@ impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
             d.tangential = history.map(|t| -d.across * t);
             let slope = -k_t / (2.0 * overlap) * (secant + 2.0 * s * (2.0 * s - 1.0));
             d.tangential_slope = history.map(|t| slope * t);
-        } else {
-            d.across = self.friction * d.normal / length;
-            d.tangential = d.direction.map(|t| -self.friction * d.normal * t);
-            d.tangential_slope = d.direction.map(|t| -self.friction * d.normal_slope * t);
         }
         d
     }

@@ -42,7 +42,13 @@ pub fn run<D: LawSpace>(
         )
     };
     let (progress, written) = match &header {
-        None => (Progress::default(), None),
+        None => {
+            let progress = Progress {
+                length: Some(scene.sample.length),
+                ..Progress::default()
+            };
+            (progress, None)
+        }
         Some(Header::Aqs { progress, written }) => (*progress, Some(*written)),
         Some(Header::Newtonian { progress, .. }) => (*progress, None),
         Some(Header::Pack { .. } | Header::Shear { .. }) => {

@@ -2,8 +2,8 @@
 //! step without friction, and brought to rest.
 
 use bytemuck::Zeroable;
+use rand::SeedableRng;
 use rand::seq::SliceRandom;
-use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::relax::{NOT_AT_REST, overdamped};
@@ -17,7 +17,7 @@ use gshear_dem::state::GrainState;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::sample::radius;
+use gshear_scene::sample::{self, radius, stream};
 use gshear_scene::{PeriodicBox, Scene, Sizes};
 
 /// Lattice constant over the greatest diameter.
@@ -155,9 +155,7 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
     let large = large(scene, sizes);
     let part = |r: usize| (u64::from(count) * r as u64 / ranks as u64) as u32;
     let grain = |id: u32| {
-        let mut random = ChaCha8Rng::seed_from_u64(scene.seed);
-        random.set_stream(u64::from(id));
-        let mut uniform = || random.random::<f64>();
+        let mut uniform = stream(scene.seed, id);
         let radius = match (sizes, large[id as usize]) {
             (Sizes::Binary { .. }, true) => sample.radius_max,
             (Sizes::Binary { .. }, false) => sample.radius_min,
@@ -188,8 +186,7 @@ fn large(scene: &Scene, sizes: &Sizes) -> Vec<bool> {
     let count = scene.sample.grains as usize;
     let mut large = vec![false; count];
     if let Sizes::Binary { large_fraction } = sizes {
-        let many = (large_fraction * count as f64).round() as usize;
-        large[..many].fill(true);
+        large[..sample::large(scene.sample.grains, *large_fraction)].fill(true);
         // A stream of random numbers that no grain uses.
         let mut random = ChaCha8Rng::seed_from_u64(scene.seed);
         random.set_stream(u64::MAX);
@@ -239,6 +236,40 @@ mod tests {
                     };
                     assert!(length(apart) > a.radius + b.radius);
                 }
+            }
+        }
+    }
+
+    /// The grains that are drawn have the solid fraction that is asked for, however they are
+    /// distributed.
+    #[test]
+    fn the_solid_fraction_is_that_of_the_grains() {
+        let path = format!("{}/../../configs/bonfanti.toml", env!("CARGO_MANIFEST_DIR"));
+        let text = std::fs::read_to_string(path).unwrap();
+        let is_of_binary = |line: &&str| line.starts_with("large_fraction");
+        let without = text.lines().filter(|line| !is_of_binary(line));
+        let without = without.collect::<Vec<_>>().join("\n");
+        for (text, sizes) in [
+            (without, &["sample.sizes=uniform"][..]),
+            (
+                text,
+                &["sample.sizes=binary", "sample.large_fraction=0.333"],
+            ),
+        ] {
+            for (seed, axes) in [(1, 2), (2, 2), (3, 3), (4, 3)] {
+                let seed = format!("seed={seed}");
+                let dimension = format!("dimension={axes}");
+                let sets = [sizes, &[&seed, &dimension, "box.solid_fraction=0.6"]].concat();
+                let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+                let scene = load(&Source::new("a box", text.clone()), &sets).unwrap();
+                let Boundary::Periodic(PeriodicBox { sizes, .. }) = &scene.boundary else {
+                    panic!("walls")
+                };
+                let (_, grains) = insert(&scene, sizes, 0, 1);
+                let volume = |g: &GrainState| scene.dimension.volume(g.radius);
+                let all = grains.iter().map(volume).sum::<f64>();
+                let fraction = all / scene.sample.length.powi(axes);
+                assert!((fraction - 0.6).abs() < 1e-13, "{sets:?}: {fraction}");
             }
         }
     }

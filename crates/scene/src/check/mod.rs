@@ -52,7 +52,7 @@ pub(super) fn scene(
     let keep_checkpoints = c.flag_or_default(&raw.output.keep_checkpoints);
     let bookkeeping = check_bookkeeping(&mut c, &raw.bookkeeping);
     let (default_title, sample, boundary) = if boxed {
-        let (sample, periodic) = periodic::check(&mut c, dimension, raw)?;
+        let (sample, periodic) = periodic::check(&mut c, dimension, (raw, seed))?;
         ("Periodic box", sample, Boundary::Periodic(periodic))
     } else {
         let (sample, walls) = walls::check(&mut c, dimension, &law, raw, packing)?;

@@ -13,7 +13,7 @@ const MOST_UNKNOWNS: u64 = 6000;
 pub(super) fn check(
     c: &mut Checker<'_>,
     dimension: Dimensions,
-    raw: &Raw,
+    (raw, seed): (&Raw, u64),
 ) -> Result<(Sample, PeriodicBox), Failure> {
     let sizes = sample::check_boxed(c, &raw.sample);
     let periodic = PeriodicBox {
@@ -26,7 +26,7 @@ pub(super) fn check(
     check_output(c, &raw.output);
     c.settle()?;
 
-    let sample = sample::derive_boxed(c, dimension, &raw.sample, &periodic)?;
+    let sample = sample::derive_boxed(c, dimension, (&raw.sample, seed), &periodic)?;
     let per_grain = match dimension {
         Dimensions::Two => 3,
         Dimensions::Three => 6,

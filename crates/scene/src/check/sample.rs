@@ -6,6 +6,7 @@ use crate::derived::{self, LEAST_HEIGHT};
 use crate::key::Key;
 use crate::kind::{Number, Numbers, Text};
 use crate::raw;
+use crate::sample::volume_in_box;
 use crate::scene::{Dimensions, Origin, PeriodicBox, Sample, Sizes, Walls};
 use crate::words::show;
 use gshear_dem::contact::portable_exp;
@@ -131,19 +132,23 @@ pub(super) fn check_boxed(c: &mut Checker<'_>, sample: &raw::Sample) -> Sizes {
     check_sizes(c, sample)
 }
 
-/// The sample in a cubic box (square in 2D) at the solid fraction φ.
+/// The sample in a cubic box (square in 2D) in which its grains have the solid fraction φ.
 pub(super) fn derive_boxed(
     c: &mut Checker<'_>,
     dimension: Dimensions,
-    raw: &raw::Sample,
+    (raw, seed): (&raw::Sample, u64),
     periodic: &PeriodicBox,
 ) -> Result<Sample, Failure> {
     let mut sample = inserted(c, dimension, raw, &periodic.sizes)?;
-    let volume = f64::from(sample.grains) * sample.mean_volume / periodic.solid_fraction;
-    (sample.length, sample.width) = match dimension {
-        Dimensions::Two => (volume.sqrt(), f64::INFINITY),
-        Dimensions::Three => (derived::cube_root(volume), derived::cube_root(volume)),
-    };
+    if sample.mean_volume.is_normal() {
+        let volume = |r| dimension.volume(r);
+        let grains = volume_in_box(seed, &sample, &periodic.sizes, volume);
+        let length = derived::box_length(dimension, grains / periodic.solid_fraction);
+        (sample.length, sample.width) = match dimension {
+            Dimensions::Two => (length, f64::INFINITY),
+            Dimensions::Three => (length, length),
+        };
+    }
     if !(sample.mean_volume.is_normal() && sample.length.is_normal()) {
         return Err(c.out_of_range(&format!(
             "the mean volume of a grain comes out as {:?} and the length of the box as {:?}; check the units of [sample]",

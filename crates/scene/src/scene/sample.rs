@@ -42,6 +42,20 @@ impl Sample {
         Cell::between_walls([self.length, self.width])
     }
 
+    /// The sample in a box of this length (m) along every axis.
+    pub fn in_box(self, length: f64) -> Self {
+        let width = if self.is_planar() {
+            f64::INFINITY
+        } else {
+            length
+        };
+        Self {
+            length,
+            width,
+            ..self
+        }
+    }
+
     /// A box of this length (m) along every axis, its images straight above each other.
     pub fn box_cell(&self, length: f64) -> Cell {
         let width = if self.is_planar() {
