@@ -12,7 +12,7 @@
 //! component of a vector is zero, and rotations have only that component.
 
 use super::History;
-use gshear_dem::contact::stiffness::{Derivatives, Stiffness};
+use gshear_dem::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use gshear_dem::dimension::Dimension;
 
 type Vector = [f64; 3];
@@ -43,7 +43,12 @@ impl LinearContact {
             let along = dot(history, n);
             (0..3).for_each(|k| history[k] -= along * n[k]);
         }
-        let mut derivatives = law.derivatives(radii, overlap, history, limits);
+        let mut derivatives = law.derivatives(&SpringState {
+            radii,
+            overlap,
+            history,
+            limits,
+        });
         if D::SPINS == 1 {
             let across = [-n[1], n[0], 0.0];
             let vector = |of: Vector| across.map(|t| of[0] * t);

@@ -37,19 +37,24 @@ pub struct Derivatives {
     pub sliding: bool,
 }
 
+/// The springs of a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpringState {
+    /// R_i, R_j (m).
+    pub radii: [f64; 2],
+    /// δ > 0 (m).
+    pub overlap: f64,
+    /// As in [`crate::state::ContactState`].
+    pub history: [f64; 3],
+    /// Whether it is at the limit of friction and at that of rolling, as the step found with F_n of
+    /// spring and damper; `None`: by the elastic F_n, as in equilibrium.
+    pub limits: [Option<bool>; 2],
+}
+
 /// A law that has derivatives.
 pub trait Stiffness: Sync {
-    /// The derivatives for two grains of radii R_i, R_j (m) at the overlap δ > 0 (m), with a
-    /// history as in [`crate::state::ContactState`]. `limits`: whether the contact is at the limit of
-    /// friction and at that of rolling, as the step found with F_n of spring and damper; `None`: by
-    /// the elastic F_n, as in equilibrium.
-    fn derivatives(
-        &self,
-        radii: [f64; 2],
-        overlap: f64,
-        history: [f64; 3],
-        limits: [Option<bool>; 2],
-    ) -> Derivatives;
+    /// The derivatives at this state.
+    fn derivatives(&self, state: &SpringState) -> Derivatives;
 }
 
 impl Derivatives {

@@ -21,7 +21,7 @@ use super::keys::{
     RESTITUTION, TANGENTIAL_DAMPING, YOUNG_MODULUS,
 };
 use super::{Constants, Contact, LawKind, Rigidity};
-use crate::contact::stiffness::{Derivatives, Stiffness};
+use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{
     Blocks, ContactLaw, add_damping, dissipation, norm, portable_exp, portable_ln, scaled, vector,
 };
@@ -504,13 +504,13 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
 
 /// At constant u, F_t = -√(δR*) k_t u grows with √δ; at the limit F_t = -μF_n u/|u|.
 impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
-    fn derivatives(
-        &self,
-        radii: [f64; 2],
-        overlap: f64,
-        history: [f64; 3],
-        limits: [Option<bool>; 2],
-    ) -> Derivatives {
+    fn derivatives(&self, state: &SpringState) -> Derivatives {
+        let SpringState {
+            radii,
+            overlap,
+            history,
+            limits,
+        } = *state;
         let [r_i, r_j] = radii;
         let root = (overlap * r_i * r_j / (r_i + r_j)).sqrt();
         let d = Derivatives {

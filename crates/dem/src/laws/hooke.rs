@@ -34,7 +34,7 @@ use super::keys::{
 };
 use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
-use crate::contact::stiffness::{Derivatives, Stiffness};
+use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
@@ -367,13 +367,13 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
 impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
     for Hooke<D, FRICTION, ROLLING>
 {
-    fn derivatives(
-        &self,
-        radii: [f64; 2],
-        overlap: f64,
-        history: [f64; 3],
-        limits: [Option<bool>; 2],
-    ) -> Derivatives {
+    fn derivatives(&self, state: &SpringState) -> Derivatives {
+        let SpringState {
+            radii,
+            overlap,
+            history,
+            limits,
+        } = *state;
         let [slides, rolls] = limits;
         let mut d = Derivatives {
             normal: self.normal_stiffness * overlap,

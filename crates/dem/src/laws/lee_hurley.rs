@@ -28,7 +28,7 @@ use super::damping::{of_ratio, read_ratio};
 use super::keys::{DAMPING_RATIO, DENSITY, KeyReader, POISSON_RATIO, RESTITUTION, YOUNG_MODULUS};
 use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
-use crate::contact::stiffness::{Derivatives, Stiffness};
+use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
@@ -498,13 +498,13 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 
 /// The history is a force, so F_t does not depend on δ below the limit. dF_n/dδ = πE*/(ℓ-2).
 impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION, ROLLING> {
-    fn derivatives(
-        &self,
-        radii: [f64; 2],
-        overlap: f64,
-        history: [f64; 3],
-        limits: [Option<bool>; 2],
-    ) -> Derivatives {
+    fn derivatives(&self, state: &SpringState) -> Derivatives {
+        let SpringState {
+            radii,
+            overlap,
+            history,
+            limits,
+        } = *state;
         let [r_i, r_j] = radii;
         let y = overlap / (4.0 * (r_i + r_j));
         let m = 1.0 / inverse_root(y);

@@ -19,7 +19,7 @@ use super::keys::{
     DENSITY, KeyReader, LawKey, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2,
 };
 use super::{Constants, Contact, LawKind, Rigidity};
-use crate::contact::stiffness::{self, Derivatives, Stiffness};
+use crate::contact::stiffness::{self, Derivatives, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
@@ -338,13 +338,13 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
 /// perpendicular to it; ∂F_t/∂δ = -k_t (1 + s - s² + 2(2s² - s)) t/(2√δ) (BO B1). For s > 1, F_t =
 /// -μ k_n δ^(3/2) t/|t|, with the same derivatives at s = 1.
 impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
-    fn derivatives(
-        &self,
-        _: [f64; 2],
-        overlap: f64,
-        history: [f64; 3],
-        [slides, _]: [Option<bool>; 2],
-    ) -> Derivatives {
+    fn derivatives(&self, state: &SpringState) -> Derivatives {
+        let SpringState {
+            overlap,
+            history,
+            limits: [slides, _],
+            ..
+        } = *state;
         let root = overlap.sqrt();
         let mut d = Derivatives {
             normal: self.normal_stiffness * overlap * root,
