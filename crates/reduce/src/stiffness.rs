@@ -62,7 +62,39 @@ impl StoredState {
             return of_checkpoint(path, selection);
         }
         let selection = selection.unwrap_or(StateSelection::Frame(Which::Last));
-        of_run(&RunFile::open_any(path)?, selection)
+        Self::of_run(&RunFile::open_any(path)?, selection)
+    }
+
+    /// Reads a frame.
+    ///
+    /// # Errors
+    /// A damaged file, a missing frame.
+    pub fn of_run(run: &RunFile, selection: StateSelection) -> Result<Self, Failure> {
+        let t = match selection {
+            StateSelection::Frame(which) => which.of(run)?,
+            StateSelection::Strain(strain) => {
+                let strains = run.frame_strains()?;
+                let apart = |&t: &usize| (strains[t] - strain).abs();
+                let nearest = (0..strains.len()).min_by(|a, b| apart(a).total_cmp(&apart(b)));
+                nearest.ok_or_else(|| {
+                    Failure::input(format!("--strain: {} has no frames", run.path().display()))
+                })?
+            }
+        };
+        let name = format!("{} (its scene)", run.path().display());
+        let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
+        let state = run.state(t)?;
+        let what = format!(
+            "frame {t} (step {}) of {}",
+            run.frame_steps()[t],
+            run.path().display()
+        );
+        let origin = StateOrigin {
+            run_id: run.text("run_id").map(str::to_string),
+            stage: run.stage().name(),
+            step: run.frame_steps()[t],
+        };
+        Ok(Self::new(scene, run.cell(t), state, (what, origin)))
     }
 
     /// Assembles K and M.
@@ -189,32 +221,4 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
             path.display()
         ))),
     }
-}
-
-fn of_run(run: &RunFile, selection: StateSelection) -> Result<StoredState, Failure> {
-    let t = match selection {
-        StateSelection::Frame(which) => which.of(run)?,
-        StateSelection::Strain(strain) => {
-            let strains = run.frame_strains()?;
-            let apart = |&t: &usize| (strains[t] - strain).abs();
-            let nearest = (0..strains.len()).min_by(|a, b| apart(a).total_cmp(&apart(b)));
-            nearest.ok_or_else(|| {
-                Failure::input(format!("--strain: {} has no frames", run.path().display()))
-            })?
-        }
-    };
-    let name = format!("{} (its scene)", run.path().display());
-    let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
-    let state = run.state(t)?;
-    let what = format!(
-        "frame {t} (step {}) of {}",
-        run.frame_steps()[t],
-        run.path().display()
-    );
-    let origin = StateOrigin {
-        run_id: run.text("run_id").map(str::to_string),
-        stage: run.stage().name(),
-        step: run.frame_steps()[t],
-    };
-    Ok(StoredState::new(scene, run.cell(t), state, (what, origin)))
 }

@@ -2,16 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use super::export::Which;
 use super::rate_state::{self, Laws};
 use super::replay::{self, ReplayRequest};
 use super::scalars::FrameSeries;
-use super::stiffness::StoredState;
+use super::stiffness::{StateSelection, StoredState};
 use gshear_analysis::jacobian::History;
 use gshear_dem::failure::Failure;
 use gshear_report::bonfanti;
 use gshear_report::lee_hurley::{self, Size, Studied, StudyOptions, friction};
 use gshear_spectrum::{Spectrum, Verdict};
-use gshear_store::checkpoint;
+use gshear_store::file_names::NEWTONIAN_FILE;
 use gshear_store::run_reader::RunFile;
 
 /// Reduces the runs one after the other and writes the study of Lee & Hurley into `folder`. Returns
@@ -102,9 +103,9 @@ pub fn bonfanti(runs: &[PathBuf], folder: Option<&Path>) -> Result<PathBuf, Fail
         )));
     };
     let beside = run.join("bonfanti");
-    let state = run.join(checkpoint::NAME);
-    let foretold = match state.exists() {
-        true => growing_pair(&state)?,
+    let moving = run.join(NEWTONIAN_FILE);
+    let foretold = match moving.exists() {
+        true => growing_pair(&RunFile::open_any(&moving)?)?,
         false => None,
     };
     bonfanti::write(run, folder.unwrap_or(&beside), foretold.as_deref())
@@ -114,13 +115,17 @@ pub fn bonfanti(runs: &[PathBuf], folder: Option<&Path>) -> Result<PathBuf, Fail
 const MOST_UNKNOWNS: usize = 3000;
 
 /// Returns |v|² of each grain's translation, `[N]`, scaled to a sum of 1, for the complex pair with
-/// the greatest imaginary part; `None` without a pair.
-fn growing_pair(checkpoint: &Path) -> Result<Option<Vec<f64>>, Failure> {
-    let jacobian = StoredState::read(checkpoint, None)?.jacobian(History::Turned);
+/// the greatest imaginary part in the first frame; `None` without a frame or a pair.
+fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
+    if run.frames() == 0 {
+        return Ok(None);
+    }
+    let first = StateSelection::Frame(Which::Number(0));
+    let jacobian = StoredState::of_run(run, first)?.jacobian(History::Turned);
     if jacobian.unknowns() > MOST_UNKNOWNS {
         return Ok(None);
     }
-    let unfit = |why| Failure::numbers(format!("{}: {why}", checkpoint.display()));
+    let unfit = |why| Failure::numbers(format!("{}: {why}", run.path().display()));
     let problem = jacobian.problem().map_err(unfit)?;
     let spectrum = Spectrum::dense(&problem);
     let pairs = (0..spectrum.eigenvalues.len())
