@@ -47,7 +47,7 @@ run: build
 	$(REDUCE) report $(OUT)/run.h5
 	@echo
 	@echo "Results in $(OUT); open $(OUT)/report/index.html"
-	@ls -lh $(OUT) | awk 'NR > 1 { printf "  %-24s %s\n", $$NF, $$5 }'
+	@cd $(OUT) && du -sh --apparent-size -- * | awk '{ printf "  %-24s %s\n", $$2, $$1 }'
 
 # All in the release profile: the tests run real programs, and one profile builds the dependencies once.
 test: deps
