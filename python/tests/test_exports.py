@@ -235,4 +235,7 @@ def test_modes_are_those_of_their_frame(copy: Callable[[str], Path]) -> None:
     code, message = said("--modes", "99")
     assert code == 2
     assert "no eigenvector 99" in message
-    assert said("--modes", "1")[0] == 0
+    # A number that is given twice counts once.
+    assert said("--modes", "1,1")[0] == 0
+    head = (run.parent / "frames.xyz").read_text().splitlines()[1]
+    assert head.count("mode1_displacement_re") == 1

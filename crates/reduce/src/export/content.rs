@@ -6,7 +6,6 @@ use std::path::Path;
 use clap::ValueEnum;
 
 use crate::dmin;
-
 use gshear_analysis::dmin::{NonAffine, RADIUS};
 use gshear_analysis::regions::{MinPoints, Regions};
 use gshear_analysis::stress;
@@ -91,7 +90,8 @@ impl ExportedModes {
             )));
         };
         let mut vectors = Vec::new();
-        for &k in numbers {
+        let is_new = |at: &usize| !numbers[..*at].contains(&numbers[*at]);
+        for k in (0..numbers.len()).filter(is_new).map(|at| numbers[at]) {
             let Mode {
                 displacement,
                 rotation,

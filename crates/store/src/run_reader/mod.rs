@@ -17,7 +17,7 @@ use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;
 use crate::columns::{AqsRow, NewtonianRow};
-use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
+use crate::file_names::{AQS_FILE, RUN_FILE};
 use crate::layout::{IMAGE_VALUE, ROLLING};
 pub use crate::parameter::Parameter;
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -39,7 +39,7 @@ pub enum RunStage {
 }
 
 impl RunStage {
-    /// All stages; the file of an earlier one has no column that only a later one has.
+    /// In the order in which a file is tried.
     const ALL: [Self; 3] = [Self::Newtonian, Self::Strain, Self::Shear];
 
     /// Columns of the time series.
@@ -57,15 +57,6 @@ impl RunStage {
             Self::Shear => "shear",
             Self::Strain => "aqs",
             Self::Newtonian => "newtonian",
-        }
-    }
-
-    /// Name of the file in the folder of a run.
-    pub fn file_name(self) -> &'static str {
-        match self {
-            Self::Shear => RUN_FILE,
-            Self::Strain => AQS_FILE,
-            Self::Newtonian => NEWTONIAN_FILE,
         }
     }
 
