@@ -4,7 +4,7 @@ mod common;
 
 use std::path::Path;
 
-use common::{Outcome, gshear_mpi, last_images};
+use common::{Outcome, beyond_the_digest, gshear_mpi};
 use gshear_dem::columns::Column;
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE};
 use gshear_store::run_reader::RunFile;
@@ -43,7 +43,7 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     let with = |more: &[&'static str]| [&base[..], more].concat();
     let expected = digests(&run(&at("one"), 1, &base));
     assert_eq!(expected.len(), 2);
-    let images = last_images(&at("one"));
+    let beyond = beyond_the_digest(&at("one"));
     for (ranks, more) in [
         (2, &[][..]),
         (3, &["--set=bookkeeping.skin=0.05"]),
@@ -51,14 +51,22 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     ] {
         let found = digests(&run(&at("other"), ranks, &with(more)));
         assert_eq!(found, expected, "{dimension}, {ranks} ranks, {more:?}");
-        assert_eq!(last_images(&at("other")), images, "{dimension}, {more:?}");
+        assert_eq!(
+            beyond_the_digest(&at("other")),
+            beyond,
+            "{dimension}, {more:?}"
+        );
     }
     for simd in ["portable", "avx2"] {
         if gshear_dem::simd::Isa::named(simd).is_some() {
             let set = format!("--set=bookkeeping.simd={simd}");
             let found = digests(&run(&at("other"), 1, &[&base[..], &[&*set]].concat()));
             assert_eq!(found, expected, "{dimension}, {simd}");
-            assert_eq!(last_images(&at("other")), images, "{dimension}, {simd}");
+            assert_eq!(
+                beyond_the_digest(&at("other")),
+                beyond,
+                "{dimension}, {simd}"
+            );
         }
     }
     let overdamped = ["--set=relax.method=overdamped", "--set=aqs.steps=2"];
@@ -73,8 +81,8 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     let found = digests(&run(&at("other"), 1, &with(&other_output)));
     assert_eq!(found, expected, "{dimension}, other output");
     assert_eq!(
-        last_images(&at("other")),
-        images,
+        beyond_the_digest(&at("other")),
+        beyond,
         "{dimension}, other output"
     );
     let looking = ["--set=aqs.spectrum=true", "--set=aqs.birth_precision=1e-3"];
@@ -91,10 +99,19 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
         "{}",
         stopped.text
     );
+    let unbroken = run(&at("other"), 3, &with(&["--stop-at=400"]));
+    assert_eq!(unbroken.code, 75, "{}", unbroken.text);
+    let beyond = beyond_the_digest(&at("other"));
+    assert_eq!(
+        beyond_the_digest(&at("part")),
+        beyond,
+        "{dimension}, resumed"
+    );
+    let known = |limits: &i64| limits & 0b100 != 0;
+    assert!(beyond[1].iter().all(known), "{dimension}");
     let resumed = gshear_mpi(3, &at("part"), &[resume]);
     let found = [said(&stopped), digests(&resumed)].concat();
     assert_eq!(found, expected, "{dimension}, resumed");
-    assert_eq!(last_images(&at("part")), images, "{dimension}, resumed");
     let read = |name: &str, file: &str| {
         let run = RunFile::open_any(&at(name).join(file)).expect("a file of the run");
         let columns = run.series().declared;

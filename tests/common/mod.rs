@@ -223,13 +223,17 @@ pub fn alone() -> std::sync::MutexGuard<'static, ()> {
         .unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-/// The images of the grains in the last checkpoint of a run: the digest does not see them.
-pub fn last_images(folder: &Path) -> Vec<i64> {
+/// What the digest does not see of the last checkpoint of a run: the images of the grains, and which
+/// limits the contacts are at.
+pub fn beyond_the_digest(folder: &Path) -> [Vec<i64>; 2] {
     let file = hdf5::File::open(folder.join("checkpoint.h5")).expect("a checkpoint");
-    let images = file.dataset("grains/image").expect("images");
-    let images: Vec<i64> = images.read_raw().expect("integers");
+    let read = |name: &str| -> Vec<i64> {
+        let dataset = file.dataset(name).expect("a dataset");
+        dataset.read_raw().expect("integers")
+    };
+    let [images, limits] = ["grains/image", "contacts/limits"].map(read);
     assert!(images.iter().any(|image| *image != 0), "no grain crosses");
-    images
+    [images, limits]
 }
 
 /// All datasets of two runs' `run.h5` are the same, to the last bit.
