@@ -5,15 +5,17 @@ use nalgebra::{Matrix3, Vector3};
 
 use gshear_dem::dimension::Dimension;
 use gshear_dem::neighbour::{Bins, LocalExtent};
-use gshear_dem::state::Cell;
+use gshear_dem::state::{Cell, Disks, FrameRecords};
+
+use crate::rattlers;
 
 /// Returns D²min of every grain between two states, `[N]` (m²): the mean square residual of the
 /// neighbours' motion after the best local affine map (LH eq. B1, in D dimensions).
 ///
 /// `cells`: the cell in the earlier and in the later state. Neighbours are the grains within
-/// `radius` (m) in the earlier state. NaN if there are fewer
-/// neighbours than dimensions or if they lie on one line or plane. Grains for which `counts` is
-/// false are neither centres (their value is NaN) nor neighbours.
+/// `radius` (m) in the earlier state. NaN if there are fewer neighbours than dimensions or if they
+/// lie on one line or plane. Grains for which `counts` is false are neither centres (their value is
+/// NaN) nor neighbours.
 ///
 /// This version works grain by grain. [`crate::dmin`] works pair by pair and serves the
 /// frames of long runs of disks.
@@ -69,6 +71,26 @@ pub fn non_affine<D: Dimension>(
         }
     };
     (0..earlier.len()).map(of).collect()
+}
+
+/// [`non_affine`] between two frames, without the rattlers of the earlier one.
+pub fn between_frames<D: Dimension>(
+    grains: &Disks,
+    cells: [Cell; 2],
+    frames: [&FrameRecords; 2],
+    radius: f64,
+) -> Vec<f64> {
+    let [earlier, later] = frames.map(|frame| {
+        let places = frame.grains.iter().map(|grain| grain.position);
+        places.collect::<Vec<_>>()
+    });
+    let mut rattler = Vec::new();
+    let contacts = &frames[0].contacts;
+    match D::AXES {
+        2 => rattlers::mark::<2>(grains, contacts, &mut rattler),
+        _ => rattlers::mark::<3>(grains, contacts, &mut rattler),
+    }
+    non_affine::<D>(cells, &earlier, &later, radius, |n| !rattler[n])
 }
 
 /// Returns the overlap Σab/√(Σa² Σb²) of two non-negative fields over the grains, `[N]`; grains

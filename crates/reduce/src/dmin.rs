@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::pool::Pool;
 use gshear_analysis::dmin::NonAffine;
-use gshear_analysis::{event, rattlers};
+use gshear_analysis::event;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::FrameRecords;
@@ -78,22 +78,10 @@ pub fn between(
     frames: [&FrameRecords; 2],
     radius: f64,
 ) -> Vec<f64> {
-    let (grains, earlier) = (run.grains(), &frames[0].contacts);
-    let cells = numbers.map(|t| run.cell(t));
-    let [from, to] = frames.map(|frame| {
-        let places = frame.grains.iter().map(|grain| grain.position);
-        places.collect::<Vec<_>>()
-    });
-    let mut rattler = Vec::new();
+    let (grains, cells) = (run.grains(), numbers.map(|t| run.cell(t)));
     match run.dimension() {
-        Dimensions::Two => {
-            rattlers::mark::<2>(grains, earlier, &mut rattler);
-            event::non_affine::<Two>(cells, &from, &to, radius, |n| !rattler[n])
-        }
-        Dimensions::Three => {
-            rattlers::mark::<3>(grains, earlier, &mut rattler);
-            event::non_affine::<Three>(cells, &from, &to, radius, |n| !rattler[n])
-        }
+        Dimensions::Two => event::between_frames::<Two>(grains, cells, frames, radius),
+        Dimensions::Three => event::between_frames::<Three>(grains, cells, frames, radius),
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use gshear_analysis::dmin::RADIUS;
-use gshear_analysis::{event, rattlers};
+use gshear_analysis::event;
 use gshear_dem::dimension::Three;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{FrameRecords, body};
@@ -40,8 +40,8 @@ fn seen([x, y, z]: [f64; 3]) -> ([f64; 2], f64) {
     )
 }
 
-/// Draws the last frame: grains by their velocity and by their displacement in the latter half of
-/// the run, and the contact forces. Nothing for disks.
+/// Draws the last frame: grains by their velocity, by their displacement and D²min in the latter
+/// half of the run, and the contact forces. Nothing for disks.
 ///
 /// # Errors
 /// If the run is damaged.
@@ -60,21 +60,32 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
         &velocity,
     )];
     if run.has_images() && frames > 2 {
-        let start = run.unwrapped(frames / 2..frames / 2 + 1)?.swap_remove(0);
-        let end = run.unwrapped(frames - 1..frames)?.swap_remove(0);
-        let moved: Vec<f64> = end.iter().zip(&start).map(|(a, b)| a[0] - b[0]).collect();
+        let [half, end] = [frames / 2, frames - 1];
+        let at = |t: usize| Ok::<_, Failure>(run.unwrapped(t..t + 1)?.swap_remove(0));
+        let (before, after) = (at(half)?, at(end)?);
+        let moved: Vec<f64> = after
+            .iter()
+            .zip(&before)
+            .map(|(a, b)| a[0] - b[0])
+            .collect();
+        let when = " in the latter half of the run";
         pictures.push(packing.figure(
             ("grains-displacement", "displacement_x"),
             ("displacement along x", "m"),
-            " in the latter half of the run",
+            when,
             &moved,
         ));
-        let dmin = non_affine(run, [frames / 2, frames - 1])?;
+        let earlier = run.records(half..half + 1)?.swap_remove(0);
+        let (grains, mean) = (run.grains(), run.grains().mean_radius());
+        let cells = [half, end].map(|t| run.cell(t));
+        let frames = [&earlier, &last];
+        let dmin = event::between_frames::<Three>(grains, cells, frames, RADIUS * mean);
+        let over_square: Vec<f64> = dmin.iter().map(|d| (d / (mean * mean)).log10()).collect();
         pictures.push(packing.figure(
             ("grains-dmin", "log10_dmin_over_square"),
             ("log_{10} D²_{min}/r̄²", ""),
-            " in the latter half of the run",
-            &dmin,
+            when,
+            &over_square,
         ));
     }
     if !last.contacts.is_empty() {
@@ -90,21 +101,6 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
         });
     }
     Ok(pictures)
-}
-
-/// log₁₀ of D²min over r̄² between two frames, with neighbours within 5 r̄ in the earlier one; NaN
-/// for rattlers.
-fn non_affine(run: &RunFile, [from, to]: [usize; 2]) -> Result<Vec<f64>, Failure> {
-    let (grains, earlier) = (run.grains(), run.records(from..from + 1)?);
-    let mut rattler = Vec::new();
-    rattlers::mark::<3>(grains, &earlier[0].contacts, &mut rattler);
-    let mean = grains.mean_radius();
-    let cells = [from, to].map(|t| run.cell(t));
-    let at = |t: usize| Ok::<_, Failure>(run.positions(t..t + 1)?.swap_remove(0));
-    let (start, end) = (at(from)?, at(to)?);
-    let dmin = event::non_affine::<Three>(cells, &start, &end, RADIUS * mean, |g| !rattler[g]);
-    let over_square = dmin.into_iter().map(|dmin| dmin / (mean * mean));
-    Ok(over_square.map(f64::log10).collect())
 }
 
 struct Packing<'a> {
@@ -142,11 +138,12 @@ impl<'a> Packing<'a> {
     }
 
     fn note(&self) -> String {
-        let all = self.frame.grains.len();
-        match self.order.len() {
-            drawn if drawn < all => format!("The {drawn} in front, of {all}."),
-            _ => "Grey: grains of the walls, and those without a value.".into(),
-        }
+        let (all, drawn) = (self.frame.grains.len(), self.order.len());
+        let part = match drawn < all {
+            true => format!("Drawn are the {drawn} in front, of {all}. "),
+            false => String::new(),
+        };
+        part + "Grey: grains of the walls, and those without a value."
     }
 
     fn table(&self, name: &'static str, values: &[f64]) -> String {
