@@ -28,27 +28,19 @@ pub struct LinearContact {
 }
 
 impl LinearContact {
-    /// Evaluates the derivatives of the law at this contact. `radii` are those of i and j; the last is
-    /// its history, and whether it is at its limits, as far as that is known ([`Stiffness::derivatives`]).
+    /// Evaluates the derivatives of the law at this contact of unit normal n.
     pub fn new<D: Dimension>(
         law: &dyn Stiffness,
-        radii: [f64; 2],
         n: Vector,
         distance: f64,
-        overlap: f64,
-        (mut history, limits): (Vector, [Option<bool>; 2]),
+        mut springs: SpringState,
     ) -> Self {
         if D::SPINS == 3 {
             // The force routine does the same: rounding has left a small component along n.
-            let along = dot(history, n);
-            (0..3).for_each(|k| history[k] -= along * n[k]);
+            let along = dot(springs.history, n);
+            (0..3).for_each(|k| springs.history[k] -= along * n[k]);
         }
-        let mut derivatives = law.derivatives(&SpringState {
-            radii,
-            overlap,
-            history,
-            limits,
-        });
+        let mut derivatives = law.derivatives(&springs);
         if D::SPINS == 1 {
             let across = [-n[1], n[0], 0.0];
             let vector = |of: Vector| across.map(|t| of[0] * t);
@@ -61,7 +53,7 @@ impl LinearContact {
             };
         }
         Self {
-            radii,
+            radii: springs.radii,
             n,
             distance,
             derivatives,

@@ -13,7 +13,7 @@ use faer::Mat;
 use faer::sparse::SparseColMat;
 
 use contact::LinearContact;
-use gshear_dem::contact::stiffness::Stiffness;
+use gshear_dem::contact::stiffness::{SpringState, Stiffness};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, body, length};
 use gshear_spectrum::{Problem, Unfit};
@@ -147,7 +147,7 @@ pub fn assemble<D: Dimension>(
         .filter_map(|c| {
             let pair = [&grains[c.i as usize], &grains[c.j as usize]];
             let limits = if state.at_rest { [None; 2] } else { c.limits() };
-            let contact = touch::<D>(pair, (c.history, limits), state.cell, law)?;
+            let contact = touch::<D>(pair, c.history, limits, state.cell, law)?;
             Some((contact, [c.i, c.j].map(|g| place[g as usize])))
         })
         .collect();
@@ -190,14 +190,20 @@ pub fn assemble<D: Dimension>(
 /// The contact of two grains, or `None` without overlap.
 fn touch<D: Dimension>(
     [a, b]: [&GrainState; 2],
-    state: ([f64; 3], [Option<bool>; 2]),
+    history: [f64; 3],
+    limits: [Option<bool>; 2],
     cell: Cell,
     law: &dyn Stiffness,
 ) -> Option<LinearContact> {
     let r = cell.separation::<D>(&a.position, &b.position);
     let distance = length(r);
     let overlap = a.radius + b.radius - distance;
-    let radii = [a.radius, b.radius];
     let n = r.map(|x| x / distance);
-    (overlap > 0.0).then(|| LinearContact::new::<D>(law, radii, n, distance, overlap, state))
+    let springs = SpringState {
+        radii: [a.radius, b.radius],
+        overlap,
+        history,
+        limits,
+    };
+    (overlap > 0.0).then(|| LinearContact::new::<D>(law, n, distance, springs))
 }

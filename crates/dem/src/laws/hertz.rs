@@ -505,13 +505,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
 /// At constant u, F_t = -√(δR*) k_t u grows with √δ; at the limit F_t = -μF_n u/|u|.
 impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
-        let SpringState {
-            radii,
-            overlap,
-            history,
-            limits,
-        } = *state;
-        let [r_i, r_j] = radii;
+        let (overlap, [r_i, r_j]) = (state.overlap, state.radii);
         let root = (overlap * r_i * r_j / (r_i + r_j)).sqrt();
         let d = Derivatives {
             normal: self.normal_stiffness * root * overlap,
@@ -522,8 +516,8 @@ impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
             return d;
         }
         let k_t = self.tangential_stiffness * root;
-        let trial = history.map(|u| -k_t * u);
-        let [slides, _] = limits;
+        let trial = state.history.map(|u| -k_t * u);
+        let [slides, _] = state.limits;
         let mut d = d.limited(trial, k_t, self.friction, slides);
         if !d.sliding {
             d.tangential_slope = d.tangential.map(|f| 0.5 * f / overlap);

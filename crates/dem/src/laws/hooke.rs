@@ -368,28 +368,22 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
     for Hooke<D, FRICTION, ROLLING>
 {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
-        let SpringState {
-            radii,
-            overlap,
-            history,
-            limits,
-        } = *state;
-        let [slides, rolls] = limits;
+        let [slides, rolls] = state.limits;
         let mut d = Derivatives {
-            normal: self.normal_stiffness * overlap,
+            normal: self.normal_stiffness * state.overlap,
             normal_slope: self.normal_stiffness,
             ..Derivatives::default()
         };
-        let [first, _, torque] = history;
+        let [first, _, torque] = state.history;
         let force = match D::SPINS {
-            3 => history,
+            3 => state.history,
             _ => [first, 0.0, 0.0],
         };
         if FRICTION {
             d = d.limited(force, self.tangential_stiffness, self.friction, slides);
         }
         if ROLLING {
-            let (k_r, arm) = self.rolling.spring(radii);
+            let (k_r, arm) = self.rolling.spring(state.radii);
             d = d.rolling(torque, k_r, arm, rolls);
         }
         d

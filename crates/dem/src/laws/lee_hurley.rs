@@ -499,28 +499,22 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 /// The history is a force, so F_t does not depend on δ below the limit. dF_n/dδ = πE*/(ℓ-2).
 impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION, ROLLING> {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
-        let SpringState {
-            radii,
-            overlap,
-            history,
-            limits,
-        } = *state;
-        let [r_i, r_j] = radii;
+        let (overlap, [r_i, r_j]) = (state.overlap, state.radii);
         let y = overlap / (4.0 * (r_i + r_j));
         let m = 1.0 / inverse_root(y);
-        let [slides, rolls] = limits;
+        let [slides, rolls] = state.limits;
         let mut d = Derivatives {
             normal: self.stiffness / m * overlap,
             normal_slope: self.stiffness / (m - 1.0),
             ..Derivatives::default()
         };
-        let [force, _, torque] = history;
+        let [force, _, torque] = state.history;
         if FRICTION {
-            let k_t = self.tangential_stiffness(radii, m, (y / m).sqrt());
+            let k_t = self.tangential_stiffness(state.radii, m, (y / m).sqrt());
             d = d.limited([force, 0.0, 0.0], k_t, self.friction, slides);
         }
         if ROLLING {
-            let (k_r, arm) = self.rolling.spring(radii);
+            let (k_r, arm) = self.rolling.spring(state.radii);
             d = d.rolling(torque, k_r, arm, rolls);
         }
         d

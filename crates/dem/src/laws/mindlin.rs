@@ -339,12 +339,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
 /// -μ k_n δ^(3/2) t/|t|, with the same derivatives at s = 1.
 impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
-        let SpringState {
-            overlap,
-            history,
-            limits: [slides, _],
-            ..
-        } = *state;
+        let (overlap, history, [slides, _]) = (state.overlap, state.history, state.limits);
         let root = overlap.sqrt();
         let mut d = Derivatives {
             normal: self.normal_stiffness * overlap * root,
