@@ -10,6 +10,7 @@ use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Snapshot;
 use gshear_scene::{Boundary, PackingFile, Scene, Source, derived};
+use gshear_store::run_reader::RunStage;
 
 use crate::record::RunRecord;
 use crate::written::Written;
@@ -108,14 +109,19 @@ impl Header {
         fields.to_string()
     }
 
+    /// The stage, if it writes frames.
+    pub fn run_stage(&self) -> Option<RunStage> {
+        match self {
+            Header::Pack { .. } => None,
+            Header::Shear { .. } => Some(RunStage::Shear),
+            Header::Aqs { .. } => Some(RunStage::Strain),
+            Header::Newtonian { .. } => Some(RunStage::Newtonian),
+        }
+    }
+
     /// The name of the stage.
     pub fn stage(&self) -> &'static str {
-        match self {
-            Header::Pack { .. } => "pack",
-            Header::Shear { .. } => "shear",
-            Header::Aqs { .. } => "aqs",
-            Header::Newtonian { .. } => "newtonian",
-        }
+        self.run_stage().map_or("pack", RunStage::name)
     }
 
     /// Completed steps of the stage.
@@ -161,7 +167,7 @@ impl Header {
                 derived::box_length(scene.dimension, volume / periodic.solid_fraction)
             };
             let length = progress.length.unwrap_or_else(before);
-            scene.sample = scene.sample.in_box(length);
+            scene.sample = scene.sample.in_box(scene.dimension, length);
         }
         Ok(scene)
     }

@@ -91,7 +91,7 @@ impl StoredState {
         );
         let origin = StateOrigin {
             run_id: run.text("run_id").map(str::to_string),
-            stage: run.stage().name(),
+            stage: run.stage(),
             step: run.frame_steps()[t],
         };
         Ok(Self::new(scene, run.cell(t), state, (what, origin)))
@@ -170,7 +170,7 @@ impl StoredState {
             cell,
             grains,
             contacts,
-            at_rest: origin.stage == RunStage::Strain.name(),
+            at_rest: origin.stage == RunStage::Strain,
             what,
             origin,
         }
@@ -188,16 +188,18 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
     let header = Header::read(&snapshot)?;
     let scene = header.scene(path, toml, &[])?;
     let state = (snapshot.grains, snapshot.contacts);
+    let Some(stage) = header.run_stage() else {
+        return Err(Failure::input(format!(
+            "{}: a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",
+            path.display()
+        )));
+    };
     let origin = StateOrigin {
         run_id: None,
-        stage: header.stage(),
+        stage,
         step: header.step(),
     };
     match (&header, &scene.boundary) {
-        (Header::Pack { .. }, _) => Err(Failure::input(format!(
-            "{}: a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",
-            path.display()
-        ))),
         (
             Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
             Boundary::Periodic(_),

@@ -130,7 +130,7 @@ pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64)
     }
 }
 
-/// The random numbers of a grain in [0, 1), of which the radius takes the first.
+/// Random numbers in [0, 1) for one grain: first those of its radius, then those of its position.
 pub fn stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(u64::from(id));

@@ -10,13 +10,15 @@ use ndarray::Array3;
 use gshear_dem::failure::Failure;
 use gshear_spectrum::{Eigenvalue, Problem};
 
+use crate::run_reader::RunStage;
+
 /// The stored state that K is of.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StateOrigin {
     /// Identity of the run; `None` if it is not known.
     pub run_id: Option<String>,
-    /// Name of the stage.
-    pub stage: &'static str,
+    /// The stage.
+    pub stage: RunStage,
     /// Step of the state in its stage.
     pub step: u64,
 }
@@ -104,7 +106,7 @@ pub fn write(
                 .write_scalar(&(value as u64))
         };
         if let Some(origin) = &columns.origin {
-            text("stage", origin.stage)?;
+            text("stage", origin.stage.name())?;
             if let Some(id) = &origin.run_id {
                 text("run_id", id)?;
             }

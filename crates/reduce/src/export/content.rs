@@ -84,10 +84,7 @@ impl ExportedModes {
             )));
         }
         let Ok(frame) = run.frame_steps().binary_search(&file.step) else {
-            return Err(other(&format!(
-                "step {}, of which there is no frame",
-                file.step
-            )));
+            return Err(other(&format!("step {}, which has no frame", file.step)));
         };
         let mut vectors = Vec::new();
         let is_new = |at: &usize| !numbers[..*at].contains(&numbers[*at]);

@@ -139,14 +139,11 @@ pub(super) fn derive_boxed(
     (raw, seed): (&raw::Sample, u64),
     periodic: &PeriodicBox,
 ) -> Result<Sample, Failure> {
-    let mut sample = inserted(c, dimension, raw, &periodic.sizes)?;
+    let sample = inserted(c, dimension, raw, &periodic.sizes)?;
     let volume = |r| dimension.volume(r);
     let grains = volume_in_box(seed, &sample, &periodic.sizes, volume);
     let length = derived::box_length(dimension, grains / periodic.solid_fraction);
-    (sample.length, sample.width) = match dimension {
-        Dimensions::Two => (length, f64::INFINITY),
-        Dimensions::Three => (length, length),
-    };
+    let sample = sample.in_box(dimension, length);
     if !(sample.mean_volume.is_normal() && sample.length.is_normal()) {
         return Err(c.out_of_range(&format!(
             "the mean volume of a grain comes out as {:?} and the length of the box as {:?}; check the units of [sample]",

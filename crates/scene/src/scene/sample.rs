@@ -1,6 +1,7 @@
 //! The grains and their cell.
 
 use gshear_dem::contact::portable_exp;
+use gshear_dem::dimension::Dimensions;
 use gshear_dem::state::{Cell, Sheared};
 
 /// Grains in a cell of `length` L_x along x and, in 3D, `width` L_y along y, both periodic.
@@ -43,11 +44,10 @@ impl Sample {
     }
 
     /// The sample in a box of this length (m) along every axis.
-    pub fn in_box(self, length: f64) -> Self {
-        let width = if self.is_planar() {
-            f64::INFINITY
-        } else {
-            length
+    pub fn in_box(self, dimension: Dimensions, length: f64) -> Self {
+        let width = match dimension {
+            Dimensions::Two => f64::INFINITY,
+            Dimensions::Three => length,
         };
         Self {
             length,
