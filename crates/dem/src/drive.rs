@@ -181,6 +181,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
                 units: grains.units,
                 cell,
                 step,
+                travelled: None,
                 samples: None,
                 counting: None,
             },
@@ -236,6 +237,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
             &[],
             (&id, &radius),
             radius.len(),
+            0.0,
         );
     }
 }

@@ -16,7 +16,7 @@ use crate::contact::stiffness::Stiffness;
 use crate::contact::{CARRY, ContactLaw, PairMotion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch};
-use crate::state::{BlockRange, Cell, Units};
+use crate::state::{BlockRange, CAUTION, Cell, Units};
 
 /// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
 #[derive(Debug, Default)]
@@ -92,6 +92,9 @@ pub struct Pass<'a, D: Dimension> {
     pub cell: Cell,
     /// Δt (s); 0 evaluates the forces without advancing the histories.
     pub step: f64,
+    /// How far the grains have travelled since the list was made (m): blocks that cannot touch yet
+    /// are left out. `None`: unknown, and all blocks are looked at.
+    pub travelled: Option<f64>,
     /// Receives the contact forces.
     pub samples: Option<Samples<'a>>,
     /// Makes the pass count the dissipation for the energy budget.
@@ -224,12 +227,14 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
         } = self;
         let pass = &mut pass;
         let mut outcome = PassOutcome::default();
-        let blocks = pass.part.blocks();
         let prefetches = size_of_val(pass.record) > CACHED;
-        for first in (0..blocks).step_by(CHUNK) {
-            let chunk = first..blocks.min(first + CHUNK);
+        let travelled = pass.travelled;
+        let mut next = pass.part.awake(0, CHUNK, travelled);
+        while !next.is_empty() {
+            let chunk = next;
+            next = pass.part.awake(chunk.end, CHUNK, travelled);
             if prefetches {
-                for block in chunk.end..blocks.min(chunk.end + CHUNK) {
+                for block in next.clone() {
                     let block = pass.part.first + block;
                     prefetch(pass.record, pass.part.pairs, block);
                     prefetch(pass.force, pass.part.pairs, block);
@@ -239,7 +244,7 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             let active = relative_motion::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);
             // In later blocks nothing touches or touched a step ago: their histories are zero
             // already.
-            let chunk = first..first + active;
+            let chunk = chunk.start..chunk.start + active;
             if chunk.is_empty() {
                 continue;
             }
@@ -401,6 +406,20 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         *touching = overlap.greater(zero).bits();
         if before | *touching != 0 {
             active = k + 1;
+        } else {
+            let block = chunk.start + k;
+            let inner = contacts.first + block < contacts.inner;
+            contacts.asleep_until[block] = match pass.travelled {
+                Some(travelled) if inner => {
+                    let mut gap = f64::INFINITY;
+                    for overlap in motion.overlap.0 {
+                        gap = gap.min(-overlap);
+                    }
+                    CAUTION.mul_add(0.5 * gap, travelled)
+                }
+                // Of ghosts it is not known here how far they travel.
+                _ => 0.0,
+            };
         }
         // A pair that touched a step ago overlaps by more than it has approached since.
         let approach = -half_normal * step;

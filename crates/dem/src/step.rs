@@ -83,7 +83,15 @@ pub fn advance<D: Dimension>(
     let rebuild = system.list.moved(fastest, step, &system.grains, &cell);
     system.clock.end(StepPhase::Motion);
 
-    let outside = add_forces(exchange, system, law, drive, step, request.samples);
+    let travelled = Some(system.list.travelled);
+    let outside = add_forces(
+        exchange,
+        system,
+        law,
+        drive,
+        (step, travelled),
+        request.samples,
+    );
 
     let rebuild = rebuild || system.list.forced(system.steps);
     let mut message = Message::new(system, drive, outside, [rebuild, request.stop]);
@@ -200,16 +208,16 @@ pub fn forces<D: Dimension>(
     system.finish_step();
     let owned = system.grains.owned;
     system.grains.force[..owned].fill(Zeroable::zeroed());
-    add_forces(exchange, system, law, drive, step, samples)
+    add_forces(exchange, system, law, drive, (step, None), samples)
 }
 
-/// [`forces`] without clearing those on the owned grains.
+/// [`forces`] without clearing those on the owned grains. `travelled`: [`Pass::travelled`].
 fn add_forces<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
-    step: f64,
+    (step, travelled): (f64, Option<f64>),
     mut samples: Option<&mut ContactForces>,
 ) -> Option<Outside> {
     let System {
@@ -241,6 +249,7 @@ fn add_forces<D: Dimension>(
         units: grains.units,
         cell: *cell,
         step,
+        travelled,
         counting: budget.as_ref().map(|budget| Counting {
             unit: budget.unit(),
             step: *full_step,

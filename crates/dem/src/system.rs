@@ -75,6 +75,10 @@ pub struct List {
     pub due: bool,
     /// Upper bound of the displacements since the last rebuild (m).
     bound: f64,
+    /// Upper bound of the lengths of the paths since then (m).
+    pub(crate) travelled: f64,
+    /// By how much rounding may move a grain in a step (m).
+    rounding: f64,
     /// Change of the Lees–Edwards offset since then (m).
     offset_change: f64,
     /// Positions of the owned grains at the last rebuild.
@@ -123,6 +127,8 @@ impl List {
             rebuilds: 0,
             due: false,
             bound: 0.0,
+            travelled: 0.0,
+            rounding: 0.0,
             offset_change: 0.0,
             origin: Vec::new(),
             unsound: false,
@@ -144,7 +150,9 @@ impl List {
         // whose displacement is measured with this error.
         let more = 1.5 * self.offset_change;
         let half = 0.5 * self.skin;
-        self.bound += step * fastest + 1.5 * offset_step;
+        let way = step * fastest + 1.5 * offset_step;
+        self.bound += way;
+        self.travelled += way + self.rounding;
         // The next step may be up to twice as fast.
         let margin = 2.0 * step * fastest + 1.5 * offset_step;
         if self.bound + margin > half {
@@ -399,12 +407,14 @@ impl<D: Dimension> System<D> {
             &remembered,
             (id, radius),
             *owned,
+            0.5 * self.list.skin,
         );
         self.pool.assign(&self.contacts, self.grains.local());
         drive.renumber(self.isa, &self.grains, self.list.skin);
 
         self.list.due = false;
         self.list.bound = 0.0;
+        self.list.travelled = 0.0;
         self.list.offset_change = 0.0;
         self.list.built = self.steps;
         self.list.rebuilds += 1;
@@ -412,6 +422,9 @@ impl<D: Dimension> System<D> {
         self.list
             .origin
             .extend((0..self.grains.owned).map(|g| self.grains.state(g).position));
+        let coordinates = self.list.origin.as_flattened().iter();
+        let greatest = coordinates.fold(0.0, |a: f64, x| a.max(x.abs()));
+        self.list.rounding = 2.0 * f64::EPSILON * greatest;
         Ok(())
     }
 

@@ -46,6 +46,8 @@ pub struct SharedInput<'a, D: Dimension> {
     pub cell: Cell,
     /// Δt (s), or 0.
     pub step: f64,
+    /// How far the grains have travelled since the list was made (m), if known.
+    pub travelled: Option<f64>,
     /// Makes the pass count the dissipation.
     pub counting: Option<Counting>,
 }
@@ -127,6 +129,7 @@ impl<D: Dimension> ThreadPool<D> {
                     units: input.units,
                     cell: input.cell,
                     step: input.step,
+                    travelled: input.travelled,
                     samples,
                     counting: input.counting,
                 },

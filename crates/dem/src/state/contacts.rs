@@ -41,6 +41,9 @@ pub struct Contacts {
     pub limits: Vec<[u16; 2]>,
     /// Whether they are of a step in which the histories advanced.
     pub limits_are_known: bool,
+    /// For each block, the distance (m) that the grains may have travelled since the list was made
+    /// before one of its pairs can touch: until then the block is asleep, and costs nothing.
+    pub asleep_until: Vec<f64>,
 }
 
 /// Two local grains closer than the cutoff, the one of lower id first.
@@ -55,7 +58,8 @@ pub struct CandidatePair {
 impl Contacts {
     /// Replaces the list by `candidates`, which are sorted by their ids, with the histories of
     /// `remembered`, which is sorted by (i, j). Other pairs start without a history. `id` and
-    /// `radius` are those of the local grains; this rank owns the first `owned`.
+    /// `radius` are those of the local grains; this rank owns the first `owned`. Until the next
+    /// list no ghost is further than `ghosts_move` (m) from its place.
     pub fn replace(
         &mut self,
         isa: Isa,
@@ -64,6 +68,7 @@ impl Contacts {
         remembered: &[ContactState],
         (id, radius): (&[u32], &[f64]),
         owned: usize,
+        ghosts_move: f64,
     ) {
         let is_owned = |g: u32| (g as usize) < owned;
         let group = |of_i: bool, of_j: bool| {
@@ -80,9 +85,12 @@ impl Contacts {
         self.history.clear();
         self.touching.clear();
         self.limits.clear();
+        self.asleep_until.clear();
         self.limits_are_known = remembered
             .iter()
             .all(|c| c.limits().iter().all(Option::is_some));
+        self.inner = groups[0].len().div_ceil(LANES);
+        self.owned_blocks = self.inner + groups[1].len().div_ceil(LANES);
         for block in groups.iter().flat_map(|group| group.chunks(LANES)) {
             let mut of_block = Pairs {
                 i: [0; LANES],
@@ -115,10 +123,17 @@ impl Contacts {
             self.geometry.push(geometry);
             self.touching.push(touching);
             self.limits.push(limits);
+            let least = block
+                .iter()
+                .map(|listed| listed.gap)
+                .fold(f64::INFINITY, f64::min);
+            let inner = self.asleep_until.len() < self.inner;
+            self.asleep_until.push(match inner {
+                true => CAUTION * 0.5 * least,
+                false => CAUTION * least - ghosts_move,
+            });
         }
         let blocks = self.geometry.len();
-        self.inner = groups[0].len().div_ceil(LANES);
-        self.owned_blocks = self.inner + groups[1].len().div_ceil(LANES);
         self.parameters.clear();
         self.parameters
             .resize(blocks * self.parameter_lanes, Lanes16::ZERO);
@@ -139,6 +154,8 @@ impl Contacts {
             history: &mut self.history[of(self.history_lanes)],
             touching: &mut self.touching[of(1)],
             limits: &mut self.limits[of(1)],
+            asleep_until: &mut self.asleep_until[of(1)],
+            inner: self.inner,
         }
     }
 
@@ -189,12 +206,15 @@ impl Contacts {
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Lanes16>()
             + self.touching.capacity() * size_of::<u16>()
             + self.limits.capacity() * size_of::<[u16; 2]>()
+            + self.asleep_until.capacity() * size_of::<f64>()
     }
 }
 
 /// A pair of the list, and its state if it is a contact.
 struct Listed<'a> {
     grains: [u32; 2],
+    /// |r| - R_i - R_j (m); -∞ for contacts.
+    gap: f64,
     contact: Option<&'a ContactState>,
 }
 
@@ -209,24 +229,27 @@ fn in_order<'a>(
     id: &[u32],
 ) -> Vec<Listed<'a>> {
     let mut rest = remembered.iter().peekable();
-    let mut all: Vec<(f64, Listed)> = group
+    let mut all: Vec<Listed> = group
         .map(|pair| {
             let [i, j] = pair.grains.map(|g| id[g as usize]);
             while rest.next_if(|c| (c.i, c.j) < (i, j)).is_some() {}
             let contact = rest.next_if(|c| (c.i, c.j) == (i, j));
-            let listed = Listed {
+            Listed {
                 grains: pair.grains,
+                gap: contact.map_or(pair.gap, |_| f64::NEG_INFINITY),
                 contact,
-            };
-            (contact.map_or(pair.gap, |_| f64::NEG_INFINITY), listed)
+            }
         })
         .collect();
     for run in all.chunks_mut(SORTED_TOGETHER) {
         // Stable: contacts stay in order.
-        run.sort_by(|a, b| a.0.total_cmp(&b.0));
+        run.sort_by(|a, b| a.gap.total_cmp(&b.gap));
     }
-    all.into_iter().map(|(_, listed)| listed).collect()
+    all
 }
+
+/// The part of a gap that counts: gaps and distances travelled are rounded.
+pub const CAUTION: f64 = 0.998;
 
 /// Some blocks of the list, as the kernel uses them.
 pub struct BlockRange<'a> {
@@ -250,12 +273,31 @@ pub struct BlockRange<'a> {
     pub touching: &'a mut [u16],
     /// [`Contacts::limits`] of these blocks.
     pub limits: &'a mut [[u16; 2]],
+    /// [`Contacts::asleep_until`] of these blocks.
+    pub asleep_until: &'a mut [f64],
+    /// [`Contacts::inner`].
+    pub inner: usize,
 }
 
 impl<'a> BlockRange<'a> {
     /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.geometry.len()
+    }
+
+    /// The next blocks that are awake, at most `most` of them, from block `from` of the part on,
+    /// when the grains have travelled this far (m); `None`: every block is awake.
+    pub fn awake(&self, from: usize, most: usize, travelled: Option<f64>) -> Range<usize> {
+        let blocks = self.blocks();
+        let Some(travelled) = travelled else {
+            return from..blocks.min(from + most);
+        };
+        // NaN counts as far.
+        let asleep = |until: &f64| travelled < *until;
+        let rest = &self.asleep_until[from..];
+        let first = from + rest.iter().take_while(|until| asleep(until)).count();
+        let rest = self.asleep_until[first..].iter().take(most);
+        first..first + rest.take_while(|until| !asleep(until)).count()
     }
 
     /// The blocks before block `until` of the list, and the others.
@@ -266,6 +308,7 @@ impl<'a> BlockRange<'a> {
         let (history, history_after) = self.history.split_at_mut(here * self.history_lanes);
         let (touching, touching_after) = self.touching.split_at_mut(here);
         let (limits, limits_after) = self.limits.split_at_mut(here);
+        let (asleep_until, asleep_until_after) = self.asleep_until.split_at_mut(here);
         (
             BlockRange {
                 first: self.first,
@@ -278,6 +321,8 @@ impl<'a> BlockRange<'a> {
                 history,
                 touching,
                 limits,
+                asleep_until,
+                inner: self.inner,
             },
             BlockRange {
                 first: until,
@@ -290,6 +335,8 @@ impl<'a> BlockRange<'a> {
                 history: history_after,
                 touching: touching_after,
                 limits: limits_after,
+                asleep_until: asleep_until_after,
+                inner: self.inner,
             },
         )
     }
