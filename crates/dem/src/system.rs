@@ -18,7 +18,7 @@ const THINNEST_SKIN: f64 = 0.002;
 const THICKEST_SKIN: f64 = 0.4;
 const FIRST_SKIN: f64 = 0.02;
 /// Steps between rebuilds with the best skin: a rebuild costs about as much as ten steps.
-const BEST_LIFE: f64 = 400.0;
+const BEST_LIFE: f64 = 600.0;
 
 /// The grains and contacts of this rank, and the bookkeeping for them.
 #[derive(Debug)]
