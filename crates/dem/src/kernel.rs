@@ -15,7 +15,7 @@ use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
 use crate::contact::{CARRY, ContactLaw, PairMotion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
-use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch};
+use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch, prefetch_all};
 use crate::state::{BlockRange, CAUTION, Cell, Units};
 
 /// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
@@ -178,9 +178,9 @@ struct PassWork<'a, C: ContactLaw, const BUDGET: bool> {
 const CHUNK: usize = 8;
 
 /// Size of the records (bytes) beyond which the next chunk is prefetched: with their contacts, six
-/// times as much, they fill a last-level cache. Prefetching saves 5 to 15 % beyond this size and
-/// costs some 4 % below it (docs/speed.md).
-const CACHED: usize = 8 << 20;
+/// times as much, they fill a last-level cache. Prefetching makes larger packings a third faster,
+/// and costs some 5 % where the cache holds all (docs/lab/speed.md).
+const CACHED: usize = 3 << 20;
 
 /// Intermediate results between the phases of a pass, per block. Kept from pass to pass only to
 /// reuse its memory.
@@ -234,11 +234,7 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             let chunk = next;
             next = pass.part.awake(chunk.end, CHUNK, travelled);
             if prefetches {
-                for block in next.clone() {
-                    let block = pass.part.first + block;
-                    prefetch(pass.record, pass.part.pairs, block);
-                    prefetch(pass.force, pass.part.pairs, block);
-                }
+                prefetch_blocks(pass, next.clone());
             }
             load_differences::<C, L>(token, pass, chunk.clone(), scratch);
             let active = relative_motion::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);
@@ -257,6 +253,21 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             outcome.too_strong = outcome.too_strong.or(too_strong);
         }
         outcome
+    }
+}
+
+/// Prefetches what the pass reads of these blocks.
+#[inline(always)]
+fn prefetch_blocks<D: Dimension>(pass: &Pass<'_, D>, blocks: Range<usize>) {
+    let part = &pass.part;
+    let of = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
+    prefetch_all(&part.history[of(part.history_lanes)]);
+    prefetch_all(&part.parameters[of(part.parameter_lanes)]);
+    prefetch_all(&part.geometry[of(1)]);
+    for block in blocks {
+        let block = part.first + block;
+        prefetch(pass.record, part.pairs, block);
+        prefetch(pass.force, part.pairs, block);
     }
 }
 

@@ -255,8 +255,9 @@ pub trait Lanes:
     fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize);
 }
 
-/// Prefetches the elements of `of` at the second indices of a block of pairs. Does nothing on
-/// processors other than x86-64.
+/// Prefetches the elements of `of` at the second indices of a block of pairs into the second-level
+/// cache: the first one is too small for all of a chunk, and has too few misses under way. Does
+/// nothing on processors other than x86-64.
 #[inline(always)]
 pub fn prefetch<T>(of: &[T], list: &PairList, block: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -265,9 +266,22 @@ pub fn prefetch<T>(of: &[T], list: &PairList, block: usize) {
         for line in 0..size_of::<T>().div_ceil(64) {
             // SAFETY: a prefetch neither faults nor changes what the program reads.
             unsafe {
-                use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-                _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line));
+                use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
+                _mm_prefetch::<_MM_HINT_T1>(first.wrapping_add(64 * line));
             }
+        }
+    }
+}
+
+/// [`prefetch`] of a whole slice.
+#[inline(always)]
+pub fn prefetch_all<T>(of: &[T]) {
+    #[cfg(target_arch = "x86_64")]
+    for line in (0..size_of_val(of)).step_by(64) {
+        // SAFETY: a prefetch neither faults nor changes what the program reads.
+        unsafe {
+            use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
+            _mm_prefetch::<_MM_HINT_T1>(of.as_ptr().cast::<i8>().wrapping_add(line));
         }
     }
 }
