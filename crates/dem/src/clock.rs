@@ -63,6 +63,11 @@ impl Clock {
         self.since = now;
     }
 
+    /// Seconds of computing, without waiting for other ranks.
+    pub fn worked(&self) -> f64 {
+        self.seconds[StepPhase::Motion as usize] + self.seconds[StepPhase::Contacts as usize]
+    }
+
     /// Mean seconds per step in a phase on this rank.
     pub fn per_step(&self, phase: StepPhase) -> f64 {
         self.seconds[phase as usize] / self.steps.max(1) as f64

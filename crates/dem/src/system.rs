@@ -77,6 +77,8 @@ pub struct List {
     bound: f64,
     /// Upper bound of the lengths of the paths since then (m).
     pub(crate) travelled: f64,
+    /// [`Clock::worked`] at the last rebuild (s).
+    worked: f64,
     /// By how much rounding may move a grain in a step (m).
     rounding: f64,
     /// Change of the Lees–Edwards offset since then (m).
@@ -128,6 +130,7 @@ impl List {
             due: false,
             bound: 0.0,
             travelled: 0.0,
+            worked: 0.0,
             rounding: 0.0,
             offset_change: 0.0,
             origin: Vec::new(),
@@ -380,9 +383,11 @@ impl<D: Dimension> System<D> {
         contacts: Vec<ContactState>,
     ) -> Result<(), Failure> {
         let cutoff = self.list.cutoff();
-        let (owned, remembered) = self
-            .slabs
-            .redistribute(exchange, self.cell, grains, contacts, cutoff)?;
+        let worked = self.clock.worked() - self.list.worked;
+        let (owned, remembered) =
+            self.slabs
+                .redistribute(exchange, self.cell, grains, contacts, (cutoff, worked))?;
+        self.list.worked = self.clock.worked();
         self.second_kick_deferred = false;
         self.grains.replace(&owned, self.masses, self.step);
         let largest = 0.5 * self.list.diameter;

@@ -25,6 +25,8 @@ pub struct Slabs<D: Dimension> {
     length: f64,
     /// Slab r is [`cuts[r]`, `cuts[r + 1]`) (m).
     pub cuts: Vec<f64>,
+    /// The part of the work that each rank is to have; see [`Slabs::balance`].
+    shares: Vec<f64>,
     links: Vec<Neighbour<D>>,
 }
 
@@ -58,6 +60,7 @@ impl<D: Dimension> Slabs<D> {
             cuts: (0..=size)
                 .map(|r| length * r as f64 / size as f64)
                 .collect(),
+            shares: vec![1.0 / size as f64; size],
             links: Vec::new(),
         }
     }
@@ -69,8 +72,9 @@ impl<D: Dimension> Slabs<D> {
     }
 
     /// Moves the cuts to balance the work, then every grain with its contacts to the rank that owns
-    /// it. `cutoff` in m. Returns the owned grains by id, and all their contacts, including those
-    /// with ghosts, by (i, j).
+    /// it. `cutoff` in m; `worked`: how long (s) this rank has computed since the last call, 0 if
+    /// that is unknown. Returns the owned grains by id, and all their contacts, including those with
+    /// ghosts, by (i, j).
     ///
     /// # Errors
     /// Too many ranks: a slab must be wider than the cutoff.
@@ -80,7 +84,7 @@ impl<D: Dimension> Slabs<D> {
         cell: Cell,
         grains: Vec<GrainState>,
         mut contacts: Vec<ContactState>,
-        cutoff: f64,
+        (cutoff, worked): (f64, f64),
     ) -> Result<(Vec<GrainState>, Vec<ContactState>), Failure> {
         let (size, me) = (exchange.size(), exchange.rank());
         let mut owned = grains;
@@ -91,7 +95,7 @@ impl<D: Dimension> Slabs<D> {
                 cell,
                 &owned,
                 &contacts,
-                cell.cutoff_along_x(cutoff),
+                (cell.cutoff_along_x(cutoff), worked),
             )?;
             let mut leaving: Vec<(u32, usize)> = Vec::new();
             let mut grains_to = vec![Vec::new(); size];
@@ -130,14 +134,16 @@ impl<D: Dimension> Slabs<D> {
         Ok((owned, contacts))
     }
 
-    /// Balances the cuts; `grains` are sorted by id.
+    /// Balances the cuts; `grains` are sorted by id. The costs of grains and contacts say where the
+    /// work is, and the times that the ranks took for theirs, how much of it each is to have: a rank
+    /// may have a slower core, or contacts that cost more.
     fn balance(
         &mut self,
         exchange: &dyn Exchange,
         cell: Cell,
         grains: &[GrainState],
         contacts: &[ContactState],
-        cutoff: f64,
+        (cutoff, worked): (f64, f64),
     ) -> Result<(), Failure> {
         let size = exchange.size();
         let most = most_ranks(self.length, cutoff);
@@ -157,16 +163,23 @@ impl<D: Dimension> Slabs<D> {
             }
         }
         let bins = BINS_PER_RANK * size.min(MOST_RANKS_WITH_BINS);
-        let mut histogram = vec![0i64; bins];
+        let mut sums = vec![0i64; bins + 2 * size];
+        let (histogram, of_ranks) = sums.split_at_mut(bins);
+        of_ranks[exchange.rank()] = cost.iter().sum();
+        of_ranks[size + exchange.rank()] = (1e9 * worked) as i64;
         for (g, cost) in grains.iter().zip(cost) {
             let bin = (cell.slab_coordinate::<D>(&g.position) / self.length * bins as f64) as usize;
             histogram[bin.min(bins - 1)] += cost;
         }
-        exchange.sum(&mut histogram);
+        exchange.sum(&mut sums);
+        let (histogram, of_ranks) = sums.split_at(bins);
+        share_anew(&mut self.shares, of_ranks);
         let total: i64 = histogram.iter().sum();
         let (mut below, mut bin) = (0, 0);
+        let mut share = 0.0;
         for r in 1..size {
-            let target = total * r as i64 / size as i64;
+            share += self.shares[r - 1];
+            let target = ((total as f64 * share) as i64).min(total);
             while below + histogram[bin] < target {
                 below += histogram[bin];
                 bin += 1;
@@ -282,9 +295,58 @@ impl<D: Dimension> Slabs<D> {
     }
 }
 
+/// Moves the shares of the ranks towards what they can do in the same time, from their costs and
+/// then their times (ns) since the last call. Slowly, because times are noisy, and within bounds.
+fn share_anew(shares: &mut [f64], costs_and_times: &[i64]) {
+    let size = shares.len();
+    let (costs, times) = costs_and_times.split_at(size);
+    if costs.iter().chain(times).any(|x| *x <= 0) {
+        return;
+    }
+    let speeds: Vec<f64> = costs
+        .iter()
+        .zip(times)
+        .map(|(c, t)| *c as f64 / *t as f64)
+        .collect();
+    let all: f64 = speeds.iter().sum();
+    let even = 1.0 / size as f64;
+    for (share, speed) in shares.iter_mut().zip(&speeds) {
+        *share += 0.3 * (speed / all - *share);
+        *share = share.clamp(0.5 * even, 2.0 * even);
+    }
+    let sum: f64 = shares.iter().sum();
+    shares.iter_mut().for_each(|share| *share /= sum);
+}
+
 fn as_bytes<T: bytemuck::NoUninit>(messages: &[Vec<T>]) -> Vec<Vec<u8>> {
     messages
         .iter()
         .map(|m| cast_slice::<T, u8>(m).to_vec())
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slower_rank_gets_less_work() {
+        let mut shares = vec![0.5; 2];
+        // The second rank does half as much in a second.
+        for _ in 0..40 {
+            let costs = shares.iter().map(|share| (1e6 * share) as i64);
+            let times = [1e9 * shares[0], 2e9 * shares[1]].map(|t| t as i64);
+            let costs_and_times: Vec<i64> = costs.chain(times).collect();
+            share_anew(&mut shares, &costs_and_times);
+        }
+        assert!((shares[0] - 2.0 / 3.0).abs() < 1e-3, "{shares:?}");
+        assert_eq!(shares.iter().sum::<f64>(), 1.0);
+        let known = shares.clone();
+        share_anew(&mut shares, &[5, 5, 0, 7]);
+        assert_eq!(shares, known, "a time is not known");
+        for _ in 0..40 {
+            share_anew(&mut shares, &[1_000_000, 1, 1, 1_000_000]);
+        }
+        assert!((shares[0] / shares[1] - 4.0).abs() < 1.1, "{shares:?}");
+    }
 }
