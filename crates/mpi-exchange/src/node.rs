@@ -57,6 +57,8 @@ pub struct Node {
     /// Number of messages sent to, and received from, the next rank and the rank before.
     sent: [Cell<u64>; 2],
     received: [Cell<u64>; 2],
+    /// Polls of a counter before this rank yields its core.
+    polls: u32,
     window: ffi::MPI_Win,
     // Dropped after the window.
     _communicator: SimpleCommunicator,
@@ -72,6 +74,12 @@ impl Node {
         }
         let mut ranks = vec![0i32; here as usize];
         communicator.all_gather_into(&world.rank(), &mut ranks[..]);
+        let mut allowed = vec![0u64; here as usize * CPU_WORDS];
+        communicator.all_gather_into(&allowed_cpus()[..], &mut allowed[..]);
+        let polls = match here as usize <= number_of_cpus(&allowed) {
+            true => POLLS_ALONE,
+            false => POLLS_CROWDED,
+        };
         let mut slots = vec![null_mut(); world.size() as usize];
         // A slot begins at the first multiple of its alignment, the same offset on all ranks
         // because memory is shared by pages.
@@ -115,6 +123,7 @@ impl Node {
             sums: Cell::new(0),
             sent: zero(),
             received: zero(),
+            polls,
             window,
             _communicator: communicator,
         })
@@ -185,7 +194,7 @@ impl Node {
         unsafe {
             let slot = self.slots[self.rank];
             let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
-            wait_for(&(*mailbox).taken, number.saturating_sub(2));
+            wait_for(&(*mailbox).taken, number.saturating_sub(2), self.polls);
             let message = (&raw mut (*mailbox).message).cast::<f64>();
             let message = from_raw_parts_mut(message, chosen.len() * width);
             copy_chosen(records, width, chosen, message);
@@ -207,7 +216,7 @@ impl Node {
         unsafe {
             let slot = self.slots[from];
             let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
-            wait_for(&(*mailbox).sent, number);
+            wait_for(&(*mailbox).sent, number, self.polls);
             copy_nonoverlapping(
                 (&raw const (*mailbox).message).cast(),
                 message.as_mut_ptr(),
@@ -241,7 +250,7 @@ impl Node {
         meanwhile();
         for rank in (0..self.slots.len()).filter(|&r| r != self.rank) {
             let other = terms(rank);
-            wait_for(&other.count, number);
+            wait_for(&other.count, number, self.polls);
             for (sum, term) in values.iter_mut().zip(&other.term) {
                 *sum = sum.wrapping_add(term.load(Ordering::Relaxed));
             }
@@ -283,9 +292,9 @@ impl Drop for Node {
     }
 }
 
-/// Waits until a counter has reached a number. Yields the core after [`SPIN_COUNT`] polls.
-fn wait_for(counter: &AtomicU64, number: u64) {
-    for _ in 0..SPIN_COUNT {
+/// Waits until a counter has reached a number. Yields the core after this number of `polls`.
+fn wait_for(counter: &AtomicU64, number: u64, polls: u32) {
+    for _ in 0..polls {
         if counter.load(Ordering::Acquire) >= number {
             return;
         }
@@ -296,9 +305,44 @@ fn wait_for(counter: &AtomicU64, number: u64) {
     }
 }
 
-/// Polls of a slot before the rank yields its core: about two microseconds. More would delay the
-/// other ranks if there are more ranks than cores.
-const SPIN_COUNT: u32 = 50;
+/// Polls before a rank yields its core, if there are more ranks than cores: about two microseconds.
+/// More would delay the other ranks.
+const POLLS_CROWDED: u32 = 50;
+
+/// The same if every rank has a core: some tenths of a millisecond. To yield takes longer than most
+/// waits, and a core that is shared with other jobs may come back late.
+const POLLS_ALONE: u32 = 5000;
+
+/// Words of 64 bits for the processors that a process may use.
+const CPU_WORDS: usize = 32;
+
+/// The processors that this process may use, a bit for each; none if the system does not say.
+fn allowed_cpus() -> [u64; CPU_WORDS] {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    parse_cpus(&status).unwrap_or([0; CPU_WORDS])
+}
+
+/// The line `Cpus_allowed` of a `status` file: words of 32 bits in hexadecimal, the last one first
+/// in number.
+fn parse_cpus(status: &str) -> Option<[u64; CPU_WORDS]> {
+    let mask = status
+        .lines()
+        .find_map(|line| line.strip_prefix("Cpus_allowed:"))?;
+    let mut cpus = [0; CPU_WORDS];
+    for (k, word) in mask.trim().rsplit(',').take(2 * CPU_WORDS).enumerate() {
+        cpus[k / 2] |= u64::from(u32::from_str_radix(word, 16).ok()?) << (32 * (k % 2));
+    }
+    Some(cpus)
+}
+
+/// The number of processors that some of the ranks may use.
+fn number_of_cpus(allowed: &[u64]) -> usize {
+    let of_word = |word: usize| {
+        let ranks = allowed.iter().skip(word).step_by(CPU_WORDS);
+        ranks.fold(0, |all, cpus| all | cpus).count_ones() as usize
+    };
+    (0..CPU_WORDS).map(of_word).sum()
+}
 
 /// Copies the chosen records, of `width` numbers each, one after the other.
 ///
@@ -323,5 +367,22 @@ fn copy_records<const WIDTH: usize>(records: &[f64], chosen: &[u32], to: &mut [f
     assert!(to.len() >= chosen.len(), "room for the records");
     for (to, &chosen) in to.iter_mut().zip(chosen) {
         *to = records[chosen as usize];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn processors_are_counted_over_the_ranks() {
+        let cpus = |mask: &str| parse_cpus(&format!("Name:\tx\nCpus_allowed:\t{mask}\n"));
+        let [first, second] = ["1", "2"].map(|mask| cpus(mask).expect("a mask"));
+        assert_eq!(number_of_cpus(&[first, second].concat()), 2);
+        assert_eq!(number_of_cpus(&[first, first].concat()), 1);
+        let wide = cpus("ffffffff,00000000,00000003").expect("a mask");
+        assert_eq!(wide[..3], [3, 0xffff_ffff, 0]);
+        assert_eq!(number_of_cpus(&[wide, second].concat()), 34);
+        assert_eq!((cpus("what"), parse_cpus("Name:\tx")), (None, None));
     }
 }
