@@ -196,9 +196,10 @@ impl List {
         self.skin = self.skin.max(skin);
     }
 
-    /// Whether `bookkeeping.rebuild_every` requires a rebuild after this number of steps.
+    /// Whether `bookkeeping.rebuild_every` requires a rebuild after this number of steps: the list
+    /// was made at the beginning of step `built`.
     pub fn forced(&self, steps: u64) -> bool {
-        self.every > 0 && steps - self.built >= self.every
+        self.every > 0 && steps + 1 - self.built >= self.every
     }
 
     fn cutoff(&self) -> f64 {
