@@ -18,9 +18,24 @@ const RADIUS: f64 = 1e-3;
 const SPACING: f64 = 2.1 * RADIUS;
 const STEPS: u64 = 3000;
 
-/// A gas of grains in a periodic box whose images above move, with lists that live for at most
-/// `every` steps. Returns the digest, the number of lists, and in how many steps blocks slept.
-fn run<D: Dimension>(law: &dyn PairForce<D>, side: usize, every: u64) -> (String, u64, u64) {
+/// What the grains do at first.
+#[derive(Clone, Copy, PartialEq)]
+enum Start {
+    /// They fly in all directions, and the images above move.
+    Gas,
+    /// They meet head-on along x, all with the greatest speed, so that they touch as early as
+    /// the bound of their ways allows.
+    HeadOn,
+}
+
+/// Grains in a periodic box, with lists that live for at most `every` steps. Returns the digest, the
+/// number of lists, and in how many steps blocks slept.
+fn run<D: Dimension>(
+    law: &dyn PairForce<D>,
+    side: usize,
+    start: Start,
+    every: u64,
+) -> (String, u64, u64) {
     let length = side as f64 * SPACING;
     let cell = Cell {
         periods: match D::AXES {
@@ -30,7 +45,10 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, side: usize, every: u64) -> (String
         sheared: Some(Sheared {
             height: length,
             offset: 0.3 * RADIUS,
-            velocity: 0.2,
+            velocity: match start {
+                Start::Gas => 0.2,
+                Start::HeadOn => 0.0,
+            },
         }),
     };
     let setup = Setup {
@@ -66,6 +84,9 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, side: usize, every: u64) -> (String
             state.position[axis] = (place + 0.5 + 0.02 * random()) * SPACING;
             state.velocity[axis] = random();
         }
+        if start == Start::HeadOn {
+            state.velocity = [[1.0, -1.0][id % side % 2], 0.0, 0.0];
+        }
         state
     };
     let grains: Vec<GrainState> = (0..side.pow(D::AXES as u32)).map(grain).collect();
@@ -89,11 +110,13 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, side: usize, every: u64) -> (String
 }
 
 fn nothing_is_missed<D: Dimension>(law: &dyn PairForce<D>, side: usize) {
-    let (expected, lists, _) = run(law, side, 1);
-    assert!(lists >= STEPS);
-    let (digest, lists, slept) = run(law, side, 0);
-    assert!(lists < 60 && slept > STEPS / 2, "{lists} lists, {slept}");
-    assert_eq!(digest, expected);
+    for start in [Start::Gas, Start::HeadOn] {
+        let (expected, lists, _) = run(law, side, start, 1);
+        assert!(lists >= STEPS);
+        let (digest, lists, slept) = run(law, side, start, 0);
+        assert!(lists < 60 && slept > STEPS / 2, "{lists} lists, {slept}");
+        assert_eq!(digest, expected);
+    }
 }
 
 const SPRINGS: Springs = Springs {
