@@ -8,7 +8,7 @@ use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{PairForce, Pass, Scratch};
 use crate::protocol::Protocol;
 use crate::simd::Isa;
-use crate::state::{CandidatePair, Cell, Contacts, Grains, body};
+use crate::state::{CandidatePair, Cell, Contacts, Grains, LocalGrains, body};
 
 /// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the Verlet scheme of the
 /// grains. SI units; per unit depth in 2D.
@@ -235,9 +235,12 @@ impl<D: Dimension> Drive<D> for Planes<D> {
             self.law.as_ref(),
             &pairs,
             &[],
-            (&id, &radius),
-            radius.len(),
-            0.0,
+            LocalGrains {
+                id: &id,
+                radius: &radius,
+                owned: radius.len(),
+                ghosts_move: 0.0,
+            },
         );
     }
 }

@@ -10,7 +10,9 @@ use crate::failure::Failure;
 use crate::kernel::PairForce;
 use crate::neighbour;
 use crate::simd::{Isa, Lanes, Work};
-use crate::state::{Cell, ContactState, Contacts, GrainState, Grains, Masses, Units, length};
+use crate::state::{
+    Cell, ContactState, Contacts, GrainState, Grains, LocalGrains, Masses, Units, length,
+};
 use crate::threads::{OwnedPart, ThreadPool};
 
 /// Bounds of an adaptive skin over d̄.
@@ -411,9 +413,12 @@ impl<D: Dimension> System<D> {
             law,
             &candidates,
             &remembered,
-            (id, radius),
-            *owned,
-            0.5 * self.list.skin,
+            LocalGrains {
+                id,
+                radius,
+                owned: *owned,
+                ghosts_move: 0.5 * self.list.skin,
+            },
         );
         self.pool.assign(&self.contacts, self.grains.local());
         drive.renumber(self.isa, &self.grains, self.list.skin);

@@ -46,6 +46,19 @@ pub struct Contacts {
     pub asleep_until: Vec<f64>,
 }
 
+/// What a list needs to know of the local grains.
+#[derive(Debug, Clone, Copy)]
+pub struct LocalGrains<'a> {
+    /// Their ids.
+    pub id: &'a [u32],
+    /// Their radii (m).
+    pub radius: &'a [f64],
+    /// This rank owns the first of them.
+    pub owned: usize,
+    /// Until the next list no ghost is further from its place than this (m).
+    pub ghosts_move: f64,
+}
+
 /// Two local grains closer than the cutoff, the one of lower id first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CandidatePair {
@@ -57,19 +70,21 @@ pub struct CandidatePair {
 
 impl Contacts {
     /// Replaces the list by `candidates`, which are sorted by their ids, with the histories of
-    /// `remembered`, which is sorted by (i, j). Other pairs start without a history. `id` and
-    /// `radius` are those of the local grains; this rank owns the first `owned`. Until the next
-    /// list no ghost is further than `ghosts_move` (m) from its place.
+    /// `remembered`, which is sorted by (i, j). Other pairs start without a history.
     pub fn replace(
         &mut self,
         isa: Isa,
         law: &dyn PairModel,
         candidates: &[CandidatePair],
         remembered: &[ContactState],
-        (id, radius): (&[u32], &[f64]),
-        owned: usize,
-        ghosts_move: f64,
+        grains: LocalGrains<'_>,
     ) {
+        let LocalGrains {
+            id,
+            radius,
+            owned,
+            ghosts_move,
+        } = grains;
         let is_owned = |g: u32| (g as usize) < owned;
         let group = |of_i: bool, of_j: bool| {
             let kind = |pair: &&CandidatePair| {
