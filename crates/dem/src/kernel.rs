@@ -16,7 +16,7 @@ use crate::contact::stiffness::Stiffness;
 use crate::contact::{CARRY, ContactLaw, PairMotion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch, prefetch_all};
-use crate::state::{BlockRange, CAUTION, Cell, Units};
+use crate::state::{BlockRange, Cell, Units, way_to_touch};
 
 /// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
 #[derive(Debug, Default)]
@@ -426,7 +426,7 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
                     for overlap in motion.overlap.0 {
                         gap = gap.min(-overlap);
                     }
-                    CAUTION.mul_add(0.5 * gap, travelled)
+                    travelled + way_to_touch(gap)
                 }
                 // Of ghosts it is not known here how far they travel.
                 _ => 0.0,

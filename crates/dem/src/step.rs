@@ -208,6 +208,8 @@ pub fn forces<D: Dimension>(
     system.finish_step();
     let owned = system.grains.owned;
     system.grains.force[..owned].fill(Zeroable::zeroed());
+    // The grains may have been put elsewhere.
+    system.contacts.wake();
     add_forces(exchange, system, law, drive, (step, None), samples)
 }
 

@@ -11,7 +11,7 @@ use gshear_dem::laws::hooke::{Hooke, Springs};
 use gshear_dem::observe;
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
 
 const RADIUS: f64 = 1e-3;
@@ -28,14 +28,8 @@ enum Start {
     HeadOn,
 }
 
-/// Grains in a periodic box, with lists that live for at most `every` steps. Returns the digest, the
-/// number of lists, and in how many steps blocks slept.
-fn run<D: Dimension>(
-    law: &dyn PairForce<D>,
-    side: usize,
-    start: Start,
-    every: u64,
-) -> (String, u64, u64) {
+/// Grains in a periodic box, with lists that live for at most `every` steps.
+fn begin<D: Dimension>(law: &dyn PairForce<D>, side: usize, start: Start, every: u64) -> System<D> {
     let length = side as f64 * SPACING;
     let cell = Cell {
         periods: match D::AXES {
@@ -95,6 +89,18 @@ fn run<D: Dimension>(
     let made = system.replace(&Solo, law, walls, grains, Vec::new());
     made.expect("a list");
     initial_forces(&Solo, &mut system, law, walls, None).expect("sound forces");
+    system
+}
+
+/// Returns the digest after [`STEPS`], the number of lists, and in how many steps blocks slept.
+fn run<D: Dimension>(
+    law: &dyn PairForce<D>,
+    side: usize,
+    start: Start,
+    every: u64,
+) -> (String, u64, u64) {
+    let mut system = begin(law, side, start, every);
+    let walls = &mut NoWalls;
     let mut slept = 0;
     for _ in 0..STEPS {
         advance(&Solo, &mut system, law, walls, StepRequest::default()).expect("sound");
@@ -117,6 +123,34 @@ fn nothing_is_missed<D: Dimension>(law: &dyn PairForce<D>, side: usize) {
         assert!(lists < 60 && slept > STEPS / 2, "{lists} lists, {slept}");
         assert_eq!(digest, expected);
     }
+}
+
+/// Forces at places to which grains were put, as in a quasi-static step, wake what slept.
+#[test]
+fn a_grain_that_is_put_elsewhere_wakes_its_block() {
+    let law = Hooke::<Two, true, false>::new(&SPRINGS, &CONTACT);
+    let run = |rebuilds: bool| {
+        let mut system = begin::<Two>(&law, 20, Start::HeadOn, 0);
+        let walls = &mut NoWalls;
+        for _ in 0..10 {
+            advance(&Solo, &mut system, &law, walls, StepRequest::default()).expect("sound");
+        }
+        for g in 0..400 {
+            let away = if g % 2 == 0 { 0.06 } else { -0.06 };
+            system.grains_mut().fields_mut(g)[0] += away * RADIUS;
+        }
+        let step = system.step;
+        assert!(forces(&Solo, &mut system, &law, walls, step, None).is_none());
+        assert!(system.contacts.touching().count() > 150);
+        if rebuilds {
+            system.rebuild(&Solo, &law, walls).expect("a list");
+        }
+        for _ in 0..20 {
+            advance(&Solo, &mut system, &law, walls, StepRequest::default()).expect("sound");
+        }
+        observe::digest(&Solo, &mut system, &law, &[], 30)
+    };
+    assert_eq!(run(false), run(true));
 }
 
 const SPRINGS: Springs = Springs {

@@ -144,8 +144,8 @@ impl Contacts {
                 .fold(f64::INFINITY, f64::min);
             let inner = self.asleep_until.len() < self.inner;
             self.asleep_until.push(match inner {
-                true => CAUTION * 0.5 * least,
-                false => CAUTION * least - ghosts_move,
+                true => way_to_touch(least),
+                false => 2.0 * way_to_touch(least) - ghosts_move,
             });
         }
         let blocks = self.geometry.len();
@@ -172,6 +172,11 @@ impl Contacts {
             asleep_until: &mut self.asleep_until[of(1)],
             inner: self.inner,
         }
+    }
+
+    /// Wakes all blocks.
+    pub fn wake(&mut self) {
+        self.asleep_until.fill(0.0);
     }
 
     /// Number of blocks.
@@ -263,8 +268,12 @@ fn in_order<'a>(
     all
 }
 
-/// The part of a gap that counts: gaps and distances travelled are rounded.
-pub const CAUTION: f64 = 0.998;
+/// How far (m) two grains with this gap (m) must travel to touch. Slightly less than half of it,
+/// because gaps and ways are rounded.
+#[inline(always)]
+pub fn way_to_touch(gap: f64) -> f64 {
+    0.499 * gap
+}
 
 /// Some blocks of the list, as the kernel uses them.
 pub struct BlockRange<'a> {

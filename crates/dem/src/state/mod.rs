@@ -24,7 +24,7 @@ mod sample;
 mod snapshot;
 
 pub use cell::{BoxEdges, Cell, Image, Sheared, length, nearest_image};
-pub use contacts::{BlockRange, CAUTION, CandidatePair, Contacts, LocalGrains, Touching};
+pub use contacts::{BlockRange, CandidatePair, Contacts, LocalGrains, Touching, way_to_touch};
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
 pub use sample::{ContactSample, GrainSample, SeriesRow};
