@@ -1,0 +1,136 @@
+//! The columns of every CSV file: name, unit and meaning. `gshear-reduce columns` prints them, and
+//! beside each file they are written as `<file>-metadata.json` (CSV on the Web, W3C 2015).
+
+mod tables;
+
+use std::path::Path;
+
+use gshear_dem::columns::Column;
+use gshear_dem::failure::Failure;
+use serde_json::{Value, json};
+
+use crate::text_writer;
+use tables::OF_FIGURES;
+pub use tables::{TableDescription, tables};
+
+/// Returns the metadata of a table `kind`, such as `log.csv`, in a file of the name `file`, if the
+/// dictionary has all its columns. A component is described as its vector: `velocity_x` as
+/// `velocity`; an eigenvector without its number: `mode12_rotation_re_x` as `modeK_rotation_re`.
+fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<String> {
+    let all = tables(axes);
+    let table = all.iter().find(|table| table.file == kind)?;
+    // Figures show columns of other tables.
+    let others = all.iter().filter(|_| kind == OF_FIGURES);
+    let known = || {
+        table
+            .columns
+            .iter()
+            .chain(others.clone().flat_map(|of| &of.columns))
+    };
+    let describe = |name: &&str| -> Option<Value> {
+        let of_mode = name
+            .strip_prefix("mode")
+            .map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
+        let general = of_mode.map_or_else(|| name.to_string(), |rest| format!("modeK{rest}"));
+        let is_of = |column: &&Column| {
+            let rest = general.strip_prefix(column.name);
+            rest.is_some_and(|rest| rest.is_empty() || AXES.contains(&rest))
+        };
+        let column = known().find(is_of)?;
+        let mut described = json!({ "name": name, "titles": name, "dc:description": column.doc });
+        if let Some(unit) = column.unit_in(axes) {
+            described["schema:unitText"] = unit.into();
+        }
+        Some(described)
+    };
+    let columns: Vec<Value> = names.iter().map(describe).collect::<Option<_>>()?;
+    Some(format!(
+        "{:#}\n",
+        json!({
+            "@context": "http://www.w3.org/ns/csvw",
+            "url": file,
+            "dc:description": format!("One line per {}", table.lines),
+            "tableSchema": { "columns": columns },
+        })
+    ))
+}
+
+/// Writes the metadata of a table `kind`, such as `log.csv`, beside the table, or, if the dictionary
+/// lacks a column, nothing.
+///
+/// # Errors
+/// [`Failure::Other`] if the file cannot be written.
+pub fn write_metadata(
+    kind: &str,
+    table: &Path,
+    names: &[&str],
+    axes: usize,
+) -> Result<(), Failure> {
+    let file = table.file_name().unwrap_or_default().to_string_lossy();
+    match metadata(kind, &file, names, axes) {
+        Some(text) => text_writer::write(&table.with_file_name(format!("{file}{ENDING}")), &text),
+        None => Ok(()),
+    }
+}
+
+/// Writes a table of the reducer and its metadata.
+///
+/// # Errors
+/// [`Failure::Other`] if a file cannot be written.
+pub fn write_table(path: &Path, csv: &str) -> Result<(), Failure> {
+    text_writer::write(path, csv)?;
+    let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
+    let kind = path.file_name().unwrap_or_default().to_string_lossy();
+    // None of its columns is a force or an energy, so the dimension does not matter.
+    write_metadata(&kind, path, &names, 3)
+}
+
+/// Writes the data of a figure or of a study of a run in `axes` dimensions, and its metadata.
+///
+/// # Errors
+/// [`Failure::Other`] if a file cannot be written.
+pub fn write_figure_data(path: &Path, csv: &str, axes: usize) -> Result<(), Failure> {
+    text_writer::write(path, csv)?;
+    let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
+    write_metadata(OF_FIGURES, path, &names, axes)
+}
+
+/// Of the name of metadata, after that of its table.
+const ENDING: &str = "-metadata.json";
+
+/// Ends of the names of components.
+const AXES: [&str; 9] = ["_x", "_y", "_z", "_xx", "_xy", "_xz", "_yy", "_yz", "_zz"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn components_are_described_as_their_vector() {
+        let mode = "mode12_rotation_im_z";
+        let names = ["frame", "x", "angular_velocity_z", "stress_xy", mode];
+        let text = metadata("frames.csv", "a.csv", &names, 2).expect("described");
+        let found: Value = serde_json::from_str(&text).expect("JSON");
+        let column = |k: usize| &found["tableSchema"]["columns"][k];
+        assert_eq!(found["url"], "a.csv");
+        assert_eq!(column(1)["schema:unitText"], "m");
+        assert_eq!(column(2)["schema:unitText"], "rad s-1");
+        assert_eq!(column(3)["schema:unitText"], "Pa");
+        assert_eq!(column(0).get("schema:unitText"), None);
+        assert_eq!(column(4)["name"], mode);
+        let doc = column(4)["dc:description"].as_str().unwrap_or_default();
+        assert!(doc.starts_with("rotation"), "{doc}");
+        assert_eq!(metadata("frames.csv", "a.csv", &["positions"], 2), None);
+        assert_eq!(metadata("other.csv", "a.csv", &["step"], 2), None);
+    }
+
+    #[test]
+    fn forces_of_disks_are_per_unit_depth() {
+        let unit = |axes| {
+            let text = metadata("log.csv", "log.csv", &["shear_force"], axes).expect("described");
+            let found: Value = serde_json::from_str(&text).expect("JSON");
+            found["tableSchema"]["columns"][0]["schema:unitText"].clone()
+        };
+        assert_eq!((unit(2), unit(3)), ("N m-1".into(), "N".into()));
+    }
+}
