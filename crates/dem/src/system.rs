@@ -404,7 +404,9 @@ impl<D: Dimension> System<D> {
             greatest: cutoff,
             skin: self.list.skin,
         };
-        let candidates = neighbour::pairs(&self.grains, self.cell, extent, list_cutoff);
+        let mut candidates = neighbour::pairs(&self.grains, self.cell, extent, list_cutoff);
+        self.slabs
+            .drop_unpaired_ghosts(exchange, &mut self.grains, &mut candidates);
         let Grains {
             id, radius, owned, ..
         } = &self.grains;

@@ -8,7 +8,7 @@ use super::{Exchange, Link};
 use crate::dimension::Dimension;
 use crate::failure::Failure;
 use crate::neighbour::LocalExtent;
-use crate::state::{Cell, ContactState, GrainState, Grains};
+use crate::state::{CandidatePair, Cell, ContactState, GrainState, Grains};
 
 /// Bins per rank of the histogram that balances the cuts, and the number of ranks beyond which no
 /// bins are added.
@@ -241,6 +241,48 @@ impl<D: Dimension> Slabs<D> {
                 grains.push(&ghost);
             }
             link.ghosts = begin..grains.local();
+        }
+    }
+
+    /// Drops the ghosts that are in none of these pairs, on the ranks that own them, too, so that
+    /// the halo exchange sends no more than the forces need. Renumbers the grains of the pairs.
+    pub fn drop_unpaired_ghosts(
+        &mut self,
+        exchange: &dyn Exchange,
+        grains: &mut Grains<D>,
+        pairs: &mut [CandidatePair],
+    ) {
+        if self.links.is_empty() {
+            return;
+        }
+        let mut needed = vec![false; grains.local()];
+        needed[..grains.owned].fill(true);
+        for g in pairs.iter().flat_map(|pair| pair.grains) {
+            needed[g as usize] = true;
+        }
+        // A message and not a rule: two ranks might round differently.
+        let mut answers = vec![Vec::new(); exchange.size()];
+        for link in &self.links {
+            answers[link.rank] = needed[link.ghosts.clone()].to_vec();
+        }
+        let answers: Vec<Vec<u8>> = answers
+            .iter()
+            .map(|answer| answer.iter().map(|&kept| u8::from(kept)).collect())
+            .collect();
+        let received = exchange.all_to_all(answers);
+        let number = grains.retain(&needed);
+        for g in pairs.iter_mut().flat_map(|pair| &mut pair.grains) {
+            *g = number[*g as usize];
+        }
+        let mut begin = grains.owned;
+        for link in &mut self.links {
+            let mut kept = received[link.rank].iter();
+            link.send.retain(|_| kept.next() == Some(&1));
+            link.buffer.truncate(link.send.len());
+            let ghosts = needed[link.ghosts.clone()].iter().filter(|kept| **kept);
+            let end = begin + ghosts.count();
+            link.ghosts = begin..end;
+            begin = end;
         }
     }
 

@@ -187,6 +187,28 @@ impl<D: Dimension> Grains<D> {
         self.force.push(force);
     }
 
+    /// Keeps the owned grains, which must all be `kept`, and the ghosts that are. Returns the new
+    /// local indices by the old ones.
+    pub fn retain(&mut self, kept: &[bool]) -> Vec<u32> {
+        fn retain<T>(values: &mut Vec<T>, kept: &[bool]) {
+            let mut kept = kept.iter();
+            values.retain(|_| kept.next() == Some(&true));
+        }
+        debug_assert!(kept[..self.owned].iter().all(|kept| *kept));
+        retain(&mut self.id, kept);
+        retain(&mut self.body, kept);
+        retain(&mut self.radius, kept);
+        retain(&mut self.record, kept);
+        retain(&mut self.force, kept);
+        let mut next = 0;
+        let number = |&kept: &bool| {
+            let here = next;
+            next += u32::from(kept);
+            here
+        };
+        kept.iter().map(number).collect()
+    }
+
     /// Sets Δt (s).
     pub fn set_step(&mut self, step: f64) {
         self.half_kick.clear();

@@ -1,0 +1,277 @@
+//! The halo holds the ghosts that the forces need and no others. The ranks are threads.
+
+use std::sync::{Arc, Barrier, Mutex};
+
+use bytemuck::{Zeroable, cast_slice, pod_collect_to_vec};
+use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::domain::{Exchange, Link, Solo};
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::laws::Contact;
+use gshear_dem::laws::hooke::{Hooke, Springs};
+use gshear_dem::observe;
+use gshear_dem::simd::Isa;
+use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
+
+const RADIUS: f64 = 1e-3;
+const SKIN: f64 = 0.1;
+
+/// A rank of a job whose ranks are threads.
+struct Thread {
+    rank: usize,
+    barrier: Arc<Barrier>,
+    /// By sender and receiver.
+    messages: Arc<Mutex<Vec<Vec<Vec<u8>>>>>,
+}
+
+impl Thread {
+    fn sums(&self, values: &[i64]) -> Vec<Vec<i64>> {
+        let all = self.gather(cast_slice(values));
+        all.iter().map(|bytes| pod_collect_to_vec(bytes)).collect()
+    }
+}
+
+impl Exchange for Thread {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn size(&self) -> usize {
+        self.messages.lock().expect("no panic").len()
+    }
+
+    fn all_to_all(&self, send: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+        self.messages.lock().expect("no panic")[self.rank] = send;
+        self.barrier.wait();
+        let messages = self.messages.lock().expect("no panic");
+        let received = messages.iter().map(|sent| sent[self.rank].clone());
+        let received = received.collect();
+        drop(messages);
+        self.barrier.wait();
+        received
+    }
+
+    fn halo(&self, links: &mut [Link<'_>], meanwhile: &mut dyn FnMut()) {
+        let mut send = vec![Vec::new(); self.size()];
+        for link in &*links {
+            for &chosen in link.chosen {
+                let record = &link.records[chosen as usize * link.width..][..link.width];
+                send[link.rank].extend_from_slice(cast_slice::<f64, u8>(record));
+            }
+        }
+        meanwhile();
+        let received = self.all_to_all(send);
+        for link in links {
+            let message: Vec<f64> = pod_collect_to_vec(&received[link.rank]);
+            link.receive.copy_from_slice(&message);
+        }
+    }
+
+    fn sum(&self, values: &mut [i64]) {
+        let all = self.sums(values);
+        for (k, value) in values.iter_mut().enumerate() {
+            *value = all.iter().fold(0, |sum, of| sum.wrapping_add(of[k]));
+        }
+    }
+
+    fn sum_during(&self, values: &mut [i64], meanwhile: &mut dyn FnMut()) {
+        meanwhile();
+        self.sum(values);
+    }
+
+    fn sum_below(&self, value: u64) -> u64 {
+        let all = self.sums(&[value as i64]);
+        all[..self.rank].iter().map(|of| of[0] as u64).sum()
+    }
+
+    fn maximum(&self, value: f64) -> f64 {
+        let all = self.gather(cast_slice(&[value]));
+        let values = all
+            .iter()
+            .map(|bytes| pod_collect_to_vec::<u8, f64>(bytes)[0]);
+        values.fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        self.all_to_all(vec![bytes.to_vec(); self.size()])
+    }
+
+    fn broadcast(&self, bytes: Vec<u8>) -> Vec<u8> {
+        self.gather(&bytes).swap_remove(0)
+    }
+
+    fn barrier(&self) {
+        self.barrier.wait();
+    }
+}
+
+/// Grains of a gas that is dense enough to touch, in a periodic box.
+fn gas<D: Dimension>(side: usize) -> (Setup, Vec<GrainState>) {
+    let spacing = 2.1 * RADIUS;
+    let length = side as f64 * spacing;
+    let setup = Setup {
+        isa: Isa::detect(),
+        list: ListSettings {
+            skin: Some(SKIN),
+            rebuild_every: 0,
+        },
+        cell: Cell {
+            periods: match D::AXES {
+                2 => [length, f64::INFINITY],
+                _ => [length; 2],
+            },
+            sheared: Some(Sheared {
+                height: length,
+                offset: 0.3 * RADIUS,
+                velocity: 0.2,
+            }),
+        },
+        largest_radius: RADIUS,
+        mean_diameter: 2.0 * RADIUS,
+        masses: Masses::Density(2500.0),
+        step: 2e-7,
+        gravity: 0.0,
+        typical_force: 1.0,
+        threads: 1,
+    };
+    let mut seed = 5u64;
+    let mut random = || {
+        seed = seed
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    let grain = |id: usize| {
+        let mut state = GrainState {
+            id: id as u32,
+            radius: (0.75 + 0.25 * random()) * RADIUS,
+            ..GrainState::zeroed()
+        };
+        for axis in 0..D::AXES {
+            let place = (id / side.pow(axis as u32) % side) as f64;
+            state.position[axis] = (place + 0.5 + 0.02 * random()) * spacing;
+            state.velocity[axis] = random();
+        }
+        state
+    };
+    let grains = (0..side.pow(D::AXES as u32)).map(grain).collect();
+    (setup, grains)
+}
+
+/// Runs `steps` steps on this rank, and returns the digest. After each list that it makes, calls
+/// `look`.
+fn run<D: Dimension>(
+    exchange: &dyn Exchange,
+    law: &dyn PairForce<D>,
+    side: usize,
+    steps: u64,
+    mut look: impl FnMut(&mut System<D>),
+) -> String {
+    let (setup, mut grains) = gas::<D>(side);
+    if exchange.rank() > 0 {
+        grains.clear();
+    }
+    let mut system = System::new(exchange, setup).expect("wide slabs");
+    let walls = &mut NoWalls;
+    let made = system.replace(exchange, law, walls, grains, Vec::new());
+    made.expect("a list");
+    look(&mut system);
+    initial_forces(exchange, &mut system, law, walls, None).expect("sound forces");
+    for _ in 0..steps {
+        let lists = system.list.rebuilds;
+        advance(exchange, &mut system, law, walls, StepRequest::default()).expect("sound");
+        if system.list.rebuilds > lists {
+            look(&mut system);
+        }
+    }
+    assert!(system.list.rebuilds > 3, "too few lists");
+    observe::digest(exchange, &mut system, law, &[], steps)
+}
+
+/// Fails if a ghost is in no pair. Returns the number of ghosts.
+fn count_paired_ghosts<D: Dimension>(system: &mut System<D>) -> usize {
+    let (owned, local) = (system.owned(), system.local());
+    let mut paired = vec![false; local];
+    for block in system.contacts.pairs.blocks() {
+        for (&i, &j) in block.i.iter().zip(&block.j) {
+            // The rest of a block is filled up with pairs of a grain and itself.
+            if i != j {
+                paired[i as usize] = true;
+                paired[j as usize] = true;
+            }
+        }
+    }
+    assert!(paired[owned..].iter().all(|&paired| paired));
+    local - owned
+}
+
+fn on_ranks<D: Dimension>(law: &(dyn PairForce<D> + Sync), side: usize, ranks: usize) {
+    let steps = 3000;
+    let expected = run::<D>(&Solo, law, side, steps, |_| ());
+    let barrier = Arc::new(Barrier::new(ranks));
+    let messages = Arc::new(Mutex::new(vec![Vec::new(); ranks]));
+    std::thread::scope(|scope| {
+        let threads = (0..ranks).map(|rank| Thread {
+            rank,
+            barrier: barrier.clone(),
+            messages: messages.clone(),
+        });
+        let handles: Vec<_> = threads
+            .map(|exchange| {
+                scope.spawn(move || {
+                    let mut ghosts = 0;
+                    let digest = run::<D>(&exchange, law, side, steps, |system| {
+                        ghosts = count_paired_ghosts(system);
+                        let sent = system.slabs.traffic().0 / size_of::<D::Record>();
+                        let counts = [ghosts, sent].map(|n| n as i64);
+                        let all = exchange.sums(&counts);
+                        let total = |k: usize| all.iter().map(|of| of[k]).sum::<i64>();
+                        assert_eq!(total(0), total(1), "what is sent is received");
+                    });
+                    (digest, ghosts)
+                })
+            })
+            .collect();
+        for handle in handles {
+            let (digest, ghosts) = handle.join().expect("no panic");
+            assert_eq!(digest, expected);
+            assert!(ghosts > 5, "{ghosts} ghosts");
+        }
+    });
+}
+
+const SPRINGS: Springs = Springs {
+    normal_stiffness: 1e7,
+    tangential_stiffness: 4e6,
+    density: 2500.0,
+    damping_ratio: 0.02,
+};
+
+const CONTACT: Contact = Contact {
+    friction: 0.5,
+    rolling_friction: 0.0,
+    rolling_damping_ratio: 0.0,
+};
+
+#[test]
+fn ghosts_of_disks_are_those_in_pairs() {
+    let law = Hooke::<Two, true, false>::new(&SPRINGS, &CONTACT);
+    for ranks in [2, 3] {
+        on_ranks(&law, 24, ranks);
+    }
+}
+
+#[test]
+fn ghosts_of_spheres_are_those_in_pairs() {
+    let springs = Springs {
+        normal_stiffness: 1e4,
+        tangential_stiffness: 4e3,
+        ..SPRINGS
+    };
+    let law = Hooke::<Three, true, false>::new(&springs, &CONTACT);
+    for ranks in [2, 3] {
+        on_ranks(&law, 12, ranks);
+    }
+}
