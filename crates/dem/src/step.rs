@@ -236,7 +236,7 @@ fn add_forces<D: Dimension>(
         step: full_step,
         ..
     } = system;
-    pool.clear(&mut grains.force[grains.owned..]);
+    grains.force[grains.owned..].fill(Zeroable::zeroed());
     contacts.limits_are_known = step > 0.0;
     if *gravity > 0.0 {
         weigh(grains, *gravity);

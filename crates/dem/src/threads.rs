@@ -2,9 +2,11 @@
 //! the pool adds these sums. They are exact, so the number of threads does not change a bit.
 
 use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
-use rayon::prelude::*;
 
 use crate::dimension::Dimension;
 use crate::failure::Failure;
@@ -16,15 +18,49 @@ use crate::state::{Cell, Contacts, Grains, Image, Units};
 const PAGE: usize = 256;
 
 /// The threads of a rank, and the partial forces of all but the first.
+///
+/// The calling thread is the first and computes the first part of everything. So with two threads
+/// each finds its part of the grains and contacts in the cache of its core.
 #[derive(Debug)]
 pub struct ThreadPool<D: Dimension> {
-    /// `None` for a single thread.
-    workers: Option<rayon::ThreadPool>,
+    /// The other threads; `None` for a single thread.
+    workers: Option<Workers>,
     scratch: Box<Scratch<D>>,
     partial: Vec<PartialForces<D>>,
+    /// The first page that each thread gathers, so that all have as much to add.
+    gathered_from: Vec<usize>,
 }
 
-/// The forces on all local grains by the contacts of one thread; only some pages are used.
+/// The threads beside the first.
+#[derive(Debug)]
+struct Workers {
+    pool: rayon::ThreadPool,
+    /// Number of regions of parallel work that have begun.
+    regions: Arc<AtomicU64>,
+}
+
+/// How long an idle thread waits for the next region of a step before it sleeps. To wake a thread
+/// takes longer than most waits.
+const AWAKE: Duration = Duration::from_micros(500);
+
+impl Workers {
+    /// Runs `work`, which may spawn, and waits for what it spawned.
+    fn region<'scope>(&self, work: impl FnOnce(&rayon::Scope<'scope>)) {
+        self.regions.fetch_add(1, Ordering::Release);
+        self.pool.in_place_scope(work);
+        let regions = self.regions.clone();
+        let here = regions.load(Ordering::Relaxed);
+        self.pool.spawn_broadcast(move |_| {
+            let end = Instant::now() + AWAKE;
+            while regions.load(Ordering::Acquire) == here && Instant::now() < end {
+                std::thread::yield_now();
+            }
+        });
+    }
+}
+
+/// The forces on all local grains by the contacts of one thread; only some pages are used. They are
+/// 0 between two passes.
 #[derive(Debug)]
 struct PartialForces<D: Dimension> {
     force: Vec<D::Force>,
@@ -63,14 +99,18 @@ impl<D: Dimension> ThreadPool<D> {
                 workers: None,
                 scratch: Box::default(),
                 partial: Vec::new(),
+                gathered_from: Vec::new(),
             });
         }
-        let workers = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads - 1)
             .build()
             .map_err(|e| Failure::Other(format!("{threads} threads: {e}")))?;
         Ok(Self {
-            workers: Some(workers),
+            workers: Some(Workers {
+                pool,
+                regions: Arc::default(),
+            }),
             scratch: Box::default(),
             partial: (1..threads)
                 .map(|_| PartialForces {
@@ -79,6 +119,7 @@ impl<D: Dimension> ThreadPool<D> {
                     scratch: Box::default(),
                 })
                 .collect(),
+            gathered_from: Vec::new(),
         })
     }
 
@@ -106,6 +147,19 @@ impl<D: Dimension> ThreadPool<D> {
             partial.force.clear();
             partial.force.resize(local, D::Force::zeroed());
         }
+        let sums_of = |page: usize| self.partial.iter().filter(|p| p.used[page]).count();
+        let sums: Vec<usize> = (0..local.div_ceil(PAGE)).map(sums_of).collect();
+        let all: usize = sums.iter().sum();
+        let begin = |thread: usize| {
+            let mut before = 0;
+            let is_before = |&&more: &&usize| {
+                let is_before = before < all * thread / threads;
+                before += more;
+                is_before
+            };
+            sums.iter().take_while(is_before).count()
+        };
+        self.gathered_from = (0..threads).map(begin).collect();
     }
 
     /// Computes the contact forces of a group of blocks. The first thread adds its part to `force`,
@@ -136,6 +190,9 @@ impl<D: Dimension> ThreadPool<D> {
                 scratch,
             )
         };
+        if group.is_empty() {
+            return PassOutcome::default();
+        }
         let mut samples = samples.map(|s| s.part(group.clone()));
         let mut part = contacts.part(group.clone());
         let Some(workers) = &self.workers else {
@@ -143,7 +200,7 @@ impl<D: Dimension> ThreadPool<D> {
         };
         let threads = 1 + self.partial.len();
         let mut outcomes = vec![PassOutcome::default(); threads];
-        workers.in_place_scope(|scope| {
+        workers.region(|scope| {
             let pass = &pass;
             let (first, others) = outcomes.split_at_mut(1);
             // From the last part to the first, which this thread computes.
@@ -169,40 +226,42 @@ impl<D: Dimension> ThreadPool<D> {
             .fold(PassOutcome::default(), PassOutcome::merge)
     }
 
-    /// Clears `force` and the partial forces.
-    pub fn clear(&mut self, force: &mut [D::Force]) {
-        let zero = D::Force::zeroed();
-        let Some(workers) = &self.workers else {
-            return force.fill(zero);
-        };
-        workers.in_place_scope(|scope| {
-            for partial in &mut self.partial {
-                scope.spawn(move |_| {
-                    let pages = partial.force.chunks_mut(PAGE).zip(&partial.used);
-                    for (page, _) in pages.filter(|(_, used)| **used) {
-                        page.fill(zero);
-                    }
-                });
-            }
-            force.fill(zero);
-        });
-    }
-
-    /// Adds the partial forces to the forces on the grains.
-    pub fn gather(&self, force: &mut [D::Force]) {
+    /// Adds the partial forces to the forces on the grains, and clears them.
+    pub fn gather(&mut self, force: &mut [D::Force]) {
         let Some(workers) = &self.workers else {
             return;
         };
-        let add = |(page, sums): (usize, &mut [D::Force])| {
-            for partial in self.partial.iter().filter(|partial| partial.used[page]) {
-                for (sum, more) in sums.iter_mut().zip(&partial.force[page * PAGE..]) {
-                    for (sum, more) in sum.iter_mut().zip(&more[..]) {
-                        *sum += more;
+        let gathered_from = &self.gathered_from;
+        let mut partial: Vec<_> = self
+            .partial
+            .iter_mut()
+            .map(|partial| (&mut partial.force[..], &partial.used[..]))
+            .collect();
+        let mut rest = force;
+        let add = |force: &mut [D::Force], partial: Vec<(&mut [D::Force], &[bool])>| {
+            for (more, used) in partial {
+                let pages = force.chunks_mut(PAGE).zip(more.chunks_mut(PAGE)).zip(used);
+                for ((sums, page), _) in pages.filter(|(_, used)| **used) {
+                    for (sum, more) in sums.iter_mut().zip(page) {
+                        for (sum, more) in sum.iter_mut().zip(&more[..]) {
+                            *sum += more;
+                        }
+                        *more = D::Force::zeroed();
                     }
                 }
             }
         };
-        workers.install(|| force.par_chunks_mut(PAGE).enumerate().for_each(add));
+        workers.region(|scope| {
+            let add = &add;
+            // From the last part to the first, which this thread adds.
+            for &first in gathered_from[1..].iter().rev() {
+                let (before, sums) = rest.split_at_mut((first * PAGE).min(rest.len()));
+                rest = before;
+                let of_others = split_off(&mut partial, first);
+                scope.spawn(move |_| add(sums, of_others));
+            }
+            add(rest, partial);
+        });
     }
 
     /// Divides the owned grains into parts of about the same size, one per thread, runs `work` on
@@ -225,28 +284,31 @@ impl<D: Dimension> ThreadPool<D> {
         };
         let threads = self.threads();
         let mut results: Vec<R> = (0..threads).map(|_| R::default()).collect();
-        workers.in_place_scope(|scope| {
+        workers.region(|scope| {
             let work = &work;
-            for (k, result) in results.iter_mut().enumerate() {
-                let size = owned * (k + 1) / threads - owned * k / threads;
-                let (record, record_after) = rest.record.split_at_mut(size);
-                let (force, force_after) = rest.force.split_at_mut(size);
-                let (half_kick, half_kick_after) = rest.half_kick.split_at(size);
-                let (image, image_after) = rest.image.split_at_mut(size);
+            let (first, others) = results.split_at_mut(1);
+            // From the last part to the first, which this thread computes.
+            for (k, result) in others.iter_mut().enumerate().rev() {
+                let begin = owned * (k + 1) / threads;
+                let (record, record_after) = rest.record.split_at_mut(begin);
+                let (force, force_after) = rest.force.split_at_mut(begin);
+                let (half_kick, half_kick_after) = rest.half_kick.split_at(begin);
+                let (image, image_after) = rest.image.split_at_mut(begin);
                 rest = OwnedPart {
-                    record: record_after,
-                    force: force_after,
-                    half_kick: half_kick_after,
-                    image: image_after,
-                };
-                let part = OwnedPart {
                     record,
                     force,
                     half_kick,
                     image,
                 };
+                let part = OwnedPart {
+                    record: record_after,
+                    force: force_after,
+                    half_kick: half_kick_after,
+                    image: image_after,
+                };
                 scope.spawn(move |_| *result = work(part));
             }
+            first[0] = work(rest);
         });
         results.into_iter().for_each(each);
     }
@@ -258,6 +320,22 @@ impl<D: Dimension> ThreadPool<D> {
             .map(|partial| partial.force.capacity() * size_of::<D::Force>())
             .sum()
     }
+}
+
+/// The partial forces of every thread, from this page on; leaves those before it.
+fn split_off<'a, F>(
+    partial: &mut Vec<(&'a mut [F], &'a [bool])>,
+    page: usize,
+) -> Vec<(&'a mut [F], &'a [bool])> {
+    let split = |(force, used): (&'a mut [F], &'a [bool])| {
+        let end = (page * PAGE).min(force.len());
+        let (force, force_after) = force.split_at_mut(end);
+        let (used, used_after) = used.split_at(page);
+        ((force, used), (force_after, used_after))
+    };
+    let (before, after) = std::mem::take(partial).into_iter().map(split).unzip();
+    *partial = before;
+    after
 }
 
 /// Part of the owned grains, for the kicks and the drift; see [`Grains`].
