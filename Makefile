@@ -89,7 +89,7 @@ faults: deps
 # Options of benches/peers/run, such as PEERS="--grains 1000 --ranks 1".
 peers: build
 	@scripts/peers-deps
-	@benches/peers/run $(PEERS)
+	@benches/peers/run --lammps $(abspath target/peers/bin/lmp) $(PEERS)
 
 # A packing is made once; 75 is the exit code of a run that was stopped.
 out/million/packing.data: | build
