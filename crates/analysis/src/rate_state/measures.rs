@@ -262,6 +262,68 @@ pub fn healing(holds: &[Hold]) -> Vec<Healing> {
     groups.into_iter().filter_map(fitted).collect()
 }
 
+/// Growth of the peaks with the velocity of the slides after holds of equal duration, which begin at
+/// the same velocity (FR, figure S2: V_i = 0.02 m/s; V_r = 0.05, 0.1 and 0.3 m/s).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PeakGrowth {
+    /// t_hold (s).
+    pub duration: f64,
+    /// V_i (m/s).
+    pub before: f64,
+    /// Number of peaks.
+    pub peaks: usize,
+    /// Slope of Δμ against ln(V_r/V_i).
+    pub slope: f64,
+    /// Its standard error, from those of the peaks.
+    pub error: f64,
+    /// Δμ of the line at V_r = V_i.
+    pub intercept: f64,
+    /// Sum of the squared deviations of ln(V_r/V_i) from their mean.
+    pub spread: f64,
+}
+
+/// Fits Δμ against ln(V_r/V_i) for each duration of holds after the same velocity that has peaks at
+/// two or more ratios, in order of the durations.
+pub fn peak_growth<'a>(holds: impl IntoIterator<Item = &'a Hold>) -> Vec<PeakGrowth> {
+    // Those of equal protocols differ by rounding only.
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
+    let mut holds: Vec<(&Hold, Reslide)> = holds
+        .into_iter()
+        .filter_map(|hold| Some((hold, hold.reslide?)))
+        .collect();
+    holds.sort_by(|(a, _), (b, _)| {
+        let by_velocity = a.before.total_cmp(&b.before);
+        by_velocity.then(a.duration.total_cmp(&b.duration))
+    });
+    let groups =
+        holds.chunk_by(|(a, _), (b, _)| near(a.before, b.before) && near(a.duration, b.duration));
+    let fitted = |group: &[(&Hold, Reslide)]| {
+        let (hold, _) = group[0];
+        let point = |(hold, peak): &(&Hold, Reslide)| {
+            [(peak.velocity / hold.before).ln(), peak.healing, peak.error]
+        };
+        let points: Vec<[f64; 3]> = group.iter().map(point).collect();
+        let flat: Vec<[f64; 2]> = points.iter().map(|p| [p[0], p[1]]).collect();
+        let (intercept, slope, _) = line(&flat)?;
+        let mean = flat.iter().map(|p| p[0]).sum::<f64>() / flat.len() as f64;
+        let square = |x: f64| (x - mean) * (x - mean);
+        let spread: f64 = points.iter().map(|p| square(p[0])).sum();
+        let variance: f64 = points.iter().map(|p| square(p[0]) * p[2] * p[2]).sum();
+        Some(PeakGrowth {
+            duration: hold.duration,
+            before: hold.before,
+            peaks: group.len(),
+            slope,
+            error: variance.sqrt() / spread,
+            intercept,
+            spread,
+        })
+    };
+    let mut growth: Vec<PeakGrowth> = groups.filter_map(fitted).collect();
+    growth.sort_by(|a, b| a.duration.total_cmp(&b.duration));
+    growth
+}
+
 /// Intercept, slope and its 95 % interval of the least-squares line; `None` if all x are equal.
 fn line(points: &[[f64; 2]]) -> Option<(f64, f64, Option<[f64; 2]>)> {
     let n = points.len() as f64;

@@ -29,7 +29,8 @@ pub use fit::{Estimate, Fit, chi_squared, fit};
 pub use jackknife::jackknife;
 pub use law::{Evolution, LogState, RateStateLaw};
 pub use measures::{
-    Healing, Hold, Peaks, Reslide, Steady, VelocityStep, healing, holds, steady_segments, steps,
+    Healing, Hold, PeakGrowth, Peaks, Reslide, Steady, VelocityStep, healing, holds, peak_growth,
+    steady_segments, steps,
 };
 pub use noise::{Autocorrelation, block_error, correlation};
 pub use protocol::{DriveSegment, of_drive};

@@ -11,8 +11,8 @@ use clap::ValueEnum;
 
 use crate::output::cannot_write;
 use gshear_analysis::rate_state::{
-    Estimate, Evolution, Experiment, Fit, Fitted, SliderRecord, Stack, fit_all, jackknife, merge,
-    modelled, stacks,
+    Estimate, Evolution, Experiment, Fit, Fitted, PeakGrowth, SliderRecord, Stack, fit_all,
+    jackknife, merge, modelled, peak_growth, stacks,
 };
 use gshear_dem::failure::Failure;
 use gshear_report::{drawing, rate_state as figures};
@@ -142,6 +142,11 @@ fn reduce(runs: &[RunFile], laws: Laws) -> Result<Reduction, Failure> {
 }
 
 impl Reduction {
+    /// Growth of the peaks with the velocity, over the holds of all experiments.
+    fn peak_growth(&self) -> Vec<PeakGrowth> {
+        peak_growth(self.experiments.iter().flat_map(|e| &e.holds))
+    }
+
     fn views(&self) -> Vec<figures::View<'_>> {
         self.experiments
             .iter()
@@ -149,6 +154,11 @@ impl Reduction {
             .map(|(experiment, models)| figures::View { experiment, models })
             .collect()
     }
+}
+
+/// A duration with four significant digits.
+fn seconds(duration: f64) -> String {
+    format!("{duration:.3e}")
 }
 
 /// Writes an estimate with its interval.
@@ -185,6 +195,17 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
                 format!("{:.5}", healing.slope),
             );
         }
+    }
+    for growth in reduction.peak_growth() {
+        add(
+            format!(
+                "Growth of {} peaks per factor e of V_r/V_i, holds of {} s after {} m/s",
+                growth.peaks,
+                seconds(growth.duration),
+                growth.before
+            ),
+            format!("{:.5} ± {:.5}", growth.slope, growth.error),
+        );
     }
     for fitted in reduction.fitted.iter().filter(|f| f.event.is_none()) {
         for (law, fit) in &fitted.fits {
@@ -237,6 +258,17 @@ fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()
                 healing.slope
             )?;
         }
+    }
+    for growth in reduction.peak_growth() {
+        writeln!(
+            output,
+            "peaks after holds of {} s: {:.5} ± {:.5} per factor e of V_r/V_i, {} peaks, V_i = {} m/s",
+            seconds(growth.duration),
+            growth.slope,
+            growth.error,
+            growth.peaks,
+            growth.before
+        )?;
     }
     for stack in reduction.stacks.iter().filter(|s| s.pieces.len() > 1) {
         let [before, after] = stack.velocities;

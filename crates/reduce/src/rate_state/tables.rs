@@ -143,6 +143,9 @@ fn holds(reduction: &Reduction) -> String {
         .column("velocity_before", |(.., hold)| known(hold.before))
         .column("t_hold", |(.., hold)| known(hold.duration))
         .column("relaxation", |(.., hold)| known(hold.relaxation))
+        .columns(["relaxation_aging", "relaxation_slip"], |(k, n, _)| {
+            of_laws(&reduction.models[*k], |e| Some(e.holds.get(*n)?.relaxation))
+        })
         .column("velocity_after", |(.., hold)| known(hold.reslide?.velocity))
         .column("peak", |(.., hold)| known(hold.reslide?.peak))
         .column("slip_at_peak", |(.., hold)| {
@@ -207,9 +210,19 @@ fn fits(reduction: &Reduction) -> String {
 
 fn json(reduction: &Reduction) -> Value {
     let experiments = reduction.experiments.iter().zip(&reduction.runs);
+    let growth = reduction.peak_growth().into_iter().map(|growth| {
+        json!({
+            "t_hold": growth.duration,
+            "velocity_before": growth.before,
+            "peaks": growth.peaks,
+            "slope": { "value": growth.slope, "error": growth.error },
+            "intercept": growth.intercept,
+        })
+    });
     json!({
         "version": env!("CARGO_PKG_VERSION"),
         "experiments": experiments.map(|(e, runs)| experiment(e, runs)).collect::<Vec<_>>(),
+        "peak_growth": growth.collect::<Vec<_>>(),
         "fits": reduction.fitted.iter().map(fit).collect::<Vec<_>>(),
     })
 }

@@ -6,7 +6,7 @@ use crate::colour::{GREY, INK};
 use crate::plot::figure;
 use crate::stress::padded;
 use crate::ticks::{self, Tick};
-use gshear_analysis::rate_state::{Evolution, Experiment, Healing, Hold};
+use gshear_analysis::rate_state::{Evolution, Experiment, Healing, Hold, peak_growth};
 
 /// Draws Δμ against ln t_hold: measured with ±2 standard errors, the fitted line, and the laws.
 pub(super) fn healing(views: &[View]) -> Option<String> {
@@ -97,32 +97,18 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
 /// Returns the C for which peaks after holds of equal duration are proportional to C + ln(V_r/V_i).
 /// `None` if no two velocity ratios share a duration, or if C or one of the sums is not positive.
 pub(super) fn peak_offset(views: &[View]) -> Option<f64> {
-    let of = |(_, hold): (&View, &Hold)| {
-        let reslide = hold.reslide?;
-        Some((
-            hold.duration,
-            (reslide.velocity / hold.before).ln(),
-            reslide.healing,
-        ))
-    };
-    let peaks: Vec<(f64, f64, f64)> = all_holds(views).into_iter().filter_map(of).collect();
-    // Durations are sorted; those of equal protocols differ by rounding only.
-    let groups = peaks.chunk_by(|a, b| (a.0 - b.0).abs() <= 1e-3 * b.0);
-    let offsets = groups.filter_map(|group| {
-        let n = group.len() as f64;
-        let (x, y) = (
-            group.iter().map(|p| p.1).sum::<f64>() / n,
-            group.iter().map(|p| p.2).sum::<f64>() / n,
-        );
-        let spread: f64 = group.iter().map(|p| (p.1 - x) * (p.1 - x)).sum();
-        let slope = group.iter().map(|p| (p.1 - x) * (p.2 - y)).sum::<f64>() / spread;
-        (spread > 1e-6 && slope > 0.0).then(|| (y / slope - x, spread))
-    });
-    let (sum, weight) = offsets.fold((0.0, 0.0), |(s, w), (c, spread)| {
-        (s + c * spread, w + spread)
+    let holds = || all_holds(views).into_iter().map(|(_, hold)| hold);
+    let growth = peak_growth(holds());
+    let grows = growth.iter().filter(|growth| growth.slope > 0.0);
+    let (sum, weight) = grows.fold((0.0, 0.0), |(sum, weight), growth| {
+        let offset = growth.intercept / growth.slope;
+        (sum + offset * growth.spread, weight + growth.spread)
     });
     let offset = sum / weight;
     // Without healing it may not be positive, and the peaks cannot be divided by it.
-    let positive = |p: &(f64, f64, f64)| offset + p.1 > 0.0;
-    (offset > 0.0 && peaks.iter().all(positive)).then_some(offset)
+    let positive = |hold: &Hold| {
+        let ratio = hold.reslide.map(|peak| peak.velocity / hold.before);
+        ratio.is_none_or(|ratio| offset + ratio.ln() > 0.0)
+    };
+    (offset > 0.0 && holds().all(positive)).then_some(offset)
 }

@@ -171,10 +171,24 @@ const AFTER_STEPS: [Column; 5] = [
         "standard error from the scatter among the steps",
     ),
 ];
-const HOLDS: [Column; 10] = [
+const HOLDS: [Column; 12] = [
     Column::new("velocity_before", "m s-1", "drive velocity before the hold"),
     Column::new("t_hold", "s", "duration of the hold"),
-    Column::new("relaxation", "1", "decrease of μ during the hold"),
+    Column::new(
+        "relaxation",
+        "1",
+        "μ at the end of the hold less the steady μ before it",
+    ),
+    Column::new(
+        "relaxation_aging",
+        "1",
+        "relaxation of the aging law fitted to all data",
+    ),
+    Column::new(
+        "relaxation_slip",
+        "1",
+        "relaxation of the slip law fitted to all data",
+    ),
     Column::new(
         "velocity_after",
         "m s-1",

@@ -254,3 +254,48 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
         near(stack.pieces.last().expect("pieces").slip[1], 1.0);
     }
 }
+
+/// On a stiff spring the peak after a long hold has θ = t_hold and the velocity of the drive, so that
+/// Δμ = a ln(V_r/V_i) + b ln(V_i t_hold/D_c).
+#[test]
+fn peaks_grow_by_a_with_the_velocity_of_the_slide() {
+    let law = law(Evolution::Aging);
+    let reslides = [0.05, 0.1, 0.3];
+    let tests: Vec<Hold> = reslides
+        .iter()
+        .flat_map(|&velocity| {
+            let drive = [
+                segment(0.02, 8.0),
+                segment(0.0, 100.0),
+                segment(velocity, 2.0),
+            ];
+            let record = synthetic(&law, &drive, 1e-5);
+            holds(&record, &steady_segments(&record), Peaks { d_c: None })
+        })
+        .collect();
+    let [growth] = peak_growth(&tests)[..] else {
+        panic!("one duration: {tests:?}");
+    };
+    assert_eq!(
+        (growth.peaks, growth.before, growth.duration),
+        (3, 0.02, 100.0)
+    );
+    assert!((growth.slope / law.a - 1.0).abs() < 0.03, "{growth:?}");
+    let long = law.b * (0.02 * 100.0 / law.d_c).ln();
+    assert!((growth.intercept / long - 1.0).abs() < 0.03, "{growth:?}");
+    // Weights of a least-squares line: equal errors e give e/√(Σ (x - x̄)²).
+    let same = tests.iter().map(|hold| {
+        let reslide = hold.reslide.map(|peak| Reslide {
+            error: 2e-3,
+            ..peak
+        });
+        Hold { reslide, ..*hold }
+    });
+    let same: Vec<Hold> = same.collect();
+    let growth = peak_growth(&same)[0];
+    assert!((growth.error * growth.spread.sqrt() / 2e-3 - 1.0).abs() < 1e-12);
+    assert!(
+        peak_growth(&tests[..1]).is_empty(),
+        "one ratio has no slope"
+    );
+}
