@@ -1,0 +1,334 @@
+#!/usr/bin/env python3
+"""Builds the book of docs/ with mdBook, with the API of the crates beside it, and checks its links.
+
+    scripts/book.py build --mdbook PROGRAM --api target/doc    writes target/book
+    scripts/book.py laws [--check]                             writes docs/laws.md
+
+The lists of docs/README.md are the table of contents. Pages outside docs/ that it names are pages
+of the book, too; other files of the repository that a page links are copied beside it. Warnings of
+mdBook and links that lead nowhere are errors, both in the book and in the Markdown files as a
+code-hosting site shows them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote, urlsplit
+
+CONTENTS = "docs/README.md"
+API_PAGE = "api.md"
+
+ITEM = re.compile(r"^(?P<indent> *)- \[(?P<title>[^]]+)\]\((?P<path>[^)#\s]+\.md)\)")
+LINK = re.compile(r"(?P<before>!?\[(?:[^][]|\[[^]]*\])*\]\()(?P<target>[^)\s]+)(?P<after>\))")
+CODE = re.compile(r"(?P<code>^(?P<fence>```+|~~~+).*?^(?P=fence)`*\s*$|(?P<ticks>`+).+?(?P=ticks))", re.M | re.S)
+
+
+class BookError(Exception):
+    """What is wrong with the book, one line a fault."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the table of contents: a part, or a page of one."""
+
+    title: str
+    path: str | None = None
+    depth: int = 0
+
+
+def normal(path: str) -> str:
+    """A path of the repository without `..`."""
+    return os.path.normpath(path)
+
+
+def contents(root: Path) -> list[Entry]:
+    """The table of contents: headings of docs/README.md, and the pages that their lists name."""
+    entries = []
+    for line in (root / CONTENTS).read_text().splitlines():
+        if line.startswith("## "):
+            entries.append(Entry(line[3:].strip()))
+        elif found := ITEM.match(line):
+            path = normal(f"docs/{found['path']}")
+            entries.append(Entry(found["title"], path, len(found["indent"]) // 2))
+    return entries
+
+
+def outside_code(text: str, change: re.Pattern[str], by: object) -> str:
+    """`change.sub` on all that is not code."""
+    pieces, end = [], 0
+    for code in CODE.finditer(text):
+        pieces += [change.sub(by, text[end : code.start()]), code.group()]
+        end = code.end()
+    return "".join([*pieces, change.sub(by, text[end:])])
+
+
+def is_outside(target: str) -> bool:
+    """A link to another site."""
+    return bool(urlsplit(target).scheme)
+
+
+class Source:
+    """The files of the book, as mdBook reads them."""
+
+    def __init__(self, root: Path, folder: Path) -> None:
+        self.root = root
+        self.folder = folder
+        self.entries = contents(root)
+        self.pages = [CONTENTS] + [e.path for e in self.entries if e.path]
+        self.faults: list[str] = []
+        self.copied: set[str] = set()
+
+    def place(self, path: str) -> str:
+        """Where a file of the repository is in the book."""
+        if path == "README.md":
+            return "README.md"
+        if path.startswith("docs/"):
+            return path.removeprefix("docs/")
+        return f"repository/{path}"
+
+    def write(self) -> None:
+        """Writes all pages, the files that they link, and SUMMARY.md."""
+        docs = self.root / "docs"
+        listed = set(self.pages)
+        if len(listed) < len(self.pages):
+            twice = sorted({p for p in self.pages if self.pages.count(p) > 1})
+            self.faults.append(f"{CONTENTS} names twice: {', '.join(twice)}")
+        for page in sorted(docs.rglob("*.md")):
+            name = page.relative_to(self.root).as_posix()
+            if name not in listed:
+                self.faults.append(f"{CONTENTS} does not name {name}")
+        for name in dict.fromkeys(self.pages):
+            if (self.root / name).is_file():
+                self.write_page(name)
+            else:
+                self.faults.append(f"{CONTENTS} names {name}, which does not exist")
+        self.write_api()
+        self.write_summary()
+
+    def write_page(self, name: str) -> None:
+        def moved(found: re.Match[str]) -> str:
+            target = found["target"]
+            if is_outside(target) or target.startswith("#"):
+                return found.group()
+            path, mark, anchor = target.partition("#")
+            to = normal(str(PurePosixPath(name).parent / unquote(path)))
+            if (self.root / to).is_dir():
+                to = f"{to}/README.md"
+            # A missing file is a fault of the Markdown files, which `source_faults` finds.
+            if to not in self.pages and to != "README.md" and (self.root / to).is_file():
+                self.copy(to)
+            start = PurePosixPath(self.place(name)).parent
+            path = os.path.relpath(self.place(to), start)
+            return f"{found['before']}{path}{mark}{anchor}{found['after']}"
+
+        text = outside_code((self.root / name).read_text(), LINK, moved)
+        target = self.folder / self.place(name)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(text)
+
+    def copy(self, name: str) -> None:
+        if name in self.copied:
+            return
+        self.copied.add(name)
+        target = self.folder / self.place(name)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(self.root / name, target)
+
+    def write_api(self) -> None:
+        """A page that leads to rustdoc's."""
+        rows = []
+        for file in sorted((self.root / "crates").glob("*/Cargo.toml")):
+            package = tomllib.loads(file.read_text())["package"]
+            crate = package["name"].replace("-", "_")
+            rows.append(f"| [{package['name']}](api/{crate}/index.html) | {package['description']} |")
+        if rows:
+            text = "# Rust API\n\nThe crates of the workspace, documented by rustdoc.\n\n"
+            text += "| crate | content |\n| --- | --- |\n" + "\n".join(rows) + "\n"
+            (self.folder / API_PAGE).write_text(text)
+
+    def write_summary(self) -> None:
+        lines = ["# Summary", "", "[Documentation](README.md)"]
+        part = ""
+        for entry in [*self.entries, Entry("")]:
+            if entry.path:
+                lines.append(f"{'  ' * entry.depth}- [{entry.title}]({self.place(entry.path)})")
+                continue
+            if part == "Reference" and (self.folder / API_PAGE).exists():
+                lines.append(f"- [Rust API]({API_PAGE})")
+            part = entry.title
+            lines += ["", f"# {part}", ""] if part else []
+        (self.folder / "SUMMARY.md").write_text("\n".join(lines) + "\n")
+
+
+def slugs(text: str) -> set[str]:
+    """Anchors of a page's headings as code-hosting sites make them."""
+    found: dict[str, int] = {}
+    anchors = set()
+    for heading in re.findall(r"^#{1,6} +(.+?) *#*$", CODE.sub(keep_inline, text), re.M):
+        plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading)
+        slug = "".join(c for c in plain.lower() if c.isalnum() or c in " -_").replace(" ", "-")
+        count = found.get(slug, 0)
+        found[slug] = count + 1
+        anchors.add(f"{slug}-{count}" if count else slug)
+    return anchors | set(re.findall(r"<a (?:id|name)=\"([^\"]+)\"", text))
+
+
+def keep_inline(code: re.Match[str]) -> str:
+    """Code inside a line without its ticks; nothing of a block."""
+    return "" if code["fence"] else code.group().strip("`")
+
+
+def source_faults(root: Path, pages: list[str]) -> list[str]:
+    """Links between the Markdown files that lead nowhere on a code-hosting site."""
+    faults = []
+    for name in dict.fromkeys(pages):
+        if not (root / name).is_file():
+            continue
+        text = CODE.sub("", (root / name).read_text())
+        for link in LINK.finditer(text):
+            target = link["target"]
+            if is_outside(target):
+                continue
+            path, _, anchor = target.partition("#")
+            to = normal(str(PurePosixPath(name).parent / unquote(path))) if path else name
+            if not (root / to).exists():
+                faults.append(f"{name}: {target}: no such file")
+            elif anchor and to.endswith(".md") and unquote(anchor) not in slugs((root / to).read_text()):
+                faults.append(f"{name}: {target}: no such heading")
+    return faults
+
+
+class Page(HTMLParser):
+    """The links and anchors of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.anchors: set[str] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        for name in ("id", "name"):
+            if value := values.get(name):
+                self.anchors.add(value)
+        for name in ("href", "src"):
+            if (value := values.get(name)) and tag != "base":
+                self.links.append(value)
+
+
+def html_faults(book: Path) -> list[str]:
+    """Links of the book's pages, not those of rustdoc, that lead nowhere."""
+    pages: dict[Path, Page] = {}
+
+    def page(path: Path) -> Page:
+        if path not in pages:
+            pages[path] = Page(path.read_text())
+        return pages[path]
+
+    faults = []
+    for path in sorted(book.rglob("*.html")):
+        # The page for addresses that do not exist has links from the root of the site.
+        if path.relative_to(book).parts[0] == "api" or path.name in ("404.html", "toc.html"):
+            continue
+        for link in page(path).links:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc:
+                continue
+            to = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            where = f"{path.relative_to(book)}: {link}"
+            if not to.is_file():
+                faults.append(f"{where}: no such file")
+            elif parts.fragment and to.suffix == ".html":
+                if unquote(parts.fragment) not in page(to).anchors:
+                    faults.append(f"{where}: no such anchor")
+    return faults
+
+
+def build(root: Path, mdbook: str, api: Path | None, book: Path) -> None:
+    """Writes the book into the folder `book`."""
+    source = book.with_name(f"{book.name}-source")
+    for folder in (source, book):
+        shutil.rmtree(folder, ignore_errors=True)
+    (source / "src").mkdir(parents=True)
+    for file in ("book.toml", "book.css"):
+        shutil.copyfile(root / "docs" / file, source / file)
+    pages = Source(root, source / "src")
+    pages.write()
+    faults = pages.faults + source_faults(root, ["README.md", *pages.pages])
+    if faults:
+        raise BookError("\n".join(faults))
+    command = [mdbook, "build", str(source), "--dest-dir", str(book.resolve())]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    said = ran.stdout + ran.stderr
+    if ran.returncode or re.search(r"\b(WARN|ERROR)\b", said):
+        raise BookError(f"mdbook has warnings:\n{said}")
+    if api is not None:
+        shutil.copytree(api, book / "api")
+    if faults := html_faults(book):
+        raise BookError("\n".join(faults))
+    print(f"{len(pages.pages)} pages: {book / 'index.html'}")
+
+
+def laws(root: Path) -> str:
+    """The page of the contact laws, from the front pages of their source files."""
+    folder = root / "crates/dem/src/laws"
+    listed = re.search(r"LAWS[^=]*=\s*&?\[(.*?)\]", (folder / "mod.rs").read_text(), re.S)
+    if listed is None:
+        raise BookError(f"{folder}/mod.rs: no list LAWS")
+    names = re.findall(r"(\w+)::KIND", listed[1])
+    text = (root / "docs/laws.md.in").read_text()
+    for name in names:
+        source = (folder / f"{name}.rs").read_text()
+        key = re.search(r"name: \"([^\"]+)\"", source)
+        if key is None:
+            raise BookError(f"{folder}/{name}.rs: no name of the law")
+        front = [line[3:].removeprefix(" ") for line in source.splitlines() if line.startswith("//!")]
+        text += f"\n## {key[1]}\n\n" + "\n".join(front) + "\n"
+    return text
+
+
+def write_laws(root: Path, check: bool) -> None:
+    page, text = root / "docs/laws.md", laws(root)
+    if not check:
+        page.write_text(text)
+    elif not page.is_file() or page.read_text() != text:
+        raise BookError("docs/laws.md is not what the sources say: run make docs")
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--root", type=Path, default=Path(__file__).resolve().parent.parent)
+    commands = parser.add_subparsers(dest="command", required=True)
+    builds = commands.add_parser("build", help="write the book")
+    builds.add_argument("--mdbook", default="mdbook")
+    builds.add_argument("--api", type=Path, help="rustdoc's pages, which are copied into the book")
+    builds.add_argument("--out", type=Path, help="folder of the book [target/book]")
+    writes = commands.add_parser("laws", help="write docs/laws.md")
+    writes.add_argument("--check", action="store_true", help="only compare")
+    arguments = parser.parse_args()
+    try:
+        if arguments.command == "laws":
+            write_laws(arguments.root, arguments.check)
+        else:
+            out = arguments.out or arguments.root / "target/book"
+            build(arguments.root, arguments.mdbook, arguments.api, out)
+    except BookError as error:
+        for line in str(error).splitlines():
+            print(f"error: {line}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
