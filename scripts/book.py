@@ -26,6 +26,7 @@ from urllib.parse import unquote, urlsplit
 
 CONTENTS = "docs/README.md"
 API_PAGE = "api.md"
+LAWS = "docs/laws.md"
 
 ITEM = re.compile(r"^(?P<indent> *)- \[(?P<title>[^]]+)\]\((?P<path>[^)#\s]+\.md)\)")
 LINK = re.compile(r"(?P<before>!?\[(?:[^][]|\[[^]]*\])*\]\()(?P<target>[^)\s]+)(?P<after>\))")
@@ -149,7 +150,7 @@ class Source:
         for file in sorted((self.root / "crates").glob("*/Cargo.toml")):
             package = tomllib.loads(file.read_text())["package"]
             crate = package["name"].replace("-", "_")
-            rows.append(f"| [{package['name']}](api/{crate}/index.html) | {package['description']} |")
+            rows.append(f"| [{package['name']}](api/{crate}/index.html) | {package.get('description', '')} |")
         if rows:
             text = "# Rust API\n\nThe crates of the workspace, documented by rustdoc.\n\n"
             text += "| crate | content |\n| --- | --- |\n" + "\n".join(rows) + "\n"
@@ -286,7 +287,9 @@ def laws(root: Path) -> str:
     if listed is None:
         raise BookError(f"{folder}/mod.rs: no list LAWS")
     names = re.findall(r"(\w+)::KIND", listed[1])
-    text = (root / "docs/laws.md.in").read_text()
+    begin, end = "<!-- laws: generated -->\n", "<!-- end of laws -->\n"
+    before, _, rest = (root / LAWS).read_text().partition(begin)
+    text = ""
     for name in names:
         source = (folder / f"{name}.rs").read_text()
         key = re.search(r"name: \"([^\"]+)\"", source)
@@ -294,15 +297,15 @@ def laws(root: Path) -> str:
             raise BookError(f"{folder}/{name}.rs: no name of the law")
         front = [line[3:].removeprefix(" ") for line in source.splitlines() if line.startswith("//!")]
         text += f"\n## {key[1]}\n\n" + "\n".join(front) + "\n"
-    return text
+    return f"{before}{begin}{text}\n{end}{rest.partition(end)[2]}"
 
 
 def write_laws(root: Path, check: bool) -> None:
-    page, text = root / "docs/laws.md", laws(root)
+    page, text = root / LAWS, laws(root)
     if not check:
         page.write_text(text)
     elif not page.is_file() or page.read_text() != text:
-        raise BookError("docs/laws.md is not what the sources say: run make docs")
+        raise BookError(f"{LAWS} is not what the sources say: run make docs")
 
 
 def main() -> int:
