@@ -18,12 +18,13 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test python docs scaling bench accuracy stress faults peers million clean
+.PHONY: help deps build run test python docs scaling bench accuracy stress faults peers million book mpich release clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
 	@echo "make test      format, lints, every test of every crate, those through mpirun among them, rustdoc, and make python"
 	@echo "make python    lints, types and tests of the Python package in python/; a part of make test"
+	@echo "make book      the book of docs/ and the API into target/book, without warnings, every link checked"
 	@echo "make docs      write the tables of keys and columns in docs/ and docs/scene.schema.json"
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
 	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
@@ -33,6 +34,8 @@ help:
 	@echo "make faults    1,000 failing calls, 1,000 kills, 1,000 damaged files (docs/faults.md): hours"
 	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
+	@echo "make mpich     builds with MPICH, which it installs, into target/mpich; tests exchange and digests"
+	@echo "make release   tarball, Debian package, wheel and checksums of this version into target/dist"
 	@echo "make deps      install the system packages that are missing (Debian, Ubuntu)"
 	@echo "make clean     remove target/ (results in out/ stay)"
 
@@ -60,8 +63,8 @@ test: deps
 # The programs are named because others may come first in the path.
 python: build
 	@scripts/python-env
-	cd python && ../target/python/bin/ruff format --check
-	cd python && ../target/python/bin/ruff check
+	cd python && ../target/python/bin/ruff format --check --config pyproject.toml . ../scripts
+	cd python && ../target/python/bin/ruff check --config pyproject.toml . ../scripts
 	cd python && ../target/python/bin/mypy
 	cd python && GSHEAR_MPI=$(abspath $(PROGRAM)) GSHEAR_REDUCE=$(abspath $(REDUCE)) ../target/python/bin/pytest --durations=5
 
@@ -69,6 +72,19 @@ python: build
 docs:
 	cargo test --release --locked -p gshear-scene --lib -- --ignored --exact reference::tests::write_the_reference
 	cargo test --release --locked -p gshear-store --lib -- --ignored write_columns_to_docs
+	scripts/book.py laws
+
+# mdBook comes as a package, or is built (scripts/book-deps).
+book: deps
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
+	scripts/book.py laws --check
+	scripts/book.py build --mdbook "$$(scripts/book-deps)" --api target/doc
+
+mpich: deps
+	@scripts/mpich-test
+
+release: deps
+	@scripts/release
 
 scaling: build
 	@scripts/scaling

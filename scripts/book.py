@@ -18,7 +18,7 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path, PurePosixPath
@@ -30,7 +30,12 @@ LAWS = "docs/laws.md"
 
 ITEM = re.compile(r"^(?P<indent> *)- \[(?P<title>[^]]+)\]\((?P<path>[^)#\s]+\.md)\)")
 LINK = re.compile(r"(?P<before>!?\[(?:[^][]|\[[^]]*\])*\]\()(?P<target>[^)\s]+)(?P<after>\))")
-CODE = re.compile(r"(?P<code>^(?P<fence>```+|~~~+).*?^(?P=fence)`*\s*$|(?P<ticks>`+).+?(?P=ticks))", re.M | re.S)
+CODE = re.compile(
+    r"(?P<code>^(?P<fence>```+|~~~+).*?^(?P=fence)`*\s*$|(?P<ticks>`+).+?(?P=ticks))", re.M | re.S
+)
+
+
+Replacement = Callable[[re.Match[str]], str]
 
 
 class BookError(Exception):
@@ -63,7 +68,7 @@ def contents(root: Path) -> list[Entry]:
     return entries
 
 
-def outside_code(text: str, change: re.Pattern[str], by: object) -> str:
+def outside_code(text: str, change: re.Pattern[str], by: Replacement) -> str:
     """`change.sub` on all that is not code."""
     pieces, end = [], 0
     for code in CODE.finditer(text):
@@ -89,12 +94,13 @@ class Source:
         self.copied: set[str] = set()
 
     def place(self, path: str) -> str:
-        """Where a file of the repository is in the book."""
+        """Where a file of the repository is in the book; README.md becomes index.html."""
         if path == "README.md":
-            return "README.md"
-        if path.startswith("docs/"):
-            return path.removeprefix("docs/")
-        return f"repository/{path}"
+            path = CONTENTS
+        path = path.removeprefix("docs/") if path.startswith("docs/") else f"repository/{path}"
+        return (
+            str(PurePosixPath(path).with_name("index.md")) if path.endswith("README.md") else path
+        )
 
     def write(self) -> None:
         """Writes all pages, the files that they link, and SUMMARY.md."""
@@ -116,6 +122,8 @@ class Source:
         self.write_summary()
 
     def write_page(self, name: str) -> None:
+        """Writes a page, with its links as the places in the book want them."""
+
         def moved(found: re.Match[str]) -> str:
             target = found["target"]
             if is_outside(target) or target.startswith("#"):
@@ -137,6 +145,7 @@ class Source:
         target.write_text(text)
 
     def copy(self, name: str) -> None:
+        """Copies a file that is no page."""
         if name in self.copied:
             return
         self.copied.add(name)
@@ -148,16 +157,18 @@ class Source:
         """A page that leads to rustdoc's."""
         rows = []
         for file in sorted((self.root / "crates").glob("*/Cargo.toml")):
-            package = tomllib.loads(file.read_text())["package"]
+            package = dict(re.findall(r'^(name|description) = "(.*)"$', file.read_text(), re.M))
             crate = package["name"].replace("-", "_")
-            rows.append(f"| [{package['name']}](api/{crate}/index.html) | {package.get('description', '')} |")
+            about = package.get("description", "")
+            rows.append(f"| [{package['name']}](api/{crate}/index.html) | {about} |")
         if rows:
             text = "# Rust API\n\nThe crates of the workspace, documented by rustdoc.\n\n"
             text += "| crate | content |\n| --- | --- |\n" + "\n".join(rows) + "\n"
             (self.folder / API_PAGE).write_text(text)
 
     def write_summary(self) -> None:
-        lines = ["# Summary", "", "[Documentation](README.md)"]
+        """Writes mdBook's table of contents."""
+        lines = ["# Summary", "", "[Documentation](index.md)"]
         part = ""
         for entry in [*self.entries, Entry("")]:
             if entry.path:
@@ -203,7 +214,11 @@ def source_faults(root: Path, pages: list[str]) -> list[str]:
             to = normal(str(PurePosixPath(name).parent / unquote(path))) if path else name
             if not (root / to).exists():
                 faults.append(f"{name}: {target}: no such file")
-            elif anchor and to.endswith(".md") and unquote(anchor) not in slugs((root / to).read_text()):
+            elif (
+                anchor
+                and to.endswith(".md")
+                and unquote(anchor) not in slugs((root / to).read_text())
+            ):
                 faults.append(f"{name}: {target}: no such heading")
     return faults
 
@@ -218,6 +233,7 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Notes the links and anchors of an element."""
         values = dict(attrs)
         for name in ("id", "name"):
             if value := values.get(name):
@@ -249,9 +265,12 @@ def html_faults(book: Path) -> list[str]:
             where = f"{path.relative_to(book)}: {link}"
             if not to.is_file():
                 faults.append(f"{where}: no such file")
-            elif parts.fragment and to.suffix == ".html":
-                if unquote(parts.fragment) not in page(to).anchors:
-                    faults.append(f"{where}: no such anchor")
+            elif (
+                parts.fragment
+                and to.suffix == ".html"
+                and unquote(parts.fragment) not in page(to).anchors
+            ):
+                faults.append(f"{where}: no such anchor")
     return faults
 
 
@@ -295,12 +314,15 @@ def laws(root: Path) -> str:
         key = re.search(r"name: \"([^\"]+)\"", source)
         if key is None:
             raise BookError(f"{folder}/{name}.rs: no name of the law")
-        front = [line[3:].removeprefix(" ") for line in source.splitlines() if line.startswith("//!")]
+        front = [
+            line[3:].removeprefix(" ") for line in source.splitlines() if line.startswith("//!")
+        ]
         text += f"\n## {key[1]}\n\n" + "\n".join(front) + "\n"
     return f"{before}{begin}{text}\n{end}{rest.partition(end)[2]}"
 
 
 def write_laws(root: Path, check: bool) -> None:
+    """Writes docs/laws.md, or only looks whether it is due."""
     page, text = root / LAWS, laws(root)
     if not check:
         page.write_text(text)

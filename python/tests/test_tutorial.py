@@ -11,7 +11,6 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -94,7 +93,7 @@ class Reader:
 
 
 @pytest.fixture
-def reader(tmp_path: Path) -> Iterator[Reader]:
+def reader(tmp_path: Path) -> Reader:
     """Returns a reader in a folder that looks like a checkout with built programs."""
     programs = tmp_path / "programs"
     folder = tmp_path / "checkout"
@@ -118,7 +117,7 @@ def reader(tmp_path: Path) -> Iterator[Reader]:
         "OMPI_MCA_rmaps_base_oversubscribe": "1",
         "OMPI_MCA_hwloc_base_binding_policy": "none",
     }
-    yield Reader(folder, environment)
+    return Reader(folder, environment)
 
 
 def test_pages_do_what_they_say(reader: Reader) -> None:

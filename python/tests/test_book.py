@@ -1,0 +1,122 @@
+"""scripts/book.py finds what is wrong with a book."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+MDBOOK = """#!/bin/sh
+# Stands for mdBook: a page for each file of Markdown, whose links lead to pages.
+[ -z "$SAYS" ] || echo "$SAYS" >&2
+cd "$2/src" || exit 1
+find . -name '*.md' ! -name SUMMARY.md | while read -r page; do
+    mkdir -p "$4/$(dirname "$page")"
+    sed -E -e '/^```/,/^```/d' -e 's|^# (.*)|<h1 id="\\1">\\1</h1>|' -e 's|\\.md|.html|' \
+        -e 's|\\[(.*)\\]\\(([^)]*)\\)|<a href="\\2">\\1</a>|' "$page" >"$4/${page%.md}.html"
+done
+"""
+
+
+@pytest.fixture(scope="module")
+def book() -> ModuleType:
+    path = CHECKOUT / "scripts" / "book.py"
+    spec = importlib.util.spec_from_file_location("book", path)
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["book"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """Returns a small checkout whose book has no fault."""
+    root = tmp_path / "checkout"
+    (root / "docs" / "more").mkdir(parents=True)
+    files = {
+        "README.md": "# Read\n[a](docs/a.md#a)\n",
+        "NOTES.md": "# Notes\n[a](docs/a.md)\n",
+        "docs/README.md": "# Docs\n## Part\n- [A](a.md): a\n"
+        "  - [B](more/b.md)\n- [N](../NOTES.md)\n",
+        "docs/a.md": "# a\n[b](more/b.md#b)\n\n```text\n[none](none.md)\n```\n",
+        "docs/more/b.md": "# b\n[notes](../../NOTES.md)\n",
+        "docs/book.toml": "",
+        "docs/book.css": "",
+    }
+    for name, text in files.items():
+        (root / name).write_text(text)
+    mdbook = root / "mdbook"
+    mdbook.write_text(MDBOOK)
+    mdbook.chmod(0o755)
+    return root
+
+
+def faults(book: ModuleType, root: Path) -> str:
+    try:
+        book.build(root, str(root / "mdbook"), None, root / "out")
+    except book.BookError as error:
+        return str(error)
+    return ""
+
+
+def test_a_sound_book_is_built(book: ModuleType, root: Path) -> None:
+    assert faults(book, root) == ""
+    summary = (root / "out-source" / "src" / "SUMMARY.md").read_text()
+    assert "# Part\n\n- [A](a.md)\n  - [B](more/b.md)\n- [N](repository/NOTES.md)\n" in summary
+    page = (root / "out" / "more" / "b.html").read_text()
+    assert '<a href="../repository/NOTES.html">' in page
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "fault"),
+    [
+        ("docs/a.md", "# a\n[x](none.md)\n", "docs/a.md: none.md: no such file"),
+        ("docs/a.md", "# a\n[x](more/b.md#c)\n", "docs/a.md: more/b.md#c: no such heading"),
+        ("docs/a.md", "# a\n[x](#c)\n", "docs/a.md: #c: no such heading"),
+        ("README.md", "# r\n[x](docs/c.md)\n", "README.md: docs/c.md: no such file"),
+        ("docs/c.md", "# c\n", "docs/README.md does not name docs/c.md"),
+        (
+            "docs/README.md",
+            "# d\n## P\n- [A](a.md)\n- [B](more/b.md)\n- [C](c.md)\n",
+            "names docs/c.md",
+        ),
+        (
+            "docs/README.md",
+            "# d\n## P\n- [A](a.md)\n- [B](more/b.md)\n- [A](a.md)\n",
+            "names twice",
+        ),
+    ],
+)
+def test_a_fault_of_the_pages_is_found(
+    book: ModuleType, root: Path, name: str, text: str, fault: str
+) -> None:
+    (root / name).write_text(text)
+    assert fault in faults(book, root)
+
+
+def test_a_warning_of_mdbook_is_a_fault(
+    book: ModuleType, root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SAYS", " WARN unclosed HTML tag")
+    assert "unclosed HTML tag" in faults(book, root)
+
+
+def test_links_of_the_built_pages_are_followed(book: ModuleType, tmp_path: Path) -> None:
+    (tmp_path / "a.html").write_text('<a href="b.html#x">b</a><img src="c.png">')
+    (tmp_path / "b.html").write_text('<h1 id="y">y</h1><a href="https://example.org">e</a>')
+    assert book.html_faults(tmp_path) == [
+        "a.html: b.html#x: no such anchor",
+        "a.html: c.png: no such file",
+    ]
+
+
+def test_the_page_of_laws_is_that_of_the_sources(book: ModuleType) -> None:
+    text = book.laws(CHECKOUT)
+    assert (CHECKOUT / "docs" / "laws.md").read_text() == text
+    assert text.count("\n## ") >= 5
