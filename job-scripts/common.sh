@@ -8,12 +8,16 @@
 #   CHAIN=N       at most N jobs, one after the other: a run that stops early goes on in another job
 #   MARGIN=S      the run stops S seconds before the job must end (180), but not before half of its
 #                 time if MARGIN is not set
-#   GSHEAR=PATH   the program, if it is not target/release/gshear-mpi beside job-scripts/
+#   GSHEAR=PATH   the program, if it is neither target/release/gshear-mpi beside job-scripts/ nor
+#                 gshear-mpi in the path
 #   LAUNCH=CMD    starts the ranks, instead of what is usual for the batch system
 #   JOB_SCRIPTS=DIR   this folder, if the job is not submitted from the folder of the project
 
 scripts=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 program=${GSHEAR:-${scripts%/*}/target/release/gshear-mpi}
+if [[ -z ${GSHEAR:-} && ! -x $program ]] && command -v gshear-mpi >/dev/null; then
+    program=$(command -v gshear-mpi) # An installed package.
+fi
 
 fail() {
     echo "error: $*" >&2

@@ -7,11 +7,11 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use common::crossing::SCENE;
-use common::{mpirun, succeed};
+use common::{mpirun, rank_variable, succeed};
 
 /// The process of a rank of the job whose environment has this variable.
 fn process(mark: &str, rank: usize) -> Option<u32> {
-    let wanted = [mark.to_string(), format!("OMPI_COMM_WORLD_RANK={rank}")];
+    let wanted = [mark.to_string(), format!("{}{rank}", rank_variable())];
     std::fs::read_dir("/proc")
         .ok()?
         .flatten()

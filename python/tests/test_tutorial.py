@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from gshear.programs import find
+from gshear.programs import OPEN_MPI, ROOT, find
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 TUTORIAL = CHECKOUT / "docs" / "tutorial"
@@ -32,7 +32,7 @@ while [[ $1 == -* ]]; do
     shift
 done
 export SLURM_JOB_ID=1 SLURM_ARRAY_JOB_ID=1 SLURM_SUBMIT_DIR=$PWD
-export LAUNCH="mpirun --bind-to none --oversubscribe -n 2"
+export LAUNCH="mpirun -n 2"
 for task in $tasks; do
     SLURM_ARRAY_TASK_ID=$task bash "$@"
 done
@@ -112,11 +112,8 @@ def reader(tmp_path: Path) -> Reader:
         "PATH": f"{programs}:{Path(sys.executable).parent}:{environment['PATH']}",
         "GSHEAR": str(programs / "gshear-mpi"),
         "MPLBACKEND": "Agg",
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMPI_MCA_rmaps_base_oversubscribe": "1",
-        "OMPI_MCA_hwloc_base_binding_policy": "none",
     }
+    environment |= OPEN_MPI | ROOT
     return Reader(folder, environment)
 
 

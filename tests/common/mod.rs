@@ -8,16 +8,43 @@ pub mod synthetic;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+/// The program that starts ranks, with its options: the environment's MPIRUN, such as `mpirun.mpich`.
+fn launcher() -> Vec<String> {
+    let given = std::env::var("MPIRUN").unwrap_or_default();
+    let words: Vec<String> = given.split_whitespace().map(String::from).collect();
+    match words.is_empty() {
+        true => vec!["mpirun".into()],
+        false => words,
+    }
+}
+
+/// Whether the tests run with Open MPI; its options and limits are not those of others.
+pub fn is_open_mpi() -> bool {
+    static ANSWER: std::sync::OnceLock<bool> = std::sync::OnceLock::new();
+    *ANSWER.get_or_init(|| {
+        let said = Command::new(&launcher()[0]).arg("--version").output();
+        let said = said.expect("mpirun starts").stdout;
+        String::from_utf8_lossy(&said).contains("Open MPI")
+    })
+}
+
 /// `mpirun -n ranks program`, also as root and on fewer cores than ranks; ended after 600 s, long though ranks wait for each other
 /// on cores that others use.
 pub fn mpirun(ranks: usize, program: impl AsRef<Path>) -> Command {
-    let mut command = Command::new("mpirun");
+    let words = launcher();
+    let mut command = Command::new(&words[0]);
+    command.args(&words[1..]).args(["--bind-to", "none"]);
+    if is_open_mpi() {
+        command
+            .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
+            .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+            .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
+            .env("OMPI_MCA_mpi_yield_when_idle", "1")
+            .args(["--timeout", "600"]);
+    } else {
+        command.env("MPIEXEC_TIMEOUT", "600");
+    }
     command
-        .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
-        .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
-        .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
-        .env("OMPI_MCA_mpi_yield_when_idle", "1")
-        .args(["--bind-to", "none", "--timeout", "600"])
         .args(["-n", &ranks.to_string()])
         .arg(program.as_ref());
     command
@@ -183,6 +210,14 @@ pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
     }
 }
 
+/// The variable that says which rank a process is, with its equals sign.
+pub fn rank_variable() -> &'static str {
+    match is_open_mpi() {
+        true => "OMPI_COMM_WORLD_RANK=",
+        false => "PMI_RANK=",
+    }
+}
+
 /// Number and process of each rank of the job whose environment has this variable.
 pub fn processes(name: &str, value: &Path) -> Vec<(usize, u32)> {
     let wanted = format!("{name}={}", value.display());
@@ -193,7 +228,7 @@ pub fn processes(name: &str, value: &Path) -> Vec<(usize, u32)> {
         if !variables.clone().any(|v| v == wanted.as_bytes()) {
             return None;
         }
-        let rank = variables.find_map(|v| v.strip_prefix(b"OMPI_COMM_WORLD_RANK="))?;
+        let rank = variables.find_map(|v| v.strip_prefix(rank_variable().as_bytes()))?;
         Some((std::str::from_utf8(rank).ok()?.parse().ok()?, process))
     };
     let entries = std::fs::read_dir("/proc").expect("processes").flatten();

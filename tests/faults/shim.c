@@ -31,7 +31,7 @@ static long number(const char *name, long otherwise) {
 }
 
 static long rank(void) {
-    return number("OMPI_COMM_WORLD_RANK", number("PMIX_RANK", 0));
+    return number("OMPI_COMM_WORLD_RANK", number("PMIX_RANK", number("PMI_RANK", 0)));
 }
 
 static int concerned(const char *path) {

@@ -13,6 +13,16 @@ from pathlib import Path
 from .errors import ProgramFailedError, ProgramNotFoundError
 
 
+# Settings of Open MPI, which other MPIs ignore: ranks of two runs do not share the first cores, and
+# there may be more of them than cores.
+OPEN_MPI = {
+    "OMPI_MCA_hwloc_base_binding_policy": "none",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+}
+# Without these, Open MPI refuses to start as root, as in a container.
+ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+
+
 def find(name: str) -> Path:
     """Returns the path of `gshear-mpi` or `gshear-reduce`.
 
@@ -52,9 +62,7 @@ def run(command: Iterable[str | os.PathLike[str]], *, quiet: bool = False) -> st
     words = [os.fspath(word) for word in command]
     if not quiet:
         print(f"gshear: running {shlex.join(words)}", file=sys.stderr)
-    # Without this, Open MPI refuses to start as root, as in a container.
-    root = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    environment = os.environ | (root if os.geteuid() == 0 else {})
+    environment = OPEN_MPI | os.environ | (ROOT if os.geteuid() == 0 else {})
     done = subprocess.run(
         words, check=False, capture_output=True, text=True, env=environment, errors="replace"
     )
@@ -91,7 +99,7 @@ def simulate(
     if ranks != 1:
         if shutil.which("mpirun") is None:
             raise ProgramNotFoundError("mpirun not found in PATH: install an MPI, or use ranks=1")
-        command += ["mpirun", "-n", str(ranks), "--bind-to", "none", "--oversubscribe"]
+        command += ["mpirun", "-n", str(ranks)]
     command += [find("gshear-mpi"), scene, "--out", out, "--resume", "auto"]
     for key, value in (values or {}).items():
         command += ["--set", f"{key}={value}"]

@@ -1,0 +1,50 @@
+# Copyright: the gshear-mpi developers. SPDX-License-Identifier: (Apache-2.0 OR MIT)
+"""Recipe for Spack. Put it into a repository of packages as packages/gshear-mpi/package.py (from
+Spack 1.0 on gshear_mpi), and the tarball of the sources beside where you call spack."""
+
+import os
+
+from spack.package import *
+
+
+class GshearMpi(Package):
+    """MPI-parallel discrete element shear of frictional granular packings, and its reducer.
+    Runs give the same bits on any number of ranks."""
+
+    # No address of a download: the tarball of a release is taken from the working directory.
+    manual_download = True
+    url = f"file://{os.getcwd()}/gshear-mpi-0.1.0.tar.gz"
+
+    license("MIT OR Apache-2.0")
+
+    # scripts/release writes the checksum.
+    version("0.1.0")
+
+    depends_on("c", type="build")
+    depends_on("rust@1.95:", type="build")
+    depends_on("pkgconfig", type="build")
+    depends_on("llvm +clang", type="build")  # libclang, for the bindings of MPI
+    depends_on("mpi@3:")
+    depends_on("hdf5@1.10:1.14 +mpi")
+
+    def setup_build_environment(self, env):
+        env.set("MPICC", self.spec["mpi"].mpicc)
+        env.set("HDF5_DIR", self.spec["hdf5"].prefix)
+        env.set("LIBCLANG_PATH", self.spec["llvm"].prefix.lib)
+        # The loader finds HDF5 and MPI without modules.
+        libraries = [self.spec["hdf5"].prefix.lib, self.spec["mpi"].prefix.lib]
+        env.set("RUSTFLAGS", " ".join(f"-Clink-arg=-Wl,-rpath,{path}" for path in libraries))
+
+    def install(self, spec, prefix):
+        cargo = which("cargo", required=True)
+        cargo("build", "--release", "--locked", "-j", str(make_jobs))
+        mkdirp(prefix.bin, prefix.share.join("gshear-mpi"))
+        for program in ("gshear-mpi", "gshear-reduce"):
+            install(os.path.join("target", "release", program), prefix.bin)
+        for folder in ("configs", "job-scripts"):
+            install_tree(folder, prefix.share.join("gshear-mpi").join(folder))
+
+    @run_after("install")
+    @on_package_attributes(run_tests=True)
+    def check_scene(self):
+        Executable(self.prefix.bin.join("gshear-mpi"))("--check")
