@@ -12,7 +12,6 @@ from pathlib import Path
 
 from .errors import ProgramFailedError, ProgramNotFoundError
 
-
 # Settings of Open MPI, which other MPIs ignore: ranks of two runs do not share the first cores, and
 # there may be more of them than cores.
 OPEN_MPI = {

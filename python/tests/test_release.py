@@ -1,0 +1,55 @@
+"""All files of a release name one version."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+FILES = [
+    "Cargo.toml",
+    "CITATION.cff",
+    "CHANGELOG.md",
+    "packaging/spack/package.py",
+    "python/pyproject.toml",
+]
+
+
+def check(root: Path) -> tuple[int, str]:
+    """Returns exit code and messages of the check of the versions."""
+    ran = subprocess.run(
+        ["bash", CHECKOUT / "scripts" / "release", "check"],  # noqa: S607
+        env=os.environ | {"RELEASE_ROOT": str(root)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return ran.returncode, ran.stderr
+
+
+def test_all_files_name_one_version() -> None:
+    assert check(CHECKOUT) == (0, "")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_another_version_is_noticed(tmp_path: Path, name: str) -> None:
+    for file in FILES:
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(CHECKOUT / file, tmp_path / file)
+    version = re.findall(r'^version = "(.*)"$', (CHECKOUT / "Cargo.toml").read_text(), re.MULTILINE)
+    text = (tmp_path / name).read_text()
+    (tmp_path / name).write_text(text.replace(version[0], "7.8.9", 2))
+    code, said = check(tmp_path)
+    assert code == 1
+    assert ("Cargo.toml has 7.8.9" if name == "Cargo.toml" else f"{name}: version 7.8.9") in said
+
+
+def test_the_recipe_of_spack_is_python() -> None:
+    tree = ast.parse((CHECKOUT / "packaging" / "spack" / "package.py").read_text())
+    assert [node.name for node in tree.body if isinstance(node, ast.ClassDef)] == ["GshearMpi"]
