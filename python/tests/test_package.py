@@ -32,10 +32,10 @@ def test_everything_public_is_documented() -> None:
         assert getattr(gshear, name).__doc__
 
 
-@pytest.mark.parametrize("page", ["README.md", "python/README.md"])
-def test_examples_run(
-    page: str, copy: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_example_of_the_readme_runs(
+    copy: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    page = "python/README.md"
     examples = re.findall(r"```python\n(.*?)```", (CHECKOUT / page).read_text(), re.DOTALL)
     assert len(examples) == 1
     (tmp_path / "out").mkdir()
