@@ -58,9 +58,8 @@ impl Packing {
         let cell = Cell {
             periods: [box_side, box_side],
             sheared: Some(Sheared {
-                height: box_side,
                 offset: 0.02,
-                velocity: 0.0,
+                ..Sheared::upright(box_side)
             }),
         };
         let mut grains = Vec::new();

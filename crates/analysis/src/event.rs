@@ -132,11 +132,7 @@ mod tests {
     /// moves by a further d, least squares leave at that grain the residual of -d at all
     /// neighbours: |d|² (1 - Σ r·(Σ rr)⁻¹·Σ r/N).
     fn affine<D: Dimension>(planar: bool) {
-        let sheared = Sheared {
-            height: 10.0,
-            offset: 0.0,
-            velocity: 0.0,
-        };
+        let sheared = Sheared::upright(10.0);
         let before = Cell {
             periods: [10.0, if planar { f64::INFINITY } else { 10.0 }],
             sheared: Some(sheared),

@@ -83,9 +83,8 @@ fn cell() -> Cell {
     Cell {
         periods: [side; 2],
         sheared: Some(Sheared {
-            height: side,
             offset: 0.02,
-            velocity: 0.0,
+            ..Sheared::upright(side)
         }),
     }
 }

@@ -326,12 +326,14 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         // Velocity along x of the second grain's image relative to the grain, subtracted from
         // differences of velocities.
         let mut image_velocity = None;
+        let mut stretching = None;
         if let Some(sheared) = &pass.cell.sheared {
             let up = C::Space::UP;
             let images = -(r[up] * c(1.0 / sheared.height)).round();
             r[up] = images.mul_add(c(sheared.height), r[up]);
             r[0] = images.mul_add(c(sheared.offset), r[0]);
             image_velocity = Some(images * c(sheared.velocity));
+            stretching = sheared.stretching;
         }
         for axis in 0..C::Space::UP {
             let period = pass.cell.periods[axis];
@@ -357,6 +359,11 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         if let Some(more) = image_velocity {
             v[0] = v[0] + more;
             half_v[0] = half_v[0] + more;
+        }
+        if let Some(rates) = stretching {
+            for axis in 0..axes {
+                half_v[axis] = r[axis].mul_add(c(rates[axis]), half_v[axis]);
+            }
         }
         let v_n = C::Space::dot(&v, &n);
         v_n.store(&mut motion.normal_velocity);

@@ -286,9 +286,8 @@ mod tests {
             let high = if D::AXES == 2 { 15.0 } else { 4.0 };
             let mut cell = Cell::between_walls([length, width]);
             cell.sheared = offset.map(|part| Sheared {
-                height: high,
                 offset: part * length,
-                velocity: 0.0,
+                ..Sheared::upright(high)
             });
             let states: Vec<GrainState> = (0..count)
                 .map(|id| {

@@ -65,7 +65,9 @@ pub struct List {
     diameter: f64,
     /// Present skin (m): pairs are listed up to R_i + R_j + skin.
     skin: f64,
-    /// Least and greatest skin (m); equal if the skin is given.
+    /// Least and greatest skin (m) in a wide cell; equal if the skin is given.
+    wished: [f64; 2],
+    /// Least and greatest skin in the present cell (m).
     range: [f64; 2],
     /// Greatest number of steps between rebuilds; 0 for no limit.
     every: u64,
@@ -102,29 +104,16 @@ impl List {
         mean_diameter: f64,
     ) -> Result<Self, Failure> {
         let diameter = 2.0 * largest_radius;
-        let size = exchange.size();
-        let [thin, thick] = match bookkeeping.skin {
+        let wished = match bookkeeping.skin {
             Some(skin) => [skin; 2],
             None => [THINNEST_SKIN, THICKEST_SKIN],
         };
-        let [length, width] = cell.periods;
-        let higher = cell.sheared.map_or(f64::INFINITY, |s| 0.5 * s.height);
-        // The factor by which the tilt of the images lengthens the cutoff along x.
-        let longer = cell.greatest_cutoff_along_x(1.0);
-        let widest = 0.98 * (length / (longer * size as f64)).min(width).min(higher) - diameter;
-        let range = [thin * mean_diameter, (thick * mean_diameter).min(widest)];
-        let most = most_ranks(0.98 * length, longer * (diameter + range[0]));
-        if range[1] < range[0] {
-            return Err(Failure::input(format!(
-                "{size} ranks are too many for this cell: a slab must be wider than the cutoff (the greatest \
-                 diameter and the skin, {:.4e} m), and the cell is sample.length = {length:.4e} m long; run it on 1 to {} ranks",
-                diameter + range[0],
-                most.max(1),
-            )));
-        }
+        let wished = wished.map(|skin| skin * mean_diameter);
+        let range = Self::range(exchange.size(), cell, diameter, wished)?;
         Ok(Self {
             diameter,
             skin: (FIRST_SKIN * mean_diameter).clamp(range[0], range[1]),
+            wished,
             range,
             every: bookkeeping.rebuild_every,
             built: 0,
@@ -138,6 +127,31 @@ impl List {
             origin: Vec::new(),
             unsound: false,
         })
+    }
+
+    /// The least and greatest skin (m) on so many ranks, of those wished for in a wide cell.
+    fn range(
+        ranks: usize,
+        cell: Cell,
+        diameter: f64,
+        wished: [f64; 2],
+    ) -> Result<[f64; 2], Failure> {
+        let [length, width] = cell.periods;
+        let higher = cell.sheared.map_or(f64::INFINITY, |s| 0.5 * s.height);
+        // The factor by which the tilt of the images lengthens the cutoff along x.
+        let longer = cell.greatest_cutoff_along_x(1.0);
+        let widest = 0.98 * (length / (longer * ranks as f64)).min(width).min(higher) - diameter;
+        let range = [wished[0], wished[1].min(widest)];
+        let most = most_ranks(0.98 * length, longer * (diameter + range[0]));
+        if range[1] < range[0] {
+            return Err(Failure::input(format!(
+                "{ranks} ranks are too many for this cell: a slab must be wider than the cutoff (the greatest \
+                 diameter and the skin, {:.4e} m), and the cell is sample.length = {length:.4e} m long; run it on 1 to {} ranks",
+                diameter + range[0],
+                most.max(1),
+            )));
+        }
+        Ok(range)
     }
 
     /// Grains moved by up to `fastest` (m/s) for `step` (s). Returns whether the list must be
@@ -330,6 +344,22 @@ impl<D: Dimension> System<D> {
                 image[0] += periods * image[D::UP];
             }
         }
+    }
+
+    /// Replaces the cell; [`System::replace`] must follow.
+    ///
+    /// # Errors
+    /// Too many ranks for a cell of these lengths.
+    pub fn set_cell(&mut self, exchange: &dyn Exchange, cell: Cell) -> Result<(), Failure> {
+        let list = &mut self.list;
+        let range = List::range(exchange.size(), cell, list.diameter, list.wished)?;
+        if range != list.range {
+            list.range = range;
+            list.skin = list.skin.min(range[1]);
+        }
+        self.slabs.stretch(cell.periods[0]);
+        self.cell = cell;
+        Ok(())
     }
 
     /// The states of the owned grains.

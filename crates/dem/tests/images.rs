@@ -30,9 +30,9 @@ fn straight<D: Dimension>(law: &dyn PairForce<D>, sheared: bool) {
             _ => [EDGES[0], EDGES[1]],
         },
         sheared: sheared.then_some(Sheared {
-            height,
             offset: 0.3e-3,
             velocity: 0.37,
+            ..Sheared::upright(height)
         }),
     };
     let up = if sheared { 0.23 } else { 0.0 };

@@ -37,12 +37,12 @@ fn begin<D: Dimension>(law: &dyn PairForce<D>, side: usize, start: Start, every:
             _ => [length; 2],
         },
         sheared: Some(Sheared {
-            height: length,
             offset: 0.3 * RADIUS,
             velocity: match start {
                 Start::Gas => 0.2,
                 Start::HeadOn => 0.0,
             },
+            ..Sheared::upright(length)
         }),
     };
     let setup = Setup {

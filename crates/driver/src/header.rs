@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use gshear_dem::budget::SavedBudget;
+use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::Snapshot;
-use gshear_scene::{Boundary, PackingFile, Scene, Source, derived};
+use gshear_dem::state::{Cell, Snapshot};
+use gshear_scene::{Boundary, PackingFile, Sample, Scene, Source, derived};
 use gshear_store::run_reader::RunStage;
 
 use crate::record::RunRecord;
@@ -183,6 +184,9 @@ pub struct Progress {
     /// Length of the box; earlier versions did not store it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length: Option<f64>,
+    /// The lengths of the box and how it came to them, if they change.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stretched: Option<Stretched>,
     /// The birth of the first complex pair; `None` before it.
     pub birth: Option<Birth>,
     /// Complex pairs after the last strain step.
@@ -191,6 +195,39 @@ pub struct Progress {
     pub pair: Option<Pair>,
     /// Strain steps that fell back to overdamped dynamics.
     pub fell_back: u64,
+}
+
+impl Progress {
+    /// The box of this sample.
+    pub fn cell<D: Dimension>(&self, sample: &Sample) -> Cell {
+        let mut cell = sample.box_cell(sample.length);
+        if let Some(stretched) = &self.stretched {
+            cell = cell.with_lengths::<D>(stretched.lengths);
+        }
+        cell.shear(self.offset);
+        cell
+    }
+
+    /// What a digest contains of the box.
+    pub fn box_bytes(&self) -> Vec<u8> {
+        let lengths = self.stretched.iter().flat_map(|of| of.lengths);
+        let numbers = std::iter::once(self.offset).chain(lengths);
+        numbers.flat_map(f64::to_le_bytes).collect()
+    }
+}
+
+/// A box whose lengths change.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Stretched {
+    /// Along the axes; 1 along one that two dimensions lack.
+    pub lengths: [f64; 3],
+    /// Those before the first strain step.
+    pub initial: [f64; 3],
+    /// Change of the lateral stress by the logarithm of the lateral lengths, as last measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lateral_modulus: Option<f64>,
+    /// Change of the logarithm of the lateral lengths in the last strain step.
+    pub lateral_strain: f64,
 }
 
 /// The birth of the first complex pair: the strains between which it appears.

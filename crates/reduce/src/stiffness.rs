@@ -210,7 +210,10 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
                 header.step(),
                 path.display()
             );
-            let cell = scene.sample.sheared_cell(progress.offset);
+            let cell = match scene.dimension {
+                Dimensions::Two => progress.cell::<Two>(&scene.sample),
+                Dimensions::Three => progress.cell::<Three>(&scene.sample),
+            };
             Ok(StoredState::new(scene, cell, state, (what, origin)))
         }
         (_, Boundary::Walls(_)) => {

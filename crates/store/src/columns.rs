@@ -3,7 +3,7 @@
 gshear_dem::columns! {
     /// One row of the time series of the strain steps. What was not computed is NaN.
     pub struct AqsRow {
-        /// γ
+        /// γ; ε of a biaxial box; relative decrease of volume in a compression
         strain: "1",
         /// Lees–Edwards offset: displacement of the image above along x
         image_offset: "m",
@@ -39,8 +39,33 @@ gshear_dem::columns! {
         least_real: "s-2",
         /// number of zero modes
         zero_modes: "1",
+        /// volume (area in 2D) of the grains over that of the box
+        solid_fraction: "1",
+        /// L_x
+        length_x: "m",
+        /// L_y
+        length_y: "m",
+        /// L_z; NaN in 2D
+        length_z: "m",
+        /// 1/V Σ r^x F^x over the contacts, compression positive
+        stress_xx: "Pa",
+        /// 1/V Σ r^y F^y over the contacts
+        stress_yy: "Pa",
+        /// 1/V Σ r^z F^z over the contacts; NaN in 2D
+        stress_zz: "Pa",
     }
 }
+
+/// Columns of [`AqsRow`] that files of earlier versions lack; their values are read as NaN.
+pub const ADDED: [&str; 7] = [
+    "solid_fraction",
+    "length_x",
+    "length_y",
+    "length_z",
+    "stress_xx",
+    "stress_yy",
+    "stress_zz",
+];
 
 gshear_dem::columns! {
     /// One row of the time series of Newton's equations.

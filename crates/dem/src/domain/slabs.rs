@@ -65,6 +65,16 @@ impl<D: Dimension> Slabs<D> {
         }
     }
 
+    /// Stretches the slabs with the cell to this `length` (m).
+    pub fn stretch(&mut self, length: f64) {
+        if length != self.length {
+            let factor = length / self.length;
+            self.cuts.iter_mut().for_each(|cut| *cut *= factor);
+            self.cuts[self.shares.len()] = length;
+            self.length = length;
+        }
+    }
+
     /// The rank whose slab holds x ∈ [0, L_x).
     fn owner(&self, x: f64) -> usize {
         let slabs = self.cuts.len() - 1;

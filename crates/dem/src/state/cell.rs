@@ -32,9 +32,22 @@ pub struct Sheared {
     pub offset: f64,
     /// Its velocity along x (m/s): γ̇ times the height.
     pub velocity: f64,
+    /// The affine motion of a step that changes the lengths of the cell: relative velocity over
+    /// separation along each axis (1/s). `None` in all other steps.
+    pub stretching: Option<[f64; 3]>,
 }
 
 impl Sheared {
+    /// Images straight above each other, at rest; `height` in m.
+    pub const fn upright(height: f64) -> Self {
+        Self {
+            height,
+            offset: 0.0,
+            velocity: 0.0,
+            stretching: None,
+        }
+    }
+
     /// dx/dz along a column of images.
     fn tilt(&self) -> f64 {
         self.offset / self.height
@@ -160,6 +173,24 @@ impl Cell {
         edges
     }
 
+    /// The lengths along the axes (m), of a cell that is periodic along all of them; 1 along an axis
+    /// that two dimensions lack.
+    pub fn lengths<D: Dimension>(&self) -> [f64; 3] {
+        let edges = self.edges::<D>(f64::NAN);
+        std::array::from_fn(|axis| edges[axis][axis])
+    }
+
+    /// The cell with these lengths (m), stretched affinely with its images.
+    pub fn with_lengths<D: Dimension>(&self, lengths: [f64; 3]) -> Self {
+        let mut cell = *self;
+        cell.periods[..D::UP].copy_from_slice(&lengths[..D::UP]);
+        if let Some(sheared) = &mut cell.sheared {
+            sheared.height = lengths[D::UP];
+            sheared.offset *= lengths[0] / self.periods[0];
+        }
+        cell
+    }
+
     /// Adds this length (m) to the Lees–Edwards offset. Returns the number of periods that were
     /// taken from it to keep it within ± L_x/2.
     pub fn shear(&mut self, by: f64) -> i64 {
@@ -197,9 +228,9 @@ mod tests {
             let (height, velocity) = (6.0, 0.0);
             let offset = 0.0;
             cell.sheared = Some(Sheared {
-                height,
                 offset,
                 velocity,
+                ..Sheared::upright(height)
             });
             cell.shear(20.0 * random() - 10.0);
             let offset = cell.sheared.unwrap().offset;
@@ -255,9 +286,9 @@ mod tests {
         assert_eq!(walls.edges::<Two>(7.0), lengths);
         let mut cell = walls;
         cell.sheared = Some(Sheared {
-            height: 6.0,
             offset: -1.5,
             velocity: 0.25,
+            ..Sheared::upright(6.0)
         });
         let [a, b, c] = cell.edges::<Three>(f64::NAN);
         for image in [a, b, c] {
@@ -283,9 +314,8 @@ mod tests {
         let mut cell = Cell {
             periods: [5.0, f64::INFINITY],
             sheared: Some(Sheared {
-                height: 6.0,
                 offset: 2.25,
-                velocity: 0.0,
+                ..Sheared::upright(6.0)
             }),
         };
         assert_eq!((cell.shear(0.5), cell.sheared.unwrap().offset), (1, -2.25));
@@ -295,9 +325,9 @@ mod tests {
     #[test]
     fn a_grain_and_its_image_are_in_one_place() {
         let sheared = Sheared {
-            height: 6.0,
             offset: -1.5,
             velocity: 0.25,
+            ..Sheared::upright(6.0)
         };
         let cell = Cell {
             periods: [5.0, f64::INFINITY],

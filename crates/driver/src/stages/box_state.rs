@@ -21,6 +21,8 @@ pub(crate) struct Observed {
     pub shear_stress: f64,
     /// Trace of (1/V) Σ r F over the contacts, divided by the number of dimensions.
     pub pressure: f64,
+    /// Normal stress along each axis, compression positive: (1/V) Σ r^k F^k over the contacts.
+    pub normal_stress: [f64; 3],
     /// Elastic energy of normal and tangential springs.
     pub elastic_energy: f64,
     pub contacts: u64,
@@ -38,6 +40,8 @@ struct ContactTerms {
     /// r^x F^z and r·F.
     shear: f64,
     pressure: f64,
+    /// r^k F^k.
+    normal: [f64; 3],
     energy: f64,
     sliding: f64,
 }
@@ -68,13 +72,13 @@ pub(super) fn observe<D: Dimension>(
     let shares = shares(system, law, samples);
     let all = gathered(exchange, &shares, |c| (c.i, c.j));
     let sum = |of: fn(&ContactTerms) -> f64| all.iter().map(of).sum::<f64>();
-    let height = system.cell.sheared.map_or(f64::NAN, |s| s.height);
-    let base: f64 = system.cell.periods[..D::UP].iter().product();
-    let volume = base * height;
+    let volume = volume(system);
+    let normal = |axis: usize| all.iter().map(|c| c.normal[axis]).sum::<f64>() / volume;
     let count = all.len() as f64;
     Observed {
         shear_stress: -sum(|c| c.shear) / volume,
         pressure: sum(|c| c.pressure) / (D::AXES as f64 * volume),
+        normal_stress: std::array::from_fn(normal),
         elastic_energy: sum(|c| c.energy),
         contacts: all.len() as u64,
         coordination: 2.0 * count / f64::from(grains),
@@ -84,6 +88,11 @@ pub(super) fn observe<D: Dimension>(
             sum(|c| c.sliding) / count
         },
     }
+}
+
+/// The volume of the box (m³; area in 2D, m²).
+pub(super) fn volume<D: Dimension>(system: &System<D>) -> f64 {
+    system.cell.lengths::<D>()[..D::AXES].iter().product()
 }
 
 /// Terms of the contacts whose first grain this rank owns.
@@ -131,6 +140,7 @@ fn shares<D: Dimension>(
             j: grains.id[at.j],
             shear: r[0] * force[up],
             pressure: (0..axes).map(|axis| r[axis] * force[axis]).sum(),
+            normal: std::array::from_fn(|axis| r[axis] * force[axis]),
             energy: energy(0) + energy(1),
             sliding: f64::from(contacts.limits[at.block][0] >> at.lane & 1),
         }

@@ -1,6 +1,7 @@
 //! The stages of runs, and the sequences of stages of each kind of scene.
 
 mod box_state;
+mod deform;
 pub(crate) mod newtonian;
 mod pack;
 pub mod periodic;

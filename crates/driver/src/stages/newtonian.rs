@@ -203,12 +203,11 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
 
     /// Closes the file of the finished stage.
     pub fn finish(mut self, run: &Run<'_>) -> Result<(), Failure> {
-        let offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
         let digest = digest(
             run.exchange,
             &mut self.system,
             self.law,
-            &offset.to_le_bytes(),
+            &self.progress.box_bytes(),
             self.step,
         );
         if let Some(spectra) = &mut self.spectra {

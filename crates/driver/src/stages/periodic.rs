@@ -1,5 +1,5 @@
-//! A periodic sheared box (BO section III): prepared without friction, strained step by step to
-//! mechanical equilibrium, then moved by Newton's equations.
+//! A periodic box (BO section III): prepared without friction, strained step by step to mechanical
+//! equilibrium, then moved by Newton's equations.
 
 use gshear_dem::clock::Clock;
 use gshear_dem::failure::Failure;
@@ -10,7 +10,7 @@ use super::newtonian::{From, NewtonianStage, Resumed};
 use super::prepare;
 use super::rest::RestState;
 use super::setup::{force, system};
-use super::strain::Strain;
+use super::strain::{self, Strain};
 use crate::header::{Header, Progress};
 use crate::run::{Outcome, Run, StageState, Start};
 
@@ -56,7 +56,7 @@ pub fn run<D: LawSpace>(
         }
     };
     let displacements = state.displacements.clone();
-    let mut system = system::<D>(run, scene, scene.sample.sheared_cell(progress.offset))?;
+    let mut system = system::<D>(run, scene, progress.cell::<D>(&scene.sample))?;
     // Keeps the forces of the state, because a run without a stop does not compute them again here.
     let cell = system.cell;
     RestState { cell, state }.put_back(run.exchange, &mut system, law)?;
@@ -85,7 +85,7 @@ pub fn run<D: LawSpace>(
     let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
     system.clock = Clock::default();
     let from = From {
-        strain: periodic.aqs.strain_step * progress.steps as f64,
+        strain: strain::reached::<D>(periodic, &progress),
         progress,
         resumed,
     };

@@ -26,7 +26,7 @@ const LOOK: u64 = 100;
 /// Beginning of the message of a relaxation that takes too many steps.
 pub(super) const NOT_AT_REST: &str = "not at rest after relax.max_steps";
 
-/// Statistics of a relaxation.
+/// Statistics of a relaxation, or of several.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Equilibrium {
     /// Factorisations of K.
@@ -35,6 +35,14 @@ pub(crate) struct Equilibrium {
     pub steps: u64,
     /// Whether overdamped dynamics was needed because Newton's method did not converge.
     pub fell_back: bool,
+}
+
+impl std::ops::AddAssign for Equilibrium {
+    fn add_assign(&mut self, other: Self) {
+        self.factorisations += other.factorisations;
+        self.steps += other.steps;
+        self.fell_back |= other.fell_back;
+    }
 }
 
 /// Brings packings of a box to mechanical equilibrium.
@@ -239,12 +247,184 @@ pub(super) fn displace<D: Dimension>(
         }
         cell.wrap_last_axis::<D>(fields, image);
     }
+    follow(exchange, system, law)
+}
+
+/// Gives the cell these lengths (m) and moves the grains affinely with it, in one step of the
+/// dynamics, which advances the histories. All grains must be at rest, and stay so. Returns whether
+/// all overlaps are within the law.
+pub(super) fn stretch<D: Dimension>(
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+    lengths: [f64; 3],
+) -> Result<bool, Failure> {
+    let (mut grains, contacts) = (system.grain_states(), system.contact_states(law));
+    let before = system.cell.lengths::<D>();
+    let factors: [f64; 3] = std::array::from_fn(|axis| lengths[axis] / before[axis]);
+    for g in &mut grains {
+        for axis in 0..D::AXES {
+            // Rounding must not move a grain out of the cell.
+            let moved = g.position[axis] * factors[axis];
+            g.position[axis] = moved.min(lengths[axis].next_down());
+        }
+    }
+    let cell = system.cell.with_lengths::<D>(lengths);
+    system.set_cell(exchange, cell)?;
+    system.replace(exchange, law, &mut NoWalls, grains, contacts)?;
+    let rates = factors.map(|factor| (1.0 - 1.0 / factor) / system.step);
+    if let Some(sheared) = &mut system.cell.sheared {
+        sheared.stretching = Some(rates);
+    }
+    Ok(follow(exchange, system, law))
+}
+
+/// Advances the histories by the step in which the grains have moved, sets all velocities to zero
+/// and computes the forces at rest. Returns whether all overlaps are within the law.
+fn follow<D: Dimension>(
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+) -> bool {
+    let step = system.step;
     let outside = forces(exchange, system, law, &mut NoWalls, step, None);
     stop(system);
     if let Some(sheared) = &mut system.cell.sheared {
-        sheared.velocity = 0.0;
+        (sheared.velocity, sheared.stretching) = (0.0, None);
     }
     // The forces at rest, without dampers.
     let outside = outside.or(forces(exchange, system, law, &mut NoWalls, 0.0, None));
     exchange.maximum(f64::from(u8::from(outside.is_some()))) == 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::box_state::{Observed, observe};
+    use super::*;
+    use bytemuck::Zeroable;
+    use gshear_dem::dimension::Two;
+    use gshear_dem::domain::Solo;
+    use gshear_dem::kernel::ContactForces;
+    use gshear_dem::laws::Contact;
+    use gshear_dem::laws::hooke::{Hooke, Springs};
+    use gshear_dem::simd::Isa;
+    use gshear_dem::state::{GrainState, Masses, Sheared};
+    use gshear_dem::system::{ListSettings, Setup};
+
+    const SIDE: usize = 8;
+    const SPACING: f64 = 0.98;
+    const SPRINGS: Springs = Springs {
+        normal_stiffness: 1.0,
+        tangential_stiffness: 0.5,
+        density: 1.0,
+        damping_ratio: 0.0,
+    };
+
+    fn law(friction: f64) -> Hooke<Two, true, false> {
+        let contact = Contact {
+            friction,
+            rolling_friction: 0.0,
+            rolling_damping_ratio: 0.0,
+        };
+        Hooke::new(&SPRINGS, &contact)
+    }
+
+    /// A triangular lattice of equal disks of diameter 1, all of which touch six others.
+    fn lattice(law: &dyn PairForce<Two>) -> System<Two> {
+        let rise = 0.75f64.sqrt() * SPACING;
+        let lengths = [SIDE as f64 * SPACING, SIDE as f64 * rise, 1.0];
+        let cell = Cell {
+            periods: [1.0, f64::INFINITY],
+            sheared: Some(Sheared::upright(1.0)),
+        };
+        let setup = Setup {
+            isa: Isa::detect(),
+            list: ListSettings::default(),
+            cell: cell.with_lengths::<Two>(lengths),
+            largest_radius: 0.5,
+            mean_diameter: 1.0,
+            masses: Masses::Density(SPRINGS.density),
+            step: 0.01,
+            gravity: 0.0,
+            typical_force: 1.0,
+            threads: 1,
+        };
+        let grain = |id: usize| {
+            let (row, column) = (id / SIDE, id % SIDE);
+            let x = SPACING * (column as f64 + 0.25 + 0.5 * (row % 2) as f64);
+            GrainState {
+                id: id as u32,
+                radius: 0.5,
+                position: [x, rise * (row as f64 + 0.5), 0.0],
+                ..GrainState::zeroed()
+            }
+        };
+        let grains = (0..SIDE * SIDE).map(grain).collect();
+        let mut system = System::new(&Solo, setup).expect("one rank");
+        let made = system.replace(&Solo, law, &mut NoWalls, grains, Vec::new());
+        made.expect("a list");
+        initial_forces(&Solo, &mut system, law, &mut NoWalls, None).expect("sound forces");
+        system
+    }
+
+    fn observed(system: &mut System<Two>, law: &dyn PairForce<Two>) -> Observed {
+        let samples = &mut ContactForces::default();
+        observe(&Solo, system, law, samples, (SIDE * SIDE) as u32)
+    }
+
+    /// Three contacts a disk of k δ each, over the area of a disk: P = √3 k δ/ℓ.
+    #[test]
+    fn the_pressure_of_a_lattice_follows_from_its_length() {
+        let law = law(0.0);
+        let mut system = lattice(&law);
+        let lengths = system.cell.lengths::<Two>();
+        let mut energies = Vec::new();
+        for factor in [1.0, 0.999, 0.99, 0.995, 1.01] {
+            let to = [lengths[0] * factor, lengths[1] * factor, 1.0];
+            assert!(stretch(&Solo, &mut system, &law, to).expect("one rank"));
+            let spacing = SPACING * factor;
+            let expected = 3.0f64.sqrt() * SPRINGS.normal_stiffness * (1.0 - spacing) / spacing;
+            let found = observed(&mut system, &law);
+            assert!((found.pressure / expected - 1.0).abs() < 1e-11, "{factor}");
+            for axis in 0..2 {
+                let stress = found.normal_stress[axis];
+                assert!((stress / expected - 1.0).abs() < 1e-11, "{factor} {axis}");
+            }
+            assert!(residual(&Solo, &mut system, 0.0) < 1e-14);
+            energies.push(found.elastic_energy);
+        }
+        let overlap = 1.0 - 0.99 * SPACING;
+        let expected = 1.5 * (SIDE * SIDE) as f64 * SPRINGS.normal_stiffness * overlap * overlap;
+        assert!((energies[2] / expected - 1.0).abs() < 1e-11);
+    }
+
+    /// Under pure shear the contacts at ± 60° slide by ε sin 120° ℓ, whether or not they cross an
+    /// edge of the box, and the others not at all.
+    #[test]
+    fn histories_follow_the_lengths() {
+        let law = law(1e3);
+        let mut system = lattice(&law);
+        let lengths = system.cell.lengths::<Two>();
+        let strain = 1e-5;
+        let to = [
+            lengths[0] * (1.0 + strain),
+            lengths[1] / (1.0 + strain),
+            1.0,
+        ];
+        assert!(stretch(&Solo, &mut system, &law, to).expect("one rank"));
+        let expected = SPRINGS.tangential_stiffness * strain * 0.75f64.sqrt() * SPACING;
+        let mut inclined = 0;
+        let contacts = system.contact_states(&law);
+        assert_eq!(contacts.len(), 3 * SIDE * SIDE);
+        for contact in contacts {
+            let force = contact.history[0].abs();
+            if contact.i as usize / SIDE == contact.j as usize / SIDE {
+                assert!(force < 1e-12, "{contact:?}");
+            } else {
+                assert!((force / expected - 1.0).abs() < 3.0 * strain, "{contact:?}");
+                inclined += 1;
+            }
+        }
+        assert_eq!(inclined, 2 * SIDE * SIDE);
+    }
 }

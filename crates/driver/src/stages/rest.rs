@@ -39,7 +39,7 @@ impl RestState {
         system: &mut System<D>,
         law: &dyn PairForce<D>,
     ) -> Result<(), Failure> {
-        system.cell = self.cell;
+        system.set_cell(exchange, self.cell)?;
         let StageState {
             grains, contacts, ..
         } = self.state;

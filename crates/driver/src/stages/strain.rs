@@ -1,5 +1,5 @@
-//! Athermal quasi-static shear: strain steps, each brought to mechanical equilibrium, and the birth
-//! of the first complex pair.
+//! Athermal quasi-static deformation: strain steps, each brought to mechanical equilibrium, and the
+//! birth of the first complex pair.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{digest, frame};
 use gshear_dem::system::System;
-use gshear_scene::{PeriodicBox, Scene};
+use gshear_scene::{Deformation, PeriodicBox, Scene};
 use gshear_store::columns::AqsRow;
 use gshear_store::file_names::AQS_FILE;
 use gshear_store::h5::Attribute;
@@ -19,20 +19,36 @@ use super::relax::{Equilibrium, LONGEST, Relaxation, displace, residual};
 use super::rest::RestState;
 use super::spectrum::{Eigenvalues, GlobalState};
 use crate::files::{Files, Format};
-use crate::header::{Birth, Header, Progress};
+use crate::header::{Birth, Header, Progress, Stretched};
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
 
+/// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and of
+/// a compression the part by which the volume has decreased.
+pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &Progress) -> f64 {
+    let of_volume = |of: &Stretched| {
+        let parts = of.lengths.iter().zip(of.initial);
+        1.0 - parts
+            .take(D::AXES)
+            .map(|(now, then)| now / then)
+            .product::<f64>()
+    };
+    match periodic.deformation {
+        Deformation::Compression(_) => progress.stretched.as_ref().map_or(0.0, of_volume),
+        _ => periodic.aqs.strain_step * progress.steps as f64,
+    }
+}
+
 /// The stage of the strain steps.
 pub(super) struct Strain<'a, D: Dimension> {
-    scene: &'a Scene,
-    periodic: &'a PeriodicBox,
-    law: &'a dyn PairForce<D>,
-    system: System<D>,
-    relaxation: Relaxation,
+    pub(super) scene: &'a Scene,
+    pub(super) periodic: &'a PeriodicBox,
+    pub(super) law: &'a dyn PairForce<D>,
+    pub(super) system: System<D>,
+    pub(super) relaxation: Relaxation,
     files: Files,
-    progress: Progress,
-    samples: ContactForces,
+    pub(super) progress: Progress,
+    pub(super) samples: ContactForces,
     /// The state before the last strain step, and the statistics of its relaxation.
     before: Option<(RestState, Progress)>,
     found: Equilibrium,
@@ -84,12 +100,11 @@ impl<'a, D: Dimension> Strain<'a, D> {
         complete: bool,
     ) -> Result<(System<D>, Progress), Failure> {
         let (exchange, progress) = (run.exchange, self.progress);
-        let offset = progress.offset.to_le_bytes();
         let digest = digest(
             exchange,
             &mut self.system,
             self.law,
-            &offset,
+            &progress.box_bytes(),
             progress.steps,
         );
         let mut attributes = vec![
@@ -115,8 +130,21 @@ impl<'a, D: Dimension> Strain<'a, D> {
         until > 0.0 && self.progress.pairs == 1 && self.progress.pair.is_some_and(great)
     }
 
-    /// Takes a strain step by `by` and relaxes.
-    fn strain(&mut self, run: &Run<'_>, by: f64) -> Result<Equilibrium, Failure> {
+    /// Takes a strain step and relaxes.
+    fn deform(&mut self, run: &Run<'_>) -> Result<Equilibrium, Failure> {
+        let step = self.progress.steps + 1;
+        match &self.periodic.deformation {
+            Deformation::SimpleShear => self.shear(run, self.periodic.aqs.strain_step),
+            Deformation::PureShear => self.pure_shear(run, step),
+            Deformation::Biaxial => self.biaxial(run, step),
+            Deformation::Compression(pressures) => {
+                self.reach_pressure(run, pressures[step as usize - 1])
+            }
+        }
+    }
+
+    /// Shears by `by` and relaxes.
+    fn shear(&mut self, run: &Run<'_>, by: f64) -> Result<Equilibrium, Failure> {
         let (exchange, system) = (run.exchange, &mut self.system);
         let height = system.cell.sheared.map_or(0.0, |s| s.height);
         let longest = LONGEST * self.scene.sample.mean_diameter;
@@ -156,7 +184,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             before
                 .clone()
                 .put_back(run.exchange, &mut self.system, self.law)?;
-            self.strain(run, middle - low)?;
+            self.shear(run, middle - low)?;
             if self.eigenvalues(run)?.pairs() > 0 {
                 high = middle;
             } else {
@@ -192,16 +220,24 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         self.found = self
             .relaxation
             .relax(run.exchange, &mut self.system, self.law)?;
+        if let Some(pressure) = self.periodic.pressure {
+            let reached = self.reach_pressure(run, pressure)?;
+            self.found += reached;
+        }
+        self.begin_stretching();
         Ok(())
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
         let before = RestState::of(&mut self.system, self.law);
         self.before = Some((before, self.progress));
-        self.found = self.strain(run, self.periodic.aqs.strain_step)?;
+        self.found = self.deform(run)?;
         let progress = &mut self.progress;
         progress.steps += 1;
         progress.offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
+        if let Some(stretched) = &mut progress.stretched {
+            stretched.lengths = self.system.cell.lengths::<D>();
+        }
         progress.fell_back += u64::from(self.found.fell_back);
         // A strain step takes long, so requests to stop during it count.
         let stop = stop || run.asked_to_stop();
@@ -228,7 +264,9 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         let step = self.progress.steps;
         let row = StrainRow {
             step,
-            strain: aqs.strain_step * step as f64,
+            strain: reached::<D>(self.periodic, &self.progress),
+            solid_fraction: self.solid_fraction(),
+            lengths: self.system.cell.lengths::<D>(),
             offset: self.progress.offset,
             observed,
             found: self.found,
@@ -236,7 +274,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             eigenvalues,
         };
         self.files
-            .series(exchange, step, row.strain, &row.columns())?;
+            .series(exchange, step, row.strain, &row.columns::<D>())?;
         run.terminal.strain_step(&row);
         let every = aqs.frame_every;
         if every > 0 && step.is_multiple_of(every) {
@@ -286,6 +324,8 @@ impl<D: Dimension> Stage for Strain<'_, D> {
 pub(crate) struct StrainRow {
     pub step: u64,
     pub strain: f64,
+    pub solid_fraction: f64,
+    pub lengths: [f64; 3],
     pub offset: f64,
     pub observed: Observed,
     pub found: Equilibrium,
@@ -294,7 +334,8 @@ pub(crate) struct StrainRow {
 }
 
 impl StrainRow {
-    fn columns(&self) -> AqsRow {
+    fn columns<D: Dimension>(&self) -> AqsRow {
+        let third = |value| if D::AXES == 3 { value } else { f64::NAN };
         let of = |value: fn(&Eigenvalues) -> f64| self.eigenvalues.as_ref().map_or(f64::NAN, value);
         let imaginary = of(|e| e.greatest_pair().map_or(0.0, |pair| pair.lambda_i));
         let observed = &self.observed;
@@ -317,6 +358,13 @@ impl StrainRow {
             pair_real: of(|e| e.greatest_pair().map_or(f64::NAN, |pair| pair.lambda_r)),
             least_real: of(Eigenvalues::least_real),
             zero_modes: of(|e| e.zeros() as f64),
+            solid_fraction: self.solid_fraction,
+            length_x: self.lengths[0],
+            length_y: self.lengths[1],
+            length_z: third(self.lengths[2]),
+            stress_xx: observed.normal_stress[0],
+            stress_yy: observed.normal_stress[1],
+            stress_zz: third(observed.normal_stress[2]),
         }
     }
 }

@@ -272,11 +272,9 @@ impl<'a> ExportedRun<'a> {
                 [low.min(height - radius), high.max(height + radius)]
             },
         );
-        let extent = match self.tilt(frame) {
-            Some(_) => [0.0, self.run.height()],
-            None => extent,
-        };
-        let periods = self.run.periods();
+        let cell = self.run.cell(frame.number);
+        let extent = cell.sheared.map_or(extent, |of| [0.0, of.height]);
+        let periods = cell.periods;
         let largest = radius.iter().copied().fold(0.0, f64::max);
         match self.run.dimension() {
             Dimensions::Two => [[0.0, periods[0]], extent, [-largest, largest]],

@@ -2,8 +2,12 @@
 
 use super::sample;
 use crate::checker::Checker;
+use crate::kind::Numbers;
 use crate::raw::{self, Raw};
-use crate::scene::{Aqs, Dimensions, Method, Newtonian, PeriodicBox, Relax, Sample};
+use crate::scene::{
+    Aqs, Deformation, DeformationName, Dimensions, Method, Newtonian, PeriodicBox, Relax, Sample,
+};
+use gshear_dem::contact::portable_exp;
 use gshear_dem::failure::Failure;
 
 /// Of whose dense matrix all eigenvalues are found after every strain step.
@@ -16,11 +20,15 @@ pub(super) fn check(
     (raw, seed): (&Raw, u64),
 ) -> Result<(Sample, PeriodicBox), Failure> {
     let sizes = sample::check_boxed(c, &raw.sample);
+    let deformation = check_deformation(c, raw);
     let periodic = PeriodicBox {
         sizes,
         solid_fraction: c.required(&raw.r#box.solid_fraction),
+        pressure: check_pressure(c, &raw.r#box, &deformation),
+        pressure_tolerance: c.number_or_default(&raw.r#box.pressure_tolerance),
         relax: check_relax(c, &raw.relax),
-        aqs: check_aqs(c, &raw.aqs),
+        aqs: check_aqs(c, &raw.aqs, &deformation),
+        deformation,
         newtonian: check_newtonian(c, &raw.newtonian),
     };
     check_output(c, &raw.output);
@@ -38,7 +46,81 @@ pub(super) fn check(
             MOST_UNKNOWNS / per_grain
         )));
     }
+    let least = sample.least_box_length();
+    let shortest = shortest(&sample, &periodic);
+    if shortest < least {
+        return Err(c.out_of_range(&format!(
+            "the box would become {shortest:.3e} long, so that grains would touch their own images; give fewer strain steps or more grains, for a length of at least {least:.3e}"
+        )));
+    }
     Ok((sample, periodic))
+}
+
+/// The least length of the box, as far as it follows from the number of strain steps.
+fn shortest(sample: &Sample, periodic: &PeriodicBox) -> f64 {
+    let strain = periodic.aqs.strain_step * periodic.aqs.steps as f64;
+    let shrinks = match periodic.deformation {
+        Deformation::PureShear => 0.5 * strain,
+        Deformation::Biaxial => strain,
+        Deformation::SimpleShear | Deformation::Compression(_) => 0.0,
+    };
+    sample.length * portable_exp(-shrinks)
+}
+
+/// What a strain step does, with the pressures of a compression.
+fn check_deformation(c: &mut Checker<'_>, raw: &Raw) -> Deformation {
+    let name = c.choice_or_default(&raw.r#box.deformation);
+    let known = Deformation::NAMES.iter().find(|(of, _)| Some(*of) == name);
+    let pressures = &raw.aqs.pressures;
+    let deformation = match known.map(|(_, of)| *of) {
+        Some(DeformationName::Compression) => {
+            let Some(Numbers(given)) = pressures.value() else {
+                c.lacks(pressures.declared.table(), &pressures.declared.lacking());
+                return Deformation::Compression(Vec::new());
+            };
+            let hold = |p: &f64| p.is_finite() && pressures.declared.range.hold(*p);
+            if given.is_empty() || !given.iter().all(hold) {
+                c.refuse(
+                    pressures,
+                    "must hold one pressure or more, each greater than 0",
+                );
+            }
+            return Deformation::Compression(given.clone());
+        }
+        Some(DeformationName::PureShear) => Deformation::PureShear,
+        Some(DeformationName::Biaxial) => Deformation::Biaxial,
+        Some(DeformationName::SimpleShear) | None => Deformation::SimpleShear,
+    };
+    let why = "applies to box.deformation = \"compression\"";
+    c.useless(pressures, why);
+    deformation
+}
+
+/// The pressure of the packing before the first strain step.
+fn check_pressure(
+    c: &mut Checker<'_>,
+    size: &raw::BoxTable,
+    deformation: &Deformation,
+) -> Option<f64> {
+    match deformation {
+        Deformation::Biaxial => Some(c.required(&size.pressure)),
+        Deformation::Compression(_) => {
+            c.useless(
+                &size.pressure,
+                "is the first of aqs.pressures in a compression",
+            );
+            None
+        }
+        Deformation::SimpleShear | Deformation::PureShear => {
+            if !size.pressure.is_given() {
+                c.useless(
+                    &size.pressure_tolerance,
+                    "applies to a box at a pressure, and there is no box.pressure",
+                );
+            }
+            c.number(&size.pressure)
+        }
+    }
 }
 
 /// The intervals of output of a box are those of `[aqs]` and `[newtonian]`.
@@ -65,16 +147,29 @@ fn check_relax(c: &mut Checker<'_>, relax: &raw::Relax) -> Relax {
     }
 }
 
-fn check_aqs(c: &mut Checker<'_>, aqs: &raw::Aqs) -> Aqs {
+fn check_aqs(c: &mut Checker<'_>, aqs: &raw::Aqs, deformation: &Deformation) -> Aqs {
     let spectrum = c.flag_or_default(&aqs.spectrum);
     if !spectrum {
         let why = "applies to the eigenvalues, which need aqs.spectrum = true";
         c.useless(&aqs.birth_precision, why);
         c.useless(&aqs.until_imaginary, why);
     }
+    if spectrum && *deformation != Deformation::SimpleShear {
+        c.refuse(
+            &aqs.spectrum,
+            "applies to box.deformation = \"simple-shear\"; leave it out, and take gshear-reduce spectrum of checkpoints or frames",
+        );
+    }
+    let steps = match deformation {
+        Deformation::Compression(pressures) => {
+            c.useless(&aqs.steps, "is the number of aqs.pressures");
+            pressures.len() as u64
+        }
+        _ => c.required_count(&aqs.steps),
+    };
     Aqs {
         strain_step: c.required(&aqs.strain_step),
-        steps: c.required_count(&aqs.steps),
+        steps,
         frame_every: c.count(&aqs.frame_every),
         spectrum,
         birth_precision: c.number_or_default(&aqs.birth_precision),

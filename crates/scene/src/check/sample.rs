@@ -150,7 +150,7 @@ pub(super) fn derive_boxed(
             sample.mean_volume, sample.length
         )));
     }
-    let least = 4.4 * sample.radius_max;
+    let least = sample.least_box_length();
     if sample.length < least {
         c.refuse_among(
             &[raw.grains.place()],

@@ -6,10 +6,11 @@ use gshear_dem::laws::keys::{Bounds, NOT_NEGATIVE, POSITIVE, UNIT};
 
 use super::table::{FROM_ONE, FROM_ZERO, names, table};
 use crate::key::Change;
-use crate::kind::{Flag, Number, Text, Whole};
-use crate::scene::Method;
+use crate::kind::{Flag, Number, Numbers, Text, Whole};
+use crate::scene::{Deformation, Method};
 
 const METHOD_NAMES: [&str; Method::NAMES.len()] = names(&Method::NAMES);
+const DEFORMATION_NAMES: [&str; Deformation::NAMES.len()] = names(&Deformation::NAMES);
 
 table! {
     /// The periodic box.
@@ -21,6 +22,27 @@ table! {
             what: "phi, the grains' volume over that of the box",
             example: "0.7",
             change: Change::Never,
+        },
+        /// what a strain step does to the box (see below)
+        deformation: Text {
+            range: &DEFORMATION_NAMES,
+            default: Some(DEFORMATION_NAMES[0]),
+            change: Change::Never,
+        },
+        /// the packing is compressed or expanded to this pressure, with the scene's friction, before
+        /// the first strain step; with `"biaxial"` the lateral stress, too
+        pressure: Number {
+            unit: "pressure",
+            range: POSITIVE,
+            otherwise: "that of the solid fraction; required with `\"biaxial\"`",
+            what: "the lateral stress",
+            example: "1e-3",
+            change: Change::Never,
+        },
+        /// greatest relative error of these pressures, and of `aqs.pressures`
+        pressure_tolerance: Number {
+            range: Bounds { from: Bound::Excluded(0.0), to: Bound::Excluded(1.0) },
+            default: Some(1e-4),
         },
     }
 }
@@ -57,18 +79,30 @@ table! {
 table! {
     /// Athermal quasi-static shear of a box.
     Aqs "aqs" {
-        /// δγ
+        /// δγ, or δε of a biaxial box; of a box at a pressure also the greatest relative change of
+        /// a length between two relaxations
         strain_step: Number { range: UNIT, what: "delta gamma", example: "1e-4" },
         /// number of strain steps
         steps: Whole {
             range: FROM_ZERO,
+            condition: "not with `\"compression\"`",
+            otherwise: "number of `pressures`",
             what: "the number of strain steps",
             example: "100",
             change: Change::End,
         },
+        /// pressures that the strain steps of a compression reach, one after the other, up or down
+        pressures: Numbers {
+            unit: "pressure",
+            range: POSITIVE,
+            condition: "each, one or more, with `\"compression\"`",
+            what: "the pressures that the packing is to reach",
+            example: "[1e-4, 1e-3]",
+        },
         /// strain steps between frames; 0 is never
         frame_every: Whole { range: FROM_ZERO, default: Some(0), change: Change::Resume },
-        /// find all eigenvalues after every step, and the birth of the first complex pair
+        /// find all eigenvalues after every step, and the birth of the first complex pair; simple
+        /// shear only
         spectrum: Flag { default: Some(false) },
         /// precision of the birth in γ, by bisection
         birth_precision: Number {

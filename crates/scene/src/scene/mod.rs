@@ -10,7 +10,7 @@ use gshear_dem::failure::Failure;
 pub use gshear_dem::laws::{Contact, Law};
 use gshear_dem::system::ListSettings;
 
-pub use periodic::{Aqs, Method, Newtonian, PeriodicBox, Relax};
+pub use periodic::{Aqs, Deformation, DeformationName, Method, Newtonian, PeriodicBox, Relax};
 pub use sample::{Sample, Sizes};
 pub use walls::{
     Analysis, Load, LoadChoice, Motion, Origin, Output, Pack, PackingFile, Part, PlaneShear, Shear,

@@ -1,20 +1,83 @@
-//! Grains in a periodic box that is sheared quasi-statically (BO section III).
+//! Grains in a periodic box that is deformed quasi-statically (BO section III).
 
 use super::sample::Sizes;
 
-/// Quasi-static shear of a periodic box, and Newton's equations afterwards.
+/// Quasi-static deformation of a periodic box, and Newton's equations afterwards.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PeriodicBox {
     /// How the radii are distributed.
     pub sizes: Sizes,
     /// φ: volume of the grains (area in 2D) over that of the box.
     pub solid_fraction: f64,
+    /// What a strain step does.
+    pub deformation: Deformation,
+    /// The pressure of the packing before the first strain step; `None`: that of the solid
+    /// fraction.
+    pub pressure: Option<f64>,
+    /// Greatest relative error of a pressure.
+    pub pressure_tolerance: f64,
     /// How equilibrium is found.
     pub relax: Relax,
     /// The strain steps.
     pub aqs: Aqs,
     /// `None`: the run ends with the last strain step.
     pub newtonian: Option<Newtonian>,
+}
+
+impl PeriodicBox {
+    /// Whether the packing is brought to a pressure.
+    pub fn has_pressures(&self) -> bool {
+        self.pressure.is_some() || matches!(self.deformation, Deformation::Compression(_))
+    }
+}
+
+/// What a strain step does to the lengths of the box and to its images.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Deformation {
+    /// Displaces the images above along x (Lees and Edwards).
+    SimpleShear,
+    /// Stretches the box along x and shrinks it along the last axis, at constant volume.
+    PureShear,
+    /// Shrinks the box along the last axis, at a constant mean stress along the others.
+    Biaxial,
+    /// Changes all lengths by the same factor, until the pressure is the next one of these.
+    Compression(Vec<f64>),
+}
+
+impl Deformation {
+    /// The names, as `box.deformation` has them; the pressures of a compression are given
+    /// elsewhere.
+    pub const NAMES: [(&str, DeformationName); 4] = [
+        ("simple-shear", DeformationName::SimpleShear),
+        ("pure-shear", DeformationName::PureShear),
+        ("biaxial", DeformationName::Biaxial),
+        ("compression", DeformationName::Compression),
+    ];
+
+    /// The name in `box.deformation`.
+    pub fn name(&self) -> &'static str {
+        let of = match self {
+            Self::SimpleShear => DeformationName::SimpleShear,
+            Self::PureShear => DeformationName::PureShear,
+            Self::Biaxial => DeformationName::Biaxial,
+            Self::Compression(_) => DeformationName::Compression,
+        };
+        let name = Self::NAMES.iter().find(|(_, known)| *known == of);
+        name.map_or("", |(name, _)| name)
+    }
+}
+
+/// A kind of deformation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DeformationName {
+    /// [`Deformation::SimpleShear`].
+    SimpleShear,
+    /// [`Deformation::PureShear`].
+    PureShear,
+    /// [`Deformation::Biaxial`].
+    Biaxial,
+    /// [`Deformation::Compression`].
+    Compression,
 }
 
 /// How mechanical equilibrium is found.
@@ -47,10 +110,10 @@ impl Method {
     ];
 }
 
-/// Athermal quasi-static shear.
+/// Athermal quasi-static deformation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aqs {
-    /// δγ.
+    /// δγ; δε of a biaxial box; the greatest relative change of a length between relaxations.
     pub strain_step: f64,
     /// Number of strain steps.
     pub steps: u64,

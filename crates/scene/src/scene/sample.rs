@@ -65,19 +65,13 @@ impl Sample {
         };
         Cell {
             periods: [length, width],
-            sheared: Some(Sheared {
-                height: length,
-                offset: 0.0,
-                velocity: 0.0,
-            }),
+            sheared: Some(Sheared::upright(length)),
         }
     }
 
-    /// The box of the sample, its images above displaced by `offset` (m) along x.
-    pub fn sheared_cell(&self, offset: f64) -> Cell {
-        let mut cell = self.box_cell(self.length);
-        cell.shear(offset);
-        cell
+    /// The least length of a box (m), in which no grain touches its own image.
+    pub fn least_box_length(&self) -> f64 {
+        4.4 * self.radius_max
     }
 
     /// Whether the grains are disks, in a cell without a width.

@@ -2,7 +2,8 @@
 
 use super::lines::Lines;
 use crate::raw;
-use crate::scene::{Method, PeriodicBox, TimeStep};
+use crate::scene::{Deformation, Method, PeriodicBox, TimeStep};
+use crate::words::show;
 
 /// What follows from the keys, in comments.
 pub(super) fn derived(t: &mut Lines, time_step: &TimeStep) {
@@ -14,6 +15,13 @@ pub(super) fn derived(t: &mut Lines, time_step: &TimeStep) {
 pub(super) fn size(t: &mut Lines, periodic: &PeriodicBox) {
     let keys: raw::BoxTable = t.table();
     t.number(&keys.solid_fraction, periodic.solid_fraction);
+    t.text(&keys.deformation, periodic.deformation.name());
+    if let Some(pressure) = periodic.pressure {
+        t.number(&keys.pressure, pressure);
+    }
+    if periodic.has_pressures() {
+        t.number(&keys.pressure_tolerance, periodic.pressure_tolerance);
+    }
 }
 
 /// `[relax]`, `[aqs]`, `[newtonian]` and `[output]`.
@@ -30,7 +38,12 @@ pub(super) fn stages(t: &mut Lines, periodic: &PeriodicBox, keep_checkpoints: bo
     let keys: raw::Aqs = t.table();
     let aqs = &periodic.aqs;
     t.number(&keys.strain_step, aqs.strain_step);
-    t.whole(&keys.steps, aqs.steps);
+    if let Deformation::Compression(pressures) = &periodic.deformation {
+        let pressures: Vec<String> = pressures.iter().map(|p| show(*p)).collect();
+        t.numbers(&keys.pressures, &pressures);
+    } else {
+        t.whole(&keys.steps, aqs.steps);
+    }
     t.whole(&keys.frame_every, aqs.frame_every);
     t.flag(&keys.spectrum, aqs.spectrum);
     if aqs.spectrum {

@@ -16,7 +16,7 @@ pub use self::owner::{Owner, owner};
 use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;
-use crate::columns::{AqsRow, NewtonianRow};
+use crate::columns::{ADDED, AqsRow, NewtonianRow};
 use crate::file_names::{AQS_FILE, RUN_FILE};
 use crate::layout::{IMAGE_VALUE, ROLLING};
 pub use crate::parameter::Parameter;
@@ -66,7 +66,9 @@ impl RunStage {
         let is_stored = |name: &str| source.exists(&format!("observables/{name}"));
         let has_all = |stage: &Self| {
             let mut columns = stage.columns().iter();
-            columns.all(|column| column.stored_name(is_stored).is_some())
+            columns.all(|column| {
+                ADDED.contains(&column.name) || column.stored_name(is_stored).is_some()
+            })
         };
         Self::ALL.into_iter().find(has_all).unwrap_or(Self::Shear)
     }
@@ -381,7 +383,8 @@ impl RunFile {
         self.dimension
     }
 
-    /// Returns the periods along the walls (m), those of every frame: L_x, and L_y of spheres.
+    /// Returns the periods along the walls (m), of every frame: L_x, and L_y of spheres. Of a box,
+    /// those at the start; [`RunFile::cell`] has those of each frame.
     pub fn periods(&self) -> [f64; 2] {
         match self.dimension {
             Dimensions::Two => [self.edges[0], f64::INFINITY],
@@ -391,14 +394,22 @@ impl RunFile {
 
     /// Returns the periodic cell at frame t < T.
     pub fn cell(&self, t: usize) -> Cell {
-        let sheared = Sheared {
-            height: self.height(),
-            offset: self.offset_of_image(t),
-            velocity: 0.0,
-        };
+        let mut periods = self.periods();
+        if self.stage == RunStage::Shear {
+            return Cell::between_walls(periods);
+        }
+        let mut height = self.height();
+        if let Some(edges) = self.boxes.get(t) {
+            let up = self.dimension.axes() - 1;
+            (0..up).for_each(|axis| periods[axis] = edges[axis][axis]);
+            height = edges[up][up];
+        }
         Cell {
-            periods: self.periods(),
-            sheared: (self.stage != RunStage::Shear).then_some(sheared),
+            periods,
+            sheared: Some(Sheared {
+                offset: self.offset_of_image(t),
+                ..Sheared::upright(height)
+            }),
         }
     }
 

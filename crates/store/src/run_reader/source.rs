@@ -9,6 +9,7 @@ use hdf5::{Dataset, File, H5Type};
 
 use super::{Parameter, Series, StoredScalars};
 use crate::checksums::{OF_PARAMETERS, of_parameters};
+use crate::columns::ADDED;
 use crate::layout::EDGES_VALUE;
 use crate::parameter::attributes;
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -164,7 +165,14 @@ impl<'a> OpenFile<'a> {
         const GROUP: &str = "observables";
         let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
         let mut time: Vec<f64> = self.column(GROUP, &names[0], "time")?;
-        let read = |column: &Column| self.column(GROUP, column, "value");
+        let is_added = |column: &Column| {
+            let stored = |name: &str| self.exists(&format!("{GROUP}/{name}"));
+            ADDED.contains(&column.name) && column.stored_name(stored).is_none()
+        };
+        let read = |column: &Column| match is_added(column) {
+            true => Ok(vec![f64::NAN; step.len()]),
+            false => self.column(GROUP, column, "value"),
+        };
         let mut columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
         let of_first = ["step", "time"].map(|part| format!("{GROUP}/{}/{part}", names[0]));
         let mut lengths = vec![(&*of_first[0], step.len()), (&*of_first[1], time.len())];
@@ -180,7 +188,8 @@ impl<'a> OpenFile<'a> {
         for column in &mut columns {
             column.truncate(rows);
         }
-        let named: Vec<_> = names.iter().zip(columns.iter().map(|c| &c[..])).collect();
+        let named = names.iter().zip(columns.iter().map(|c| &c[..]));
+        let named: Vec<_> = named.filter(|(column, _)| !is_added(column)).collect();
         self.verify_rows((&step, &time), &named)?;
         Ok(Series {
             declared: names,

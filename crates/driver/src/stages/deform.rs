@@ -1,0 +1,337 @@
+//! Strain steps that change the lengths of the box: pure shear, biaxial, and compression to a
+//! pressure.
+
+use gshear_dem::contact::portable_exp;
+use gshear_dem::dimension::Dimension;
+use gshear_dem::failure::Failure;
+
+use super::box_state::{Observed, observe, volume};
+use super::relax::{Equilibrium, LONGEST, stretch};
+use super::rest::RestState;
+use super::strain::Strain;
+use crate::header::Stretched;
+use crate::run::Run;
+use gshear_scene::Deformation;
+
+/// A packing with less than this part of the wanted pressure says nothing of where it is reached.
+const LOOSE: f64 = 1e-3;
+/// Relative change of the lengths below which a pressure that jumps is not looked for any further.
+const FINEST: f64 = 1e-13;
+/// Relaxations in a strain step of a biaxial box after which the lateral stress is given up.
+const MOST_CORRECTIONS: usize = 60;
+
+/// A pressure beyond the wanted one, at this relative change of the lengths from the packing that is
+/// kept.
+#[derive(Clone, Copy)]
+struct Beyond {
+    change: f64,
+    /// `None`: outside the contact law.
+    pressure: Option<f64>,
+}
+
+impl<D: Dimension> Strain<'_, D> {
+    /// Volume of the grains over that of the box.
+    pub(super) fn solid_fraction(&self) -> f64 {
+        let length = self.scene.sample.length;
+        let at_start: f64 = (0..D::AXES).map(|_| length).product();
+        self.periodic.solid_fraction * (at_start / volume(&self.system))
+    }
+
+    /// Notes the lengths before the first strain step, if they change in this scene.
+    pub(super) fn begin_stretching(&mut self) {
+        let simple = self.periodic.deformation == Deformation::SimpleShear;
+        let lengths = self.system.cell.lengths::<D>();
+        if !simple || self.periodic.pressure.is_some() {
+            self.progress.stretched = Some(Stretched {
+                lengths,
+                initial: lengths,
+                lateral_modulus: None,
+                lateral_strain: 0.0,
+            });
+        }
+    }
+
+    fn observed(&mut self, run: &Run<'_>) -> Observed {
+        let grains = self.scene.sample.grains;
+        observe(
+            run.exchange,
+            &mut self.system,
+            self.law,
+            &mut self.samples,
+            grains,
+        )
+    }
+
+    /// Gives the box these lengths. Returns whether all overlaps are within the law.
+    fn stretch(&mut self, run: &Run<'_>, to: [f64; 3]) -> Result<bool, Failure> {
+        let least = self.scene.sample.least_box_length();
+        let shortest = to[..D::AXES].iter().copied().fold(f64::INFINITY, f64::min);
+        if shortest < least {
+            return Err(Failure::numbers(format!(
+                "strain step {}: the box would become {shortest:.4e} long, so that grains would touch their own images; \
+                 give more grains, for a length of at least {least:.4e}",
+                self.progress.steps + 1
+            )));
+        }
+        let from = self.system.cell.lengths::<D>();
+        let change = |axis: usize| (to[axis] / from[axis] - 1.0).abs();
+        let greatest = (0..D::AXES).map(change).fold(0.0, f64::max);
+        // The histories follow an affine step to second order.
+        let parts = (greatest / LONGEST).ceil().max(1.0) as u64;
+        for k in 1..=parts {
+            let part = k as f64 / parts as f64;
+            let between = std::array::from_fn(|axis| from[axis] + part * (to[axis] - from[axis]));
+            let lengths = if k == parts { to } else { between };
+            if !stretch(run.exchange, &mut self.system, self.law, lengths)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// [`Strain::stretch`] and a relaxation, which must succeed.
+    fn stretch_and_relax(
+        &mut self,
+        run: &Run<'_>,
+        lengths: [f64; 3],
+    ) -> Result<Equilibrium, Failure> {
+        if !self.stretch(run, lengths)? {
+            return Err(Failure::numbers(format!(
+                "strain step {}: grains overlap too much, outside the contact law; give a smaller aqs.strain_step, \
+                 or less strain",
+                self.progress.steps + 1
+            )));
+        }
+        self.relaxation
+            .relax(run.exchange, &mut self.system, self.law)
+    }
+
+    /// Strain step number `step` of pure shear: ε = γ/2 along x, -γ/2 along the last axis. The
+    /// lengths are those of the whole strain, so that their product stays the same but for rounding.
+    pub(super) fn pure_shear(&mut self, run: &Run<'_>, step: u64) -> Result<Equilibrium, Failure> {
+        let mut lengths = self.stretched().initial;
+        let area = lengths[0] * lengths[D::UP];
+        let strain = self.periodic.aqs.strain_step * step as f64;
+        lengths[0] /= portable_exp(-0.5 * strain);
+        lengths[D::UP] = area / lengths[0];
+        self.stretch_and_relax(run, lengths)
+    }
+
+    fn stretched(&self) -> Stretched {
+        let found = self.progress.stretched;
+        found.expect("the stage has begun, or a checkpoint of it was read")
+    }
+
+    /// Strain step number `step` of a biaxial box: the last axis shrinks, then the other lengths
+    /// change by one factor until the mean stress along them is the wanted one.
+    pub(super) fn biaxial(&mut self, run: &Run<'_>, step: u64) -> Result<Equilibrium, Failure> {
+        let before = self.stretched();
+        let wanted = self.periodic.pressure.unwrap_or(f64::NAN);
+        let most = self.periodic.aqs.strain_step;
+        let strain = most * step as f64;
+        let mut lengths = self.system.cell.lengths::<D>();
+        lengths[D::UP] = before.initial[D::UP] * portable_exp(-strain);
+        let widened = |mut lengths: [f64; 3], by: f64| {
+            lengths[..D::UP].iter_mut().for_each(|l| *l *= 1.0 + by);
+            lengths
+        };
+        let mut total = before.lateral_strain;
+        let mut modulus = before.lateral_modulus.unwrap_or_else(|| self.stiff());
+        lengths = widened(lengths, total);
+        let mut found = self.stretch_and_relax(run, lengths)?;
+        let mut excess = self.lateral_excess(run, wanted);
+        for _ in 0..MOST_CORRECTIONS {
+            if excess.abs() <= self.periodic.pressure_tolerance * wanted {
+                self.progress.stretched = Some(Stretched {
+                    lateral_modulus: Some(modulus),
+                    lateral_strain: total.clamp(-2.0 * most, 2.0 * most),
+                    ..before
+                });
+                return Ok(found);
+            }
+            let by = (excess / modulus).clamp(-most, most);
+            lengths = widened(lengths, by);
+            total += by;
+            found += self.stretch_and_relax(run, lengths)?;
+            let now = self.lateral_excess(run, wanted);
+            // A rearrangement may make the packing look soft, or softer than nothing.
+            let measured = (excess - now) / by;
+            modulus = if measured > 0.0 {
+                measured.clamp(0.25 * modulus, 4.0 * modulus)
+            } else {
+                4.0 * modulus
+            };
+            excess = now;
+        }
+        Err(Failure::numbers(format!(
+            "strain step {step}: the lateral stress differs from box.pressure = {wanted:.4e} by {excess:.1e} after \
+             {MOST_CORRECTIONS} corrections; give a greater box.pressure_tolerance, or a smaller aqs.strain_step",
+        )))
+    }
+
+    /// The mean normal stress along all axes but the last, less the wanted one.
+    fn lateral_excess(&mut self, run: &Run<'_>, wanted: f64) -> f64 {
+        let stress = self.observed(run).normal_stress;
+        stress[..D::UP].iter().sum::<f64>() / D::UP as f64 - wanted
+    }
+
+    /// A modulus as great as that of a packing can be: of contacts that all overlap by a hundredth.
+    fn stiff(&self) -> f64 {
+        let diameter = self.scene.sample.mean_diameter;
+        let radius = 0.5 * diameter;
+        let law = &self.scene.law;
+        let stiffness = law.normal_stiffness(radius, radius, 0.01 * diameter);
+        match D::AXES {
+            2 => stiffness,
+            _ => stiffness / diameter,
+        }
+    }
+
+    /// Changes all lengths by one factor until the pressure is the wanted one. Never goes beyond it
+    /// and back, which would leave its mark on the histories: a packing beyond it is given up for
+    /// the one before.
+    pub(super) fn reach_pressure(
+        &mut self,
+        run: &Run<'_>,
+        wanted: f64,
+    ) -> Result<Equilibrium, Failure> {
+        let most = self.periodic.aqs.strain_step;
+        let allowed = self.periodic.pressure_tolerance * wanted;
+        let mut found = Equilibrium::default();
+        let mut pressure = self.observed(run).pressure;
+        let toward = if pressure < wanted { 1.0 } else { -1.0 };
+        let mut rest = RestState::of(&mut self.system, self.law);
+        let mut change = most;
+        let mut slope: Option<f64> = None;
+        let mut beyond: Option<Beyond> = None;
+        while (pressure - wanted).abs() > allowed {
+            if change < FINEST {
+                let jump = beyond.and_then(|of| of.pressure).unwrap_or(f64::NAN);
+                return Err(Failure::numbers(format!(
+                    "strain step {}: the pressure jumps from {pressure:.4e} to {jump:.4e} when the box changes by {change:.0e} \
+                     of its length, over the wanted {wanted:.4e}; give another pressure, a greater box.pressure_tolerance \
+                     or another seed",
+                    self.progress.steps + 1
+                )));
+            }
+            let lengths = self.system.cell.lengths::<D>();
+            let lengths: [f64; 3] = std::array::from_fn(|axis| match axis < D::AXES {
+                true => lengths[axis] * (1.0 - toward * change),
+                false => lengths[axis],
+            });
+            let now = if self.stretch(run, lengths)? {
+                let (exchange, system) = (run.exchange, &mut self.system);
+                found += self.relaxation.relax(exchange, system, self.law)?;
+                Some(self.observed(run).pressure)
+            } else {
+                None
+            };
+            match now {
+                Some(now) if toward * (now - wanted) <= allowed => {
+                    slope = Some(toward * (now - pressure) / change).filter(|slope| *slope > 0.0);
+                    pressure = now;
+                    rest = RestState::of(&mut self.system, self.law);
+                    beyond = beyond.and_then(|of| {
+                        let left = of.change - change;
+                        (left > 0.0).then_some(Beyond { change: left, ..of })
+                    });
+                }
+                _ => {
+                    let state = rest.clone();
+                    state.put_back(run.exchange, &mut self.system, self.law)?;
+                    beyond = Some(Beyond {
+                        change,
+                        pressure: now,
+                    });
+                }
+            }
+            change = next_change(pressure, wanted, slope, beyond, most);
+        }
+        Ok(found)
+    }
+}
+
+/// How far to change the lengths next. Since the pressure rises ever more steeply, the chord to a
+/// packing beyond the wanted pressure leads before it, and the last slope beyond it.
+fn next_change(
+    pressure: f64,
+    wanted: f64,
+    slope: Option<f64>,
+    beyond: Option<Beyond>,
+    most: f64,
+) -> f64 {
+    let missing = (wanted - pressure).abs();
+    let loose = pressure < LOOSE * wanted;
+    let by_slope = slope.filter(|_| !loose).map(|slope| missing / slope);
+    let next = match (by_slope, beyond) {
+        (Some(by_slope), None) => by_slope,
+        (None, None) => most,
+        (by_slope, Some(of)) => match of.pressure.filter(|_| !loose) {
+            None => 0.5 * of.change,
+            Some(far) => {
+                let chord = of.change * missing / (far - pressure).abs();
+                match by_slope {
+                    Some(by_slope) => 0.5 * (chord + by_slope.clamp(chord, of.change)),
+                    None => chord,
+                }
+            }
+        },
+    };
+    next.min(most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Looks for the wanted pressure of a packing whose pressure is a power of its compression.
+    fn trials(power: f64, onset: f64, from: f64, wanted: f64) -> usize {
+        let of = |x: f64| (x - onset).max(0.0).powf(power);
+        let toward = if of(from) < wanted { 1.0 } else { -1.0 };
+        let (mut x, mut slope, mut beyond) = (from, None, None::<Beyond>);
+        let mut change = 1e-3;
+        for trial in 0..200 {
+            let pressure = of(x);
+            if (pressure / wanted - 1.0).abs() <= 1e-6 {
+                return trial;
+            }
+            let now = of(x + toward * change);
+            if toward * (now - wanted) <= 1e-6 * wanted {
+                slope = Some(toward * (now - pressure) / change).filter(|slope| *slope > 0.0);
+                x += toward * change;
+                beyond = beyond.and_then(|b: Beyond| {
+                    let change = b.change - change;
+                    (change > 0.0).then_some(Beyond { change, ..b })
+                });
+            } else {
+                beyond = Some(Beyond {
+                    change,
+                    pressure: Some(now),
+                });
+            }
+            change = next_change(of(x), wanted, slope, beyond, 1e-3);
+            assert!(change > 0.0 && change <= 1e-3, "{change}");
+        }
+        panic!("{power} {onset} {from} {wanted}: not found")
+    }
+
+    #[test]
+    fn a_pressure_is_found_in_few_trials() {
+        for power in [1.0, 1.5] {
+            for onset in [0.0, 3e-4, 4.7e-3] {
+                for wanted in [1e-7, 1e-5, 1e-3] {
+                    let up = trials(power, onset, 0.0, wanted);
+                    let onto = (onset / 1e-3) as usize + (1e-3f64.powf(power) / wanted) as usize;
+                    assert!(up < 40 + onto + 40, "{power} {onset} {wanted}: {up}");
+                    let more = trials(
+                        power,
+                        onset,
+                        onset + (4.0 * wanted).powf(1.0 / power),
+                        wanted,
+                    );
+                    assert!(more < 60, "{power} {onset} {wanted}: {more}");
+                }
+            }
+        }
+    }
+}

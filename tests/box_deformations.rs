@@ -1,0 +1,266 @@
+//! Boxes whose lengths change, through the real program: compression to a pressure, pure shear and
+//! the biaxial test, their frames and their contracts.
+
+mod common;
+
+use std::path::Path;
+
+use common::{Outcome, beyond_the_digest, gshear_mpi};
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::state::length;
+use gshear_scene::Dimensions;
+use gshear_store::file_names::AQS_FILE;
+use gshear_store::run_reader::RunFile;
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+
+const COMPRESSION: [&str; 3] = [
+    "--set=box.deformation=compression",
+    "--set=aqs.steps=none",
+    "--set=aqs.pressures=[0.009, 0.01, 0.0095, 0.011]",
+];
+const PURE_SHEAR: [&str; 2] = ["--set=box.deformation=pure-shear", "--set=aqs.steps=4"];
+const BIAXIAL: [&str; 3] = [
+    "--set=box.deformation=biaxial",
+    "--set=box.pressure=0.008",
+    "--set=aqs.steps=4",
+];
+const NO_LAST_STAGE: [&str; 3] = [
+    "--set=newtonian.growth_times=none",
+    "--set=newtonian.rows=none",
+    "--set=newtonian.frames=none",
+];
+
+fn run(folder: &Path, ranks: usize, parts: &[&[&str]]) -> Outcome {
+    let mut arguments = vec![SCENE.to_string(), "--overwrite".into()];
+    arguments.extend(
+        parts
+            .iter()
+            .flat_map(|part| part.iter())
+            .map(ToString::to_string),
+    );
+    gshear_mpi(ranks, folder, &arguments)
+}
+
+fn finished(folder: &Path, parts: &[&[&str]]) -> RunFile {
+    let outcome = run(folder, 1, parts);
+    assert_eq!(outcome.code, 0, "{}", outcome.text);
+    RunFile::open_any(&folder.join(AQS_FILE)).expect("a run")
+}
+
+/// All digests that a run prints.
+fn digests(outcome: &Outcome) -> Vec<String> {
+    let words = outcome.text.split_whitespace();
+    let after = words.clone().skip(1).zip(words);
+    let said = after.filter(|(_, word)| *word == "digest");
+    said.map(|(digest, _)| digest.into()).collect()
+}
+
+/// Overlaps of every frame follow from its positions, radii and edges.
+fn overlaps_are_those_of_the_frames(run: &RunFile) {
+    assert!(run.frames() > 1);
+    let mut contacts = 0;
+    for t in 0..run.frames() {
+        let cell = run.cell(t);
+        let frame = run.records(t..t + 1).expect("a frame").swap_remove(0);
+        let radius = &run.grains().radius;
+        for contact in &frame.contacts {
+            let [i, j] = [contact.i, contact.j].map(|g| g as usize);
+            let [a, b] = [i, j].map(|g| frame.grains[g].position);
+            let apart = match run.dimension() {
+                Dimensions::Two => cell.separation::<Two>(&a, &b),
+                Dimensions::Three => cell.separation::<Three>(&a, &b),
+            };
+            let overlap = radius[i] + radius[j] - length(apart);
+            assert!((overlap - contact.overlap).abs() < 1e-14, "{t} {i} {j}");
+            contacts += 1;
+        }
+    }
+    assert!(contacts > 100, "{contacts}");
+}
+
+/// The pressures are reached one after the other, up and down; the energy changes by -P dV.
+#[test]
+fn a_compression_reaches_its_pressures() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let wanted = [0.01, 0.0101, 0.0102, 0.008, 0.0081];
+    let pressures = format!("--set=aqs.pressures={wanted:?}");
+    let more = [
+        "--set=box.deformation=compression",
+        "--set=aqs.steps=none",
+        &pressures,
+        "--set=box.pressure_tolerance=1e-8",
+        "--set=contact.friction=0.0",
+        "--set=relax.tolerance=1e-12",
+        "--set=aqs.frame_every=1",
+    ];
+    let run = finished(folder.path(), &[&more, &NO_LAST_STAGE]);
+    let column = |name: &str| run.series().column(name).to_vec();
+    let (pressure, energy) = (column("pressure"), column("elastic_energy"));
+    let lengths = ["length_x", "length_y", "length_z"].map(column);
+    let fraction = column("solid_fraction");
+    assert_eq!(pressure.len(), 1 + wanted.len());
+    let volume = |row: usize| lengths.iter().map(|of| of[row]).product::<f64>();
+    assert_eq!(fraction[0], 0.72);
+    for (row, wanted) in (1..).zip(wanted) {
+        assert!((pressure[row] / wanted - 1.0).abs() <= 1e-8, "{row}");
+        assert_eq!(lengths[0][row], lengths[1][row]);
+        assert_eq!(lengths[0][row], lengths[2][row]);
+        let expected = 0.72 * volume(0) / volume(row);
+        assert!((fraction[row] / expected - 1.0).abs() < 1e-14, "{row}");
+        let decrease = 1.0 - volume(row) / volume(0);
+        assert!((column("strain")[row] - decrease).abs() < 1e-14, "{row}");
+        let trace = ["stress_xx", "stress_yy", "stress_zz"].map(|name| column(name)[row]);
+        let mean = trace.iter().sum::<f64>() / 3.0;
+        assert!((mean / pressure[row] - 1.0).abs() < 1e-13, "{row}");
+    }
+    // Where no contact slips into another state: by the trapezoid rule.
+    for [before, after] in [[1, 2], [2, 3], [4, 5]] {
+        let work = 0.5 * (pressure[before] + pressure[after]) * (volume(before) - volume(after));
+        let stored = energy[after] - energy[before];
+        assert!((work / stored - 1.0).abs() < 1e-3, "{work} {stored}");
+    }
+    overlaps_are_those_of_the_frames(&run);
+}
+
+/// Pure shear keeps the volume to its last bits: the height is the area over the length.
+#[test]
+fn pure_shear_keeps_the_volume() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    for (dimension, fraction, up) in [
+        (
+            "--set=dimension=3",
+            "--set=box.solid_fraction=0.72",
+            "length_z",
+        ),
+        (
+            "--set=dimension=2",
+            "--set=box.solid_fraction=0.9",
+            "length_y",
+        ),
+    ] {
+        let more = [dimension, fraction, "--set=aqs.frame_every=1"];
+        let run = finished(
+            &folder.path().join(up),
+            &[&PURE_SHEAR, &more, &NO_LAST_STAGE],
+        );
+        let column = |name: &str| run.series().column(name);
+        let (x, z) = (column("length_x"), column(up));
+        assert_eq!(x[0], z[0]);
+        for (row, strain) in column("strain").iter().enumerate() {
+            assert_eq!(*strain, 2e-3 * row as f64);
+            assert_eq!(z[row], x[0] * x[0] / x[row]);
+            let stretched = (0.5 * strain).exp();
+            assert!((x[row] / x[0] / stretched - 1.0).abs() < 1e-14);
+            let edges = run.box_edges(row);
+            assert_eq!(edges[0][0], x[row]);
+            assert_eq!(
+                edges[run.dimension().axes() - 1][run.dimension().axes() - 1],
+                z[row]
+            );
+        }
+        if up == "length_z" {
+            assert!(column("length_y").iter().all(|l| *l == x[0]));
+        }
+        // Compressed along the last axis.
+        let up = up.replace("length", "stress");
+        let up = column(&format!("{up}{}", &up[up.len() - 1..]));
+        let difference = |row: usize| up[row] - column("stress_xx")[row];
+        assert!(difference(4) > difference(0));
+        overlaps_are_those_of_the_frames(&run);
+    }
+}
+
+/// The lateral stress is held while the height shrinks.
+#[test]
+fn a_biaxial_test_holds_the_lateral_stress() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let tolerance = [
+        "--set=box.pressure_tolerance=1e-6",
+        "--set=aqs.frame_every=2",
+    ];
+    let run = finished(folder.path(), &[&BIAXIAL, &tolerance, &NO_LAST_STAGE]);
+    let column = |name: &str| run.series().column(name);
+    assert!((column("pressure")[0] / 0.008 - 1.0).abs() <= 1e-6);
+    for row in 1..5 {
+        let lateral = 0.5 * (column("stress_xx")[row] + column("stress_yy")[row]);
+        assert!((lateral / 0.008 - 1.0).abs() <= 1e-6, "{row}: {lateral}");
+        let shrunk = (-2e-3 * row as f64).exp();
+        let height = column("length_z");
+        assert!((height[row] / height[0] / shrunk - 1.0).abs() < 1e-14);
+        assert!(column("length_x")[row] > column("length_x")[row - 1]);
+        let equally = column("length_x")[row] / column("length_y")[row];
+        assert!((equally - 1.0).abs() < 1e-14, "{equally}");
+        assert!(column("stress_zz")[row] > column("stress_zz")[row - 1]);
+    }
+    overlaps_are_those_of_the_frames(&run);
+}
+
+/// Contracts 1 to 3: ranks and threads, other output, stopped and gone on with.
+fn keeps_the_contracts(of: &[&str], more: &[&str]) {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let one = run(&at("one"), 1, &[of, more]);
+    assert_eq!(one.code, 0, "{}", one.text);
+    let expected = digests(&one);
+    assert_eq!(expected.len(), 2, "{}", one.text);
+    let beyond = beyond_the_digest(&at("one"));
+    let checked = |ranks: usize, set: &[&str]| {
+        let found = run(&at("other"), ranks, &[of, more, set]);
+        assert_eq!(digests(&found), expected, "{ranks} {set:?}: {}", found.text);
+        assert_eq!(beyond_the_digest(&at("other")), beyond, "{ranks} {set:?}");
+    };
+    checked(2, &["--set=bookkeeping.skin=0.05"]);
+    checked(3, &["--set=bookkeeping.simd=portable"]);
+    checked(
+        1,
+        &[
+            "--threads=2",
+            "--set=aqs.frame_every=1",
+            "--set=newtonian.frames=0",
+        ],
+    );
+    let stopped = run(&at("part"), 2, &[of, more, &["--stop-at=2"]]);
+    assert_eq!(stopped.code, 75, "{}", stopped.text);
+    let resume = format!("--resume={}", at("part").join("checkpoint.h5").display());
+    let resumed = gshear_mpi(3, &at("part"), &[resume]);
+    assert_eq!(digests(&resumed), expected, "{}", resumed.text);
+    assert_eq!(beyond_the_digest(&at("part")), beyond);
+    let read = |name: &str| {
+        let run = RunFile::open_any(&at(name).join(AQS_FILE)).expect("a run");
+        let columns = run.series().columns.iter().flatten();
+        let boxes: Vec<_> = (0..run.frames()).map(|t| run.box_edges(t)).collect();
+        (columns.map(|x| x.to_bits()).collect::<Vec<_>>(), boxes)
+    };
+    assert_eq!(read("part"), read("one"));
+}
+
+#[test]
+fn a_compression_keeps_the_contracts() {
+    keeps_the_contracts(&COMPRESSION, &[]);
+}
+
+#[test]
+fn a_compression_of_disks_keeps_the_contracts() {
+    let disks = ["--set=dimension=2", "--set=box.solid_fraction=0.9"];
+    keeps_the_contracts(&COMPRESSION, &disks);
+}
+
+#[test]
+fn pure_shear_keeps_the_contracts() {
+    keeps_the_contracts(&PURE_SHEAR, &["--set=box.pressure=0.008"]);
+}
+
+#[test]
+fn a_biaxial_test_keeps_the_contracts() {
+    keeps_the_contracts(&BIAXIAL, &[]);
+}
+
+#[test]
+fn simple_shear_at_a_pressure_keeps_the_contracts() {
+    keeps_the_contracts(&["--set=aqs.steps=4", "--set=box.pressure=0.008"], &[]);
+}
