@@ -269,7 +269,8 @@ fn next_change(
         (by_slope, Some(of)) => match of.pressure.filter(|_| !loose) {
             None => 0.5 * of.change,
             Some(far) => {
-                let chord = of.change * missing / (far - pressure).abs();
+                // A pressure within the tolerance may be nearer to the one beyond it.
+                let chord = (of.change * missing / (far - pressure).abs()).min(of.change);
                 match by_slope {
                     Some(by_slope) => 0.5 * (chord + by_slope.clamp(chord, of.change)),
                     None => chord,
@@ -313,6 +314,17 @@ mod tests {
             assert!(change > 0.0 && change <= 1e-3, "{change}");
         }
         panic!("{power} {onset} {from} {wanted}: not found")
+    }
+
+    /// It is asked for the next change before a pressure is known to be near enough.
+    #[test]
+    fn a_pressure_in_the_tolerance_has_a_next_change() {
+        let far = Beyond {
+            change: 1e-8,
+            pressure: Some(1.0011),
+        };
+        let next = next_change(1.0009, 1.0, Some(1e6), Some(far), 1e-3);
+        assert!(next > 0.0 && next <= far.change, "{next}");
     }
 
     #[test]
