@@ -77,7 +77,7 @@ table! {
 }
 
 table! {
-    /// Athermal quasi-static shear of a box.
+    /// Athermal quasi-static deformation of a box.
     Aqs "aqs" {
         /// δγ, or δε of a biaxial box; of a box at a pressure also the greatest relative change of
         /// a length between two relaxations
