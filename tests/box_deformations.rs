@@ -151,7 +151,9 @@ fn pure_shear_keeps_the_volume() {
         assert_eq!(x[0], z[0]);
         for (row, strain) in column("strain").iter().enumerate() {
             assert_eq!(*strain, 2e-3 * row as f64);
-            assert_eq!(z[row], x[0] * x[0] / x[row]);
+            // The area over the length rounds at the start, too.
+            let height = if row == 0 { x[0] } else { x[0] * x[0] / x[row] };
+            assert_eq!(z[row], height);
             let stretched = (0.5 * strain).exp();
             assert!((x[row] / x[0] / stretched - 1.0).abs() < 1e-14);
             let edges = run.box_edges(row);

@@ -384,6 +384,7 @@ mod tests {
             "output.series_strain",
             "output.checkpoint_strain",
             "box.solid_fraction",
+            "box.pressure_tolerance",
             "aqs.strain_step",
             "aqs.birth_precision",
             "aqs.until_imaginary",

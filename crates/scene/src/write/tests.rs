@@ -214,6 +214,31 @@ fn a_scene_in_a_box_reads_back() {
     }
 }
 
+#[test]
+fn every_deformation_reads_back() {
+    let spectra = ["aqs.spectrum=none", "aqs.until_imaginary=none"];
+    for more in [
+        &["box.deformation=simple-shear", "box.pressure=1e-2"][..],
+        &["box.deformation=pure-shear"],
+        &["box.deformation=biaxial", "box.pressure=1e-2"],
+        &[
+            "box.deformation=compression",
+            "box.pressure_tolerance=1e-3",
+            "aqs.steps=none",
+            "aqs.pressures=[1e-3, 2e-3]",
+        ],
+    ] {
+        let sets = [&spectra[..], more].concat();
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let text = include_str!("../../../../configs/bonfanti.toml");
+        let read =
+            |text: &str, sets: &[String]| load(&Source::new("scene.toml", text), sets).unwrap();
+        let scene = read(text, &sets);
+        let again = read(&scene.toml, &[]);
+        assert_eq!(format!("{again:?}"), format!("{scene:?}"), "{more:?}");
+    }
+}
+
 fn missing_are(toml: &str, missing: &[&str]) {
     let of_a_box = |table: &str| table == "box" || crate::OF_A_BOX.contains(&table);
     for key in crate::raw::TABLES
