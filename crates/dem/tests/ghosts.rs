@@ -123,9 +123,9 @@ fn gas<D: Dimension>(side: usize) -> (Setup, Vec<GrainState>) {
                 _ => [length; 2],
             },
             sheared: Some(Sheared {
-                height: length,
                 offset: 0.3 * RADIUS,
                 velocity: 0.2,
+                ..Sheared::upright(length)
             }),
         },
         largest_radius: RADIUS,

@@ -64,7 +64,6 @@ impl Scene {
 
 /// What bounds the grains, and how they are sheared there.
 #[derive(Debug, Clone, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "a run has one scene")]
 pub enum Boundary {
     /// Walls at bottom and top.
     Walls(PlaneShear),
