@@ -2,7 +2,7 @@
 
 use gshear_dem::dimension::{Dimension, Two};
 use gshear_dem::domain::{Accumulator, FixedPoint};
-use gshear_dem::drive::{Drive, TopForce};
+use gshear_dem::drive::{Drive, WallForces, WallSteps};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, Grains};
 
@@ -41,7 +41,7 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.speed()
     }
 
-    fn start(&mut self, load: TopForce) {
+    fn start(&mut self, load: WallForces) {
         self.walls.start(load);
     }
 
@@ -73,16 +73,16 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.forces(isa, cell, step, grains)
     }
 
-    fn load(&self, grains: &Grains<Two>, fixed: &FixedPoint, to: &mut [Accumulator; 2]) {
+    fn load(&self, grains: &Grains<Two>, fixed: &FixedPoint, to: &mut [Accumulator; 3]) {
         self.walls.load(grains, fixed, to);
     }
 
-    fn kick(&mut self, step: f64, load: TopForce, grains: &mut Grains<Two>) {
+    fn kick(&mut self, step: f64, load: WallForces, grains: &mut Grains<Two>) {
         self.walls.kick(step, load, grains);
     }
 
-    fn slid(&self) -> f64 {
-        self.walls.slid()
+    fn moved(&self) -> WallSteps {
+        self.walls.moved()
     }
 
     fn renumber(&mut self, isa: Isa, grains: &Grains<Two>, skin: f64) {

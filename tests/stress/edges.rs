@@ -226,12 +226,8 @@ fn between_walls(times: f64, step: f64) -> Rig<Full, GrainWalls> {
         at(1, body::FREE, 2.0 * RADIUS),
         at(2, body::TOP, height),
     ];
-    let walls = GrainWalls {
-        piston: pressed_piston(times, height),
-        slider: Slider::new(Protocol::new(step, [(0.5, 1_000_000)]), None),
-        along: false,
-        top: Vec::new(),
-    };
+    let slider = Slider::new(Protocol::new(step, [(0.5, 1_000_000)]), None);
+    let walls = GrainWalls::new(pressed_piston(times, height), slider, false);
     let law = program_law::<true, true>(&LAW);
     Rig::new(law, walls, setting(step), grains, Vec::new()).expect("not yet pressed")
 }

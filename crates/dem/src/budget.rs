@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::contact::dissipation;
 use crate::contact::model::PairModel;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
+use crate::drive::{Piston, WallForces, WallSteps};
 use crate::simd::{Isa, LANES, Lanes16};
 use crate::state::{Contacts, Units};
 
@@ -27,8 +28,39 @@ pub struct EnergyBudget {
     /// The work done along x on the sample, and the force along x in the last step, over all ranks.
     work: f64,
     force: f64,
+    /// The work of the walls along their normals, if it is not that of a constant load.
+    normal: Option<NormalWork>,
     /// The sample at the start of the shear; `None` until then.
     pub begin: Option<Begin>,
+}
+
+/// The work of the walls along their normals, summed over the steps by the trapezoidal rule, over
+/// all ranks. It needs no load, so that jumps of the load and of a wall's velocity leave nothing
+/// out; the kinetic energy of the top does not belong to the sample then.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct NormalWork {
+    /// Work done on the sample (J; J/m in 2D).
+    pub work: f64,
+    /// Forces on top and bottom in the last step, upwards (N; N/m in 2D).
+    pub force: [f64; 2],
+}
+
+impl NormalWork {
+    /// That of a constant load until now, for a run whose load begins to vary.
+    pub fn of_constant_load(piston: &Piston, begin: &Begin) -> Self {
+        let kinetic = 0.5 * piston.mass * piston.velocity * piston.velocity;
+        Self {
+            work: -piston.load * (piston.height - begin.height) - kinetic,
+            force: [piston.load + piston.mass * piston.acceleration, 0.0],
+        }
+    }
+
+    fn push(&mut self, force: [f64; 2], rose: [f64; 2]) {
+        for ((last, force), rose) in self.force.iter_mut().zip(force).zip(rose) {
+            self.work -= 0.5 * (*last + force) * rose;
+            *last = force;
+        }
+    }
 }
 
 /// The sample at the start of the shear.
@@ -48,7 +80,19 @@ pub struct SavedBudget {
     uncounted: bool,
     work: f64,
     force: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    normal: Option<NormalWork>,
     begin: Option<Begin>,
+}
+
+impl SavedBudget {
+    /// Adds the work of the walls along their normals, if the run had a constant load until now.
+    pub fn with_varying_load(mut self, piston: &Piston) -> Self {
+        if let (None, Some(begin)) = (self.normal, &self.begin) {
+            self.normal = Some(NormalWork::of_constant_load(piston, begin));
+        }
+        self
+    }
 }
 
 /// The energies of all ranks at one step (J; J/m in 2D).
@@ -58,7 +102,7 @@ pub struct EnergyBalance {
     pub elastic: [f64; ELASTIC],
     /// Work of the drive along x.
     pub work_drive: f64,
-    /// Work of the load on the top.
+    /// Work of the load on the top, or of the motion of the walls along their normals.
     pub work_load: f64,
     /// Energy dissipated, by [`dissipation`].
     pub dissipated: [f64; dissipation::KINDS],
@@ -90,6 +134,7 @@ impl EnergyBudget {
             uncounted: false,
             work: 0.0,
             force: 0.0,
+            normal: None,
             begin: None,
         }
     }
@@ -109,11 +154,21 @@ impl EnergyBudget {
         self.uncounted |= uncounted;
     }
 
-    /// Adds the work along x of a step: `force` on the sample (N; N/m in 2D), summed over the
-    /// ranks, times the displacement `slid` of the top (m).
-    pub fn push(&mut self, force: f64, slid: f64) {
-        self.work += 0.5 * (self.force + force) * slid;
-        self.force = force;
+    /// Adds the work of the walls in a step: the forces of the grains on them, summed over the
+    /// ranks, and how far they moved.
+    pub fn push(&mut self, forces: &WallForces, moved: WallSteps) {
+        let along = -forces.along;
+        self.work += 0.5 * (self.force + along) * moved.along;
+        self.force = along;
+        if let Some(rose) = moved.normal {
+            let normal = self.normal.get_or_insert_default();
+            normal.push([forces.up, forces.bottom], rose);
+        }
+    }
+
+    /// Whether the kinetic energy of the top belongs to the sample.
+    pub fn has_wall(&self) -> bool {
+        self.normal.is_none()
     }
 
     /// Continues from a checkpoint. Rank 0 takes the sums over the ranks.
@@ -124,6 +179,7 @@ impl EnergyBudget {
             self.uncounted = saved.uncounted;
         }
         (self.work, self.force, self.begin) = (saved.work, saved.force, saved.begin);
+        self.normal = saved.normal;
     }
 
     /// The energy budget of all ranks, for a checkpoint; collective.
@@ -134,6 +190,7 @@ impl EnergyBudget {
             uncounted,
             work: self.work,
             force: self.force,
+            normal: self.normal,
             begin: self.begin,
         }
     }
@@ -176,6 +233,9 @@ impl EnergyBudget {
         let begin = *self.begin.get_or_insert_with(|| {
             self.twice_dissipated = self.last_power;
             self.work = 0.0;
+            if let Some(normal) = &mut self.normal {
+                normal.work = 0.0;
+            }
             Begin {
                 energy,
                 height: of.height,
@@ -187,7 +247,10 @@ impl EnergyBudget {
             true => f64::NAN,
             false => 0.5 * n as f64 * self.unit,
         });
-        let work_load = -of.load * (of.height - begin.height);
+        let work_load = match self.normal {
+            None => -of.load * (of.height - begin.height),
+            Some(normal) => normal.work,
+        };
         let missing =
             self.work + work_load - (energy - begin.energy) - dissipated.iter().sum::<f64>();
         let done = self.work.abs() + work_load.abs();
@@ -212,7 +275,8 @@ pub struct SampleState<'a> {
     pub load: f64,
     /// Height of the piston (m).
     pub height: f64,
-    /// Kinetic energy of the free grains and of the piston (J; J/m in 2D).
+    /// Kinetic energy of the free grains and, if it belongs to the sample, of the piston (J; J/m in
+    /// 2D).
     pub kinetic: f64,
 }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{PairForce, Pass, Scratch};
-use crate::protocol::Protocol;
+use crate::protocol::{Protocol, Segment};
 use crate::simd::Isa;
 use crate::state::{CandidatePair, Cell, Contacts, Grains, LocalGrains, body};
 
@@ -43,13 +43,24 @@ impl Piston {
     }
 }
 
-/// The force of the grains on the top (N; N/m in 2D). The component along x is 0 unless requested.
+/// The forces of the grains on the walls (N; N/m in 2D). What the drive does not ask for is 0.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct TopForce {
-    /// Upwards, along the last axis.
+pub struct WallForces {
+    /// On the top upwards, along the last axis.
     pub up: f64,
-    /// Along x.
+    /// On the top along x.
     pub along: f64,
+    /// On the bottom upwards.
+    pub bottom: f64,
+}
+
+/// How far the walls moved in the last step (m).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct WallSteps {
+    /// The top along x.
+    pub along: f64,
+    /// The top and the bottom upwards, if a protocol imposes their motion or a load that varies.
+    pub normal: Option<[f64; 2]>,
 }
 
 /// The walls and the drag, as the time step calls them. The default methods are those of a scene
@@ -64,7 +75,7 @@ pub trait Drive<D: Dimension> {
         0.0
     }
     /// Computes the accelerations before the first step.
-    fn start(&mut self, _: TopForce) {}
+    fn start(&mut self, _: WallForces) {}
     /// First half kick and drift of the walls.
     fn drift(&mut self, _step: f64, _: &mut Grains<D>) {}
     /// Gives the wall grains their predicted velocities, after the drift.
@@ -74,13 +85,18 @@ pub trait Drive<D: Dimension> {
     fn forces(&mut self, _: Isa, _: Cell, _step: f64, _: &mut Grains<D>) -> Option<usize> {
         None
     }
-    /// Adds this rank's part of the force on the top: upwards, and along x.
-    fn load(&self, _: &Grains<D>, _: &FixedPoint, _to: &mut [Accumulator; 2]) {}
-    /// Second half kick, by the force on the top.
-    fn kick(&mut self, _step: f64, _: TopForce, _: &mut Grains<D>) {}
-    /// Displacement of the top along x in the last step (m).
-    fn slid(&self) -> f64 {
-        0.0
+    /// Whether the force on the bottom is summed too.
+    fn has_bottom_force(&self) -> bool {
+        false
+    }
+    /// Adds this rank's part of the forces on the walls: on the top upwards and along x, on the
+    /// bottom upwards.
+    fn load(&self, _: &Grains<D>, _: &FixedPoint, _to: &mut [Accumulator; 3]) {}
+    /// Second half kick, by the forces on the walls.
+    fn kick(&mut self, _step: f64, _: WallForces, _: &mut Grains<D>) {}
+    /// How far the walls moved in the last step.
+    fn moved(&self) -> WallSteps {
+        WallSteps::default()
     }
     /// The rank's grains were renumbered; until the next call they move by at most half a skin (m).
     fn renumber(&mut self, _: Isa, _: &Grains<D>, _skin: f64) {}
@@ -141,7 +157,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.piston.velocity.abs()
     }
 
-    fn start(&mut self, load: TopForce) {
+    fn start(&mut self, load: WallForces) {
         self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
     }
 
@@ -196,11 +212,11 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         })
     }
 
-    fn load(&self, _: &Grains<D>, fixed: &FixedPoint, [up, _]: &mut [Accumulator; 2]) {
+    fn load(&self, _: &Grains<D>, fixed: &FixedPoint, [up, ..]: &mut [Accumulator; 3]) {
         self.load_on(true, fixed, up);
     }
 
-    fn kick(&mut self, step: f64, load: TopForce, _: &mut Grains<D>) {
+    fn kick(&mut self, step: f64, load: WallForces, _: &mut Grains<D>) {
         self.piston.full_kick(step, load.up, self.drag);
     }
 
@@ -248,10 +264,10 @@ impl<D: Dimension> Drive<D> for Planes<D> {
 /// The motion of the top along x.
 #[derive(Debug, Clone)]
 pub struct Slider {
-    /// Position and velocity of the drive, step by step.
+    /// What is imposed, step by step.
     pub protocol: Protocol,
     /// The stiffness of the spring between drive and top (N/m; Pa in 2D). `None`: the top moves
-    /// with the drive.
+    /// with the drive, or is pulled by a force of the protocol. A protocol of forces has no spring.
     pub spring: Option<f64>,
     /// Position and velocity of the top.
     pub state: SliderState,
@@ -270,14 +286,23 @@ pub struct SliderState {
     pub acceleration: f64,
     /// How far it moved in the last step (m).
     pub slid: f64,
+    /// How far it moved in segments in which a force pulled it (m): the position of the drive is
+    /// that of the protocol plus this.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub pulled: f64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it")]
+fn is_zero(x: &f64) -> bool {
+    x.to_bits() == 0
 }
 
 impl Slider {
-    /// A drive that follows `protocol`. The top starts at rest with a spring, and with the velocity
-    /// of the drive without one.
+    /// A drive that follows `protocol`. The top starts at rest with a spring or under a force, and
+    /// with the velocity of the drive without one.
     pub fn new(protocol: Protocol, spring: Option<f64>) -> Self {
         let velocity = match spring {
-            None => protocol.velocity(0),
+            None => protocol.full_velocity(0),
             Some(_) => 0.0,
         };
         Self {
@@ -290,48 +315,131 @@ impl Slider {
         }
     }
 
+    /// Whether forces move the top in a segment.
+    fn is_free(&self, segment: &Segment) -> bool {
+        self.spring.is_some() || segment.is_pulled()
+    }
+
     fn half_kick_and_drift(&mut self, step: f64) {
+        let now = self.state.step;
+        let is_free = self.is_free(self.protocol.segment(now));
         let state = &mut self.state;
         let before = state.displacement;
-        if self.spring.is_some() {
+        if is_free {
             state.velocity += 0.5 * step * state.acceleration;
             state.displacement += step * state.velocity;
+            if self.spring.is_none() {
+                state.pulled = state.displacement - self.protocol.position(now + 1);
+            }
         } else {
-            state.velocity = self.protocol.velocity(state.step);
-            state.displacement = self.protocol.position(state.step + 1);
+            state.velocity = self.protocol.velocity(now);
+            state.displacement = state.pulled + self.protocol.position(now + 1);
+            state.acceleration = 0.0;
         }
         state.slid = state.displacement - before;
         state.step += 1;
     }
 
+    /// The velocity of the full step: of the drive, or predicted from the last acceleration.
     fn predicted(&self, step: f64) -> f64 {
-        self.state.velocity + 0.5 * step * self.state.acceleration
+        let now = self.state.step;
+        match self.is_free(self.protocol.segment_before(now)) {
+            true => self.state.velocity + 0.5 * step * self.state.acceleration,
+            false => self.protocol.full_velocity(now),
+        }
     }
 
-    /// Computes the acceleration by the force of the grains along x and by the spring.
+    /// Computes the acceleration by the force of the grains along x, and by the spring or the
+    /// imposed force: that of the next segment, if it has one.
     fn accelerate(&mut self, force: f64, mass: f64) {
-        if let Some(stiffness) = self.spring {
-            let stretch = self.protocol.position(self.state.step) - self.state.displacement;
-            self.state.acceleration = (stiffness * stretch + force) / mass;
+        let now = self.state.step;
+        let imposed = match self.spring {
+            Some(stiffness) => stiffness * (self.protocol.position(now) - self.state.displacement),
+            None => {
+                let next = self.protocol.segment(now).force(now);
+                match next.or_else(|| self.protocol.segment_before(now).force(now)) {
+                    Some(force) => force,
+                    None => return,
+                }
+            }
+        };
+        self.state.acceleration = (imposed + force) / mass;
+    }
+
+    fn kick(&mut self, step: f64, force: f64, mass: f64) {
+        self.accelerate(force, mass);
+        let now = self.state.step;
+        if self.is_free(self.protocol.segment_before(now)) {
+            self.state.velocity += 0.5 * step * self.state.acceleration;
+        } else {
+            self.state.velocity = self.protocol.full_velocity(now);
+        }
+    }
+
+    /// Position of the far end of the spring, or of the top itself (m).
+    pub fn drive_position(&self) -> f64 {
+        self.state.pulled + self.protocol.position(self.state.step)
+    }
+
+    /// Velocity of the far end of the spring, or of the top itself (m/s), at the end of the last
+    /// step.
+    pub fn drive_velocity(&self) -> f64 {
+        let now = self.state.step;
+        match self.protocol.segment_before(now).is_pulled() {
+            true => self.state.velocity,
+            false => self.protocol.full_velocity(now),
         }
     }
 }
 
-/// Walls of frozen grains: the bottom is fixed; the top is rigid, with a constant load N, and a
-/// slider moves it along x.
+/// Walls of frozen grains. The bottom is fixed, or vibrates along its normal. The top is rigid, with
+/// a load N or an imposed velocity along its normal, and a slider moves it along x.
 #[derive(Debug)]
 pub struct GrainWalls {
     /// The motion of the top upwards.
     pub piston: Piston,
-    /// The motion of the top along x.
+    /// The motion of the top along x, and what is imposed on the walls.
     pub slider: Slider,
     /// Whether the force along x is summed in every step.
     pub along: bool,
     /// Owned grains of the top wall.
     pub top: Vec<u32>,
+    /// Owned grains of the bottom wall, if it vibrates.
+    pub bottom: Vec<u32>,
+    /// How far top and bottom moved upwards in the last step (m).
+    pub rose: [f64; 2],
 }
 
 impl GrainWalls {
+    /// Walls without their grains. `along`: whether the force along x is summed though no motion
+    /// needs it.
+    pub fn new(piston: Piston, slider: Slider, along: bool) -> Self {
+        Self {
+            piston,
+            along: along || slider.spring.is_some() || slider.protocol.has_force(),
+            slider,
+            top: Vec::new(),
+            bottom: Vec::new(),
+            rose: [0.0; 2],
+        }
+    }
+
+    /// Imposes the load or the normal velocity of the start of the shear. Returns the velocities of
+    /// the walls (m/s): of the top along x and upwards, of the bottom upwards.
+    pub fn begin(&mut self) -> [f64; 3] {
+        let protocol = &self.slider.protocol;
+        let first = protocol.segment(0);
+        if let Some(load) = first.load(0) {
+            self.piston.load = load;
+        }
+        if let Some(velocity) = first.normal_velocity() {
+            (self.piston.velocity, self.piston.acceleration) = (velocity, 0.0);
+        }
+        let up = first.normal_velocity().unwrap_or(0.0);
+        let bottom = protocol.full_bottom_velocity(0);
+        [self.slider.state.velocity, up, bottom]
+    }
+
     /// The walls' part of the state that the digest covers.
     pub fn state(&self) -> [f64; 6] {
         let (piston, slider) = (&self.piston, &self.slider.state);
@@ -345,6 +453,23 @@ impl GrainWalls {
         ]
     }
 
+    /// Displacement of the bottom upwards since the start of the shear (m).
+    pub fn bottom_displacement(&self) -> f64 {
+        self.slider.protocol.bottom(self.slider.state.step)
+    }
+
+    /// What is imposed at the end of the last step: the load and the force along x (N; N/m in 2D),
+    /// NaN if there is none.
+    pub fn imposed(&self) -> [f64; 2] {
+        let now = self.slider.state.step;
+        let segment = self.slider.protocol.segment_before(now);
+        let load = match segment.imposed.normal {
+            None => Some(self.piston.load),
+            Some(_) => segment.load(now),
+        };
+        [load, segment.force(now)].map(|force| force.unwrap_or(f64::NAN))
+    }
+
     /// Gives the grains of the top these velocities, in the fields that begin at `at`.
     fn impose<D: Dimension>(&self, at: &[usize], [along, up]: [f64; 2], grains: &mut Grains<D>) {
         for &g in &self.top {
@@ -356,32 +481,116 @@ impl GrainWalls {
         }
     }
 
-    /// Gives the top grains the velocity of the plate, also as that of the half step, from which
-    /// the deferred second kick starts.
-    fn impose_plate_velocity<D: Dimension>(&self, grains: &mut Grains<D>) {
+    /// Gives the grains of a bottom that vibrates this velocity upwards.
+    fn impose_bottom<D: Dimension>(&self, at: &[usize], up: f64, grains: &mut Grains<D>) {
+        for &g in &self.bottom {
+            let r = grains.fields_mut(g as usize);
+            for at in at {
+                r[at + D::UP] = up;
+            }
+        }
+    }
+
+    /// Gives the wall grains the velocities of the walls, also as those of the half step, from which
+    /// the deferred second kick starts. `bottom` (m/s) is asked for only if it vibrates.
+    fn impose_velocities<D: Dimension>(
+        &self,
+        bottom: impl FnOnce(&Protocol) -> f64,
+        grains: &mut Grains<D>,
+    ) {
         let velocity = [self.slider.state.velocity, self.piston.velocity];
-        self.impose(&[D::VELOCITY, D::HALF_VELOCITY], velocity, grains);
+        let fields = [D::VELOCITY, D::HALF_VELOCITY];
+        self.impose(&fields, velocity, grains);
+        if self.slider.protocol.has_bottom() {
+            self.impose_bottom(&fields, bottom(&self.slider.protocol), grains);
+        }
+    }
+
+    /// Moves the top upwards by a step: half a kick and the drift, or at an imposed velocity.
+    fn rise(&mut self, step: f64) {
+        let protocol = &self.slider.protocol;
+        if !protocol.has_normal() && !protocol.has_bottom() {
+            self.piston.half_kick_and_drift(step);
+            return;
+        }
+        let now = self.slider.state.step;
+        let before = self.piston.height;
+        match protocol.segment(now).normal_velocity() {
+            None => self.piston.half_kick_and_drift(step),
+            Some(velocity) => {
+                (self.piston.velocity, self.piston.acceleration) = (velocity, 0.0);
+                self.piston.height += step * velocity;
+            }
+        }
+        let bottom = protocol.bottom(now + 1) - protocol.bottom(now);
+        self.rose = [self.piston.height - before, bottom];
+    }
+
+    /// The second half kick of the top upwards, by the load of the next segment if it has one.
+    fn end_rise(&mut self, step: f64, force: f64) {
+        let protocol = &self.slider.protocol;
+        if !protocol.has_normal() {
+            self.piston.full_kick(step, force, 0.0);
+            return;
+        }
+        let now = self.slider.state.step;
+        let (last, next) = (protocol.segment_before(now), protocol.segment(now));
+        let piston = &mut self.piston;
+        if let Some(load) = next.load(now).or_else(|| last.load(now)) {
+            piston.load = load;
+        }
+        match last.normal_velocity() {
+            None => piston.full_kick(step, force, 0.0),
+            Some(velocity) => {
+                piston.velocity = velocity;
+                piston.acceleration = match next.load(now) {
+                    Some(load) => (force - load) / piston.mass,
+                    None => 0.0,
+                };
+            }
+        }
     }
 }
 
 impl<D: Dimension> Drive<D> for GrainWalls {
-    fn start(&mut self, load: TopForce) {
-        self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
+    fn start(&mut self, load: WallForces) {
+        let first = self.slider.protocol.segment(0);
+        if first.normal_velocity().is_none() {
+            self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
+        }
         self.slider.accelerate(load.along, self.piston.mass);
     }
 
     fn drift(&mut self, step: f64, grains: &mut Grains<D>) {
-        self.piston.half_kick_and_drift(step);
+        let now = self.slider.state.step;
+        self.rise(step);
         self.slider.half_kick_and_drift(step);
-        self.impose_plate_velocity(grains);
+        self.impose_velocities(|protocol| protocol.bottom_velocity(now), grains);
     }
 
     fn predict(&mut self, step: f64, grains: &mut Grains<D>) {
-        let predicted = [self.slider.predicted(step), self.piston.predicted(step)];
-        self.impose(&[D::VELOCITY], predicted, grains);
+        let now = self.slider.state.step;
+        let protocol = &self.slider.protocol;
+        let up = match protocol.segment_before(now).normal_velocity() {
+            None => self.piston.predicted(step),
+            Some(velocity) => velocity,
+        };
+        self.impose(&[D::VELOCITY], [self.slider.predicted(step), up], grains);
+        if protocol.has_bottom() {
+            self.impose_bottom(&[D::VELOCITY], protocol.full_bottom_velocity(now), grains);
+        }
     }
 
-    fn load(&self, grains: &Grains<D>, fixed: &FixedPoint, [up, along]: &mut [Accumulator; 2]) {
+    fn has_bottom_force(&self) -> bool {
+        self.slider.protocol.has_bottom()
+    }
+
+    fn load(
+        &self,
+        grains: &Grains<D>,
+        fixed: &FixedPoint,
+        [up, along, bottom]: &mut [Accumulator; 3],
+    ) {
         for &g in &self.top {
             fixed.add(up, grains.force[g as usize][D::UP]);
         }
@@ -390,23 +599,31 @@ impl<D: Dimension> Drive<D> for GrainWalls {
                 fixed.add(along, grains.force[g as usize][0]);
             }
         }
-    }
-
-    fn kick(&mut self, step: f64, load: TopForce, grains: &mut Grains<D>) {
-        self.piston.full_kick(step, load.up, 0.0);
-        if self.slider.spring.is_some() {
-            self.slider.accelerate(load.along, self.piston.mass);
-            self.slider.state.velocity += 0.5 * step * self.slider.state.acceleration;
+        for &g in &self.bottom {
+            fixed.add(bottom, grains.force[g as usize][D::UP]);
         }
-        self.impose_plate_velocity(grains);
     }
 
-    fn slid(&self) -> f64 {
-        self.slider.state.slid
+    fn kick(&mut self, step: f64, forces: WallForces, grains: &mut Grains<D>) {
+        let now = self.slider.state.step;
+        self.end_rise(step, forces.up);
+        self.slider.kick(step, forces.along, self.piston.mass);
+        self.impose_velocities(|protocol| protocol.full_bottom_velocity(now), grains);
+    }
+
+    fn moved(&self) -> WallSteps {
+        let protocol = &self.slider.protocol;
+        WallSteps {
+            along: self.slider.state.slid,
+            normal: (protocol.has_normal() || protocol.has_bottom()).then_some(self.rose),
+        }
     }
 
     fn renumber(&mut self, _: Isa, grains: &Grains<D>, _: f64) {
         self.top = grains.of_body(body::TOP);
+        if self.slider.protocol.has_bottom() {
+            self.bottom = grains.of_body(body::BOTTOM);
+        }
     }
 }
 

@@ -110,7 +110,7 @@
 //! | [`state`], [`system`] | grains, contacts and the cell; their upkeep between two steps |
 //! | [`neighbour`] | cells and the half list of candidate pairs |
 //! | [`domain`] | exchange between ranks, slabs, exact sums |
-//! | [`drive`], [`protocol`] | walls and the drive |
+//! | [`drive`], [`protocol`], [`wave`] | walls, and what is imposed on them |
 //! | [`observe`], [`columns`](mod@columns) | rows, frames and the digest; columns of tables |
 //! | [`budget`], [`clock`] | energy budget; time per phase |
 //! | [`failure`] | failures and exit codes |
@@ -167,3 +167,4 @@ pub mod state;
 pub mod step;
 pub mod system;
 pub mod threads;
+pub mod wave;

@@ -3,14 +3,14 @@
 
 use xxhash_rust::xxh3::xxh3_128;
 
-use crate::budget::{self, EnergyBalance};
+use crate::budget::{self, EnergyBalance, EnergyBudget};
 use crate::contact::dissipation;
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::GrainWalls;
 use crate::kernel::ContactForces;
-use crate::state::{Cell, ContactSample, GrainSample, SeriesRow, body};
+use crate::state::{Cell, ContactSample, GrainSample, ImposedRow, SeriesRow, body};
 use crate::system::System;
 
 /// Constants of the sample from which rows of the time series are computed.
@@ -128,9 +128,14 @@ pub fn series<D: Dimension>(
         unreachable!("three counts were sent")
     };
     let (shear_force, normal_force) = (system.fixed.value(part(0)), system.fixed.value(part(1)));
-    let wall_height = piston.height - constants.walls;
+    let wall_height = piston.height - constants.walls - walls.bottom_displacement();
     let kinetic_energy = constants.energy.value(part(2));
-    let moving = kinetic_energy + 0.5 * piston.mass * piston.velocity * piston.velocity;
+    let of_wall = 0.5 * piston.mass * piston.velocity * piston.velocity;
+    let has_wall = |budget: &EnergyBudget| budget.has_wall();
+    let moving = match system.budget.as_ref().is_none_or(has_wall) {
+        true => kinetic_energy + of_wall,
+        false => kinetic_energy,
+    };
     let energy = system
         .budget
         .as_mut()
@@ -165,11 +170,8 @@ pub fn series<D: Dimension>(
         wall_velocity: piston.velocity,
         slip: slider.displacement,
         slip_rate: slider.velocity,
-        drive_displacement: walls.slider.protocol.position(slider.step),
-        drive_velocity: walls
-            .slider
-            .protocol
-            .velocity(slider.step.saturating_sub(1)),
+        drive_displacement: walls.slider.drive_position(),
+        drive_velocity: walls.slider.drive_velocity(),
         elastic_normal: energy.elastic[0],
         elastic_tangential: energy.elastic[1],
         elastic_rolling: energy.elastic[2],
@@ -180,6 +182,16 @@ pub fn series<D: Dimension>(
         dissipated_rolling: energy.dissipated[dissipation::ROLLING],
         dissipated_stiffness: energy.dissipated[dissipation::STIFFNESS],
         energy_residual: energy.residual,
+    }
+}
+
+/// What a protocol of more than velocities imposes on the walls at the end of a step.
+pub fn imposed(walls: &GrainWalls) -> ImposedRow {
+    let [normal, shear] = walls.imposed();
+    ImposedRow {
+        imposed_normal_force: normal,
+        imposed_shear_force: shear,
+        bottom_displacement: walls.bottom_displacement(),
     }
 }
 

@@ -1,51 +1,220 @@
-//! The motion of the drive along x: a sequence of velocities, each for a whole number of steps.
+//! What is imposed on the walls: a sequence of segments, each for a whole number of steps. Every
+//! imposed value is a closed form of the step, so nothing accumulates and nothing needs to be saved.
 
-/// A sequence of velocities of the drive.
+use crate::wave::Wave;
+
+/// What is imposed on the walls, step by step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Protocol {
     /// Δt (s).
     step: f64,
     /// At least one.
     segments: Vec<Segment>,
+    has_normal: bool,
+    has_bottom: bool,
 }
 
-/// Steps at one velocity.
+/// Steps of one kind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Segment {
     /// Steps before it.
     pub first: u64,
     /// Steps in it.
     pub steps: u64,
-    /// Velocity of the drive (m/s); 0 is a hold.
-    pub velocity: f64,
-    /// Position of the drive at its start (m).
+    /// What is imposed.
+    pub imposed: Imposed,
+    /// Position of the drive at its start (m), if the drive stood still in segments of a force.
     pub position: f64,
+    /// Position of the bottom along its normal at its start (m).
+    pub bottom: f64,
+}
+
+/// What is imposed during a segment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Imposed {
+    /// Along x, on the top.
+    pub along: Along,
+    /// Along the normal of the top. `None`: the load of the piston stays as it is; either all
+    /// segments of a protocol have it or none.
+    pub normal: Option<Normal>,
+    /// The displacement of the bottom along its normal (m), if it vibrates.
+    pub bottom: Option<Wave>,
+}
+
+/// What is imposed along x.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Along {
+    /// The velocity of the drive (m/s); 0 is a hold.
+    Velocity(f64),
+    /// The drive oscillates about its position at the start of the segment (m).
+    Oscillation(Wave),
+    /// The top is free, and pulled by this force (N; N/m in 2D).
+    Force(Course),
+}
+
+/// What is imposed along the normal of the top.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Normal {
+    /// The load N (N; N/m in 2D).
+    Load(Course),
+    /// The velocity away from the bottom (m/s); 0 is a constant volume.
+    Velocity(f64),
+}
+
+/// The course of a force during a segment: linear from one value to another, and a sinusoid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Course {
+    /// At the start (N; N/m in 2D).
+    pub from: f64,
+    /// At the end.
+    pub to: f64,
+    /// Added to it.
+    pub wave: Option<Wave>,
+}
+
+impl Course {
+    /// A constant force.
+    pub fn constant(value: f64) -> Self {
+        Self {
+            from: value,
+            to: value,
+            wave: None,
+        }
+    }
+
+    /// The force after so many of all steps of the segment.
+    pub fn at(&self, steps: u64, all: u64) -> f64 {
+        let linear = match steps >= all {
+            true => self.to,
+            false => self.from + (self.to - self.from) * (steps as f64 / all as f64),
+        };
+        self.wave.map_or(linear, |wave| linear + wave.at(steps))
+    }
+}
+
+impl From<Along> for Imposed {
+    fn from(along: Along) -> Self {
+        Self {
+            along,
+            normal: None,
+            bottom: None,
+        }
+    }
+}
+
+impl Segment {
+    /// The velocity of the drive (m/s); `None` if it is not constant.
+    pub fn velocity(&self) -> Option<f64> {
+        match self.imposed.along {
+            Along::Velocity(velocity) => Some(velocity),
+            _ => None,
+        }
+    }
+
+    /// Whether the top is free along x, and pulled by a force.
+    pub fn is_pulled(&self) -> bool {
+        matches!(self.imposed.along, Along::Force(_))
+    }
+
+    /// The force that pulls the top (N; N/m in 2D) after so many steps of the protocol, if it is
+    /// free.
+    pub fn force(&self, step: u64) -> Option<f64> {
+        match &self.imposed.along {
+            Along::Force(course) => Some(course.at(step - self.first, self.steps)),
+            _ => None,
+        }
+    }
+
+    /// The load (N; N/m in 2D) after so many steps of the protocol, if one is imposed.
+    pub fn load(&self, step: u64) -> Option<f64> {
+        match &self.imposed.normal {
+            Some(Normal::Load(course)) => Some(course.at(step - self.first, self.steps)),
+            _ => None,
+        }
+    }
+
+    /// The velocity of the top along its normal (m/s), if it is imposed.
+    pub fn normal_velocity(&self) -> Option<f64> {
+        match self.imposed.normal {
+            Some(Normal::Velocity(velocity)) => Some(velocity),
+            _ => None,
+        }
+    }
+
+    fn position(&self, step: u64, dt: f64) -> f64 {
+        let done = step - self.first;
+        match &self.imposed.along {
+            Along::Velocity(velocity) => self.position + velocity * (done as f64 * dt),
+            Along::Oscillation(wave) => self.position + wave.at(done),
+            Along::Force(_) => self.position,
+        }
+    }
+
+    fn bottom(&self, step: u64) -> f64 {
+        let done = step - self.first;
+        self.imposed
+            .bottom
+            .map_or(self.bottom, |wave| self.bottom + wave.at(done))
+    }
 }
 
 impl Protocol {
     /// A protocol of velocities (m/s) with their numbers of steps, at least one; Δt is `step` (s).
     pub fn new(step: f64, parts: impl IntoIterator<Item = (f64, u64)>) -> Self {
-        let (mut first, mut position) = (0, 0.0);
-        let segment = |(velocity, steps)| {
-            let segment = Segment {
-                first,
+        let velocity = |(velocity, steps)| (Along::Velocity(velocity).into(), steps);
+        Self::of(step, parts.into_iter().map(velocity))
+    }
+
+    /// A protocol of segments with their numbers of steps, at least one; Δt is `step` (s).
+    pub fn of(step: f64, parts: impl IntoIterator<Item = (Imposed, u64)>) -> Self {
+        let mut segments: Vec<Segment> = Vec::new();
+        for (imposed, steps) in parts {
+            let mut segment = Segment {
+                first: 0,
                 steps,
-                velocity,
-                position,
+                imposed,
+                position: 0.0,
+                bottom: 0.0,
             };
-            first += steps;
-            position += velocity * (steps as f64 * step);
-            segment
-        };
+            if let Some(last) = segments.last() {
+                let first = last.first + last.steps;
+                (segment.first, segment.bottom) = (first, last.bottom(first));
+                segment.position = last.position(first, step);
+            }
+            segments.push(segment);
+        }
         Self {
             step,
-            segments: parts.into_iter().map(segment).collect(),
+            has_normal: segments.iter().any(|s| s.imposed.normal.is_some()),
+            has_bottom: segments.iter().any(|s| s.imposed.bottom.is_some()),
+            segments,
         }
     }
 
     /// The segments, one after the other.
     pub fn segments(&self) -> &[Segment] {
         &self.segments
+    }
+
+    /// Whether it imposes the load, or the velocity along the normal of the top.
+    pub fn has_normal(&self) -> bool {
+        self.has_normal
+    }
+
+    /// Whether the bottom vibrates.
+    pub fn has_bottom(&self) -> bool {
+        self.has_bottom
+    }
+
+    /// Whether some segment imposes a force along x.
+    pub fn has_force(&self) -> bool {
+        self.segments.iter().any(Segment::is_pulled)
+    }
+
+    /// Whether it imposes more than velocities along x.
+    pub fn is_more_than_velocities(&self) -> bool {
+        let velocities = self.segments.iter().all(|s| s.velocity().is_some());
+        !velocities || self.has_normal || self.has_bottom
     }
 
     /// Steps of all segments.
@@ -58,18 +227,178 @@ impl Protocol {
         self.segments.partition_point(|s| s.first <= step).max(1) - 1
     }
 
-    fn segment(&self, step: u64) -> &Segment {
+    /// The segment that holds the step after `step` steps.
+    pub fn segment(&self, step: u64) -> &Segment {
         &self.segments[self.segment_of(step)]
     }
 
-    /// Velocity of the drive (m/s) in the step after `step` steps.
-    pub fn velocity(&self, step: u64) -> f64 {
-        self.segment(step).velocity
+    /// The segment that holds the last of `step` steps.
+    pub fn segment_before(&self, step: u64) -> &Segment {
+        self.segment(step.saturating_sub(1))
     }
 
-    /// Position of the drive (m) after `step` steps.
+    /// Velocity of the drive (m/s) in the step after `step` steps: that of the half step. 0 in
+    /// segments of a force.
+    pub fn velocity(&self, step: u64) -> f64 {
+        match self.segment(step).imposed.along {
+            Along::Velocity(velocity) => velocity,
+            Along::Oscillation(_) => (self.position(step + 1) - self.position(step)) / self.step,
+            Along::Force(_) => 0.0,
+        }
+    }
+
+    /// Velocity of the drive (m/s) at the end of the last of `step` steps. 0 in segments of a force.
+    pub fn full_velocity(&self, step: u64) -> f64 {
+        let segment = self.segment_before(step);
+        match &segment.imposed.along {
+            Along::Velocity(velocity) => *velocity,
+            Along::Oscillation(wave) => wave.rate(step - segment.first, self.step),
+            Along::Force(_) => 0.0,
+        }
+    }
+
+    /// Position of the drive (m) after `step` steps, if it stands still in segments of a force.
     pub fn position(&self, step: u64) -> f64 {
-        let segment = self.segment(step);
-        segment.position + segment.velocity * ((step - segment.first) as f64 * self.step)
+        self.segment(step).position(step, self.step)
+    }
+
+    /// Displacement of the bottom along its normal (m) after `step` steps.
+    pub fn bottom(&self, step: u64) -> f64 {
+        self.segment(step).bottom(step)
+    }
+
+    /// Velocity of the bottom along its normal (m/s) in the step after `step` steps.
+    pub fn bottom_velocity(&self, step: u64) -> f64 {
+        (self.bottom(step + 1) - self.bottom(step)) / self.step
+    }
+
+    /// Velocity of the bottom along its normal (m/s) at the end of the last of `step` steps.
+    pub fn full_bottom_velocity(&self, step: u64) -> f64 {
+        let segment = self.segment_before(step);
+        let done = step - segment.first;
+        let rate = |wave: Wave| wave.rate(done, self.step);
+        segment.imposed.bottom.map_or(0.0, rate)
+    }
+
+    /// Whether both impose the same in the first `steps` steps, up to the rounding of positions.
+    pub fn agrees(&self, other: &Self, steps: u64) -> bool {
+        let both = [self, other];
+        let turns = both.iter().flat_map(|of| of.segments.iter());
+        let turns = turns.map(|s| s.first).filter(|first| *first < steps);
+        turns.into_iter().all(|at| {
+            let [one, two] = both.map(|of| of.segment(at));
+            let same_start = one.first == two.first;
+            let course = |one: &Course, two: &Course| {
+                one == two && same_start && (one.from == one.to || one_length(self, other, at))
+                    || one == two && one.from == one.to && one.wave.is_none()
+            };
+            let along = match (&one.imposed.along, &two.imposed.along) {
+                // Their positions tell.
+                (Along::Velocity(_), Along::Velocity(_)) => true,
+                (Along::Oscillation(one), Along::Oscillation(two)) => one == two && same_start,
+                (Along::Force(one), Along::Force(two)) => course(one, two),
+                _ => false,
+            };
+            let normal = match (&one.imposed.normal, &two.imposed.normal) {
+                (None, None) => true,
+                (Some(Normal::Load(one)), Some(Normal::Load(two))) => course(one, two),
+                // A protocol that goes on with other loads: the one before had a constant load.
+                (None, Some(Normal::Load(one))) | (Some(Normal::Load(one)), None) => {
+                    one.from == one.to && one.wave.is_none()
+                }
+                (one, two) => one == two,
+            };
+            let bottom = one.imposed.bottom == two.imposed.bottom
+                && (one.imposed.bottom.is_none() || same_start);
+            along && normal && bottom
+        })
+    }
+}
+
+/// Whether the segments of the step after `at` steps have the same length.
+fn one_length(one: &Protocol, other: &Protocol, at: u64) -> bool {
+    one.segment(at).steps == other.segment(at).steps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP: f64 = 1e-3;
+
+    fn wave(amplitude: f64, per_step: f64) -> Wave {
+        Wave {
+            amplitude,
+            per_step,
+        }
+    }
+
+    /// A push, one and a half cycles and a quarter, a force, and a push again.
+    fn mixed() -> Protocol {
+        let force = Course {
+            from: 1.0,
+            to: 3.0,
+            wave: None,
+        };
+        Protocol::of(
+            STEP,
+            [
+                (Along::Velocity(2.0).into(), 10),
+                (Along::Oscillation(wave(0.5, 0.0125)).into(), 140),
+                (Along::Force(force).into(), 8),
+                (Along::Velocity(2.0).into(), 5),
+            ],
+        )
+    }
+
+    #[test]
+    fn positions_are_closed_forms_and_continuous() {
+        let protocol = mixed();
+        assert_eq!(protocol.position(10), 0.02);
+        // A quarter and 3/4 of a cycle.
+        assert_eq!(protocol.position(30), 0.52);
+        assert_eq!(protocol.position(70), 0.02 - 0.5);
+        assert_eq!(protocol.position(150), 0.02 - 0.5);
+        assert_eq!(protocol.position(157), 0.02 - 0.5);
+        assert_eq!(protocol.position(160), 0.02 - 0.5 + 2.0 * (2.0 * STEP));
+        for step in 0..protocol.steps() {
+            let [here, next] = [step, step + 1].map(|k| protocol.position(k));
+            let moved = protocol.velocity(step) * STEP;
+            assert!((next - here - moved).abs() < 1e-15, "{step}");
+        }
+    }
+
+    #[test]
+    fn a_ramp_ends_at_its_value_to_the_last_bit() {
+        let protocol = mixed();
+        assert_eq!(protocol.segment(150).force(150), Some(1.0));
+        assert_eq!(protocol.segment(150).force(152), Some(1.5));
+        assert_eq!(protocol.segment_before(158).force(158), Some(3.0));
+        assert_eq!(protocol.segment(158).force(158), None);
+        let course = Course {
+            from: 0.1,
+            to: 0.7,
+            wave: Some(wave(0.05, 0.25)),
+        };
+        assert_eq!(course.at(7, 7), 0.7 - 0.05);
+    }
+
+    #[test]
+    fn protocols_that_go_on_agree() {
+        let one = mixed();
+        assert!(one.agrees(&one, 163));
+        let mut parts: Vec<_> = one
+            .segments()
+            .iter()
+            .map(|s| (s.imposed, s.steps))
+            .collect();
+        parts[3].1 = 50;
+        assert!(one.agrees(&Protocol::of(STEP, parts.clone()), 163));
+        parts[2].1 = 9;
+        let longer_ramp = Protocol::of(STEP, parts.clone());
+        assert!(one.agrees(&longer_ramp, 150) && !one.agrees(&longer_ramp, 151));
+        parts[1].0 = Along::Oscillation(wave(0.5, 0.0126)).into();
+        let faster = Protocol::of(STEP, parts);
+        assert!(one.agrees(&faster, 10) && !one.agrees(&faster, 11));
     }
 }

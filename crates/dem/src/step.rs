@@ -11,7 +11,7 @@ use bytemuck::Zeroable;
 use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{Drive, TopForce};
+use crate::drive::{Drive, WallForces, WallSteps};
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Counting, PairForce, PassOutcome};
 use crate::simd::{Lanes, Work};
@@ -96,7 +96,7 @@ pub fn advance<D: Dimension>(
     let rebuild = rebuild || system.list.forced(system.steps);
     let mut message = Message::new(system, drive, outside, [rebuild, request.stop]);
     let drag = drive.drag();
-    exchange.sum_during(&mut message.0, &mut || {
+    message.sum(exchange, &mut || {
         if let Some(drag) = drag {
             slow_down(&mut system.grains, drag);
         }
@@ -105,7 +105,7 @@ pub fn advance<D: Dimension>(
     system.list.due = due;
     system.second_kick_deferred = true;
     if let Some(budget) = &mut system.budget {
-        budget.push(-load.along, drive.slid());
+        budget.push(&load, drive.moved());
     }
     system.clock.end(StepPhase::Walls);
 
@@ -132,25 +132,36 @@ pub fn initial_forces<D: Dimension>(
     system.clock.end(StepPhase::Rebuild);
     let outside = forces(exchange, system, law, drive, 0.0, samples);
     let mut message = Message::new(system, drive, outside, []);
-    exchange.sum_during(&mut message.0, &mut || ());
+    message.sum(exchange, &mut || ());
     let (load, []) = message.read(exchange, system, outside)?;
     if let Some(budget) = &mut system.budget {
-        budget.push(-load.along, 0.0);
+        let at_rest = WallSteps {
+            along: 0.0,
+            normal: drive.moved().normal.map(|_| [0.0; 2]),
+        };
+        budget.push(&load, at_rest);
     }
     drive.start(load);
     Ok(())
 }
 
-/// The sums over the ranks of a step: the forces on the top, whether something failed, and K flags
-/// that are set if they are set on some rank.
-struct Message<const K: usize>([i64; MESSAGE]);
+/// The sums over the ranks of a step: whether something failed, K flags that are set if they are set
+/// on some rank, and the forces on the walls. That on the bottom is last, and left out if the drive
+/// does not ask for it.
+struct Message<const K: usize> {
+    numbers: [i64; MESSAGE],
+    sent: usize,
+}
 
-const MESSAGE: usize = 2 * (LIMBS + 1) + 3;
-/// Size of the message that the ranks sum in every step (bytes).
-pub const MESSAGE_BYTES: usize = size_of::<Message<2>>();
+/// Room for two flags.
+const FORCES_AT: usize = 3;
+const FORCE: usize = LIMBS + 1;
+const MESSAGE: usize = FORCES_AT + 3 * FORCE;
+/// Size of the message that the ranks sum in every step (bytes), without the force on the bottom.
+pub const MESSAGE_BYTES: usize = (MESSAGE - FORCE) * size_of::<i64>();
 
 impl<const K: usize> Message<K> {
-    const FAILED: usize = 2 * (LIMBS + 1);
+    const FAILED: usize = 0;
     const ANSWERS: usize = Self::FAILED + 1;
 
     fn new<D: Dimension>(
@@ -159,17 +170,26 @@ impl<const K: usize> Message<K> {
         outside: Option<Outside>,
         questions: [bool; K],
     ) -> Self {
-        let mut load = [Accumulator::default(); 2];
+        let mut load = [Accumulator::default(); 3];
         drive.load(&system.grains, &system.fixed, &mut load);
-        let mut message = [0i64; MESSAGE];
-        for (load, limbs) in load.iter().zip(message.chunks_mut(LIMBS + 1)) {
+        let mut numbers = [0i64; MESSAGE];
+        for (load, limbs) in load.iter().zip(numbers[FORCES_AT..].chunks_mut(FORCE)) {
             load.write(limbs);
         }
-        message[Self::FAILED] = i64::from(outside.is_some());
-        for (to, yes) in message[Self::ANSWERS..].iter_mut().zip(questions) {
+        numbers[Self::FAILED] = i64::from(outside.is_some());
+        for (to, yes) in numbers[Self::ANSWERS..FORCES_AT].iter_mut().zip(questions) {
             *to = i64::from(yes);
         }
-        Self(message)
+        let sent = match drive.has_bottom_force() {
+            true => MESSAGE,
+            false => MESSAGE - FORCE,
+        };
+        Self { numbers, sent }
+    }
+
+    /// Sums it over the ranks.
+    fn sum(&mut self, exchange: &dyn Exchange, meanwhile: &mut dyn FnMut()) {
+        exchange.sum_during(&mut self.numbers[..self.sent], meanwhile);
     }
 
     /// The forces and the flags.
@@ -178,19 +198,21 @@ impl<const K: usize> Message<K> {
         exchange: &dyn Exchange,
         system: &System<D>,
         outside: Option<Outside>,
-    ) -> Result<(TopForce, [bool; K]), Failure> {
+    ) -> Result<(WallForces, [bool; K]), Failure> {
         let force = |k: usize| {
-            let limbs = &self.0[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)];
+            let limbs = &self.numbers[FORCES_AT + k * FORCE..FORCES_AT + (k + 1) * FORCE];
             system.fixed.value(Accumulator::read(limbs))
         };
-        let load = TopForce {
+        let load = WallForces {
             up: force(0),
             along: force(1),
+            bottom: force(2),
         };
-        if self.0[Self::FAILED] > 0 || load.up.is_nan() || load.along.is_nan() {
+        let forces = [load.up, load.along, load.bottom];
+        if self.numbers[Self::FAILED] > 0 || forces.iter().any(|force| force.is_nan()) {
             return Err(system.explain(exchange, outside));
         }
-        let answer = |k| self.0[Self::ANSWERS + k] > 0;
+        let answer = |k| self.numbers[Self::ANSWERS + k] > 0;
         Ok((load, std::array::from_fn(answer)))
     }
 }

@@ -54,21 +54,18 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Acce
     let mass = DENSITY * D::volume(RADIUS);
     let per_layer = SIDE.pow(D::UP as u32);
     let area = SPACING.powi(D::UP as i32) * per_layer as f64;
-    let mut walls = GrainWalls {
-        piston: Piston {
-            height: (LAYERS - 1) as f64 * SPACING,
-            velocity: 0.0,
-            acceleration: 0.0,
-            mass: per_layer as f64 * mass,
-            load: 1e4 * area,
-        },
-        slider: Slider::new(
-            Protocol::new(step, [(0.5, STEPS)]),
-            Some(1e-3 * per_layer as f64 * mass / (step * step)),
-        ),
-        along: true,
-        top: Vec::new(),
+    let piston = Piston {
+        height: (LAYERS - 1) as f64 * SPACING,
+        velocity: 0.0,
+        acceleration: 0.0,
+        mass: per_layer as f64 * mass,
+        load: 1e4 * area,
     };
+    let slider = Slider::new(
+        Protocol::new(step, [(0.5, STEPS)]),
+        Some(1e-3 * per_layer as f64 * mass / (step * step)),
+    );
+    let mut walls = GrainWalls::new(piston, slider, true);
     let mut system = System::new(&Solo, setup).expect("one rank");
     system
         .replace(&Solo, law, &mut walls, grains::<D>(), Vec::new())

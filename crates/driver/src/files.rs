@@ -6,7 +6,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, SeriesRow};
+use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
@@ -137,7 +137,13 @@ impl Files {
                 let [frames, rows, scalars] = counts.map(|count| count as u64);
                 // The log first: if it does not fit, the other file is left as it is.
                 let log = match format.log {
-                    true => Some(Log::open_to_append(exchange, &log, last, rows)?),
+                    true => Some(Log::open_to_append(
+                        exchange,
+                        &log,
+                        format.columns,
+                        last,
+                        rows,
+                    )?),
                     false => None,
                 };
                 let mut trajectory = TrajectoryWriter::open_to_append(
@@ -223,14 +229,23 @@ impl Files {
                 (true, None) => {
                     let log = out.join(LOG_FILE);
                     let described = match exchange.rank() {
-                        0 => dictionary::write_metadata(LOG_FILE, &log, &Log::names(), D::AXES),
+                        0 => {
+                            let names = Log::names(format.columns);
+                            dictionary::write_metadata(LOG_FILE, &log, &names, D::AXES)
+                        }
                         _ => Ok(()),
                     };
                     agree(exchange, described)?;
-                    Some(Log::create(exchange, &log)?)
+                    Some(Log::create(exchange, &log, format.columns)?)
                 }
                 // Rows of before a lost run.h5 stay.
-                (true, last) => Some(Log::open_to_append(exchange, &out.join(LOG_FILE), last, 0)?),
+                (true, last) => Some(Log::open_to_append(
+                    exchange,
+                    &out.join(LOG_FILE),
+                    format.columns,
+                    last,
+                    0,
+                )?),
             },
             log_state: Ok(()),
             scalars_before: 0,
@@ -259,7 +274,7 @@ impl Files {
     }
 
     /// Writes a row to the log.
-    pub fn log(&mut self, step: u64, time: f64, row: &SeriesRow) {
+    pub fn log(&mut self, step: u64, time: f64, row: &[f64]) {
         // Only rank 0 knows of a failure of the log; the next flush tells all ranks.
         if let (Some(log), Ok(())) = (&mut self.log, &self.log_state) {
             self.log_state = log.row(step, time, row);

@@ -10,6 +10,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::SeriesRow;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::changes;
+use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Change, Scene};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
@@ -26,6 +27,7 @@ use crate::lock::{Lock, unwritable};
 use crate::options::Options;
 use crate::record::{RunRecord, id_in_scene};
 use crate::say::say_error;
+use crate::stages::shear::series_columns;
 use crate::written::{UpToCheckpoint, Written};
 
 /// Files of frames and time series.
@@ -378,9 +380,13 @@ impl RunFolder {
         beside: bool,
         notes: &mut Vec<String>,
     ) -> Result<(), Failure> {
-        let Some((name, columns, written)) = files_of(header) else {
+        let Some((name, mut columns, written)) = files_of(header) else {
             return Ok(());
         };
+        if let (Header::Shear { height, .. }, Boundary::Walls(walls)) = (header, &scene.boundary) {
+            let protocol = Schedule::new(scene, walls, *height).protocol;
+            columns = series_columns(protocol.is_more_than_velocities());
+        }
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
         let Written { frames, rows, .. } = *written;
         let UpToCheckpoint { step, last } = UpToCheckpoint::new(header.step());
@@ -403,7 +409,7 @@ impl RunFolder {
         }
         match header {
             Header::Shear { .. } if there || log.exists() => {
-                Log::check(&log, last, kept)?;
+                Log::check(&log, columns, last, kept)?;
                 // A killed program may have left anything after the checkpoint, which a reader refuses.
                 let file = there.then(|| RunFile::open(&path).ok()).flatten();
                 match (file, last) {

@@ -417,6 +417,12 @@ fn check_ends(
                 let end = format!("step {}, strain {strain:.6}", schedule.total);
                 return past("shear", end);
             }
+            if !schedule.protocol.agrees(&earlier.protocol, *step) {
+                return Err(Failure::input(format!(
+                    "shear.protocol: the first {step} steps would have had other parts; keep those \
+                     parts as they were, and change only what comes after them"
+                )));
+            }
             let parts = [&schedule, &earlier].map(|of| of.protocol.segments().iter());
             let turns = parts.into_iter().flatten().map(|part| part.first);
             for at in turns.chain([*step]).filter(|at| at <= step) {

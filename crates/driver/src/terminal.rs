@@ -11,9 +11,11 @@ use crate::say::say;
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
+use gshear_dem::protocol::{Along, Course, Normal, Segment};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::SeriesRow;
 use gshear_dem::system::System;
+use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{
@@ -148,7 +150,7 @@ impl Terminal {
                     WallSpeed::InertialNumber(_) => "I given",
                     WallSpeed::Velocity(_) => "V given",
                 };
-                let speed = segments[0].velocity;
+                let speed = schedule.protocol.velocity(0);
                 self.say(format!(
                     "shear: I = {:.4e}, V = {speed:.6e} m/s ({given}); shear rate {:.4e} /s",
                     schedule.inertial_number(speed),
@@ -183,11 +185,10 @@ impl Terminal {
             Motion::Protocol(_) => {
                 for (n, (segment, intervals)) in segments.iter().zip(intervals).enumerate() {
                     self.say(format!(
-                        "shear: part {} of {}: V = {:.4e} m/s (I = {:.2e}) for {:.4e} s, {} steps; {}, {}",
+                        "shear: part {} of {}: {} for {:.4e} s, {} steps; {}, {}",
                         n + 1,
                         segments.len(),
-                        segment.velocity,
-                        schedule.inertial_number(segment.velocity),
+                        imposed(schedule, segment),
                         schedule.time(segment.steps),
                         segment.steps,
                         every("frames", intervals.frames),
@@ -225,19 +226,23 @@ impl Terminal {
         let done = (step - first) as f64;
         let seconds = elapsed.as_secs_f64();
         let left = seconds / done * (schedule.total - step) as f64;
+        // A top that is pulled by a force moves as it likes.
+        let strain = match (schedule.protocol.has_force(), self.latest) {
+            (true, Some(row)) => row.strain,
+            _ => schedule.strain(step),
+        };
         let stress = self.latest.map_or(String::new(), |row| {
             format!(" tau {:.4} phi {:.4}", row.stress_ratio, row.solid_fraction)
         });
         self.say(format!(
             "{:5.1} % step {step} strain {:.5}{stress} | {:.1} million grain-steps/s, {} left",
             100.0 * step as f64 / schedule.total as f64,
-            schedule.strain(step),
+            strain,
             1e-6 * f64::from(grains) * done / seconds,
             humantime::format_duration(Duration::from_secs(left as u64)),
         ));
         self.bar.set_position(step);
-        self.bar
-            .set_message(format!("strain {:.5}{stress}", schedule.strain(step)));
+        self.bar.set_message(format!("strain {strain:.5}{stress}"));
     }
 
     pub fn stopped(&self, out: &Path, stage: &str, step: u64) {
@@ -279,6 +284,48 @@ impl Terminal {
         self.say(format!("speed {rate:.4e}"));
         self.say(format!("digest {digest}"));
     }
+}
+
+/// What a segment of a protocol imposes; forces in N, in 2D N/m.
+fn imposed(schedule: &Schedule, segment: &Segment) -> String {
+    let frequency = |wave: &Wave| wave.per_step / schedule.step;
+    let course = |of: &Course| {
+        let mut text = format!("{:.4e}", of.from);
+        if of.to != of.from {
+            text += &format!(" to {:.4e}", of.to);
+        }
+        if let Some(wave) = &of.wave {
+            let (amplitude, frequency) = (wave.amplitude, frequency(wave));
+            text += &format!(" and {amplitude:.4e} at {frequency:.4e} Hz");
+        }
+        text
+    };
+    let mut text = match &segment.imposed.along {
+        Along::Velocity(velocity) => format!(
+            "V = {velocity:.4e} m/s (I = {:.2e})",
+            schedule.inertial_number(*velocity)
+        ),
+        Along::Oscillation(wave) => format!(
+            "strain amplitude {:.4e} at {:.4e} Hz",
+            wave.amplitude / schedule.height,
+            frequency(wave)
+        ),
+        Along::Force(force) => format!("S = {}", course(force)),
+    };
+    match &segment.imposed.normal {
+        None => {}
+        Some(Normal::Load(load)) => text += &format!(", N = {}", course(load)),
+        Some(Normal::Velocity(0.0)) => text += ", constant volume",
+        Some(Normal::Velocity(velocity)) => text += &format!(", wall velocity {velocity:.4e} m/s"),
+    }
+    if let Some(wave) = &segment.imposed.bottom {
+        text += &format!(
+            ", bottom {:.4e} m at {:.4e} Hz",
+            wave.amplitude,
+            frequency(wave)
+        );
+    }
+    text
 }
 
 /// The law's name and its derived constants.

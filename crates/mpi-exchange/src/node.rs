@@ -14,7 +14,7 @@ use mpi::topology::SimpleCommunicator;
 use mpi::traits::{AsRaw, Communicator, CommunicatorCollectives};
 
 /// Greatest number of values in a sum.
-pub const MOST_TERMS: usize = 15;
+pub const MOST_TERMS: usize = 31;
 /// Room for a message (f64): about 4,000 records. Longer messages go through the library.
 pub const MOST_NUMBERS: usize = 1 << 15;
 

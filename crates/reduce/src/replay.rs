@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::output::cannot_write;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{SeriesRow, Snapshot};
+use gshear_dem::state::Snapshot;
 use gshear_driver::header::Header;
 use gshear_driver::launch::Task;
 use gshear_driver::options::Options;
@@ -301,11 +301,11 @@ fn compare(run: &RunFile, again: &RunFile) -> Result<usize, Failure> {
         };
         rows += 1;
         let differs = |c: &usize| one.columns[*c][row].to_bits() != other.columns[*c][k].to_bits();
-        if let Some(c) = (0..SeriesRow::COLUMNS.len()).find(differs) {
+        if let Some(c) = (0..one.columns.len().min(other.columns.len())).find(differs) {
             different += 1;
             first.get_or_insert((
                 *step,
-                SeriesRow::COLUMNS[c],
+                one.declared[c],
                 one.columns[c][row],
                 other.columns[c][k],
             ));

@@ -11,6 +11,7 @@ use serde_json::{Map, Value, json};
 
 use crate::key::Entry;
 use crate::kind::{Integers, Values};
+use crate::raw::part::{PART_KEYS, PartKey};
 use crate::raw::{self, TABLES, TOP_KEYS};
 use crate::sweep::SWEEP;
 
@@ -124,7 +125,37 @@ pub fn key_table() -> String {
     for Footnote { mark, text, .. } in &FOOTNOTES {
         let _ = write!(page, "\n{mark} {text}\n");
     }
-    page + "\n" + END
+    page + &part_table() + "\n" + END
+}
+
+/// The keys of a part of `shear.protocol` in Markdown.
+fn part_table() -> String {
+    let mut table = String::from(
+        "\nKeys of a part of `shear.protocol`:\n\n| key | meaning | unit | allowed |\n| --- | --- | --- | --- |\n",
+    );
+    for PartKey {
+        name,
+        doc,
+        unit,
+        range,
+    } in &PART_KEYS
+    {
+        let cells = [
+            format!("`{name}`"),
+            (*doc).into(),
+            (*unit).into(),
+            range.formula(),
+        ];
+        let cells = cells.map(|cell| {
+            if cell.is_empty() {
+                " ".into()
+            } else {
+                format!(" {cell} ")
+            }
+        });
+        let _ = writeln!(table, "|{}|", cells.join("|"));
+    }
+    table
 }
 
 /// A cell with the marks of its footnotes.
@@ -272,27 +303,36 @@ fn number(Bounds { from, to }: Bounds) -> Value {
 
 /// A part of a protocol.
 fn part() -> Value {
+    let mut properties = Map::new();
+    for PartKey {
+        name,
+        doc,
+        unit,
+        range,
+    } in &PART_KEYS
+    {
+        let mut schema = number(*range);
+        let unit = match *unit {
+            "" => String::new(),
+            unit => format!(" ({unit})"),
+        };
+        schema["description"] = format!("{doc}{unit}").into();
+        properties.insert((*name).into(), schema);
+    }
+    let one_of = |names: &[&str]| {
+        let ways: Vec<Value> = names
+            .iter()
+            .map(|name| json!({ "required": [name] }))
+            .collect();
+        json!({ "oneOf": ways })
+    };
     json!({
         "type": "object",
-        "properties": {
-            "velocity": {
-                "type": "number",
-                "minimum": 0,
-                "description": "velocity of the drive (m/s); 0 is a hold",
-            },
-            "distance": {
-                "type": "number",
-                "exclusiveMinimum": 0,
-                "description": "how far the drive moves (m)",
-            },
-            "time": {
-                "type": "number",
-                "exclusiveMinimum": 0,
-                "description": "duration (s)",
-            },
-        },
-        "required": ["velocity"],
-        "oneOf": [{ "required": ["distance"] }, { "required": ["time"] }],
+        "properties": properties,
+        "allOf": [
+            one_of(&["velocity", "strain_amplitude", "shear_stress"]),
+            one_of(&["distance", "time", "cycles"]),
+        ],
         "additionalProperties": false,
     })
 }
@@ -436,6 +476,11 @@ mod tests {
                     let ways = wanted.as_array().expect("schemas").iter();
                     ways.filter(|way| required(way)).count() == 1
                 }
+                "allOf" => {
+                    let all = wanted.as_array().expect("schemas").iter();
+                    let found = all.filter_map(|schema| problem(schema, value, path));
+                    found.into_iter().next().is_none()
+                }
                 "items" => {
                     let items = value.as_array().into_iter().flatten();
                     let found = items.filter_map(|item| problem(wanted, item, path));
@@ -510,6 +555,8 @@ mod tests {
             "sample.radii = []",
             "sample.radii = [-1]",
             "shear.protocol = [{ velocity = 1 }]",
+            "shear.protocol = [{ velocity = 1, shear_stress = 1, time = 1 }]",
+            "shear.protocol = [{ pressure = 1, time = 1 }]",
             "shear.protocol = [{ velocity = 1, time = 1, distance = 1 }]",
         ] {
             assert!(validate(text).is_some(), "{text}");

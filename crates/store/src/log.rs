@@ -3,9 +3,9 @@
 use super::collective::agree;
 use super::run_reader::Series;
 use super::table::TableFile;
+use gshear_dem::columns::Column;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::SeriesRow;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -14,8 +14,8 @@ pub struct Log(Option<TableFile>);
 
 impl Log {
     /// The names of its columns.
-    pub fn names() -> Vec<&'static str> {
-        let row = SeriesRow::COLUMNS.iter().map(|column| column.name);
+    pub fn names(columns: &[Column]) -> Vec<&'static str> {
+        let row = columns.iter().map(|column| column.name);
         ["step", "time"].into_iter().chain(row).collect()
     }
 
@@ -23,8 +23,12 @@ impl Log {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn create(exchange: &dyn Exchange, path: &Path) -> Result<Self, Failure> {
-        Self::of(exchange, || TableFile::create(path, &Self::names()))
+    pub fn create(
+        exchange: &dyn Exchange,
+        path: &Path,
+        columns: &[Column],
+    ) -> Result<Self, Failure> {
+        Self::of(exchange, || TableFile::create(path, &Self::names(columns)))
     }
 
     /// Opens an existing log to continue after `last`, a step; `None`: from its first row on. Later
@@ -35,11 +39,12 @@ impl Log {
     pub fn open_to_append(
         exchange: &dyn Exchange,
         path: &Path,
+        columns: &[Column],
         last: Option<u64>,
         rows: u64,
     ) -> Result<Self, Failure> {
         Self::of(exchange, || {
-            let (columns, rows) = Self::check(path, last, rows)?;
+            let (columns, rows) = Self::check(path, columns, last, rows)?;
             TableFile::open_to_append(path, &columns, rows)
         })
     }
@@ -52,10 +57,11 @@ impl Log {
     /// [`Failure::Input`] if the file has fewer rows or another header.
     pub fn check(
         path: &Path,
+        columns: &[Column],
         last: Option<u64>,
         rows: u64,
     ) -> Result<(Vec<&'static str>, u64), Failure> {
-        let columns = stored_columns(path)?;
+        let columns = stored_columns(path, columns)?;
         let found = rows_up_to(path, last)?;
         if found < rows {
             return Err(unfit(
@@ -117,11 +123,11 @@ impl Log {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn row(&mut self, step: u64, time: f64, row: &SeriesRow) -> Result<(), Failure> {
+    pub fn row(&mut self, step: u64, time: f64, row: &[f64]) -> Result<(), Failure> {
         let Some(file) = &mut self.0 else {
             return Ok(());
         };
-        let numbers = [time].into_iter().chain(row.columns());
+        let numbers = [time].into_iter().chain(row.iter().copied());
         file.row([step.to_string()].into_iter().chain(numbers.map(shortest)))
     }
 
@@ -167,7 +173,7 @@ fn step_of(line: &[u8]) -> Option<u64> {
 }
 
 /// The columns of an existing log, in which renamed ones may have their former names.
-fn stored_columns(path: &Path) -> Result<Vec<&'static str>, Failure> {
+fn stored_columns(path: &Path, columns: &[Column]) -> Result<Vec<&'static str>, Failure> {
     let unfit = |why: String| unfit(path, why);
     let mut line = String::new();
     std::fs::File::open(path)
@@ -178,7 +184,7 @@ fn stored_columns(path: &Path) -> Result<Vec<&'static str>, Failure> {
         return Err(unfit("its first line must begin with step,time".into()));
     }
     let mut names = vec!["step", "time"];
-    for column in &SeriesRow::COLUMNS {
+    for column in columns {
         let name = found.next().unwrap_or("nothing");
         names.push(column.stored_name(|known| known == name).ok_or_else(|| {
             unfit(format!(
@@ -208,6 +214,7 @@ pub fn shortest(value: f64) -> String {
 mod tests {
     use super::*;
     use gshear_dem::domain::Solo;
+    use gshear_dem::state::SeriesRow;
 
     fn row(k: u64) -> SeriesRow {
         let numbers: [f64; SeriesRow::COLUMNS.len()] =
@@ -223,14 +230,14 @@ mod tests {
     fn a_changed_digit_is_found() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
-        let mut log = Log::create(&Solo, &path).unwrap();
+        let mut log = Log::create(&Solo, &path, &SeriesRow::COLUMNS).unwrap();
         let mut series = Series {
             declared: &SeriesRow::COLUMNS,
             columns: vec![Vec::new(); SeriesRow::COLUMNS.len()],
             ..Series::default()
         };
         for k in 0..5 {
-            log.row(10 * k, 0.1 * k as f64, &row(k)).unwrap();
+            log.row(10 * k, 0.1 * k as f64, row(k).as_ref()).unwrap();
             // The first rows stand in the log alone.
             if k > 1 {
                 series.step.push(10 * k);
@@ -283,8 +290,8 @@ mod tests {
     fn goes_on_after_the_rows_that_count() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
-        let mut log = Log::create(&Solo, &path).unwrap();
-        (0..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
+        let mut log = Log::create(&Solo, &path, &SeriesRow::COLUMNS).unwrap();
+        (0..5).for_each(|k| log.row(k, k as f64, row(k).as_ref()).unwrap());
         log.flush().unwrap();
         let whole = text(&path);
         assert!(whole.starts_with("step,time,strain,"));
@@ -299,8 +306,8 @@ mod tests {
 
         // As left by a killed program: too many rows, the last one incomplete.
         std::fs::write(&path, format!("{whole}5,0.1")).unwrap();
-        let mut log = Log::open_to_append(&Solo, &path, Some(2), 3).unwrap();
-        (3..5).for_each(|k| log.row(k, k as f64, &row(k)).unwrap());
+        let mut log = Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, Some(2), 3).unwrap();
+        (3..5).for_each(|k| log.row(k, k as f64, row(k).as_ref()).unwrap());
         drop(log);
         assert_eq!(text(&path), whole);
     }
@@ -311,9 +318,9 @@ mod tests {
         let path = folder.path().join("log.csv");
         let open = |names: &str| {
             std::fs::write(&path, format!("{names}\n")).unwrap();
-            Log::open_to_append(&Solo, &path, None, 0).map(drop)
+            Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, None, 0).map(drop)
         };
-        let names = Log::names().join(",");
+        let names = Log::names(&SeriesRow::COLUMNS).join(",");
         assert!(open(&names).is_ok());
         assert!(open(&names.replace("dissipated_", "lost_")).is_ok());
         let refused = |names: &str| open(names).unwrap_err().to_string();
@@ -328,15 +335,16 @@ mod tests {
     fn refuses_a_log_that_does_not_fit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
-        let refuse = |rows| match Log::open_to_append(&Solo, &path, Some(9), rows) {
-            Err(Failure::Input(message)) => message,
-            _ => panic!("a log that does not fit was accepted"),
-        };
+        let refuse =
+            |rows| match Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, Some(9), rows) {
+                Err(Failure::Input(message)) => message,
+                _ => panic!("a log that does not fit was accepted"),
+            };
         assert!(refuse(0).contains("log.csv"));
         std::fs::write(&path, "a,b\n1,2\n").unwrap();
         assert!(refuse(1).contains("first line"));
-        let mut log = Log::create(&Solo, &path).unwrap();
-        (0..2).for_each(|k| log.row(k, 0.0, &row(k)).unwrap());
+        let mut log = Log::create(&Solo, &path, &SeriesRow::COLUMNS).unwrap();
+        (0..2).for_each(|k| log.row(k, 0.0, row(k).as_ref()).unwrap());
         drop(log);
         assert!(
             refuse(3).contains("it has 2 rows up to the step of the checkpoint, which counts 3")

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{GrainState, Image};
+use crate::columns::Column;
 
 /// A grain in a frame: its row of `particles/trajectory` in `run.h5`. In two dimensions the unused
 /// components are 0.
@@ -99,7 +100,8 @@ crate::columns! {
         elastic_rolling: "J",
         /// work of the drive on the sample
         work_drive: "J",
-        /// work of the load on the sample
+        /// work of the load on the sample; with a protocol of loads, normal velocities or
+        /// vibration, of the walls along their normals
         work_load: "J",
         /// dissipated by dampers
         dissipated_damping: "J", formerly "lost_damping",
@@ -113,3 +115,31 @@ crate::columns! {
         energy_residual: "1",
     }
 }
+
+crate::columns! {
+    /// Further columns of a row of the time series, if a protocol imposes more than velocities
+    /// along x.
+    pub struct ImposedRow {
+        /// N imposed on the top wall; NaN while its normal velocity is imposed
+        imposed_normal_force: "N",
+        /// S imposed on the top wall along x; NaN while it moves with the drive
+        imposed_shear_force: "N",
+        /// displacement of the bottom wall along its normal, towards the top wall
+        bottom_displacement: "m",
+    }
+}
+
+/// Columns of the time series with a protocol of more than velocities along x: those of
+/// [`SeriesRow`], then those of [`ImposedRow`].
+pub const SERIES_COLUMNS: [Column; SeriesRow::COLUMNS.len() + ImposedRow::COLUMNS.len()] = {
+    let mut all = [SeriesRow::COLUMNS[0]; SeriesRow::COLUMNS.len() + ImposedRow::COLUMNS.len()];
+    let mut k = 0;
+    while k < all.len() {
+        all[k] = match k < SeriesRow::COLUMNS.len() {
+            true => SeriesRow::COLUMNS[k],
+            false => ImposedRow::COLUMNS[k - SeriesRow::COLUMNS.len()],
+        };
+        k += 1;
+    }
+    all
+};

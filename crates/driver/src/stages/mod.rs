@@ -9,7 +9,7 @@ mod prepare;
 mod relax;
 mod rest;
 mod setup;
-mod shear;
+pub(crate) mod shear;
 mod spectra_file;
 mod spectrum;
 mod strain;

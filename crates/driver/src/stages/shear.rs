@@ -4,12 +4,13 @@ use std::time::Instant;
 
 use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
+use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{GrainWalls, Piston, Slider, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{SeriesRow, body};
+use gshear_dem::state::{SERIES_COLUMNS, SeriesRow, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::schedule::Schedule;
@@ -74,18 +75,21 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let mut system = system(run, scene, scene.sample.cell())?;
         system.steps = from.step;
         let spring = plane_shear.shear.spring.map(|spring| spring.stiffness);
-        let mut walls = GrainWalls {
-            piston: from.piston,
-            slider: Slider::new(schedule.protocol.clone(), spring),
-            along: spring.is_some() || plane_shear.output.energy,
-            top: Vec::new(),
-        };
+        let slider = Slider::new(schedule.protocol.clone(), spring);
+        let mut walls = GrainWalls::new(from.piston, slider, plane_shear.output.energy);
         if let Some(slider) = from.slider {
             walls.slider.state = slider;
         }
         if from.step == 0 {
+            let up = scene.dimension.axes() - 1;
+            let [along, top, bottom] = walls.begin();
             for g in state.grains.iter_mut().filter(|g| g.body == body::TOP) {
-                g.velocity = [walls.slider.state.velocity, 0.0, 0.0];
+                g.velocity = [along, 0.0, 0.0];
+                g.velocity[up] = top;
+            }
+            if schedule.protocol.has_bottom() {
+                let bottoms = state.grains.iter_mut().filter(|g| g.body == body::BOTTOM);
+                bottoms.for_each(|g| g.velocity[up] = bottom);
             }
         }
         system.replace(
@@ -101,8 +105,11 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let frame = SampleConstants::measure(exchange, &mut system, 2.0 * thickness, energy);
         if plane_shear.output.energy {
             let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
-            if let Some(saved) = &from.energy_budget {
-                budget.resume(saved, exchange.rank());
+            if let Some(mut saved) = from.energy_budget {
+                if schedule.protocol.has_normal() || schedule.protocol.has_bottom() {
+                    saved = saved.with_varying_load(&from.piston);
+                }
+                budget.resume(&saved, exchange.rank());
             }
             system.budget = Some(budget);
         }
@@ -112,7 +119,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let before = written.map(|_| UpToCheckpoint::new(from.step));
         let format = Format {
             name: RUN_FILE,
-            columns: &SeriesRow::COLUMNS,
+            columns: series_columns(schedule.protocol.is_more_than_velocities()),
             walls: true,
             height: schedule.height,
             author: scene.author.as_deref(),
@@ -286,8 +293,12 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
                 &self.frame,
                 self.schedule.height,
             );
-            self.files.series(exchange, step, time, &row)?;
-            self.files.log(step, time, &row);
+            let mut values = row.columns().to_vec();
+            if self.schedule.protocol.is_more_than_velocities() {
+                values.extend(observe::imposed(&self.walls).columns());
+            }
+            self.files.series(exchange, step, time, &values)?;
+            self.files.log(step, time, &values);
             run.terminal.latest(&row);
         }
         if frames || analysed {
@@ -342,10 +353,18 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 }
 
+/// Columns of the time series; `imposed`: with those of what a protocol imposes.
+pub(crate) fn series_columns(imposed: bool) -> &'static [Column] {
+    match imposed {
+        true => &SERIES_COLUMNS,
+        false => &SeriesRow::COLUMNS,
+    }
+}
+
 /// Attributes of `run.h5`. With a protocol, intervals are those of its first part.
 fn attributes(plane_shear: &PlaneShear, schedule: &Schedule) -> Vec<(&'static str, Attribute)> {
     let load = &plane_shear.load;
-    let velocity = schedule.protocol.velocity(0);
+    let velocity = schedule.protocol.segment(0).velocity().unwrap_or(0.0);
     let frames = schedule.intervals[0].frames;
     let frame_strain = velocity * (frames as f64 * schedule.step) / schedule.height;
     let number = Attribute::Number;

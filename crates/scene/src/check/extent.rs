@@ -3,14 +3,19 @@
 use crate::checker::Checker;
 use crate::derived;
 use crate::raw::Raw;
-use crate::scene::{Boundary, Motion, Origin, PeriodicBox, PlaneShear, Scene};
+use crate::scene::{
+    Boundary, Motion, Origin, Part, PartDrive, PartNormal, PeriodicBox, PlaneShear, Scene,
+};
 use crate::schedule::{MOST_STEPS, STEPS_WITHOUT_A_PAIR, Schedule};
 use crate::words::show;
 use gshear_dem::failure::Failure;
+use std::f64::consts::TAU;
 
 /// Bytes of a grain in a frame, and of a row of the time series, at least.
 const FRAME_BYTES: f64 = 50.0;
 const ROW_BYTES: f64 = 100.0;
+/// Time steps of a cycle, at least.
+const LEAST_STEPS_OF_A_CYCLE: f64 = 20.0;
 /// Bytes that a run may write: a petabyte.
 const MOST_BYTES: f64 = 1e15;
 
@@ -41,8 +46,13 @@ fn of_walls(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, walls: &PlaneShear) {
             vec![(String::new(), speed, strain * height / speed / step)]
         }
         Motion::Protocol(parts) => {
-            let part = |(n, part): (usize, &crate::scene::Part)| {
-                (format!("part {}: ", n + 1), part.velocity, part.time / step)
+            let part = |(n, part): (usize, &Part)| {
+                let speed = match part.drive {
+                    PartDrive::Velocity(velocity) => velocity,
+                    PartDrive::Strain(of) => TAU * of.frequency * of.amplitude * height,
+                    PartDrive::Stress(_) => 0.0,
+                };
+                (format!("part {}: ", n + 1), speed, part.time / step)
             };
             parts.iter().enumerate().map(part).collect()
         }
@@ -62,6 +72,41 @@ fn of_walls(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, walls: &PlaneShear) {
             );
             c.refuse_among(&rate, &what);
             return;
+        }
+    }
+    if let Motion::Protocol(parts) = &walls.shear.motion {
+        for (n, part) in parts.iter().enumerate() {
+            let fastest = part
+                .oscillations()
+                .map(|of| of.frequency)
+                .fold(0.0, f64::max);
+            let least = LEAST_STEPS_OF_A_CYCLE;
+            if fastest * step * least > 1.0 {
+                let what = format!(
+                    "part {}: a cycle of {} Hz takes {:.1} time steps of {step:.1e} s, fewer than {least}; give a lower frequency",
+                    n + 1,
+                    show(fastest),
+                    1.0 / (fastest * step)
+                );
+                c.refuse(&shear.protocol, &what);
+                return;
+            }
+            let vertical = match part.normal {
+                PartNormal::Velocity(velocity) => velocity.abs() * step,
+                PartNormal::Pressure(_) => 0.0,
+            };
+            let vibration = part.bottom.map_or(0.0, |of| of.amplitude);
+            for (name, way) in [("wall_velocity", vertical), ("bottom_amplitude", vibration)] {
+                if way > sample.mean_diameter {
+                    let what = format!(
+                        "part {}: {name} moves a wall by {way:.1e} m, more than a mean diameter of {:.1e} m, in a step or a cycle; give less",
+                        n + 1,
+                        sample.mean_diameter
+                    );
+                    c.refuse(&shear.protocol, &what);
+                    return;
+                }
+            }
         }
     }
     let steps: f64 = parts.iter().map(|(_, _, steps)| steps).sum();

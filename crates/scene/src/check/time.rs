@@ -47,7 +47,10 @@ pub(super) fn derive(
     boundary: &Boundary,
 ) -> Result<TimeStep, Failure> {
     let (mean_overlap, walls) = match boundary {
-        Boundary::Walls(walls) => (walls.load.mean_overlap(sample), Some(walls)),
+        Boundary::Walls(walls) => (
+            super::shear::greatest_overlap(law, sample, walls),
+            Some(walls),
+        ),
         Boundary::Periodic(_) => (BOX_OVERLAP * sample.mean_diameter, None),
     };
     let friction = contact.friction > 0.0 || walls.is_some_and(|walls| walls.pack.friction > 0.0);

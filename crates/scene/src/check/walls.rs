@@ -28,6 +28,8 @@ pub(super) fn check(
     let (sample, origin) = sample::derive(c, &sample, pack.skip, packing)?;
     let load = load::derive(c, law, &sample, load)?;
     shear::derive(&mut shear, &sample, &load);
+    shear::check_pressures(c, &raw.shear.protocol, &shear, (law, &sample, &load));
+    c.settle()?;
     let contact_time = derived::contact_time(law, &sample, load.mean_overlap(&sample));
     // Values that are each within their bounds can still overflow together, such as a radius of
     // 1e-200 m squared.

@@ -1,6 +1,7 @@
 //! The configuration as it is written: the declaration of every table and key, and the values that
 //! were given. Types are checked, nothing else.
 
+pub(crate) mod part;
 mod periodic;
 mod sample;
 mod table;

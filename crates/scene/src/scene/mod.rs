@@ -13,8 +13,8 @@ use gshear_dem::system::ListSettings;
 pub use periodic::{Aqs, Deformation, DeformationName, Method, Newtonian, PeriodicBox, Relax};
 pub use sample::{Sample, Sizes};
 pub use walls::{
-    Analysis, Load, LoadChoice, Motion, Origin, Output, Pack, PackingFile, Part, PlaneShear, Shear,
-    Spring, WallSpeed, Walls,
+    Analysis, Load, LoadChoice, Motion, Origin, Oscillation, Output, Pack, PackingFile, Part,
+    PartDrive, PartLength, PartNormal, PlaneShear, Shear, Spring, Stress, WallSpeed, Walls,
 };
 
 /// A run, ready to be set up.

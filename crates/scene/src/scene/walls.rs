@@ -178,12 +178,121 @@ pub enum Motion {
 /// A part of a protocol.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
-    /// Velocity of the drive (m/s); 0 is a hold.
-    pub velocity: f64,
+    /// What moves the top wall along x.
+    pub drive: PartDrive,
     /// Duration (s).
     pub time: f64,
-    /// How far the drive moves (m), if that was given instead of the duration.
-    pub distance: Option<f64>,
+    /// How the duration was given.
+    pub length: PartLength,
+    /// What is imposed along the normal of the top wall.
+    pub normal: PartNormal,
+    /// Vibration of the bottom wall along its normal (m).
+    pub bottom: Option<Oscillation>,
+}
+
+/// What moves the top wall along x.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PartDrive {
+    /// Velocity of the drive (m/s); 0 is a hold.
+    Velocity(f64),
+    /// Cyclic strain: the drive oscillates about its position, with this amplitude of γ.
+    Strain(Oscillation),
+    /// The top wall is free along x under a shear stress (Pa).
+    Stress(Stress),
+}
+
+/// How the duration of a part was given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PartLength {
+    /// As a time.
+    Time,
+    /// How far the drive moves (m).
+    Distance(f64),
+    /// Number of cycles of the drive.
+    Cycles(f64),
+}
+
+/// What is imposed along the normal of the top wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PartNormal {
+    /// A pressure (Pa).
+    Pressure(Stress),
+    /// The velocity of the top wall away from the bottom wall (m/s); 0 is a constant volume.
+    Velocity(f64),
+}
+
+/// A stress during a part: linear from one value to another, and a sinusoid (Pa).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Stress {
+    /// At the start. `None`: where the part before ended.
+    pub start: Option<f64>,
+    /// At the end. `None`: as at the start.
+    pub end: Option<f64>,
+    /// Added to it.
+    pub wave: Option<Oscillation>,
+}
+
+impl Stress {
+    /// Values at start and end; `before`: at the end of the part before.
+    pub fn values(&self, before: f64) -> [f64; 2] {
+        let start = self.start.unwrap_or(before);
+        [start, self.end.unwrap_or(start)]
+    }
+
+    /// The amplitude of the sinusoid.
+    pub fn amplitude(&self) -> f64 {
+        self.wave.map_or(0.0, |wave| wave.amplitude)
+    }
+}
+
+/// A sinusoid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Oscillation {
+    /// In the unit of what oscillates.
+    pub amplitude: f64,
+    /// Cycles per second (Hz).
+    pub frequency: f64,
+}
+
+impl Part {
+    /// Whether it imposes something along the normal of the top wall.
+    pub fn has_normal(&self) -> bool {
+        self.normal != PartNormal::Pressure(Stress::default())
+    }
+
+    /// The sinusoids in it.
+    pub fn oscillations(&self) -> impl Iterator<Item = Oscillation> {
+        let along = match self.drive {
+            PartDrive::Velocity(_) => None,
+            PartDrive::Strain(wave) => Some(wave),
+            PartDrive::Stress(stress) => stress.wave,
+        };
+        let normal = match self.normal {
+            PartNormal::Pressure(pressure) => pressure.wave,
+            PartNormal::Velocity(_) => None,
+        };
+        [along, normal, self.bottom].into_iter().flatten()
+    }
+}
+
+impl Shear {
+    /// The pressure (Pa) of every part at start and end, and its amplitude; `None` with a velocity.
+    /// `pressure`: that of `[load]`. Empty without a protocol.
+    pub fn pressures(&self, pressure: f64) -> Vec<Option<[f64; 3]>> {
+        let Motion::Protocol(parts) = &self.motion else {
+            return Vec::new();
+        };
+        let mut before = pressure;
+        let of_part = |part: &Part| match &part.normal {
+            PartNormal::Pressure(pressure) => {
+                let [start, end] = pressure.values(before);
+                before = end;
+                Some([start, end, pressure.amplitude()])
+            }
+            PartNormal::Velocity(_) => None,
+        };
+        parts.iter().map(of_part).collect()
+    }
 }
 
 /// The spring between drive and top wall.

@@ -2,7 +2,10 @@
 
 use super::lines::Lines;
 use crate::raw;
-use crate::scene::{Dimensions, Load, LoadChoice, Motion, Part, PlaneShear, Scene, WallSpeed};
+use crate::scene::{
+    Dimensions, Load, LoadChoice, Motion, Part, PartDrive, PartLength, PartNormal, PlaneShear,
+    Scene, Stress, WallSpeed,
+};
 use crate::words::show;
 
 /// What follows from the keys, in comments.
@@ -40,6 +43,49 @@ pub(super) fn load(t: &mut Lines, load: &Load) {
     t.number(&keys.gravity, load.gravity);
 }
 
+/// The keys of a part and their values.
+fn part_values(part: &Part) -> Vec<(&'static str, f64)> {
+    let mut values = Vec::new();
+    match part.drive {
+        PartDrive::Velocity(velocity) => values.push(("velocity", velocity)),
+        PartDrive::Strain(of) => {
+            values.extend([
+                ("strain_amplitude", of.amplitude),
+                ("frequency", of.frequency),
+            ]);
+        }
+        PartDrive::Stress(Stress { start, end, wave }) => {
+            values.extend(start.map(|x| ("shear_stress", x)));
+            values.extend(end.map(|x| ("shear_stress_end", x)));
+            if let Some(of) = wave {
+                let amplitude = ("shear_stress_amplitude", of.amplitude);
+                values.extend([amplitude, ("frequency", of.frequency)]);
+            }
+        }
+    }
+    values.push(match part.length {
+        PartLength::Time => ("time", part.time),
+        PartLength::Distance(distance) => ("distance", distance),
+        PartLength::Cycles(cycles) => ("cycles", cycles),
+    });
+    match part.normal {
+        PartNormal::Velocity(velocity) => values.push(("wall_velocity", velocity)),
+        PartNormal::Pressure(Stress { start, end, wave }) => {
+            values.extend(start.map(|x| ("pressure", x)));
+            values.extend(end.map(|x| ("pressure_end", x)));
+            if let Some(of) = wave {
+                let amplitude = ("pressure_amplitude", of.amplitude);
+                values.extend([amplitude, ("pressure_frequency", of.frequency)]);
+            }
+        }
+    }
+    if let Some(of) = part.bottom {
+        let amplitude = ("bottom_amplitude", of.amplitude);
+        values.extend([amplitude, ("bottom_frequency", of.frequency)]);
+    }
+    values
+}
+
 /// `[pack]`, `[shear]`, `[output]` and `[analysis]`.
 pub(super) fn stages(t: &mut Lines, walls: &PlaneShear, keep_checkpoints: bool) {
     let keys: raw::Pack = t.table();
@@ -67,18 +113,12 @@ pub(super) fn stages(t: &mut Lines, walls: &PlaneShear, keep_checkpoints: bool) 
         }
         Motion::Protocol(parts) => {
             let mut list = String::from("[\n");
-            for Part {
-                velocity,
-                time,
-                distance,
-            } in parts
-            {
-                let (name, length) = match distance {
-                    Some(distance) => ("distance", distance),
-                    None => ("time", time),
-                };
-                let (velocity, length) = (show(*velocity), show(*length));
-                list += &format!("    {{ velocity = {velocity}, {name} = {length} }},\n");
+            for part in parts {
+                let values: Vec<String> = part_values(part)
+                    .into_iter()
+                    .map(|(name, x)| format!("{name} = {}", show(x)))
+                    .collect();
+                list += &format!("    {{ {} }},\n", values.join(", "));
             }
             t.give(&keys.protocol, &(list + "]"));
         }

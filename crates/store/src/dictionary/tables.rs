@@ -2,7 +2,7 @@
 
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
-use gshear_dem::state::SeriesRow;
+use gshear_dem::state::SERIES_COLUMNS;
 
 use crate::columns::{AqsRow, NewtonianRow};
 use crate::layout::{MASS, RADIUS, elements, forces};
@@ -435,7 +435,7 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
         columns.iter().map(of_law).collect()
     };
     let mut series = vec![STEP, TIME];
-    series.extend(SeriesRow::COLUMNS);
+    series.extend(SERIES_COLUMNS);
     vec![
         table("log.csv", "row of the time series", &[&series]),
         table(

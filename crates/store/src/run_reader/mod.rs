@@ -24,7 +24,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{BoxEdges, Cell, Disks, SeriesRow, Sheared};
+use gshear_dem::state::{BoxEdges, Cell, Disks, ImposedRow, SERIES_COLUMNS, SeriesRow, Sheared};
 use gshear_scene::Dimensions;
 
 /// The stage of a run whose frames and time series a file holds.
@@ -42,7 +42,7 @@ impl RunStage {
     /// In the order in which a file is tried.
     const ALL: [Self; 3] = [Self::Newtonian, Self::Strain, Self::Shear];
 
-    /// Columns of the time series.
+    /// Columns of the time series, without those of what a protocol imposes.
     pub fn columns(self) -> &'static [Column] {
         match self {
             Self::Shear => &SeriesRow::COLUMNS,
@@ -226,7 +226,12 @@ impl RunFile {
         };
         source.verify_constants(&id, &grains, &edges)?;
         let finished = parameters.contains_key("digest");
-        let series = source.series(stage.columns(), finished)?;
+        let imposed = ImposedRow::COLUMNS[0].name;
+        let columns = match source.exists(&format!("observables/{imposed}")) {
+            true => &SERIES_COLUMNS,
+            false => stage.columns(),
+        };
+        let series = source.series(columns, finished)?;
         let scalars = source.scalars(finished)?;
 
         let spins = if planar { &[n][..] } else { &[n, 3] };
