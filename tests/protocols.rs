@@ -52,7 +52,10 @@ fn protocols_keep_the_contracts() {
     let all = RunFile::open(&at("one")).expect("a run");
     let last = *all.series().step.last().expect("rows");
     let broken = at("broken");
-    assert_eq!(run(&broken, 2, &[&format!("--stop-at={}", last / 7)]).code, 75);
+    assert_eq!(
+        run(&broken, 2, &[&format!("--stop-at={}", last / 7)]).code,
+        75
+    );
     let resume = format!("--resume={}", broken.join("checkpoint.h5").display());
     for part in 2..7 {
         let stop = format!("--stop-at={}", part * last / 7);
@@ -74,7 +77,10 @@ fn what_is_imposed_is_a_closed_form() {
     let run = RunFile::open(folder.path()).expect("a run");
     let series = run.series();
     let column = |name: &str| series.column(name);
-    let (load, force) = (column("imposed_normal_force"), column("imposed_shear_force"));
+    let (load, force) = (
+        column("imposed_normal_force"),
+        column("imposed_shear_force"),
+    );
     let length = 21e-6;
     // The parts begin at these times up to a step each.
     let within = |row: usize, from: f64, to: f64| {
@@ -119,7 +125,10 @@ fn what_is_imposed_is_a_closed_form() {
     assert!((1.8e-9..=2e-9).contains(&greatest), "{greatest}");
     assert!(found > 40, "{found}");
     let residual = column("energy_residual");
-    let worst = residual.iter().skip(5).fold(0.0_f64, |most, x| most.max(x.abs()));
+    let worst = residual
+        .iter()
+        .skip(5)
+        .fold(0.0_f64, |most, x| most.max(x.abs()));
     println!("greatest residual {worst:e}");
     assert!(worst < 1e-3, "{worst}");
 }
