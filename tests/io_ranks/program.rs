@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
-    ContactSample, ContactState, FramePart, GrainSample, GrainState, Snapshot,
+    ContactSample, ContactState, FramePart, GrainSample, GrainState, SeriesRow, Snapshot,
 };
 use gshear_mpi_exchange::{Parallel, World};
 use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
@@ -44,7 +44,7 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
     };
     let (path, csv) = (folder.join("run.h5"), folder.join("log.csv"));
     let mut writer = TrajectoryWriter::create(world, &path, &header)?;
-    let mut log = Log::create(world, &csv)?;
+    let mut log = Log::create(world, &csv, &SeriesRow::COLUMNS)?;
     let frame = |writer: &mut TrajectoryWriter, t: u64| {
         let of_rank: Vec<GrainSample> = (0..grains)
             .rev()
@@ -67,7 +67,7 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
     for t in 0..100 {
         frame(&mut writer, t)?;
         writer.series(world, 5 * t, 0.05 * t as f64, &row(t))?;
-        log.row(5 * t, 0.05 * t as f64, &row(t))?;
+        log.row(5 * t, 0.05 * t as f64, row(t).as_ref())?;
         if t == 30 {
             writer.flush(world)?;
         }
@@ -76,21 +76,15 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
     writer.finish(world, &at_the_end())?;
 
     // Resumed from the middle of a batch.
-    let mut writer = TrajectoryWriter::open_to_append(
-        world,
-        &path,
-        &gshear_dem::state::SeriesRow::COLUMNS,
-        81,
-        55,
-    )?;
-    let mut log = Log::open_to_append(world, &csv, Some(270), 55)?;
+    let mut writer = TrajectoryWriter::open_to_append(world, &path, &SeriesRow::COLUMNS, 81, 55)?;
+    let mut log = Log::open_to_append(world, &csv, &SeriesRow::COLUMNS, Some(270), 55)?;
     assert_eq!((writer.frames(), writer.rows()), (81, 55));
     for t in 81..150 {
         frame(&mut writer, t)?;
     }
     for k in 55..1200 {
         writer.series(world, 5 * k, 0.05 * k as f64, &row(k))?;
-        log.row(5 * k, 0.05 * k as f64, &row(k))?;
+        log.row(5 * k, 0.05 * k as f64, row(k).as_ref())?;
     }
     assert_eq!((writer.frames(), writer.rows()), (150, 1200));
     log.flush()?;

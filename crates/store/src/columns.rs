@@ -92,11 +92,12 @@ mod tests {
     use super::*;
     use gshear_analysis::frame_scalars::FrameScalars;
     use gshear_dem::columns::Column;
-    use gshear_dem::state::SeriesRow;
+    use gshear_dem::state::{ImposedRow, SeriesRow};
     use std::fmt::Write as _;
 
-    const TABLES: [(&str, &[Column]); 4] = [
+    const TABLES: [(&str, &[Column]); 5] = [
         ("SeriesRow", &SeriesRow::COLUMNS),
+        ("ImposedRow", &ImposedRow::COLUMNS),
         ("FrameScalars", &FrameScalars::COLUMNS),
         ("AqsRow", &AqsRow::COLUMNS),
         ("NewtonianRow", &NewtonianRow::COLUMNS),

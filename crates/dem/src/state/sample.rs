@@ -100,8 +100,7 @@ crate::columns! {
         elastic_rolling: "J",
         /// work of the drive on the sample
         work_drive: "J",
-        /// work of the load on the sample; with a protocol of loads, normal velocities or
-        /// vibration, of the walls along their normals
+        /// work of the load on the sample, or of walls driven along their normals
         work_load: "J",
         /// dissipated by dampers
         dissipated_damping: "J", formerly "lost_damping",
