@@ -285,16 +285,13 @@ fn check_or_run(
 
 /// Reads the configuration on one rank, so that all ranks run the same scene.
 fn read(world: &World, arguments: &CommandLine) -> Result<Source, Failure> {
-    let read = match &arguments.config {
-        Some(path) if world.rank() == 0 => Source::read(path),
-        Some(path) => Ok(Source::of_file(path, "")),
-        None => Ok(Source::embedded()),
+    let read = match (&arguments.config, world.rank()) {
+        (Some(path), 0) => Source::read(path).map(Some),
+        (Some(_), _) => Ok(None),
+        (None, _) => Ok(Some(Source::embedded())),
     };
     let source = agree(world, read)?;
-    let text = world.broadcast(source.text().as_bytes().to_vec());
-    let text = String::from_utf8_lossy(&text);
-    Ok(match &arguments.config {
-        Some(path) => Source::of_file(path, text),
-        None => Source::new(source.name(), text),
-    })
+    let text = serde_json::to_vec(&source).expect("texts");
+    let source = serde_json::from_slice(&world.broadcast(text)).expect("what rank 0 wrote");
+    Ok(source)
 }

@@ -30,12 +30,12 @@ impl<'a> Checker<'a> {
         self.input.mention(offset)
     }
 
-    /// The path that a value names, relative to the folder of the configuration; one given by
+    /// The path that a value names, relative to the folder of the file that gives it; one given by
     /// `--set` is relative to the working directory.
     pub fn resolve(&self, offset: usize, path: &str) -> PathBuf {
         match self.input.override_at(offset) {
             Some(_) => path.into(),
-            None => self.input.source.folder().join(path),
+            None => self.input.folder(offset).join(path),
         }
     }
 
@@ -202,6 +202,12 @@ impl<'a> Checker<'a> {
                 text += &format!(
                     "; --set {}=none takes that one away",
                     keys[first].declared.path
+                );
+            } else if self.input.is_extended(second_at) && !self.input.is_extended(first_at) {
+                text += &format!(
+                    "; {} = \"none\" in {} takes this one away",
+                    keys[second].declared.path,
+                    self.input.source.name()
                 );
             }
             self.refuse(keys[second], &text);

@@ -7,8 +7,9 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::key::Entry;
+use super::overrides::TAKE_AWAY;
 use super::raw::{TABLES, TOP_KEYS, keys_of};
-use super::source::Input;
+use super::source::{EXTENDS, Input};
 use gshear_dem::failure::Failure;
 
 /// Gives keys under a former name their present one. Returns a note for each.
@@ -94,6 +95,7 @@ pub(super) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
                     }
                 }
             }
+            (Some(_), DeValue::String(text)) if text == TAKE_AWAY => {}
             (Some(keys), other) => {
                 let what = format!(
                     "is a table, not a value of type {}; write [{name}] and under it {}",
@@ -180,6 +182,7 @@ fn unknown_table(table: &str) -> String {
 
 fn unknown_top(key: &str) -> String {
     let mut names = names(&TOP_KEYS);
+    names.push(EXTENDS);
     names.extend(TABLES.iter().map(|table| table.name));
     let hint = match home(key) {
         Some(table) => format!("; it belongs in [{table}]"),
@@ -285,7 +288,7 @@ mod tests {
         );
         assert_eq!(
             resolve("grains").unwrap_err(),
-            "unknown key; it belongs in [sample]; the top level knows title, author, seed, dimension, material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping"
+            "unknown key; it belongs in [sample]; the top level knows title, author, seed, dimension, extends, material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping"
         );
         assert_eq!(
             resolve("smaple.grains").unwrap_err(),

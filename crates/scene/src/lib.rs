@@ -34,8 +34,10 @@
 //!
 //! | module | does |
 //! | --- | --- |
-//! | `source` | names the places of the text and of `--set` |
+//! | `source` | reads files, names the places of the text and of `--set` |
+//! | `merge` | merges a file with those that it `extends` |
 //! | `keys`, `overrides` | refuse unknown keys, rename former ones, apply `--set` |
+//! | `units` | converts values with units |
 //! | `kind`, `key` | kinds of values; what is declared of a key |
 //! | `raw` | declares tables and keys, reads their values |
 //! | `check` | checks ranges and contradictions, fills in defaults, derives the rest |
@@ -51,6 +53,7 @@ mod keys;
 mod kind;
 pub mod lammps_data;
 mod law_keys;
+mod merge;
 mod overrides;
 pub mod packing;
 mod raw;
@@ -60,6 +63,7 @@ mod scene;
 pub mod schedule;
 mod source;
 pub mod sweep;
+mod units;
 mod words;
 mod write;
 
@@ -121,31 +125,14 @@ pub fn load_within(
     packing: ReadPacking<'_>,
 ) -> Result<Scene, Failure> {
     let input = Input { source, overrides };
-    let mut tree = DeTable::parse(source.text())
-        .map_err(|e| {
-            let offset = e.span().map_or(0, |span| span.start);
-            let line = source.text().lines().nth(input.line(offset) - 1);
-            let message = e.message().trim_end_matches(", expected nothing");
-            let what = match line.map(str::trim) {
-                None | Some("") => format!("not TOML: {message}"),
-                Some(line) => format!("not TOML: {message}: `{}`", words::shortened(line)),
-            };
-            input.failure(offset, "", &what)
-        })?
-        .into_inner();
-    if let Some((key, _)) = tree.remove_entry(sweep::SWEEP)
-        && !source.is_member()
-    {
-        let what = sweep::not_one_run(source)?;
-        return Err(input.failure(key.span().start, sweep::SWEEP, &what));
-    }
-    keys::rename(&mut tree, &input)?;
-    keys::check_known(&tree, &input)?;
+    let mut tree = merge::tree(&input)?;
     let tables = tree
         .keys()
         .map(|key| (key.get_ref().to_string(), key.span().start))
         .collect();
     overrides::apply(&mut tree, &input)?;
+    let numbers = units::numbers(&mut tree, &input)?;
+    units::put(&mut tree, &numbers);
 
     let boxed = tree.contains_key("box");
     refuse_others(&tree, &input, boxed)?;
@@ -164,9 +151,7 @@ pub fn load_within(
 /// called now. Empty for a text that is not TOML.
 pub fn notes(source: &Source, overrides: &[String]) -> Vec<String> {
     let input = Input { source, overrides };
-    let tree = DeTable::parse(source.text()).map(Spanned::into_inner);
-    let in_file = tree.map(|mut tree| keys::rename(&mut tree, &input));
-    let mut notes = in_file.unwrap_or(Ok(Vec::new())).unwrap_or_default();
+    let mut notes = merge::notes(&input);
     for (k, set) in overrides.iter().enumerate() {
         let path = set.split_once('=').map_or("", |(path, _)| path.trim());
         notes.extend(

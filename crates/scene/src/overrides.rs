@@ -9,8 +9,9 @@ use super::keys::resolve;
 use super::source::Input;
 use gshear_dem::failure::Failure;
 
-/// Removes a key, so that the default or another key for the same quantity applies.
-const TAKE_AWAY: &str = "none";
+/// Removes a key, so that the default or another key for the same quantity applies. In a file, it
+/// removes the key of the file that is extended.
+pub(super) const TAKE_AWAY: &str = "none";
 
 /// Puts every override into the tree, later ones over earlier ones.
 pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<(), Failure> {

@@ -6,14 +6,17 @@ use std::ops::Bound;
 
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::LAWS;
-use gshear_dem::laws::keys::Bounds;
+use gshear_dem::laws::keys::{Bounds, NOT_NEGATIVE, POSITIVE};
 use serde_json::{Map, Value, json};
 
 use crate::key::Entry;
 use crate::kind::{Integers, Values};
+use crate::overrides::TAKE_AWAY;
 use crate::raw::part::{PART_KEYS, PartKey};
 use crate::raw::{self, TABLES, TOP_KEYS};
+use crate::source::EXTENDS;
 use crate::sweep::SWEEP;
+use crate::units;
 
 /// Begins the generated part of docs/config.md.
 pub const BEGIN: &str = "<!-- keys: generated -->";
@@ -216,13 +219,15 @@ fn quoted(names: &[&str]) -> String {
 }
 
 /// The JSON schema (draft 2020-12) of a configuration. It has kinds and ranges of all keys; which
-/// of them exclude or require each other is checked by [`load`](crate::load) only.
+/// of them exclude or require each other is checked by [`load`](crate::load) only, and so is the
+/// kind of a unit. Every key takes `"none"`, which removes the key of the file that is extended.
 pub fn json_schema() -> String {
     let mut properties = object(&TOP_KEYS);
     for table in TABLES.iter() {
         let schema = json!({
             "description": table.about,
-            "type": "object",
+            "type": ["object", "string"],
+            "pattern": none(),
             "properties": object(&table.keys),
             "additionalProperties": false,
         });
@@ -230,10 +235,16 @@ pub fn json_schema() -> String {
     }
     let sweep = json!({
         "description": "lists of values for keys; every combination is a run",
-        "type": "object",
+        "type": ["object", "string"],
+        "pattern": none(),
         "additionalProperties": { "type": ["array", "object"] },
     });
     properties.insert(SWEEP.into(), sweep);
+    let extends = json!({
+        "description": "another configuration, whose keys this one has but for those it gives itself; a path from the folder of this file",
+        "type": "string",
+    });
+    properties.insert(EXTENDS.into(), extends);
     let schema = json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Scene of gshear-mpi",
@@ -259,7 +270,7 @@ fn object(keys: &[Entry]) -> Map<String, Value> {
 /// The schema of a key, under its present or a former name.
 fn schema(entry: &Entry, former: bool) -> Value {
     let mut schema = match entry.values {
-        Values::Number(bounds) => number(bounds),
+        Values::Number(bounds) => number(bounds, units::applies(&entry.unit)),
         Values::Whole(Integers { from, to }) => match to {
             i64::MAX => json!({ "type": "integer", "minimum": from }),
             _ => json!({ "type": "integer", "minimum": from, "maximum": to }),
@@ -268,10 +279,24 @@ fn schema(entry: &Entry, former: bool) -> Value {
         Values::Text([]) => json!({ "type": "string" }),
         Values::Text(names) => json!({ "enum": names }),
         Values::Numbers(bounds) => {
-            json!({ "type": "array", "items": number(bounds), "minItems": 1 })
+            let items = number(bounds, units::applies(&entry.unit));
+            json!({ "type": "array", "items": items, "minItems": 1 })
         }
         Values::Parts => json!({ "type": "array", "items": part(), "minItems": 1 }),
     };
+    match entry.values {
+        Values::Text([]) => {}
+        Values::Text(names) => {
+            schema["enum"] = names.iter().copied().chain([TAKE_AWAY]).collect();
+        }
+        Values::Number(_) if units::applies(&entry.unit) => {
+            schema["pattern"] = format!("{}|{}", none(), quantity()).into();
+        }
+        _ => {
+            schema["type"] = json!([schema["type"], "string"]);
+            schema["pattern"] = none().into();
+        }
+    }
     let unit = match &entry.unit[..] {
         "" => String::new(),
         unit => format!(" ({unit})"),
@@ -286,8 +311,21 @@ fn schema(entry: &Entry, former: bool) -> Value {
     schema
 }
 
-fn number(Bounds { from, to }: Bounds) -> Value {
-    let mut schema = json!({ "type": "number" });
+/// The string that removes a key.
+fn none() -> String {
+    format!("^{TAKE_AWAY}$")
+}
+
+/// A number with a unit.
+fn quantity() -> &'static str {
+    r"^\s*[+-]?([0-9][0-9_]*\.?[0-9_]*|\.[0-9][0-9_]*)([eE][+-]?[0-9]+)?\s*[^\s0-9._+-].*$"
+}
+
+fn number(Bounds { from, to }: Bounds, with_unit: bool) -> Value {
+    let mut schema = match with_unit {
+        true => json!({ "type": ["number", "string"], "pattern": quantity() }),
+        false => json!({ "type": "number" }),
+    };
     match from {
         Bound::Included(x) => schema["minimum"] = x.into(),
         Bound::Excluded(x) => schema["exclusiveMinimum"] = x.into(),
@@ -311,7 +349,7 @@ fn part() -> Value {
         range,
     } in &PART_KEYS
     {
-        let mut schema = number(*range);
+        let mut schema = number(*range, units::applies(unit));
         let unit = match *unit {
             "" => String::new(),
             unit => format!(" ({unit})"),
@@ -466,11 +504,17 @@ mod tests {
                     })
                 }
                 "enum" => wanted.as_array().expect("values").contains(value),
-                "minimum" => x >= limit(),
-                "exclusiveMinimum" => x > limit(),
-                "maximum" => x <= limit(),
-                "exclusiveMaximum" => x < limit(),
-                "minItems" => value.as_array().is_some_and(|a| a.len() as f64 >= limit()),
+                // Each of these holds for values of its kind only.
+                "minimum" => !value.is_number() || x >= limit(),
+                "exclusiveMinimum" => !value.is_number() || x > limit(),
+                "maximum" => !value.is_number() || x <= limit(),
+                "exclusiveMaximum" => !value.is_number() || x < limit(),
+                "minItems" => value.as_array().is_none_or(|a| a.len() as f64 >= limit()),
+                "pattern" => {
+                    let pattern = wanted.as_str().expect("a pattern");
+                    let pattern = regex_lite::Regex::new(pattern).expect("a pattern");
+                    value.as_str().is_none_or(|text| pattern.is_match(text))
+                }
                 "required" => required(schema),
                 "oneOf" => {
                     let ways = wanted.as_array().expect("schemas").iter();
@@ -540,6 +584,26 @@ mod tests {
     }
 
     #[test]
+    fn the_schema_takes_units_and_none() {
+        let text = "
+            extends = 'base.toml'
+            newtonian = 'none'
+            [load]
+            stiffness_number = 'none'
+            pressure = '13.5 kPa'
+            [sample]
+            radii = ['1 µm', 1e-6, '0.5e-3mm']
+            sizes = 'none'
+            grains = 'none'
+            [time]
+            force = 'none'
+            [shear]
+            protocol = [{ velocity = '1 mm/s', time = '.5 h' }]
+        ";
+        assert_eq!(validate(text), None);
+    }
+
+    #[test]
     fn the_schema_refuses_what_the_loader_refuses() {
         for text in [
             "sample.grains = 0",
@@ -558,6 +622,17 @@ mod tests {
             "shear.protocol = [{ velocity = 1, shear_stress = 1, time = 1 }]",
             "shear.protocol = [{ pressure = 1, time = 1 }]",
             "shear.protocol = [{ velocity = 1, time = 1, distance = 1 }]",
+            "shear.protocol = [{ velocity = 1, time = 'long' }]",
+            "load.pressure = 'small'",
+            "load.pressure = '5'",
+            "load.pressure = 'MPa 5'",
+            "contact.friction = '0.5 MPa'",
+            "relax.drag = '3 Hz'",
+            "sample.grains = '1000'",
+            "sample.radii = ['big']",
+            "time.force = 'yes'",
+            "extends = 3",
+            "load = 'heavy'",
         ] {
             assert!(validate(text).is_some(), "{text}");
         }

@@ -2,39 +2,58 @@
 
 use std::fs::File;
 use std::io::{ErrorKind, Read};
+use std::ops::Range;
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+use toml::de::DeTable;
+
 use gshear_dem::failure::Failure;
 
-/// A configuration as text, with the name that messages give it.
-#[derive(Debug, Clone, PartialEq)]
+/// A configuration as text, with the name that messages give it, and the files that it extends.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Source {
-    name: String,
-    text: String,
-    /// Where the paths in it begin.
-    folder: PathBuf,
+    /// The file itself, then the one that it extends, and so on.
+    parts: Vec<Part>,
     /// Whether its sweep is passed over, as by one of the runs that it makes.
     member: bool,
+}
+
+/// A text of a configuration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Part {
+    name: String,
+    /// Where the paths in it begin.
+    folder: PathBuf,
+    /// Offset of its first byte among those of all parts.
+    start: usize,
+    /// The text after as many spaces: the parser then counts from the first part on.
+    padded: String,
+}
+
+impl Part {
+    pub fn text(&self) -> &str {
+        &self.padded[self.start..]
+    }
+
+    /// What the parser reads.
+    pub fn padded(&self) -> &str {
+        &self.padded
+    }
 }
 
 impl Source {
     /// A text from elsewhere, such as the scene that a checkpoint holds.
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Source {
-            name: name.into(),
-            text: text.into(),
-            folder: PathBuf::new(),
+            parts: vec![Part {
+                name: name.into(),
+                folder: PathBuf::new(),
+                start: 0,
+                padded: text.into(),
+            }],
             member: false,
-        }
-    }
-
-    /// The text of this file.
-    pub fn of_file(path: impl AsRef<Path>, text: impl Into<String>) -> Self {
-        let path = path.as_ref();
-        Source {
-            folder: path.parent().unwrap_or(Path::new("")).into(),
-            ..Source::new(path.display().to_string(), text)
         }
     }
 
@@ -46,14 +65,79 @@ impl Source {
         )
     }
 
-    /// Reads a file, named in messages as it was given.
+    /// Reads a file and those that it extends, named in messages as they were given.
     ///
-    /// # Errors `Failure::Input` where there is no such file, it is a directory, it cannot be read
-    /// or is not UTF-8.
+    /// # Errors
+    /// `Failure::Input` if there is no such file, it is a directory, it cannot be read or is not
+    /// UTF-8, or if a file extends itself.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Failure> {
         let path = path.as_ref();
-        let text = read_text(path, FORMAT, MOST_BYTES)?;
-        Ok(Source::of_file(path, text))
+        let mut source = Source {
+            parts: Vec::new(),
+            member: false,
+        };
+        source.add(path, read_text(path, FORMAT, MOST_BYTES)?);
+        let mut seen = vec![path.to_path_buf()];
+        while let Some((at, base)) = source.base()? {
+            let file = |path: &Path| path.canonicalize().ok();
+            let known = seen.iter().any(|path| file(path) == file(&base));
+            let refuse = |what: &str| Err(source.input().failure(at, EXTENDS, what));
+            if known && base.exists() {
+                let names = seen
+                    .iter()
+                    .chain([&base])
+                    .map(|path| path.display().to_string());
+                let circle = names.collect::<Vec<_>>().join(" extends ");
+                return refuse(&format!("is a circle: {circle}; leave one of them out"));
+            }
+            let text = match read_text(&base, "a TOML file to extend", MOST_BYTES) {
+                Ok(text) => text,
+                Err(failure) => return refuse(&failure.to_string()),
+            };
+            source.add(&base, text);
+            seen.push(base);
+        }
+        Ok(source)
+    }
+
+    fn add(&mut self, path: &Path, text: String) {
+        let start = self.parts.last().map_or(0, |part| part.padded.len() + 1);
+        self.parts.push(Part {
+            name: path.display().to_string(),
+            folder: path.parent().unwrap_or(Path::new("")).into(),
+            start,
+            padded: " ".repeat(start) + &text,
+        });
+    }
+
+    /// The file that the last part extends, and where it says so.
+    fn base(&self) -> Result<Option<(usize, PathBuf)>, Failure> {
+        let last = &self.parts[self.parts.len() - 1];
+        // What is not TOML is said by whoever reads the rest of it.
+        let Ok(tree) = DeTable::parse(&last.padded) else {
+            return Ok(None);
+        };
+        let Some((key, value)) = tree.get_ref().get_key_value(EXTENDS) else {
+            return Ok(None);
+        };
+        let at = key.span().start;
+        match value.get_ref().as_str() {
+            Some(path) => Ok(Some((at, last.folder.join(path)))),
+            None => {
+                let kind = value.get_ref().type_str();
+                let what = format!(
+                    "must be the path of a file in quotes, such as \"base.toml\", found a value of type {kind}"
+                );
+                Err(self.input().failure(at, EXTENDS, &what))
+            }
+        }
+    }
+
+    fn input(&self) -> Input<'_> {
+        Input {
+            source: self,
+            overrides: &[],
+        }
     }
 
     /// The same as one of the runs of its sweep reads it: without the sweep.
@@ -70,19 +154,33 @@ impl Source {
 
     /// The name in messages.
     pub fn name(&self) -> &str {
-        &self.name
+        &self.parts[0].name
     }
 
-    /// The text.
-    pub fn text(&self) -> &str {
-        &self.text
+    /// The file and those that it extends.
+    pub(super) fn parts(&self) -> &[Part] {
+        &self.parts
     }
 
-    /// The folder in which the paths of the text begin.
-    pub fn folder(&self) -> &Path {
-        &self.folder
+    /// The part that holds an offset.
+    fn part_at(&self, offset: usize) -> &Part {
+        let held = self.parts.iter().rev().find(|part| part.start <= offset);
+        held.unwrap_or(&self.parts[0])
+    }
+
+    /// The text of a span.
+    pub(super) fn slice(&self, span: Range<usize>) -> &str {
+        &self.part_at(span.start).padded[span]
+    }
+
+    /// Length of all parts.
+    fn length(&self) -> usize {
+        self.parts.last().map_or(0, |part| part.padded.len())
     }
 }
+
+/// The key that names the file that a file extends.
+pub(super) const EXTENDS: &str = "extends";
 
 /// The expected file, as messages about a missing or unreadable one name it.
 const FORMAT: &str =
@@ -147,7 +245,7 @@ impl<'a> Input<'a> {
     /// Offset of the k-th override.
     pub fn override_offset(&self, k: usize) -> usize {
         let before: usize = self.overrides[..k].iter().map(|o| o.len() + 1).sum();
-        self.source.text.len() + 1 + before
+        self.source.length() + 1 + before
     }
 
     /// The override that holds the offset; `None` where it lies in the source.
@@ -158,19 +256,36 @@ impl<'a> Input<'a> {
             .map(|k| self.overrides[k].as_str())
     }
 
-    /// Line of the source, from 1.
-    pub fn line(&self, offset: usize) -> usize {
-        let bytes = self.source.text.as_bytes();
-        1 + bytes[..offset.min(bytes.len())]
-            .iter()
-            .filter(|&&b| b == b'\n')
-            .count()
+    /// Whether the offset lies in a file that the first one extends.
+    pub fn is_extended(&self, offset: usize) -> bool {
+        self.override_at(offset).is_none() && self.source.part_at(offset).start > 0
     }
 
-    /// `line 12` or `--set a.b=c`: the place as another place's message refers to it.
+    /// The folder of the file that holds the offset.
+    pub fn folder(&self, offset: usize) -> &'a Path {
+        &self.source.part_at(offset).folder
+    }
+
+    /// Line of its file, from 1.
+    fn line(&self, offset: usize) -> usize {
+        let part = self.source.part_at(offset);
+        let bytes = part.padded.as_bytes();
+        let before = &bytes[part.start..offset.min(bytes.len())];
+        1 + before.iter().filter(|&&b| b == b'\n').count()
+    }
+
+    /// The text of the line.
+    pub fn text_of_line(&self, offset: usize) -> Option<&'a str> {
+        let part = self.source.part_at(offset);
+        part.text().lines().nth(self.line(offset) - 1)
+    }
+
+    /// `line 12` or `--set a.b=c`: the place as another place's message refers to it. In a file
+    /// that is extended, `base.toml:12`.
     pub fn mention(&self, offset: usize) -> String {
         match self.override_at(offset) {
             Some(set) => format!("--set {set}"),
+            None if self.is_extended(offset) => self.place(offset),
             None => format!("line {}", self.line(offset)),
         }
     }
@@ -179,7 +294,10 @@ impl<'a> Input<'a> {
     pub fn place(&self, offset: usize) -> String {
         match self.override_at(offset) {
             Some(set) => format!("--set {set}"),
-            None => format!("{}:{}", self.source.name, self.line(offset)),
+            None => {
+                let name = &self.source.part_at(offset).name;
+                format!("{name}:{}", self.line(offset))
+            }
         }
     }
 

@@ -6,6 +6,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::keys::resolve;
+use super::overrides::TAKE_AWAY;
 use super::source::{Input, Source};
 use super::words::shortened;
 use gshear_dem::failure::Failure;
@@ -42,11 +43,16 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
         source,
         overrides: &[],
     };
-    // What is not TOML is said by whoever reads the rest of it.
-    let Ok(mut tree) = DeTable::parse(source.text()).map(Spanned::into_inner) else {
-        return Ok(None);
-    };
-    let Some((key, value)) = tree.remove_entry(SWEEP) else {
+    let mut found = None;
+    for part in source.parts() {
+        // What is not TOML is said by whoever reads the rest of it.
+        let Ok(mut tree) = DeTable::parse(part.padded()).map(Spanned::into_inner) else {
+            return Ok(None);
+        };
+        found = found.or(tree.remove_entry(SWEEP));
+    }
+    let found = found.filter(|(_, value)| value.get_ref().as_str() != Some(TAKE_AWAY));
+    let Some((key, value)) = found else {
         return Ok(None);
     };
     let refuse = |offset: usize, path: &str, what: &str| {
@@ -94,7 +100,7 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
             );
             return refuse(offset, &path, &what);
         }
-        let texts = list.iter().map(|v| source.text()[v.span()].to_string());
+        let texts = list.iter().map(|v| source.slice(v.span()).to_string());
         let values: Vec<String> = texts.collect();
         let mut seen = HashSet::new();
         if let Some(twice) = values.iter().find(|value| !seen.insert(*value)) {

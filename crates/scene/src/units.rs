@@ -1,0 +1,556 @@
+//! Units in values: `"5 MPa"` where a key is in Pa. A value becomes the number in the unit of its
+//! key, with the bits that the same number without a unit has.
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::kind::Values;
+use super::raw::keys_of;
+use super::raw::part::PART_KEYS;
+use super::source::Input;
+use gshear_dem::failure::Failure;
+
+/// Twice the exponents of m, kg and s: the laws have half powers of a metre.
+type Dimension = [i32; 3];
+
+const LENGTH: Dimension = [2, 0, 0];
+const TIME: Dimension = [0, 0, 2];
+const FORCE: Dimension = [2, 2, -4];
+const PRESSURE: Dimension = [-2, 2, -4];
+
+/// A unit: its dimension, the power of ten and the further factor that lead to SI units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Unit {
+    dimension: Dimension,
+    /// Twice the exponent.
+    ten: i32,
+    factor: f64,
+}
+
+/// A unit that has a symbol.
+struct Symbol {
+    name: &'static str,
+    dimension: Dimension,
+    /// The exponent of ten.
+    ten: i32,
+    factor: f64,
+    /// Whether it takes a prefix.
+    prefixed: bool,
+}
+
+const fn symbol(name: &'static str, dimension: Dimension, ten: i32) -> Symbol {
+    Symbol {
+        name,
+        dimension,
+        ten,
+        factor: 1.0,
+        prefixed: true,
+    }
+}
+
+const fn of_time(name: &'static str, factor: f64) -> Symbol {
+    Symbol {
+        factor,
+        prefixed: false,
+        ..symbol(name, TIME, 0)
+    }
+}
+
+const SYMBOLS: [Symbol; 11] = [
+    symbol("m", LENGTH, 0),
+    symbol("g", [0, 2, 0], -3),
+    symbol("s", TIME, 0),
+    symbol("N", FORCE, 0),
+    symbol("Pa", PRESSURE, 0),
+    symbol("J", [4, 2, -4], 0),
+    symbol("Hz", [0, 0, -2], 0),
+    symbol("bar", PRESSURE, 5),
+    of_time("min", 60.0),
+    of_time("h", 3600.0),
+    Symbol {
+        prefixed: false,
+        ..symbol("t", [0, 2, 0], 3)
+    },
+];
+
+/// Micro has two letters in Unicode, and one in ASCII.
+const PREFIXES: [(&str, i32); 12] = [
+    ("f", -15),
+    ("p", -12),
+    ("n", -9),
+    ("u", -6),
+    ("µ", -6),
+    ("μ", -6),
+    ("m", -3),
+    ("c", -2),
+    ("k", 3),
+    ("M", 6),
+    ("G", 9),
+    ("T", 12),
+];
+
+/// What dimensions are called.
+const NAMES: [(Dimension, &str); 12] = [
+    (LENGTH, "a length"),
+    ([4, 0, 0], "an area"),
+    ([6, 0, 0], "a volume"),
+    (TIME, "a time"),
+    ([0, 0, -2], "a frequency"),
+    ([0, 2, 0], "a mass"),
+    ([-6, 2, 0], "a density"),
+    ([2, 0, -2], "a velocity"),
+    ([2, 0, -4], "an acceleration"),
+    (FORCE, "a force"),
+    ([0, 2, -4], "a force per length"),
+    (PRESSURE, "a pressure"),
+];
+
+fn name_of(dimension: Dimension) -> &'static str {
+    let known = NAMES.iter().find(|(of, _)| *of == dimension);
+    known.map_or("a quantity of another kind", |(_, name)| name)
+}
+
+impl Unit {
+    const ONE: Self = Self {
+        dimension: [0; 3],
+        ten: 0,
+        factor: 1.0,
+    };
+
+    /// The unit of a text such as `kg/m³`, `N/m^1.5` or `1/(m s)`.
+    ///
+    /// # Errors
+    /// The part that is not known.
+    fn parse(text: &str) -> Result<Self, String> {
+        let mut unit = Self::ONE;
+        let mut rest = text.trim();
+        let (mut divides, mut group) = (false, false);
+        if rest.is_empty() {
+            return Err(String::new());
+        }
+        while let Some(next) = rest.chars().next() {
+            let after = &rest[next.len_utf8()..];
+            match next {
+                ' ' | '·' | '*' => rest = after,
+                '/' if !divides => (divides, rest) = (true, after.trim_start()),
+                '(' if divides && !group => (group, rest) = (true, after),
+                ')' if group => (group, divides, rest) = (false, false, after),
+                _ => {
+                    let end = rest
+                        .find([' ', '·', '*', '/', '(', ')'])
+                        .unwrap_or(rest.len());
+                    if end == 0 {
+                        return Err(text.into());
+                    }
+                    let (factor, power) = Self::power(&rest[..end])?;
+                    let sign = if divides { -1 } else { 1 };
+                    unit = unit.times(factor, sign * power);
+                    divides &= group;
+                    rest = &rest[end..];
+                }
+            }
+        }
+        match divides || group {
+            true => Err(text.into()),
+            false => Ok(unit),
+        }
+    }
+
+    /// A symbol with a prefix, and twice its exponent.
+    fn power(text: &str) -> Result<(Self, i32), String> {
+        let unknown = || text.to_string();
+        let (name, exponent) = if let Some((name, exponent)) = text.split_once('^') {
+            let twice = 2.0 * exponent.parse::<f64>().map_err(|_| unknown())?;
+            if twice != twice.round() || twice.abs() > 24.0 {
+                return Err(unknown());
+            }
+            (name, twice as i32)
+        } else if let Some(name) = text.strip_suffix('²') {
+            (name, 4)
+        } else if let Some(name) = text.strip_suffix('³') {
+            (name, 6)
+        } else {
+            (text, 2)
+        };
+        if name == "1" {
+            return Ok((Self::ONE, exponent));
+        }
+        let found = |symbol: &Symbol, prefix: i32| Self {
+            dimension: symbol.dimension,
+            ten: 2 * (symbol.ten + prefix),
+            factor: symbol.factor,
+        };
+        if let Some(symbol) = SYMBOLS.iter().find(|symbol| symbol.name == name) {
+            return Ok((found(symbol, 0), exponent));
+        }
+        let prefixed = PREFIXES.iter().find_map(|(prefix, ten)| {
+            let name = name.strip_prefix(prefix)?;
+            let mut all = SYMBOLS.iter().filter(|symbol| symbol.prefixed);
+            Some(found(all.find(|symbol| symbol.name == name)?, *ten))
+        });
+        Ok((prefixed.ok_or_else(unknown)?, exponent))
+    }
+
+    /// With a factor of twice this exponent.
+    fn times(self, other: Self, twice: i32) -> Self {
+        let mut dimension = self.dimension;
+        for (of, more) in dimension.iter_mut().zip(other.dimension) {
+            *of += more * twice / 2;
+        }
+        Self {
+            dimension,
+            ten: self.ten + other.ten * twice / 2,
+            factor: self.factor * other.factor.powf(f64::from(twice) / 2.0),
+        }
+    }
+
+    /// The number of this text, in SI units.
+    fn convert(self, number: &str) -> Option<f64> {
+        let plain = number.replace('_', "");
+        let (mantissa, exponent) = match plain.split_once(['e', 'E']) {
+            Some((mantissa, exponent)) => (mantissa, exponent.parse::<i32>().ok()?),
+            None => (&plain[..], 0),
+        };
+        // By the exponent of the text: "1.5 mm" has the bits of 1.5e-3.
+        let exponent = exponent.checked_add(self.ten.div_euclid(2))?;
+        let value: f64 = format!("{mantissa}e{exponent}").parse().ok()?;
+        let half = match self.ten.rem_euclid(2) {
+            0 => 1.0,
+            _ => 10f64.sqrt(),
+        };
+        Some(value * self.factor * half)
+    }
+}
+
+/// The number and the unit of a text that begins with a number and goes on; `None` of another text.
+fn quantity(text: &str) -> Option<(&str, &str)> {
+    let text = text.trim();
+    let bytes = text.as_bytes();
+    let mut end = usize::from(text.starts_with(['+', '-']));
+    let digits = |from: usize| {
+        let of = |byte: &&u8| byte.is_ascii_digit() || **byte == b'_';
+        from + bytes[from..].iter().take_while(of).count()
+    };
+    let first = end;
+    end = digits(end);
+    if bytes.get(end) == Some(&b'.') {
+        end = digits(end + 1);
+    }
+    if !bytes[first..end].iter().any(u8::is_ascii_digit) {
+        return None;
+    }
+    if matches!(bytes.get(end), Some(b'e' | b'E')) {
+        let sign = usize::from(matches!(bytes.get(end + 1), Some(b'+' | b'-')));
+        let last = digits(end + 1 + sign);
+        if last > end + 1 + sign {
+            end = last;
+        }
+    }
+    let (number, unit) = text.split_at(end);
+    (!unit.trim().is_empty()).then_some((number, unit.trim()))
+}
+
+/// The units that a declaration has in a scene: those of its law and its dimension.
+fn declared(unit: &str, spheres: bool, law: Option<&str>) -> Vec<String> {
+    let by_law = unit.split("; ").filter_map(|of| match of.split_once(": ") {
+        Some((name, unit)) => (law.is_none() || law == Some(name)).then_some(unit),
+        None => Some(unit),
+    });
+    let by_dimension = |unit: &str| match unit.split_once(", in 2D ") {
+        Some((of, _)) if spheres => of.to_string(),
+        Some((_, of)) => of.to_string(),
+        None => unit.to_string(),
+    };
+    by_law.map(by_dimension).collect()
+}
+
+/// Whether values of a key may have units.
+pub(super) fn applies(unit: &str) -> bool {
+    let parsed = |unit: &String| Unit::parse(unit).is_ok();
+    declared(unit, true, None).iter().all(parsed)
+}
+
+/// The number of a value with a unit, as TOML.
+fn converted(text: &str, units: &[String]) -> Result<String, String> {
+    let (number, unit) = quantity(text).expect("a number and more");
+    let wanted: Vec<Unit> = units.iter().filter_map(|u| Unit::parse(u).ok()).collect();
+    if units.iter().all(String::is_empty) || wanted.is_empty() {
+        return Err(format!(
+            "takes a number without a unit, found {text:?}; write {number}"
+        ));
+    }
+    let of_key = units.join(" or ");
+    let given = Unit::parse(unit).map_err(|part| {
+        let near = SYMBOLS.iter().flat_map(|symbol| {
+            let prefixed = PREFIXES.iter().filter(|_| symbol.prefixed);
+            let prefixed = prefixed.map(|(prefix, _)| format!("{prefix}{}", symbol.name));
+            prefixed.chain([symbol.name.to_string()])
+        });
+        let near = near
+            .filter(|name| name.to_lowercase() == part.to_lowercase())
+            .collect::<Vec<_>>();
+        let hint = match &near[..] {
+            [] => String::new(),
+            near => format!("; did you mean {}?", near.join(" or ")),
+        };
+        format!("{text:?} has the unknown unit {part}{hint}; give a number in {of_key}, such as \"5 {}\"", units[0])
+    })?;
+    if wanted.iter().all(|unit| unit.dimension != given.dimension) {
+        return Err(format!(
+            "is in {of_key}, but {text:?} is {}; give {}, such as \"5 {}\"",
+            name_of(given.dimension),
+            name_of(wanted[0].dimension),
+            units[0]
+        ));
+    }
+    let value = given.convert(number).filter(|value| value.is_finite());
+    let value = value.ok_or_else(|| format!("{text:?} is a number out of range"))?;
+    Ok(format!("{value:?}"))
+}
+
+/// What is done with a value: the place of its key, its path, the units of the key, and the value.
+type Visit<'v, 'a> =
+    &'v mut dyn FnMut(usize, &str, &[String], &mut DeValue<'a>) -> Result<(), Failure>;
+
+/// Visits every value that stands for a number, is a string and begins with a number.
+fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<(), Failure> {
+    let dimension = tree.get("dimension").map(Spanned::get_ref);
+    let dimension = dimension.and_then(|value| value.as_integer());
+    let spheres = dimension.is_some_and(|number| number.as_str() == "3");
+    let law = tree.get("contact").and_then(|table| {
+        let law = table.get_ref().as_table()?.get("law")?;
+        law.get_ref().as_str().map(str::to_string)
+    });
+    let mut visit = |at: usize, path: &str, units: &[String], value: &mut DeValue<'a>| {
+        let text = value.as_str();
+        match text.is_some_and(|text| quantity(text).is_some()) {
+            true => visit(at, path, units, value),
+            false => Ok(()),
+        }
+    };
+    for (name, value) in tree.iter_mut() {
+        let keys = keys_of(name.get_ref()).unwrap_or_default();
+        let DeValue::Table(table) = value.get_mut() else {
+            continue;
+        };
+        for (name, value) in table.iter_mut() {
+            let Some(key) = keys.iter().find(|key| key.name == &**name.get_ref()) else {
+                continue;
+            };
+            let at = value.span().start;
+            let units = declared(&key.unit, spheres, law.as_deref());
+            match (key.values, value.get_mut()) {
+                (Values::Number(_), value) => visit(at, key.path, &units, value)?,
+                (Values::Numbers(_), DeValue::Array(list)) => {
+                    for value in list.iter_mut() {
+                        visit(at, key.path, &units, value.get_mut())?;
+                    }
+                }
+                (Values::Parts, DeValue::Array(parts)) => {
+                    for (n, part) in parts.iter_mut().enumerate() {
+                        let DeValue::Table(part) = part.get_mut() else {
+                            continue;
+                        };
+                        for (name, value) in part.iter_mut() {
+                            let known = PART_KEYS.iter().find(|key| name.get_ref() == key.name);
+                            let units = known.map(|key| key.unit.to_string());
+                            let path = format!("{}: part {}: {}", key.path, n + 1, name.get_ref());
+                            visit(at, &path, units.as_slice(), value.get_mut())?;
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The numbers of all values with units, as TOML, in the order of [`put`].
+///
+/// # Errors
+/// A unit that is unknown, or of another kind than that of the key.
+pub(super) fn numbers(tree: &mut DeTable<'_>, input: &Input<'_>) -> Result<Vec<String>, Failure> {
+    let mut numbers = Vec::new();
+    each_quantity(tree, &mut |at, path, units, value| {
+        let text = value.as_str().expect("a string");
+        let number = converted(text, units).map_err(|what| input.failure(at, path, &what))?;
+        numbers.push(number);
+        Ok(())
+    })?;
+    Ok(numbers)
+}
+
+/// Puts the numbers in the place of the values with units.
+pub(super) fn put<'a>(tree: &mut DeTable<'a>, numbers: &'a [String]) {
+    let mut numbers = numbers.iter();
+    let put = each_quantity(tree, &mut |_, _, _, value| {
+        let text = numbers.next().expect("a number for each of them");
+        *value = DeValue::parse(text).expect("a number").into_inner();
+        Ok(())
+    });
+    put.expect("no failures");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Source, load};
+
+    fn number(text: &str, unit: &str) -> Result<f64, String> {
+        converted(text, &[unit.to_string()]).map(|text| text.parse().expect("a number"))
+    }
+
+    /// To the bit what the number in SI units is.
+    #[test]
+    fn every_prefix_is_a_power_of_ten() {
+        for (text, unit, wanted) in [
+            ("1.5 mm", "m", 1.5e-3),
+            ("1.5mm", "m", 1.5e-3),
+            ("0.3 fm", "m", 0.3e-15),
+            ("0.3 pm", "m", 0.3e-12),
+            ("0.7 nm", "m", 0.7e-9),
+            ("0.7 um", "m", 0.7e-6),
+            ("0.7 µm", "m", 0.7e-6),
+            ("0.7 μm", "m", 0.7e-6),
+            ("0.7 cm", "m", 0.7e-2),
+            ("0.7 km", "m", 0.7e3),
+            ("5 MPa", "Pa", 5e6),
+            ("65e-1 GPa", "Pa", 65e8),
+            ("1 TPa", "Pa", 1e12),
+            ("1.013 bar", "Pa", 1.013e5),
+            ("3 N/mm^2", "Pa", 3e6),
+            ("-1_000.5 kPa", "Pa", -1_000.5e3),
+            ("2.65 g/cm³", "kg/m³", 2.65e3),
+            ("2.65 t/m^3", "kg/m³", 2.65e3),
+            ("7 mg", "kg", 7e-6),
+            ("10 min", "s", 600.0),
+            ("1.5 h", "s", 5400.0),
+            ("20 ms", "s", 20e-3),
+            ("0.1 mm/s", "m/s", 0.1e-3),
+            ("2 m s^-1", "m/s", 2.0),
+            ("9.81 m/s/s", "m/s²", 9.81),
+            ("3 kN/m", "N/m", 3e3),
+            ("3 J/m^2", "N/m", 3.0),
+            ("5 Hz", "1/s", 5.0),
+            ("4 1/(mm s)", "1/(m s)", 4e3),
+            ("8 N/m^1.5", "N/m^1.5", 8.0),
+        ] {
+            assert_eq!(number(text, unit), Ok(wanted), "{text}");
+        }
+        let half = number("2 N/mm^1.5", "N/m^1.5").expect("a number");
+        assert!((half / (2.0 * 10f64.powf(4.5)) - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn other_units_are_refused() {
+        for (text, unit, wanted) in [
+            (
+                "5 mm",
+                "Pa",
+                "is in Pa, but \"5 mm\" is a length; give a pressure, such as \"5 Pa\"",
+            ),
+            (
+                "5 mpa",
+                "Pa",
+                "\"5 mpa\" has the unknown unit mpa; did you mean mPa or MPa?; give a number in Pa, such as \"5 Pa\"",
+            ),
+            (
+                "5 furlong",
+                "m",
+                "\"5 furlong\" has the unknown unit furlong; give a number in m, such as \"5 m\"",
+            ),
+            (
+                "5 m/",
+                "m",
+                "\"5 m/\" has the unknown unit m/; give a number in m, such as \"5 m\"",
+            ),
+            (
+                "0.5 MPa",
+                "",
+                "takes a number without a unit, found \"0.5 MPa\"; write 0.5",
+            ),
+            (
+                "3 N",
+                "force",
+                "takes a number without a unit, found \"3 N\"; write 3",
+            ),
+            ("1e400 m", "m", "\"1e400 m\" is a number out of range"),
+        ] {
+            assert_eq!(number(text, unit), Err(wanted.into()), "{text}");
+        }
+    }
+
+    #[test]
+    fn only_texts_that_begin_with_a_number_have_a_unit() {
+        for text in ["", "small", "none", "5", "1e-3", "-", "e5 m", "."] {
+            assert_eq!(quantity(text), None, "{text}");
+        }
+        assert_eq!(quantity(" 5 eV "), Some(("5", "eV")));
+        assert_eq!(quantity("5e3m"), Some(("5e3", "m")));
+    }
+
+    /// Every unit that is declared, in every law and dimension, but for those of boxes, which have
+    /// no system of units.
+    #[test]
+    fn declared_units_are_known() {
+        let keys = crate::raw::TABLES.iter().flat_map(|table| &table.keys);
+        let mut none = Vec::new();
+        for key in keys.filter(|key| !key.unit.is_empty()) {
+            let all = [true, false].map(|spheres| declared(&key.unit, spheres, None));
+            for unit in all.iter().flatten() {
+                match Unit::parse(unit) {
+                    Ok(unit) => assert!(unit.ten % 2 == 0 && unit.factor == 1.0, "{}", key.path),
+                    Err(_) => none.push(key.path),
+                }
+            }
+        }
+        none.dedup();
+        assert_eq!(none, ["relax.tolerance", "relax.drag"]);
+    }
+
+    #[test]
+    fn scenes_with_units_are_those_without() {
+        let text = "
+            material = { young_modulus = 1e9, poisson_ratio = 0.2, density = 2500 }
+            contact = { friction = 0.7, damping_ratio = 0.1 }
+            sample = { grains = 1000, radius_min = 0.5e-6, radius_max = 1e-6, length = 48e-6 }
+            load.stiffness_number = 1e4
+        ";
+        let plain = [
+            "load.stiffness_number=none",
+            "load.pressure=13.5e3",
+            "sample.length=48e-6",
+            "material.density=2500",
+            "shear.protocol=[{velocity=0.1, distance=20e-3}, {velocity=0, time=10e-3}]",
+            "bookkeeping.watchdog=600",
+        ];
+        let units = [
+            "load.stiffness_number=none",
+            "load.pressure=13.5 kPa",
+            "sample.length=48 µm",
+            "material.density=2.5 g/cm^3",
+            "shear.protocol=[{velocity='10 cm/s', distance='20 mm'}, {velocity=0, time='10 ms'}]",
+            "bookkeeping.watchdog=10 min",
+        ];
+        let [plain, units] = [plain, units]
+            .map(|set| load(&Source::new("x", text), &set.map(String::from)).unwrap());
+        assert_eq!(plain.toml, units.toml);
+        assert_eq!(plain, units);
+    }
+
+    #[test]
+    fn the_unit_of_the_dimension_and_the_law_counts() {
+        let of = |spheres, law| declared("hooke: N/m, in 2D Pa; mindlin: N/m^1.5", spheres, law);
+        assert_eq!(of(false, Some("hooke")), ["Pa"]);
+        assert_eq!(of(true, Some("hooke")), ["N/m"]);
+        assert_eq!(of(true, Some("mindlin")), ["N/m^1.5"]);
+        assert_eq!(of(true, None), ["N/m", "N/m^1.5"]);
+        let set = ["load.stiffness_number=none", "load.normal_force=1 N"].map(String::from);
+        let refused = load(&Source::embedded(), &set).unwrap_err().to_string();
+        assert_eq!(
+            refused,
+            "--set load.normal_force=1 N: is in N/m, but \"1 N\" is a force; give a force per length, such as \"5 N/m\""
+        );
+    }
+}
