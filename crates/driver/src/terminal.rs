@@ -301,10 +301,14 @@ fn imposed(schedule: &Schedule, segment: &Segment) -> String {
         text
     };
     let mut text = match &segment.imposed.along {
-        Along::Velocity(velocity) => format!(
-            "V = {velocity:.4e} m/s (I = {:.2e})",
-            schedule.inertial_number(*velocity)
-        ),
+        Along::Velocity(velocity) => {
+            let mut text = format!("V = {velocity:.4e} m/s");
+            // I is that of the load of the scene, which other parts may change.
+            if segment.imposed.normal.is_none() {
+                text += &format!(" (I = {:.2e})", schedule.inertial_number(*velocity));
+            }
+            text
+        }
         Along::Oscillation(wave) => format!(
             "strain amplitude {:.4e} at {:.4e} Hz",
             wave.amplitude / schedule.height,

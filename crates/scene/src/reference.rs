@@ -6,7 +6,7 @@ use std::ops::Bound;
 
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::LAWS;
-use gshear_dem::laws::keys::{Bounds, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::Bounds;
 use serde_json::{Map, Value, json};
 
 use crate::key::Entry;

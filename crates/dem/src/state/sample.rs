@@ -123,7 +123,7 @@ crate::columns! {
         imposed_normal_force: "N",
         /// S imposed on the top wall along x; NaN while it moves with the drive
         imposed_shear_force: "N",
-        /// displacement of the bottom wall along its normal, towards the top wall
+        /// displacement of the bottom wall towards the top wall
         bottom_displacement: "m",
     }
 }
