@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
+use clap::error::ErrorKind;
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
@@ -15,6 +16,7 @@ use gshear_driver::run::Outcome;
 use gshear_driver::say::{say, say_error};
 use gshear_driver::signals::Signals;
 use gshear_driver::sweep::Sweep;
+use gshear_driver::version;
 use gshear_mpi_exchange::World;
 use gshear_scene::Source;
 use gshear_store::collective::agree;
@@ -136,7 +138,9 @@ fn main() -> ExitCode {
     let arguments = match CommandLine::try_parse() {
         Ok(arguments) => arguments,
         Err(e) => {
-            if speaks {
+            if speaks && e.kind() == ErrorKind::DisplayVersion {
+                say(version::text().trim_end());
+            } else if speaks {
                 let _ = e.print();
             }
             return ExitCode::from(e.exit_code() as u8);

@@ -39,4 +39,5 @@ pub mod signals;
 pub mod stages;
 pub mod sweep;
 mod terminal;
+pub mod version;
 pub mod written;

@@ -44,4 +44,4 @@ mod world;
 
 pub use parallel::Parallel;
 pub use watchdog::{LoneFailure, Waiting};
-pub use world::World;
+pub use world::{World, library_version};

@@ -38,6 +38,16 @@ pub struct World {
     _universe: Universe,
 }
 
+/// Name and version of the MPI library, in one line.
+pub fn library_version() -> String {
+    let text = mpi::environment::library_version().unwrap_or_default();
+    let line = text.lines().next().unwrap_or_default();
+    // MPICH has a table, Open MPI adds who built it.
+    let line = line.split_once(", package").map_or(line, |(line, _)| line);
+    let words: Vec<&str> = line.split_whitespace().collect();
+    words.join(" ")
+}
+
 /// Settings of Open MPI that the environment may override.
 const OPEN_MPI: [(&str, &str); 3] = [
     // A halo message of 4 KiB just exceeds the default, above which a handshake comes first.

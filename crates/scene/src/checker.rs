@@ -191,13 +191,13 @@ impl<'a> Checker<'a> {
         given.sort_unstable();
         if let [(first_at, first), (_, second), ..] = given[..] {
             let names: Vec<&str> = keys.iter().map(|k| k.declared.name()).collect();
+            let second_at = keys[second].offset().unwrap_or(0);
             let mut text = format!(
                 "contradicts {} ({}); give exactly one of {}",
                 keys[first].declared.path,
-                self.input.mention(first_at),
+                self.input.mention_beside(first_at, second_at),
                 names.join(", ")
             );
-            let second_at = keys[second].offset().unwrap_or(0);
             if self.input.override_at(second_at).is_some() {
                 text += &format!(
                     "; --set {}=none takes that one away",

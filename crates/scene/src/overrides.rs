@@ -158,7 +158,7 @@ mod tests {
             ),
             (
                 "shear.velocity=1e-3",
-                "contradicts shear.inertial_number (line 32); give exactly one of inertial_number, velocity; --set shear.inertial_number=none takes that one away",
+                "contradicts shear.inertial_number (line 33); give exactly one of inertial_number, velocity; --set shear.inertial_number=none takes that one away",
             ),
             ("sample.grains=none", "NOT SHOWN"),
         ] {
@@ -166,7 +166,7 @@ mod tests {
             if expected == "NOT SHOWN" {
                 assert_eq!(
                     found,
-                    "embedded default scene:19: [sample] lacks grains: the number of grains, such as grains = 1000"
+                    "embedded default scene:20: [sample] lacks grains: the number of grains, such as grains = 1000"
                 );
             } else {
                 assert_eq!(found, format!("--set {set}: {expected}"));

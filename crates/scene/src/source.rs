@@ -280,6 +280,16 @@ impl<'a> Input<'a> {
         part.text().lines().nth(self.line(offset) - 1)
     }
 
+    /// [`Self::mention`] in a message about the place `beside`: names the file if that is another one.
+    pub fn mention_beside(&self, offset: usize, beside: usize) -> String {
+        let in_files = self.override_at(offset).is_none() && self.override_at(beside).is_none();
+        let [of, other] = [offset, beside].map(|at| self.source.part_at(at).start);
+        match in_files && of != other {
+            true => self.place(offset),
+            false => self.mention(offset),
+        }
+    }
+
     /// `line 12` or `--set a.b=c`: the place as another place's message refers to it. In a file
     /// that is extended, `base.toml:12`.
     pub fn mention(&self, offset: usize) -> String {

@@ -30,6 +30,12 @@ pub fn printed() -> String {
     format!("gshear-mpi {VERSION} ({short}{})", commit.1)
 }
 
+/// Returns the version of the HDF5 library.
+pub fn hdf5_version() -> String {
+    let (major, minor, patch) = hdf5::library_version();
+    format!("{major}.{minor}.{patch}")
+}
+
 /// Returns the model name of this machine's processor, or `unknown`.
 pub fn processor() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();

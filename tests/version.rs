@@ -1,0 +1,52 @@
+//! `gshear-mpi --version` names the program, its libraries and the instruction sets.
+
+mod common;
+
+use std::process::Command;
+
+use common::succeed;
+
+#[test]
+fn the_version_names_libraries_and_instruction_sets() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"));
+    let said = succeed(command.arg("--version"));
+    let said = String::from_utf8(said.stdout).expect("text");
+    let lines: Vec<&str> = said.lines().collect();
+    let [program, mpi, hdf5, instruction_sets] = lines[..] else {
+        panic!("{said}");
+    };
+    let version = concat!("gshear-mpi ", env!("CARGO_PKG_VERSION"), " (");
+    assert!(
+        program.starts_with(version) && program.ends_with(')'),
+        "{program}"
+    );
+
+    // Of the launcher, which comes with the library.
+    let launcher = std::env::var("MPIRUN").unwrap_or_else(|_| "mpirun".into());
+    let launcher = launcher.split_whitespace().next().expect("a program");
+    let of_launcher = Command::new(launcher).arg("--version").output();
+    let of_launcher = of_launcher.expect("mpirun");
+    let of_launcher = String::from_utf8_lossy(&of_launcher.stdout).into_owned();
+    let number = |word: &&str| word.contains('.') && word.starts_with(|c: char| c.is_ascii_digit());
+    let number = of_launcher
+        .split_whitespace()
+        .find(number)
+        .expect("a version");
+    assert!(
+        mpi.starts_with("MPI: ") && mpi.contains(number),
+        "{mpi} {number}"
+    );
+    assert!(
+        hdf5.starts_with("HDF5: 1.") || hdf5.starts_with("HDF5: 2."),
+        "{hdf5}"
+    );
+
+    let flags = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let has = |flag: &str| flags.split_whitespace().any(|word| word == flag);
+    assert!(instruction_sets.ends_with("portable"), "{instruction_sets}");
+    assert_eq!(instruction_sets.contains("avx2"), has("avx2") && has("fma"));
+    assert_eq!(
+        instruction_sets.contains("avx512"),
+        has("avx512f") && has("avx512dq")
+    );
+}
