@@ -1,6 +1,8 @@
 //! The second kick of a step is given before grains are read, or by the next step: the bits are the
 //! same.
 
+mod common;
+
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
@@ -84,13 +86,7 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Acce
 }
 
 fn grains<D: Dimension>() -> Vec<GrainState> {
-    let mut seed = 5u64;
-    let mut random = || {
-        seed = seed
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    };
+    let mut random = common::random(5);
     let per_layer = SIDE.pow(D::UP as u32);
     let grain = |id: usize| {
         let layer = id / per_layer;

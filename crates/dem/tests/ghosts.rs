@@ -1,22 +1,19 @@
 //! The halo holds the ghosts that the forces need and no others. The ranks are threads.
 
+mod common;
+
 use std::sync::{Arc, Barrier, Mutex};
 
-use bytemuck::{Zeroable, cast_slice, pod_collect_to_vec};
+use bytemuck::{cast_slice, pod_collect_to_vec};
+use common::{CONTACT, gas, setup, springs};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::{Exchange, Link, Solo};
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::Contact;
-use gshear_dem::laws::hooke::{Hooke, Springs};
+use gshear_dem::laws::hooke::Hooke;
 use gshear_dem::observe;
-use gshear_dem::simd::Isa;
-use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
-
-const RADIUS: f64 = 1e-3;
-const SKIN: f64 = 0.1;
+use gshear_dem::system::{ListSettings, System};
 
 /// A rank of a job whose ranks are threads.
 struct Thread {
@@ -107,59 +104,6 @@ impl Exchange for Thread {
     }
 }
 
-/// Grains of a gas that is dense enough to touch, in a periodic box.
-fn gas<D: Dimension>(side: usize) -> (Setup, Vec<GrainState>) {
-    let spacing = 2.1 * RADIUS;
-    let length = side as f64 * spacing;
-    let setup = Setup {
-        isa: Isa::detect(),
-        list: ListSettings {
-            skin: Some(SKIN),
-            rebuild_every: 0,
-        },
-        cell: Cell {
-            periods: match D::AXES {
-                2 => [length, f64::INFINITY],
-                _ => [length; 2],
-            },
-            sheared: Some(Sheared {
-                offset: 0.3 * RADIUS,
-                velocity: 0.2,
-                ..Sheared::upright(length)
-            }),
-        },
-        largest_radius: RADIUS,
-        mean_diameter: 2.0 * RADIUS,
-        masses: Masses::Density(2500.0),
-        step: 2e-7,
-        gravity: 0.0,
-        typical_force: 1.0,
-        threads: 1,
-    };
-    let mut seed = 5u64;
-    let mut random = || {
-        seed = seed
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    };
-    let grain = |id: usize| {
-        let mut state = GrainState {
-            id: id as u32,
-            radius: (0.75 + 0.25 * random()) * RADIUS,
-            ..GrainState::zeroed()
-        };
-        for axis in 0..D::AXES {
-            let place = (id / side.pow(axis as u32) % side) as f64;
-            state.position[axis] = (place + 0.5 + 0.02 * random()) * spacing;
-            state.velocity[axis] = random();
-        }
-        state
-    };
-    let grains = (0..side.pow(D::AXES as u32)).map(grain).collect();
-    (setup, grains)
-}
-
 /// Runs `steps` steps on this rank, and returns the digest. After each list that it makes, calls
 /// `look`.
 fn run<D: Dimension>(
@@ -169,7 +113,12 @@ fn run<D: Dimension>(
     steps: u64,
     mut look: impl FnMut(&mut System<D>),
 ) -> String {
-    let (setup, mut grains) = gas::<D>(side);
+    let list = ListSettings {
+        skin: Some(0.1),
+        rebuild_every: 0,
+    };
+    let setup = setup::<D>(side, 0.2, list);
+    let mut grains = gas::<D>(side, 0.5, 5);
     if exchange.rank() > 0 {
         grains.clear();
     }
@@ -243,22 +192,9 @@ fn on_ranks<D: Dimension>(law: &(dyn PairForce<D> + Sync), side: usize, ranks: u
     });
 }
 
-const SPRINGS: Springs = Springs {
-    normal_stiffness: 1e7,
-    tangential_stiffness: 4e6,
-    density: 2500.0,
-    damping_ratio: 0.02,
-};
-
-const CONTACT: Contact = Contact {
-    friction: 0.5,
-    rolling_friction: 0.0,
-    rolling_damping_ratio: 0.0,
-};
-
 #[test]
 fn ghosts_of_disks_are_those_in_pairs() {
-    let law = Hooke::<Two, true, false>::new(&SPRINGS, &CONTACT);
+    let law = Hooke::<Two, true, false>::new(&springs::<Two>(), &CONTACT);
     for ranks in [2, 3] {
         on_ranks(&law, 24, ranks);
     }
@@ -266,12 +202,7 @@ fn ghosts_of_disks_are_those_in_pairs() {
 
 #[test]
 fn ghosts_of_spheres_are_those_in_pairs() {
-    let springs = Springs {
-        normal_stiffness: 1e4,
-        tangential_stiffness: 4e3,
-        ..SPRINGS
-    };
-    let law = Hooke::<Three, true, false>::new(&springs, &CONTACT);
+    let law = Hooke::<Three, true, false>::new(&springs::<Three>(), &CONTACT);
     for ranks in [2, 3] {
         on_ranks(&law, 12, ranks);
     }
