@@ -349,31 +349,37 @@ impl Slider {
         }
     }
 
-    /// Computes the acceleration by the force of the grains along x, and by the spring or the
-    /// imposed force: that of the next segment, if it has one.
-    fn accelerate(&mut self, force: f64, mass: f64) {
+    /// What pulls the top along x besides the grains in this segment: the spring or the imposed
+    /// force. `None` if the top moves with the drive.
+    fn pull(&self, segment: &Segment) -> Option<f64> {
         let now = self.state.step;
-        let imposed = match self.spring {
-            Some(stiffness) => stiffness * (self.protocol.position(now) - self.state.displacement),
-            None => {
-                let next = self.protocol.segment(now).force(now);
-                match next.or_else(|| self.protocol.segment_before(now).force(now)) {
-                    Some(force) => force,
-                    None => return,
-                }
+        match self.spring {
+            Some(stiffness) => {
+                Some(stiffness * (self.protocol.position(now) - self.state.displacement))
             }
-        };
-        self.state.acceleration = (imposed + force) / mass;
+            None => segment.force(now),
+        }
     }
 
-    fn kick(&mut self, step: f64, force: f64, mass: f64) {
-        self.accelerate(force, mass);
-        let now = self.state.step;
-        if self.is_free(self.protocol.segment_before(now)) {
-            self.state.velocity += 0.5 * step * self.state.acceleration;
-        } else {
-            self.state.velocity = self.protocol.full_velocity(now);
+    /// Computes the acceleration at the start of a segment by the force of the grains along x.
+    fn accelerate(&mut self, force: f64, mass: f64) {
+        if let Some(pull) = self.pull(self.protocol.segment(self.state.step)) {
+            self.state.acceleration = (pull + force) / mass;
         }
+    }
+
+    /// The second half kick by the force of the last segment; the acceleration is then that of the
+    /// next one, so that a jump of the force leaves the scheme of second order.
+    fn kick(&mut self, step: f64, force: f64, mass: f64) {
+        let now = self.state.step;
+        match self.pull(self.protocol.segment_before(now)) {
+            Some(pull) => {
+                self.state.acceleration = (pull + force) / mass;
+                self.state.velocity += 0.5 * step * self.state.acceleration;
+            }
+            None => self.state.velocity = self.protocol.full_velocity(now),
+        }
+        self.accelerate(force, mass);
     }
 
     /// Position of the far end of the spring, or of the top itself (m).
@@ -526,7 +532,9 @@ impl GrainWalls {
         self.rose = [self.piston.height - before, bottom];
     }
 
-    /// The second half kick of the top upwards, by the load of the next segment if it has one.
+    /// The second half kick of the top upwards by the load of the last segment; load and
+    /// acceleration are then those of the next one, so that a jump of the load leaves the scheme of
+    /// second order.
     fn end_rise(&mut self, step: f64, force: f64) {
         let protocol = &self.slider.protocol;
         if !protocol.has_normal() {
@@ -536,18 +544,16 @@ impl GrainWalls {
         let now = self.slider.state.step;
         let (last, next) = (protocol.segment_before(now), protocol.segment(now));
         let piston = &mut self.piston;
-        if let Some(load) = next.load(now).or_else(|| last.load(now)) {
-            piston.load = load;
-        }
         match last.normal_velocity() {
-            None => piston.full_kick(step, force, 0.0),
-            Some(velocity) => {
-                piston.velocity = velocity;
-                piston.acceleration = match next.load(now) {
-                    Some(load) => (force - load) / piston.mass,
-                    None => 0.0,
-                };
+            None => {
+                piston.load = last.load(now).unwrap_or(piston.load);
+                piston.full_kick(step, force, 0.0);
             }
+            Some(velocity) => (piston.velocity, piston.acceleration) = (velocity, 0.0),
+        }
+        if let Some(load) = next.load(now) {
+            piston.load = load;
+            piston.acceleration = (force - load) / piston.mass;
         }
     }
 }
