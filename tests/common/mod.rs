@@ -3,6 +3,7 @@
 #![allow(dead_code)]
 
 pub mod crossing;
+pub mod protocols;
 pub mod synthetic;
 
 use std::path::{Path, PathBuf};

@@ -1,0 +1,119 @@
+//! Scenes with one part of every kind of a protocol.
+
+use std::path::Path;
+
+use gshear_scene::schedule::Schedule;
+use gshear_scene::{Source, load};
+
+use super::{Outcome, gshear_mpi};
+
+/// A scene with one part of every kind. Parts without a key of the pressure keep that before them.
+pub struct Case {
+    pub scene: &'static str,
+    /// Keys that another way to shear needs.
+    pub removed: &'static [&'static str],
+    pub further: &'static [&'static str],
+    pub parts: &'static [&'static str],
+}
+
+pub const DISKS: Case = Case {
+    scene: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml"),
+    removed: &[
+        "shear.inertial_number",
+        "shear.strain",
+        "output.frame_strain",
+        "output.series_strain",
+        "output.checkpoint_strain",
+    ],
+    further: &["output.series_rows=10", "output.frame_rows=1"],
+    parts: &[
+        "velocity = 0.3, time = 1e-7",
+        "velocity = 0.3, time = 1e-7, pressure = 7e5",
+        "velocity = 0.3, time = 1e-7, pressure = 5e5, pressure_end = 8e5",
+        "velocity = 0.3, time = 1e-7, pressure = 6e5, pressure_amplitude = 2e5, pressure_frequency = 2e7",
+        "velocity = 0.3, time = 1e-7, wall_velocity = 0",
+        "velocity = 0.3, time = 1e-7, wall_velocity = -0.02",
+        "strain_amplitude = 0.002, frequency = 1e7, cycles = 1.25, pressure = 6e5",
+        "strain_amplitude = 0.002, frequency = 1e7, cycles = 1.25, wall_velocity = 0",
+        "shear_stress = 2e5, time = 1e-7, pressure = 6e5",
+        "shear_stress = 2e5, shear_stress_end = -1e5, time = 1e-7",
+        "shear_stress = 0, shear_stress_amplitude = 2e5, frequency = 1e7, cycles = 1.25",
+        "velocity = 0.3, time = 1e-7, bottom_amplitude = 2e-9, bottom_frequency = 1e7",
+        "velocity = 0, time = 5e-8",
+    ],
+};
+
+pub const SPHERES: Case = Case {
+    scene: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml"),
+    removed: &["shear.spring_number"],
+    further: &[
+        "output.series_rows=10",
+        "output.frame_rows=1",
+        "pack.tolerance=1e-2",
+    ],
+    parts: &[
+        "velocity = 3, time = 1e-4",
+        "velocity = 3, time = 1e-4, pressure = 1.2e5",
+        "velocity = 3, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5",
+        "velocity = 3, time = 1e-4, pressure = 1e5, pressure_amplitude = 3e4, pressure_frequency = 2e4",
+        "velocity = 3, time = 1e-4, wall_velocity = 0",
+        "velocity = 3, time = 1e-4, wall_velocity = -0.1",
+        "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, pressure = 1e5",
+        "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, wall_velocity = 0",
+        "shear_stress = 3e4, time = 1e-4, pressure = 1e5",
+        "shear_stress = 3e4, shear_stress_end = -2e4, time = 1e-4",
+        "shear_stress = 0, shear_stress_amplitude = 3e4, frequency = 1e4, cycles = 1.25",
+        "velocity = 3, time = 1e-4, bottom_amplitude = 1e-5, bottom_frequency = 1e4",
+        "velocity = 0, time = 5e-5",
+    ],
+};
+
+/// All that a spring allows: what moves is its far end.
+pub const SPHERES_UNDER_A_SPRING: Case = Case {
+    removed: &[],
+    parts: &[
+        "velocity = 3, time = 1e-4",
+        "velocity = 3, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5",
+        "velocity = 3, time = 1e-4, pressure = 1e5, pressure_amplitude = 3e4, pressure_frequency = 2e4",
+        "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, pressure = 1e5",
+        "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, wall_velocity = 0",
+        "velocity = 3, time = 1e-4, bottom_amplitude = 1e-5, bottom_frequency = 1e4, pressure = 1e5",
+    ],
+    ..SPHERES
+};
+
+impl Case {
+    /// What `--set` takes.
+    pub fn sets(&self) -> Vec<String> {
+        let removed = self.removed.iter().map(|key| format!("{key}=none"));
+        let further = self.further.iter().map(ToString::to_string);
+        let parts: Vec<_> = self
+            .parts
+            .iter()
+            .map(|part| format!("{{ {part} }}"))
+            .collect();
+        let protocol = format!("shear.protocol=[{}]", parts.join(", "));
+        removed.chain(further).chain([protocol]).collect()
+    }
+
+    /// A run in `folder`; `further` are arguments.
+    pub fn run(&self, folder: &Path, ranks: usize, further: &[&str]) -> Outcome {
+        let mut arguments = vec![self.scene.to_string()];
+        arguments.extend(self.sets().into_iter().map(|set| format!("--set={set}")));
+        arguments.extend(further.iter().map(ToString::to_string));
+        gshear_mpi(ranks, folder, &arguments)
+    }
+
+    /// The steps in the middle of every part, and the last of every third.
+    pub fn stops(&self) -> Vec<u64> {
+        let scene =
+            load(&Source::read(self.scene).expect("a file"), &self.sets()).expect("a sound scene");
+        let walls = scene.plane_shear("the scene").expect("walls");
+        let protocol = Schedule::new(&scene, walls, 1.0).protocol;
+        let segments = protocol.segments();
+        let mut stops: Vec<u64> = segments.iter().map(|s| s.first + s.steps / 2).collect();
+        stops.extend(segments.iter().skip(1).step_by(3).map(|s| s.first));
+        stops.sort_unstable();
+        stops
+    }
+}
