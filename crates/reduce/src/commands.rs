@@ -195,11 +195,11 @@ pub enum Command {
         run: PathBuf,
         /// Range of shear strain, as 0.1005..0.1006: from the first to the last row of the time
         /// series in it
-        #[arg(long, value_name = "A..B", value_parser = replay::strains, required_unless_present = "time")]
+        #[arg(long, value_name = "A..B", value_parser = replay::range, required_unless_present = "time")]
         strain: Option<Strains>,
-        /// Range of time of Newton's equations, for a run in a box; writes newtonian.h5 into the
-        /// new folder
-        #[arg(long, value_name = "A..B", value_parser = replay::strains, conflicts_with = "strain")]
+        /// Range of time in s, as 0.1..0.2: as --strain, for a strain that returns. Of a run in a box
+        /// that of Newton's equations; writes newtonian.h5 into the new folder
+        #[arg(long, value_name = "A..B", value_parser = replay::range, conflicts_with = "strain")]
         time: Option<Strains>,
         /// Steps between frames, from the first row on [default: one frame per row]
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -345,16 +345,20 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             every,
             out,
         } => {
-            if let Some(time) = time {
-                let how = (*every, threads);
-                replay::newtonian(run, *time, how, out.as_deref(), output)?;
-                return Ok(0);
-            }
-            let Some(strain) = strain else {
-                return Err(Failure::input("replay: give --strain A..B or --time A..B"));
+            let rows = match (strain, time) {
+                (Some(strain), _) => replay::Rows::Strain(*strain),
+                (None, Some(time)) if replay::has_newtonian(run) => {
+                    let how = (*every, threads);
+                    replay::newtonian(run, *time, how, out.as_deref(), output)?;
+                    return Ok(0);
+                }
+                (None, Some(time)) => replay::Rows::Time(*time),
+                (None, None) => {
+                    return Err(Failure::input("replay: give --strain A..B or --time A..B"));
+                }
             };
             let request = replay::ReplayRequest {
-                strain: *strain,
+                rows,
                 every: *every,
                 threads,
             };

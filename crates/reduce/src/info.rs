@@ -61,6 +61,16 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     };
     let of_height = of_height.replace("{}", &format!("{height:.4e} m"));
     lines.push(("box", format!("{length:.4e} m{width} {of_height}")));
+    if let (false, Some(last)) = (walls, run.frames().checked_sub(1)) {
+        let edges = run.box_edges(last);
+        let lengths = (0..run.dimension().axes()).map(|axis| edges[axis][axis]);
+        let lengths: Vec<f64> = lengths.collect();
+        if lengths[0] != length || lengths.last() != Some(&height) {
+            let words: Vec<String> = lengths.iter().map(|l| format!("{l:.4e} m")).collect();
+            let text = format!("{} (periodic) at the last frame", words.join(" × "));
+            lines.push(("", text));
+        }
+    }
 
     let strains = run.frame_strains()?;
     let steps = run.frame_steps();
@@ -94,10 +104,15 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// Returns the number of entries and the range of steps and, where they have one, of strains.
+/// Returns the number of entries and the range of steps and, where they have one, of strains: the
+/// least and the greatest if they return.
 fn span(step: &[u64], strain: &[f64]) -> String {
     let count = step.len();
+    let returns = strain.windows(2).any(|pair| pair[1] < pair[0]);
+    let least = strain.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = strain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let strains = match strain {
+        [_, .., _] if returns => format!(", γ between {least:.8} and {most:.8}"),
         [from, .., to] => format!(", γ = {from:.8} … {to:.8}"),
         [at] => format!(", γ = {at:.8}"),
         [] => String::new(),

@@ -17,11 +17,20 @@ use gshear_store::columns::NewtonianRow;
 use gshear_store::file_names::{NEWTONIAN_FILE, RUN_FILE};
 use gshear_store::run_reader::{self, RunFile};
 
+/// The rows of the time series that are replayed: from the first to the last in a range.
+#[derive(Debug, Clone, Copy)]
+pub enum Rows {
+    /// γ at both ends.
+    Strain([f64; 2]),
+    /// Time at both ends (s): for a strain that returns.
+    Time([f64; 2]),
+}
+
 /// The part of a run to replay.
 #[derive(Debug, Clone, Copy)]
 pub struct ReplayRequest {
-    /// γ at both ends.
-    pub strain: [f64; 2],
+    /// Its rows.
+    pub rows: Rows,
     /// Steps between frames; `None`: one frame per row of the time series.
     pub every: Option<u64>,
     /// Number of threads; the results do not depend on it.
@@ -38,11 +47,11 @@ pub struct Replayed {
     pub rows: usize,
 }
 
-/// Parses `A..B`, γ at both ends.
+/// Parses `A..B`, a strain or a time at both ends.
 ///
 /// # Errors
-/// A message if the text is not a range of finite strains with 0 ≤ A < B.
-pub fn strains(text: &str) -> Result<[f64; 2], String> {
+/// A message if the text is not a range of finite numbers with 0 ≤ A < B.
+pub fn range(text: &str) -> Result<[f64; 2], String> {
     let wrong = || format!("{text:?} is no range; write it as 0.1005..0.1006");
     let (from, to) = text.split_once("..").ok_or_else(wrong)?;
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
@@ -68,8 +77,11 @@ pub fn write(
     out: Option<&Path>,
     output: &mut impl Write,
 ) -> Result<(), Failure> {
-    let [from, to] = request.strain;
-    let default = run.folder().join(format!("replay-{from}-{to}"));
+    let default = match request.rows {
+        Rows::Strain([from, to]) => format!("replay-{from}-{to}"),
+        Rows::Time([from, to]) => format!("replay-time-{from}-{to}"),
+    };
+    let default = run.folder().join(default);
     let found = window(run, request, out.unwrap_or(&default))?;
     let steps = found.run.frame_steps();
     writeln!(
@@ -117,15 +129,18 @@ pub fn window(run: &RunFile, request: ReplayRequest, out: &Path) -> Result<Repla
 
 /// Returns the steps of the first and the last row of the time series in the range.
 fn steps(run: &RunFile, request: ReplayRequest) -> Result<ReplayWindow, Failure> {
-    let (series, [from, to]) = (run.series(), request.strain);
-    let strain = series.column("strain");
-    let within = |row: &usize| strain[*row] >= from && strain[*row] <= to;
+    let series = run.series();
+    let (what, values, [from, to]) = match request.rows {
+        Rows::Strain(range) => ("strains", series.column("strain"), range),
+        Rows::Time(range) => ("times", &series.time[..], range),
+    };
+    let within = |row: &usize| values[*row] >= from && values[*row] <= to;
     let mut rows = (0..series.rows()).filter(within);
     let bad = |what: String| Failure::input(format!("{}: {what}", run.path().display()));
     let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
-        let ends = [strain.first(), strain.last()].map(|end| end.copied().unwrap_or(f64::NAN));
+        let ends = [values.first(), values.last()].map(|end| end.copied().unwrap_or(f64::NAN));
         return Err(bad(format!(
-            "has fewer than two rows of the time series between the strains {from} and {to}; it goes from {} to {}",
+            "has fewer than two rows of the time series between the {what} {from} and {to}; it goes from {} to {}",
             ends[0], ends[1]
         )));
     };
@@ -211,6 +226,15 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Sna
             folder.display()
         ))
     }))
+}
+
+/// Whether a path is of a run in a box: Newton's equations are replayed by their time.
+pub fn has_newtonian(run: &Path) -> bool {
+    let of_walls = match run.is_dir() {
+        true => run.join(RUN_FILE).exists(),
+        false => run.file_name().is_some_and(|name| name == RUN_FILE),
+    };
+    !of_walls
 }
 
 /// Replays a part of Newton's equations in a box into `newtonian.h5` of the folder `out` and prints

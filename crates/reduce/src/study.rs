@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::export::Which;
 use super::rate_state::{self, Laws};
-use super::replay::{self, ReplayRequest};
+use super::replay::{self, ReplayRequest, Rows};
 use super::scalars::FrameSeries;
 use super::stiffness::{StateSelection, StoredState};
 use gshear_analysis::jacobian::History;
@@ -49,7 +49,7 @@ pub fn lee_hurley(
         let mut found = Studied::of(run, label, choice, curve, &series.step, &series.scalars)?;
         if let (Some(strain), true) = (found.missing(), replay::can(run)) {
             let request = ReplayRequest {
-                strain,
+                rows: Rows::Strain(strain),
                 every: None,
                 threads,
             };
@@ -69,9 +69,9 @@ pub fn lee_hurley(
 /// A damaged run, a replay that differs, files that cannot be written.
 pub fn report(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf, Failure> {
     let missing = gshear_report::window_without_frames(run)?.filter(|_| replay::can(run));
-    let again = |strain| {
+    let again = |time| {
         let request = ReplayRequest {
-            strain,
+            rows: Rows::Time(time),
             every: None,
             threads,
         };

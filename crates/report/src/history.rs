@@ -7,6 +7,7 @@ use super::ReportFigure;
 use super::colour::CURVES;
 use super::plot::{Layout, figure};
 use super::stress::{draw, padded};
+use super::summary::{is_driven, is_imposed};
 use super::ticks;
 
 const LAYOUT: Layout = Layout {
@@ -25,9 +26,18 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// The strain, or, where a spring or a protocol moves the wall, its slip.
+    /// The strain; where a spring or a protocol moves the wall, its slip; where a protocol imposes
+    /// more than velocities, so that the wall goes back or stands still, the time.
     pub fn of(run: &RunFile) -> Self {
-        let (name, label, factor) = match super::summary::is_driven(run) {
+        if is_imposed(run) {
+            let time = run.series().time.clone();
+            return Self {
+                values: time.clone(),
+                label: "time (s)",
+                column: ("time", time),
+            };
+        }
+        let (name, label, factor) = match is_driven(run) {
             true => ("slip", "slip (mm)", 1e3),
             false => ("strain", "shear strain γ (%)", 100.0),
         };
@@ -140,7 +150,7 @@ const PANELS: [Panel; 7] = [
 
 /// Draws the quantities that the run has recorded.
 pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
-    let driven = super::summary::is_driven(run);
+    let driven = is_driven(run);
     let panels = PANELS.iter().filter(|of| driven || of.name != "slip-rate");
     panels.filter_map(|panel| drawn(run, axis, panel)).collect()
 }

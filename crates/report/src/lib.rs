@@ -22,6 +22,7 @@ mod compose;
 pub mod drawing;
 mod histogram;
 mod history;
+mod imposed;
 pub mod lee_hurley;
 mod map;
 mod page;
@@ -91,7 +92,8 @@ pub fn write(
 }
 
 fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
-    let (axis, tau) = (Axis::of(run), run.series().column("stress_ratio"));
+    let (axis, tau) = (Axis::of(run), summary::stress_ratio(run));
+    let tau = &tau[..];
     let phases = &summary.phases;
     let of_tau = axis.table(run.series(), &["stress_ratio"]);
     let mut figures = vec![ReportFigure {
@@ -121,12 +123,19 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
             data: of_tau,
         });
     }
-    figures.push(ReportFigure {
-        name: "phase-histogram",
-        caption: "Number of stick and slip phases by the magnitude of their change of τ.".into(),
-        svg: histogram::of_changes(phases),
-        data: histogram::data(phases),
-    });
+    let is_imposed = summary::is_imposed(run);
+    if !is_imposed || !phases.is_empty() {
+        figures.push(ReportFigure {
+            name: "phase-histogram",
+            caption: "Number of stick and slip phases by the magnitude of their change of τ."
+                .into(),
+            svg: histogram::of_changes(phases),
+            data: histogram::data(phases),
+        });
+    }
+    if is_imposed {
+        figures.extend(imposed::figures(run));
+    }
     figures.extend(history::figures(run, &axis));
     if let Some(event) = &summary.event {
         figures.extend(maps(run.grains(), event));

@@ -1,7 +1,7 @@
 //! The HTML page of a run's report: one self-contained file.
 
 use super::ReportFigure;
-use super::summary::{DropFrames, Summary};
+use super::summary::{DropFrames, Summary, is_imposed};
 use gshear_analysis::phases::PhaseKind;
 use gshear_store::run_reader::RunFile;
 
@@ -29,7 +29,7 @@ pub fn html(
     }
     if run.dimension().axes() == 2 {
         let smaller = |event: &DropFrames| Some(event.drop) != summary.drop;
-        if summary.event.is_none() {
+        if summary.event.is_none() && (!is_imposed(run) || !summary.phases.is_empty()) {
             body += "<p>No slip phase has a frame before and after it, so there are no maps: \
                      write frames more often (output.frame_strain), or keep checkpoints \
                      (output.keep_checkpoints), from which the report computes the drop again.</p>\n";
@@ -90,7 +90,7 @@ fn title(run: &RunFile) -> String {
 pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
     let mut facts: Vec<(&str, String)> = Vec::new();
     let series = run.series();
-    let last = series.column("strain").last().copied();
+    let strain = series.column("strain");
     let walls = run.grains().body.iter().filter(|body| **body != 0).count();
     facts.push(("Run", escape(&run.path().display().to_string())));
     facts.push((
@@ -100,10 +100,19 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
         },
         format!("{}, including {walls} in the walls", run.grains().count()),
     ));
-    facts.push((
-        "Shear strain reached",
-        last.map_or("none".into(), |strain| format!("{:.4} %", 100.0 * strain)),
-    ));
+    facts.push(match is_imposed(run) {
+        false => {
+            let percent = |strain: &f64| format!("{:.4} %", 100.0 * strain);
+            let last = strain.last().map_or("none".into(), percent);
+            ("Shear strain reached", last)
+        }
+        true => {
+            let least = strain.iter().copied().fold(0.0, f64::min);
+            let most = strain.iter().copied().fold(0.0, f64::max);
+            let range = format!("{:.4} … {:.4} %", 100.0 * least, 100.0 * most);
+            ("Shear strain, least and greatest", range)
+        }
+    });
     facts.push((
         "Frames, rows of the time series",
         format!("{}, {}", run.frames(), series.rows()),
@@ -113,10 +122,12 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
         "τ in the latter half: mean, standard deviation",
         format!("{}, {}", number(stress.mean), number(stress.deviation)),
     ));
-    for (kind, name) in [
+    let none = is_imposed(run) && summary.phases.is_empty();
+    let kinds = [
         (PhaseKind::Stick, "Stick phases"),
         (PhaseKind::Slip, "Slip phases"),
-    ] {
+    ];
+    for (kind, name) in kinds.into_iter().filter(|_| !none) {
         let [long, short] = summary.count(kind);
         facts.push((
             name,
@@ -150,7 +161,9 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
         ("inertial_number", "Inertial number I"),
         ("stiffness_number", "Stiffness number κ"),
     ] {
-        if let Some(value) = run.number(parameter) {
+        // That of the first part is not that of the run.
+        let of_first = parameter == "inertial_number" && is_imposed(run);
+        if let Some(value) = run.number(parameter).filter(|_| !of_first) {
             facts.push((name, format!("{value:.4e}")));
         }
     }

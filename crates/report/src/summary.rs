@@ -46,31 +46,68 @@ pub fn is_driven(run: &RunFile) -> bool {
         || velocities.windows(2).any(|pair| pair[0] != pair[1])
 }
 
-/// The largest slip at a constant velocity of the drive: the stress after a change of the velocity
-/// or during a hold falls because of the drive.
-fn largest_drop(run: &RunFile, phases: &[Phase]) -> Option<Phase> {
-    let drive = run.series().column("drive_velocity");
-    let is_free = |phase: &&Phase| {
-        let velocities = &drive[phase.start..=phase.end];
-        velocities[0] != 0.0 && velocities.iter().all(|v| *v == velocities[0])
-    };
-    let free: Vec<Phase> = phases.iter().filter(is_free).copied().collect();
-    phases::largest_drop(&free).copied()
+/// Whether a protocol imposes more than velocities along x, as the columns of the time series say.
+pub fn is_imposed(run: &RunFile) -> bool {
+    let mut columns = run.series().declared.iter();
+    columns.any(|column| column.name == "imposed_normal_force")
 }
 
-/// γ from before the start to after the end of the largest drop, if it is one of disks that no
-/// frames show from its start to its end.
+/// Least normal force with which τ is shown, over the greatest one of the run. Under less, as in a
+/// liquefied layer, τ is a ratio of two noises.
+const LEAST_LOAD: f64 = 0.01;
+
+/// `[L]` τ of a run; NaN in rows in which the layer bears next to no load, if a protocol imposes
+/// more than velocities.
+pub fn stress_ratio(run: &RunFile) -> Vec<f64> {
+    let series = run.series();
+    let (tau, normal) = (series.column("stress_ratio"), series.column("normal_force"));
+    let least = match is_imposed(run) {
+        true => LEAST_LOAD * normal.iter().copied().fold(0.0, f64::max),
+        false => f64::NEG_INFINITY,
+    };
+    let shown = |(tau, normal): (&f64, &f64)| match *normal < least {
+        true => f64::NAN,
+        false => *tau,
+    };
+    tau.iter().zip(normal).map(shown).collect()
+}
+
+/// Stick and slip phases of a run. Where a protocol imposes more than velocities, only those at a
+/// constant velocity of the drive are any: else τ rises and falls with what is imposed.
+fn phases_of(run: &RunFile, tau: &[f64]) -> Vec<Phase> {
+    let mut phases = phases::find(run.series().column("strain"), tau);
+    if is_imposed(run) {
+        phases.retain(|phase| is_free(run, phase));
+    }
+    phases
+}
+
+/// Whether a phase is at a constant velocity of the drive: the stress after a change of the
+/// velocity or during a hold falls because of the drive.
+fn is_free(run: &RunFile, phase: &Phase) -> bool {
+    let velocities = &run.series().column("drive_velocity")[phase.start..=phase.end];
+    velocities[0] != 0.0 && velocities.iter().all(|v| *v == velocities[0])
+}
+
+/// The largest slip at a constant velocity of the drive.
+fn largest_drop(run: &RunFile, phases: &[Phase]) -> Option<Phase> {
+    let free = phases.iter().filter(|phase| is_free(run, phase));
+    phases::largest_drop(&free.copied().collect::<Vec<_>>()).copied()
+}
+
+/// Time (s) from before the start to after the end of the largest drop, if it is one of disks that
+/// no frames show from its start to its end.
 ///
 /// # Errors
 /// A damaged file.
 pub fn window_without_frames(run: &RunFile) -> Result<Option<[f64; 2]>, Failure> {
-    let (series, strain) = (run.series(), run.series().column("strain"));
-    let phases = phases::find(strain, series.column("stress_ratio"));
+    let series = run.series();
+    let phases = phases_of(run, &stress_ratio(run));
     let Some(drop) = largest_drop(run, &phases).filter(|_| run.dimension().axes() == 2) else {
         return Ok(None);
     };
     let shown = |row: usize| run.frame_steps().binary_search(&series.step[row]).is_ok();
-    let window = [drop.start, drop.end].map(|row| strain[row]);
+    let window = [drop.start, drop.end].map(|row| series.time[row]);
     Ok((!(shown(drop.start) && shown(drop.end))).then_some(window))
 }
 
@@ -172,7 +209,8 @@ pub struct Summary {
     pub phases: Vec<Phase>,
     /// The largest drop of the whole run.
     pub drop: Option<Phase>,
-    /// Moments of τ over the latter half of the strain.
+    /// Moments of τ over the latter half of the strain; of the time, if a protocol imposes more than
+    /// velocities.
     pub stress: Moments,
     /// The drop that the maps show.
     pub event: Option<DropFrames>,
@@ -184,13 +222,15 @@ impl Summary {
     /// # Errors
     /// If the run is damaged.
     pub fn of(run: &RunFile, replayed: Option<&RunFile>) -> Result<Self, Failure> {
-        let (strain, tau) = (
-            run.series().column("strain"),
-            run.series().column("stress_ratio"),
-        );
-        let phases = phases::find(strain, tau);
-        let half = 0.5 * strain.last().copied().unwrap_or(0.0);
-        let latter = &tau[strain.partition_point(|strain| *strain < half)..];
+        let tau = stress_ratio(run);
+        let phases = phases_of(run, &tau);
+        // A strain that returns does not tell the halves of a run.
+        let clock = match is_imposed(run) {
+            true => &run.series().time[..],
+            false => run.series().column("strain"),
+        };
+        let half = 0.5 * clock.last().copied().unwrap_or(0.0);
+        let latter = &tau[clock.partition_point(|now| *now < half)..];
         let event = DropFrames::largest(run, replayed.unwrap_or(run), &phases)?;
         Ok(Summary {
             drop: largest_drop(run, &phases),

@@ -93,8 +93,8 @@ fn unfit(path: &Path, why: &str) -> Failure {
 
 const NO_RUN: &str = "it is not the run.h5 of a run, or damaged";
 
-const ANOTHER: &str =
-    "another version wrote the file: resume with that version or into another folder (--out)";
+const ANOTHER: &str = "another version wrote the file, or its protocol imposed velocities alone and this one more: \
+     resume with that version or into another folder (--out)";
 
 /// Returns N, the number of contacts in the first `frames` frames, and the dimensions of a file
 /// that has these columns of the time series and is long enough. Writes nothing.

@@ -188,7 +188,8 @@ fn stored_columns(path: &Path, columns: &[Column]) -> Result<Vec<&'static str>, 
         let name = found.next().unwrap_or("nothing");
         names.push(column.stored_name(|known| known == name).ok_or_else(|| {
             unfit(format!(
-                "it lacks the column {column} (found: {name}); another version wrote it"
+                "it lacks the column {column} (found: {name}); another version wrote it, or its \
+                 protocol imposed velocities alone and this one more"
             ))
         })?);
     }
