@@ -4,8 +4,9 @@
 mod common;
 
 use std::path::Path;
+use std::process::Command;
 
-use common::{Outcome, beyond_the_digest, gshear_mpi};
+use common::{Outcome, beyond_the_digest, gshear_mpi, succeed};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::state::length;
 use gshear_scene::Dimensions;
@@ -147,6 +148,9 @@ fn pure_shear_keeps_the_volume() {
             &[&PURE_SHEAR, &more, &NO_LAST_STAGE],
         );
         let column = |name: &str| run.series().column(name);
+        // A frame per row, with its strain as its time.
+        assert_eq!(run.frame_strains().expect("strains"), column("strain"));
+        assert_eq!(run.frame_times(), column("strain"));
         let (x, z) = (column("length_x"), column(up));
         assert_eq!(x[0], z[0]);
         for (row, strain) in column("strain").iter().enumerate() {
@@ -166,6 +170,13 @@ fn pure_shear_keeps_the_volume() {
         if up == "length_z" {
             assert!(column("length_y").iter().all(|l| *l == x[0]));
         }
+        let mut info = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+        let said = succeed(info.arg("info").arg(run.path())).stdout;
+        let said = String::from_utf8(said).expect("text");
+        let last = run.series().rows() - 1;
+        let length = format!("{:.4e} m", x[last]);
+        let is_of_last = |line: &str| line.contains(&length) && line.contains("at the last frame");
+        assert!(said.lines().any(is_of_last), "{said}");
         // Compressed along the last axis.
         let up = up.replace("length", "stress");
         let up = column(&format!("{up}{}", &up[up.len() - 1..]));

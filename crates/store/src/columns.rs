@@ -19,7 +19,7 @@ gshear_dem::columns! {
         coordination: "1",
         /// sliding contacts over all contacts
         sliding_fraction: "1",
-        /// largest net force on a grain
+        /// largest net force on a grain, or torque over its radius
         residual: "N",
         /// factorisations of the relaxation
         factorisations: "1",

@@ -280,7 +280,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         if every > 0 && step.is_multiple_of(every) {
             let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);
             let edges = self.system.cell.edges::<D>(0.0);
-            let clock = (step, step as f64);
+            let clock = (step, row.strain);
             self.files
                 .frame(exchange, clock, &edges, (&grains, &contacts))?;
         }

@@ -522,7 +522,7 @@ impl RunFile {
     pub fn frame_strains(&self) -> Result<Vec<f64>, Failure> {
         match self.stage {
             RunStage::Shear => {}
-            RunStage::Strain => return Ok(self.time.clone()),
+            RunStage::Strain => return Ok(self.interpolated_strains()),
             RunStage::Newtonian => {
                 let strain = self.number("strain").unwrap_or(f64::NAN);
                 return Ok(vec![strain; self.frames()]);
