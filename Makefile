@@ -4,6 +4,10 @@ OUT ?= out/plane-shear-2d
 # How make run enters a folder that holds a run: continue or keep it; START=--overwrite starts again.
 START ?= --resume auto
 
+# Where make install installs.
+PREFIX ?= /usr/local
+export PREFIX DESTDIR STRIP
+
 PROGRAM := target/release/gshear-mpi
 REDUCE := target/release/gshear-reduce
 
@@ -18,7 +22,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test python docs scaling bench accuracy stress faults peers million book mpich release clean
+.PHONY: help deps build run test python docs scaling bench accuracy stress faults peers million book mpich manual install uninstall release clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
@@ -35,6 +39,8 @@ help:
 	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
 	@echo "make mpich     builds with MPICH, which it installs, into target/mpich; tests exchange and digests"
+	@echo "make install   programs, manual pages, completions, scenes and docs into PREFIX=$(PREFIX); make uninstall removes them"
+	@echo "make manual    programs, manual pages and completions into target/, before a sudo make install"
 	@echo "make release   tarball, Debian package, wheel and checksums of this version into target/dist"
 	@echo "make deps      install the system packages that are missing (Debian, Ubuntu)"
 	@echo "make clean     remove target/ (results in out/ stay)"
@@ -82,6 +88,16 @@ book: deps
 
 mpich: deps
 	@scripts/mpich-test
+
+manual: deps
+	@scripts/manual
+
+# DESTDIR=FOLDER installs below another root, STRIP=1 without symbols.
+install:
+	@scripts/install
+
+uninstall:
+	@scripts/install --uninstall
 
 release: deps
 	@scripts/release

@@ -36,13 +36,9 @@ class GshearMpi(Package):
         env.set("RUSTFLAGS", " ".join(f"-Clink-arg=-Wl,-rpath,{path}" for path in libraries))
 
     def install(self, spec, prefix):
-        cargo = which("cargo", required=True)
-        cargo("build", "--release", "--locked", "-j", str(make_jobs))
-        mkdirp(prefix.bin, prefix.share.join("gshear-mpi"))
-        for program in ("gshear-mpi", "gshear-reduce"):
-            install(os.path.join("target", "release", program), prefix.bin)
-        for folder in ("configs", "job-scripts"):
-            install_tree(folder, prefix.share.join("gshear-mpi").join(folder))
+        os.environ["PREFIX"] = prefix
+        os.environ["CARGO_BUILD_JOBS"] = str(make_jobs)
+        Executable("scripts/install")()
 
     @run_after("install")
     @on_package_attributes(run_tests=True)

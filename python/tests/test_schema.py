@@ -1,6 +1,9 @@
-"""The scenes in configs/ fit the JSON schema that they name, by another program's validator."""
+"""The scenes in configs/ fit the JSON schema that they name, by other programs' validators."""
 
 import json
+import re
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -48,3 +51,33 @@ def test_a_scene_fits_its_schema(config: Path) -> None:
 def test_a_mistake_is_found(wrong: str, right: str) -> None:
     assert len(problems(wrong)) == 1
     assert problems(right) == []
+
+
+def taplo(*files: Path) -> tuple[int, str]:
+    """Exit code and messages of the checker of Taplo, which editors use."""
+    program = Path(sys.executable).parent / "taplo"
+    command: list[str | Path] = [program, "lint", "--no-auto-config", "--colors", "never", *files]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    return ran.returncode, ran.stderr
+
+
+def test_taplo_accepts_the_scenes() -> None:
+    code, said = taplo(*CONFIGS)
+    assert code == 0, said
+    assert f"total={len(CONFIGS)}" in said
+
+
+def test_taplo_underlines_a_wrong_key(tmp_path: Path) -> None:
+    """One message, at the place of the key: with a schema that it cannot read there is none."""
+    (tmp_path / "docs").mkdir()
+    shutil.copy(ROOT / "docs" / "scene.schema.json", tmp_path / "docs")
+    (tmp_path / "configs").mkdir()
+    scene = tmp_path / "configs" / "wrong.toml"
+    text = (ROOT / "configs" / "mu-of-i-2d.toml").read_text()
+    scene.write_text(text.replace("\nfriction =", "\nfrction ="))
+    line = scene.read_text().splitlines().index("frction = 0.4") + 1
+    code, said = taplo(scene)
+    assert code == 1
+    places = re.findall(r"wrong\.toml:(\d+):\d+", said)
+    assert places == [str(line)], said
+    assert "unknown key" in said

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Duration;
 
 use clap::Parser;
 use clap::error::ErrorKind;
@@ -17,117 +16,11 @@ use gshear_driver::say::{say, say_error};
 use gshear_driver::signals::Signals;
 use gshear_driver::sweep::Sweep;
 use gshear_driver::version;
+use gshear_mpi::{AUTO, Choice, CommandLine};
 use gshear_mpi_exchange::World;
 use gshear_scene::Source;
 use gshear_store::collective::agree;
 use gshear_store::provenance;
-
-/// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
-#[derive(Debug, Parser)]
-#[command(version, about, max_term_width = 100)]
-#[command(after_help = "\
-Without CONFIG.toml the embedded default scene runs (configs/plane-shear-2d.toml, the fast version of Lee & Hurley).
-
-Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, the last two checkpoints, scene.toml. A sweep
-writes a folder for each run; --sweep skips runs that are done and resumes those that were stopped. Reduce results with
-gshear-reduce.
-
-Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint by a signal, --walltime or --stop-at
-(continue with --resume); 1 any other failure.
-
-SIGTERM, SIGINT, SIGHUP, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
-struct CommandLine {
-    /// Scene; see docs/config.md
-    #[arg(value_name = "CONFIG.toml")]
-    config: Option<PathBuf>,
-    /// Folder of the results [default: out/<name of the config>, with --resume the checkpoint's
-    /// folder]. It must not hold another run
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Replace a value of the scene, as in --set shear.strain=0.2; can be repeated
-    #[arg(long, value_name = "KEY.PATH=VALUE")]
-    set: Vec<String>,
-    /// Resume from a checkpoint, or from the newest good one of a folder, to the same bits on any
-    /// number of ranks. auto: run the scene, from the newest good checkpoint in the folder of the
-    /// results if there is one; do nothing if the run is finished. --set may change output and
-    /// ends
-    #[arg(long, value_name = "CHECKPOINT|FOLDER|auto")]
-    resume: Option<PathBuf>,
-    /// With --resume: begin a new run in this folder, in which --set may also change what decides
-    /// the trajectory
-    #[arg(
-        long,
-        value_name = "NEW_FOLDER",
-        requires = "resume",
-        conflicts_with = "out"
-    )]
-    branch: Option<PathBuf>,
-    /// Remove the run that the folder of the results holds, its report too
-    #[arg(long, conflicts_with = "check")]
-    overwrite: bool,
-    /// Take the folder of the results over from a process that is gone, although its lock (run.lock)
-    /// says otherwise
-    #[arg(long)]
-    break_lock: bool,
-    /// With a scene that has [sweep]: list its runs, run all of them in turn, or run the N-th
-    #[arg(long, value_name = "list|all|N", value_parser = choice, conflicts_with_all = ["resume", "check", "stop_at"])]
-    sweep: Option<Choice>,
-    /// Check the scene and print it with every default filled in
-    #[arg(long)]
-    check: bool,
-    /// Stop at a checkpoint after this time: 3h50m, 90s, 2:30:00, or minutes
-    #[arg(long, value_name = "TIME", value_parser = wall_time)]
-    walltime: Option<Duration>,
-    /// Threads per rank, worth it from about 50,000 grains per rank
-    #[arg(long, value_name = "THREADS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
-    threads: u16,
-    /// Stop at a checkpoint after this step of the shear; in a box, steps of Newton's equations
-    /// count after the strain steps
-    #[arg(long, value_name = "STEP")]
-    stop_at: Option<u64>,
-}
-
-/// Runs of a sweep to list or to run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Choice {
-    List,
-    All,
-    /// The run of this number, from 1 on.
-    One(usize),
-}
-
-fn choice(text: &str) -> Result<Choice, String> {
-    match (text, text.parse()) {
-        ("list", _) => Ok(Choice::List),
-        ("all", _) => Ok(Choice::All),
-        (_, Ok(number)) if number > 0 => Ok(Choice::One(number)),
-        _ => Err(format!(
-            "{text:?} is none of list, all, and the number of a run, from 1 on"
-        )),
-    }
-}
-
-/// Parses 45 (minutes) and 2:30:00 as Slurm does, and 3h50m or 90s as humantime does.
-fn wall_time(text: &str) -> Result<Duration, String> {
-    let parts: Vec<&str> = text.split(':').collect();
-    let sum = |units: &[u64]| -> Option<Duration> {
-        let seconds = parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
-            part.parse::<u64>()
-                .ok()?
-                .checked_mul(*unit)?
-                .checked_add(sum)
-        });
-        seconds.map(Duration::from_secs)
-    };
-    let time = match parts.len() {
-        2 => sum(&[60, 1]),
-        3 => sum(&[3600, 60, 1]),
-        1 if text.bytes().all(|b| b.is_ascii_digit()) => sum(&[60]),
-        _ => humantime::parse_duration(text).ok(),
-    };
-    time.filter(|time| !time.is_zero())
-        .ok_or_else(|| format!("{text:?} is not a time; write 3h50m, 90s, 2:30:00, or minutes"))
-}
 
 fn main() -> ExitCode {
     // Before MPI starts, which takes a while: a signal without a handler ends the program at once.
@@ -218,9 +111,6 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         Choice::One(number) => sweep.one(world, number, &options),
     }
 }
-
-/// Value of `--resume` that looks for the run in the folder of the results.
-const AUTO: &str = "auto";
 
 /// Resumes from a checkpoint or from the newest one of a folder.
 fn resume_from(

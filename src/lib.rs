@@ -1,0 +1,144 @@
+//! The command line of `gshear-mpi`: its program parses it, and `packaging/manual` makes completions
+//! and manual pages of it.
+
+use std::ffi::OsStr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Parser;
+use clap::builder::{PossibleValue, TypedValueParser};
+
+/// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
+#[derive(Debug, Parser)]
+#[command(version, about, max_term_width = 100)]
+#[command(after_help = "\
+Without CONFIG.toml the embedded default scene runs (configs/plane-shear-2d.toml, the fast version of Lee & Hurley).
+
+Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, the last two checkpoints, scene.toml. A sweep
+writes a folder for each run; --sweep skips runs that are done and resumes those that were stopped. Reduce results with
+gshear-reduce.
+
+Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint by a signal, --walltime or --stop-at
+(continue with --resume); 1 any other failure.
+
+SIGTERM, SIGINT, SIGHUP, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
+pub struct CommandLine {
+    /// Scene; see docs/config.md
+    #[arg(value_name = "CONFIG.toml")]
+    pub config: Option<PathBuf>,
+    /// Folder of the results [default: out/<name of the config>, with --resume the checkpoint's
+    /// folder]. It must not hold another run
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace a value of the scene, as in --set shear.strain=0.2; can be repeated
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Resume from a checkpoint, or from the newest good one of a folder, to the same bits on any
+    /// number of ranks. auto: run the scene, from the newest good checkpoint in the folder of the
+    /// results if there is one; do nothing if the run is finished. --set may change output and
+    /// ends
+    #[arg(long, value_name = "CHECKPOINT|FOLDER|auto")]
+    pub resume: Option<PathBuf>,
+    /// With --resume: begin a new run in this folder, in which --set may also change what decides
+    /// the trajectory
+    #[arg(
+        long,
+        value_name = "NEW_FOLDER",
+        requires = "resume",
+        conflicts_with = "out"
+    )]
+    pub branch: Option<PathBuf>,
+    /// Remove the run that the folder of the results holds, its report too
+    #[arg(long, conflicts_with = "check")]
+    pub overwrite: bool,
+    /// Take the folder of the results over from a process that is gone, although its lock (run.lock)
+    /// says otherwise
+    #[arg(long)]
+    pub break_lock: bool,
+    /// With a scene that has [sweep]: list its runs, run all of them in turn, or run the N-th
+    #[arg(long, value_name = "list|all|N", value_parser = ChoiceParser, hide_possible_values = true, conflicts_with_all = ["resume", "check", "stop_at"])]
+    pub sweep: Option<Choice>,
+    /// Check the scene and print it with every default filled in
+    #[arg(long)]
+    pub check: bool,
+    /// Stop at a checkpoint after this time: 3h50m, 90s, 2:30:00, or minutes
+    #[arg(long, value_name = "TIME", value_parser = wall_time)]
+    pub walltime: Option<Duration>,
+    /// Threads per rank, worth it from about 50,000 grains per rank
+    #[arg(long, value_name = "THREADS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: u16,
+    /// Stop at a checkpoint after this step of the shear; in a box, steps of Newton's equations
+    /// count after the strain steps
+    #[arg(long, value_name = "STEP")]
+    pub stop_at: Option<u64>,
+}
+
+/// Value of `--resume` that looks for the run in the folder of the results.
+pub const AUTO: &str = "auto";
+
+/// Runs of a sweep to list or to run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// List them, with what is done of each.
+    List,
+    /// Run all of them in turn.
+    All,
+    /// The run of this number, from 1 on.
+    One(usize),
+}
+
+/// Parses a [`Choice`]; its words are known to completions of the shells.
+#[derive(Debug, Clone)]
+struct ChoiceParser;
+
+impl TypedValueParser for ChoiceParser {
+    type Value = Choice;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        text: &OsStr,
+    ) -> Result<Choice, clap::Error> {
+        choice.parse_ref(command, argument, text)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let words = [("list", "the runs of the sweep"), ("all", "in turn")];
+        let words = words.map(|(word, help)| PossibleValue::new(word).help(help));
+        Some(Box::new(words.into_iter()))
+    }
+}
+
+fn choice(text: &str) -> Result<Choice, String> {
+    match (text, text.parse()) {
+        ("list", _) => Ok(Choice::List),
+        ("all", _) => Ok(Choice::All),
+        (_, Ok(number)) if number > 0 => Ok(Choice::One(number)),
+        _ => Err(format!(
+            "{text:?} is none of list, all, and the number of a run, from 1 on"
+        )),
+    }
+}
+
+/// Parses 45 (minutes) and 2:30:00 as Slurm does, and 3h50m or 90s as humantime does.
+fn wall_time(text: &str) -> Result<Duration, String> {
+    let parts: Vec<&str> = text.split(':').collect();
+    let sum = |units: &[u64]| -> Option<Duration> {
+        let seconds = parts.iter().zip(units).try_fold(0u64, |sum, (part, unit)| {
+            part.parse::<u64>()
+                .ok()?
+                .checked_mul(*unit)?
+                .checked_add(sum)
+        });
+        seconds.map(Duration::from_secs)
+    };
+    let time = match parts.len() {
+        2 => sum(&[60, 1]),
+        3 => sum(&[3600, 60, 1]),
+        1 if text.bytes().all(|b| b.is_ascii_digit()) => sum(&[60]),
+        _ => humantime::parse_duration(text).ok(),
+    };
+    time.filter(|time| !time.is_zero())
+        .ok_or_else(|| format!("{text:?} is not a time; write 3h50m, 90s, 2:30:00, or minutes"))
+}
