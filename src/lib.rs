@@ -12,14 +12,15 @@ use clap::builder::{PossibleValue, TypedValueParser};
 #[derive(Debug, Parser)]
 #[command(version, about, max_term_width = 100)]
 #[command(after_help = "\
-Without CONFIG.toml the embedded default scene runs (configs/plane-shear-2d.toml, the fast version of Lee & Hurley).
+Without CONFIG.toml the embedded default scene runs (configs/plane-shear-2d.toml, the fast version of \
+Lee & Hurley).
 
-Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, the last two checkpoints, scene.toml. A sweep
-writes a folder for each run; --sweep skips runs that are done and resumes those that were stopped. Reduce results with
-gshear-reduce.
+Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, the last two \
+checkpoints, scene.toml. A sweep writes a folder for each run; --sweep skips runs that are done and \
+resumes those that were stopped. Reduce results with gshear-reduce.
 
-Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint by a signal, --walltime or --stop-at
-(continue with --resume); 1 any other failure.
+Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint by a signal, \
+--walltime or --stop-at (continue with --resume); 1 any other failure.
 
 SIGTERM, SIGINT, SIGHUP, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
 pub struct CommandLine {

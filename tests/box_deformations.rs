@@ -57,6 +57,16 @@ fn digests(outcome: &Outcome) -> Vec<String> {
     said.map(|(digest, _)| digest.into()).collect()
 }
 
+fn info_has_the_lengths_of_the_end(run: &RunFile) {
+    let mut info = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+    let said = succeed(info.arg("info").arg(run.path())).stdout;
+    let said = String::from_utf8(said).expect("text");
+    let length = run.series().column("length_x").last().expect("a row");
+    let length = format!("{length:.4e} m");
+    let is_of_last = |line: &str| line.contains(&length) && line.contains("at the end");
+    assert!(said.lines().any(is_of_last), "{said}");
+}
+
 /// Overlaps of every frame follow from its positions, radii and edges.
 fn overlaps_are_those_of_the_frames(run: &RunFile) {
     assert!(run.frames() > 1);
@@ -170,19 +180,27 @@ fn pure_shear_keeps_the_volume() {
         if up == "length_z" {
             assert!(column("length_y").iter().all(|l| *l == x[0]));
         }
-        let mut info = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
-        let said = succeed(info.arg("info").arg(run.path())).stdout;
-        let said = String::from_utf8(said).expect("text");
-        let last = run.series().rows() - 1;
-        let length = format!("{:.4e} m", x[last]);
-        let is_of_last = |line: &str| line.contains(&length) && line.contains("at the last frame");
-        assert!(said.lines().any(is_of_last), "{said}");
+        info_has_the_lengths_of_the_end(&run);
         // Compressed along the last axis.
         let up = up.replace("length", "stress");
         let up = column(&format!("{up}{}", &up[up.len() - 1..]));
         let difference = |row: usize| up[row] - column("stress_xx")[row];
         assert!(difference(4) > difference(0));
         overlaps_are_those_of_the_frames(&run);
+    }
+}
+
+/// A box without frames, and one whose last frame is not of its last strain step.
+#[test]
+fn info_has_the_lengths_at_the_end() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let disks = ["--set=dimension=2", "--set=box.solid_fraction=0.9"];
+    for every in [0, 3] {
+        let more = [format!("--set=aqs.frame_every={every}")];
+        let more: Vec<&str> = more.iter().map(String::as_str).collect();
+        let name = folder.path().join(every.to_string());
+        let run = finished(&name, &[&PURE_SHEAR, &disks, &more, &NO_LAST_STAGE]);
+        info_has_the_lengths_of_the_end(&run);
     }
 }
 

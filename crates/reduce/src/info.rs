@@ -61,13 +61,10 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     };
     let of_height = of_height.replace("{}", &format!("{height:.4e} m"));
     lines.push(("box", format!("{length:.4e} m{width} {of_height}")));
-    if let (false, Some(last)) = (walls, run.frames().checked_sub(1)) {
-        let edges = run.box_edges(last);
-        let lengths = (0..run.dimension().axes()).map(|axis| edges[axis][axis]);
-        let lengths: Vec<f64> = lengths.collect();
+    if let Some(lengths) = lengths_at_the_end(run) {
         if lengths[0] != length || lengths.last() != Some(&height) {
             let words: Vec<String> = lengths.iter().map(|l| format!("{l:.4e} m")).collect();
-            let text = format!("{} (periodic) at the last frame", words.join(" × "));
+            let text = format!("{} (periodic) at the end", words.join(" × "));
             lines.push(("", text));
         }
     }
@@ -102,6 +99,25 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
         writeln!(text, "  {line}").expect("a string grows");
     }
     Ok(text)
+}
+
+/// Returns the lengths of a box at its last row, or if there is none at its last frame. Files of
+/// earlier versions have no lengths in their rows (NaN).
+fn lengths_at_the_end(run: &RunFile) -> Option<Vec<f64>> {
+    let axes = run.dimension().axes();
+    if run.stage() == RunStage::Strain {
+        let names = ["length_x", "length_y", "length_z"];
+        let of_row = names[..axes].iter().map(|name| run.series().column(name));
+        let lengths: Option<Vec<f64>> = of_row.map(|column| column.last().copied()).collect();
+        let known = lengths.filter(|lengths| lengths.iter().all(|length| length.is_finite()));
+        if known.is_some() {
+            return known;
+        }
+    }
+    let last = run.frames().checked_sub(1)?;
+    let walls = run.stage() == RunStage::Shear;
+    let edges = run.box_edges(last);
+    (!walls).then(|| (0..axes).map(|axis| edges[axis][axis]).collect())
 }
 
 /// Returns the number of entries and the range of steps and, where they have one, of strains: the
