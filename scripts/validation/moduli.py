@@ -89,11 +89,13 @@ def main() -> None:
     for folder in parser.parse_args().runs:
         with Run(folder) as run:
             slope = np.diff(run.series.shear_stress) / np.diff(run.series.strain)
+            # Slopes are those in the middle of their steps.
+            at_rest = 1.5 * slope[0] - 0.5 * slope[1]
             first, full, waves = predict(run, *matrices(folder.resolve()))
             number = 4 if run.dimension == 2 else 12
             print(
-                f"{folder.name}: slope {slope[0]:.6g}, {slope[1]:.6g}; "
-                f"K {full:.6g} (affine {first:.6g}); difference {slope[0] / full - 1.0:.1e}; "
+                f"{folder.name}: slope {at_rest:.7g} (first step {slope[0]:.7g}); "
+                f"K {full:.7g} (affine {first:.5g}); difference {at_rest / full - 1.0:.1e}; "
                 f"lowest modes over G k^2/rho "
                 f"{np.mean(waves[:number]):.3f} ({waves[0]:.3f} to {waves[number - 1]:.3f})"
             )
