@@ -61,12 +61,12 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     };
     let of_height = of_height.replace("{}", &format!("{height:.4e} m"));
     lines.push(("box", format!("{length:.4e} m{width} {of_height}")));
-    if let Some(lengths) = lengths_at_the_end(run) {
-        if lengths[0] != length || lengths.last() != Some(&height) {
-            let words: Vec<String> = lengths.iter().map(|l| format!("{l:.4e} m")).collect();
-            let text = format!("{} (periodic) at the end", words.join(" × "));
-            lines.push(("", text));
-        }
+    if let Some(lengths) = lengths_at_the_end(run)
+        && (lengths[0] != length || lengths.last() != Some(&height))
+    {
+        let words: Vec<String> = lengths.iter().map(|l| format!("{l:.4e} m")).collect();
+        let text = format!("{} (periodic) at the end", words.join(" × "));
+        lines.push(("", text));
     }
 
     let strains = run.frame_strains()?;
