@@ -207,7 +207,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
             grains.force[g as usize][up] += self.force[2 * k][up];
         }
         outcome.outside.or(outcome.too_strong).map(|(block, lane)| {
-            let k = self.contacts.pairs.blocks()[block].i[lane] as usize / 2;
+            let k = self.contacts.grains(block).i[lane] as usize / 2;
             self.candidates[k].0 as usize
         })
     }
@@ -255,6 +255,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
                 id: &id,
                 radius: &radius,
                 owned: radius.len(),
+                shares: std::slice::from_ref(&(0..radius.len())),
                 ghosts_move: 0.0,
             },
         );

@@ -4,8 +4,6 @@
 //! Damping forces use the full-step velocity predicted from the last acceleration, so the scheme is
 //! of second order with damping, too (docs/scheme.md).
 
-use std::ops::Range;
-
 use bytemuck::Zeroable;
 
 use crate::clock::StepPhase;
@@ -279,20 +277,16 @@ fn add_forces<D: Dimension>(
             step: *full_step,
         }),
     };
-    let (inner, all) = (contacts.inner, contacts.blocks());
     let (record, force) = (&mut grains.record, &mut grains.force);
-    let mut work = |record: &[D::Record], group: Range<usize>| {
-        let samples = samples.as_deref_mut();
-        pool.contact_forces(input, record, force, contacts, group, samples)
-    };
     let mut outcome = PassOutcome::default();
-    slabs.exchange(exchange, record, grains.owned, |part| {
+    slabs.exchange(exchange, record, grains.owned, |owned| {
         clock.end(StepPhase::Exchange);
-        outcome = work(part, 0..inner);
+        outcome =
+            pool.forces_within_shares(input, owned, force, contacts, samples.as_deref_mut());
         clock.end(StepPhase::Contacts);
     });
     clock.end(StepPhase::Exchange);
-    outcome = outcome.merge(work(record, inner..all));
+    outcome = outcome.merge(pool.other_forces(input, record, force, contacts, samples));
     pool.gather(&mut grains.force);
     clock.end(StepPhase::Contacts);
 

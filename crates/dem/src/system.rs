@@ -440,6 +440,7 @@ impl<D: Dimension> System<D> {
         let Grains {
             id, radius, owned, ..
         } = &self.grains;
+        self.pool.divide(&candidates, *owned);
         self.contacts.replace(
             self.isa,
             law,
@@ -449,6 +450,7 @@ impl<D: Dimension> System<D> {
                 id,
                 radius,
                 owned: *owned,
+                shares: self.pool.shares(),
                 ghosts_move: 0.5 * self.list.skin,
             },
         );
@@ -481,7 +483,7 @@ impl<D: Dimension> System<D> {
         let message = match outside {
             None => String::new(),
             Some(why @ (Outside::Pair(block, lane) | Outside::Force(block, lane))) => {
-                let pairs = &self.contacts.pairs.blocks()[block];
+                let pairs = self.contacts.grains(block);
                 let (i, j) = (pairs.i[lane] as usize, pairs.j[lane] as usize);
                 let (a, b) = (self.grains.fields(i), self.grains.fields(j));
                 let distance = length(self.cell.separation::<D>(a, b));

@@ -1,5 +1,7 @@
-//! The thread pool of a rank. Every thread sums the forces of its part of the contacts, and then
-//! the pool adds these sums. They are exact, so the number of threads does not change a bit.
+//! The thread pool of a rank. Every thread has a share of the owned grains, and alone adds the forces
+//! of the pairs within it. Of the other pairs, across shares and with ghosts, every thread sums the
+//! forces of a part, and then the pool adds these sums. All sums are exact, so the number of threads
+//! does not change a bit.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -10,21 +12,26 @@ use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Counting, PairForce, Pass, PassOutcome, Scratch};
+use crate::kernel::{ContactForces, Counting, PairForce, Pass, PassOutcome, Samples, Scratch};
 use crate::simd::Isa;
-use crate::state::{Cell, Contacts, Grains, Image, Units};
+use crate::state::{BlockRange, CandidatePair, Cell, Contacts, Grains, Image, Units};
 
 /// Number of grains whose forces a thread clears and adds together.
 const PAGE: usize = 256;
 
+/// Cost of a pair in a step over that of a grain.
+const PAIR_COST: usize = 6;
+
 /// The threads of a rank, and the partial forces of all but the first.
 ///
 /// The calling thread is the first and computes the first part of everything. So with two threads
-/// each finds its part of the grains and contacts in the cache of its core.
+/// each finds its share of the grains and contacts in the cache of its core.
 #[derive(Debug)]
 pub struct ThreadPool<D: Dimension> {
     /// The other threads; `None` for a single thread.
     workers: Option<Workers>,
+    /// The owned grains of each thread, one range after the other.
+    shares: Vec<Range<usize>>,
     scratch: Box<Scratch<D>>,
     partial: Vec<PartialForces<D>>,
     /// The first page that each thread gathers, so that all have as much to add.
@@ -59,8 +66,8 @@ impl Workers {
     }
 }
 
-/// The forces on all local grains by the contacts of one thread; only some pages are used. They are
-/// 0 between two passes.
+/// The forces on all local grains by those contacts of one thread that are not within its share; only
+/// some pages are used. They are 0 between two passes.
 #[derive(Debug)]
 struct PartialForces<D: Dimension> {
     force: Vec<D::Force>,
@@ -97,6 +104,7 @@ impl<D: Dimension> ThreadPool<D> {
         if threads <= 1 {
             return Ok(Self {
                 workers: None,
+                shares: vec![0..0],
                 scratch: Box::default(),
                 partial: Vec::new(),
                 gathered_from: Vec::new(),
@@ -111,6 +119,7 @@ impl<D: Dimension> ThreadPool<D> {
                 pool,
                 regions: Arc::default(),
             }),
+            shares: vec![0..0; threads],
             scratch: Box::default(),
             partial: (1..threads)
                 .map(|_| PartialForces {
@@ -128,20 +137,48 @@ impl<D: Dimension> ThreadPool<D> {
         1 + self.partial.len()
     }
 
-    /// Divides a new list of contacts among the threads, and finds the pages that each part uses.
-    /// Must be called for every new list.
+    /// Divides the owned grains among the threads, so that all have as much to do. Must be called for
+    /// every new list.
+    pub fn divide(&mut self, candidates: &[CandidatePair], owned: usize) {
+        let threads = self.threads();
+        let mut cost = vec![1; owned];
+        if threads > 1 {
+            for pair in candidates {
+                if let Some(cost) = cost.get_mut(pair.grains[0] as usize) {
+                    *cost += PAIR_COST;
+                }
+            }
+        }
+        let all: usize = cost.iter().sum();
+        let mut end = 0;
+        let mut before = 0;
+        for (k, share) in self.shares.iter_mut().enumerate() {
+            let start = end;
+            while end < owned && (k + 1 == threads || before < all * (k + 1) / threads) {
+                before += cost[end];
+                end += 1;
+            }
+            *share = start..end;
+        }
+    }
+
+    /// The owned grains of each thread, one range after the other.
+    pub fn shares(&self) -> &[Range<usize>] {
+        &self.shares
+    }
+
+    /// Divides the pairs of a new list that are within no share, and finds the pages that each part
+    /// uses. Must be called for every new list.
     pub fn assign(&mut self, contacts: &Contacts, local: usize) {
         let threads = self.threads();
-        let all = contacts.blocks();
+        let others = contacts.shared_blocks()..contacts.blocks();
         for (k, partial) in self.partial.iter_mut().enumerate() {
             partial.used.clear();
             partial.used.resize(local.div_ceil(PAGE), false);
-            for group in [0..contacts.inner, contacts.inner..all] {
-                let begin = |part: usize| group.start + group.len() * part / threads;
-                for pairs in &contacts.pairs.blocks()[begin(k + 1)..begin(k + 2)] {
-                    for &g in pairs.i.iter().chain(&pairs.j) {
-                        partial.used[g as usize / PAGE] = true;
-                    }
+            let begin = |part: usize| others.start + others.len() * part / threads;
+            for pairs in &contacts.pairs.blocks()[begin(k + 1)..begin(k + 2)] {
+                for &g in pairs.i.iter().chain(&pairs.j) {
+                    partial.used[g as usize / PAGE] = true;
                 }
             }
             partial.force.clear();
@@ -162,68 +199,79 @@ impl<D: Dimension> ThreadPool<D> {
         self.gathered_from = (0..threads).map(begin).collect();
     }
 
-    /// Computes the contact forces of a group of blocks. The first thread adds its part to `force`,
-    /// each other thread to its partial forces.
-    pub fn contact_forces(
+    /// Adds the forces of the pairs within the shares.
+    pub fn forces_within_shares(
         &mut self,
         input: SharedInput<'_, D>,
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
-        group: Range<usize>,
         samples: Option<&mut ContactForces>,
     ) -> PassOutcome {
-        let pass = |part, force, samples, scratch: &mut Scratch<D>| {
-            input.law.pass(
-                input.isa,
-                Pass {
-                    record,
-                    force,
-                    part,
-                    units: input.units,
-                    cell: input.cell,
-                    step: input.step,
-                    travelled: input.travelled,
-                    samples,
-                    counting: input.counting,
-                },
+        let shares = std::mem::take(&mut contacts.shares);
+        let blocks = 0..shares.last().map_or(0, |share| share.blocks.end);
+        let mut samples = samples.map(|s| s.part(blocks.clone()));
+        let mut part = contacts.part(blocks);
+        let mut rest = force;
+        let others = self.partial.iter_mut().map(|partial| &mut partial.scratch);
+        let scratches: Vec<_> = std::iter::once(&mut self.scratch).chain(others).collect();
+        let mut passes = Vec::with_capacity(scratches.len());
+        for (share, scratch) in shares.iter().zip(scratches).rev() {
+            let (before, blocks) = part.split(share.blocks.start);
+            let split = samples.map(|s| s.split(share.blocks.start));
+            let (samples_before, samples_of_share) = split.unzip();
+            let (forces_before, force) = rest.split_at_mut(share.grains.start);
+            (part, samples, rest) = (before, samples_before, forces_before);
+            passes.push(PartOfPass {
+                record: &record[share.grains.clone()],
+                force: &mut force[..share.grains.len()],
+                blocks,
+                samples: samples_of_share,
                 scratch,
-            )
-        };
+            });
+        }
+        let outcome = compute(self.workers.as_ref(), input, passes);
+        contacts.shares = shares;
+        outcome
+    }
+
+    /// Computes the forces of the pairs that are within no share. The first thread adds its part to
+    /// `force`, each other thread to its partial forces.
+    pub fn other_forces(
+        &mut self,
+        input: SharedInput<'_, D>,
+        record: &[D::Record],
+        force: &mut [D::Force],
+        contacts: &mut Contacts,
+        samples: Option<&mut ContactForces>,
+    ) -> PassOutcome {
+        let group = contacts.shared_blocks()..contacts.blocks();
         if group.is_empty() {
             return PassOutcome::default();
         }
+        let threads = self.threads();
         let mut samples = samples.map(|s| s.part(group.clone()));
         let mut part = contacts.part(group.clone());
-        let Some(workers) = &self.workers else {
-            return pass(part, force, samples, &mut self.scratch);
-        };
-        let threads = 1 + self.partial.len();
-        let mut outcomes = vec![PassOutcome::default(); threads];
-        workers.region(|scope| {
-            let pass = &pass;
-            let (first, others) = outcomes.split_at_mut(1);
-            // From the last part to the first, which this thread computes.
-            for (k, (partial, outcome)) in self.partial.iter_mut().zip(others).enumerate().rev() {
-                let begin = group.start + group.len() * (k + 1) / threads;
-                let blocks = begin - part.first;
-                let (before, after) = part.split(begin);
-                let (samples_before, samples_after) = samples.map(|s| s.split(blocks)).unzip();
-                (part, samples) = (before, samples_before);
-                scope.spawn(move |_| {
-                    *outcome = pass(
-                        after,
-                        &mut partial.force,
-                        samples_after,
-                        &mut partial.scratch,
-                    );
-                });
-            }
-            first[0] = pass(part, force, samples, &mut self.scratch);
-        });
-        outcomes
-            .into_iter()
-            .fold(PassOutcome::default(), PassOutcome::merge)
+        let others = self.partial.iter_mut();
+        let others = others.map(|partial| (&mut partial.force[..], &mut partial.scratch));
+        let first = std::iter::once((force, &mut self.scratch));
+        let sums: Vec<_> = first.chain(others).collect();
+        let mut passes = Vec::with_capacity(threads);
+        for (k, (force, scratch)) in sums.into_iter().enumerate().rev() {
+            let begin = group.start + group.len() * k / threads;
+            let split = samples.map(|s| s.split(begin - group.start));
+            let (samples_before, samples_of_part) = split.unzip();
+            let (before, blocks) = part.split(begin);
+            (part, samples) = (before, samples_before);
+            passes.push(PartOfPass {
+                record,
+                force,
+                blocks,
+                samples: samples_of_part,
+                scratch,
+            });
+        }
+        compute(self.workers.as_ref(), input, passes)
     }
 
     /// Adds the partial forces to the forces on the grains, and clears them.
@@ -264,8 +312,7 @@ impl<D: Dimension> ThreadPool<D> {
         });
     }
 
-    /// Divides the owned grains into parts of about the same size, one per thread, runs `work` on
-    /// each, and calls `each` with every result.
+    /// Runs `work` on the share of each thread, and calls `each` with every result.
     pub fn over_owned<R: Send + Default>(
         &self,
         grains: &mut Grains<D>,
@@ -282,18 +329,16 @@ impl<D: Dimension> ThreadPool<D> {
         let Some(workers) = &self.workers else {
             return each(work(rest));
         };
-        let threads = self.threads();
-        let mut results: Vec<R> = (0..threads).map(|_| R::default()).collect();
+        let mut results: Vec<R> = self.shares.iter().map(|_| R::default()).collect();
         workers.region(|scope| {
             let work = &work;
             let (first, others) = results.split_at_mut(1);
-            // From the last part to the first, which this thread computes.
-            for (k, result) in others.iter_mut().enumerate().rev() {
-                let begin = owned * (k + 1) / threads;
-                let (record, record_after) = rest.record.split_at_mut(begin);
-                let (force, force_after) = rest.force.split_at_mut(begin);
-                let (half_kick, half_kick_after) = rest.half_kick.split_at(begin);
-                let (image, image_after) = rest.image.split_at_mut(begin);
+            // From the last share to the first, which this thread computes.
+            for (share, result) in self.shares[1..].iter().zip(others).rev() {
+                let (record, record_after) = rest.record.split_at_mut(share.start);
+                let (force, force_after) = rest.force.split_at_mut(share.start);
+                let (half_kick, half_kick_after) = rest.half_kick.split_at(share.start);
+                let (image, image_after) = rest.image.split_at_mut(share.start);
                 rest = OwnedPart {
                     record,
                     force,
@@ -322,6 +367,53 @@ impl<D: Dimension> ThreadPool<D> {
     }
 }
 
+/// What one thread does of a pass.
+struct PartOfPass<'a, D: Dimension> {
+    record: &'a [D::Record],
+    force: &'a mut [D::Force],
+    blocks: BlockRange<'a>,
+    samples: Option<Samples<'a>>,
+    scratch: &'a mut Scratch<D>,
+}
+
+impl<D: Dimension> PartOfPass<'_, D> {
+    fn compute(self, input: SharedInput<'_, D>) -> PassOutcome {
+        let pass = Pass {
+            record: self.record,
+            force: self.force,
+            part: self.blocks,
+            units: input.units,
+            cell: input.cell,
+            step: input.step,
+            travelled: input.travelled,
+            samples: self.samples,
+            counting: input.counting,
+        };
+        input.law.pass(input.isa, pass, self.scratch)
+    }
+}
+
+/// Computes all parts of a pass, from the last to the first, which the calling thread computes.
+fn compute<D: Dimension>(
+    workers: Option<&Workers>,
+    input: SharedInput<'_, D>,
+    mut parts: Vec<PartOfPass<'_, D>>,
+) -> PassOutcome {
+    let first = parts.pop().expect("every thread has a part");
+    let Some(workers) = workers else {
+        return first.compute(input);
+    };
+    let mut outcomes = vec![PassOutcome::default(); parts.len()];
+    let mut outcome = PassOutcome::default();
+    workers.region(|scope| {
+        for (part, outcome) in parts.into_iter().zip(&mut outcomes) {
+            scope.spawn(move |_| *outcome = part.compute(input));
+        }
+        outcome = first.compute(input);
+    });
+    outcomes.into_iter().rev().fold(outcome, PassOutcome::merge)
+}
+
 /// The partial forces of every thread, from this page on; leaves those before it.
 fn split_off<'a, F>(
     partial: &mut Vec<(&'a mut [F], &'a [bool])>,
@@ -338,7 +430,7 @@ fn split_off<'a, F>(
     after
 }
 
-/// Part of the owned grains, for the kicks and the drift; see [`Grains`].
+/// The share of a thread, for the kicks and the drift; see [`Grains`].
 pub struct OwnedPart<'a, D: Dimension> {
     /// Their records.
     pub record: &'a mut [D::Record],

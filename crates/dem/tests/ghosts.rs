@@ -143,8 +143,9 @@ fn run<D: Dimension>(
 fn count_paired_ghosts<D: Dimension>(system: &mut System<D>) -> usize {
     let (owned, local) = (system.owned(), system.local());
     let mut paired = vec![false; local];
-    for block in system.contacts.pairs.blocks() {
-        for (&i, &j) in block.i.iter().zip(&block.j) {
+    for block in 0..system.contacts.blocks() {
+        let pairs = system.contacts.grains(block);
+        for (i, j) in pairs.i.into_iter().zip(pairs.j) {
             // The rest of a block is filled up with pairs of a grain and itself.
             if i != j {
                 paired[i as usize] = true;

@@ -306,6 +306,7 @@ mod tests {
             Pack {
                 skip: false,
                 friction: 0.0,
+                drag: 1.0,
                 tolerance: 1e-7,
                 max_steps: 5_000_000
             }

@@ -9,21 +9,26 @@ use super::ContactState;
 
 /// Candidate pairs of local grains, each once, with the lower id as i.
 ///
-/// There are three groups of blocks: inner pairs, of which this rank owns both grains, then pairs
-/// of which it owns i, then pairs of which it owns j. In a group the pairs are sorted by (id of i,
-/// id of j). Within every run of 1,024 of them, contacts then come first, followed by the other
-/// pairs in order of their gaps, so that blocks in which nothing touches follow each other.
+/// There are groups of blocks. First come inner pairs, of which this rank owns both grains: for each
+/// thread those between two grains of its [share](LocalGrains::shares), then those between grains of
+/// two threads. Then come pairs of which this rank owns i, then pairs of which it owns j. In a group
+/// the pairs are sorted by (id of i, id of j). Within every run of 1,024 of them, contacts then come
+/// first, followed by the other pairs in order of their gaps, so that blocks in which nothing touches
+/// follow each other.
 ///
 /// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
 /// order and the extent of the list do not change the numbers: sums of forces are exact, and pairs
 /// that do not touch add nothing.
 #[derive(Debug, Default)]
 pub struct Contacts {
-    /// Blocks of inner pairs, which come first.
+    /// The pairs within the share of each thread, which come first.
+    pub shares: Vec<Share>,
+    /// Blocks of inner pairs, those of the shares included.
     pub inner: usize,
     /// Blocks of pairs of which this rank owns i, the inner ones included.
     pub owned_blocks: usize,
-    /// The pairs, by the local indices of their grains.
+    /// The pairs. Those of a share count its grains from its first one, so that a thread needs no
+    /// more than its own records and forces; others are local indices. See [`Contacts::grains`].
     pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
     pub geometry: Vec<[Lanes16; 2]>,
@@ -46,6 +51,15 @@ pub struct Contacts {
     pub asleep_until: Vec<f64>,
 }
 
+/// The pairs between two grains of one thread.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Share {
+    /// Its blocks.
+    pub blocks: Range<usize>,
+    /// Its owned grains.
+    pub grains: Range<usize>,
+}
+
 /// What a list needs to know of the local grains.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalGrains<'a> {
@@ -55,6 +69,8 @@ pub struct LocalGrains<'a> {
     pub radius: &'a [f64],
     /// This rank owns the first of them.
     pub owned: usize,
+    /// The owned grains of each thread, one range after the other.
+    pub shares: &'a [Range<usize>],
     /// Until the next list no ghost is further from its place than this (m).
     pub ghosts_move: f64,
 }
@@ -83,16 +99,24 @@ impl Contacts {
             id,
             radius,
             owned,
+            shares,
             ghosts_move,
         } = grains;
-        let is_owned = |g: u32| (g as usize) < owned;
-        let group = |of_i: bool, of_j: bool| {
-            let kind = |pair: &&CandidatePair| {
-                is_owned(pair.grains[0]) == of_i && is_owned(pair.grains[1]) == of_j
+        // Of each share, then of the others in the order of the list.
+        let mut groups: Vec<Vec<Listed>> = Vec::new();
+        groups.resize_with(shares.len() + 3, Vec::new);
+        let share_of = |g: usize| shares.partition_point(|share| share.end <= g);
+        for pair in with_contacts(candidates, remembered, id) {
+            let [i, j] = pair.grains.map(|g| g as usize);
+            let group = match (i < owned, j < owned) {
+                (true, true) if share_of(i) == share_of(j) => share_of(i),
+                (true, true) => shares.len(),
+                (true, false) => shares.len() + 1,
+                (false, _) => shares.len() + 2,
             };
-            in_order(candidates.iter().filter(kind), remembered, id)
-        };
-        let groups = [group(true, true), group(true, false), group(false, true)];
+            groups[group].push(pair);
+        }
+        groups.iter_mut().for_each(|group| contacts_first(group));
         self.parameter_lanes = law.parameter_lanes();
         self.history_lanes = law.history_lanes();
         self.pairs.clear();
@@ -104,9 +128,28 @@ impl Contacts {
         self.limits_are_known = remembered
             .iter()
             .all(|c| c.limits().iter().all(Option::is_some));
-        self.inner = groups[0].len().div_ceil(LANES);
-        self.owned_blocks = self.inner + groups[1].len().div_ceil(LANES);
-        for block in groups.iter().flat_map(|group| group.chunks(LANES)) {
+        let mut end = 0;
+        let ends: Vec<usize> = groups
+            .iter()
+            .map(|group| {
+                end += group.len().div_ceil(LANES);
+                end
+            })
+            .collect();
+        self.shares = shares
+            .iter()
+            .enumerate()
+            .map(|(k, grains)| Share {
+                blocks: k.checked_sub(1).map_or(0, |before| ends[before])..ends[k],
+                grains: grains.clone(),
+            })
+            .collect();
+        self.inner = ends[shares.len()];
+        self.owned_blocks = ends[shares.len() + 1];
+        let firsts = shares.iter().map(|share| share.start as u32);
+        let groups = groups.iter().zip(firsts.chain([0; 3]));
+        let blocks = groups.flat_map(|(group, first)| group.chunks(LANES).map(move |b| (b, first)));
+        for (block, first_grain) in blocks {
             let mut of_block = Pairs {
                 i: [0; LANES],
                 j: [0; LANES],
@@ -118,8 +161,8 @@ impl Contacts {
                 .resize(first + self.history_lanes, Lanes16::ZERO);
             for (lane, listed) in block.iter().enumerate() {
                 let [i, j] = listed.grains;
-                of_block.i[lane] = i;
-                of_block.j[lane] = j;
+                of_block.i[lane] = i - first_grain;
+                of_block.j[lane] = j - first_grain;
                 geometry[0].0[lane] = radius[i as usize] + radius[j as usize];
                 geometry[1].0[lane] = radius[i as usize];
                 if let Some(contact) = listed.contact {
@@ -174,6 +217,22 @@ impl Contacts {
         }
     }
 
+    /// Blocks of the shares of all threads.
+    pub fn shared_blocks(&self) -> usize {
+        self.shares.last().map_or(0, |share| share.blocks.end)
+    }
+
+    /// The local indices of the grains of a block.
+    pub fn grains(&self, block: usize) -> Pairs {
+        let share = self.shares.partition_point(|share| share.blocks.end <= block);
+        let first = self.shares.get(share).map_or(0, |share| share.grains.start as u32);
+        let mut pairs = self.pairs.blocks()[block];
+        for g in pairs.i.iter_mut().chain(&mut pairs.j) {
+            *g += first;
+        }
+        pairs
+    }
+
     /// Wakes all blocks.
     pub fn wake(&mut self) {
         self.asleep_until.fill(0.0);
@@ -190,13 +249,14 @@ impl Contacts {
             .iter()
             .enumerate()
             .flat_map(move |(block, &mask)| {
+                let grains = self.grains(block);
                 (0..LANES)
                     .filter(move |lane| mask >> lane & 1 == 1)
                     .map(move |lane| Touching {
                         block,
                         lane,
-                        i: self.pairs.blocks()[block].i[lane] as usize,
-                        j: self.pairs.blocks()[block].j[lane] as usize,
+                        i: grains.i[lane] as usize,
+                        j: grains.j[lane] as usize,
                     })
             })
     }
@@ -242,30 +302,31 @@ struct Listed<'a> {
 /// enough that their data stay in the cache.
 const SORTED_TOGETHER: usize = 64 * LANES;
 
-/// A group in the order of the list.
-fn in_order<'a>(
-    group: impl Iterator<Item = &'a CandidatePair>,
+/// The candidates with what is remembered of those that are contacts.
+fn with_contacts<'a>(
+    candidates: &'a [CandidatePair],
     remembered: &'a [ContactState],
-    id: &[u32],
-) -> Vec<Listed<'a>> {
+    id: &'a [u32],
+) -> impl Iterator<Item = Listed<'a>> {
     let mut rest = remembered.iter().peekable();
-    let mut all: Vec<Listed> = group
-        .map(|pair| {
-            let [i, j] = pair.grains.map(|g| id[g as usize]);
-            while rest.next_if(|c| (c.i, c.j) < (i, j)).is_some() {}
-            let contact = rest.next_if(|c| (c.i, c.j) == (i, j));
-            Listed {
-                grains: pair.grains,
-                gap: contact.map_or(pair.gap, |_| f64::NEG_INFINITY),
-                contact,
-            }
-        })
-        .collect();
-    for run in all.chunks_mut(SORTED_TOGETHER) {
+    candidates.iter().map(move |pair| {
+        let [i, j] = pair.grains.map(|g| id[g as usize]);
+        while rest.next_if(|c| (c.i, c.j) < (i, j)).is_some() {}
+        let contact = rest.next_if(|c| (c.i, c.j) == (i, j));
+        Listed {
+            grains: pair.grains,
+            gap: contact.map_or(pair.gap, |_| f64::NEG_INFINITY),
+            contact,
+        }
+    })
+}
+
+/// Puts the pairs of a group into the order of the list.
+fn contacts_first(group: &mut [Listed]) {
+    for run in group.chunks_mut(SORTED_TOGETHER) {
         // Stable: contacts stay in order.
         run.sort_by(|a, b| a.gap.total_cmp(&b.gap));
     }
-    all
 }
 
 /// How far (m) two grains with this gap (m) must travel to touch. Slightly less than half of it,

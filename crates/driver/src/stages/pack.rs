@@ -18,9 +18,6 @@ use super::top_wall::{height_between, mass_of_top};
 use crate::header::Header;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
-/// Drag of the rest after the compression, in inverse inertial times.
-const DRAG_RESTING: f64 = 1.0;
-
 /// Steps between two checks whether the sample is at rest.
 const CHECK_INTERVAL: u64 = 1000;
 /// Steps between checkpoints.
@@ -164,7 +161,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
             self.drive.piston.load = (2.0 * pressing).min(load.normal_force);
             // In units of the inertial time at the present load.
             let part = self.drive.piston.load / load.normal_force;
-            self.drive.drag = DRAG_RESTING / inertial_time(scene, load) * part.sqrt();
+            self.drive.drag = pack.drag / inertial_time(scene, load) * part.sqrt();
         }
         let loaded = pressing == load.normal_force;
         // The energy of a wave is proportional to the square of its pressure.

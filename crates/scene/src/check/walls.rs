@@ -57,6 +57,7 @@ pub(super) fn check(
 
 fn check_pack(c: &mut Checker<'_>, pack: &raw::Pack, sample: &SampleKeys<'_>) -> Pack {
     let friction = c.number_or_default(&pack.friction);
+    let drag = c.number_or_default(&pack.drag);
     let tolerance = c.number_or_default(&pack.tolerance);
     let max_steps = c.count(&pack.max_steps);
     let packing = sample.raw.packing.is_given();
@@ -74,6 +75,7 @@ fn check_pack(c: &mut Checker<'_>, pack: &raw::Pack, sample: &SampleKeys<'_>) ->
         };
         let places = [
             pack.friction.place(),
+            pack.drag.place(),
             pack.tolerance.place(),
             pack.max_steps.place(),
         ];
@@ -95,6 +97,7 @@ fn check_pack(c: &mut Checker<'_>, pack: &raw::Pack, sample: &SampleKeys<'_>) ->
     Pack {
         skip,
         friction,
+        drag,
         tolerance,
         max_steps,
     }

@@ -146,6 +146,8 @@ pub struct Pack {
     pub skip: bool,
     /// μ_s while packing; 0 is a law without history.
     pub friction: f64,
+    /// Drag once the bottom carries the load, over the inverse inertial time.
+    pub drag: f64,
     /// Kinetic energy per grain, over P d̄ δ̄, below which the sample is at rest.
     pub tolerance: f64,
     /// Steps after which packing is given up.

@@ -92,6 +92,7 @@ pub(super) fn stages(t: &mut Lines, walls: &PlaneShear, keep_checkpoints: bool) 
     t.flag(&keys.skip, walls.pack.skip);
     if !walls.pack.skip {
         t.number(&keys.friction, walls.pack.friction);
+        t.number(&keys.drag, walls.pack.drag);
         t.number(&keys.tolerance, walls.pack.tolerance);
         t.whole(&keys.max_steps, walls.pack.max_steps);
     }
