@@ -281,8 +281,7 @@ fn add_forces<D: Dimension>(
     let mut outcome = PassOutcome::default();
     slabs.exchange(exchange, record, grains.owned, |owned| {
         clock.end(StepPhase::Exchange);
-        outcome =
-            pool.forces_within_shares(input, owned, force, contacts, samples.as_deref_mut());
+        outcome = pool.forces_within_shares(input, owned, force, contacts, samples.as_deref_mut());
         clock.end(StepPhase::Contacts);
     });
     clock.end(StepPhase::Exchange);

@@ -224,8 +224,13 @@ impl Contacts {
 
     /// The local indices of the grains of a block.
     pub fn grains(&self, block: usize) -> Pairs {
-        let share = self.shares.partition_point(|share| share.blocks.end <= block);
-        let first = self.shares.get(share).map_or(0, |share| share.grains.start as u32);
+        let share = self
+            .shares
+            .partition_point(|share| share.blocks.end <= block);
+        let first = self
+            .shares
+            .get(share)
+            .map_or(0, |share| share.grains.start as u32);
         let mut pairs = self.pairs.blocks()[block];
         for g in pairs.i.iter_mut().chain(&mut pairs.j) {
             *g += first;
