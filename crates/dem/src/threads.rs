@@ -101,10 +101,11 @@ impl<D: Dimension> ThreadPool<D> {
     /// # Errors
     /// If the threads cannot be started.
     pub fn new(threads: usize) -> Result<Self, Failure> {
+        let shares = vec![0..0; threads.max(1)];
         if threads <= 1 {
             return Ok(Self {
                 workers: None,
-                shares: vec![0..0],
+                shares,
                 scratch: Box::default(),
                 partial: Vec::new(),
                 gathered_from: Vec::new(),
@@ -119,7 +120,7 @@ impl<D: Dimension> ThreadPool<D> {
                 pool,
                 regions: Arc::default(),
             }),
-            shares: vec![0..0; threads],
+            shares,
             scratch: Box::default(),
             partial: (1..threads)
                 .map(|_| PartialForces {
