@@ -100,3 +100,58 @@ fn a_sweep_over_boxes_goes_on() {
     let digest = |text: &str| text.rsplit("digest ").next().map(|t| t[..32].to_string());
     assert_eq!(digest(&all.text), digest(done(&single)));
 }
+
+/// Random places of the box: at rest within the tolerance, at other places than those of the
+/// lattice, and to the same bits on any ranks.
+#[test]
+fn random_places_come_to_rest_on_any_ranks() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let digests = |name: &str, ranks: usize, placement: &str| -> Vec<String> {
+        let folder = temporary.path().join(name);
+        let placement = format!("--set=sample.placement={placement}");
+        let more = ["--set=aqs.steps=1", &*placement];
+        let outcome = run(Path::new(SCENE), ranks, &folder, &more);
+        let words = done(&outcome).split_whitespace();
+        let next = words.clone().skip(1);
+        let found = words.zip(next).filter(|(word, _)| *word == "digest");
+        found.map(|(_, digest)| digest.to_string()).collect()
+    };
+    let alone = digests("one", 1, "random");
+    assert!(!alone.is_empty());
+    assert_eq!(alone, digests("two", 2, "random"));
+    assert_ne!(alone, digests("lattice", 1, "lattice"));
+    let strained = RunFile::open_any(&temporary.path().join("one/aqs.h5")).expect("a run");
+    let first = |name: &str| strained.series().column(name)[0];
+    assert!(first("residual") <= 1e-9 && first("pressure") > 0.0);
+    assert!((first("solid_fraction") - 0.72).abs() < 1e-12);
+}
+
+/// Random places too crowded for the law, and a relaxation that takes too many steps: one message
+/// each, with what to do, and exit code 3.
+#[test]
+fn random_places_that_do_not_settle_are_refused() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    for (name, more, expected) in [
+        (
+            "crowded",
+            &["--set=box.solid_fraction=1.19"][..],
+            "still overlap by ",
+        ),
+        (
+            "slow",
+            &["--set=relax.max_steps=100", "--set=relax.tolerance=1e-16"],
+            "not at rest after relax.max_steps = 100 ",
+        ),
+    ] {
+        let folder = temporary.path().join(name);
+        let more = [&["--set=sample.placement=random"], more].concat();
+        let outcome = run(Path::new(SCENE), 1, &folder, &more);
+        assert_eq!(outcome.code, 3, "{}", outcome.text);
+        let remedy = "or sample.placement = \"lattice\"";
+        for part in [expected, remedy] {
+            assert!(outcome.text.contains(part), "{}", outcome.text);
+        }
+    }
+}

@@ -2,11 +2,13 @@
 
 mod common;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
 use common::{alone, gshear_mpi, succeed};
+use gshear_store::run_reader::RunFile;
 
 const MINDLIN: &str = r#"
 title = "Smoothed Mindlin"
@@ -139,4 +141,161 @@ fn frames_and_checkpoints_have_one_stiffness() {
             "{name}: eigenvalues differ"
         );
     }
+}
+
+/// A table by its columns.
+fn table(path: &Path) -> BTreeMap<String, Vec<String>> {
+    let mut reader = csv::Reader::from_path(path).expect("a table");
+    let names: Vec<String> = (reader.headers().expect("a header").iter())
+        .map(String::from)
+        .collect();
+    let mut columns: Vec<Vec<String>> = vec![Vec::new(); names.len()];
+    for row in reader.records() {
+        let row = row.expect("a row");
+        for (column, cell) in columns.iter_mut().zip(&row) {
+            column.push(cell.into());
+        }
+    }
+    names.into_iter().zip(columns).collect()
+}
+
+fn numbers(column: &[String]) -> Vec<f64> {
+    let read = |cell: &String| cell.parse().expect("a number");
+    column.iter().map(read).collect()
+}
+
+/// `stability` counts what `spectrum` finds, in both forms of the matrix, and the ensemble of two
+/// boxes holds what their files say.
+#[test]
+fn ensembles_of_boxes_hold_what_their_runs_say() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+    let runs = [3, 4].map(|seed| {
+        let run = folder.path().join(format!("seed-{seed}"));
+        let sets = [
+            format!("seed={seed}"),
+            "sample.grains=60".into(),
+            "aqs.steps=5".into(),
+            "aqs.frame_every=1".into(),
+            "aqs.spectrum=true".into(),
+            "aqs.birth_precision=1e-3".into(),
+        ];
+        let mut arguments = vec![scene.to_string()];
+        arguments.extend(sets.map(|set| format!("--set={set}")));
+        let outcome = gshear_mpi(1, &run, &arguments);
+        assert_eq!(outcome.code, 0, "{}", outcome.text);
+        run
+    });
+    let reduce = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+        let output = succeed(command.args(["--threads", "1"]).args(arguments));
+        String::from_utf8(output.stdout).expect("text")
+    };
+    let mut firsts = Vec::new();
+    for (form, options) in [("ours", &[][..]), ("paper", &["--paper-form"][..])] {
+        for (k, run) in runs.iter().enumerate() {
+            let out = path(folder.path(), &format!("{form}-{k}"));
+            let of_run = path(run, "aqs.h5");
+            reduce(&[&["stability", &of_run, "--out", &out], options].concat());
+            let counted = table(&Path::new(&out).join("stability.csv"));
+            let pairs = numbers(&counted["pairs"]);
+            assert_eq!(pairs.len(), 6);
+            // Without tangential forces K is symmetric.
+            assert_eq!(pairs[0], 0.0);
+            let first = pairs.iter().position(|pairs| *pairs > 0.0);
+            firsts.push(first.map(|t| counted["strain"][t].clone()));
+            reduce(
+                &[
+                    &["spectrum", &of_run, "--frame=5", "--dense", "--out", &out],
+                    options,
+                ]
+                .concat(),
+            );
+            let found = table(&Path::new(&out).join("spectrum.csv"));
+            let (re, im) = (numbers(&found["lambda_re"]), numbers(&found["lambda_im"]));
+            let with = |verdict: &str, counts: &dyn Fn(usize) -> bool| {
+                let of = (0..re.len()).filter(|k| found["verdict"][*k] == verdict && counts(*k));
+                of.count() as f64
+            };
+            assert_eq!(pairs[5], with("pair", &|k| im[k] > 0.0));
+            assert_eq!(
+                numbers(&counted["negative"])[5],
+                with("real", &|k| re[k] < 0.0)
+            );
+            let greatest = im.iter().copied().fold(0.0, f64::max);
+            let counted = numbers(&counted["imaginary_greatest"])[5];
+            assert!(
+                (counted / greatest - 1.0).abs() < 1e-9,
+                "{counted} {greatest}"
+            );
+        }
+    }
+    let out = folder.path().join("ensemble");
+    let [a, b] = [0, 1].map(|k| runs[k].to_str().expect("UTF-8"));
+    let out_name = out.to_str().expect("UTF-8");
+    reduce(&["report", "--study=bonfanti", a, b, "--out", out_name]);
+    let of_runs = table(&out.join("ensemble-runs.csv"));
+    let parse = |cell: &Option<String>| cell.as_ref().map_or(f64::NAN, |x| x.parse().unwrap());
+    for (name, of) in [
+        ("first_frame_with_pair", &firsts[..2]),
+        ("first_frame_with_pair_paper_form", &firsts[2..]),
+    ] {
+        let found = numbers(&of_runs[name]);
+        for (found, of) in found.iter().zip(of) {
+            assert_eq!(found.to_bits(), parse(of).to_bits(), "{name}");
+        }
+    }
+    for (k, run) in runs.iter().enumerate() {
+        let moving = RunFile::open_any(&run.join("newtonian.h5")).expect("a run");
+        let (time, stress) = (
+            &moving.series().time,
+            moving.series().column("shear_stress"),
+        );
+        let begin = time[0] + 0.9 * (time[time.len() - 1] - time[0]);
+        let from = time.iter().position(|t| *t >= begin).expect("rows");
+        let mut sum = 0.0;
+        for k in from + 1..time.len() {
+            sum += 0.5 * (stress[k - 1] + stress[k]) * (time[k] - time[k - 1]);
+        }
+        let end = sum / (time[time.len() - 1] - time[from]);
+        let change = (end - stress[0]).abs();
+        let pressure = moving.series().column("pressure")[0];
+        let found = numbers(&of_runs["change_over_pressure"])[k];
+        assert!((found / (change / pressure) - 1.0).abs() < 1e-9);
+        let found = numbers(&of_runs["change_over_stress"])[k];
+        assert!((found / (change / stress[0].abs()) - 1.0).abs() < 1e-9);
+        assert!(numbers(&of_runs["birth"])[k] > 0.0);
+    }
+    let means = table(&out.join("ensemble.csv"));
+    let at = means["what"]
+        .iter()
+        .position(|what| what == "change_over_pressure");
+    let mean = numbers(&means["mean"])[at.expect("a row")];
+    let both = numbers(&of_runs["change_over_pressure"]);
+    assert!((mean / (0.5 * (both[0] + both[1])) - 1.0).abs() < 1e-12);
+    for name in [
+        "ensemble-runs.csv",
+        "ensemble.csv",
+        "ensemble-distributions.csv",
+    ] {
+        assert!(out.join(format!("{name}-metadata.json")).exists(), "{name}");
+    }
+    // What becomes of a pair is not known of a run that was stopped.
+    let stopped = folder.path().join("stopped");
+    let set = |set: &str| format!("--set={set}");
+    let arguments = [
+        scene.to_string(),
+        set("sample.grains=60"),
+        "--stop-at=2".into(),
+    ];
+    assert_eq!(gshear_mpi(1, &stopped, &arguments).code, 75);
+    let refused = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"))
+        .args(["report", "--study=bonfanti", a])
+        .arg(&stopped)
+        .output()
+        .expect("the program starts");
+    assert_eq!(refused.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(said.contains("aqs.h5: is not done"), "{said}");
 }

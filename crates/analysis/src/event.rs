@@ -96,7 +96,7 @@ pub fn between_frames<D: Dimension>(
 /// Returns the overlap Σab/√(Σa² Σb²) of two non-negative fields over the grains, `[N]`; grains
 /// where either field is not finite are left out.
 ///
-/// It is 1 if one field is a multiple of the other. Independent fields give ⟨a⟩⟨b⟩/√(⟨a²⟩⟨b²⟩).
+/// It is 1 if one field is a multiple of the other; [`by_chance`] is that of independent fields.
 pub fn overlap(a: &[f64], b: &[f64]) -> f64 {
     let pairs = || {
         a.iter()
@@ -105,6 +105,19 @@ pub fn overlap(a: &[f64], b: &[f64]) -> f64 {
     };
     let sum = |of: fn(f64, f64) -> f64| pairs().map(|(a, b)| of(*a, *b)).sum::<f64>();
     sum(|a, b| a * b) / (sum(|a, _| a * a) * sum(|_, b| b * b)).sqrt()
+}
+
+/// Returns the [`overlap`] that two independent fields of these values would have:
+/// ⟨a⟩⟨b⟩/√(⟨a²⟩⟨b²⟩), over the grains where both are finite.
+pub fn by_chance(a: &[f64], b: &[f64]) -> f64 {
+    let pairs = || {
+        a.iter()
+            .zip(b)
+            .filter(|(a, b)| a.is_finite() && b.is_finite())
+    };
+    let sum = |of: fn(f64, f64) -> f64| pairs().map(|(a, b)| of(*a, *b)).sum::<f64>();
+    let squares = sum(|a, _| a * a) * sum(|_, b| b * b);
+    sum(|a, _| a) * sum(|_, b| b) / (pairs().count() as f64 * squares.sqrt())
 }
 
 #[cfg(test)]
@@ -172,5 +185,7 @@ mod tests {
     fn overlaps_of_equal_and_of_separate_fields() {
         assert_eq!(overlap(&[1.0, 2.0, f64::NAN], &[2.0, 4.0, 9.0]), 1.0);
         assert_eq!(overlap(&[1.0, 0.0], &[0.0, 3.0]), 0.0);
+        // ⟨a⟩⟨b⟩ = 1/2 · 3/2, ⟨a²⟩⟨b²⟩ = 1/2 · 9/2.
+        assert_eq!(by_chance(&[1.0, 0.0, 7.0], &[0.0, 3.0, f64::NAN]), 0.5);
     }
 }

@@ -35,6 +35,7 @@
 //! assert!(correlation.rho > 0.8 && !correlation.is_significant());
 //! ```
 
+pub mod aftermath;
 pub mod correlate;
 pub mod dbscan;
 pub mod displacement;
@@ -53,6 +54,7 @@ pub mod rattlers;
 pub mod regions;
 pub mod spearman;
 pub mod spread;
+pub mod stability;
 pub mod stages;
 pub mod stress;
 pub mod student;

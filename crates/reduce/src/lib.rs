@@ -36,6 +36,7 @@ mod regions;
 pub mod replay;
 pub mod scalars;
 mod spectrum;
+mod stability;
 mod stiffness;
 mod study;
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::export::Which;
 use crate::output::cannot_write;
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble, paper_form};
+use gshear_analysis::stability::Stability;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
@@ -110,6 +111,18 @@ impl StoredState {
             Dimensions::Two => assemble::<Two>(state, self.force::<Two>().as_ref(), history),
             Dimensions::Three => assemble::<Three>(state, self.force::<Three>().as_ref(), history),
         }
+    }
+
+    /// Finds all eigenvalues and counts those that make the state unstable. With [`History::Unturned`]
+    /// they are those of J in the paper's form.
+    ///
+    /// # Errors
+    /// If K is not finite.
+    pub fn stability(&self, history: History) -> Result<Stability, Failure> {
+        let problem = self.jacobian(history).problem();
+        let problem =
+            problem.map_err(|why| Failure::numbers(format!("{}: K: {why}", self.what)))?;
+        Ok(Stability::of(&problem))
     }
 
     /// Returns the contact law, as the run itself chooses it.

@@ -9,10 +9,11 @@ use super::scalars::FrameSeries;
 use super::stiffness::{StateSelection, StoredState};
 use gshear_analysis::jacobian::History;
 use gshear_dem::failure::Failure;
-use gshear_report::bonfanti;
+use gshear_report::bonfanti::{self, BothForms, EnsembleRun, FirstPair};
 use gshear_report::lee_hurley::{self, Size, Studied, StudyOptions, friction};
+use gshear_scene::{Boundary, Source};
 use gshear_spectrum::{Spectrum, Verdict};
-use gshear_store::file_names::NEWTONIAN_FILE;
+use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE};
 use gshear_store::run_reader::RunFile;
 
 /// Reduces the runs one after the other and writes the study of Lee & Hurley into `folder`. Returns
@@ -91,24 +92,83 @@ pub fn report(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf, F
     gshear_report::write(run, replayed, page.as_deref(), folder)
 }
 
-/// Writes the study of Bonfanti et al. on the run in a folder. Returns the path of the page.
+/// Writes the study of Bonfanti et al. on the run in a folder, or on an ensemble of runs. Returns the
+/// path of the page.
 ///
 /// # Errors
-/// More than one run, missing or damaged files, files that cannot be written.
+/// Missing or damaged files, runs of an ensemble that are not done, files that cannot be written.
 pub fn bonfanti(runs: &[PathBuf], folder: Option<&Path>) -> Result<PathBuf, Failure> {
-    let [run] = runs else {
-        return Err(Failure::input(format!(
-            "report: {} runs: the study of Bonfanti et al. takes one",
-            runs.len()
-        )));
+    let beside = runs[0].join("bonfanti");
+    let folder = folder.unwrap_or(&beside);
+    let foretold = |run: &Path| {
+        let moving = run.join(NEWTONIAN_FILE);
+        match moving.exists() {
+            true => growing_pair(&RunFile::open_any(&moving)?),
+            false => Ok(None),
+        }
     };
-    let beside = run.join("bonfanti");
-    let moving = run.join(NEWTONIAN_FILE);
-    let foretold = match moving.exists() {
-        true => growing_pair(&RunFile::open_any(&moving)?)?,
-        false => None,
+    if let [run] = runs {
+        return bonfanti::write(run, folder, foretold(run)?.as_deref());
+    }
+    let mut studied = Vec::new();
+    for run in runs {
+        let strain = RunFile::open_any(&run.join(AQS_FILE))?;
+        studied.push(EnsembleRun {
+            folder: run,
+            family: box_family(&strain)?,
+            mode_weight: foretold(run)?,
+            forms: first_pairs(&strain)?,
+        });
+    }
+    bonfanti::write_ensemble(&studied, folder)
+}
+
+/// What runs in a box have in common that differ in their seeds only.
+fn box_family(run: &RunFile) -> Result<String, Failure> {
+    let name = format!("{} (its scene)", run.path().display());
+    let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
+    match &scene.boundary {
+        Boundary::Periodic(of) => Ok(format!(
+            "φ = {} {} N = {}",
+            of.solid_fraction,
+            of.placement.name(),
+            scene.sample.grains
+        )),
+        Boundary::Walls(_) => Err(Failure::input(format!(
+            "{}: is not of a periodic box",
+            run.path().display()
+        ))),
+    }
+}
+
+/// Finds the first frame with a complex pair, with K and with J in the paper's form.
+fn first_pairs(run: &RunFile) -> Result<BothForms, Failure> {
+    let strains = match run.frames() {
+        0 => Vec::new(),
+        _ => run.frame_strains()?,
     };
-    bonfanti::write(run, folder.unwrap_or(&beside), foretold.as_deref())
+    let first = |history: History| -> Result<Option<FirstPair>, Failure> {
+        for (t, &strain) in strains.iter().enumerate() {
+            let state = StoredState::of_run(run, StateSelection::Frame(Which::Number(t)))?;
+            let found = state.stability(history)?;
+            if found.pairs > 0.0 {
+                let omega = faer::c64::new(found.pair_real, found.imaginary_greatest).sqrt();
+                return Ok(Some(FirstPair {
+                    before: t.checked_sub(1).map_or(f64::NAN, |t| strains[t]),
+                    after: strain,
+                    lambda_i: found.imaginary_greatest,
+                    omega_r: omega.re,
+                    omega_i: omega.im,
+                }));
+            }
+        }
+        Ok(None)
+    };
+    Ok(BothForms {
+        frames: strains.len(),
+        ours: first(History::Turned)?,
+        paper: first(History::Unturned)?,
+    })
 }
 
 /// Largest number of unknowns for which the growing pair is computed, from all eigenvalues.

@@ -280,7 +280,7 @@ mod tests {
         );
         assert_eq!(
             resolve("sample.pressure").unwrap_err(),
-            "unknown key; it belongs in [load]; [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, length, width, packing, replicate, walls"
+            "unknown key; it belongs in [load]; [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, placement, length, width, packing, replicate, walls"
         );
         assert_eq!(
             resolve("load").unwrap_err(),

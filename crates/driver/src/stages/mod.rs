@@ -8,6 +8,7 @@ pub mod periodic;
 mod prepare;
 mod relax;
 mod rest;
+mod scatter;
 mod setup;
 pub(crate) mod shear;
 mod spectra_file;

@@ -1,5 +1,8 @@
-//! Preparation of a packing at its solid fraction: grains on a loose lattice are compressed step by
-//! step without friction, and brought to rest.
+//! Preparation of a packing at its solid fraction, without friction: grains on a loose lattice are
+//! compressed step by step, or grains at random places of the box are moved apart; then they are
+//! brought to rest.
+
+use std::ops::Range;
 
 use bytemuck::Zeroable;
 use rand::SeedableRng;
@@ -7,6 +10,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::relax::{NOT_AT_REST, overdamped};
+use super::scatter::{Placed, move_apart};
 use super::setup::system;
 use crate::run::{Run, StageState};
 use gshear_dem::dimension::Dimension;
@@ -18,7 +22,7 @@ use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::sample::{self, radius, stream};
-use gshear_scene::{PeriodicBox, Scene, Sizes};
+use gshear_scene::{PeriodicBox, Placement, Scene, Sizes};
 
 /// Lattice constant over the greatest diameter.
 const ROOM: f64 = 1.1;
@@ -32,8 +36,84 @@ const DRAG: f64 = 0.02;
 /// before; at most so many times in turn.
 const MOST_HALVINGS: i32 = 6;
 
+/// Greatest overlap of random grains that were moved apart, over the largest of the law: what the
+/// law moves may overlap more for a while.
+const CLOSEST: f64 = 0.9;
+
 /// The packing at rest, without friction.
 pub(super) fn prepare<D: Dimension>(
+    run: &Run<'_>,
+    scene: &Scene,
+    periodic: &PeriodicBox,
+    law: &dyn PairForce<D>,
+) -> Result<StageState, Failure> {
+    match periodic.placement {
+        Placement::Lattice => compress(run, scene, periodic, law),
+        Placement::Random => part(run, scene, periodic, law),
+    }
+}
+
+/// The packing of grains that begin at random places of the box.
+fn part<D: Dimension>(
+    run: &Run<'_>,
+    scene: &Scene,
+    periodic: &PeriodicBox,
+    law: &dyn PairForce<D>,
+) -> Result<StageState, Failure> {
+    let exchange = run.exchange;
+    let length = scene.sample.length;
+    let cell = scene.sample.box_cell(length);
+    let remedy = "give a lower box.solid_fraction, another seed, or sample.placement = \"lattice\"";
+    let fails = |what: String| in_preparation(scene, length, &format!("{what}; {remedy}"));
+    let mut placed = random_places(scene, &periodic.sizes);
+    let largest = |a: f64, b: f64| scene.law.largest_overlap(a, b);
+    let greatest = move_apart::<D>(&mut placed, cell, largest).map_err(|steps| {
+        fails(format!(
+            "random grains still move apart after {steps} steps"
+        ))
+    })?;
+    if greatest > CLOSEST {
+        return Err(fails(format!(
+            "random grains that were moved apart still overlap by {greatest:.2} of the largest overlap of the law, and {CLOSEST} is the most to begin with"
+        )));
+    }
+    // Ids ascend along x, as those of the lattice.
+    placed.sort_by(|a, b| a.position[0].total_cmp(&b.position[0]));
+    let share = share_of(scene.sample.grains, exchange.rank(), exchange.size());
+    let grains = share.map(|id| GrainState {
+        id,
+        position: placed[id as usize].position,
+        radius: placed[id as usize].radius,
+        ..GrainState::zeroed()
+    });
+    let mut system = system::<D>(run, scene, cell)?;
+    system.replace(exchange, law, &mut NoWalls, grains.collect(), Vec::new())?;
+    let found = settle(exchange, &mut system, law, 10 * SETTLING)
+        .and_then(|()| rest(run, periodic, &mut system, law));
+    found.map_err(|failure| match failure {
+        Failure::Numbers(m) => fails(m),
+        other => other,
+    })
+}
+
+/// Brings a packing in its box to rest by overdamped dynamics with the drag of the scene.
+fn rest<D: Dimension>(
+    run: &Run<'_>,
+    periodic: &PeriodicBox,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+) -> Result<StageState, Failure> {
+    let steps = overdamped(&periodic.relax, run.exchange, system, law)?;
+    run.terminal.prepared(steps);
+    Ok(StageState {
+        grains: system.grain_states(),
+        contacts: system.contact_states(law),
+        ..StageState::default()
+    })
+}
+
+/// The packing of grains that begin on a lattice.
+fn compress<D: Dimension>(
     run: &Run<'_>,
     scene: &Scene,
     periodic: &PeriodicBox,
@@ -57,15 +137,8 @@ pub(super) fn prepare<D: Dimension>(
         };
         let mut moved = settle(exchange, &mut system, law, settling);
         if moved.is_ok() && length == target {
-            match overdamped(&periodic.relax, exchange, &mut system, law) {
-                Ok(steps) => {
-                    run.terminal.prepared(steps);
-                    return Ok(StageState {
-                        grains: system.grain_states(),
-                        contacts: system.contact_states(law),
-                        ..StageState::default()
-                    });
-                }
+            match rest(run, periodic, &mut system, law) {
+                Ok(state) => return Ok(state),
                 Err(Failure::Numbers(m)) if m.starts_with(NOT_AT_REST) => {
                     return Err(in_preparation(scene, length, &m));
                 }
@@ -153,14 +226,9 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
     let room = (2.0 * ROOM * sample.radius_max).max(sample.length / f64::from(side));
     let sites = u64::from(side).pow(axes);
     let large = large(scene, sizes);
-    let part = |r: usize| (u64::from(count) * r as u64 / ranks as u64) as u32;
     let grain = |id: u32| {
         let mut uniform = stream(scene.seed, id);
-        let radius = match (sizes, large[id as usize]) {
-            (Sizes::Binary { .. }, true) => sample.radius_max,
-            (Sizes::Binary { .. }, false) => sample.radius_min,
-            _ => radius(sample, sizes, &mut uniform),
-        };
+        let radius = radius_of(scene, sizes, large[id as usize], &mut uniform);
         let mut site = u64::from(id) * sites / u64::from(count);
         let mut position = [0.0; 3];
         let free = room - 2.0 * radius;
@@ -177,8 +245,41 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
             ..GrainState::zeroed()
         }
     };
-    let grains = (part(rank)..part(rank + 1)).map(grain).collect();
+    let grains = share_of(count, rank, ranks).map(grain).collect();
     (room * f64::from(side), grains)
+}
+
+/// The ids that a rank inserts.
+fn share_of(grains: u32, rank: usize, ranks: usize) -> Range<u32> {
+    let first = |r: usize| (u64::from(grains) * r as u64 / ranks as u64) as u32;
+    first(rank)..first(rank + 1)
+}
+
+/// All grains at random places of the box, the same on every rank.
+fn random_places(scene: &Scene, sizes: &Sizes) -> Vec<Placed> {
+    let sample = &scene.sample;
+    let large = large(scene, sizes);
+    let place = |id: u32| {
+        let mut uniform = stream(scene.seed, id);
+        let radius = radius_of(scene, sizes, large[id as usize], &mut uniform);
+        let mut position = [0.0; 3];
+        for x in &mut position[..scene.dimension.axes()] {
+            // Rounding must not make it the period.
+            *x = (sample.length * uniform()).min(sample.length.next_down());
+        }
+        Placed { radius, position }
+    };
+    (0..sample.grains).map(place).collect()
+}
+
+/// The radius of a grain, the first number that is drawn from its stream.
+fn radius_of(scene: &Scene, sizes: &Sizes, large: bool, uniform: &mut impl FnMut() -> f64) -> f64 {
+    let sample = &scene.sample;
+    match (sizes, large) {
+        (Sizes::Binary { .. }, true) => sample.radius_max,
+        (Sizes::Binary { .. }, false) => sample.radius_min,
+        _ => radius(sample, sizes, uniform),
+    }
 }
 
 /// The large grains of a binary mixture: exactly the number given by its fraction.

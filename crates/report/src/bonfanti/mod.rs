@@ -1,10 +1,12 @@
 //! The study of Bonfanti et al. (BO): figures 1 to 5 of the paper drawn from one run, and the
-//! paper's numbers next to the run's.
+//! paper's numbers next to the run's; of several runs, what became of their pairs.
 
 mod curves;
+mod ensemble;
 
 use std::path::{Path, PathBuf};
 
+pub use self::ensemble::{BothForms, FirstPair};
 use crate::drawing;
 use crate::page::{document, escape, scene_of};
 use gshear_analysis::event;
@@ -88,7 +90,61 @@ pub fn write(run: &Path, folder: &Path, mode_weight: Option<&[f64]>) -> Result<P
     Ok(page)
 }
 
+/// A run of an ensemble, with what is found in its states.
+#[derive(Debug)]
+pub struct EnsembleRun<'a> {
+    /// Its folder.
+    pub folder: &'a Path,
+    /// What it has in common with the runs that differ in their seeds only.
+    pub family: String,
+    /// |v|² of each grain in the growing pair, `[N]`.
+    pub mode_weight: Option<Vec<f64>>,
+    /// The first pairs in the frames of its strain steps.
+    pub forms: BothForms,
+}
+
+/// Writes the study of several runs into `folder`: `ensemble.csv` with means over the runs of each
+/// family, `ensemble-runs.csv` with a line per run, `ensemble.svg` with its data, and the page, whose
+/// path it returns.
+///
+/// # Errors
+/// If files are missing or damaged, runs not done, or files cannot be written.
+pub fn write_ensemble(runs: &[EnsembleRun<'_>], folder: &Path) -> Result<PathBuf, Failure> {
+    let mut found = Vec::new();
+    for run in runs {
+        let studied = BoxRun::read(run.folder, run.mode_weight.as_deref())?;
+        studied.must_be_done()?;
+        found.push(ensemble::numbers(&studied, run.family.clone(), run.forms));
+    }
+    let tables = ensemble::tables(&found);
+    for (name, csv) in &tables {
+        dictionary::write_figure_data(&folder.join(name), csv, 3)?;
+    }
+    let figure = ensemble::figure_of(&found);
+    drawing::write(&folder.join("ensemble.svg"), &figure.svg)?;
+    dictionary::write_figure_data(&folder.join("ensemble-distributions.csv"), &figure.csv, 3)?;
+    let page = folder.join("index.html");
+    text_writer::write(&page, ensemble::html(&found))?;
+    Ok(page)
+}
+
 impl BoxRun {
+    /// Refuses a run that was stopped: what becomes of its pair is not known yet.
+    fn must_be_done(&self) -> Result<(), Failure> {
+        for run in [Some(&self.strain), self.newtonian.as_ref()]
+            .into_iter()
+            .flatten()
+        {
+            if run.digest().is_none() {
+                return Err(Failure::input(format!(
+                    "{}: is not done, and an ensemble needs the end of each run; continue it (--resume) or leave it out",
+                    run.path().display()
+                )));
+            }
+        }
+        Ok(())
+    }
+
     fn read(run: &Path, mode_weight: Option<&[f64]>) -> Result<Self, Failure> {
         let strain = RunFile::open_any(&run.join(AQS_FILE))?;
         let path = run.join(NEWTONIAN_FILE);
@@ -125,6 +181,16 @@ impl BoxRun {
             places,
             slip,
         })
+    }
+
+    /// By which parts the time step changes ω_i and ω_r of the pair: velocity Verlet turns ω = ω_r +
+    /// iω_i into ω + ω³Δt²/24, which are 3(ω_rΔt)²/24 and (ω_rΔt)²/24 for ω_i « ω_r.
+    fn integration_error(&self) -> Option<[f64; 2]> {
+        let run = self.newtonian.as_ref()?;
+        let series = run.series();
+        let step = series.time.last()? / *series.step.last()? as f64;
+        let part = (run.number("omega_r")? * step).powi(2) / 24.0;
+        Some([3.0 * part, part])
     }
 
     fn figures(&self) -> Vec<PaperFigure> {
@@ -197,10 +263,17 @@ impl BoxRun {
             of_strain("fell_back").map(|n| format!("{n} of {rows}")),
         );
         let of_pair = |name: &str| self.newtonian.as_ref().and_then(|run| run.number(name));
-        let both = |fitted: Option<f64>, of: &str| {
-            fitted.zip(of_pair(of)).map(|(fitted, of)| {
+        let expected = self.integration_error();
+        let both = |fitted: Option<f64>, name: &str, place: usize| {
+            fitted.zip(of_pair(name)).map(|(fitted, of)| {
                 let off = 100.0 * (fitted / of - 1.0);
-                format!("fitted {fitted:.6e}, eigenvalue {of:.6e}: {off:+.3} %")
+                let of_step = expected.map_or(String::new(), |parts| {
+                    format!(
+                        ", of which the time step explains {:+.3} %",
+                        100.0 * parts[place]
+                    )
+                });
+                format!("fitted {fitted:.6e}, eigenvalue {of:.6e}: {off:+.3} %{of_step}")
             })
         };
         add(
@@ -211,12 +284,12 @@ impl BoxRun {
         add(
             "omega_i",
             "corresponds perfectly",
-            both(self.growth.map(|g| g.omega_i), "omega_i"),
+            both(self.growth.map(|g| g.omega_i), "omega_i", 0),
         );
         add(
             "omega_r",
             "corresponds perfectly",
-            both(self.growth.map(|g| g.omega_r), "omega_r"),
+            both(self.growth.map(|g| g.omega_r), "omega_r", 1),
         );
         add(
             "decades over which the mean square displacement grows as the pair",
@@ -227,18 +300,8 @@ impl BoxRun {
             "overlap of the pair's eigenvector with D²min of the slip that follows",
             "not in the paper",
             self.slip.as_ref().map(|[mode_weight, dmin]| {
-                let mean = |v: &[f64]| v.iter().filter(|x| x.is_finite()).sum::<f64>();
-                let square = |v: &[f64]| {
-                    v.iter()
-                        .filter(|x| x.is_finite())
-                        .map(|x| x * x)
-                        .sum::<f64>()
-                };
-                let n = mode_weight.len() as f64;
-                let chance = mean(mode_weight) * mean(dmin)
-                    / n
-                    / (square(mode_weight) * square(dmin)).sqrt();
                 let overlap = event::overlap(mode_weight, dmin);
+                let chance = event::by_chance(mode_weight, dmin);
                 format!("{overlap:.3} ({chance:.3} by chance)")
             }),
         );

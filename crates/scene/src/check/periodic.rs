@@ -5,7 +5,8 @@ use crate::checker::Checker;
 use crate::kind::Numbers;
 use crate::raw::{self, Raw};
 use crate::scene::{
-    Aqs, Deformation, DeformationName, Dimensions, Method, Newtonian, PeriodicBox, Relax, Sample,
+    Aqs, Deformation, DeformationName, Dimensions, Method, Newtonian, PeriodicBox, Placement,
+    Relax, Sample,
 };
 use gshear_dem::contact::portable_exp;
 use gshear_dem::failure::Failure;
@@ -21,8 +22,11 @@ pub(super) fn check(
 ) -> Result<(Sample, PeriodicBox), Failure> {
     let sizes = sample::check_boxed(c, &raw.sample);
     let deformation = check_deformation(c, raw);
+    let name = c.choice_or_default(&raw.sample.placement);
+    let placement = Placement::NAMES.iter().find(|(of, _)| Some(*of) == name);
     let periodic = PeriodicBox {
         sizes,
+        placement: placement.map_or(Placement::Lattice, |(_, placement)| *placement),
         solid_fraction: c.required(&raw.r#box.solid_fraction),
         pressure: check_pressure(c, &raw.r#box, &deformation),
         pressure_tolerance: c.number_or_default(&raw.r#box.pressure_tolerance),

@@ -53,6 +53,10 @@ pub(super) fn check<'r>(
             "is L_y (m) of three dimensions, and dimension = 2",
         );
     }
+    c.useless(
+        &raw.placement,
+        "applies to the grains of a [box]; between walls they fall from above",
+    );
     if raw.packing.is_given() {
         c.whole(&raw.grains);
         for key in [&raw.radius_min, &raw.radius_max, &raw.length, &raw.width] {

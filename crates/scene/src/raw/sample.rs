@@ -8,8 +8,9 @@ use super::table::{names, table};
 use crate::key::Change;
 use crate::kind::{Integers, Number, Numbers, Text, Whole};
 use crate::law_keys::LAW_NAMES;
-use crate::scene::{Sizes, Walls};
+use crate::scene::{Placement, Sizes, Walls};
 
+const PLACEMENT_NAMES: [&str; Placement::NAMES.len()] = names(&Placement::NAMES);
 const WALLS_NAMES: [&str; Walls::NAMES.len()] = names(&Walls::NAMES);
 
 table! {
@@ -104,6 +105,13 @@ table! {
             condition: "one or more, with `\"list\"`",
             what: "the radii, each as likely as the others",
             example: "[1e-3, 1.5e-3]",
+            change: Change::Never,
+        },
+        /// where the grains of a box begin (see below)
+        placement: Text {
+            range: &PLACEMENT_NAMES,
+            condition: "with `[box]`",
+            default: Some(PLACEMENT_NAMES[0]),
             change: Change::Never,
         },
         /// L_x, periodic

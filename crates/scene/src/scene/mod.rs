@@ -10,7 +10,9 @@ use gshear_dem::failure::Failure;
 pub use gshear_dem::laws::{Contact, Law};
 use gshear_dem::system::ListSettings;
 
-pub use periodic::{Aqs, Deformation, DeformationName, Method, Newtonian, PeriodicBox, Relax};
+pub use periodic::{
+    Aqs, Deformation, DeformationName, Method, Newtonian, PeriodicBox, Placement, Relax,
+};
 pub use sample::{Sample, Sizes};
 pub use walls::{
     Analysis, Load, LoadChoice, Motion, Origin, Oscillation, Output, Pack, PackingFile, Part,

@@ -7,6 +7,8 @@ use super::sample::Sizes;
 pub struct PeriodicBox {
     /// How the radii are distributed.
     pub sizes: Sizes,
+    /// Where they begin.
+    pub placement: Placement,
     /// φ: volume of the grains (area in 2D) over that of the box.
     pub solid_fraction: f64,
     /// What a strain step does.
@@ -28,6 +30,29 @@ impl PeriodicBox {
     /// Whether the packing is brought to a pressure.
     pub fn has_pressures(&self) -> bool {
         self.pressure.is_some() || matches!(self.deformation, Deformation::Compression(_))
+    }
+}
+
+/// Where the grains of a box begin, before it is brought to rest without friction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Placement {
+    /// On a loose lattice, jittered, in a larger box that is compressed step by step.
+    Lattice,
+    /// Anywhere in the box itself, each place as likely as the others.
+    Random,
+}
+
+impl Placement {
+    /// The names, as `sample.placement` has them.
+    pub const NAMES: [(&str, Placement); 2] = [
+        ("lattice", Placement::Lattice),
+        ("random", Placement::Random),
+    ];
+
+    /// The name in `sample.placement`.
+    pub fn name(self) -> &'static str {
+        let known = Self::NAMES.iter().find(|(_, known)| *known == self);
+        known.map_or("", |(name, _)| name)
     }
 }
 

@@ -89,6 +89,9 @@ fn sample(t: &mut Lines, scene: &Scene) {
     };
     t.whole(&keys.grains, scene.sample.grains.into());
     radii(t, &scene.sample, sizes);
+    if let Boundary::Periodic(periodic) = &scene.boundary {
+        t.text(&keys.placement, periodic.placement.name());
+    }
     if let Boundary::Walls(_) = scene.boundary {
         t.number(&keys.length, scene.sample.length);
         if scene.dimension == Dimensions::Three {

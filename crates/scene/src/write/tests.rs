@@ -112,6 +112,7 @@ fn every_default_is_filled_in() {
         "packing",
         "replicate",
         "walls",
+        "placement",
         "mass",
     ];
     let of_sizes = [
@@ -175,6 +176,7 @@ fn every_default_is_filled_in() {
         "packing",
         "replicate",
         "walls",
+        "placement",
         "mass",
         "stiffness_number",
         "normal_force",

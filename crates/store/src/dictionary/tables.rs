@@ -1,6 +1,8 @@
 //! The declared columns, table by table.
 
+use gshear_analysis::aftermath::BoxChange;
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_analysis::stability::Stability;
 use gshear_dem::columns::Column;
 use gshear_dem::state::SERIES_COLUMNS;
 
@@ -86,6 +88,11 @@ const SPECTRUM: [Column; 6] = [
     Column::new("residual", "1", "|Kv - λMv| over ‖A‖|v|"),
     Column::new("condition", "1", "condition number of the eigenvalue"),
     Column::new("participation", "1", "share of the grains that move"),
+];
+
+const OF_K: [Column; 2] = [
+    Column::new("contacts", "1", "contacts that K counts"),
+    Column::new("sliding", "1", "those at the limit of friction"),
 ];
 
 const SPECTRA: [Column; 4] = [
@@ -410,6 +417,111 @@ const FIGURES: [Column; 49] = [
     ),
 ];
 
+/// Columns of the ensembles of boxes.
+const ENSEMBLE: [Column; 29] = [
+    Column::new("path", "1", "folder or file of the run"),
+    Column::new(
+        "aftermath",
+        "1",
+        "catastrophe, saturation or growing: by the displacement at the end; empty without a pair",
+    ),
+    Column::new("frames", "1", "frames of the strain steps"),
+    Column::new(
+        "birth",
+        "1",
+        "strain just above the birth of the first pair, bisected",
+    ),
+    Column::new("has_pair", "1", "1 if a pair was born"),
+    Column::new(
+        "first_frame_with_pair",
+        "1",
+        "strain of the first frame with a pair",
+    ),
+    Column::new(
+        "first_frame_with_pair_paper_form",
+        "1",
+        "the same with J in the paper's form",
+    ),
+    Column::new("first_omega_r", "s-1", "ω_r of the pair in that frame"),
+    Column::new(
+        "first_omega_r_paper_form",
+        "s-1",
+        "the same with J in the paper's form",
+    ),
+    Column::new("first_omega_i", "s-1", "ω_i of the pair in that frame"),
+    Column::new(
+        "first_omega_i_paper_form",
+        "s-1",
+        "the same with J in the paper's form",
+    ),
+    Column::new(
+        "lambda_i",
+        "s-2",
+        "λ_i of the pair at the start of Newton's equations",
+    ),
+    Column::new(
+        "omega_i_error",
+        "1",
+        "ω_i of the growth over that of the pair, less 1",
+    ),
+    Column::new("omega_r_error", "1", "the same of ω_r"),
+    Column::new(
+        "omega_i_error_of_time_step",
+        "1",
+        "3(ω_rΔt)²/24, what the time step explains of it",
+    ),
+    Column::new("omega_r_error_of_time_step", "1", "(ω_rΔt)²/24"),
+    Column::new(
+        "decades",
+        "1",
+        "decades by which the mean square displacement grows as the pair",
+    ),
+    Column::new(
+        "overlap_less_chance",
+        "1",
+        "overlap of |v|² of the pair with D²min, less that of independent fields",
+    ),
+    Column::new(
+        "catastrophe",
+        "1",
+        "1 for a catastrophe, else 0; NaN without a pair",
+    ),
+    Column::new("saturation", "1", "1 for a saturation, else 0"),
+    Column::new(
+        "growing",
+        "1",
+        "1 if the displacement is still that of the linear growth, else 0",
+    ),
+    Column::new(
+        "change_over_pressure_catastrophe",
+        "1",
+        "change_over_pressure of a catastrophe, else NaN",
+    ),
+    Column::new(
+        "change_over_stress_catastrophe",
+        "1",
+        "change_over_stress of a catastrophe, else NaN",
+    ),
+    Column::new(
+        "stress_over_pressure_before",
+        "1",
+        "|shear stress| over the pressure at the start of Newton's equations",
+    ),
+    Column::new(
+        "energy_change_catastrophe",
+        "1",
+        "energy_change of a catastrophe, else NaN",
+    ),
+    Column::new(
+        "contacts_change_catastrophe",
+        "1",
+        "contacts_change of a catastrophe, else NaN",
+    ),
+    Column::new("median", "1", "median of the runs"),
+    Column::new("value", "1", "value on the axis"),
+    Column::new("share_of_runs", "1", "share of the runs up to this value"),
+];
+
 /// Returns all tables in `axes` dimensions.
 pub fn tables(axes: usize) -> Vec<TableDescription> {
     let table = |file, lines, columns: &[&[Column]]| TableDescription {
@@ -478,6 +590,11 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
         table("correlations.csv", "range", &[&CORRELATIONS]),
         table("spectrum.csv", "eigenvalue", &[&SPECTRUM]),
         table(
+            "stability.csv",
+            "frame",
+            &[&[FRAME, STEP, STRAIN], &OF_K, &Stability::COLUMNS],
+        ),
+        table(
             "rate-state.csv",
             "row of the mean series",
             &[&SEGMENT, &MEAN_SERIES, &MU_OF_LAWS],
@@ -525,6 +642,10 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
                 &LIMITS[..if axes == 2 { 2 } else { 1 }],
             ],
         ),
-        table(OF_FIGURES, "point, grain, contact or number", &[&FIGURES]),
+        table(
+            OF_FIGURES,
+            "point, grain, contact, run or number",
+            &[&FIGURES, &ENSEMBLE, &BoxChange::COLUMNS],
+        ),
     ]
 }

@@ -1,0 +1,191 @@
+//! What becomes of a growing pair in a periodic box under Newton's equations: catastrophe or
+//! saturation (BO section IV, figure 5).
+
+use std::fmt;
+
+/// What the motion has become at the end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Aftermath {
+    /// Grains have moved so far that they have lost or changed contacts.
+    Catastrophe,
+    /// The growth has ended at small displacements.
+    Saturation,
+    /// Displacements are still those of the linear growth.
+    Growing,
+}
+
+impl Aftermath {
+    /// Returns the name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Aftermath::Catastrophe => "catastrophe",
+            Aftermath::Saturation => "saturation",
+            Aftermath::Growing => "growing",
+        }
+    }
+}
+
+impl fmt::Display for Aftermath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Root mean square displacement over the mean diameter from which the motion is a catastrophe: an
+/// overlap is a few hundredths of a diameter.
+pub const CATASTROPHE: f64 = 1e-2;
+/// The same up to which it is still the linear growth.
+pub const LINEAR: f64 = 1e-5;
+/// Share of the time, at the end, of which means are taken: without damping the packing vibrates.
+const END: f64 = 0.1;
+
+gshear_dem::columns! {
+    /// Changes over Newton's equations. Values at the end are means over the last tenth of the time.
+    pub struct BoxChange {
+        /// pressure at the start of Newton's equations
+        pressure_before: "Pa",
+        /// shear stress at the start
+        stress_before: "Pa",
+        /// shear stress at the end less that at the start
+        stress_change: "Pa",
+        /// |change of the shear stress| over the pressure before
+        change_over_pressure: "1",
+        /// |change of the shear stress| over its size before
+        change_over_stress: "1",
+        /// change of the pressure over the pressure before
+        pressure_change: "1",
+        /// change of the elastic energy over that before
+        energy_change: "1",
+        /// change of the number of contacts over that before
+        contacts_change: "1",
+        /// root mean square displacement over the mean diameter
+        displacement: "1",
+    }
+}
+
+/// Columns of the time series, `[L]` each.
+#[derive(Debug, Clone, Copy)]
+pub struct BoxSeries<'a> {
+    /// Times, ascending.
+    pub time: &'a [f64],
+    /// Mean square displacement.
+    pub msd: &'a [f64],
+    /// Shear stress.
+    pub stress: &'a [f64],
+    /// Pressure.
+    pub pressure: &'a [f64],
+    /// Elastic energy.
+    pub energy: &'a [f64],
+    /// Number of contacts.
+    pub contacts: &'a [f64],
+}
+
+impl BoxChange {
+    /// Compares the end of the series with its first row; `None` without rows.
+    pub fn of(series: BoxSeries<'_>, mean_diameter: f64) -> Option<Self> {
+        let (&first, &last) = (series.time.first()?, series.time.last()?);
+        let begin = last - END * (last - first);
+        let from = series.time.partition_point(|t| *t < begin);
+        let [pressure, stress, energy, contacts, msd] = [
+            series.pressure,
+            series.stress,
+            series.energy,
+            series.contacts,
+            series.msd,
+        ]
+        .map(|column| {
+            let end = &column[from..];
+            (column[0], mean_in_time(&series.time[from..], end))
+        });
+        let relative = |(before, after): (f64, f64)| after / before - 1.0;
+        let change = stress.1 - stress.0;
+        Some(Self {
+            pressure_before: pressure.0,
+            stress_before: stress.0,
+            stress_change: change,
+            change_over_pressure: change.abs() / pressure.0,
+            change_over_stress: change.abs() / stress.0.abs(),
+            pressure_change: relative(pressure),
+            energy_change: relative(energy),
+            contacts_change: relative(contacts),
+            displacement: msd.1.sqrt() / mean_diameter,
+        })
+    }
+
+    /// Judges by the displacement.
+    pub fn aftermath(&self) -> Aftermath {
+        if self.displacement >= CATASTROPHE {
+            Aftermath::Catastrophe
+        } else if self.displacement > LINEAR {
+            Aftermath::Saturation
+        } else {
+            Aftermath::Growing
+        }
+    }
+}
+
+/// Mean by the trapezoidal rule, because rows are not at equal intervals; of one row its value.
+fn mean_in_time(time: &[f64], values: &[f64]) -> f64 {
+    let whole = time[time.len() - 1] - time[0];
+    if whole <= 0.0 {
+        return values[values.len() - 1];
+    }
+    let part = |k: usize| 0.5 * (values[k] + values[k + 1]) * (time[k + 1] - time[k]);
+    (0..time.len() - 1).map(part).sum::<f64>() / whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A stress that falls from 4 to 3 and vibrates about it, on uneven rows.
+    #[test]
+    fn changes_are_of_the_mean_at_the_end() {
+        let time: Vec<f64> = (0..2001)
+            .map(|k| f64::from(k) + if k % 3 == 0 { 0.3 } else { 0.0 })
+            .collect();
+        let at = |t: f64, before: f64, after: f64| {
+            let vibration = 0.2 * (std::f64::consts::TAU * t / 20.0).sin();
+            if t < 1000.0 {
+                before
+            } else {
+                after + vibration
+            }
+        };
+        let column =
+            |before, after| -> Vec<f64> { time.iter().map(|t| at(*t, before, after)).collect() };
+        let (stress, pressure) = (column(-4.0, -3.0), column(50.0, 45.0));
+        let (energy, contacts) = (column(10.0, 8.0), column(400.0, 380.0));
+        let of = |msd: f64| {
+            let msd = vec![msd; time.len()];
+            let series = BoxSeries {
+                time: &time,
+                msd: &msd,
+                stress: &stress,
+                pressure: &pressure,
+                energy: &energy,
+                contacts: &contacts,
+            };
+            BoxChange::of(series, 2.0).expect("rows")
+        };
+        let change = of(4e-2);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-3, "{a} {b}");
+        assert_eq!((change.pressure_before, change.stress_before), (50.0, -4.0));
+        near(change.stress_change, 1.0);
+        near(change.change_over_pressure, 0.02);
+        near(change.change_over_stress, 0.25);
+        near(change.pressure_change, -0.1);
+        near(change.energy_change, -0.2);
+        near(change.contacts_change, -0.05);
+        near(change.displacement, 0.1);
+        let found = [4e-2, 4e-6, 4e-12].map(|msd| of(msd).aftermath());
+        assert_eq!(
+            found,
+            [
+                Aftermath::Catastrophe,
+                Aftermath::Saturation,
+                Aftermath::Growing
+            ]
+        );
+    }
+}

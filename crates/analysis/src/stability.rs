@@ -1,0 +1,115 @@
+//! How stable a state is: complex pairs and negative eigenvalues of K v = λ M v.
+
+use faer::c64;
+use gshear_spectrum::{Problem, Spectrum, Verdict};
+
+gshear_dem::columns! {
+    /// Counts and extremes of all eigenvalues of a state.
+    pub struct Stability {
+        /// complex pairs λ_r ± iλ_i that rounding does not explain
+        pairs: "1",
+        /// those with λ_r < 0
+        pairs_negative: "1",
+        /// real eigenvalues below zero
+        negative: "1",
+        /// greatest λ_i; 0 without a pair
+        imaginary_greatest: "s-2",
+        /// λ_r of the pair with the greatest λ_i; NaN without a pair
+        pair_real: "s-2",
+        /// least Re λ of all eigenvalues but zero modes
+        real_least: "s-2",
+        /// greatest Re λ
+        real_greatest: "s-2",
+        /// greatest ω_i = Im √λ of pairs and negative eigenvalues; 0 without one
+        growth_rate: "s-1",
+    }
+}
+
+impl Stability {
+    /// Finds all eigenvalues by the dense QR algorithm on one thread, and counts them.
+    ///
+    /// # Panics
+    /// If the QR algorithm does not converge.
+    pub fn of(problem: &Problem) -> Self {
+        Self::of_values(&Spectrum::values(problem), problem.norm())
+    }
+
+    /// Counts the eigenvalues of a matrix of this norm.
+    pub fn of_values(values: &[c64], norm: f64) -> Self {
+        let mut found = Self {
+            pairs: 0.0,
+            pairs_negative: 0.0,
+            negative: 0.0,
+            imaginary_greatest: 0.0,
+            pair_real: f64::NAN,
+            real_least: f64::INFINITY,
+            real_greatest: f64::NEG_INFINITY,
+            growth_rate: 0.0,
+        };
+        for value in values {
+            let verdict = Verdict::of_value(*value, norm);
+            if verdict == Verdict::Zero {
+                continue;
+            }
+            found.real_least = found.real_least.min(value.re);
+            found.real_greatest = found.real_greatest.max(value.re);
+            match verdict {
+                // One of the two.
+                Verdict::Pair if value.im > 0.0 => {
+                    found.pairs += 1.0;
+                    found.pairs_negative += f64::from(u8::from(value.re < 0.0));
+                    if value.im > found.imaginary_greatest {
+                        (found.imaginary_greatest, found.pair_real) = (value.im, value.re);
+                    }
+                    found.growth_rate = found.growth_rate.max(value.sqrt().im);
+                }
+                Verdict::Real if value.re < 0.0 => {
+                    found.negative += 1.0;
+                    found.growth_rate = found.growth_rate.max((-value.re).sqrt());
+                }
+                _ => {}
+            }
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use faer::Mat;
+    use faer::sparse::{SparseColMat, Triplet};
+
+    /// Blocks of known eigenvalues: 2 ± 0.5i, -1 ± 0.1i, -0.04, 3, 0.
+    #[test]
+    fn known_eigenvalues_are_counted() {
+        let entries = [
+            (0, 0, 2.0),
+            (0, 1, 0.5),
+            (1, 0, -0.5),
+            (1, 1, 2.0),
+            (2, 2, -1.0),
+            (2, 3, 0.1),
+            (3, 2, -0.1),
+            (3, 3, -1.0),
+            (4, 4, -0.04),
+            (5, 5, 3.0),
+            (6, 6, 0.0),
+        ];
+        let entries = entries.map(|(i, j, x)| Triplet::new(i, j, x));
+        let k = SparseColMat::try_new_from_triplets(7, 7, &entries).unwrap();
+        let problem = Problem::new(&k, &[1.0; 7], Mat::zeros(7, 0).as_ref()).unwrap();
+        let found = Stability::of(&problem);
+        assert_eq!(
+            [found.pairs, found.pairs_negative, found.negative],
+            [2.0, 1.0, 1.0]
+        );
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-13, "{a} {b}");
+        near(found.imaginary_greatest, 0.5);
+        near(found.pair_real, 2.0);
+        near(found.real_least, -1.0);
+        near(found.real_greatest, 3.0);
+        // (a + ib)² = -1 + 0.1i: b² = (1 + √1.01)/2.
+        near(found.growth_rate, (0.5 * (1.0 + 1.01f64.sqrt())).sqrt());
+    }
+}

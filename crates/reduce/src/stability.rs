@@ -1,0 +1,74 @@
+//! `stability`: counts complex pairs and negative eigenvalues of frames.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::export::{FrameRange, Which};
+use super::stiffness::{StateSelection, StoredState};
+use gshear_analysis::jacobian::History;
+use gshear_analysis::stability::Stability;
+use gshear_dem::failure::Failure;
+use gshear_store::dictionary;
+use gshear_store::run_reader::RunFile;
+use gshear_store::table::Table;
+
+/// Most unknowns of a dense matrix whose eigenvalues are found.
+const MOST_UNKNOWNS: usize = 6000;
+
+/// Writes `stability.csv` into `folder`, one line per frame. With [`History::Unturned`] K is that of
+/// the paper. Returns its path.
+///
+/// # Errors
+/// A damaged run, a missing frame, too many unknowns, a file that cannot be written.
+pub fn write(
+    run: &RunFile,
+    frames: FrameRange,
+    history: History,
+    folder: &Path,
+) -> Result<PathBuf, Failure> {
+    let frames = frames.of(run)?;
+    let strains = run.frame_strains()?;
+    let mut rows = Vec::new();
+    // Frames are read one after the other, as many at a time as there are threads.
+    for some in frames.chunks(rayon::current_num_threads()) {
+        let states = some
+            .iter()
+            .map(|&t| {
+                Ok((
+                    t,
+                    StoredState::of_run(run, StateSelection::Frame(Which::Number(t)))?,
+                ))
+            })
+            .collect::<Result<Vec<_>, Failure>>()?;
+        let found = states
+            .par_iter()
+            .map(|(t, state)| {
+                let jacobian = state.jacobian(history);
+                if jacobian.unknowns() > MOST_UNKNOWNS {
+                    return Err(Failure::input(format!(
+                        "{}: {} unknowns, must be {MOST_UNKNOWNS} or fewer, because all eigenvalues are found; use spectrum --unstable",
+                        run.path().display(),
+                        jacobian.unknowns()
+                    )));
+                }
+                Ok((*t, jacobian.contacts, jacobian.sliding, state.stability(history)?))
+            })
+            .collect::<Result<Vec<_>, Failure>>()?;
+        rows.extend(found);
+    }
+    let csv = Table::of(&rows)
+        .column("frame", |(t, ..)| *t)
+        .column("step", |(t, ..)| run.frame_steps()[*t])
+        .column("strain", |(t, ..)| strains[*t])
+        .column("contacts", |(_, contacts, ..)| *contacts)
+        .column("sliding", |(_, _, sliding, _)| *sliding)
+        .columns(
+            Stability::COLUMNS.map(|column| column.name),
+            |(.., found)| found.columns(),
+        )
+        .csv();
+    let path = folder.join("stability.csv");
+    dictionary::write_table(&path, &csv)?;
+    Ok(path)
+}

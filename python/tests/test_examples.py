@@ -1,0 +1,69 @@
+"""The examples in Python: run on a small run, and their statistics against known cases."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from gshear import Run, simulate
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+SCENES = Path(__file__).resolve().parents[2] / "tests" / "scenes"
+
+
+@pytest.fixture(scope="module")
+def precursors() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("precursors", EXAMPLES / "slip_precursors.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_areas_and_ranks_of_known_cases(precursors: ModuleType) -> None:
+    assert precursors.roc_area(np.array([2.0, 3.0]), np.array([0.0, 1.0])) == 1.0
+    assert precursors.roc_area(np.array([1.0, 1.0]), np.array([1.0])) == 0.5
+    # Of the six pairs three are above and two are ties.
+    assert precursors.roc_area(np.array([1.0, 2.0]), np.array([0.0, 1.0, 2.0])) == 4 / 6
+    random = np.random.default_rng(1)
+    x = np.arange(20.0)
+    rho, p = precursors.spearman(x, np.exp(-x), random)
+    assert rho == pytest.approx(-1.0)
+    assert p < 1e-3
+    rho, p = precursors.spearman(x, random.permutation(x), random)
+    assert p > 0.01
+    low, high = precursors.interval(x + 30.0, x, random)
+    assert (low, high) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_slips_of_a_run_are_reduced(
+    stored: bool, precursors: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With frames at every row, and with frames from replays."""
+    values: dict[str, object] = {"shear.inertial_number": 5e-3, "shear.strain": 0.03}
+    values |= {"output.series_strain": 5e-4, "output.frame_strain": 5e-4 if stored else 0.0}
+    values |= {"output.keep_checkpoints": True, "output.checkpoint_strain": 5e-3}
+    run = simulate(SCENES / "crossing.toml", tmp_path / "run", ranks=1, values=values, quiet=True)
+    out = tmp_path / "out"
+    few = ["--slips=3", "--before=0,2", "--random=3"]
+    precursors.main([str(run), f"--out={out}", *few])
+    assert "3 slips, 3 frames" in capsys.readouterr().out
+    table = pd.read_csv(out / "precursors.csv")
+    assert sorted(table["before"]) == [-1] * 3 + [0] * 3 + [2] * 3
+    assert (table["contacts"] > 0).all()
+    # The frame is that of the row before the slip.
+    with Run(run, quiet=True) as original:
+        largest = original.phases().nsmallest(1, "delta_tau_p").iloc[0]
+    rows = table[(table["size"] == table["size"].max()) & (table["before"] == 0)]
+    assert rows["step"].tolist() == [largest["start_step"]]
+    tests = pd.read_csv(out / "precursors-tests.csv")
+    assert len(tests) == 2 * len(precursors.MEASURES)
+    assert tests["roc_area"].between(0, 1).all()
+    assert (out / "precursors.svg").stat().st_size > 10_000
