@@ -3,25 +3,26 @@
 
     python3 examples/slip_precursors.py RUN --out OUT [--slips 50] [--before 0,1,2,4,8,16,32]
 
-Takes the largest slips of a run of disks between walls, finds all eigenvalues of K v = λ M v at some
-rows of the time series before the start of each, and compares them with frames at random times in
-sticks. Without frames in RUN every slip is replayed from its kept checkpoints.
+Takes the largest slips of a run of disks between walls, finds all eigenvalues of K v = λ M v at
+some rows of the time series before the start of each, and compares them with frames at random times
+in sticks. Without frames in RUN every slip is replayed from its kept checkpoints.
 
 Writes precursors.csv (one line per frame), precursors-tests.csv (one line per measure and time) and
-precursors.svg into OUT. Needs the Python package of `python/` and gshear-reduce; frames that are done
-already are read from OUT.
+precursors.svg into OUT. Needs the Python package of `python/` and gshear-reduce; frames that are
+done already are read from OUT.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+
 from gshear import Run, programs
 
 MEASURES = {
@@ -36,8 +37,7 @@ RESAMPLES = 2000
 GAP = 32
 
 
-@dataclass
-class Slip:
+class Slip(NamedTuple):
     """A slip: the row at its start, and the change of τ."""
 
     row: int

@@ -16,7 +16,7 @@ use gshear_store::table::Table;
 const DROP_OF_THE_PAPER: f64 = 0.22;
 
 const PANEL: Layout = Layout {
-    size: [600.0, 420.0],
+    size: [980.0, 420.0],
     margin: [72.0, 62.0, 24.0, 58.0],
 };
 
