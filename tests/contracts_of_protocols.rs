@@ -3,7 +3,11 @@
 
 mod common;
 
-use common::protocols::{Case, DISKS, SPHERES, SPHERES_UNDER_A_SPRING};
+use std::process::Command;
+
+use common::protocols::{
+    Case, DISKS, DISKS_UNDER_A_SERVO, SPHERES, SPHERES_UNDER_A_SERVO, SPHERES_UNDER_A_SPRING,
+};
 use common::{copy_folder, gshear_mpi, same_run};
 use gshear_store::run_reader::RunFile;
 
@@ -56,6 +60,77 @@ fn of_spheres() {
 #[test]
 fn of_spheres_under_a_spring() {
     keeps_the_contracts(&SPHERES_UNDER_A_SPRING);
+}
+
+/// Besides the contracts: the budget is closed, the wall moves by v = gain (F - N), and a window is
+/// replayed with the same bits.
+fn of_a_servo(case: &Case, varies: bool) {
+    keeps_the_contracts(case);
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path().join("run");
+    let further = [
+        "--set=output.keep_checkpoints=true",
+        "--set=output.series_rows=40",
+        "--set=output.frame_rows=40",
+    ];
+    case.run(&at, 1, &further).digest();
+    let run = RunFile::open(&at).expect("a run");
+    let series = run.series();
+    let column = |name: &str| series.column(name);
+    // At first there is no work to compare with.
+    let residual = column("energy_residual").iter().skip(series.rows() / 4);
+    let worst = residual.fold(0.0_f64, |most, x| most.max(x.abs()));
+    println!("greatest residual {worst:e}");
+    assert!(worst < 1e-3, "{worst}");
+
+    let text = std::fs::read_to_string(at.join("scene.toml")).expect("a scene");
+    let number = |name: &str| -> f64 {
+        let line = text.lines().find(|line| line.starts_with(name));
+        let value = line.and_then(|line| line.split('=').nth(1));
+        value.expect("a value").trim().parse().expect("a number")
+    };
+    let [force, pressure] = ["normal_force", "pressure"].map(|of| run.number(of).expect("a load"));
+    let gain = number("servo_gain =") * pressure / force;
+    let most = number("servo_speed_max =");
+    let load = match varies {
+        true => column("imposed_normal_force").to_vec(),
+        false => vec![force; series.rows()],
+    };
+    let rows = column("normal_force").iter().zip(&load);
+    let follows = |((force, load), velocity): ((&f64, &f64), &f64)| {
+        let expected = (gain * (force - load)).clamp(-most, most);
+        (velocity - expected).abs() < 1e-9 * most
+    };
+    let followed = rows
+        .zip(column("wall_velocity"))
+        .filter(|row| follows(*row));
+    let with_a_load = load.iter().filter(|load| !load.is_nan()).count();
+    // The row at a jump of the load has the velocity of the next one.
+    let followed = followed.count() + case.parts.len();
+    assert!(followed >= with_a_load && with_a_load > 100, "{followed}");
+
+    let out = folder.path().join("again");
+    let [from, to] = [1, 3].map(|quarter| series.time[quarter * series.rows() / 4]);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+    command.arg("replay").arg(&at);
+    command
+        .arg(format!("--time={from}..{to}"))
+        .arg("--out")
+        .arg(&out);
+    let words = common::succeed(&mut command).stdout;
+    let words = String::from_utf8(words).expect("text");
+    assert!(words.contains("to the last bit"), "{words}");
+}
+
+#[test]
+fn of_disks_under_a_servo() {
+    of_a_servo(&DISKS_UNDER_A_SERVO, true);
+}
+
+#[test]
+fn of_spheres_under_a_servo() {
+    of_a_servo(&SPHERES_UNDER_A_SERVO, false);
 }
 
 /// A cyclic strain is that of the far end of a spring, and the wall follows m ẍ = k (x_d - x) - S.

@@ -7,6 +7,7 @@ use std::process::Command;
 
 use common::{gshear_mpi, succeed};
 use gshear_scene::lammps_data::{Atom, DataFile, parse};
+use gshear_store::run_reader::RunFile;
 
 const CROSSING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 const TRIANGULAR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/triangular.data");
@@ -103,6 +104,42 @@ fn an_exported_state_comes_back() {
 }
 
 /// As LAMMPS users have them, from the command line, sheared as it is and packed first.
+/// Walls are the grains whose centre is within `sample.wall_thickness` of a plane, and H counts from
+/// there.
+#[test]
+fn walls_are_as_thick_as_asked() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut counts = Vec::new();
+    for layers in [1.0, 2.0] {
+        let at = folder.path().join(format!("walls-{layers}"));
+        let arguments = [
+            CROSSING.into(),
+            "--set=sample.grains=300".into(),
+            "--set=shear.strain=0.02".into(),
+            format!("--set=sample.wall_thickness={layers:?}"),
+        ];
+        gshear_mpi(1, &at, &arguments).digest();
+        let run = RunFile::open(&at).expect("a run");
+        let thickness = layers * 1.5e-6;
+        let top = run.number("height_start").expect("H") + thickness;
+        let atoms = export(&at, &["--frame=0"], &at.join("walls.data")).atoms;
+        for atom in &atoms {
+            let expected = match atom.position[1] {
+                y if y < thickness => 2,
+                y if y > top => 3,
+                _ => 1,
+            };
+            assert_eq!(atom.kind, expected, "{:?}", atom.position);
+        }
+        let of_kind = |kind| atoms.iter().filter(|a| a.kind == kind).count();
+        counts.push([of_kind(2), of_kind(3)]);
+    }
+    for wall in [0, 1] {
+        assert!(2 * counts[1][wall] > 3 * counts[0][wall], "{counts:?}");
+    }
+}
+
 #[test]
 fn anothers_packing_is_sheared() {
     let _alone = common::alone();

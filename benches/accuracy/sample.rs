@@ -126,7 +126,7 @@ impl Sample {
         let mut system = System::new(&Solo, setup).expect("one rank is not too many");
         // At another Δt the same drive.
         let slider = Slider::new(Protocol::new(step, [(self.speed, u64::MAX >> 12)]), None);
-        let walls = GrainWalls::new(self.piston, slider, false);
+        let walls = GrainWalls::new(self.piston, slider, None, false);
         let mut drive = Damped { walls, dampers };
         let (grains, contacts) = (self.snapshot.grains.clone(), self.snapshot.contacts.clone());
         system

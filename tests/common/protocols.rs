@@ -82,6 +82,39 @@ pub const SPHERES_UNDER_A_SPRING: Case = Case {
     ..SPHERES
 };
 
+/// Loads by a servo, and what may interrupt them.
+pub const DISKS_UNDER_A_SERVO: Case = Case {
+    further: &[
+        "output.series_rows=10",
+        "output.frame_rows=1",
+        "load.control=servo",
+    ],
+    parts: &[
+        "velocity = 0.3, time = 1e-7",
+        "velocity = 0.3, time = 1e-7, pressure = 5e5, pressure_end = 8e5",
+        "velocity = 0.3, time = 1e-7, wall_velocity = 0",
+        "shear_stress = 2e5, time = 1e-7, pressure = 6e5",
+    ],
+    ..DISKS
+};
+
+/// A servo between walls whose protocol has velocities only.
+pub const SPHERES_UNDER_A_SERVO: Case = Case {
+    removed: &[],
+    further: &[
+        "output.series_rows=10",
+        "output.frame_rows=1",
+        "pack.tolerance=1e-2",
+        "load.control=servo",
+    ],
+    parts: &[
+        "velocity = 3, time = 1e-4",
+        "velocity = 0, time = 1e-4",
+        "velocity = 3, time = 1e-4",
+    ],
+    ..SPHERES
+};
+
 impl Case {
     /// What `--set` takes.
     pub fn sets(&self) -> Vec<String> {

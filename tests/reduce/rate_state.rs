@@ -195,6 +195,7 @@ fn realisations_give_the_law_that_they_are_made_of() {
         "index.html",
         "rate-state.csv",
         "rate-state.json",
+        "relaxations.csv",
         "reslides.svg",
         "segments.csv",
         "steps.csv",

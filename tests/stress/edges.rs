@@ -227,7 +227,7 @@ fn between_walls(times: f64, step: f64) -> Rig<Full, GrainWalls> {
         at(2, body::TOP, height),
     ];
     let slider = Slider::new(Protocol::new(step, [(0.5, 1_000_000)]), None);
-    let walls = GrainWalls::new(pressed_piston(times, height), slider, false);
+    let walls = GrainWalls::new(pressed_piston(times, height), slider, None, false);
     let law = program_law::<true, true>(&LAW);
     Rig::new(law, walls, setting(step), grains, Vec::new()).expect("not yet pressed")
 }

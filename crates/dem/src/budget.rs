@@ -86,6 +86,11 @@ pub struct SavedBudget {
 }
 
 impl SavedBudget {
+    /// Whether the work of the walls along their normals is summed step by step.
+    pub fn has_normal_work(&self) -> bool {
+        self.normal.is_some()
+    }
+
     /// Adds the work of the walls along their normals, if the run had a constant load until now.
     pub fn with_varying_load(mut self, piston: &Piston) -> Self {
         if let (None, Some(begin)) = (self.normal, &self.begin) {

@@ -43,6 +43,40 @@ impl Piston {
     }
 }
 
+/// Sets the velocity of the top along its normal from the error of the measured force, in every
+/// step: v = gain (F - N), at most `fastest` either way. The top then has no mass along its normal.
+///
+/// A step has the velocity of its middle, extrapolated from the last two (Adams and Bashforth), so
+/// the scheme is of second order. On contacts with the stiffness K and the damping constant C together
+/// it is stable while gain (K Δt + 3 C) < 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Servo {
+    /// (m/(s N); m²/(s N) in 2D)
+    pub gain: f64,
+    /// (m/s)
+    pub fastest: f64,
+}
+
+impl Servo {
+    fn bounded(&self, velocity: f64) -> f64 {
+        velocity.clamp(-self.fastest, self.fastest)
+    }
+
+    /// Gives the piston the velocity for this force; it is constant until the next step.
+    fn restart(&self, piston: &mut Piston, force: f64) {
+        piston.velocity = self.bounded(self.gain * (force - piston.load));
+        piston.acceleration = 0.0;
+    }
+
+    /// Gives the piston the velocity for this force, and the acceleration that the last step had.
+    fn kick(&self, piston: &mut Piston, step: f64, force: f64) {
+        let before = piston.velocity - 0.5 * step * piston.acceleration;
+        self.restart(piston, force);
+        let next = self.bounded(2.0 * piston.velocity - before);
+        piston.acceleration = (next - piston.velocity) / step;
+    }
+}
+
 /// The forces of the grains on the walls (N; N/m in 2D). What the drive does not ask for is 0.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WallForces {
@@ -59,7 +93,7 @@ pub struct WallForces {
 pub struct WallSteps {
     /// The top along x.
     pub along: f64,
-    /// The top and the bottom upwards, if a protocol imposes their motion or a load that varies.
+    /// The top and the bottom upwards, if the work along the normals is summed step by step.
     pub normal: Option<[f64; 2]>,
 }
 
@@ -400,15 +434,21 @@ impl Slider {
 }
 
 /// Walls of frozen grains. The bottom is fixed, or vibrates along its normal. The top is rigid, with
-/// a load N or an imposed velocity along its normal, and a slider moves it along x.
+/// a load N or an imposed velocity along its normal, and a slider moves it along x. A load acts on its
+/// mass, or a servo moves it.
 #[derive(Debug)]
 pub struct GrainWalls {
     /// The motion of the top upwards.
     pub piston: Piston,
     /// The motion of the top along x, and what is imposed on the walls.
     pub slider: Slider,
+    /// What moves the top under a load. `None`: its mass does.
+    pub servo: Option<Servo>,
     /// Whether the force along x is summed in every step.
     pub along: bool,
+    /// Whether the work along the normals is summed in every step, because it is not that of a
+    /// constant load on a mass.
+    pub normal_work: bool,
     /// Owned grains of the top wall.
     pub top: Vec<u32>,
     /// Owned grains of the bottom wall, if it vibrates.
@@ -420,10 +460,14 @@ pub struct GrainWalls {
 impl GrainWalls {
     /// Walls without their grains. `along`: whether the force along x is summed though no motion
     /// needs it.
-    pub fn new(piston: Piston, slider: Slider, along: bool) -> Self {
+    pub fn new(piston: Piston, slider: Slider, servo: Option<Servo>, along: bool) -> Self {
+        let protocol = &slider.protocol;
+        let varies = protocol.has_normal() || protocol.has_bottom();
         Self {
             piston,
-            along: along || slider.spring.is_some() || slider.protocol.has_force(),
+            servo,
+            along: along || slider.spring.is_some() || protocol.has_force(),
+            normal_work: varies || servo.is_some(),
             slider,
             top: Vec::new(),
             bottom: Vec::new(),
@@ -515,11 +559,11 @@ impl GrainWalls {
 
     /// Moves the top upwards by a step: half a kick and the drift, or at an imposed velocity.
     fn rise(&mut self, step: f64) {
-        let protocol = &self.slider.protocol;
-        if !protocol.has_normal() && !protocol.has_bottom() {
+        if !self.normal_work {
             self.piston.half_kick_and_drift(step);
             return;
         }
+        let protocol = &self.slider.protocol;
         let now = self.slider.state.step;
         let before = self.piston.height;
         match protocol.segment(now).normal_velocity() {
@@ -539,22 +583,36 @@ impl GrainWalls {
     fn end_rise(&mut self, step: f64, force: f64) {
         let protocol = &self.slider.protocol;
         if !protocol.has_normal() {
-            self.piston.full_kick(step, force, 0.0);
+            self.kick_up(step, force);
             return;
         }
         let now = self.slider.state.step;
         let (last, next) = (protocol.segment_before(now), protocol.segment(now));
-        let piston = &mut self.piston;
+        let [last_load, next_load] = [last, next].map(|segment| segment.load(now));
         match last.normal_velocity() {
             None => {
-                piston.load = last.load(now).unwrap_or(piston.load);
-                piston.full_kick(step, force, 0.0);
+                self.piston.load = last_load.unwrap_or(self.piston.load);
+                self.kick_up(step, force);
             }
-            Some(velocity) => (piston.velocity, piston.acceleration) = (velocity, 0.0),
+            Some(velocity) => {
+                (self.piston.velocity, self.piston.acceleration) = (velocity, 0.0);
+            }
         }
-        if let Some(load) = next.load(now) {
-            piston.load = load;
-            piston.acceleration = (force - load) / piston.mass;
+        if let Some(load) = next_load {
+            self.piston.load = load;
+            match self.servo {
+                None => self.piston.acceleration = (force - load) / self.piston.mass,
+                Some(servo) if last_load != next_load => servo.restart(&mut self.piston, force),
+                Some(_) => {}
+            }
+        }
+    }
+
+    /// The second half kick of the top upwards under its load.
+    fn kick_up(&mut self, step: f64, force: f64) {
+        match self.servo {
+            None => self.piston.full_kick(step, force, 0.0),
+            Some(servo) => servo.kick(&mut self.piston, step, force),
         }
     }
 }
@@ -562,8 +620,11 @@ impl GrainWalls {
 impl<D: Dimension> Drive<D> for GrainWalls {
     fn start(&mut self, load: WallForces) {
         let first = self.slider.protocol.segment(0);
-        if first.normal_velocity().is_none() {
-            self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
+        let piston = &mut self.piston;
+        match self.servo {
+            _ if first.normal_velocity().is_some() => {}
+            None => piston.acceleration = (load.up - piston.load) / piston.mass,
+            Some(servo) => servo.restart(piston, load.up),
         }
         self.slider.accelerate(load.along, self.piston.mass);
     }
@@ -619,10 +680,9 @@ impl<D: Dimension> Drive<D> for GrainWalls {
     }
 
     fn moved(&self) -> WallSteps {
-        let protocol = &self.slider.protocol;
         WallSteps {
             along: self.slider.state.slid,
-            normal: (protocol.has_normal() || protocol.has_bottom()).then_some(self.rose),
+            normal: self.normal_work.then_some(self.rose),
         }
     }
 

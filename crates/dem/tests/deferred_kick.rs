@@ -67,7 +67,7 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Acce
         Protocol::new(step, [(0.5, STEPS)]),
         Some(1e-3 * per_layer as f64 * mass / (step * step)),
     );
-    let mut walls = GrainWalls::new(piston, slider, true);
+    let mut walls = GrainWalls::new(piston, slider, None, true);
     let mut system = System::new(&Solo, setup).expect("one rank");
     system
         .replace(&Solo, law, &mut walls, grains::<D>(), Vec::new())

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
-use gshear_dem::drive::{GrainWalls, Piston, Slider};
+use gshear_dem::drive::{GrainWalls, Piston, Servo, Slider};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::{Hooke, Springs};
@@ -50,6 +50,16 @@ where
     /// Walls with so many layers of free grains between them; `gap` (m) separates the top from what
     /// is below it. The load is that under which the lattice is at rest.
     fn new(layers: usize, gap: f64, step: f64, protocol: Protocol) -> Self {
+        Self::under(None, (layers, gap), step, protocol)
+    }
+
+    /// As `new`, with the load by a servo.
+    fn under(
+        servo: Option<Servo>,
+        (layers, gap): (usize, f64),
+        step: f64,
+        protocol: Protocol,
+    ) -> Self {
         let length = SIDE as f64 * SPACING;
         let width = match D::AXES {
             2 => f64::INFINITY,
@@ -80,7 +90,7 @@ where
             load: rest_load::<D>(),
         };
         let slider = Slider::new(protocol, None);
-        let mut walls = GrainWalls::new(piston, slider, true);
+        let mut walls = GrainWalls::new(piston, slider, servo, true);
         let [along, top, bottom] = walls.begin();
         let grain = |id: usize| {
             let layer = id / per_layer;
@@ -284,7 +294,11 @@ const HALVINGS: usize = 4;
 
 /// Positions and velocities of all grains at the end of a protocol that imposes this on two layers,
 /// with Δt a power of two smaller.
-fn end<D: Dimension>(halvings: usize, imposed: &impl Fn(f64) -> Vec<(Imposed, f64)>) -> Vec<f64>
+fn end<D: Dimension>(
+    servo: Option<Servo>,
+    halvings: usize,
+    imposed: &impl Fn(f64) -> Vec<(Imposed, f64)>,
+) -> Vec<f64>
 where
     Hooke<D, true, false>: PairForce<D>,
 {
@@ -292,7 +306,7 @@ where
     let step = duration::<D>() / steps as f64;
     let parts = imposed(step).into_iter();
     let parts = parts.map(|(of, share)| (of, (share * steps as f64).round() as u64));
-    let mut rig = Rig::<D>::new(2, 0.0, step, Protocol::of(step, parts));
+    let mut rig = Rig::<D>::under(servo, (2, 0.0), step, Protocol::of(step, parts));
     for _ in 0..steps {
         rig.advance();
     }
@@ -312,7 +326,20 @@ fn is_second_order<D: Dimension>(name: &str, imposed: impl Fn(f64) -> Vec<(Impos
 where
     Hooke<D, true, false>: PairForce<D>,
 {
-    let ends: Vec<_> = (0..=HALVINGS).map(|h| end::<D>(h, &imposed)).collect();
+    is_second_order_under::<D>(None, name, imposed);
+}
+
+/// The same with the load by a servo.
+fn is_second_order_under<D: Dimension>(
+    servo: Option<Servo>,
+    name: &str,
+    imposed: impl Fn(f64) -> Vec<(Imposed, f64)>,
+) where
+    Hooke<D, true, false>: PairForce<D>,
+{
+    let ends: Vec<_> = (0..=HALVINGS)
+        .map(|h| end::<D>(servo, h, &imposed))
+        .collect();
     let apart = |pair: &[Vec<f64>]| {
         let differences = pair[0].iter().zip(&pair[1]).map(|(a, b)| (a - b).abs());
         differences.fold(0.0, f64::max)
@@ -394,6 +421,196 @@ where
             (step_to(1.2 * load, -0.05 * load), 0.5),
         ]
     });
+}
+
+/// K (N/m; Pa in 2D) and C of a top wall on the bottom wall.
+fn rigidity<D: Dimension>() -> [f64; 2] {
+    let contacts = SIDE.pow(D::UP as u32) as f64;
+    let (k, mass) = (SPRINGS.normal_stiffness, wall_mass::<D>() / contacts);
+    let damping = 2.0 * SPRINGS.damping_ratio * (0.5 * k * mass).sqrt();
+    [contacts * k, contacts * damping]
+}
+
+/// A servo that nothing holds falls at gain N, or at its greatest speed.
+fn a_free_servo_falls<D: Dimension>()
+where
+    Hooke<D, true, false>: PairForce<D>,
+{
+    const STEPS: u64 = 100;
+    let hold = || Protocol::new(STEP, [(0.0, STEPS)]);
+    let gain = RADIUS / (1000.0 * STEP) / rest_load::<D>();
+    for (fastest, speed) in [
+        (f64::MAX, RADIUS / (1000.0 * STEP)),
+        (RADIUS / (3000.0 * STEP), RADIUS / (3000.0 * STEP)),
+    ] {
+        let servo = Servo { gain, fastest };
+        let mut rig = Rig::<D>::under(Some(servo), (0, RADIUS), STEP, hold());
+        let start = rig.walls.piston.height;
+        for k in 1..=STEPS {
+            rig.advance();
+            let height = start - speed * (k as f64 * STEP);
+            same(rig.walls.piston.height, height, start);
+            same(rig.walls.piston.velocity, -speed, speed);
+        }
+    }
+}
+
+#[test]
+fn a_free_servo_of_disks_falls_at_its_speed() {
+    a_free_servo_falls::<Two>();
+}
+
+#[test]
+fn a_free_servo_of_spheres_falls_at_its_speed() {
+    a_free_servo_falls::<Three>();
+}
+
+/// How far the top fell on one free layer, over the overlap at rest, after every step under a load that
+/// rises to 1.1 times that of the start.
+fn fall<D: Dimension>(gain: f64, step: f64, steps: u64) -> Vec<f64>
+where
+    Hooke<D, true, false>: PairForce<D>,
+{
+    let load = rest_load::<D>();
+    let ramp = Course {
+        from: load,
+        to: 1.1 * load,
+        wave: None,
+    };
+    let imposed = Imposed {
+        normal: Some(Normal::Load(ramp)),
+        ..Along::Velocity(0.0).into()
+    };
+    let servo = Servo {
+        gain,
+        fastest: f64::MAX,
+    };
+    let protocol = Protocol::of(step, [(imposed, steps)]);
+    let mut rig = Rig::<D>::under(Some(servo), (1, 0.0), step, protocol);
+    let start = rig.walls.piston.height;
+    let mut fallen = vec![0.0];
+    for _ in 0..steps {
+        rig.advance();
+        fallen.push((start - rig.walls.piston.height) / (2.0 * RADIUS - SPACING));
+    }
+    fallen
+}
+
+/// The same by the Runge–Kutta method of fourth order: two springs and dampers with the free mass
+/// between them, and v = gain (F - N) with the damper in F, solved for v. Lengths in overlaps at rest.
+fn fall_by_runge_kutta([k, c, mass]: [f64; 3], gain: f64, time: f64) -> f64 {
+    // Of the free grains downwards and of the top: how far, and how fast the free ones.
+    let rate = |t: f64, [grain, velocity, top]: [f64; 3]| {
+        let of_top =
+            gain * (0.1 * k * t / time - k * (top - grain) + c * velocity) / (1.0 + gain * c);
+        let above = k * (top - grain) + c * (of_top - velocity);
+        let below = k * grain + c * velocity;
+        [velocity, (above - below) / mass, of_top]
+    };
+    let steps = 4000;
+    let h = time / f64::from(steps);
+    let mut y = [0.0; 3];
+    let add = |y: [f64; 3], by: f64, d: [f64; 3]| std::array::from_fn(|i| y[i] + by * d[i]);
+    for step in 0..steps {
+        let t = f64::from(step) * h;
+        let k1 = rate(t, y);
+        let k2 = rate(t + 0.5 * h, add(y, 0.5 * h, k1));
+        let k3 = rate(t + 0.5 * h, add(y, 0.5 * h, k2));
+        let k4 = rate(t + h, add(y, h, k3));
+        for i in 0..3 {
+            y[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+        }
+    }
+    y[2]
+}
+
+fn a_servo_follows_its_equation<D: Dimension>()
+where
+    Hooke<D, true, false>: PairForce<D>,
+{
+    let [k, c] = rigidity::<D>();
+    let mass = wall_mass::<D>();
+    let gain = 0.1 / c;
+    let time = 1.5 / (gain * k);
+    let expected = fall_by_runge_kutta([k, c, mass], gain, time);
+    assert!((0.02..0.2).contains(&expected), "{expected}");
+    let error = |steps: u64| {
+        let fallen = fall::<D>(gain, time / steps as f64, steps);
+        (fallen[steps as usize] - expected).abs()
+    };
+    let errors = [100, 200, 400, 800].map(error);
+    for pair in errors.windows(2) {
+        let order = (pair[0] / pair[1]).log2();
+        assert!((1.9..=2.1).contains(&order), "{errors:?}");
+    }
+}
+
+#[test]
+fn a_servo_on_disks_follows_its_equation() {
+    a_servo_follows_its_equation::<Two>();
+}
+
+#[test]
+fn a_servo_on_spheres_follows_its_equation() {
+    a_servo_follows_its_equation::<Three>();
+}
+
+/// gain (K Δt + 3 C) = 1 is the bound, of a wall far lighter than the grains below it.
+#[test]
+fn a_servo_is_stable_up_to_its_bound() {
+    let [k, c] = rigidity::<Two>();
+    for step in [0.02, 0.1] {
+        let step = step * (wall_mass::<Two>() / k).sqrt();
+        for (part, is_stable) in [(0.9, true), (1.1, false)] {
+            let gain = part / (k * step + 3.0 * c);
+            let fallen = fall::<Two>(gain, step, 100);
+            let steps = fallen[90..].windows(3);
+            let shakes = steps.map(|x| (x[0] - 2.0 * x[1] + x[2]).abs());
+            let most = shakes.fold(0.0, f64::max);
+            assert_eq!(most < 0.01, is_stable, "{step:e} {part} {most}");
+        }
+    }
+}
+
+fn of_a_servo<D: Dimension>()
+where
+    Hooke<D, true, false>: PairForce<D>,
+{
+    let [k, c] = rigidity::<D>();
+    let load = rest_load::<D>();
+    let servo = Some(Servo {
+        gain: 0.1 / c,
+        fastest: f64::MAX,
+    });
+    assert!(duration::<D>() * 0.1 * k / c > 1.0);
+    is_second_order_under::<D>(servo, "vibrating load by a servo", |step| {
+        vec![(oscillating_load::<D>(step), 1.0)]
+    });
+    // A ramp that ends in a constant load: a jump would be one of the velocity.
+    is_second_order_under::<D>(servo, "ramp of the load by a servo", |_| {
+        let part = |from: f64, to: f64| Imposed {
+            normal: Some(Normal::Load(Course {
+                from,
+                to,
+                wave: None,
+            })),
+            ..constant(0.05 * load).into()
+        };
+        vec![
+            (part(load, 1.2 * load), 0.5),
+            (part(1.2 * load, 1.2 * load), 0.5),
+        ]
+    });
+}
+
+#[test]
+fn layers_of_disks_under_a_servo_are_second_order() {
+    of_a_servo::<Two>();
+}
+
+#[test]
+fn layers_of_spheres_under_a_servo_are_second_order() {
+    of_a_servo::<Three>();
 }
 
 #[test]

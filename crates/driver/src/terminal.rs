@@ -19,7 +19,8 @@ use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{
-    Boundary, Dimensions, Law, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed, Walls,
+    Boundary, Control, Dimensions, Law, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed,
+    Walls,
 };
 use gshear_store::provenance;
 
@@ -136,6 +137,11 @@ impl Terminal {
                 "drive: a spring of k = {:.4e}, k d/N = {:.4e}",
                 spring.stiffness,
                 spring.stiffness * scene.sample.mean_diameter / plane_shear.load.normal_force
+            ));
+        }
+        if let Control::Servo { gain, speed_max } = plane_shear.load.control {
+            self.say(format!(
+                "load:  a servo of {gain:.4e} m/(s Pa), at most {speed_max:.4e} m/s"
             ));
         }
         let segments = schedule.protocol.segments();

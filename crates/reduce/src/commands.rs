@@ -174,6 +174,10 @@ pub enum Command {
         /// Evolution law to fit
         #[arg(long, value_enum, default_value_t = rate_state::Laws::Both)]
         law: rate_state::Laws,
+        /// The a of -a ln(1 + k̄ V_i t/a), with which the relaxation in holds is compared [default: of
+        /// the fit]
+        #[arg(long, value_name = "A", value_parser = positive)]
+        direct_effect: Option<f64>,
         /// Folder to write into [default: the first run's folder + /rate-state]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
@@ -347,7 +351,12 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
                 writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
             }
         }
-        Command::RateState { runs, law, out } => {
+        Command::RateState {
+            runs,
+            law,
+            direct_effect,
+            out,
+        } => {
             let runs: Vec<RunFile> = runs
                 .iter()
                 .map(|run| RunFile::open(run))
@@ -355,7 +364,7 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             let folder = out
                 .clone()
                 .unwrap_or_else(|| runs[0].folder().join("rate-state"));
-            rate_state::write(&runs, *law, &folder, output)?;
+            rate_state::write(&runs, (*law, *direct_effect), &folder, output)?;
         }
         Command::Replay {
             run,
@@ -447,4 +456,13 @@ fn reading(min_points: u8) -> MinPoints {
         1 => MinPoints::Itself,
         _ => MinPoints::OneNeighbour,
     }
+}
+
+/// A number greater than 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|x: &f64| x.is_finite() && *x > 0.0);
+    number.ok_or_else(|| "must be a number greater than 0".into())
 }

@@ -24,8 +24,11 @@ fn packed_fraction(sample: &Sample) -> f64 {
     if sample.is_planar() { 0.84 } else { 0.64 }
 }
 
-/// Height of the two walls and of the least sample between them, over d̄: one each, and five.
-pub const LEAST_HEIGHT: f64 = 7.0;
+/// Height of the two walls and of the least sample between them, five d̄, over d̄; `layers`: thickness
+/// of each wall over d̄.
+pub fn least_height(layers: f64) -> f64 {
+    2.0 * layers + 5.0
+}
 
 /// x^(1/3) of a positive number: Newton's steps from a start that is right to some ulps.
 pub fn cube_root(x: f64) -> f64 {
@@ -145,15 +148,39 @@ pub fn step_limit(
     limits.into_iter().fold(f64::INFINITY, f64::min)
 }
 
+/// The default gain of a servo (m/(s Pa)): with it the wall yields to a wave as a sample of the same
+/// grains would, 1/Z of the impedance Z = √(m̄ k)/d̄, in 3D over d̄², with k at the mean overlap (m).
+pub fn servo_gain(law: &Law, sample: &Sample, mean_overlap: f64) -> f64 {
+    let mass = law.masses().of(sample.mean_volume);
+    sample.mean_section() / (mass * mean_stiffness(law, sample, mean_overlap)).sqrt()
+}
+
+/// The greatest gain of a servo (m/(s Pa)) for Δt (s). A wall on contacts that have together the
+/// stiffness K (Pa/m) and the damping constant C (Pa s/m) is stable while gain (K Δt + 3 C) < 1; they
+/// are taken as four contacts of mean grains at this overlap (m) on every d̄, in 3D d̄².
+pub fn servo_gain_limit(law: &Law, sample: &Sample, overlap: f64, step: f64) -> f64 {
+    let mass = law.masses().of(sample.mean_volume);
+    let rigid = law.rigidity(mean_stiffness(law, sample, overlap), mass, false);
+    let of_contact = rigid.normal * step + 3.0 * rigid.damping[0];
+    sample.mean_section() / (4.0 * of_contact)
+}
+
+/// k (N/m; Pa in 2D) of two grains of the mean radius at this overlap (m).
+fn mean_stiffness(law: &Law, sample: &Sample, overlap: f64) -> f64 {
+    let radius = 0.5 * sample.mean_diameter;
+    law.normal_stiffness(radius, radius, overlap)
+}
+
 /// H (m) of the packed sample, walls included: N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(0.64 L_x
 /// L_y).
 pub fn packed_height(sample: &Sample) -> f64 {
     f64::from(sample.grains) * sample.mean_volume / (packed_fraction(sample) * sample.base())
 }
 
-/// The fewest grains whose packing is [`LEAST_HEIGHT`] mean diameters high.
-pub fn least_grains(sample: &Sample) -> f64 {
-    let volume = packed_fraction(sample) * sample.base() * LEAST_HEIGHT * sample.mean_diameter;
+/// The fewest grains whose packing is as high as [`least_height`] with walls of so many layers.
+pub fn least_grains(sample: &Sample, layers: f64) -> f64 {
+    let height = least_height(layers) * sample.mean_diameter;
+    let volume = packed_fraction(sample) * sample.base() * height;
     (volume / sample.mean_volume).ceil()
 }
 
@@ -333,17 +360,41 @@ mod tests {
         assert!(limit < 2.0 / (greatest * stiffness / mass).sqrt());
     }
 
+    /// Linear springs: 1/Z = d̄/√(m̄ k), and d̄/(4 (k Δt + 3 c)) with c = 2α√(k m̄/2).
+    #[test]
+    fn gain_of_a_servo() {
+        let springs = Springs {
+            normal_stiffness: 1e8,
+            tangential_stiffness: 5e7,
+            density: 2500.0,
+            damping_ratio: 0.1,
+        };
+        let law = Law::of(&hooke::KIND, springs);
+        let mass = 2500.0 * PI * 1.75e-12 / 3.0;
+        close(
+            servo_gain(&law, &SAMPLE, 1e-10),
+            1.5e-6 / (mass * 1e8_f64).sqrt(),
+            1e-14,
+        );
+        let damping = 0.2 * (1e8 * 0.5 * mass).sqrt();
+        close(
+            servo_gain_limit(&law, &SAMPLE, 1e-10, 1e-9),
+            1.5e-6 / (4.0 * (0.1 + 3.0 * damping)),
+            1e-14,
+        );
+    }
+
     #[test]
     fn height_of_the_default_sample() {
         close(packed_height(&SAMPLE), 45.45e-6, 1e-3);
-        let enough = least_grains(&SAMPLE);
+        let enough = least_grains(&SAMPLE, 1.0);
         let at = |grains: f64| {
             packed_height(&Sample {
                 grains: grains as u32,
                 ..SAMPLE
             })
         };
-        assert!(at(enough) >= LEAST_HEIGHT * SAMPLE.mean_diameter);
-        assert!(at(enough - 1.0) < LEAST_HEIGHT * SAMPLE.mean_diameter);
+        assert!(at(enough) >= 7.0 * SAMPLE.mean_diameter);
+        assert!(at(enough - 1.0) < 7.0 * SAMPLE.mean_diameter);
     }
 }

@@ -276,11 +276,11 @@ mod tests {
         assert_eq!(resolve("sample.grains"), Ok((Some("sample"), "grains")));
         assert_eq!(
             resolve("load.frictoin").unwrap_err(),
-            "unknown key; [load] knows stiffness_number, pressure, normal_force, gravity"
+            "unknown key; [load] knows stiffness_number, pressure, normal_force, gravity, control, servo_gain, servo_speed_max"
         );
         assert_eq!(
             resolve("sample.pressure").unwrap_err(),
-            "unknown key; it belongs in [load]; [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, placement, length, width, packing, replicate, walls"
+            "unknown key; it belongs in [load]; [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, placement, length, width, packing, replicate, walls, wall_thickness"
         );
         assert_eq!(
             resolve("load").unwrap_err(),

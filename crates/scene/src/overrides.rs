@@ -129,7 +129,7 @@ mod tests {
             ("sample.grains=", "no value after `=`"),
             (
                 "sample.grain=10",
-                "unknown key; did you mean grains? [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, placement, length, width, packing, replicate, walls",
+                "unknown key; did you mean grains? [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, placement, length, width, packing, replicate, walls, wall_thickness",
             ),
             (
                 "load={pressure=1}",

@@ -303,11 +303,14 @@ impl Packing {
     /// # Errors
     /// `Failure::Input` where types are no walls, no grain is free, or an overlap is outside the contact law.
     pub fn grains(self, scene: &Scene) -> Result<Vec<GrainState>, Failure> {
-        let Boundary::Walls(PlaneShear {
+        let Boundary::Walls(plane_shear) = &scene.boundary else {
+            return Ok(Vec::new());
+        };
+        let PlaneShear {
             origin: Origin::Packing { walls, .. },
             pack,
             ..
-        }) = &scene.boundary
+        } = plane_shear
         else {
             return Ok(Vec::new());
         };
@@ -335,7 +338,12 @@ impl Packing {
         if pack.skip {
             match walls {
                 Walls::Layers => {
-                    freeze_walls(&mut grains, up, self.file.edges, self.file.mean_diameter);
+                    freeze_walls(
+                        &mut grains,
+                        up,
+                        self.file.edges,
+                        plane_shear.wall_thickness(&scene.sample),
+                    );
                 }
                 Walls::Types => self.walls_by_type(&mut grains, up)?,
             }

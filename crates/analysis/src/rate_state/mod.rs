@@ -17,6 +17,7 @@ mod measures;
 mod noise;
 mod protocol;
 mod record;
+mod relaxation;
 mod slider;
 mod stack;
 mod window;
@@ -35,6 +36,7 @@ pub use measures::{
 pub use noise::{Autocorrelation, block_error, correlation};
 pub use protocol::{DriveSegment, of_drive};
 pub use record::{SliderRecord, merge};
+pub use relaxation::{Relaxation, relaxations};
 pub use slider::RateStateSlider;
 pub use stack::{SlipInterval, Stack, stacks};
 pub use window::{FitWindow, modelled};

@@ -18,6 +18,9 @@ pub struct SliderRecord {
     pub slip: Vec<f64>,
     /// `[L]` Friction μ.
     pub friction: Vec<f64>,
+    /// `[L]` Granular temperature: kinetic energy of a free grain beyond that of a linear velocity
+    /// profile, over P d̄³ (disks: over P d̄²); NaN if it is not known.
+    pub temperature: Vec<f64>,
     /// `[L]` Standard deviation of μ among the realisations; NaN for a single one.
     pub deviation: Vec<f64>,
     /// Number of realisations averaged.
@@ -76,6 +79,7 @@ impl SliderRecord {
             time: of(&self.time),
             slip: of(&self.slip),
             friction: of(&self.friction),
+            temperature: of(&self.temperature),
             deviation: of(&self.deviation),
             realisations: self.realisations,
         }
@@ -138,6 +142,7 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
         time: first.time[..rows].to_vec(),
         slip: Vec::with_capacity(rows),
         friction: Vec::with_capacity(rows),
+        temperature: Vec::with_capacity(rows),
         deviation: Vec::with_capacity(rows),
         realisations: members.len(),
     };
@@ -154,9 +159,9 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
         let square: f64 = friction.iter().map(|f| (f - mean) * (f - mean)).sum();
         joined.friction.push(mean);
         joined.deviation.push((square / (count - 1.0)).sqrt());
-        joined
-            .slip
-            .push(at(|r| &r.slip).iter().sum::<f64>() / count);
+        let mean = |values: Vec<f64>| values.iter().sum::<f64>() / count;
+        joined.slip.push(mean(at(|r| &r.slip)));
+        joined.temperature.push(mean(at(|r| &r.temperature)));
     }
     if let (Some(segment), Some(time)) = (joined.drive.last_mut(), joined.time.last()) {
         let begin = first.begin(first.drive.len() - 1);

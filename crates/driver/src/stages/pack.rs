@@ -76,19 +76,25 @@ impl<'a, D: Dimension> PackStage<'a, D> {
     /// Makes walls of grains of the sample at rest. Returns the top wall, and the state for the
     /// shear.
     pub fn finish(mut self, run: &Run<'_>) -> (Piston, StageState) {
-        let sample = &self.scene.sample;
         let contacts = self.system.contact_states(self.law.as_ref());
         let mut grains = self.system.grain_states();
         let planes = [0.0, self.drive.piston.height];
-        freeze_walls(&mut grains, D::UP, planes, sample.mean_diameter);
+        freeze_walls(
+            &mut grains,
+            D::UP,
+            planes,
+            self.plane_shear.wall_thickness(&self.scene.sample),
+        );
         let piston = Piston {
             velocity: 0.0,
             acceleration: 0.0,
             mass: mass_of_top(run, self.scene, &grains),
             ..self.drive.piston
         };
-        run.terminal
-            .packed(self.step, height_between(self.scene, &piston));
+        run.terminal.packed(
+            self.step,
+            height_between(self.scene, self.plane_shear, &piston),
+        );
         let state = StageState {
             grains,
             contacts,

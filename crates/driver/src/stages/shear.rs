@@ -76,7 +76,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         system.steps = from.step;
         let spring = plane_shear.shear.spring.map(|spring| spring.stiffness);
         let slider = Slider::new(schedule.protocol.clone(), spring);
-        let mut walls = GrainWalls::new(from.piston, slider, plane_shear.output.energy);
+        let servo = plane_shear.servo(&scene.sample);
+        let mut walls = GrainWalls::new(from.piston, slider, servo, plane_shear.output.energy);
         if let Some(slider) = from.slider {
             walls.slider.state = slider;
         }
@@ -99,14 +100,16 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             state.grains,
             state.contacts,
         )?;
-        let thickness = scene.sample.mean_diameter;
+        let thickness = plane_shear.wall_thickness(&scene.sample);
         let (load, sample) = (&plane_shear.load, &scene.sample);
         let energy = load.pressure * sample.mean_section() * load.mean_overlap(sample);
         let frame = SampleConstants::measure(exchange, &mut system, 2.0 * thickness, energy);
         if plane_shear.output.energy {
             let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
             if let Some(mut saved) = from.energy_budget {
-                if schedule.protocol.has_normal() || schedule.protocol.has_bottom() {
+                // Once it is summed, it stays so.
+                walls.normal_work |= saved.has_normal_work();
+                if walls.normal_work {
                     saved = saved.with_varying_load(&from.piston);
                 }
                 budget.resume(&saved, exchange.rank());

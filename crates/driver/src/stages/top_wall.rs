@@ -3,8 +3,8 @@
 use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_dem::drive::Piston;
 use gshear_dem::state::{GrainState, body};
-use gshear_scene::Scene;
 use gshear_scene::schedule::mean_mass;
+use gshear_scene::{PlaneShear, Scene};
 
 use crate::run::Run;
 
@@ -22,6 +22,6 @@ pub(super) fn mass_of_top(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -
 }
 
 /// H (m): distance between the planes at which the walls were cut.
-pub(super) fn height_between(scene: &Scene, piston: &Piston) -> f64 {
-    piston.height - 2.0 * scene.sample.mean_diameter
+pub(super) fn height_between(scene: &Scene, plane_shear: &PlaneShear, piston: &Piston) -> f64 {
+    piston.height - 2.0 * plane_shear.wall_thickness(&scene.sample)
 }

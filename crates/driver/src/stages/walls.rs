@@ -47,7 +47,7 @@ pub fn run<D: LawSpace>(
             let (piston, state) = pack.finish(run);
             let from = From {
                 step: 0,
-                height: height_between(scene, &piston),
+                height: height_between(scene, plane_shear, &piston),
                 piston,
                 slider: None,
                 written: None,
@@ -126,7 +126,7 @@ fn begin(
             step: 0,
             piston,
             slider: None,
-            height: height_between(scene, &piston),
+            height: height_between(scene, plane_shear, &piston),
             written: Written::default(),
             energy_budget: None,
             packing: None,

@@ -11,8 +11,8 @@ use clap::ValueEnum;
 
 use crate::output::cannot_write;
 use gshear_analysis::rate_state::{
-    Estimate, Evolution, Experiment, Fit, Fitted, PeakGrowth, SliderRecord, Stack, fit_all,
-    jackknife, merge, modelled, peak_growth, stacks,
+    Estimate, Evolution, Experiment, Fit, Fitted, PeakGrowth, Relaxation, SliderRecord, Stack,
+    fit_all, jackknife, merge, modelled, peak_growth, relaxations, stacks,
 };
 use gshear_dem::failure::Failure;
 use gshear_report::{drawing, rate_state as figures};
@@ -47,6 +47,10 @@ struct Reduction {
     experiments: Vec<Experiment>,
     /// Stacks over all runs.
     stacks: Vec<Stack>,
+    /// Courses of the holds of all runs.
+    relaxations: Vec<Relaxation>,
+    /// a with which they are compared; `None` if none is given and no fit determines it.
+    direct_effect: Option<f64>,
     fitted: Vec<Fitted>,
     /// `[experiments]` Predictions by law.
     models: Vec<Vec<(Evolution, Experiment)>>,
@@ -59,11 +63,11 @@ struct Reduction {
 /// Runs that are not spring-slider tests, a run given twice, files that cannot be written.
 pub fn write(
     runs: &[RunFile],
-    laws: Laws,
+    (laws, direct_effect): (Laws, Option<f64>),
     folder: &Path,
     output: &mut impl Write,
 ) -> Result<(), Failure> {
-    let reduction = reduce(runs, laws)?;
+    let reduction = reduce(runs, laws, direct_effect)?;
     let mut files = tables::files(&reduction);
     let views: Vec<figures::View> = reduction.views();
     let drawn = figures::all(&views, reduction.fitted[0].best());
@@ -97,7 +101,7 @@ pub fn is_test(run: &RunFile) -> bool {
     read::record(run).is_ok()
 }
 
-fn reduce(runs: &[RunFile], laws: Laws) -> Result<Reduction, Failure> {
+fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Reduction, Failure> {
     for (k, run) in runs.iter().enumerate() {
         let same = |other: &&RunFile| other.digest().is_some() && other.digest() == run.digest();
         if let Some(other) = runs[..k].iter().find(same) {
@@ -116,8 +120,11 @@ fn reduce(runs: &[RunFile], laws: Laws) -> Result<Reduction, Failure> {
         fitted.insert(1, spread);
     }
     let stacks = stacks(&records);
+    let relaxations = relaxations(&records);
     let records = joined;
     let d_c = fitted[0].best().map(|fit| fit.law.d_c);
+    let of_fit = fitted[0].best().filter(|fit| fit.a.determined);
+    let of_fit = of_fit.map(|fit| fit.a.value);
     let models = |record: &SliderRecord| -> Vec<(Evolution, Experiment)> {
         let of = |(law, fit): &(Evolution, Result<Fit, String>)| {
             let record = modelled(record, &fit.as_ref().ok()?.law).ok()?;
@@ -137,6 +144,8 @@ fn reduce(runs: &[RunFile], laws: Laws) -> Result<Reduction, Failure> {
             .map(|group| group.iter().map(|k| name(*k)).collect())
             .collect(),
         stacks,
+        relaxations,
+        direct_effect: direct_effect.or(of_fit),
         fitted,
     })
 }
@@ -284,6 +293,22 @@ fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()
                 shown.join(", ")
             )?;
         }
+    }
+    for of in reduction.relaxations.iter() {
+        let law = reduction.direct_effect.map(|a| of.of_direct_effect(a));
+        let law = law.map_or(String::new(), |law| {
+            format!(", by the direct effect {law:+.4}")
+        });
+        writeln!(
+            output,
+            "hold of {} s after {} m/s, after {} s: μ {:+.4} ± {:.4}{law}, granular temperature {:.2e}",
+            seconds(of.duration),
+            of.before,
+            seconds(of.time),
+            of.change,
+            of.error,
+            of.temperature
+        )?;
     }
     writeln!(
         output,

@@ -29,6 +29,8 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
         "slip",
         "drive_velocity",
         "drive_displacement",
+        "slip_rate",
+        "kinetic_energy",
     ]
     .map(|name| run.series().column(name).to_vec());
     // Friction is undefined in rows in which the slider touches nothing.
@@ -39,7 +41,15 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
         let mut keep = whole.iter();
         values.retain(|_| keep.next() == Some(&true));
     }
-    let [friction, normal, slip, velocity, displacement] = &columns;
+    let [
+        friction,
+        normal,
+        slip,
+        velocity,
+        displacement,
+        rate,
+        kinetic,
+    ] = &columns;
     if let Some(row) = (1..time.len()).find(|&row| time[row] <= time[row - 1]) {
         let name = "observables/stress_ratio/time";
         return Err(wrong(format!("{name}: does not increase at row {row}")));
@@ -59,9 +69,29 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
         time,
         slip: slip.clone(),
         friction: friction.clone(),
+        temperature: temperature(run, rate, kinetic),
         realisations: 1,
     };
     tested(&record).map_err(wrong)
+}
+
+/// The granular temperature of every row: (E/n - m̄ V²/6)/(P d̄³), in 2D over P d̄², with the kinetic
+/// energy E and the mean mass m̄ of the n free grains, and the velocity V of the top wall. m̄ V²/6 is the
+/// energy of a linear velocity profile. NaN without a pressure or free grains.
+fn temperature(run: &RunFile, rate: &[f64], kinetic: &[f64]) -> Vec<f64> {
+    let grains = run.grains();
+    let of_free = grains.mass.iter().zip(&grains.body);
+    let masses: Vec<f64> = of_free
+        .filter(|(_, body)| **body == 0)
+        .map(|(m, _)| *m)
+        .collect();
+    let count = masses.len() as f64;
+    let mass = masses.iter().sum::<f64>() / count;
+    let diameter = 2.0 * grains.mean_radius();
+    let unit =
+        run.number("pressure").unwrap_or(f64::NAN) * diameter.powi(run.dimension().axes() as i32);
+    let of_row = |(v, energy): (&f64, &f64)| (energy / count - mass * v * v / 6.0) / unit;
+    rate.iter().zip(kinetic).map(of_row).collect()
 }
 
 /// Cuts the record to start at its first slide, and checks the number of segments and of their

@@ -16,6 +16,7 @@ pub fn files(reduction: &Reduction) -> Vec<(String, String)> {
         file("steps.csv", steps(reduction)),
         file("after-steps.csv", after_steps(reduction)),
         file("holds.csv", holds(reduction)),
+        file("relaxations.csv", relaxations(reduction)),
         file("fits.csv", fits(reduction)),
         file("rate-state.json", format!("{:#}\n", json(reduction))),
     ]
@@ -89,6 +90,11 @@ fn segments(reduction: &Reduction) -> String {
             let steady = experiment.steady[*segment];
             [steady.map(|s| s.friction), steady.map(|s| s.error)].map(|x| x.and_then(known))
         })
+        .column("granular_temperature", |(_, experiment, segment, _)| {
+            let [_, half] = experiment.record.halves(*segment);
+            let values = &experiment.record.temperature[half];
+            known(values.iter().sum::<f64>() / values.len() as f64)
+        })
         .csv()
 }
 
@@ -158,6 +164,22 @@ fn holds(reduction: &Reduction) -> String {
                 Some(e.holds.get(*n)?.reslide?.healing)
             })
         })
+        .csv()
+}
+
+fn relaxations(reduction: &Reduction) -> String {
+    let a = reduction.direct_effect;
+    Table::of(reduction.relaxations.iter())
+        .column("velocity_before", |of| known(of.before))
+        .column("t_hold", |of| known(of.duration))
+        .column("time", |of| known(of.time))
+        .column("holds", |of| of.holds)
+        .column("change", |of| known(of.change))
+        .column("error", |of| known(of.error))
+        .column("change_direct_effect", |of| {
+            a.and_then(|a| known(of.of_direct_effect(a)))
+        })
+        .column("granular_temperature", |of| known(of.temperature))
         .csv()
 }
 

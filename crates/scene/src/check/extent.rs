@@ -34,8 +34,7 @@ fn of_walls(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, walls: &PlaneShear) {
         Origin::Insertion(_) => derived::packed_height(sample),
         Origin::Packing { file, .. } => file.height(),
     };
-    // Between the walls, of which each is one mean diameter high.
-    let height = height - 2.0 * sample.mean_diameter;
+    let height = height - 2.0 * walls.wall_thickness(sample);
     let (shear, output) = (&raw.shear, &raw.output);
     let schedule = Schedule::new(scene, walls, height);
     let step = scene.time_step.step;

@@ -5,16 +5,17 @@ use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::key::Key;
 use crate::kind::Number;
 use crate::raw;
-use crate::scene::{Law, Load, LoadChoice, Sample};
+use crate::scene::{Control, Law, Load, LoadChoice, PlaneShear, Sample};
 use crate::words::show;
 use gshear_dem::failure::Failure;
 
-/// One of the ways to say it, its key and value, and g (m/s²).
+/// One of the ways to say it, its key and value, g (m/s²), and what moves the wall.
 pub(super) struct LoadKeys<'r> {
     given: LoadChoice,
     key: &'r Key<Number>,
     value: f64,
     gravity: f64,
+    control: Control,
 }
 
 pub(super) fn check<'r>(c: &mut Checker<'_>, load: &'r raw::Load) -> LoadKeys<'r> {
@@ -29,11 +30,20 @@ pub(super) fn check<'r>(c: &mut Checker<'_>, load: &'r raw::Load) -> LoadKeys<'r
         LoadChoice::Pressure,
         LoadChoice::NormalForce,
     ];
+    let control = c.choice_or_default(&load.control);
+    let control = Control::NAMES.iter().find(|of| Some(of.0) == control);
+    let control = control.map_or(Control::Mass, |of| of.1);
+    if control == Control::Mass {
+        let why = "applies to load.control = \"servo\"";
+        c.useless(&load.servo_gain, why);
+        c.useless(&load.servo_speed_max, why);
+    }
     LoadKeys {
         given: ways[chosen],
         key: keys[chosen],
         value: values[chosen],
         gravity: c.number_or_default(&load.gravity),
+        control,
     }
 }
 
@@ -51,6 +61,7 @@ pub(super) fn derive(
         stiffness_number,
         gravity: keys.gravity,
         given: keys.given,
+        control: keys.control,
     };
     let (pressure, normal_force) = match keys.given {
         LoadChoice::StiffnessNumber => {
@@ -85,4 +96,34 @@ pub(super) fn derive(
         .settle()
         .err()
         .unwrap_or(Failure::input("the load is out of range")))
+}
+
+/// The numbers of a servo, for the time step (s): gain and greatest speed.
+pub(super) fn derive_servo(
+    c: &mut Checker<'_>,
+    raw: &raw::Load,
+    (law, sample): (&Law, &Sample),
+    walls: &mut PlaneShear,
+    step: f64,
+) {
+    if walls.load.control == Control::Mass {
+        return;
+    }
+    let overlap = super::shear::greatest_overlap(law, sample, walls);
+    let limit = derived::servo_gain_limit(law, sample, overlap, step);
+    let mean_overlap = walls.load.mean_overlap(sample);
+    let default = derived::servo_gain(law, sample, mean_overlap).min(limit);
+    let gain = c.number(&raw.servo_gain).unwrap_or(default);
+    if gain > limit {
+        let what = format!(
+            "{} m/(s Pa) is over the bound of {limit:.3e} m/(s Pa) at this time step, beyond which the wall may oscillate; give less, or leave it out for {default:.3e}",
+            show(gain)
+        );
+        c.refuse(&raw.servo_gain, &what);
+    }
+    let speed_max = c.number(&raw.servo_speed_max);
+    walls.load.control = Control::Servo {
+        gain,
+        speed_max: speed_max.unwrap_or(gain * walls.load.pressure),
+    };
 }

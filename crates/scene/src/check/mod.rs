@@ -51,7 +51,7 @@ pub(super) fn scene(
     }
     let keep_checkpoints = c.flag_or_default(&raw.output.keep_checkpoints);
     let bookkeeping = check_bookkeeping(&mut c, &raw.bookkeeping);
-    let (default_title, sample, boundary) = if boxed {
+    let (default_title, sample, mut boundary) = if boxed {
         let (sample, periodic) = periodic::check(&mut c, dimension, (raw, seed))?;
         ("Periodic box", sample, Boundary::Periodic(periodic))
     } else {
@@ -59,6 +59,10 @@ pub(super) fn scene(
         ("Plane shear", sample, Boundary::Walls(walls))
     };
     let time_step = time::derive(&mut c, &raw.time, (&law, &contact), &sample, &boundary)?;
+    if let Boundary::Walls(walls) = &mut boundary {
+        load::derive_servo(&mut c, &raw.load, (&law, &sample), walls, time_step.step);
+        c.settle()?;
+    }
     let mut scene = Scene {
         title: title.unwrap_or_else(|| default_title.into()),
         author,

@@ -2,7 +2,7 @@
 
 use crate::ReadPacking;
 use crate::checker::Checker;
-use crate::derived::{self, LEAST_HEIGHT};
+use crate::derived;
 use crate::key::Key;
 use crate::kind::{Number, Numbers, Text};
 use crate::raw;
@@ -20,6 +20,8 @@ pub(super) struct SampleKeys<'r> {
     /// Copies of the packing along x and y.
     replicate: [u32; 2],
     pub walls: Option<Walls>,
+    /// Thickness of each wall over d̄.
+    pub wall_layers: f64,
 }
 
 /// Least standard deviation of radii, over the width of their interval.
@@ -46,6 +48,7 @@ pub(super) fn check<'r>(
         sizes: None,
         replicate,
         walls: walls.map(|(_, walls)| *walls),
+        wall_layers: c.number_or_default(&raw.wall_thickness),
     };
     if dimension == Dimensions::Two {
         c.useless(
@@ -131,6 +134,7 @@ pub(super) fn check_boxed(c: &mut Checker<'_>, sample: &raw::Sample) -> Sizes {
     let why = "applies to scenes with walls only";
     c.useless(&sample.packing, why);
     c.useless(&sample.walls, why);
+    c.useless(&sample.wall_thickness, why);
     c.useless(&sample.replicate, why);
     check_inserted(c, sample);
     check_sizes(c, sample)
@@ -309,7 +313,7 @@ pub(super) fn derive(
             raw.radius_max.place(),
             raw.length.place(),
         ];
-        check_size(c, raw, &sample, height, &places)?;
+        check_size(c, keys, &sample, height, &places)?;
         return Ok((sample, Origin::Insertion(sizes)));
     };
     let file = packing(&c.resolve(*at, path), keys.replicate).map_err(|failure| match failure {
@@ -354,7 +358,7 @@ pub(super) fn derive(
         width: file.width.unwrap_or(f64::INFINITY),
     };
     let places = [raw.packing.place()];
-    check_size(c, raw, &sample, file.height(), &places)?;
+    check_size(c, keys, &sample, file.height(), &places)?;
     let walls = keys.walls.unwrap_or(if skip && file.wall_types {
         Walls::Types
     } else {
@@ -371,11 +375,12 @@ fn unlike_packing(given: impl std::fmt::Display, of_file: impl std::fmt::Display
 /// the keys that set the size.
 fn check_size(
     c: &mut Checker<'_>,
-    raw: &raw::Sample,
+    keys: &SampleKeys<'_>,
     sample: &Sample,
     height: f64,
     places: &[Place],
 ) -> Result<(), Failure> {
+    let (raw, layers) = (keys.raw, keys.wall_layers);
     let least = 8.0 * sample.radius_max;
     if sample.width < least {
         c.refuse_among(
@@ -398,18 +403,244 @@ fn check_size(
         );
     }
     c.settle()?;
-    let needed = LEAST_HEIGHT * sample.mean_diameter;
+    let needed = derived::least_height(layers) * sample.mean_diameter;
     if height < needed {
-        let least = derived::least_grains(sample);
+        let least = derived::least_grains(sample, layers);
         let remedy = if least <= f64::from(u32::MAX) {
             format!("give at least {least} grains or a shorter cell")
         } else {
             "give a shorter cell".into()
         };
+        let of_wall = match layers == 1.0 {
+            true => "one mean diameter".into(),
+            false => format!("{layers} mean diameters"),
+        };
+        let thickness = raw.wall_thickness.place();
+        let given = thickness.1.map(|_| thickness);
+        let places: Vec<Place> = places.iter().copied().chain(given).collect();
         c.refuse_among(
-            places,
+            &places,
+            &format!("radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"),
+        );
+    }
+    if let Sizes::Normal { deviation, .. } = sizes
+        && a < b
+        && *deviation < NARROWEST * (b - a)
+    {
+        // Radii are drawn between the two until one is in the distribution.
+        c.refuse_among(
+            &[sample.radius_deviation.place()],
+            &format!("must be at least {NARROWEST} (radius_max - radius_min) = {:.3e}, found {deviation:?}; give radius_min and radius_max closer to the mean", NARROWEST * (b - a)),
+        );
+    } else if let Sizes::Normal { mean, deviation } = sizes
+        && taken(*mean, *deviation, [a, b]) < LEAST_TAKEN
+    {
+        c.refuse_among(
+            &places,
+            &format!("the normal distribution about {mean:?} with deviation {deviation:?} has hardly a radius between radius_min and radius_max; give a mean between them"),
+        );
+    }
+    [a, b]
+}
+
+/// The share of uniform radii in [a, b] that the normal distribution takes.
+fn taken(mean: f64, deviation: f64, [a, b]: [f64; 2]) -> f64 {
+    let density = |r: f64| {
+        let z = (r - mean) / deviation;
+        portable_exp(-0.5 * z * z)
+    };
+    // About ten of them within the least deviation.
+    let middle = |k: u32| a + (b - a) * (f64::from(k) + 0.5) / 1000.0;
+    (0..1000).map(|k| density(middle(k))).sum::<f64>() / 1000.0
+}
+
+/// Refuses a distribution of sizes beside a packing.
+fn sizes_are_useless(c: &mut Checker<'_>, sample: &raw::Sample) {
+    let why = "applies to inserted grains, but the grains come from sample.packing";
+    c.useless(&sample.sizes, why);
+    c.useless(&sample.radii, why);
+    c.useless(&sample.radius_mean, why);
+    c.useless(&sample.radius_deviation, why);
+    c.useless(&sample.large_fraction, why);
+}
+
+/// How the radii of inserted grains are distributed.
+fn check_sizes(c: &mut Checker<'_>, sample: &raw::Sample) -> Sizes {
+    let Some(name) = c.choice_or_default(&sample.sizes) else {
+        return Sizes::Uniform;
+    };
+    let useless = |of: &str| format!("applies to sample.sizes = {of:?}, not to {name:?}");
+    for (key, of) in [
+        (&sample.radius_mean, "normal"),
+        (&sample.radius_deviation, "normal"),
+        (&sample.large_fraction, "binary"),
+    ] {
+        if name != of {
+            c.useless(key, &useless(of));
+        }
+    }
+    if name != "list" {
+        c.useless(&sample.radii, &useless("list"));
+    }
+    match name {
+        "normal" => Sizes::Normal {
+            mean: c.required(&sample.radius_mean),
+            deviation: c.required(&sample.radius_deviation),
+        },
+        "binary" => Sizes::Binary {
+            large_fraction: c.required(&sample.large_fraction),
+        },
+        "list" => {
+            let Key { declared, given } = &sample.radii;
+            let Some((_, Numbers(radii))) = given else {
+                c.lacks(declared.table(), &declared.lacking());
+                return Sizes::List(Vec::new());
+            };
+            let hold = |r: &f64| r.is_finite() && declared.range.hold(*r);
+            if radii.is_empty() || !radii.iter().all(hold) {
+                let what = "must hold one radius or more, each greater than 0";
+                c.refuse(&sample.radii, what);
+            }
+            Sizes::List(radii.clone())
+        }
+        _ => Sizes::Uniform,
+    }
+}
+
+/// The sample and where it comes from; `skip`: it is not compressed.
+pub(super) fn derive(
+    c: &mut Checker<'_>,
+    keys: &SampleKeys<'_>,
+    skip: bool,
+    packing: ReadPacking<'_>,
+) -> Result<(Sample, Origin), Failure> {
+    let raw = keys.raw;
+    let Some((at, Text(path))) = &raw.packing.given else {
+        let sizes = keys.sizes.clone().unwrap_or(Sizes::Uniform);
+        let sample = inserted(c, keys.dimension, raw, &sizes)?;
+        let height = derived::packed_height(&sample);
+        let places = [
+            raw.grains.place(),
+            raw.radius_min.place(),
+            raw.radius_max.place(),
+            raw.length.place(),
+        ];
+        check_size(c, keys, &sample, height, &places)?;
+        return Ok((sample, Origin::Insertion(sizes)));
+    };
+    let file = packing(&c.resolve(*at, path), keys.replicate).map_err(|failure| match failure {
+        Failure::Input(what) => c.failure(*at, raw.packing.declared.path, &what),
+        other => other,
+    })?;
+    if let Some(n) = c.whole(&raw.grains)
+        && n != i64::from(file.grains)
+    {
+        c.refuse(&raw.grains, &unlike_packing(n, file.grains));
+    }
+    for (key, of_file) in [
+        (&raw.radius_min, file.radius_min),
+        (&raw.radius_max, file.radius_max),
+        (&raw.length, file.length),
+        (&raw.width, file.width.unwrap_or(f64::INFINITY)),
+    ] {
+        if let Some(x) = c.number(key)
+            && x != of_file
+        {
+            c.refuse(key, &unlike_packing(show(x), show(of_file)));
+        }
+    }
+    if file.width.is_some() != (keys.dimension == Dimensions::Three) {
+        let (is, dimension) = match file.width {
+            Some(_) => ("spheres", 3),
+            None => ("disks in the plane z = 0", 2),
+        };
+        c.refuse(
+            &raw.packing,
+            &format!("holds {is}; give dimension = {dimension}"),
+        );
+    }
+    c.settle()?;
+    let sample = Sample {
+        grains: file.grains,
+        radius_min: file.radius_min,
+        radius_max: file.radius_max,
+        mean_diameter: file.mean_diameter,
+        mean_volume: file.mean_volume,
+        length: file.length,
+        width: file.width.unwrap_or(f64::INFINITY),
+    };
+    let places = [raw.packing.place()];
+    check_size(c, keys, &sample, file.height(), &places)?;
+    let walls = keys.walls.unwrap_or(if skip && file.wall_types {
+        Walls::Types
+    } else {
+        Walls::Layers
+    });
+    Ok((sample, Origin::Packing { file, walls }))
+}
+
+fn unlike_packing(given: impl std::fmt::Display, of_file: impl std::fmt::Display) -> String {
+    format!("is {of_file} in the packing of sample.packing, found {given}; leave it out")
+}
+
+/// Refuses a cell too small for its grains and walls. `height` (m) includes the walls; `places` are
+/// the keys that set the size.
+fn check_size(
+    c: &mut Checker<'_>,
+    keys: &SampleKeys<'_>,
+    sample: &Sample,
+    height: f64,
+    places: &[Place],
+) -> Result<(), Failure> {
+    let (raw, layers) = (keys.raw, keys.wall_layers);
+    let least = 8.0 * sample.radius_max;
+    if sample.width < least {
+        c.refuse_among(
+            &[raw.width.place()],
             &format!(
-                "the cell is too low for its walls: {} grains fill about {height:.2e} m of height, but two walls of one mean diameter and five between them take {needed:.2e} m; {remedy}",
+                "the cell is too narrow for its grains: width = {} m; give at least 4 diameters of the largest, {least:.3e} m",
+                show(sample.width)
+            ),
+        );
+    }
+    if sample.length < least {
+        // The length first, where it was given.
+        let reversed: Vec<_> = places.iter().rev().copied().collect();
+        c.refuse_among(
+            &reversed,
+            &format!(
+                "the cell is too narrow for its grains: length = {} m; give at least 4 diameters of the largest, {least:.3e} m",
+                show(sample.length)
+            ),
+        );
+    }
+    c.settle()?;
+    let needed = derived::least_height(layers) * sample.mean_diameter;
+    if height < needed {
+        let least = derived::least_grains(sample, layers);
+        let remedy = if least <= f64::from(u32::MAX) {
+            format!("give at least {least} grains or a shorter cell")
+        } else {
+            "give a shorter cell".into()
+        };
+        let of_wall = match layers == 1.0 {
+            true => "one mean diameter".into(),
+            false => format!("{layers} mean diameters"),
+        };
+        let thickness = raw.wall_thickness.place();
+        let places = [
+            places,
+            if thickness.1.is_some() {
+                &[thickness]
+            } else {
+                &[]
+            },
+        ]
+        .concat();
+        c.refuse_among(
+            &places,
+            &format!(
+                "the cell is too low for its walls: {} grains fill about {height:.2e} m of height, but two walls of {of_wall} and five between them take {needed:.2e} m; {remedy}",
                 sample.grains
             ),
         );

@@ -152,5 +152,11 @@ table! {
             otherwise: "see below",
             change: Change::Never,
         },
+        /// thickness of each wall over d̄: 2 makes walls of two layers
+        wall_thickness: Number {
+            range: Bounds { from: Bound::Included(0.5), to: Bound::Included(1e6) },
+            default: Some(1.0),
+            change: Change::Never,
+        },
     }
 }

@@ -4,10 +4,13 @@ use std::ops::Bound;
 
 use gshear_dem::laws::keys::{Bounds, NOT_NEGATIVE, POSITIVE};
 
-use super::table::{FROM_ONE, table};
+use super::table::{FROM_ONE, names, table};
 use crate::derived::{STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::key::Change;
-use crate::kind::{Flag, Number, Parts, Whole};
+use crate::kind::{Flag, Number, Parts, Text, Whole};
+use crate::scene::Control;
+
+const CONTROL_NAMES: [&str; Control::NAMES.len()] = names(&Control::NAMES);
 
 table! {
     /// The load on the top wall.
@@ -25,6 +28,23 @@ table! {
         normal_force: Number { unit: "N, in 2D N/m", range: POSITIVE, condition: "κ in its range" },
         /// gravity g, towards the bottom
         gravity: Number { unit: "m/s²", range: NOT_NEGATIVE, default: Some(0.0) },
+        /// what moves the top wall along its normal: `"mass"`, the load on the mass of its grains;
+        /// `"servo"`, in every step a velocity from the error of the pressure
+        control: Text { range: &CONTROL_NAMES, default: Some(CONTROL_NAMES[0]) },
+        /// of a servo: velocity over error of the pressure
+        servo_gain: Number {
+            unit: "m/(s Pa)",
+            range: POSITIVE,
+            condition: "at most its bound, with `\"servo\"`",
+            otherwise: "see below",
+        },
+        /// of a servo: greatest speed
+        servo_speed_max: Number {
+            unit: "m/s",
+            range: POSITIVE,
+            condition: "with `\"servo\"`",
+            otherwise: "`servo_gain` times P",
+        },
     }
 }
 

@@ -15,8 +15,8 @@ pub use periodic::{
 };
 pub use sample::{Sample, Sizes};
 pub use walls::{
-    Analysis, Load, LoadChoice, Motion, Origin, Oscillation, Output, Pack, PackingFile, Part,
-    PartDrive, PartLength, PartNormal, PlaneShear, Shear, Spring, Stress, WallSpeed, Walls,
+    Analysis, Control, Load, LoadChoice, Motion, Origin, Oscillation, Output, Pack, PackingFile,
+    Part, PartDrive, PartLength, PartNormal, PlaneShear, Shear, Spring, Stress, WallSpeed, Walls,
 };
 
 /// A run, ready to be set up.

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use gshear_dem::drive::Servo;
 use serde::{Deserialize, Serialize};
 
 use super::sample::{Sample, Sizes};
@@ -11,6 +12,8 @@ use super::sample::{Sample, Sizes};
 pub struct PlaneShear {
     /// Where the grains come from.
     pub origin: Origin,
+    /// Thickness of each wall over d̄.
+    pub wall_layers: f64,
     /// The load on the top wall, and gravity.
     pub load: Load,
     /// The compression.
@@ -95,7 +98,7 @@ impl PackingFile {
 /// Which grains of a packing are walls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Walls {
-    /// Those within one mean diameter of the lowest and of the highest edge.
+    /// Those whose centre is within the thickness of a wall of the lowest and of the highest edge.
     Layers,
     /// Type 2 is the bottom, type 3 the top.
     Types,
@@ -119,6 +122,51 @@ pub struct Load {
     pub gravity: f64,
     /// How the load was given.
     pub given: LoadChoice,
+    /// What moves the top wall along its normal.
+    pub control: Control,
+}
+
+/// What moves the top wall along its normal under a load.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Control {
+    /// The mass of its grains.
+    Mass,
+    /// In every step a velocity from the error of the pressure.
+    Servo {
+        /// Velocity over error of the pressure (m/(s Pa)).
+        gain: f64,
+        /// Greatest speed (m/s).
+        speed_max: f64,
+    },
+}
+
+impl Control {
+    const UNKNOWN_SERVO: Control = Control::Servo {
+        gain: f64::NAN,
+        speed_max: f64::NAN,
+    };
+
+    /// The names, as `load.control` has them; a servo by its name has no numbers yet.
+    pub const NAMES: [(&str, Control); 2] =
+        [("mass", Control::Mass), ("servo", Control::UNKNOWN_SERVO)];
+}
+
+impl PlaneShear {
+    /// Thickness of each wall of this sample (m).
+    pub fn wall_thickness(&self, sample: &Sample) -> f64 {
+        self.wall_layers * sample.mean_diameter
+    }
+
+    /// The servo that moves the top wall of this sample, if one does.
+    pub fn servo(&self, sample: &Sample) -> Option<Servo> {
+        match self.load.control {
+            Control::Mass => None,
+            Control::Servo { gain, speed_max } => Some(Servo {
+                gain: gain / sample.base(),
+                fastest: speed_max,
+            }),
+        }
+    }
 }
 
 impl Load {

@@ -92,11 +92,12 @@ fn sample(t: &mut Lines, scene: &Scene) {
     if let Boundary::Periodic(periodic) = &scene.boundary {
         t.text(&keys.placement, periodic.placement.name());
     }
-    if let Boundary::Walls(_) = scene.boundary {
+    if let Boundary::Walls(walls) = &scene.boundary {
         t.number(&keys.length, scene.sample.length);
         if scene.dimension == Dimensions::Three {
             t.number(&keys.width, scene.sample.width);
         }
+        t.number(&keys.wall_thickness, walls.wall_layers);
     }
 }
 

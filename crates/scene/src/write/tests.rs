@@ -129,6 +129,8 @@ fn every_default_is_filled_in() {
         "frame_rows",
         "series_rows",
         "collision_speed",
+        "servo_gain",
+        "servo_speed_max",
     ];
     let always = [&of_hertz[..], &never, &of_sizes, &of_protocols].concat();
     for (law, other) in [(&[][..], of_hooke), (HOOKE, of_lee_hurley)] {
@@ -191,6 +193,8 @@ fn every_default_is_filled_in() {
         "checkpoint_strain",
         "start",
         "mass",
+        "servo_gain",
+        "servo_speed_max",
     ];
     missing_are(&scene.toml, &not);
 }
@@ -266,6 +270,12 @@ fn every_distribution_and_drive_reads_back() {
         ],
         &["shear.spring_stiffness=1e6"],
         &["load.gravity=9.81"],
+        &["load.control=servo"],
+        &[
+            "load.control=servo",
+            "load.servo_gain=1e-6",
+            "load.servo_speed_max=0.1",
+        ],
     ] {
         reads_back(&with(sets));
     }

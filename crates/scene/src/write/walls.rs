@@ -3,8 +3,8 @@
 use super::lines::Lines;
 use crate::raw;
 use crate::scene::{
-    Dimensions, Load, LoadChoice, Motion, Part, PartDrive, PartLength, PartNormal, PlaneShear,
-    Scene, Stress, WallSpeed,
+    Control, Dimensions, Load, LoadChoice, Motion, Part, PartDrive, PartLength, PartNormal,
+    PlaneShear, Scene, Stress, WallSpeed,
 };
 use crate::words::show;
 
@@ -41,6 +41,14 @@ pub(super) fn load(t: &mut Lines, load: &Load) {
         LoadChoice::NormalForce => t.number(&keys.normal_force, load.normal_force),
     }
     t.number(&keys.gravity, load.gravity);
+    match load.control {
+        Control::Mass => t.text(&keys.control, Control::NAMES[0].0),
+        Control::Servo { gain, speed_max } => {
+            t.text(&keys.control, Control::NAMES[1].0);
+            t.number(&keys.servo_gain, gain);
+            t.number(&keys.servo_speed_max, speed_max);
+        }
+    }
 }
 
 /// The keys of a part and their values.

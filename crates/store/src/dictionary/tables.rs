@@ -133,13 +133,41 @@ const MEAN_SERIES: [Column; 4] = [
         "two standard deviations among the realisations",
     ),
 ];
-const SEGMENTS: [Column; 6] = [
+const TEMPERATURE: Column = Column::new(
+    "granular_temperature",
+    "1",
+    "kinetic energy of a free grain beyond that of a linear velocity profile, over P d³ (2D: P d²)",
+);
+const SEGMENTS: [Column; 7] = [
     Column::new("drive_velocity", "m s-1", "velocity of the drive"),
     Column::new("duration", "s", "duration"),
     Column::new("rows", "1", "rows of the time series"),
     Column::new("slip", "m", "slip during the segment"),
     Column::new("mu_ss", "1", "steady μ, of slides"),
     Column::new("error", "1", "its standard error"),
+    TEMPERATURE,
+];
+const RELAXATIONS: [Column; 8] = [
+    Column::new("velocity_before", "m s-1", "drive velocity before the hold"),
+    Column::new("t_hold", "s", "duration of the hold"),
+    Column::new("time", "s", "time since the start of the hold"),
+    Column::new("holds", "1", "number of holds"),
+    Column::new(
+        "change",
+        "1",
+        "mean of μ less that at the end of the slide before",
+    ),
+    Column::new(
+        "error",
+        "1",
+        "standard error from the scatter among the holds",
+    ),
+    Column::new(
+        "change_direct_effect",
+        "1",
+        "change by the direct effect alone",
+    ),
+    TEMPERATURE,
 ];
 const STEPS: [Column; 8] = [
     Column::new(
@@ -615,6 +643,11 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
             &[&VELOCITIES, &AFTER_STEPS],
         ),
         table("holds.csv", "hold", &[&SEGMENT, &HOLDS]),
+        table(
+            "relaxations.csv",
+            "kind of hold and time since its start",
+            &[&RELAXATIONS],
+        ),
         table(
             "fits.csv",
             "fit of a law",

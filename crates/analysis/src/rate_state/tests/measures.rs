@@ -224,6 +224,7 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
         SliderRecord {
             stiffness: STIFFNESS,
             drive: drive.to_vec(),
+            temperature: vec![f64::NAN; time.len()],
             deviation: vec![f64::NAN; time.len()],
             time,
             slip,
@@ -252,6 +253,75 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
             );
         }
         near(stack.pieces.last().expect("pieces").slip[1], 1.0);
+    }
+}
+
+/// Holds of two realisations that relax as -c ln(1 + t/τ): means and errors at every time, and the
+/// change of the direct effect alone, which a slider with b = 0 follows.
+#[test]
+fn relaxations_are_averaged_over_holds() {
+    let relaxing = |c: f64| {
+        let drive = [
+            segment(0.1, 0.1),
+            segment(0.0, 0.01),
+            segment(0.1, 0.1),
+            segment(0.0, 0.01),
+        ];
+        let time: Vec<f64> = (0..22_000).map(|row| f64::from(row) * 1e-5).collect();
+        let of = |t: &f64| {
+            let since = [0.1, 0.21].map(|begin| t - begin);
+            let since = since.into_iter().find(|since| (0.0..0.01).contains(since));
+            since.map_or(0.4, |since| 0.4 - c * (1.0 + since / 1e-4).ln())
+        };
+        SliderRecord {
+            stiffness: STIFFNESS,
+            drive: drive.to_vec(),
+            friction: time.iter().map(of).collect(),
+            slip: time.clone(),
+            temperature: vec![10.0 * c; time.len()],
+            deviation: vec![f64::NAN; time.len()],
+            time,
+            realisations: 1,
+        }
+    };
+    let found = relaxations(&[relaxing(0.01), relaxing(0.03)]);
+    let times: Vec<f64> = found.iter().map(|of| of.time).collect();
+    assert_eq!(times.len(), 7, "{times:?}");
+    for (time, expected) in times.iter().zip([1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01]) {
+        assert!((time / expected - 1.0).abs() < 1e-9, "{times:?}");
+    }
+    for of in &found[2..] {
+        assert_eq!((of.holds, of.before), (4, 0.1));
+        // The mean over the window, of which the end cuts off half.
+        let at = if of.time > 0.009 {
+            of.time / 1.09
+        } else {
+            of.time
+        };
+        let law = -(1.0 + at / 1e-4).ln();
+        assert!((of.change / (0.02 * law) - 1.0).abs() < 0.02, "{of:?}");
+        // 0.01 above and below, two of each: 0.01 √(4/3)/√4.
+        let error = 0.01 * law.abs() / 3f64.sqrt();
+        assert!((of.error / error - 1.0).abs() < 0.02, "{of:?}");
+        assert!((of.temperature - 0.2).abs() < 1e-12);
+    }
+
+    let law = RateStateLaw {
+        b: 0.0,
+        ..law(Evolution::Aging)
+    };
+    let record = synthetic(&law, &[segment(0.1, 1.0), segment(0.0, 0.1)], 1e-5);
+    let found = relaxations(&[record]);
+    let [.., last] = &found[..] else {
+        panic!("no hold");
+    };
+    assert!((last.time / 0.1 - 1.0).abs() < 1e-3 && last.error.is_nan());
+    for of in &found[4..found.len() - 1] {
+        let expected = of.of_direct_effect(law.a);
+        assert!(
+            (of.change / expected - 1.0).abs() < 0.02,
+            "{of:?} {expected}"
+        );
     }
 }
 

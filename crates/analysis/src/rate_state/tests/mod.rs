@@ -59,6 +59,7 @@ fn synthetic(law: &RateStateLaw, drive: &[DriveSegment], interval: f64) -> Slide
             .zip(&friction)
             .map(|(t, f)| driven(*t) - (f - friction[0]) / STIFFNESS)
             .collect(),
+        temperature: vec![f64::NAN; time.len()],
         deviation: vec![f64::NAN; time.len()],
         time,
         friction,

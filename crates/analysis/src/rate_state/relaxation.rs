@@ -1,0 +1,132 @@
+//! How μ relaxes in holds, averaged over the holds of one kind in all realisations.
+
+use super::record::SliderRecord;
+
+/// Times since the start of a hold at which μ is averaged, over powers of ten.
+const MANTISSAS: [f64; 2] = [1.0, 3.0];
+/// The average at t is over t/`WINDOW` to t·`WINDOW`.
+const WINDOW: f64 = 1.2;
+/// Share of the slide before a hold over whose end μ and T are averaged.
+const LAST: f64 = 0.01;
+/// Holds are of one kind if velocities and durations agree to this share.
+const SAME: f64 = 1e-3;
+const FIRST_DECADE: i32 = -9;
+const LAST_DECADE: i32 = 9;
+
+/// Holds of one duration after one velocity, at one time since their start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Relaxation {
+    /// V_i (m/s).
+    pub before: f64,
+    /// t_hold (s).
+    pub duration: f64,
+    /// Mean k̄ (1/m).
+    pub stiffness: f64,
+    /// Time since the start of the hold (s).
+    pub time: f64,
+    /// Number of holds averaged.
+    pub holds: usize,
+    /// Mean of μ less that at the end of the slide before.
+    pub change: f64,
+    /// Standard error of `change`, from the scatter among the holds; NaN for a single one.
+    pub error: f64,
+    /// Mean granular temperature.
+    pub temperature: f64,
+}
+
+impl Relaxation {
+    /// The change by the direct effect alone, -a ln(1 + k̄ V_i t/a): at a constant state the slider
+    /// creeps and unloads its spring.
+    pub fn of_direct_effect(&self, a: f64) -> f64 {
+        -a * (self.stiffness * self.before * self.time / a).ln_1p()
+    }
+}
+
+/// A hold of one record: its velocity before, its duration, and its rows as time since its start,
+/// change of μ, and T.
+struct Course {
+    before: f64,
+    duration: f64,
+    stiffness: f64,
+    rows: Vec<[f64; 3]>,
+}
+
+impl Course {
+    /// Means of the change and of T about a time.
+    fn at(&self, time: f64) -> Option<[f64; 2]> {
+        let within = |row: &&[f64; 3]| time / WINDOW <= row[0] && row[0] <= time * WINDOW;
+        let rows: Vec<_> = self.rows.iter().filter(within).collect();
+        let mean = |k: usize| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64;
+        (!rows.is_empty()).then(|| [mean(1), mean(2)])
+    }
+}
+
+fn courses(record: &SliderRecord) -> Vec<Course> {
+    let of = |segment: usize| {
+        let (slide, hold) = (record.drive[segment - 1], record.drive[segment]);
+        if slide.is_hold() || !hold.is_hold() {
+            return None;
+        }
+        let begin = record.begin(segment);
+        let last = record.rows(segment - 1);
+        let late = |row: &usize| record.time[*row] >= begin - LAST * slide.duration;
+        let start: Vec<f64> = last.filter(late).map(|row| record.friction[row]).collect();
+        let start = start.iter().sum::<f64>() / start.len() as f64;
+        let row = |row: usize| {
+            let change = record.friction[row] - start;
+            [record.time[row] - begin, change, record.temperature[row]]
+        };
+        Some(Course {
+            before: slide.velocity,
+            duration: hold.duration,
+            stiffness: record.stiffness,
+            rows: record.rows(segment).map(row).collect(),
+        })
+    };
+    (1..record.drive.len()).filter_map(of).collect()
+}
+
+/// Returns the averages over the holds of all records, at 1 and 3 times powers of ten and at the end,
+/// in the order in which kinds of holds first occur.
+pub fn relaxations(records: &[SliderRecord]) -> Vec<Relaxation> {
+    let near = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs());
+    let mut groups: Vec<Vec<Course>> = Vec::new();
+    for course in records.iter().flat_map(courses) {
+        let same = |group: &&mut Vec<Course>| {
+            near(group[0].before, course.before) && near(group[0].duration, course.duration)
+        };
+        match groups.iter_mut().find(same) {
+            Some(group) => group.push(course),
+            None => groups.push(vec![course]),
+        }
+    }
+    groups.iter().flat_map(|group| of_group(group)).collect()
+}
+
+fn of_group(group: &[Course]) -> Vec<Relaxation> {
+    let duration = group[0].duration;
+    let decades = FIRST_DECADE..=LAST_DECADE;
+    let times = decades.flat_map(|k| MANTISSAS.map(|m| m * 10f64.powi(k)));
+    let times = times
+        .filter(|t| *t < duration * (1.0 - SAME))
+        .chain([duration]);
+    let at = |time: f64| {
+        let means: Vec<[f64; 2]> = group.iter().filter_map(|of| of.at(time)).collect();
+        let count = means.len() as f64;
+        let mean = |k: usize| means.iter().map(|m| m[k]).sum::<f64>() / count;
+        let change = mean(0);
+        let square: f64 = means.iter().map(|m| (m[0] - change).powi(2)).sum();
+        // At shorter times than those between rows there is nothing to average.
+        (means.len() == group.len()).then(|| Relaxation {
+            before: group[0].before,
+            duration,
+            stiffness: group.iter().map(|of| of.stiffness).sum::<f64>() / count,
+            time,
+            holds: means.len(),
+            change,
+            error: (square / (count - 1.0) / count).sqrt(),
+            temperature: mean(1),
+        })
+    };
+    times.filter_map(at).collect()
+}
