@@ -430,7 +430,7 @@ fn check_ends(
                 // Rounding of a velocity given in another way is no jump of the drive.
                 if (now - then).abs() > 1e-12 * then.abs() {
                     return Err(Failure::input(format!(
-                        "shear: the drive has moved {then:.6e} m in the first {at} steps, and would have moved {now:.6e} m;                          keep its motion up to step {step}, and change it after that with shear.protocol"
+                        "shear: the drive has moved {then:.6e} m in the first {at} steps, and would have moved {now:.6e} m; keep its motion up to step {step}, and change it after that with shear.protocol"
                     )));
                 }
             }

@@ -415,6 +415,10 @@ fn check_size(
             true => "one mean diameter".into(),
             false => format!("{layers} mean diameters"),
         };
+        let remedy = match layers > 1.0 {
+            true => format!("{remedy}, or thinner walls"),
+            false => remedy,
+        };
         let thickness = raw.wall_thickness.place();
         let given = thickness.1.map(|_| thickness);
         let places: Vec<Place> = places.iter().copied().chain(given).collect();
@@ -626,6 +630,10 @@ fn check_size(
         let of_wall = match layers == 1.0 {
             true => "one mean diameter".into(),
             false => format!("{layers} mean diameters"),
+        };
+        let remedy = match layers > 1.0 {
+            true => format!("{remedy}, or thinner walls"),
+            false => remedy,
         };
         let thickness = raw.wall_thickness.place();
         let places = [
