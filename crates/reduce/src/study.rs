@@ -85,7 +85,12 @@ pub fn report(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf, F
     };
     if let Some(name) = slider {
         let runs = std::slice::from_ref(run);
-        rate_state::write(runs, Laws::Both, &folder.join(name), &mut std::io::sink())?;
+        rate_state::write(
+            runs,
+            (Laws::Both, None),
+            &folder.join(name),
+            &mut std::io::sink(),
+        )?;
     }
     let page = slider.map(|name| format!("{name}/index.html"));
     let replayed = replayed.as_ref().map(|of| &of.run);

@@ -294,19 +294,22 @@ fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()
             )?;
         }
     }
-    for of in reduction.relaxations.iter() {
+    for of in &reduction.relaxations {
         let law = reduction.direct_effect.map(|a| of.of_direct_effect(a));
         let law = law.map_or(String::new(), |law| {
             format!(", by the direct effect {law:+.4}")
         });
+        let error = match of.error.is_finite() {
+            true => format!(" ± {:.4}", of.error),
+            false => String::new(),
+        };
         writeln!(
             output,
-            "hold of {} s after {} m/s, after {} s: μ {:+.4} ± {:.4}{law}, granular temperature {:.2e}",
+            "hold of {} s after {} m/s, after {} s: μ {:+.4}{error}{law}, granular temperature {:.2e}",
             seconds(of.duration),
             of.before,
             seconds(of.time),
             of.change,
-            of.error,
             of.temperature
         )?;
     }
