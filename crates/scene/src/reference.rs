@@ -457,6 +457,7 @@ mod tests {
             "contact.tangential_damping_ratio",
             "sample.large_fraction",
             "sample.replicate",
+            "sample.wall_thickness",
             "load.stiffness_number",
             "pack.friction",
             "pack.tolerance",

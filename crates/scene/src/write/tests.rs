@@ -273,7 +273,7 @@ fn every_distribution_and_drive_reads_back() {
         &["load.control=servo"],
         &[
             "load.control=servo",
-            "load.servo_gain=1e-6",
+            "load.servo_gain=1e-7",
             "load.servo_speed_max=0.1",
         ],
     ] {
