@@ -120,6 +120,64 @@ fn phases_are_tabulated() {
     assert_eq!(rows[1][8].parse(), Ok(fixture.series[0][50]));
 }
 
+/// Phases of τ read in other ways. τ: 0, 3, 1, 4, 2, 5, … in 51 rows, rising by 1 every two rows.
+#[test]
+fn phases_are_of_tau_as_it_is_asked_for() {
+    let _alone = alone();
+    let mut fixture = Fixture::sheared(16, 12, 6);
+    let tau = |row: usize| (row / 2 + 3 * (row % 2)) as f64;
+    fixture.series[1] = (0..51).map(tau).collect();
+    // S over the imposed N of 0.6 rises up to row 30 and falls then.
+    let ratio = |row: usize| {
+        if row <= 30 {
+            row as f64
+        } else {
+            60.0 - row as f64
+        }
+    };
+    let shear = SeriesRow::COLUMNS
+        .iter()
+        .position(|column| column.name == "shear_force")
+        .expect("a column");
+    fixture.series[shear] = (0..51).map(|row| 0.6 * ratio(row)).collect();
+    let (folder, path) = folder_with(&fixture);
+    let phases = |options: &[&str]| -> Vec<Vec<String>> {
+        let mut arguments = vec!["phases", &path];
+        arguments.extend(options);
+        done(&arguments);
+        let csv = std::fs::read_to_string(folder.path().join("phases.csv")).expect("the table");
+        let row = |line: &str| line.split(',').map(String::from).collect();
+        csv.lines().skip(1).map(row).collect()
+    };
+    let rows = |phases: &[Vec<String>]| -> Vec<[String; 4]> {
+        let of = |row: &Vec<String>| [1, 3, 4, 9].map(|k| row[k].clone());
+        phases.iter().map(of).collect()
+    };
+    assert_eq!(phases(&[]).len(), 50);
+    // Of every second row, and of means over two, τ only rises.
+    let second = phases(&["--every", "2"]);
+    assert_eq!(rows(&second), [["stick", "0", "50", "25"]]);
+    assert_eq!(second[0][6], "5000");
+    let means = phases(&["--every", "2", "--average"]);
+    assert_eq!(rows(&means), [["stick", "2", "50", "24"]]);
+    // Rounded to multiples of 100, it is constant.
+    assert_eq!(phases(&["--round", "100"]).len(), 0);
+    let imposed = phases(&["--normal-force", "imposed"]);
+    assert_eq!(
+        rows(&imposed),
+        [["stick", "0", "30", "30"], ["slip", "30", "50", "20"]]
+    );
+    let from = fixture.series[0][20].to_string();
+    let late = phases(&["--normal-force", "imposed", "--from", &from]);
+    assert_eq!(
+        rows(&late),
+        [["stick", "20", "30", "10"], ["slip", "30", "50", "20"]]
+    );
+    let told = done(&["phases", &path, "--normal-force", "imposed"]);
+    let counted = "per interval: 0.0400 phases, 0.0200 cycles of a stick and a slip (50 intervals)";
+    assert!(told.contains(counted), "{told}");
+}
+
 /// Checks that tags are nested and closed, that attributes are quoted, and that no `<` or `&` stands alone.
 pub fn assert_well_formed(xml: &str, file: &Path) {
     let mut open: Vec<&str> = Vec::new();

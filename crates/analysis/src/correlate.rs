@@ -3,8 +3,8 @@
 
 use super::frame_scalars::FrameScalars;
 use super::measures::{self, Measured};
-use super::ranges::{self, KeyedPair, ValueRange};
-use super::regions::MinPoints;
+use super::ranges::{self, Bins, KeyedPair, ValueRange};
+use super::regions::GrReading;
 use super::spearman::Correlation;
 
 /// Selects phases by their length.
@@ -102,7 +102,7 @@ impl Quantity {
     }
 }
 
-/// A correlation with Δτ or Δτ_p in half-decades of it.
+/// A correlation with Δτ or Δτ_p in ranges of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Subject {
     /// Δτ of all intervals with gD²min.
@@ -157,6 +157,17 @@ pub struct Regime {
     pub scalars: Vec<FrameScalars>,
     /// Phases and their measures.
     pub phases: Vec<Measured>,
+    /// Width of the ranges of the correlations.
+    pub bins: Bins,
+}
+
+/// Choices of the statistics that LH leave open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Choices {
+    /// How GR regions are counted.
+    pub regions: GrReading,
+    /// Width of the ranges.
+    pub bins: Bins,
 }
 
 impl Regime {
@@ -166,23 +177,24 @@ impl Regime {
         strain: &[f64],
         tau: &[f64],
         scalars: &[FrameScalars],
-        reading: MinPoints,
+        choices: Choices,
     ) -> Self {
         let first = strain.partition_point(|strain| *strain < onset);
         let (strain, tau) = (strain[first..].to_vec(), tau[first..].to_vec());
         let scalars = scalars[first..].to_vec();
-        let phases = measures::of(&strain, &tau, &scalars, reading);
+        let phases = measures::of(&strain, &tau, &scalars, choices.regions);
         Regime {
             strain,
             tau,
             scalars,
             phases,
+            bins: choices.bins,
         }
     }
 
-    /// Returns ρ and p in every half-decade of Δτ or Δτ_p.
+    /// Returns ρ and p in every range of Δτ or Δτ_p.
     pub fn correlate(&self, subject: Subject) -> Vec<(ValueRange, Correlation)> {
-        ranges::correlations(&self.rows(subject), &ranges::of_stress_changes())
+        ranges::correlations(&self.rows(subject), &self.bins.of_stress_changes())
     }
 
     fn rows(&self, subject: Subject) -> Vec<KeyedPair> {
@@ -205,7 +217,7 @@ impl Regime {
         }
     }
 
-    /// Returns ρ and p of Δτ_p with `quantity` over long phases, in half-decades of `by` over
+    /// Returns ρ and p of Δτ_p with `quantity` over long phases, in ranges of `by` over
     /// `unit` (m² if `by` is a D²min).
     pub fn correlate_by(
         &self,
@@ -220,7 +232,7 @@ impl Regime {
                 pair: [phase.phase.change, quantity.of(phase)],
             })
             .collect();
-        let ranges = ranges::around(rows.iter().map(|row| row.by));
+        let ranges = self.bins.around(rows.iter().map(|row| row.by));
         ranges::correlations(&rows, &ranges)
     }
 }

@@ -3,7 +3,7 @@
 //! contact-force angles in GR regions.
 
 use super::dmin::{self, NonAffine};
-use super::regions::{MinPoints, Regions};
+use super::regions::{GrReading, MinPoints, Reduction, Regions};
 use super::spearman::{Spearman, sort_key};
 use super::stress::largest_principals;
 use gshear_dem::state::{Disks, Frame};
@@ -30,6 +30,22 @@ gshear_dem::columns! {
         region_angle_mean: "rad",
         /// median |θ| of the same contacts; NaN if none
         region_angle_median: "rad",
+        /// number of GR regions by the losses of the contacts of a grain alone
+        loss_regions: "1",
+        /// the same with minPts = 2
+        loss_regions_of_two: "1",
+        /// mean |θ| in these regions; NaN if none
+        loss_region_angle_mean: "rad",
+        /// median |θ| in these regions; NaN if none
+        loss_region_angle_median: "rad",
+        /// number of GR regions by the greatest loss of one contact of a grain
+        greatest_loss_regions: "1",
+        /// the same with minPts = 2
+        greatest_loss_regions_of_two: "1",
+        /// mean |θ| in these regions; NaN if none
+        greatest_loss_region_angle_mean: "rad",
+        /// median |θ| in these regions; NaN if none
+        greatest_loss_region_angle_median: "rad",
     }
 }
 
@@ -38,11 +54,31 @@ impl FrameScalars {
     pub const UNDEFINED: FrameScalars =
         FrameScalars::from_columns([f64::NAN; FrameScalars::COLUMNS.len()]);
 
-    /// Returns the number of GR regions for one reading of minPts.
-    pub fn regions(&self, reading: MinPoints) -> f64 {
-        match reading {
-            MinPoints::Itself => self.regions,
-            MinPoints::OneNeighbour => self.regions_of_two,
+    /// Returns the number of GR regions.
+    pub fn regions(&self, reading: GrReading) -> f64 {
+        let [itself, of_two] = match reading.reduction {
+            Reduction::Net => [self.regions, self.regions_of_two],
+            Reduction::Losses => [self.loss_regions, self.loss_regions_of_two],
+            Reduction::GreatestLoss => [
+                self.greatest_loss_regions,
+                self.greatest_loss_regions_of_two,
+            ],
+        };
+        match reading.min_points {
+            MinPoints::Itself => itself,
+            MinPoints::OneNeighbour => of_two,
+        }
+    }
+
+    /// Returns mean and median |θ| (rad) of the contacts of grains in GR regions.
+    pub fn region_angles(&self, reduction: Reduction) -> [f64; 2] {
+        match reduction {
+            Reduction::Net => [self.region_angle_mean, self.region_angle_median],
+            Reduction::Losses => [self.loss_region_angle_mean, self.loss_region_angle_median],
+            Reduction::GreatestLoss => [
+                self.greatest_loss_region_angle_mean,
+                self.greatest_loss_region_angle_median,
+            ],
         }
     }
 }
@@ -107,22 +143,49 @@ pub fn frame_scalars(
     dmin.resize(grains.count(), 0.0);
     non_affine.between(grains, radius, earlier, later, dmin);
     regions.find(grains, earlier, later);
-    regions.angles(grains, later, angles);
+    let [net, losses, greatest_loss] = Reduction::ALL.map(|reduction| {
+        let count = |min_points| {
+            regions.count(GrReading {
+                reduction,
+                min_points,
+            }) as f64
+        };
+        regions.angles(reduction, grains, later, angles);
+        RegionScalars {
+            counts: [MinPoints::Itself, MinPoints::OneNeighbour].map(count),
+            angles: mean_and_median(angles),
+        }
+    });
 
     let pairs = stress_change.iter().zip(dmin.iter());
     let correlation = spearman.of(pairs.map(|(stress, dmin)| [*stress, *dmin]));
     let (dmin_greatest, dmin_top_tenth) = greatest(dmin, keys);
-    let (region_angle_mean, region_angle_median) = mean_and_median(angles);
     FrameScalars {
         dmin_greatest,
         dmin_top_tenth,
-        regions: regions.count(MinPoints::Itself) as f64,
-        regions_of_two: regions.count(MinPoints::OneNeighbour) as f64,
+        regions: net.counts[0],
+        regions_of_two: net.counts[1],
         stress_dmin_rho: correlation.rho,
         stress_dmin_p: correlation.p,
-        region_angle_mean,
-        region_angle_median,
+        region_angle_mean: net.angles[0],
+        region_angle_median: net.angles[1],
+        loss_regions: losses.counts[0],
+        loss_regions_of_two: losses.counts[1],
+        loss_region_angle_mean: losses.angles[0],
+        loss_region_angle_median: losses.angles[1],
+        greatest_loss_regions: greatest_loss.counts[0],
+        greatest_loss_regions_of_two: greatest_loss.counts[1],
+        greatest_loss_region_angle_mean: greatest_loss.angles[0],
+        greatest_loss_region_angle_median: greatest_loss.angles[1],
     }
+}
+
+/// The scalars of the GR regions of one [`Reduction`].
+struct RegionScalars {
+    /// Numbers of regions with minPts = 1 and 2.
+    counts: [f64; 2],
+    /// Mean and median |θ| (rad).
+    angles: [f64; 2],
 }
 
 /// Greatest value and mean of the greatest tenth (a rounded number of values, at least one), NaN
@@ -147,14 +210,14 @@ fn greatest(values: &[f64], keys: &mut Vec<u64>) -> (f64, f64) {
 }
 
 /// Mean and median (of an even number the mean of the middle two); NaN if empty. Sorts the values.
-fn mean_and_median(values: &mut [f64]) -> (f64, f64) {
+fn mean_and_median(values: &mut [f64]) -> [f64; 2] {
     values.sort_unstable_by(f64::total_cmp);
     let count = values.len();
     if count == 0 {
-        return (f64::NAN, f64::NAN);
+        return [f64::NAN; 2];
     }
     let mean = values.iter().sum::<f64>() / count as f64;
-    (mean, 0.5 * (values[(count - 1) / 2] + values[count / 2]))
+    [mean, 0.5 * (values[(count - 1) / 2] + values[count / 2])]
 }
 
 #[cfg(test)]
@@ -176,9 +239,9 @@ mod tests {
 
     #[test]
     fn means_and_medians_of_odd_even_and_no_values() {
-        assert_eq!(mean_and_median(&mut [3.0, 1.0, 8.0]), (4.0, 3.0));
-        assert_eq!(mean_and_median(&mut [3.0, 1.0, 8.0, 4.0]), (4.0, 3.5));
-        let (mean, median) = mean_and_median(&mut []);
+        assert_eq!(mean_and_median(&mut [3.0, 1.0, 8.0]), [4.0, 3.0]);
+        assert_eq!(mean_and_median(&mut [3.0, 1.0, 8.0, 4.0]), [4.0, 3.5]);
+        let [mean, median] = mean_and_median(&mut []);
         assert!(mean.is_nan() && median.is_nan());
     }
 

@@ -7,7 +7,7 @@
 //!
 //! | modules | quantities |
 //! | --- | --- |
-//! | [`phases`], [`stages`], [`measures`], [`correlate`] | stick and slip phases of τ, statistics per phase and their correlations |
+//! | [`phases`], [`tau`], [`stages`], [`measures`], [`correlate`] | stick and slip phases of τ, statistics per phase and their correlations |
 //! | [`displacement`], [`dmin`], [`event`], [`neighbourhood`] | D²min between two frames |
 //! | [`regions`], [`dbscan`], [`rattlers`] | regions of rearranging grains (GR regions) |
 //! | [`forces`], [`mod@stress`], [`frame_scalars`] | contact forces, stresses, scalars of a frame |
@@ -58,6 +58,7 @@ pub mod stability;
 pub mod stages;
 pub mod stress;
 pub mod student;
+pub mod tau;
 
 #[cfg(test)]
 mod testing;

@@ -2,7 +2,7 @@
 
 use super::frame_scalars::FrameScalars;
 use super::phases::{self, Phase};
-use super::regions::MinPoints;
+use super::regions::GrReading;
 
 /// A phase with the measures that LH correlate with its Δτ_p. A measure is NaN if a scalar it needs
 /// is undefined in the phase.
@@ -34,7 +34,7 @@ pub fn of(
     strain: &[f64],
     tau: &[f64],
     scalars: &[FrameScalars],
-    reading: MinPoints,
+    reading: GrReading,
 ) -> Vec<Measured> {
     let phases = phases::find(strain, tau);
     let measured = phases
@@ -43,12 +43,13 @@ pub fn of(
     measured.collect()
 }
 
-fn measure(phase: Phase, scalars: &[FrameScalars], reading: MinPoints) -> Measured {
+fn measure(phase: Phase, scalars: &[FrameScalars], reading: GrReading) -> Measured {
     let regions = || scalars.iter().map(|s| s.regions(reading));
     let regions_least = regions().fold(f64::INFINITY, least);
     let first = regions().position(|count| count == regions_least);
     let last = regions().rposition(|count| count == regions_least);
-    let of_last = |of: fn(&FrameScalars) -> f64| last.map_or(f64::NAN, |k| of(&scalars[k]));
+    let angles = |k: usize| scalars[k].region_angles(reading.reduction);
+    let [angle_mean, angle_median] = last.map_or([f64::NAN; 2], angles);
     let one = |s: &FrameScalars| s.dmin_greatest;
     let top = |s: &FrameScalars| s.dmin_top_tenth;
     let max = |of: fn(&FrameScalars) -> f64| {
@@ -65,8 +66,8 @@ fn measure(phase: Phase, scalars: &[FrameScalars], reading: MinPoints) -> Measur
         dmin_sum: sum(one),
         top_sum: sum(top),
         regions_least,
-        angle_mean: of_last(|s| s.region_angle_mean),
-        angle_median: of_last(|s| s.region_angle_median),
+        angle_mean,
+        angle_median,
     }
 }
 
@@ -79,6 +80,7 @@ fn least(a: f64, b: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::phases::PhaseKind;
+    use crate::regions::{MinPoints, Reduction};
 
     /// Scalars with gD²min, g_t10%D²min, regions and mean angle; the median is twice the mean.
     fn scalars(rows: &[[f64; 4]]) -> Vec<FrameScalars> {
@@ -109,7 +111,7 @@ mod tests {
             [2.0, 1.0, 2.0, 0.4],
             [7.0, 6.0, 5.0, 0.5],
         ];
-        let found = of(&strain, &tau, &scalars(&rows), MinPoints::Itself);
+        let found = of(&strain, &tau, &scalars(&rows), GrReading::default());
         assert_eq!(found.len(), 2);
         let [slip, stick] = [found[0], found[1]];
         assert_eq!(
@@ -132,8 +134,27 @@ mod tests {
         assert_eq!((stick.regions_least, stick.angle_mean), (5.0, 0.5));
 
         // With the other reading every row has one region, so the sum is over the whole phase.
-        let found = of(&strain, &tau, &scalars(&rows), MinPoints::OneNeighbour);
+        let of_two = GrReading {
+            min_points: MinPoints::OneNeighbour,
+            ..GrReading::default()
+        };
+        let found = of(&strain, &tau, &scalars(&rows), of_two);
         assert_eq!((found[0].dmin_sum, found[0].angle_mean), (15.0, 0.4));
+
+        // By losses the third interval has the fewest regions.
+        let mut by_losses = scalars(&rows);
+        for (row, count) in by_losses.iter_mut().zip([0.0, 3.0, 3.0, 1.0, 3.0, 4.0]) {
+            row.loss_regions = count;
+            row.loss_region_angle_mean = 0.01 * row.dmin_greatest;
+            row.loss_region_angle_median = 0.02 * row.dmin_greatest;
+        }
+        let reading = GrReading {
+            reduction: Reduction::Losses,
+            ..GrReading::default()
+        };
+        let slip = of(&strain, &tau, &by_losses, reading)[0];
+        assert_eq!((slip.dmin_sum, slip.regions_least), (4.0 + 2.0, 1.0));
+        assert_eq!((slip.angle_mean, slip.angle_median), (0.04, 0.08));
     }
 
     #[test]
@@ -146,7 +167,7 @@ mod tests {
             [2.0, 1.0, 3.0, 0.1],
             [2.0, 1.0, NAN, 0.1],
         ];
-        let found = of(&strain, &tau, &scalars(&rows), MinPoints::Itself);
+        let found = of(&strain, &tau, &scalars(&rows), GrReading::default());
         let [stick, slip] = [found[0], found[1]];
         assert!(stick.dmin_max.is_nan() && stick.dmin_sum.is_nan());
         assert_eq!((stick.top_max, stick.top_sum), (1.0, 2.0));
@@ -165,7 +186,7 @@ mod tests {
             [60.0; 4],
             [3.0; 4],
         ];
-        let found = of(&strain, &tau, &scalars(&rows), MinPoints::Itself);
+        let found = of(&strain, &tau, &scalars(&rows), GrReading::default());
         let maxima: Vec<f64> = found.iter().map(|phase| phase.dmin_max).collect();
         assert_eq!(maxima, [2.0, 3.0]);
     }

@@ -2,76 +2,117 @@
 
 use super::spearman::{Correlation, Spearman};
 
-/// Edges of the half-decades of |Δτ|: 1e-5 to 1e-1.
-const EDGES: [f64; 9] = [
-    1e-5,
-    3.1622776601683795e-5,
-    1e-4,
-    0.00031622776601683794,
-    1e-3,
-    0.0031622776601683794,
-    1e-2,
-    0.03162277660168379,
-    1e-1,
-];
+/// Width of the ranges of |Δτ|, |Δτ_p| and D²min.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Bins {
+    /// Whole decades, as the thresholds in LH's text.
+    #[default]
+    Decades,
+    /// Half-decades.
+    HalfDecades,
+}
+
+/// log10 of the least |Δτ| in a range.
+const LEAST: i32 = -5;
+/// log10 of the |Δτ| at which the last decade begins. It is open: LH write Δτ_p < -1e-2.
+const LAST: i32 = -2;
+
+impl Bins {
+    /// Returns the name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Bins::Decades => "decades",
+            Bins::HalfDecades => "half-decades",
+        }
+    }
+
+    fn per_decade(self) -> i32 {
+        match self {
+            Bins::Decades => 1,
+            Bins::HalfDecades => 2,
+        }
+    }
+
+    /// The edge with this number; 0 is 1.
+    fn edge(self, number: i32) -> f64 {
+        // Whole powers from a division of exact numbers, so that 1e-3 is the nearest number to it.
+        let per_decade = self.per_decade();
+        let whole = match number.div_euclid(per_decade) {
+            power @ 0.. => 10f64.powi(power),
+            power => 1.0 / 10f64.powi(-power),
+        };
+        match number.rem_euclid(per_decade) {
+            0 => whole,
+            _ => whole * 10f64.sqrt(),
+        }
+    }
+
+    fn range(self, number: i32) -> ValueRange {
+        let [nearer, farther] = [number, number + 1].map(|k| self.edge(k));
+        ValueRange {
+            nearer,
+            farther,
+            middle: (nearer * farther).sqrt(),
+        }
+    }
+
+    /// Returns the ranges of Δτ and Δτ_p: slip from the greatest to the least, then stick from the
+    /// least to the greatest. |Δτ| begins at 1e-5; the last range is open.
+    pub fn of_stress_changes(self) -> Vec<ValueRange> {
+        let first = LEAST * self.per_decade();
+        let last = (LAST + 1) * self.per_decade() - 1;
+        let mut up: Vec<ValueRange> = (first..=last).map(|k| self.range(k)).collect();
+        if let Some(last) = up.last_mut() {
+            last.farther = f64::INFINITY;
+        }
+        let down = up.iter().rev().map(|range| ValueRange {
+            nearer: -range.nearer,
+            farther: -range.farther,
+            middle: -range.middle,
+        });
+        down.chain(up.iter().copied()).collect()
+    }
+
+    /// Returns the ranges that hold all positive finite `values`, at most the greatest 24 of them.
+    /// Empty if no value is positive and finite.
+    pub fn around(self, values: impl Iterator<Item = f64>) -> Vec<ValueRange> {
+        let number = |value: f64| {
+            let guess = (f64::from(self.per_decade()) * value.log10()).floor() as i32;
+            // The logarithm of an edge may be rounded down.
+            guess + i32::from(value >= self.edge(guess + 1))
+        };
+        let numbers = values.filter(|v| v.is_finite() && *v > 0.0).map(number);
+        let ends = numbers.fold(None, |ends: Option<(i32, i32)>, k| {
+            let (low, high) = ends.unwrap_or((k, k));
+            Some((low.min(k), high.max(k)))
+        });
+        let Some((low, high)) = ends else {
+            return Vec::new();
+        };
+        (low.max(high - 23)..=high).map(|k| self.range(k)).collect()
+    }
+}
 
 /// A range of values of one sign: `nearer` ≤ |value| < `farther` in absolute values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ValueRange {
     /// End nearer to zero, included.
     pub nearer: f64,
-    /// End farther from zero, excluded.
+    /// End farther from zero, excluded; infinite if the range is open.
     pub farther: f64,
+    /// Where figures show the range: its middle on a logarithmic axis, of an open range that of a
+    /// range as wide as its neighbour.
+    pub middle: f64,
 }
 
 impl ValueRange {
     /// Returns whether the value lies in the range. Zero and NaN lie in none.
     pub fn contains(&self, value: f64) -> bool {
         value.signum() == self.farther.signum()
+            && value.is_finite()
             && value.abs() >= self.nearer.abs()
             && value.abs() < self.farther.abs()
     }
-
-    /// Returns the middle of the range on a logarithmic axis.
-    pub fn middle(&self) -> f64 {
-        (self.nearer * self.farther).sqrt().copysign(self.farther)
-    }
-}
-
-/// Returns the 16 half-decades of Δτ and Δτ_p: from -1e-1 to -1e-5, then from 1e-5 to 1e-1.
-///
-/// LH use whole decades, the last one open; half-decades that end at 0.1 are a choice of this code.
-pub fn of_stress_changes() -> Vec<ValueRange> {
-    let up = EDGES.windows(2).map(|edge| ValueRange {
-        nearer: edge[0],
-        farther: edge[1],
-    });
-    let down = up.clone().rev().map(|range| ValueRange {
-        nearer: -range.nearer,
-        farther: -range.farther,
-    });
-    down.chain(up).collect()
-}
-
-/// Returns the half-decades that hold all positive finite `values`, at most the greatest 24 of
-/// them. Empty if no value is positive and finite.
-pub fn around(values: impl Iterator<Item = f64>) -> Vec<ValueRange> {
-    let halves = values
-        .filter(|v| v.is_finite() && *v > 0.0)
-        .map(|v| (2.0 * v.log10()).floor() as i32);
-    let ends = halves.fold(None, |ends: Option<(i32, i32)>, k| {
-        let (low, high) = ends.unwrap_or((k, k));
-        Some((low.min(k), high.max(k)))
-    });
-    let Some((low, high)) = ends else {
-        return Vec::new();
-    };
-    let edge = |k: i32| 10f64.powf(0.5 * f64::from(k));
-    let range = |k: i32| ValueRange {
-        nearer: edge(k),
-        farther: edge(k + 1),
-    };
-    (low.max(high - 23)..=high).map(range).collect()
 }
 
 /// A pair of values and the value that decides which range it belongs to.
@@ -98,50 +139,77 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_decades_are_sixteen_and_meet() {
-        let ranges = of_stress_changes();
-        assert_eq!(ranges.len(), 16);
-        for pair in ranges[..8].windows(2) {
-            assert_eq!(pair[0].nearer, pair[1].farther);
+    fn ranges_meet_and_the_last_is_open() {
+        for (bins, count) in [(Bins::Decades, 4), (Bins::HalfDecades, 8)] {
+            let ranges = bins.of_stress_changes();
+            assert_eq!(ranges.len(), 2 * count);
+            for (down, up) in ranges[..count].iter().rev().zip(&ranges[count..]) {
+                assert_eq!((-down.nearer, -down.farther), (up.nearer, up.farther));
+                assert_eq!(-down.middle, up.middle);
+            }
+            let width = 4.0 / count as f64;
+            for (k, range) in ranges[count..].iter().enumerate() {
+                let from = -5.0 + width * k as f64;
+                let off = range.nearer / 10f64.powf(from) - 1.0;
+                assert!(off.abs() < 1e-14, "{range:?}");
+                let off = range.middle / 10f64.powf(from + 0.5 * width) - 1.0;
+                assert!(off.abs() < 1e-14, "{range:?}");
+                match ranges.get(count + k + 1) {
+                    Some(next) => assert_eq!(range.farther, next.nearer),
+                    None => assert_eq!(range.farther, f64::INFINITY),
+                }
+            }
         }
-        for pair in ranges[8..].windows(2) {
-            assert_eq!(pair[0].farther, pair[1].nearer);
-        }
-        for (k, range) in ranges[8..].iter().enumerate() {
-            let wanted = 10f64.powf(-5.0 + 0.5 * k as f64);
-            assert!((range.nearer / wanted - 1.0).abs() < 1e-14, "{range:?}");
-        }
-        assert_eq!((ranges[0].farther, ranges[15].farther), (-1e-1, 1e-1));
     }
 
     #[test]
     fn a_value_is_in_the_range_of_its_sign_that_begins_with_it() {
-        let of = |value: f64| -> Vec<usize> {
-            let ranges = of_stress_changes();
-            (0..16).filter(|k| ranges[*k].contains(value)).collect()
+        let of = |bins: Bins, value: f64| -> Vec<usize> {
+            let ranges = bins.of_stress_changes();
+            (0..ranges.len())
+                .filter(|k| ranges[*k].contains(value))
+                .collect()
         };
-        assert_eq!(
-            (of(1e-2), of(-1e-2), of(0.09), of(-0.09)),
-            (vec![14], vec![1], vec![15], vec![0])
-        );
-        assert_eq!((of(1e-5), of(-1e-5)), (vec![8], vec![7]));
-        for outside in [0.0, 9e-6, 0.1, -0.1, f64::NAN, f64::INFINITY] {
-            assert_eq!(of(outside), [0; 0], "{outside}");
+        let decades = |value: f64| of(Bins::Decades, value);
+        let halves = |value: f64| of(Bins::HalfDecades, value);
+        for (value, decade, half) in [
+            (1e-5, 4, 8),
+            (9e-5, 4, 9),
+            (1e-4, 5, 10),
+            (1e-3, 6, 12),
+            (9.99e-3, 6, 13),
+            (1e-2, 7, 14),
+            (0.09, 7, 15),
+            (0.1, 7, 15),
+            (0.5, 7, 15),
+        ] {
+            assert_eq!((decades(value), halves(value)), (vec![decade], vec![half]));
+            let mirrored = (decades(-value), halves(-value));
+            assert_eq!(mirrored, (vec![7 - decade], vec![15 - half]));
+        }
+        for outside in [0.0, 9e-6, f64::NAN, f64::INFINITY, -f64::INFINITY] {
+            assert_eq!(decades(outside), [0; 0], "{outside}");
+            assert_eq!(halves(outside), [0; 0], "{outside}");
         }
     }
 
     #[test]
     fn ranges_around_values_hold_all_of_them() {
-        let values = [3e-7, 0.02, f64::NAN, 0.0, -1.0];
-        let ranges = around(values.into_iter());
-        assert_eq!(ranges.len(), 11);
-        for value in &values[..2] {
-            assert_eq!(
-                ranges.iter().filter(|range| range.contains(*value)).count(),
-                1
-            );
+        let values = [3e-7, 0.02, 1e-3, f64::NAN, 0.0, -1.0];
+        for (bins, count) in [(Bins::Decades, 6), (Bins::HalfDecades, 11)] {
+            let ranges = bins.around(values.into_iter());
+            assert_eq!(ranges.len(), count);
+            for value in &values[..3] {
+                let holding = ranges.iter().filter(|range| range.contains(*value));
+                assert_eq!(holding.count(), 1, "{value}");
+            }
+            assert!(bins.around([f64::NAN, 0.0].into_iter()).is_empty());
+            // Every edge begins a range.
+            for power in -30..30 {
+                let edge = bins.edge(power);
+                assert_eq!(bins.around([edge].into_iter())[0].nearer, edge);
+            }
         }
-        assert!(around([f64::NAN, 0.0].into_iter()).is_empty());
     }
 
     #[test]
@@ -159,9 +227,11 @@ mod tests {
             row(0.03, 2.0),
             row(0.5, 0.0),
         ];
-        let found = correlations(&rows, &of_stress_changes());
+        let found = correlations(&rows, &Bins::HalfDecades.of_stress_changes());
         let [a, b] = [found[12].1, found[14].1];
         assert_eq!((a.rho, a.count, b.rho, b.count), (-1.0, 3, 1.0, 2));
-        assert_eq!(found.iter().map(|(_, c)| c.count).sum::<usize>(), 5);
+        assert_eq!(found.iter().map(|(_, c)| c.count).sum::<usize>(), 6);
+        // The last range, of one row.
+        assert_eq!(found[15].1.count, 1);
     }
 }

@@ -32,50 +32,90 @@ impl MinPoints {
     }
 }
 
+/// What the reduction of force of a grain is. LH section 3.2 say "particles experiencing the
+/// greatest 1% reduction in inter-particle force magnitude", which can mean each of these.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Reduction {
+    /// The sum of the changes of |f| of its contacts: gains make up for losses.
+    #[default]
+    Net,
+    /// The sum of the changes of those of its contacts that lose force.
+    Losses,
+    /// The change of the contact that loses most.
+    GreatestLoss,
+}
+
+impl Reduction {
+    /// All of them.
+    pub const ALL: [Reduction; 3] = [Reduction::Net, Reduction::Losses, Reduction::GreatestLoss];
+
+    /// Returns what a grain has lost, from what it had lost before and the change of one more of
+    /// its contacts.
+    fn with(self, before: f64, change: f64) -> f64 {
+        match self {
+            Reduction::Net => before + change,
+            Reduction::Losses => before + change.min(0.0),
+            Reduction::GreatestLoss => before.min(change),
+        }
+    }
+}
+
+/// How GR regions are counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct GrReading {
+    /// The reduction that selects the grains.
+    pub reduction: Reduction,
+    /// minPts of the clusters.
+    pub min_points: MinPoints,
+}
+
 /// The GR regions between two frames, with buffers reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct Regions {
     changes: Vec<f64>,
-    /// `[N]` Sum of the changes of |f| of a grain's contacts (N/m).
+    /// `[N]` Reduction of force of a grain (N/m), negative.
     reduction: Vec<f64>,
     order: Vec<u32>,
-    grains: Vec<u32>,
-    within: Vec<bool>,
     points: Vec<[f64; 2]>,
     dbscan: Dbscan,
+    /// By [`Reduction`].
+    found: [Clusters; 3],
+}
+
+/// The grains of the greatest reduction, and their clusters by [`MinPoints`].
+#[derive(Debug, Default)]
+struct Clusters {
+    grains: Vec<u32>,
+    /// `[N]` Whether a grain is one of `grains`.
+    within: Vec<bool>,
     labels: [Vec<Option<u32>>; 2],
     counts: [usize; 2],
 }
 
 impl Regions {
     /// Finds the grains of the greatest reduction and their clusters at the positions of the later
-    /// frame.
+    /// frame, for every [`Reduction`].
     ///
-    /// A grain's reduction is the sum of the changes of |f| of its contacts; contacts made or lost
-    /// count as 0. The regions are made of 1 % of all grains N, rounded and at least one; among
-    /// equals lower ids come first. Grains whose sum is not negative never belong to a region.
+    /// Contacts made or lost count as 0. The regions are made of 1 % of all grains N, rounded and
+    /// at least one; among equals lower ids come first. Grains whose reduction is not negative
+    /// never belong to a region.
     pub fn find(&mut self, grains: &Disks, earlier: &Frame, later: &Frame) {
         forces::changes(earlier, later, &mut self.changes);
-        self.reduction.clear();
-        self.reduction.resize(grains.count(), 0.0);
-        for (contact, change) in later.contacts.iter().zip(&self.changes) {
-            self.reduction[contact.i as usize] += change;
-            self.reduction[contact.j as usize] += change;
-        }
-        self.choose();
-        self.points.clear();
-        let place = |n: &u32| later.position[*n as usize];
-        self.points.extend(self.grains.iter().map(place));
-        let epsilon = EPSILON * grains.mean_radius();
-        for reading in [MinPoints::Itself, MinPoints::OneNeighbour] {
-            let labels = &mut self.labels[reading as usize];
-            let (length, points) = (grains.length, &self.points);
-            self.counts[reading as usize] =
-                self.dbscan
-                    .clusters(length, epsilon, reading.count(), points, labels);
+        for reduction in Reduction::ALL {
+            self.reduction.clear();
+            self.reduction.resize(grains.count(), 0.0);
+            for (contact, change) in later.contacts.iter().zip(&self.changes) {
+                for grain in [contact.i, contact.j] {
+                    let lost = &mut self.reduction[grain as usize];
+                    *lost = reduction.with(*lost, *change);
+                }
+            }
+            self.choose();
+            self.cluster(grains, later, reduction);
         }
     }
 
+    /// Writes the ids of the grains of the greatest reduction to `order`, ascending.
     fn choose(&mut self) {
         let Regions {
             reduction, order, ..
@@ -92,28 +132,42 @@ impl Regions {
             order.truncate(wanted);
         }
         order.sort_unstable();
-        self.grains.clear();
-        self.grains.extend_from_slice(order);
-        self.within.clear();
-        self.within.resize(reduction.len(), false);
-        for n in &self.grains {
-            self.within[*n as usize] = true;
+    }
+
+    fn cluster(&mut self, grains: &Disks, later: &Frame, reduction: Reduction) {
+        let found = &mut self.found[reduction as usize];
+        found.grains.clear();
+        found.grains.extend_from_slice(&self.order);
+        found.within.clear();
+        found.within.resize(grains.count(), false);
+        self.points.clear();
+        for n in &found.grains {
+            found.within[*n as usize] = true;
+            self.points.push(later.position[*n as usize]);
+        }
+        let epsilon = EPSILON * grains.mean_radius();
+        for reading in [MinPoints::Itself, MinPoints::OneNeighbour] {
+            let labels = &mut found.labels[reading as usize];
+            let (length, points) = (grains.length, &self.points);
+            found.counts[reading as usize] =
+                self.dbscan
+                    .clusters(length, epsilon, reading.count(), points, labels);
         }
     }
 
     /// Returns the ids of the grains of the greatest reduction, ascending.
-    pub fn grains(&self) -> &[u32] {
-        &self.grains
+    pub fn grains(&self, reduction: Reduction) -> &[u32] {
+        &self.found[reduction as usize].grains
     }
 
     /// Returns the region of each of [`Self::grains`]; `None` for noise.
-    pub fn labels(&self, reading: MinPoints) -> &[Option<u32>] {
-        &self.labels[reading as usize]
+    pub fn labels(&self, reading: GrReading) -> &[Option<u32>] {
+        &self.found[reading.reduction as usize].labels[reading.min_points as usize]
     }
 
     /// Returns the number of regions.
-    pub fn count(&self, reading: MinPoints) -> usize {
-        self.counts[reading as usize]
+    pub fn count(&self, reading: GrReading) -> usize {
+        self.found[reading.reduction as usize].counts[reading.min_points as usize]
     }
 
     /// Returns the differential force network (N/m), one value per contact of the later frame.
@@ -123,8 +177,15 @@ impl Regions {
 
     /// Writes to `angles` |θ| (rad) of every contact of the later frame with at least one grain in
     /// a region.
-    pub fn angles(&self, grains: &Disks, later: &Frame, angles: &mut Vec<f64>) {
-        let within = |n: u32| self.within[n as usize];
+    pub fn angles(
+        &self,
+        reduction: Reduction,
+        grains: &Disks,
+        later: &Frame,
+        angles: &mut Vec<f64>,
+    ) {
+        let found = &self.found[reduction as usize];
+        let within = |n: u32| found.within[n as usize];
         let contacts = later.contacts.iter();
         let of_regions = contacts.filter(|c| within(c.i) || within(c.j));
         angles.clear();
@@ -155,6 +216,21 @@ mod tests {
         }
     }
 
+    const NET: Reduction = Reduction::Net;
+
+    fn reading(reduction: Reduction, min_points: MinPoints) -> GrReading {
+        GrReading {
+            reduction,
+            min_points,
+        }
+    }
+
+    /// Numbers of regions with minPts = 1 and 2.
+    fn counts(regions: &Regions, reduction: Reduction) -> [usize; 2] {
+        [MinPoints::Itself, MinPoints::OneNeighbour]
+            .map(|min_points| regions.count(reading(reduction, min_points)))
+    }
+
     #[test]
     fn the_greatest_reduction_is_that_of_the_sum_over_a_grains_contacts() {
         // With a radius of 0.4, ε = 2 and 1 % are three grains.
@@ -171,23 +247,47 @@ mod tests {
         let mut regions = Regions::default();
         regions.find(&grains, &earlier, &later);
         // Grain 101: -6; 200: -5; then 100 and 102: -3 each, of which the lower id counts.
-        assert_eq!(regions.grains(), [100, 101, 200]);
+        assert_eq!(regions.grains(NET), [100, 101, 200]);
         assert_eq!(
-            regions.labels(MinPoints::Itself),
+            regions.labels(reading(NET, MinPoints::Itself)),
             [Some(0), Some(0), Some(1)]
         );
         assert_eq!(
-            regions.labels(MinPoints::OneNeighbour),
+            regions.labels(reading(NET, MinPoints::OneNeighbour)),
             [Some(0), Some(0), None]
         );
-        assert_eq!(
-            [MinPoints::Itself, MinPoints::OneNeighbour].map(|r| regions.count(r)),
-            [2, 1]
-        );
+        assert_eq!(counts(&regions, NET), [2, 1]);
         let mut angles = Vec::new();
-        regions.angles(&grains, &later, &mut angles);
+        regions.angles(NET, &grains, &later, &mut angles);
         // Contacts 99 to 101 and 199 and 200, all along x.
         assert_eq!(angles, [0.0; 5]);
+    }
+
+    #[test]
+    fn losses_and_the_greatest_loss_are_not_made_up_for_by_gains() {
+        let grains = grains_in(300.0, &[0.4; 300]);
+        let earlier = chain(|_| 10.0);
+        // Grain 51 loses 4 + 4, grain 101 loses 7 and gains 9, its neighbours lose as little as
+        // they gain; all others gain.
+        let later = chain(|k| match k {
+            50 | 51 => 6.0,
+            100 => 3.0,
+            101 => 19.0,
+            _ => 10.5,
+        });
+        let mut regions = Regions::default();
+        regions.find(&grains, &earlier, &later);
+        // Net: -8 of grain 51, -6.5 of grain 100, then 50 and 52 with -3.5, of which the lower
+        // id counts. Losses: -8 of 51, -7 of 100 and 101. Greatest loss: -7 of 100 and 101, then
+        // 50, 51 and 52 with -4.
+        let [net, losses, greatest] = Reduction::ALL.map(|reduction| regions.grains(reduction));
+        assert_eq!(net, [50, 51, 100]);
+        assert_eq!(losses, [51, 100, 101]);
+        assert_eq!(greatest, [50, 100, 101]);
+        let found = Reduction::ALL.map(|reduction| counts(&regions, reduction));
+        assert_eq!(found, [[2, 1]; 3]);
+        let labels = |reduction| regions.labels(reading(reduction, MinPoints::OneNeighbour));
+        assert_eq!(labels(Reduction::Losses), [None, Some(0), Some(0)]);
     }
 
     #[test]
@@ -198,8 +298,8 @@ mod tests {
         later.contacts.last_mut().expect("a contact").normal_force = 0.5;
         let mut regions = Regions::default();
         regions.find(&grains, &earlier, &later);
-        assert_eq!(regions.grains(), [0, 298, 299]);
-        assert_eq!(regions.count(MinPoints::Itself), 1);
+        assert_eq!(regions.grains(NET), [0, 298, 299]);
+        assert_eq!(counts(&regions, NET)[0], 1);
     }
 
     #[test]
@@ -211,13 +311,12 @@ mod tests {
         later.contacts.insert(60, pressed(60, 70, 4.0));
         let mut regions = Regions::default();
         regions.find(&grains, &earlier, &later);
-        assert_eq!(regions.grains(), [0; 0]);
-        assert_eq!(
-            [MinPoints::Itself, MinPoints::OneNeighbour].map(|r| regions.count(r)),
-            [0, 0]
-        );
+        assert_eq!(regions.grains(NET), [0; 0]);
+        for reduction in Reduction::ALL {
+            assert_eq!(counts(&regions, reduction), [0, 0]);
+        }
         let mut angles = vec![1.0];
-        regions.angles(&grains, &later, &mut angles);
+        regions.angles(NET, &grains, &later, &mut angles);
         assert!(angles.is_empty());
     }
 }

@@ -1,14 +1,18 @@
 //! The command line, and the function that runs each command.
 
 use std::io::Write;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
 use crate::output::cannot_write;
 use gshear_analysis as analysis;
+use gshear_analysis::correlate::Choices;
 use gshear_analysis::jacobian::History;
-use gshear_analysis::regions::MinPoints;
+use gshear_analysis::ranges::Bins;
+use gshear_analysis::regions::{GrReading, MinPoints, Reduction};
+use gshear_analysis::tau::TauReading;
 use gshear_dem::failure::Failure;
 use gshear_report::lee_hurley::StudyOptions;
 use gshear_store::file_names::{AQS_FILE, RUN_FILE};
@@ -85,13 +89,28 @@ pub enum Command {
     /// Write the stick and slip phases of τ into phases.csv
     ///
     /// A phase is a maximal monotone run of τ in the time series. Durations t_p are counted in
-    /// intervals Δγ of the series.
+    /// intervals Δγ of the series. The options change what τ is; Lee & Hurley leave that open.
     Phases {
         /// A run.h5, or the folder that holds one
         run: PathBuf,
         /// Folder to write into [default: the run's]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        /// Shear strain from which on phases are found
+        #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
+        from: f64,
+        /// N in τ = S/N
+        #[arg(long, value_enum, default_value_t = WhichForce::Measured)]
+        normal_force: WhichForce,
+        /// Take every Nth row of the time series as the end of an interval
+        #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
+        every: NonZeroUsize,
+        /// Average τ over the rows of an interval
+        #[arg(long)]
+        average: bool,
+        /// Round τ to multiples of this
+        #[arg(long, value_name = "UNIT", value_parser = positive)]
+        round: Option<f64>,
     },
     /// Write the scalars of every frame into regions.csv: GR regions, gD²min, contact angles (Lee &
     /// Hurley, section 3)
@@ -111,7 +130,7 @@ pub enum Command {
     /// section 3.3)
     ///
     /// measures.csv: one line per phase, with the measures of equations 1 to 4. correlations.csv:
-    /// Spearman's rho and its two-sided p in half-decades of Δτ, Δτ_p and D²min. Phases are those
+    /// Spearman's rho and its two-sided p in ranges of Δτ, Δτ_p and D²min. Phases are those
     /// of τ at the frames; t_p is counted in intervals of the frames.
     Correlate {
         /// A run.h5, or the folder that holds one
@@ -122,10 +141,9 @@ pub enum Command {
         /// Shear strain at which the stick-slip regime begins
         #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
         from: f64,
-        /// minPts of DBSCAN, the point itself counted: with 1 a single grain is a region, with 2 it
-        /// is noise
-        #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
-        min_points: u8,
+        /// Choices that the paper leaves open
+        #[command(flatten)]
+        choices: StatisticsOptions,
     },
     /// Write frames or a checkpoint in the format of another program
     ///
@@ -261,10 +279,85 @@ pub enum Command {
         /// 0.054 large sample]
         #[arg(long, value_name = "STRAIN", requires = "study")]
         from: Option<f64>,
-        /// minPts of DBSCAN, as for correlate
-        #[arg(long, value_name = "N", default_value_t = 1, requires = "study", value_parser = clap::value_parser!(u8).range(1..=2))]
-        min_points: u8,
+        /// Choices that the paper leaves open
+        #[command(flatten)]
+        choices: StatisticsOptions,
     },
+}
+
+/// Choices of the statistics, in correlate and in report --study lee-hurley.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::Args)]
+pub struct StatisticsOptions {
+    /// minPts of DBSCAN, the point itself counted: with 1 a single grain is a region, with 2 it
+    /// is noise
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    min_points: u8,
+    /// Reduction of force of a grain, by which the grains of GR regions are chosen
+    #[arg(long, value_enum, default_value_t = GrainReduction::Net)]
+    reduction: GrainReduction,
+    /// Ranges of Δτ, Δτ_p and D²min; the last one of Δτ and Δτ_p is open
+    #[arg(long, value_enum, default_value_t = RangeWidth::Decades)]
+    bins: RangeWidth,
+}
+
+impl StatisticsOptions {
+    fn choices(self) -> Choices {
+        let reduction = match self.reduction {
+            GrainReduction::Net => Reduction::Net,
+            GrainReduction::Losses => Reduction::Losses,
+            GrainReduction::GreatestLoss => Reduction::GreatestLoss,
+        };
+        let min_points = match self.min_points {
+            1 => MinPoints::Itself,
+            _ => MinPoints::OneNeighbour,
+        };
+        Choices {
+            regions: GrReading {
+                reduction,
+                min_points,
+            },
+            bins: match self.bins {
+                RangeWidth::Decades => Bins::Decades,
+                RangeWidth::HalfDecades => Bins::HalfDecades,
+            },
+        }
+    }
+}
+
+/// The normal force in τ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum WhichForce {
+    /// That of the free grains on the top wall
+    Measured,
+    /// That imposed on it
+    Imposed,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if f64::is_finite(value) && value > 0.0 => Ok(value),
+        _ => Err("must be a number greater than 0".into()),
+    }
+}
+
+/// Width of ranges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum RangeWidth {
+    /// As the thresholds in the text of Lee & Hurley
+    Decades,
+    /// Half as wide
+    HalfDecades,
+}
+
+/// The reduction of force of a grain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum GrainReduction {
+    /// Sum over its contacts; gains make up for losses
+    Net,
+    /// Sum over those of its contacts that lose force
+    Losses,
+    /// That of the contact that loses most
+    GreatestLoss,
 }
 
 /// γ at both ends of a range.
@@ -307,9 +400,30 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             let path = dmin::write(&run, out.as_deref().unwrap_or(run.folder()), *radius)?;
             writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
         }
-        Command::Phases { run, out } => {
+        Command::Phases {
+            run,
+            out,
+            from,
+            normal_force,
+            every,
+            average,
+            round,
+        } => {
             let run = RunFile::open(run)?;
-            phases::write(&run, out.as_deref().unwrap_or(run.folder()), output)?;
+            let request = phases::PhaseRequest {
+                normal_force: match normal_force {
+                    WhichForce::Measured => phases::NormalForce::Measured,
+                    WhichForce::Imposed => phases::NormalForce::Imposed,
+                },
+                tau: TauReading {
+                    every: *every,
+                    average: *average,
+                    round: *round,
+                },
+                from: *from,
+            };
+            let folder = out.as_deref().unwrap_or(run.folder());
+            phases::write(&run, &request, folder, output)?;
         }
         Command::Regions { run, out } => {
             let run = RunFile::open(run)?;
@@ -320,11 +434,11 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             run,
             out,
             from,
-            min_points,
+            choices,
         } => {
             let run = RunFile::open(run)?;
             let folder = out.as_deref().unwrap_or(run.folder());
-            for path in correlate::write(&run, folder, *from, reading(*min_points))? {
+            for path in correlate::write(&run, folder, *from, choices.choices())? {
                 writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
             }
         }
@@ -413,7 +527,7 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             out,
             study,
             from,
-            min_points,
+            choices,
         } => {
             // Without a study, the page of a run in a box is that of its study.
             let of_box = |run: &PathBuf| {
@@ -426,13 +540,18 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
                 writeln!(output, "wrote {}", page.display()).map_err(cannot_write)?;
                 return Ok(0);
             }
+            if study.is_none() && choices.choices() != Choices::default() {
+                return Err(Failure::input(
+                    "report: --min-points, --reduction and --bins belong to --study lee-hurley",
+                ));
+            }
             let first = RunFile::open(&runs[0])?;
             let folder = |name: &str| out.clone().unwrap_or_else(|| first.folder().join(name));
             let page = match study {
                 Some(_) => {
                     let choice = StudyOptions {
                         onset: *from,
-                        min_points: reading(*min_points),
+                        choices: choices.choices(),
                     };
                     study::lee_hurley(runs, &folder("lee-hurley"), choice, threads)?
                 }
@@ -449,20 +568,4 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
     }
     output.flush().map_err(cannot_write)?;
     Ok(0)
-}
-
-fn reading(min_points: u8) -> MinPoints {
-    match min_points {
-        1 => MinPoints::Itself,
-        _ => MinPoints::OneNeighbour,
-    }
-}
-
-/// A number greater than 0.
-fn positive(text: &str) -> Result<f64, String> {
-    let number = text
-        .parse()
-        .ok()
-        .filter(|x: &f64| x.is_finite() && *x > 0.0);
-    number.ok_or_else(|| "must be a number greater than 0".into())
 }

@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::scalars::FrameSeries;
-use gshear_analysis::correlate::{CONFIGURATIONS, Quantity, Regime, SUBJECTS, Subject};
+use gshear_analysis::correlate::{CONFIGURATIONS, Choices, Quantity, Regime, SUBJECTS, Subject};
 use gshear_analysis::ranges::ValueRange;
-use gshear_analysis::regions::MinPoints;
 use gshear_analysis::spearman::Correlation;
 use gshear_dem::failure::Failure;
 use gshear_store::dictionary;
@@ -21,7 +20,7 @@ pub fn write(
     run: &RunFile,
     folder: &Path,
     onset: f64,
-    reading: MinPoints,
+    choices: Choices,
 ) -> Result<[PathBuf; 2], Failure> {
     let FrameSeries {
         strain,
@@ -29,7 +28,7 @@ pub fn write(
         scalars,
         ..
     } = FrameSeries::of(run)?;
-    let regime = Regime::from(onset, &strain, &tau, &scalars, reading);
+    let regime = Regime::from(onset, &strain, &tau, &scalars, choices);
     let paths = ["measures.csv", "correlations.csv"].map(|name| folder.join(name));
     dictionary::write_table(&paths[0], &measures(&regime))?;
     let unit = run.grains().mean_radius().powi(2);

@@ -56,8 +56,9 @@ gshear_dem::columns! {
     }
 }
 
-/// Columns of [`AqsRow`] that files of earlier versions lack; their values are read as NaN.
-pub const ADDED: [&str; 7] = [
+/// Columns of [`AqsRow`] and of the scalars of frames that files of earlier versions lack; their
+/// values are read as NaN.
+pub const ADDED: [&str; 15] = [
     "solid_fraction",
     "length_x",
     "length_y",
@@ -65,6 +66,14 @@ pub const ADDED: [&str; 7] = [
     "stress_xx",
     "stress_yy",
     "stress_zz",
+    "loss_regions",
+    "loss_regions_of_two",
+    "loss_region_angle_mean",
+    "loss_region_angle_median",
+    "greatest_loss_regions",
+    "greatest_loss_regions_of_two",
+    "greatest_loss_region_angle_mean",
+    "greatest_loss_region_angle_median",
 ];
 
 gshear_dem::columns! {

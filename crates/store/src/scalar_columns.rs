@@ -2,6 +2,7 @@
 
 use super::checksums::{self, of_scalars};
 use super::collective::CollectiveOutcome;
+use super::columns::ADDED;
 use super::h5::{Dataset, H5File};
 use super::layout::{CHUNK_ROWS, by_root, set_unit, stored_name};
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -13,7 +14,8 @@ pub const SCALARS: &str = "observables/gshear";
 /// Datasets of the scalars, and the buffered rows.
 pub struct ScalarColumns {
     step: Dataset<u64>,
-    values: Vec<Dataset<f64>>,
+    /// A dataset per column; `None` if a file of an earlier version lacks it.
+    values: [Option<Dataset<f64>>; FrameScalars::COLUMNS.len()],
     /// Checksums of the rows; `None` in a file without.
     sums: Option<Dataset<u64>>,
     rows: Vec<(u64, FrameScalars)>,
@@ -48,10 +50,16 @@ impl ScalarColumns {
                 }
             }
         }
-        let values = all.map(|n| file.open_dataset(&name(n, "value")));
+        let mut values = [const { None }; FrameScalars::COLUMNS.len()];
+        for n in all {
+            let stored = name(n, "value");
+            if !ADDED.contains(&names[n]) || file.has(&format!("{SCALARS}/{}", names[n])) {
+                values[n] = Some(file.open_dataset(&stored)?);
+            }
+        }
         let mut columns = ScalarColumns {
             step: file.open_dataset(&name(0, "step"))?,
-            values: values.collect::<Result<_, _>>()?,
+            values,
             sums: match file.has(checksums::SCALARS) {
                 true => Some(file.open_dataset(checksums::SCALARS)?),
                 false => None,
@@ -61,13 +69,14 @@ impl ScalarColumns {
         };
         let shorter = |sums: &Dataset<u64>| sums.rows() < rows;
         if columns.step.rows() < rows
-            || columns.values.iter().any(|c| c.rows() < rows)
+            || columns.values.iter().flatten().any(|c| c.rows() < rows)
             || columns.sums.as_ref().is_some_and(shorter)
         {
             return Err(file.lacks(SCALARS, rows));
         }
         columns.step.resize(rows)?;
-        columns.values.iter_mut().try_for_each(|c| c.resize(rows))?;
+        let mut stored = columns.values.iter_mut().flatten();
+        stored.try_for_each(|c| c.resize(rows))?;
         columns.sums.iter_mut().try_for_each(|c| c.resize(rows))?;
         Ok(columns)
     }
@@ -94,14 +103,16 @@ impl ScalarColumns {
         }
         let step: Vec<u64> = rows.iter().map(|r| r.0).collect();
         outcome.note(by_root(root, &mut self.step, self.written, &step));
+        let has = self.values.each_ref().map(Option::is_some);
         for (n, column) in self.values.iter_mut().enumerate() {
+            let Some(column) = column else { continue };
             let values: Vec<f64> = rows.iter().map(|r| r.1.columns()[n]).collect();
             outcome.note(by_root(root, column, self.written, &values));
         }
         if let Some(sums) = &mut self.sums {
             let of_rows: Vec<u64> = rows
                 .iter()
-                .map(|(step, row)| of_scalars(*step, row))
+                .map(|(step, row)| of_scalars(*step, row, has))
                 .collect();
             outcome.note(by_root(root, sums, self.written, &of_rows));
         }

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 
 use crate::dmin;
 use gshear_analysis::dmin::{NonAffine, RADIUS};
-use gshear_analysis::regions::{MinPoints, Regions};
+use gshear_analysis::regions::{GrReading, Regions};
 use gshear_analysis::stress;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
@@ -387,8 +387,9 @@ impl<'a> ExportedRun<'a> {
         if let Some(before) = before {
             let mut regions = Regions::default();
             regions.find(self.grains(), &planar(before), &planar(now));
-            let labels = regions.labels(MinPoints::Itself);
-            for (&grain, label) in regions.grains().iter().zip(labels) {
+            let reading = GrReading::default();
+            let labels = regions.labels(reading);
+            for (&grain, label) in regions.grains(reading.reduction).iter().zip(labels) {
                 inside[grain as usize] = f64::from(u8::from(label.is_some()));
             }
         }

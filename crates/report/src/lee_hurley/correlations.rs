@@ -432,7 +432,7 @@ fn panel(
                 let all = pair.iter().all(|(_, found)| found.is_significant());
                 all.then(|| {
                     pair.iter()
-                        .map(|(range, found)| [place(range.middle()), found.rho.abs()])
+                        .map(|(range, found)| [place(range.middle), found.rho.abs()])
                         .collect()
                 })
             };
@@ -444,7 +444,7 @@ fn panel(
             }
             for ((range, found), bar) in curve.points.iter().zip(&curve.bars) {
                 if found.is_significant() && bar.is_finite() {
-                    let (x, y) = (place(range.middle()), found.rho.abs());
+                    let (x, y) = (place(range.middle), found.rho.abs());
                     plot.line(&[[x, y - bar], [x, y + bar]], curve.colour, 1.4);
                 }
             }

@@ -2,15 +2,17 @@
 
 use super::correlations::{key, seeds};
 use super::family::Family;
+use super::numbers::{drop_regions, mean_and_deviation};
 use super::studied::{Size, Studied};
 use gshear_analysis::correlate::SUBJECTS;
 use gshear_analysis::phases::PhaseKind;
+use gshear_analysis::regions::Reduction;
 use gshear_analysis::spread::Spread;
 use gshear_store::table::Table;
 
 impl Family<'_> {
     /// Names and spreads of the numbers that every run has one of.
-    fn numbers(&self) -> [(&'static str, Spread); 8] {
+    fn numbers(&self) -> Vec<(&'static str, Spread)> {
         let spread = |of: &dyn Fn(&Studied) -> f64| Spread::of(self.runs.iter().map(|run| of(run)));
         let count = |run: &Studied, fits: &dyn Fn(usize) -> bool| {
             (0..run.regime.phases.len()).filter(|k| fits(*k)).count() as f64
@@ -18,18 +20,13 @@ impl Family<'_> {
         let phases = |run: &Studied| count(run, &|_| true);
         let long = |run: &Studied| count(run, &|k| run.regime.phases[k].phase.is_long());
         let intervals = |run: &Studied| run.regime.tau.len().saturating_sub(1) as f64;
-        let tau = |run: &Studied| {
-            let tau = &run.regime.tau;
-            let mean = tau.iter().sum::<f64>() / tau.len() as f64;
-            let square = tau.iter().map(|t| (t - mean) * (t - mean)).sum::<f64>();
-            [mean, (square / tau.len() as f64).sqrt()]
-        };
         let slips = |run: &Studied| -> Vec<f64> {
             let phases = run.regime.phases.iter().map(|m| m.phase);
             let slips = phases.filter(|phase| phase.kind == PhaseKind::Slip);
             slips.map(|phase| phase.change).collect()
         };
-        [
+        let tau = |run: &Studied| mean_and_deviation(&run.regime.tau);
+        let mut numbers = vec![
             ("intervals", spread(&intervals)),
             ("phases", spread(&phases)),
             (
@@ -47,7 +44,35 @@ impl Family<'_> {
                 "mean_slip",
                 spread(&|run| slips(run).iter().sum::<f64>() / slips(run).len() as f64),
             ),
-        ]
+        ];
+        for (reduction, names) in [
+            (
+                Reduction::Net,
+                ["net_regions_before", "net_regions_in_drop"],
+            ),
+            (
+                Reduction::Losses,
+                ["loss_regions_before", "loss_regions_in_drop"],
+            ),
+            (
+                Reduction::GreatestLoss,
+                [
+                    "greatest_loss_regions_before",
+                    "greatest_loss_regions_in_drop",
+                ],
+            ),
+        ] {
+            let of = |run: &Studied| drop_regions(run, reduction);
+            numbers.push((
+                names[0],
+                spread(&|run| of(run).map_or(f64::NAN, |found| found.before)),
+            ));
+            numbers.push((
+                names[1],
+                spread(&|run| of(run).map_or(f64::NAN, |found| found.least)),
+            ));
+        }
+        numbers
     }
 }
 

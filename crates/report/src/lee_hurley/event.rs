@@ -32,7 +32,7 @@ pub fn figure(number: u8, run: Option<&Studied>) -> Drawn {
     let no_slip = || (number, "no slip in the regime".to_string());
     let event = run.event.as_ref().ok_or_else(no_slip)?;
     let square = run.grains.mean_radius().powi(2);
-    let [one, two] = [CURVES[0], CURVES[1]];
+    let [one, two, three, four] = [CURVES[0], CURVES[1], CURVES[2], CURVES[3]];
     let significant = |s: &FrameScalars| {
         let is = s.stress_dmin_p <= Correlation::SIGNIFICANT;
         if is { s.stress_dmin_rho } else { f64::NAN }
@@ -71,6 +71,8 @@ pub fn figure(number: u8, run: Option<&Studied>) -> Drawn {
             &[
                 ("minPts = 1", one, Box::new(|s| s.regions)),
                 ("minPts = 2", two, Box::new(|s| s.regions_of_two)),
+                ("losses", three, Box::new(|s| s.loss_regions)),
+                ("greatest loss", four, Box::new(|s| s.greatest_loss_regions)),
             ],
         ),
         panel(
@@ -90,7 +92,7 @@ pub fn figure(number: u8, run: Option<&Studied>) -> Drawn {
         caption: format!(
             "Around the largest drop of the run {}, for every interval Δγ: (a) Spearman's coefficient between the change of the \
              largest principal stress of a grain and its D²<sub>min</sub>; (b) the greatest D²<sub>min</sub> and the mean of the \
-             greatest 10 %; (c) the number of GR regions, for both readings of DBSCAN's minPts; (d) mean and median of the contact \
+             greatest 10 %; (c) the number of GR regions, for both readings of DBSCAN's minPts, and by the losses of a grain's contacts alone and by its greatest loss; (d) mean and median of the contact \
              angles in GR regions. Shaded: the stages.",
             run.label
         ),

@@ -3,7 +3,9 @@
 use super::drops;
 use super::studied::{Size, Studied};
 use gshear_analysis::correlate::{CONFIGURATIONS, Length, Quantity, Subject};
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::ranges::ValueRange;
+use gshear_analysis::regions::{GrReading, Reduction};
 use gshear_analysis::spearman::Correlation;
 use gshear_store::table::Table;
 
@@ -88,6 +90,7 @@ fn basics(run: &Studied) -> Vec<(String, String, String)> {
     let share = phases as f64 / intervals.max(1) as f64;
     let counted = phases_of_paper(run);
     let paper = |of: fn(f64) -> String| counted.map_or("not given".into(), of);
+    let [mean, deviation] = mean_and_deviation(&regime.tau);
     let line = |what: &str, paper: &str, ours: String| (what.to_string(), paper.to_string(), ours);
     vec![
         line("disks", grains, run.grains.count().to_string()),
@@ -128,7 +131,56 @@ fn basics(run: &Studied) -> Vec<(String, String, String)> {
                 .count()
                 .to_string(),
         ),
+        line(
+            "τ in the regime, mean and deviation",
+            "similar for all μ_s; small and large similar, deviation smaller in the large",
+            format!("{mean:.3}, {deviation:.3}"),
+        ),
     ]
+}
+
+/// Mean and standard deviation.
+pub fn mean_and_deviation(values: &[f64]) -> [f64; 2] {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let square = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>();
+    [mean, (square / count).sqrt()]
+}
+
+/// GR regions around the largest drop.
+pub struct DropRegions {
+    /// Mean number in the intervals of Stage I.
+    pub before: f64,
+    /// Least number in the intervals of Stage II.
+    pub least: f64,
+}
+
+/// Returns the GR regions around the largest drop; `None` without one.
+pub fn drop_regions(run: &Studied, reduction: Reduction) -> Option<DropRegions> {
+    let [before, during, _] = run.event.as_ref()?.stages.intervals();
+    let reading = GrReading {
+        reduction,
+        min_points: run.choices.regions.min_points,
+    };
+    let count = |row: usize| run.regime.scalars[row].regions(reading);
+    Some(DropRegions {
+        before: before.clone().map(count).sum::<f64>() / before.count().max(1) as f64,
+        least: during.map(count).fold(f64::INFINITY, f64::min),
+    })
+}
+
+/// Returns by how many intervals the fastest decrease of τ in Stage II comes after the first
+/// interval of Stages I and II whose g_t10%D²min is ten times that of the first one; `None` if none
+/// is.
+pub fn drop_lag(run: &Studied) -> Option<i64> {
+    let [before, during, _] = run.event.as_ref()?.stages.intervals();
+    let (tau, scalars) = (&run.regime.tau, &run.regime.scalars);
+    let top = |row: usize| scalars[row].dmin_top_tenth;
+    let first = top(*before.start());
+    let rise = (*before.start()..=*during.end()).find(|row| top(*row) > 10.0 * first)?;
+    let change = |row: usize| tau[row] - tau[row - 1];
+    let fastest = during.min_by(|a, b| change(*a).total_cmp(&change(*b)))?;
+    Some(fastest as i64 - rise as i64)
 }
 
 fn drop(run: &Studied) -> Vec<(String, String, String)> {
@@ -144,19 +196,18 @@ fn drop(run: &Studied) -> Vec<(String, String, String)> {
         _ => "not given",
     };
     let scalars = &run.regime.scalars;
-    let least = |rows: std::ops::RangeInclusive<usize>| {
-        rows.map(|row| scalars[row].regions)
-            .fold(f64::INFINITY, f64::min)
-    };
     let [before, during, _] = stages.intervals();
-    let mean = before.clone().map(|row| scalars[row].regions).sum::<f64>()
-        / before.clone().count().max(1) as f64;
+    let square = run.grains.mean_radius().powi(2);
+    let greatest = |of: fn(&FrameScalars) -> f64| {
+        let values = during.clone().map(|row| of(&scalars[row]));
+        values.fold(f64::NAN, f64::max) / square
+    };
     let rho = |rows: std::ops::RangeInclusive<usize>| {
         rows.map(|row| scalars[row].stress_dmin_rho)
             .fold(f64::NEG_INFINITY, f64::max)
     };
     let line = |what: &str, paper: &str, ours: String| (what.to_string(), paper.to_string(), ours);
-    vec![
+    let mut lines = vec![
         line(
             "largest drop, with its stages",
             paper,
@@ -179,21 +230,40 @@ fn drop(run: &Studied) -> Vec<(String, String, String)> {
             stages.drops.len().to_string(),
         ),
         line(
-            "GR regions in Stage I, mean",
-            "multiple",
-            format!("{mean:.1}"),
-        ),
-        line(
-            "GR regions in Stage II, least",
-            "1 (small), few (large)",
-            format!("{}", least(during.clone())),
-        ),
-        line(
             "ρ of |Δσ_p| with D²min, greatest in Stage I, II",
             "low, high at the beginning",
-            format!("{:.2}, {:.2}", rho(before), rho(during)),
+            format!("{:.2}, {:.2}", rho(before.clone()), rho(during.clone())),
         ),
-    ]
+        line(
+            "gD²min/r̄² and g_t10%D²min/r̄², greatest in Stage II",
+            "almost the same in the small and the large sample",
+            format!(
+                "{:.2e}, {:.2e}",
+                greatest(|s| s.dmin_greatest),
+                greatest(|s| s.dmin_top_tenth)
+            ),
+        ),
+        line(
+            "intervals by which Δτ lags behind g_t10%D²min",
+            "it lags",
+            drop_lag(run).map_or("no rise".into(), |lag| lag.to_string()),
+        ),
+    ];
+    for (reduction, words) in [
+        (Reduction::Net, "net change"),
+        (Reduction::Losses, "losses alone"),
+        (Reduction::GreatestLoss, "greatest loss"),
+    ] {
+        let Some(DropRegions { before, least }) = drop_regions(run, reduction) else {
+            continue;
+        };
+        lines.push(line(
+            &format!("GR regions by {words}: mean of Stage I, least of Stage II"),
+            "multiple, 1 (small) or few (large)",
+            format!("{before:.1}, {least}"),
+        ));
+    }
+    lines
 }
 
 /// A statement that one correlation is stronger than another in some ranges.
@@ -212,55 +282,55 @@ fn statements(run: &Studied) -> Vec<(String, String, String)> {
             "mg_t10%: all phases rather than intervals",
             of(TopMax, All),
             Subject::TopTenth,
-            [1e-1, 1e-3],
+            [f64::INFINITY, 1e-3],
         ),
         (
             "sg_t10%: all phases rather than intervals",
             of(TopSum, All),
             Subject::TopTenth,
-            [1e-1, 1e-3],
+            [f64::INFINITY, 1e-3],
         ),
         (
             "mg_t10%: long rather than all phases",
             of(TopMax, Long),
             of(TopMax, All),
-            [1e-1, 1e-4],
+            [f64::INFINITY, 1e-4],
         ),
         (
             "sg_t10%: long rather than all phases",
             of(TopSum, Long),
             of(TopSum, All),
-            [1e-1, 1e-4],
+            [f64::INFINITY, 1e-4],
         ),
         (
             "mg_t10%: long rather than short phases",
             of(TopMax, Long),
             of(TopMax, Short),
-            [1e-1, 1e-4],
+            [f64::INFINITY, 1e-4],
         ),
         (
             "sg_t10%: long rather than short phases",
             of(TopSum, Long),
             of(TopSum, Short),
-            [1e-1, 1e-4],
+            [f64::INFINITY, 1e-4],
         ),
         (
             "long phases: mg_t10% rather than mg",
             of(TopMax, Long),
             of(DminMax, Long),
-            [1e-1, 1e-5],
+            [f64::INFINITY, 1e-5],
         ),
         (
             "long phases: sg_t10% rather than sg",
             of(TopSum, Long),
             of(DminSum, Long),
-            [1e-1, 1e-5],
+            [f64::INFINITY, 1e-5],
         ),
         (
             "long phases: sg_t10% rather than mg_t10%",
             of(TopSum, Long),
             of(TopMax, Long),
-            [1e-1, 1e-5],
+            [f64::INFINITY, 1e-5],
         ),
     ];
     let comparisons = comparisons.map(|(what, stronger, weaker, within)| PaperComparison {
@@ -274,36 +344,83 @@ fn statements(run: &Studied) -> Vec<(String, String, String)> {
         .map(|comparison| compare(run, comparison))
         .collect();
 
-    let slip = |range: &ValueRange, [great, small]: [f64; 2]| {
-        range.farther < 0.0 && -range.farther <= great * 1.001 && -range.nearer >= small * 0.999
-    };
-    for (quantity, words) in [(TopMax, "mg_t10%"), (TopSum, "sg_t10%")] {
-        for (within, paper, where_) in [
-            ([1e-1, 1e-2], "strong", "Δτ_p < -1e-2"),
-            ([1e-2, 1e-5], "mostly moderate", "-1e-2 < Δτ_p < 0"),
+    for subject in [Subject::Greatest, Subject::TopTenth] {
+        let words = match subject {
+            Subject::Greatest => "gD²min",
+            _ => "g_t10%D²min",
+        };
+        for (paper, where_, within) in [
+            ("weak", "slip, Δτ < -1e-2", slip([f64::INFINITY, 1e-2])),
+            ("moderate", "slip, -1e-2 < Δτ < -1e-3", slip([1e-2, 1e-3])),
+            ("moderate", "stick, 1e-3 < Δτ < 1e-2", stick([1e-2, 1e-3])),
         ] {
-            let found = run.regime.correlate(of(quantity, Long));
-            let found = found.into_iter().filter(|(range, _)| slip(range, within));
-            lines.push((
-                format!("long phases, {words}, {where_}"),
-                paper.into(),
-                words_of(found),
-            ));
+            let what = format!("intervals, {words}, {where_}");
+            lines.push((what, paper.into(), words_of(run, subject, within)));
         }
     }
-    let sticks = run.regime.correlate(of(Duration, Long));
-    let sticks = sticks
-        .into_iter()
-        .filter(|(range, _)| range.nearer >= 1e-3 * 0.999);
+    for quantity in [DminMax, DminSum, TopMax, TopSum] {
+        lines.push((
+            format!("all phases, {}, slip, Δτ_p < -1e-3", quantity.name()),
+            "moderate to strong".into(),
+            words_of(run, of(quantity, All), slip([f64::INFINITY, 1e-3])),
+        ));
+    }
+    for quantity in [TopMax, TopSum] {
+        for (within, paper, where_) in [
+            ([f64::INFINITY, 1e-2], "strong", "Δτ_p < -1e-2"),
+            ([1e-2, 1e-5], "mostly moderate", "-1e-2 < Δτ_p < 0"),
+        ] {
+            lines.push((
+                format!("long phases, {}, {where_}", quantity.name()),
+                paper.into(),
+                words_of(run, of(quantity, Long), slip(within)),
+            ));
+        }
+        lines.push((
+            format!("short phases, {}, slip and stick", quantity.name()),
+            "not strong".into(),
+            words_of(run, of(quantity, Short), ANY),
+        ));
+    }
     let paper = match run.friction {
         Some(mu) if mu < 0.4 => "weak or insignificant",
         _ => "moderate",
     };
-    lines.push((
-        "long stick phases, t_p, 1e-3 < Δτ_p < 1e-1".into(),
-        paper.into(),
-        words_of(sticks),
-    ));
+    for (what, paper, length, within) in [
+        (
+            "long stick phases, t_p, Δτ_p > 1e-3",
+            paper,
+            Long,
+            stick([f64::INFINITY, 1e-3]),
+        ),
+        (
+            "long stick phases, t_p, Δτ_p > 1e-4",
+            paper,
+            Long,
+            stick([f64::INFINITY, 1e-4]),
+        ),
+        (
+            "long slip phases, t_p",
+            "weak",
+            Long,
+            slip([f64::INFINITY, 1e-5]),
+        ),
+        (
+            "short slip phases, t_p",
+            "weak",
+            Short,
+            slip([f64::INFINITY, 1e-5]),
+        ),
+        (
+            "short stick phases, t_p",
+            "weak",
+            Short,
+            stick([f64::INFINITY, 1e-5]),
+        ),
+    ] {
+        let found = words_of(run, of(Duration, length), within);
+        lines.push((what.into(), paper.into(), found));
+    }
     let unit = run.grains.mean_radius().powi(2);
     for quantity in CONFIGURATIONS {
         let found = [TopMax, TopSum]
@@ -313,60 +430,96 @@ fn statements(run: &Studied) -> Vec<(String, String, String)> {
             "long phases, {}, ranges of mg_t10% and sg_t10%",
             quantity.name()
         );
-        lines.push((what, "weak or insignificant".into(), words_of(found)));
+        lines.push((what, "weak or insignificant".into(), described(found)));
     }
     lines
 }
 
 fn compare(run: &Studied, comparison: &PaperComparison) -> (String, String, String) {
-    let [great, small] = comparison.within;
     let [stronger, weaker] =
         [comparison.stronger, comparison.weaker].map(|subject| run.regime.correlate(subject));
-    let within = |range: &ValueRange| {
-        range.farther < 0.0 && -range.farther <= great * 1.001 && -range.nearer >= small * 0.999
-    };
-    let pairs = stronger
-        .iter()
-        .zip(&weaker)
-        .filter(|((range, a), (_, b))| within(range) && a.is_significant() && b.is_significant());
+    let within = slip(comparison.within);
+    let pairs = stronger.iter().zip(&weaker).filter(|((range, a), (_, b))| {
+        within.contains(range) && a.is_significant() && b.is_significant()
+    });
     let (mut holds, mut all) = (0, 0);
     for ((_, a), (_, b)) in pairs {
         all += 1;
         holds += usize::from(a.rho.abs() > b.rho.abs());
     }
-    let what = format!(
-        "slip, {} (-{great:.0e} < Δτ < -{small:.0e})",
-        comparison.what
-    );
+    let [_, small] = comparison.within;
+    let what = format!("slip, {} (Δτ < -{small:.0e})", comparison.what);
     let ours = if all == 0 {
         "no range in which both are significant".into()
     } else {
-        format!("stronger in {holds} of {all} half-decades")
+        format!("stronger in {holds} of {all} {}", run.choices.bins.name())
     };
     (what, "stronger".into(), ours)
 }
 
-/// Counts the significant coefficients that are weak, moderate and strong, and gives the greatest.
-fn words_of(found: impl Iterator<Item = (ValueRange, Correlation)>) -> String {
-    let significant: Vec<f64> = found
-        .filter(|(_, c)| c.is_significant())
-        .map(|(_, c)| c.rho.abs())
-        .collect();
-    if significant.is_empty() {
-        return "no significant range".into();
+/// Ranges that a statement is about.
+#[derive(Clone, Copy)]
+struct Within {
+    /// 1 for stick, -1 for slip; `None` for both.
+    sign: Option<f64>,
+    /// The greatest and the least |Δτ|.
+    great: f64,
+    small: f64,
+}
+
+impl Within {
+    fn contains(self, range: &ValueRange) -> bool {
+        self.sign.is_none_or(|sign| range.farther * sign > 0.0)
+            && range.farther.abs() <= self.great * 1.001
+            && range.nearer.abs() >= self.small * 0.999
     }
-    let count = |low: f64, high: f64| {
-        significant
-            .iter()
-            .filter(|rho| (low..high).contains(*rho))
-            .count()
+}
+
+fn slip([great, small]: [f64; 2]) -> Within {
+    Within {
+        sign: Some(-1.0),
+        great,
+        small,
+    }
+}
+
+fn stick(within: [f64; 2]) -> Within {
+    Within {
+        sign: Some(1.0),
+        ..slip(within)
+    }
+}
+
+/// Every range.
+const ANY: Within = Within {
+    sign: None,
+    great: f64::INFINITY,
+    small: 0.0,
+};
+
+/// Returns the significant coefficients of a subject in the ranges `within`.
+fn words_of(run: &Studied, subject: Subject, within: Within) -> String {
+    let found = run.regime.correlate(subject).into_iter();
+    described(found.filter(|(range, _)| within.contains(range)))
+}
+
+/// Returns |ρ| of every significant range, with the end of the range nearer to zero, the word for
+/// it and the number of pairs.
+fn described(found: impl Iterator<Item = (ValueRange, Correlation)>) -> String {
+    let word = |rho: f64| match rho {
+        rho if rho < MODERATE => "weak",
+        rho if rho < STRONG => "moderate",
+        _ => "strong",
     };
-    let greatest = significant.iter().copied().fold(0.0, f64::max);
-    format!(
-        "of {} significant ranges {} weak, {} moderate, {} strong; greatest |ρ| = {greatest:.2}",
-        significant.len(),
-        count(0.0, MODERATE),
-        count(MODERATE, STRONG),
-        count(STRONG, f64::INFINITY)
-    )
+    let significant = found.filter(|(_, c)| c.is_significant());
+    let words: Vec<String> = significant
+        .map(|(range, c)| {
+            let (rho, from) = (c.rho.abs(), range.nearer);
+            format!("{rho:.2} {} (from {from:.1e}, {})", word(rho), c.count)
+        })
+        .collect();
+    match words.is_empty() {
+        true => "no significant range".into(),
+        false => words.join("; "),
+    }
 }

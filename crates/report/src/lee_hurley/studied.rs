@@ -1,8 +1,8 @@
 //! A run with the statistics that the study needs.
 
-use gshear_analysis::correlate::Regime;
+use gshear_analysis::correlate::{Choices, Regime};
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
-use gshear_analysis::regions::MinPoints;
+use gshear_analysis::regions::Reduction;
 use gshear_analysis::stages::Stages;
 use gshear_analysis::{displacement, phases};
 use gshear_dem::failure::Failure;
@@ -155,6 +155,8 @@ pub struct Studied {
     pub step: Vec<u64>,
     /// The largest drop; `None` without a slip.
     pub event: Option<Event>,
+    /// Choices of its statistics.
+    pub choices: Choices,
 }
 
 /// Options of the study.
@@ -163,8 +165,8 @@ pub struct StudyOptions {
     /// γ at which the regime begins. By default the paper's, or the first frame's if that is later
     /// or all frames end before the paper's.
     pub onset: Option<f64>,
-    /// Reading of minPts for the number of GR regions.
-    pub min_points: MinPoints,
+    /// Choices of its statistics.
+    pub choices: Choices,
 }
 
 impl Studied {
@@ -195,11 +197,17 @@ impl Studied {
         } else {
             first
         };
-        let regime = Regime::from(onset, strain, tau, scalars, choice.min_points);
+        let regime = Regime::from(onset, strain, tau, scalars, choice.choices);
         let step = step[strain.len() - regime.strain.len()..].to_vec();
         let stages = stages(&regime);
         let event = stages.map(|stages| -> Result<Event, Failure> {
-            let steps = steps(run, &regime, &stages, &step)?;
+            let steps = steps(
+                run,
+                &regime,
+                &stages,
+                &step,
+                choice.choices.regions.reduction,
+            )?;
             Ok(Event { stages, steps })
         });
         let event = event.transpose()?;
@@ -219,6 +227,7 @@ impl Studied {
             event,
             regime,
             step,
+            choices: choice.choices,
         })
     }
 
@@ -235,7 +244,8 @@ impl Studied {
     /// If that run is damaged.
     pub fn take_frames(&mut self, frames: &RunFile) -> Result<(), Failure> {
         if let Some(event) = &mut self.event {
-            event.steps = steps(frames, &self.regime, &event.stages, &self.step)?;
+            let reduction = self.choices.regions.reduction;
+            event.steps = steps(frames, &self.regime, &event.stages, &self.step, reduction)?;
         }
         Ok(())
     }
@@ -272,6 +282,7 @@ fn steps(
     regime: &Regime,
     stages: &Stages,
     step: &[u64],
+    reduction: Reduction,
 ) -> Result<Vec<MapStep>, Failure> {
     let mut steps = Vec::new();
     let mut scratch = ScalarScratch::default();
@@ -299,7 +310,7 @@ fn steps(
             row,
             strain: [regime.strain[row - 1], regime.strain[row]],
             force_change: scratch.regions.changes().to_vec(),
-            regions: scratch.regions.grains().to_vec(),
+            regions: scratch.regions.grains(reduction).to_vec(),
             dmin: scratch.dmin.clone(),
             displacement,
             frame,

@@ -156,6 +156,12 @@ impl<'a> OpenFile<'a> {
         self.all(&format!("{group}/{name}/{part}"))
     }
 
+    /// Whether this file is of an earlier version, without the column.
+    fn is_added(&self, group: &str, column: &Column) -> bool {
+        let stored = |name: &str| self.exists(&format!("{group}/{name}"));
+        ADDED.contains(&column.name) && column.stored_name(stored).is_none()
+    }
+
     /// The time series of these columns.
     pub(super) fn series(
         &self,
@@ -165,10 +171,7 @@ impl<'a> OpenFile<'a> {
         const GROUP: &str = "observables";
         let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
         let mut time: Vec<f64> = self.column(GROUP, &names[0], "time")?;
-        let is_added = |column: &Column| {
-            let stored = |name: &str| self.exists(&format!("{GROUP}/{name}"));
-            ADDED.contains(&column.name) && column.stored_name(stored).is_none()
-        };
+        let is_added = |column: &Column| self.is_added(GROUP, column);
         let read = |column: &Column| match is_added(column) {
             true => Ok(vec![f64::NAN; step.len()]),
             false => self.column(GROUP, column, "value"),
@@ -207,7 +210,10 @@ impl<'a> OpenFile<'a> {
         }
         let names = FrameScalars::COLUMNS;
         let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
-        let read = |column: &Column| self.column(GROUP, column, "value");
+        let read = |column: &Column| match self.is_added(GROUP, column) {
+            true => Ok(vec![f64::NAN; step.len()]),
+            false => self.column(GROUP, column, "value"),
+        };
         let columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
         let lengths = columns.iter().map(Vec::len);
         let mut lengths: Vec<_> = names.iter().map(|c| c.name).zip(lengths).collect();
@@ -217,7 +223,8 @@ impl<'a> OpenFile<'a> {
         let row = |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| columns[c][k]));
         let scalars = (0..rows).map(row).collect();
         let stored = StoredScalars { step, scalars };
-        self.verify_scalars(&stored)?;
+        let has = names.map(|column| !self.is_added(GROUP, &column));
+        self.verify_scalars(&stored, has)?;
         Ok(Some(stored))
     }
 

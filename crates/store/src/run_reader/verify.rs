@@ -6,6 +6,7 @@ use super::StoredScalars;
 use super::source::OpenFile;
 use crate::checksums::{self, CONSTANTS, ContactWeights, FRAMES, GROUP, ROWS, SCALARS};
 use crate::layout::{IMAGE_VALUE, ROLLING, frame_columns};
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;
@@ -104,14 +105,19 @@ impl OpenFile<'_> {
 }
 
 impl OpenFile<'_> {
-    /// Compares the rows of the scalars of frames with their checksums.
-    pub(super) fn verify_scalars(&self, found: &StoredScalars) -> Result<(), Failure> {
+    /// Compares the rows of the scalars of frames with their checksums. `has`: whether the file has
+    /// each column.
+    pub(super) fn verify_scalars(
+        &self,
+        found: &StoredScalars,
+        has: [bool; FrameScalars::COLUMNS.len()],
+    ) -> Result<(), Failure> {
         if !self.exists(SCALARS) {
             return Ok(());
         }
         let stored: Vec<u64> = self.all(SCALARS)?;
         let rows = found.step.iter().zip(&found.scalars);
-        let sums = rows.map(|(step, row)| checksums::of_scalars(*step, row));
+        let sums = rows.map(|(step, row)| checksums::of_scalars(*step, row, has));
         match sums
             .zip(&stored)
             .position(|(found, stored)| found != *stored)

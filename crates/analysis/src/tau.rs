@@ -1,0 +1,80 @@
+//! The series of τ in which phases are found: which of its rows, and how τ is computed. LH give
+//! τ = S/N at every Δγ and leave the rest open.
+
+use std::num::NonZeroUsize;
+
+/// How the series of τ is made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TauReading {
+    /// Every so many rows of the time series are one interval.
+    pub every: NonZeroUsize,
+    /// Whether τ is the mean over the rows of an interval, instead of its value at the end.
+    pub average: bool,
+    /// τ is rounded to multiples of this; `None`: not at all.
+    pub round: Option<f64>,
+}
+
+impl Default for TauReading {
+    fn default() -> Self {
+        TauReading {
+            every: NonZeroUsize::MIN,
+            average: false,
+            round: None,
+        }
+    }
+}
+
+impl TauReading {
+    /// Returns the rows at the ends of the intervals, ascending, and τ there. `tau`: `[L]`, of every
+    /// row. With averages the first interval has ended `every` rows after row 0.
+    pub fn of(&self, tau: &[f64]) -> (Vec<usize>, Vec<f64>) {
+        let every = self.every.get();
+        let first = if self.average { every } else { 0 };
+        let rows: Vec<usize> = (first..tau.len()).step_by(every).collect();
+        let value = |row: &usize| match self.average {
+            true => tau[row + 1 - every..=*row].iter().sum::<f64>() / every as f64,
+            false => tau[*row],
+        };
+        let rounded = |tau: f64| match self.round {
+            Some(unit) => (tau / unit).round() * unit,
+            None => tau,
+        };
+        let values = rows.iter().map(|row| rounded(value(row))).collect();
+        (rows, values)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reading(every: usize, average: bool, round: Option<f64>) -> TauReading {
+        TauReading {
+            every: NonZeroUsize::new(every).expect("one or more"),
+            average,
+            round,
+        }
+    }
+
+    const TAU: [f64; 8] = [0.0, 1.0, 2.0, 6.0, 4.0, 3.0, 8.0, 9.0];
+
+    #[test]
+    fn every_row_is_taken_by_default() {
+        let (rows, tau) = TauReading::default().of(&TAU);
+        assert_eq!((rows, &tau[..]), ((0..8).collect::<Vec<usize>>(), &TAU[..]));
+        assert_eq!(TauReading::default().of(&[]), (vec![], vec![]));
+    }
+
+    #[test]
+    fn values_and_means_are_of_the_interval_that_ends_there() {
+        let of = |average| reading(3, average, None).of(&TAU);
+        assert_eq!(of(false), (vec![0, 3, 6], vec![0.0, 6.0, 8.0]));
+        assert_eq!(of(true), (vec![3, 6], vec![3.0, 5.0]));
+    }
+
+    #[test]
+    fn rounded_values_are_the_nearest_multiples() {
+        let (_, tau) = reading(1, false, Some(2.5)).of(&TAU);
+        assert_eq!(tau, [0.0, 0.0, 2.5, 5.0, 5.0, 2.5, 7.5, 10.0]);
+    }
+}
