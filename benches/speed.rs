@@ -55,8 +55,14 @@ fn run(command: &mut Command, ranks: usize, accepted: i32) -> Said {
             .find_map(|l| l.strip_prefix(word))
             .unwrap_or("")
     };
+    // Earlier versions print grain-steps per second and rank.
+    let unit = match after("speed ").contains("million") {
+        true => 1.0,
+        false => ranks as f64 * 1e-6,
+    };
+    let speed = after("speed ").split(' ').next().unwrap_or("");
     Said {
-        speed: after("speed ").parse::<f64>().unwrap_or(f64::NAN) * ranks as f64 * 1e-6,
+        speed: speed.parse::<f64>().unwrap_or(f64::NAN) * unit,
         digest: after("digest ").into(),
         text,
     }

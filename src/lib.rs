@@ -23,6 +23,7 @@ Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a che
 --walltime or --stop-at (continue with --resume); 1 any other failure.
 
 SIGTERM, SIGINT, SIGHUP, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
+#[expect(clippy::struct_excessive_bools, reason = "flags of a command line")]
 pub struct CommandLine {
     /// Scene; see docs/config.md
     #[arg(value_name = "CONFIG.toml")]
@@ -59,9 +60,16 @@ pub struct CommandLine {
     /// With a scene that has [sweep]: list its runs, run all of them in turn, or run the N-th
     #[arg(long, value_name = "list|all|N", value_parser = ChoiceParser, hide_possible_values = true, conflicts_with_all = ["resume", "check", "stop_at"])]
     pub sweep: Option<Choice>,
-    /// Check the scene and print it with every default filled in
+    /// Check the scene: print it with every default filled in, and on standard error (but with
+    /// --quiet) the steps, time, memory and disk that it takes on these ranks, and what is unlikely
     #[arg(long)]
     pub check: bool,
+    /// Print notes and errors alone
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Print more: checkpoints, every check of the packing
+    #[arg(long, short, conflicts_with = "quiet")]
+    pub verbose: bool,
     /// Stop at a checkpoint after this time: 3h50m, 90s, 2:30:00, or minutes
     #[arg(long, value_name = "TIME", value_parser = wall_time)]
     pub walltime: Option<Duration>,

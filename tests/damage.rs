@@ -340,7 +340,7 @@ impl Subject for Input {
             }
             None => command.arg(&path),
         };
-        ended(command.arg("--check"), "")
+        ended(command.args(["--check", "--quiet"]), "")
     }
     fn is_free(&self) -> bool {
         true

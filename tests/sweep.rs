@@ -33,7 +33,9 @@ fn run(config: &Path, ranks: usize, out: &Path, further: &[&str]) -> Outcome {
 /// The lines of a list in words.
 fn states(outcome: &Outcome) -> Vec<Vec<&str>> {
     assert_eq!(outcome.code, 0, "{}", outcome.text);
-    let lines = outcome.text.lines();
+    // What is left to do stands on standard error, after the list.
+    let runs = |line: &&str| !line.starts_with("left to do: ");
+    let lines = outcome.text.lines().filter(runs);
     lines.map(|l| l.split_whitespace().collect()).collect()
 }
 
@@ -53,6 +55,11 @@ fn all_runs_are_those_that_set_would_make() {
         vec!["4", "new", NAMES[3]],
     ];
     assert_eq!(states(&listed), expected);
+    assert!(
+        listed.text.contains("left to do: 4 of 4 runs, about "),
+        "{}",
+        listed.text
+    );
     assert!(!out.exists(), "listing writes nothing");
 
     // One is done before, one is stopped while it is packed.
@@ -64,6 +71,11 @@ fn all_runs_are_those_that_set_would_make() {
     let listed = run(&config, 1, &out, &["--sweep=list", SHORT]);
     let found: Vec<&str> = states(&listed).iter().map(|line| line[1]).collect();
     assert_eq!(found, ["new", "stopped", "done", "new"]);
+    assert!(
+        listed.text.contains("left to do: 3 of 4 runs, about "),
+        "{}",
+        listed.text
+    );
 
     let modified = |name: &str| {
         let file = std::fs::metadata(out.join(name).join("run.h5")).expect("run.h5");

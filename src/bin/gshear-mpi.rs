@@ -8,9 +8,10 @@ use clap::error::ErrorKind;
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
+use gshear_driver::check::check;
 use gshear_driver::folder::same_folder;
 use gshear_driver::launch::{self, Changes, Resumable, Task};
-use gshear_driver::options::Options;
+use gshear_driver::options::{Options, Verbosity};
 use gshear_driver::run::Outcome;
 use gshear_driver::say::{say, say_error};
 use gshear_driver::signals::Signals;
@@ -66,6 +67,11 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         threads: arguments.threads.into(),
         overwrite: arguments.overwrite,
         break_lock: arguments.break_lock,
+        verbosity: match (arguments.quiet, arguments.verbose) {
+            (true, _) => Verbosity::Quiet,
+            (_, true) => Verbosity::Verbose,
+            _ => Verbosity::Normal,
+        },
         replay: None,
     };
     let resume = arguments.resume.as_deref();
@@ -106,7 +112,7 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
     match choice {
-        Choice::List => sweep.list(world).map(|()| Outcome::Done),
+        Choice::List => sweep.list(world, &options).map(|()| Outcome::Done),
         Choice::All => sweep.all(world, &options),
         Choice::One(number) => sweep.one(world, number, &options),
     }
@@ -171,6 +177,9 @@ fn check_or_run(
     if arguments.check {
         if world.rank() == 0 {
             say(task.scene.toml.trim_end_matches('\n'));
+        }
+        if !arguments.quiet {
+            check(world, &task, options)?;
         }
         return Ok(Outcome::Done);
     }

@@ -5,6 +5,8 @@ use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use rustix::fs::Access;
+
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::SeriesRow;
@@ -18,6 +20,7 @@ use gshear_store::columns::{AqsRow, NewtonianRow};
 use gshear_store::existing;
 use gshear_store::file_names::{
     AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
+    STATUS_FILE,
 };
 use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile};
@@ -235,6 +238,8 @@ impl FileOwner {
     }
 }
 
+/// Whether it is a file that only a run writes. `status.json` does not count: a folder that holds it
+/// alone is that of a run that was packed, of which nothing is left.
 fn is_of_a_run(name: &str, path: &Path) -> bool {
     let checkpoint = name.starts_with("checkpoint") && name.contains(".h5");
     TRAJECTORIES.contains(&name.trim_end_matches(".journal"))
@@ -473,6 +478,55 @@ impl Drop for RunFolder {
     }
 }
 
+/// What a run finds in its folder, without writing there: a sentence, and whether the run can begin
+/// or go on in it.
+pub fn outlook(folder: &Path, claim: &Claim<'_>) -> (String, bool) {
+    let place = match folder.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => folder,
+    };
+    let existing = place.ancestors().find(|path| path.exists());
+    let existing = match existing {
+        Some(path) if !path.as_os_str().is_empty() => path,
+        _ => Path::new("."),
+    };
+    let name = place.display();
+    if !existing.is_dir() {
+        let why = std::io::Error::from(std::io::ErrorKind::NotADirectory);
+        return (unwritable(place, &why).to_string(), false);
+    }
+    if let Err(why) = rustix::fs::access(existing, Access::WRITE_OK | Access::EXEC_OK) {
+        return (unwritable(place, &why.into()).to_string(), false);
+    }
+    let found = Contents::of(place);
+    let answer = match claim.entry {
+        Entry::New if !found.is_empty() => {
+            let Claim {
+                record,
+                scene,
+                last_file,
+                ..
+            } = claim;
+            Err(found.refuse_new(place, record, scene, last_file))
+        }
+        Entry::Resume => found.is_of(place, claim.record, claim.scene, false),
+        _ => Ok(()),
+    };
+    match answer {
+        Err(refused) => (refused.to_string(), false),
+        Ok(()) if found.is_empty() => (format!("{name}: can be written, holds no run"), true),
+        Ok(()) => (format!("{name}: can be written, holds this run"), true),
+    }
+}
+
+/// Bytes that are free where the folder is or would be, if the system tells.
+pub fn free(folder: &Path) -> Option<f64> {
+    let existing = folder.ancestors().find(|path| path.is_dir());
+    let existing = existing.unwrap_or(Path::new("."));
+    let disk = rustix::fs::statvfs(existing).ok()?;
+    Some(disk.f_bavail as f64 * disk.f_frsize as f64)
+}
+
 /// The file of frames that a checkpoint continues, its columns, and what it holds; `None` before
 /// there is one.
 fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Written)> {
@@ -505,6 +559,7 @@ fn remove_run(folder: &Path) -> Result<(), Failure> {
         .iter()
         .map(String::as_str)
         .chain(REDUCED)
+        .chain([STATUS_FILE])
     {
         let path = folder.join(name);
         let removed = match path.symlink_metadata() {

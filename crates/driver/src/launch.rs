@@ -22,6 +22,7 @@ use crate::lock::Lock;
 use crate::memory;
 use crate::options::Options;
 use crate::record::{Continuation, RunRecord};
+use crate::report::Reporter;
 use crate::run::{Outcome, Run, Start};
 use crate::say::say_error;
 use crate::stages::{newtonian, periodic, walls};
@@ -91,11 +92,30 @@ impl Task {
                 last_file,
             };
             run.folder = Some(RunFolder::take(exchange, &claim, options)?);
+            if exchange.rank() == 0 {
+                let folder = options.out.clone();
+                run.reporter = Reporter::new(folder, &run.record, &scene, exchange.size());
+            }
         }
         run.terminal.header(exchange, &scene, run.isa);
-        match scene.dimension {
+        let ending = match scene.dimension {
             Dimensions::Two => stages::<Two>(&mut run, &scene, start),
             Dimensions::Three => stages::<Three>(&mut run, &scene, start),
+        };
+        run.terminal.clear();
+        run.reporter.end(&ending);
+        ending
+    }
+
+    /// What the run asks of its folder. `header`: that of the checkpoint from which it starts.
+    pub(crate) fn claim<'a>(&'a self, header: Option<&'a Header>) -> Claim<'a> {
+        Claim {
+            entry: self.entry,
+            record: &self.record,
+            scene: &self.scene,
+            header,
+            checkpoint: self.before.as_ref().map(|(path, _)| &**path),
+            last_file: self.last_file(),
         }
     }
 

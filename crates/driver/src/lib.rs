@@ -24,6 +24,8 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 
+pub mod check;
+pub mod estimate;
 pub mod files;
 pub mod folder;
 mod frame_scalars;
@@ -32,7 +34,9 @@ pub mod launch;
 mod lock;
 mod memory;
 pub mod options;
+pub mod progress;
 pub mod record;
+mod report;
 pub mod run;
 pub mod say;
 pub mod signals;

@@ -1,6 +1,6 @@
 //! How many grains fit into the memory of the nodes of a run.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::packing::GrainLimit;
@@ -8,6 +8,12 @@ use gshear_store::provenance;
 
 /// Bytes that a run takes for a grain, at least: about 500 are printed as "state … bytes per grain".
 const LEAST_BYTES: u64 = 400;
+
+/// Greatest resident size of a process (bytes): of a run of few grains; for every grain of its rank,
+/// disks and spheres; copies of the frames that wait to be written (docs/speed.md, "Memory").
+pub const PROCESS_BYTES: f64 = 30e6;
+pub const GRAIN_BYTES: [f64; 2] = [900.0, 1300.0];
+pub const FRAME_COPIES: f64 = 3.0;
 
 /// The most grains for which all nodes together have memory. Collective.
 pub fn limit(exchange: &dyn Parallel) -> GrainLimit {
@@ -43,6 +49,30 @@ fn limit_of(ranks: impl Iterator<Item = (String, Option<u64>)>) -> GrainLimit {
             }
         }
     }
+}
+
+/// The hosts of all ranks, as bytes. Collective.
+fn all_hosts(exchange: &dyn Parallel) -> Vec<Vec<u8>> {
+    exchange.gather(provenance::host().as_bytes())
+}
+
+/// Number of hosts of the ranks. Collective.
+pub fn hosts(exchange: &dyn Parallel) -> usize {
+    let hosts: BTreeSet<Vec<u8>> = all_hosts(exchange).into_iter().collect();
+    hosts.len().max(1)
+}
+
+/// Memory of the node with the fewest bytes for each of its ranks: bytes per rank, if that is known.
+/// Collective.
+pub fn per_rank(exchange: &dyn Parallel) -> Option<f64> {
+    let mine = provenance::host();
+    let here = all_hosts(exchange)
+        .iter()
+        .filter(|host| **host == mine.as_bytes())
+        .count();
+    let bytes = memory_here().map_or(f64::INFINITY, |bytes| bytes as f64 / here.max(1) as f64);
+    let least = -exchange.maximum(-bytes);
+    least.is_finite().then_some(least)
 }
 
 /// The memory of this node (bytes); `None` if the system does not tell.

@@ -5,6 +5,18 @@ use std::time::Duration;
 
 use gshear_scene::schedule::ReplayWindow;
 
+/// How much a run prints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Verbosity {
+    /// Errors and notes alone.
+    Quiet,
+    /// What is run, its progress, its results.
+    #[default]
+    Normal,
+    /// Also checkpoints, every check of the packing, and on a terminal the lines that a log gets.
+    Verbose,
+}
+
 /// Options of the command line other than the scene.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
@@ -20,6 +32,8 @@ pub struct Options {
     pub overwrite: bool,
     /// Take the folder over from another process that holds its lock.
     pub break_lock: bool,
+    /// How much is printed.
+    pub verbosity: Verbosity,
     /// Compute only the steps from the checkpoint to the end of this window, without terminal
     /// output and into new files.
     pub replay: Option<ReplayWindow>,

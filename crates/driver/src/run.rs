@@ -14,7 +14,9 @@ use crate::files::Destination;
 use crate::folder::RunFolder;
 use crate::header::Header;
 use crate::options::Options;
+use crate::progress::Standing;
 use crate::record::RunRecord;
+use crate::report::Reporter;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 
@@ -121,8 +123,14 @@ pub trait Stage {
     /// A file that cannot be written.
     fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure>;
 
-    /// Prints the progress to the terminal.
-    fn progress(&mut self, _: &mut Run<'_>) {}
+    /// How far the stage has come.
+    fn standing(&self) -> Standing;
+
+    /// Prints the lines of a log that are due after the last step.
+    fn log(&mut self, _: &Run<'_>) {}
+
+    /// Hands the rows of the log to the file system, for those who watch the run.
+    fn publish(&mut self) {}
 }
 
 /// A run.
@@ -140,6 +148,8 @@ pub struct Run<'a> {
     /// The folder of the results; `None` for a replay.
     pub(crate) folder: Option<RunFolder>,
     pub(crate) terminal: Terminal,
+    /// What is reported while the run goes on.
+    pub(crate) reporter: Reporter,
     signals: Signals,
     started: Instant,
     saved: Instant,
@@ -170,7 +180,11 @@ impl<'a> Run<'a> {
             record,
             isa,
             folder: None,
-            terminal: Terminal::new(exchange.rank() == 0 && options.replay.is_none()),
+            terminal: Terminal::new(
+                exchange.rank() == 0 && options.replay.is_none(),
+                options.verbosity,
+            ),
+            reporter: Reporter::default(),
             signals: Signals::catch()?,
             started: now,
             saved: now,
@@ -192,6 +206,7 @@ impl<'a> Run<'a> {
         if let Some(folder) = &self.folder {
             folder.clear(self.exchange)?;
         }
+        self.reporter.begin(&self.terminal, stage.standing());
         if begins {
             stage.begin(self).map_err(|e| in_stage(e, name))?;
             stage.record(self)?;
@@ -210,13 +225,22 @@ impl<'a> Run<'a> {
             if due {
                 self.save(stage)?;
             }
-            stage.progress(self);
+            stage.log(self);
+            if self.reporter.is_due(stage.steps()) {
+                let standing = stage.standing();
+                if self.reporter.report(&self.terminal, standing) {
+                    stage.publish();
+                }
+            }
             if stopped {
+                self.reporter.come_to(stage.standing());
                 self.terminal
                     .stopped(&self.options.out, name, stage.steps());
                 return Ok(Outcome::Stopped);
             }
         }
+        self.terminal.clear();
+        self.reporter.come_to(stage.standing());
         Ok(Outcome::Done)
     }
 
@@ -269,6 +293,8 @@ impl<'a> Run<'a> {
             displacements: state.displacements,
         };
         checkpoint::write(exchange, out, self.toml, &snapshot)?;
+        self.terminal
+            .saved(header.stage(), header.step(), self.saved.elapsed());
         let kept = match (keep, exchange.rank()) {
             (true, 0) => checkpoint::keep(out, header.stage(), header.step()),
             _ => Ok(()),

@@ -8,10 +8,12 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::Source;
 use gshear_scene::sweep::Member;
 
+use crate::estimate::{Estimate, bytes};
 use crate::launch::{Resumable, await_lock, from_the_start, resume_if_begun};
-use crate::options::Options;
+use crate::options::{Options, Verbosity};
+use crate::progress::duration;
 use crate::run::Outcome;
-use crate::say;
+use crate::say::{self, say_error};
 
 /// The runs of a configuration with a sweep.
 pub struct Sweep<'a> {
@@ -54,22 +56,47 @@ impl<'a> Sweep<'a> {
         })
     }
 
-    /// Prints the runs and their progress; collective.
+    /// Prints the runs and their progress, and on standard error what is left to do; collective.
     ///
     /// # Errors
-    /// A run with an invalid scene.
-    pub fn list(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    /// A run with an invalid scene, or more ranks than it has room for.
+    pub fn list(&self, exchange: &dyn Parallel, options: &Options) -> Result<(), Failure> {
+        let (mut left, mut work, mut time, mut disk) = (0, 0.0, Some(0.0), 0.0);
+        let mut speed = None;
+        let quiet = options.verbosity == Verbosity::Quiet;
         for (k, member) in self.members.iter().enumerate() {
             let task = from_the_start(exchange, &self.source, &self.values(member))?;
-            let state = match resume_if_begun(exchange, &self.folder(member), task)? {
+            let found = resume_if_begun(exchange, &self.folder(member), task)?;
+            let state = match &found {
                 Resumable::Finished => "done",
                 Resumable::Task(task) if task.is_resumed() => "stopped",
                 Resumable::Task(_) => "new",
             };
+            if let (Resumable::Task(task), false) = (&found, quiet) {
+                let mut estimate = Estimate::of(exchange, task)?;
+                if speed.is_none() {
+                    // The runs of a sweep are alike.
+                    speed = Some(Estimate::speed(exchange, task, options)?);
+                }
+                estimate.speed = speed.flatten();
+                left += 1;
+                work += estimate.grain_steps();
+                time = time.zip(estimate.time()).map(|(sum, time)| sum + time);
+                disk += estimate.disk();
+            }
             say(
                 exchange,
                 &format!("{:>4}  {state:<8}{}", k + 1, member.name),
             );
+        }
+        if exchange.rank() == 0 && left > 0 {
+            let time = time.map_or("an unknown time".into(), duration);
+            say_error(&format!(
+                "left to do: {left} of {} runs, about {work:.1e} grain-steps, {time} one after the other on {} ranks, {} of files",
+                self.members.len(),
+                exchange.size(),
+                bytes(disk)
+            ));
         }
         Ok(())
     }

@@ -1,19 +1,20 @@
 //! Terminal output of a run, by rank 0.
 
-use std::io::IsTerminal;
 use std::path::Path;
 use std::time::Duration;
 
+use console::Term;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::header::{Birth, Progress};
+use crate::options::Verbosity;
+use crate::progress::{Standing, duration, line};
 use crate::say::say;
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
 use gshear_dem::protocol::{Along, Course, Normal, Segment};
 use gshear_dem::simd::Isa;
-use gshear_dem::state::SeriesRow;
 use gshear_dem::system::System;
 use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
@@ -24,36 +25,102 @@ use gshear_scene::{
 };
 use gshear_store::provenance;
 
-/// Lines of progress, and a progress bar if the output is a terminal.
+/// Lines about the run, and on a terminal one line of progress that is drawn anew.
 pub struct Terminal {
-    speaks: bool,
-    bar: ProgressBar,
-    latest: Option<SeriesRow>,
+    verbosity: Verbosity,
+    /// The terminal with the line of progress.
+    screen: Option<Screen>,
     next_packing_line: u64,
 }
 
+/// A terminal, and the line of progress on it.
+struct Screen {
+    term: Term,
+    line: ProgressBar,
+    styled: bool,
+}
+
+impl Screen {
+    /// The terminal of standard output or standard error. Open MPI gives every rank a
+    /// pseudo-terminal as standard output; it has the size of the terminal that mpirun itself
+    /// writes to, and none if mpirun writes to a file or a pipe.
+    fn find() -> Option<Self> {
+        let terms = [Term::stdout(), Term::stderr()];
+        let term = terms
+            .into_iter()
+            .find(|term| term.is_term() && term.size_checked().is_some())?;
+        let target = ProgressDrawTarget::term(term.clone(), 10);
+        if target.is_hidden() {
+            return None;
+        }
+        let bar = ProgressBar::with_draw_target(None, target);
+        bar.set_style(ProgressStyle::with_template("{msg}").expect("a sound template"));
+        let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+        Some(Self {
+            term,
+            line: bar,
+            styled: !no_colour,
+        })
+    }
+}
+
 impl Terminal {
-    pub fn new(speaks: bool) -> Self {
-        let bar = if speaks && std::io::stderr().is_terminal() {
-            ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr())
-        } else {
-            ProgressBar::hidden()
+    /// `speaks`: whether this rank prints.
+    pub fn new(speaks: bool, verbosity: Verbosity) -> Self {
+        let verbosity = match speaks {
+            true => verbosity,
+            false => Verbosity::Quiet,
         };
-        let style =
-            ProgressStyle::with_template("{msg} [{bar:30}] {percent:>3} % {elapsed} left {eta}")
-                .expect("a sound template");
-        bar.set_style(style.progress_chars("=> "));
         Self {
-            speaks,
-            bar,
-            latest: None,
+            verbosity,
+            screen: match verbosity {
+                Verbosity::Quiet => None,
+                _ => Screen::find(),
+            },
             next_packing_line: 10_000,
         }
     }
 
     fn say(&self, line: impl AsRef<str>) {
-        if self.speaks {
-            self.bar.suspend(|| say(line.as_ref()));
+        match (&self.screen, self.verbosity) {
+            (_, Verbosity::Quiet) => {}
+            (None, _) => say(line.as_ref()),
+            (Some(screen), _) => screen.line.suspend(|| say(line.as_ref())),
+        }
+    }
+
+    /// Prints what is of interest only if something is to be understood.
+    fn detail(&self, line: impl AsRef<str>) {
+        if self.verbosity == Verbosity::Verbose {
+            self.say(line);
+        }
+    }
+
+    /// A line that a log gets now and then; a terminal has the line of progress instead.
+    fn log(&self, line: impl AsRef<str>) {
+        if self.screen.is_none() || self.verbosity == Verbosity::Verbose {
+            self.say(line);
+        }
+    }
+
+    /// Draws the line of progress. `speed`: in grain-steps/s of all ranks; `left`: in s.
+    pub fn draw(&self, standing: &Standing, speed: Option<f64>, left: Option<f64>) {
+        if let Some(screen) = &self.screen {
+            let (_, width) = screen.term.size();
+            // A character in the last column would break the line on some terminals.
+            let width = usize::from(width).saturating_sub(1);
+            let text = line(standing, speed, left, width, screen.styled);
+            if screen.line.is_finished() {
+                screen.line.reset();
+            }
+            screen.line.set_message(text);
+        }
+    }
+
+    /// Removes the line of progress, until it is drawn again.
+    pub fn clear(&self) {
+        if let Some(screen) = &self.screen {
+            screen.line.finish_and_clear();
         }
     }
 
@@ -110,9 +177,10 @@ impl Terminal {
     /// Progress of the packing. `kinetic`: kinetic energy per grain over P d̄ δ̄.
     pub fn packing(&mut self, step: u64, piston: &Piston, kinetic: f64) {
         // At growing intervals, because the number of steps is unknown.
-        if step >= self.next_packing_line {
+        let verbose = self.verbosity == Verbosity::Verbose;
+        if step >= self.next_packing_line || verbose {
             self.next_packing_line = 2 * step;
-            self.say(format!(
+            self.log(format!(
                 "pack:  step {step}, height {:.4e} m, kinetic energy per grain {kinetic:.1e} P d delta",
                 piston.height
             ));
@@ -209,46 +277,33 @@ impl Terminal {
                 schedule.strain(first)
             ));
         }
-        self.bar.set_length(schedule.total);
-        self.bar.set_position(first);
-        self.bar.reset_eta();
     }
 
-    pub fn latest(&mut self, row: &SeriesRow) {
-        self.latest = Some(*row);
-    }
-
-    pub fn progress(
-        &self,
-        schedule: &Schedule,
-        grains: u32,
-        first: u64,
-        step: u64,
-        elapsed: Duration,
-    ) {
-        if !self.speaks {
-            return;
-        }
-        let done = (step - first) as f64;
-        let seconds = elapsed.as_secs_f64();
-        let left = seconds / done * (schedule.total - step) as f64;
-        // A top that is pulled by a force moves as it likes.
-        let strain = match (schedule.protocol.has_force(), self.latest) {
-            (true, Some(row)) => row.strain,
-            _ => schedule.strain(step),
+    /// A line about the shear. `done`: the steps since it was begun or resumed, and their time.
+    pub fn progress(&self, schedule: &Schedule, standing: &Standing, done: (u64, Duration)) {
+        let (steps, elapsed) = (done.0 as f64, done.1.as_secs_f64());
+        let step = standing.step;
+        let left = elapsed / steps * (schedule.total - step) as f64;
+        let stress = match (standing.stress_ratio, standing.solid_fraction) {
+            (Some(tau), Some(phi)) => format!(" tau {tau:.4} phi {phi:.4}"),
+            _ => String::new(),
         };
-        let stress = self.latest.map_or(String::new(), |row| {
-            format!(" tau {:.4} phi {:.4}", row.stress_ratio, row.solid_fraction)
-        });
-        self.say(format!(
+        let grains = f64::from(standing.grains.unwrap_or(0));
+        self.log(format!(
             "{:5.1} % step {step} strain {:.5}{stress} | {:.1} million grain-steps/s, {} left",
             100.0 * step as f64 / schedule.total as f64,
-            strain,
-            1e-6 * f64::from(grains) * done / seconds,
-            humantime::format_duration(Duration::from_secs(left as u64)),
+            standing.strain.unwrap_or(f64::NAN),
+            1e-6 * grains * steps / elapsed,
+            duration(left),
         ));
-        self.bar.set_position(step);
-        self.bar.set_message(format!("strain {strain:.5}{stress}"));
+    }
+
+    /// A checkpoint was written, within this time.
+    pub fn saved(&self, stage: &str, step: u64, time: Duration) {
+        self.detail(format!(
+            "checkpoint of {stage} step {step}, written in {:.3} s",
+            time.as_secs_f64()
+        ));
     }
 
     pub fn stopped(&self, out: &Path, stage: &str, step: u64) {
@@ -258,17 +313,18 @@ impl Terminal {
         ));
     }
 
-    /// Summary at the end of a run. `rate`: grain-steps per second and rank.
+    /// Summary at the end of a shear. `speed`: grain-steps/s of all ranks together; `complete`:
+    /// whether it is the end of the run.
     pub fn end(
         &self,
         exchange: &dyn Parallel,
         system: &mut System<impl Dimension>,
         phases: &str,
-        rate: f64,
+        speed: f64,
         digest: &str,
-        out: &Path,
+        (out, complete): (&Path, bool),
     ) {
-        self.bar.finish_and_clear();
+        self.clear();
         let memory = exchange.maximum(system.memory() as f64);
         let rebuilds = system.list.rebuilds;
         let (bytes, messages) = system.slabs.traffic();
@@ -287,8 +343,20 @@ impl Terminal {
             "{rebuilds} list rebuilds; state {:.0} bytes per grain of a rank",
             memory / system.owned().max(1) as f64
         ));
-        self.say(format!("speed {rate:.4e}"));
+        self.say(format!(
+            "speed {:.4} million grain-steps/s of {}",
+            1e-6 * speed,
+            ranks(exchange.size())
+        ));
         self.say(format!("digest {digest}"));
+        if complete {
+            self.go_on(out);
+        }
+    }
+
+    /// Says what can be done with the results.
+    pub fn go_on(&self, out: &Path) {
+        self.say(format!("next: gshear-reduce report {}", out.display()));
     }
 }
 
@@ -366,7 +434,7 @@ impl Terminal {
     }
 
     pub fn strain_step(&self, row: &dyn std::fmt::Display) {
-        self.say(row.to_string());
+        self.log(row.to_string());
     }
 
     pub fn born(&self, birth: &Birth) {
@@ -395,5 +463,6 @@ impl Terminal {
             "done:  digest {digest}\n       results in {}",
             out.display()
         ));
+        self.go_on(out);
     }
 }

@@ -20,7 +20,7 @@ use gshear_store::run_reader::RunFile;
 
 use super::{
     columns, compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum,
-    stability, study,
+    stability, study, watch,
 };
 
 /// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
@@ -48,6 +48,16 @@ pub enum Command {
     /// Show the content of a run
     Info {
         /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+        run: PathBuf,
+    },
+    /// Show the curves of a run under way in the terminal, until it ends
+    ///
+    /// Reads log.csv and status.json every second, while the run writes: stress ratio and solid
+    /// fraction over the strain, or over the time if the strain returns; of a box the shear stress.
+    /// Ctrl-C leaves the run alone. Without a terminal, and of a run that has ended, it shows the
+    /// present state and ends.
+    Watch {
+        /// The folder of a run
         run: PathBuf,
     },
     /// Print name, unit and meaning of the columns of every table
@@ -522,6 +532,7 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
             writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
         }
         Command::Spectrum(options) => spectrum::write(options, output)?,
+        Command::Watch { run } => watch::watch(run, output)?,
         Command::Report {
             runs,
             out,

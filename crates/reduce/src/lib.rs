@@ -21,6 +21,7 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 
+mod braille;
 mod columns;
 mod commands;
 pub mod compare;
@@ -39,5 +40,6 @@ mod spectrum;
 mod stability;
 mod stiffness;
 mod study;
+mod watch;
 
 pub use commands::{Arguments, Command, run};

@@ -64,6 +64,7 @@ pub mod schedule;
 mod source;
 pub mod sweep;
 mod units;
+pub mod unlikely;
 mod words;
 mod write;
 

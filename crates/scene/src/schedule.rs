@@ -62,6 +62,17 @@ pub struct Intervals {
     pub checkpoints: u64,
 }
 
+/// How often something is written in a whole stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Counts {
+    /// Frames.
+    pub frames: u64,
+    /// Rows of the time series.
+    pub rows: u64,
+    /// Checkpoints.
+    pub checkpoints: u64,
+}
+
 /// √(m̄/P) (s), the time of I = γ̇ √(m̄/P); in three dimensions √(m̄/(P d̄)).
 pub fn inertial_time(scene: &Scene, load: &Load) -> f64 {
     let sample = &scene.sample;
@@ -203,6 +214,38 @@ impl Schedule {
         step > 0 && self.due(|s| s.checkpoints, step, 0)
     }
 
+    /// What the whole stage writes.
+    pub fn counts(&self) -> Counts {
+        let frames = self.count(|s| s.frames, self.first_frame);
+        let rows = self.count(|s| s.series, 0);
+        let checkpoints = self.count(|s| s.checkpoints, 0);
+        // None at the start, and always one at the end.
+        let at_start = u64::from(self.due(|s| s.checkpoints, 0, 0));
+        let at_end = u64::from(!self.due(|s| s.checkpoints, self.total, 0));
+        Counts {
+            frames,
+            rows,
+            checkpoints: checkpoints - at_start + at_end,
+        }
+    }
+
+    /// Number of steps, up to the last one, at which something is due from the step `from` on.
+    fn count(&self, every: impl Fn(&Intervals) -> u64, from: u64) -> u64 {
+        let segments = self.protocol.segments();
+        let ends = segments.iter().skip(1).map(|segment| segment.first);
+        let ends = ends.chain([self.total + 1]);
+        let parts = segments.iter().zip(&self.intervals).zip(ends);
+        let of_part = |((segment, intervals), end): ((&Segment, &Intervals), u64)| {
+            let first = segment.first.max(from);
+            match every(intervals) {
+                0 => 0,
+                every if end > first => (end - 1 - first) / every + 1,
+                _ => 0,
+            }
+        };
+        parts.map(of_part).sum()
+    }
+
     fn due(&self, every: impl Fn(&Intervals) -> u64, step: u64, from: u64) -> bool {
         let segment = self.protocol.segment_of(step);
         let first = self.protocol.segments()[segment].first;
@@ -317,6 +360,41 @@ mod tests {
             s.analysis_due(s.first_analysis) && !s.analysis_due(s.first_analysis - all.analysis)
         );
         assert!((0..20).all(|k| s.series_due(s.first_analysis + k * all.analysis)));
+    }
+
+    /// Counted step by step, of strains and of parts.
+    #[test]
+    fn counts_are_those_of_the_steps() {
+        let parts = "shear.protocol=[{velocity=1e-3, time=1e-6}, {velocity=0, time=0.7e-6}]";
+        let of_parts = [
+            "shear.inertial_number=none",
+            "shear.strain=none",
+            "output.frame_strain=none",
+            "output.series_strain=none",
+            "output.checkpoint_strain=none",
+            parts,
+            "output.frame_rows=7",
+            "output.series_rows=13",
+        ];
+        let strains = [
+            "shear.strain=0.001",
+            "output.frame_strain=1.7e-5",
+            "output.frame_start=3e-4",
+            "output.checkpoint_strain=2e-4",
+        ];
+        for set in [&of_parts[..], &strains] {
+            let set: Vec<String> = set.iter().map(ToString::to_string).collect();
+            let s = schedule(&set);
+            let count =
+                |due: &dyn Fn(u64) -> bool| (0..=s.total).filter(|k| due(*k)).count() as u64;
+            let wanted = Counts {
+                frames: count(&|k| s.frame_due(k)),
+                rows: count(&|k| s.series_due(k)),
+                checkpoints: count(&|k| s.checkpoint_due(k) || k == s.total),
+            };
+            assert_eq!(s.counts(), wanted, "{set:?}");
+            assert!(wanted.frames > 10 && wanted.rows > 20 && wanted.checkpoints > 1);
+        }
     }
 
     /// Contract 2: nothing about output moves the time step or the number of steps.

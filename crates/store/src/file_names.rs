@@ -14,3 +14,5 @@ pub const AQS_FILE: &str = "aqs.h5";
 pub const NEWTONIAN_FILE: &str = "newtonian.h5";
 /// Eigenvalues in time, one per line.
 pub const SPECTRA_FILE: &str = "spectra.csv";
+/// How far the run has come, for dashboards.
+pub const STATUS_FILE: &str = "status.json";

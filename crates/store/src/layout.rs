@@ -75,6 +75,60 @@ pub fn frame_columns(axes: usize) -> Vec<&'static str> {
         .collect()
 }
 
+/// Entries in a chunk of a dataset of contacts.
+fn contact_chunk(grains: usize) -> usize {
+    (grains * 32)
+        .next_power_of_two()
+        .clamp(CHUNK_ROWS, CHUNK_BYTES / 8)
+}
+
+/// Frames and grains in a chunk of a dataset with `width` numbers per grain.
+fn grain_chunk(grains: usize, width: usize) -> [usize; 2] {
+    let frame = 8 * width * grains;
+    // A power of two, so that a batch of frames fills whole chunks.
+    let frames = 1 << (CHUNK_BYTES / frame).clamp(1, CHUNK_FRAMES).ilog2();
+    [frames, grains.min(CHUNK_BYTES / (8 * width))]
+}
+
+/// Bytes of objects and attributes of a file, about.
+const METADATA_BYTES: f64 = 100e3;
+
+/// Bytes of a file with so many frames, contacts in a frame, rows and columns of the time series:
+/// whole chunks of every dataset.
+pub fn file_bytes(
+    (axes, grains): (usize, usize),
+    (frames, contacts): (u64, f64),
+    (rows, columns): (u64, usize),
+) -> f64 {
+    let chunks = |entries: f64, chunk: usize| (entries / chunk as f64).ceil() * chunk as f64;
+    let of_grains = |width: usize, bytes: usize| {
+        let [in_chunk, block] = grain_chunk(grains, width);
+        let blocks = chunks(grains as f64, block);
+        chunks(frames as f64, in_chunk) * blocks * (width * bytes) as f64
+    };
+    let numbers = elements(axes)
+        .iter()
+        .map(|(_, width)| of_grains(*width, 8))
+        .sum::<f64>();
+    let all = chunks(frames as f64 * contacts, contact_chunk(grains));
+    let [_, contact] = frame_bytes(axes);
+    // Radius, mass, id, body.
+    let constant = 21.0 * grains as f64;
+    let series = chunks(rows as f64, CHUNK_ROWS) * 8.0 * (columns + 3) as f64;
+    METADATA_BYTES + constant + numbers + of_grains(3, 4) + all * contact as f64 + series
+}
+
+/// Bytes of a grain and of a contact in a frame.
+pub fn frame_bytes(axes: usize) -> [usize; 2] {
+    let numbers = |of: &[(Column, usize)]| of.iter().map(|(_, width)| 8 * width).sum::<usize>();
+    let image = 3 * size_of::<i32>();
+    let (pair, flags) = (2 * size_of::<u32>(), if axes == 2 { 2 } else { 1 });
+    [
+        numbers(&elements(axes)) + image,
+        numbers(forces(axes)) + pair + flags,
+    ]
+}
+
 /// Most frames in a chunk.
 pub const CHUNK_FRAMES: usize = 64;
 /// Bytes in a chunk of frames: large enough to write fast, small enough to read one frame.
@@ -239,9 +293,7 @@ impl Datasets {
 
         group(CONTACTS)?;
         link_clock(&element(0), CONTACTS)?;
-        let rows = (grains * 32)
-            .next_power_of_two()
-            .clamp(CHUNK_ROWS, CHUNK_BYTES / 8);
+        let rows = contact_chunk(grains);
         let contact = |name: &str| format!("{CONTACTS}/{name}");
         let mut columns = Vec::new();
         for (column, width) in forces(axes) {
@@ -356,10 +408,7 @@ fn of_grains<T: H5Type + Copy>(
     if mode == Mode::Open {
         return file.open_dataset(name);
     }
-    let frame = 8 * width * grains;
-    // A power of two, so that a batch of frames fills whole chunks.
-    let frames = 1 << (CHUNK_BYTES / frame).clamp(1, CHUNK_FRAMES).ilog2();
-    let block = grains.min(CHUNK_BYTES / (8 * width));
+    let [frames, block] = grain_chunk(grains, width);
     match width {
         1 => file.dataset(name, &[0, grains], Some(&[frames, block])),
         _ => file.dataset(name, &[0, grains, width], Some(&[frames, block, width])),

@@ -6,6 +6,7 @@
 //! | [`run_reader`] | reads `run.h5`, and `aqs.h5` and `newtonian.h5` of periodic boxes |
 //! | [`checkpoint`] | writes and reads `checkpoint.h5`, with checksums |
 //! | [`log`] | writes `log.csv`, the time series as text |
+//! | [`status`] | writes and reads `status.json`, how far a run has come |
 //! | [`reduced_writer`], [`spectrum_writer`] | write `reduced.h5` and `spectrum.h5` |
 //! | [`spectrum_reader`] | reads the eigenvectors of `spectrum.h5` |
 //! | [`table`], [`matrix_market`], [`text_writer`] | CSV tables, sparse matrices, small text files |
@@ -59,6 +60,7 @@ pub mod run_reader;
 mod scalar_columns;
 pub mod spectrum_reader;
 pub mod spectrum_writer;
+pub mod status;
 pub mod table;
 pub mod text_writer;
 pub mod trajectory;

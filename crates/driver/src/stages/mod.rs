@@ -9,7 +9,7 @@ mod prepare;
 mod relax;
 mod rest;
 mod scatter;
-mod setup;
+pub(crate) mod setup;
 pub(crate) mod shear;
 mod spectra_file;
 mod spectrum;

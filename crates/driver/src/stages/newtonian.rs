@@ -24,6 +24,7 @@ use super::spectra_file::SpectraFile;
 use super::spectrum::GlobalState;
 use crate::files::{Files, Format};
 use crate::header::{Header, Pair, Progress};
+use crate::progress::Standing;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::UpToCheckpoint;
 
@@ -40,6 +41,8 @@ pub(super) struct NewtonianStage<'a, D: Dimension> {
     samples: ContactForces,
     step: u64,
     due: Due,
+    /// Shear stress of the last row.
+    latest: Option<f64>,
 }
 
 /// The state from which the stage starts.
@@ -198,6 +201,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             samples: ContactForces::default(),
             step: resumed.map_or(0, |r| r.step),
             due,
+            latest: None,
         })
     }
 
@@ -282,6 +286,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
                     contacts: observed.contacts as f64,
                     sliding_fraction: observed.sliding_fraction,
                 };
+                self.latest = Some(row.shear_stress);
                 self.files.series(exchange, step, time, &row)?;
             }
             if frame_due {
@@ -300,6 +305,17 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         }
         self.system.clock.end(StepPhase::Output);
         Ok(())
+    }
+
+    fn standing(&self) -> Standing {
+        Standing {
+            stage: "newtonian".into(),
+            step: self.step,
+            steps: Some(self.due.steps),
+            shear_stress: self.latest,
+            grains: Some(self.scene.sample.grains),
+            ..Standing::default()
+        }
     }
 
     fn save_due(&self) -> Save {

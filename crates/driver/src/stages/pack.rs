@@ -16,6 +16,7 @@ use gshear_scene::{PlaneShear, Scene};
 use super::setup::system;
 use super::top_wall::{height_between, mass_of_top};
 use crate::header::Header;
+use crate::progress::Standing;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 
 /// Steps between two checks whether the sample is at rest.
@@ -35,6 +36,48 @@ pub(super) struct PackStage<'a, D: Dimension> {
     unit: f64,
     energy: SampleConstants,
     at_rest: bool,
+    advance: Advance,
+}
+
+/// How far the packing has come, as a guess: the top falls to where the grains touch, then the
+/// kinetic energy decays.
+struct Advance {
+    /// Height of the top at the start (m), and where the grains are dense.
+    heights: [f64; 2],
+    /// Greatest kinetic energy per grain so far.
+    greatest: f64,
+    /// The guess, which never falls.
+    fraction: f64,
+}
+
+/// The part of the packing in which the top falls, about; and the solid fractions at which disks
+/// and spheres are dense.
+const FALLING: f64 = 0.25;
+const DENSE: [f64; 2] = [0.84, 0.63];
+
+impl Advance {
+    fn new(scene: &Scene, axes: usize, height: f64) -> Self {
+        let sample = &scene.sample;
+        let volume = f64::from(sample.grains) * sample.mean_volume;
+        Self {
+            heights: [height, volume / sample.base() / DENSE[axes - 2]],
+            greatest: 0.0,
+            fraction: 0.0,
+        }
+    }
+
+    /// The top is at `height` (m) and a grain has the energy `kinetic`, at rest `tolerance`.
+    fn observe(&mut self, height: f64, kinetic: f64, tolerance: f64) {
+        self.greatest = self.greatest.max(kinetic);
+        let [first, dense] = self.heights;
+        let fallen = ((first - height) / (first - dense).max(0.01 * first)).clamp(0.0, 1.0);
+        let mut fraction = FALLING * fallen;
+        if fallen > 0.9 && self.greatest > tolerance {
+            let decayed = (self.greatest / kinetic).ln() / (self.greatest / tolerance).ln();
+            fraction += (1.0 - FALLING) * decayed.clamp(0.0, 1.0);
+        }
+        self.fraction = self.fraction.max(fraction);
+    }
 }
 
 impl<'a, D: Dimension> PackStage<'a, D> {
@@ -70,6 +113,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             step,
             unit,
             at_rest: false,
+            advance: Advance::new(scene, D::AXES, piston.height),
         })
     }
 
@@ -160,6 +204,8 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         let pressing = self.drive.piston.load;
         let carried = carried / pressing;
         let per_grain = kinetic / (self.unit * grains);
+        self.advance
+            .observe(self.drive.piston.height, per_grain, tolerance);
         run.terminal
             .packing(self.step, &self.drive.piston, per_grain);
         // The bottom bears the load only once the whole sample is compressed.
@@ -184,6 +230,16 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         }
         self.system.clock.end(StepPhase::Output);
         Ok(())
+    }
+
+    fn standing(&self) -> Standing {
+        Standing {
+            stage: "pack".into(),
+            step: self.step,
+            fraction: Some(self.advance.fraction),
+            grains: Some(self.scene.sample.grains),
+            ..Standing::default()
+        }
     }
 
     fn save_due(&self) -> Save {

@@ -80,6 +80,7 @@ pub fn run<D: LawSpace>(
         (system, progress)
     };
     let Some(newtonian) = &periodic.newtonian else {
+        run.terminal.go_on(&run.options.out);
         return Ok(Outcome::Done);
     };
     let begins = resumed.as_ref().is_none_or(|r| r.step == 0);

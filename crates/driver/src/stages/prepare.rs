@@ -12,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use super::relax::{NOT_AT_REST, overdamped};
 use super::scatter::{Placed, move_apart};
 use super::setup::system;
+use crate::progress::Standing;
 use crate::run::{Run, StageState};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
@@ -42,7 +43,7 @@ const CLOSEST: f64 = 0.9;
 
 /// The packing at rest, without friction.
 pub(super) fn prepare<D: Dimension>(
-    run: &Run<'_>,
+    run: &mut Run<'_>,
     scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
@@ -126,7 +127,19 @@ fn compress<D: Dimension>(
     // The last box in which the grains settled, and the grains there.
     let mut settled: Option<(f64, Vec<GrainState>)> = None;
     let mut halvings = 0;
+    let loosest = length;
+    let mut boxes = 0;
+    let standing = |boxes: u64, length: f64| Standing {
+        stage: "prepare".into(),
+        step: boxes,
+        // The length shrinks by the same part in every step.
+        fraction: Some((loosest / length).ln() / (loosest / target).ln().max(1e-9)),
+        ..Standing::default()
+    };
+    run.reporter.begin(&run.terminal, standing(boxes, length));
     loop {
+        boxes += 1;
+        run.reporter.report(&run.terminal, standing(boxes, length));
         let mut system = system::<D>(run, scene, scene.sample.box_cell(length))?;
         system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
         // At the end the waves of the last steps must decay before the relaxation: with a weak drag

@@ -11,12 +11,12 @@ use gshear_scene::{Boundary, Scene};
 use crate::run::Run;
 
 /// The law between the grains of a scene, with this friction and rolling resistance.
-pub(super) fn force<D: LawSpace>(law: &Law, contact: Contact) -> Box<dyn PairForce<D>> {
+pub(crate) fn force<D: LawSpace>(law: &Law, contact: Contact) -> Box<dyn PairForce<D>> {
     D::pair_force(law, &contact).expect("a law of this dimension, as the scene was checked")
 }
 
 /// The system of the scene in a cell, without its grains.
-pub(super) fn system<D: Dimension>(
+pub(crate) fn system<D: Dimension>(
     run: &Run<'_>,
     scene: &Scene,
     cell: Cell,

@@ -21,6 +21,7 @@ use super::setup::system;
 use crate::files::{Files, Format};
 use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
+use crate::progress::Standing;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
@@ -42,6 +43,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     step: u64,
     first: u64,
     started: Instant,
+    /// The last row of the time series.
+    latest: Option<SeriesRow>,
 }
 
 /// The data with which a shear begins or resumes.
@@ -152,6 +155,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             step: from.step,
             first: from.step,
             started: Instant::now(),
+            latest: None,
         })
     }
 
@@ -184,9 +188,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             exchange,
             &mut self.system,
             &phases,
-            rate,
+            done / seconds,
             &digest,
-            &run.options.out,
+            (&run.options.out, complete),
         );
         Ok(())
     }
@@ -302,7 +306,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             }
             self.files.series(exchange, step, time, &values)?;
             self.files.log(step, time, &values);
-            run.terminal.latest(&row);
+            self.latest = Some(row);
         }
         if frames || analysed {
             let (grains, contacts) =
@@ -345,14 +349,36 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         })
     }
 
-    fn progress(&mut self, run: &mut Run<'_>) {
+    fn standing(&self) -> Standing {
+        let row = self.latest;
+        // A top that is pulled by a force moves as it likes.
+        let strain = match (self.schedule.protocol.has_force(), row) {
+            (true, Some(row)) => row.strain,
+            _ => self.schedule.strain(self.step),
+        };
+        Standing {
+            stage: "shear".into(),
+            step: self.step,
+            steps: Some(self.schedule.total),
+            strain: Some(strain),
+            stress_ratio: row.map(|row| row.stress_ratio),
+            solid_fraction: row.map(|row| row.solid_fraction),
+            grains: Some(self.scene.sample.grains),
+            ..Standing::default()
+        }
+    }
+
+    fn log(&mut self, run: &Run<'_>) {
         self.system.clock.end(StepPhase::Output);
         if self.schedule.progress_due(self.step) {
-            let grains = self.scene.sample.grains;
-            let elapsed = self.started.elapsed();
+            let done = (self.step - self.first, self.started.elapsed());
             run.terminal
-                .progress(&self.schedule, grains, self.first, self.step, elapsed);
+                .progress(&self.schedule, &self.standing(), done);
         }
+    }
+
+    fn publish(&mut self) {
+        self.files.publish();
     }
 }
 

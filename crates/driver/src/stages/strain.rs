@@ -20,6 +20,7 @@ use super::rest::RestState;
 use super::spectrum::{Eigenvalues, GlobalState};
 use crate::files::{Files, Format};
 use crate::header::{Birth, Header, Progress, Stretched};
+use crate::progress::Standing;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
 
@@ -52,6 +53,8 @@ pub(super) struct Strain<'a, D: Dimension> {
     /// The state before the last strain step, and the statistics of its relaxation.
     before: Option<(RestState, Progress)>,
     found: Equilibrium,
+    /// Strain and shear stress of the last state.
+    latest: Option<[f64; 2]>,
 }
 
 impl<'a, D: Dimension> Strain<'a, D> {
@@ -90,6 +93,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             samples: ContactForces::default(),
             before: None,
             found: Equilibrium::default(),
+            latest: None,
         })
     }
 
@@ -275,6 +279,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         };
         self.files
             .series(exchange, step, row.strain, &row.columns::<D>())?;
+        self.latest = Some([row.strain, row.observed.shear_stress]);
         run.terminal.strain_step(&row);
         let every = aqs.frame_every;
         if every > 0 && step.is_multiple_of(every) {
@@ -295,6 +300,17 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             after.put_back(exchange, &mut self.system, self.law)?;
         }
         Ok(())
+    }
+
+    fn standing(&self) -> Standing {
+        Standing {
+            stage: "aqs".into(),
+            step: self.progress.steps,
+            steps: Some(self.periodic.aqs.steps),
+            strain: self.latest.map(|[strain, _]| strain),
+            shear_stress: self.latest.map(|[_, stress]| stress),
+            ..Standing::default()
+        }
     }
 
     fn save_due(&self) -> Save {

@@ -121,7 +121,7 @@ table! {
             default: Some(1000),
             change: Change::Resume,
         },
-        /// lines on the terminal over the whole run
+        /// lines of progress over the whole run; a terminal has one that is drawn anew
         progress_lines: Whole {
             range: FROM_ZERO,
             default: Some(20),

@@ -11,6 +11,7 @@ use crate::journal::{self, Journal};
 use crate::layout::{
     CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, by_root, describe,
 };
+pub use crate::layout::{file_bytes, frame_bytes};
 use crate::scalar_columns::ScalarColumns;
 use bytemuck::{Pod, Zeroable};
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -78,6 +79,13 @@ const BATCH_BYTES: usize = 16 << 20;
 const BATCH_ROWS: usize = 1024;
 /// Longest time between flushes to disk (s), if batches come as often.
 const FLUSH_SECONDS: f64 = 2.0;
+
+/// Bytes of frames of this size (bytes) that wait in memory to be written, over all ranks.
+pub fn waiting_bytes(frame: f64) -> f64 {
+    (CHUNK_FRAMES as f64 * frame)
+        .min(BATCH_BYTES as f64)
+        .max(frame)
+}
 
 /// `run.h5`, open for writing. Its content does not depend on the number of ranks. Every call is
 /// collective.

@@ -1,0 +1,324 @@
+//! `watch`: curves of a run under way in the terminal, from `log.csv` and `status.json`, which can be
+//! read while the run writes.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
+
+use console::Term;
+
+use gshear_dem::failure::Failure;
+use gshear_driver::progress::{Standing, line};
+use gshear_store::file_names::{AQS_FILE, LOG_FILE, STATUS_FILE};
+use gshear_store::run_reader::RunFile;
+use gshear_store::status::{RunState, Status};
+
+use super::braille::plot;
+use super::output::cannot_write;
+
+/// Time between two looks at the run.
+const INTERVAL: Duration = Duration::from_secs(1);
+/// Time without a new status after which a run may have been killed.
+const SILENT: Duration = Duration::from_secs(30);
+/// The widest picture (characters), and the least size of one.
+const WIDEST: usize = 120;
+const LEAST: [usize; 2] = [30, 8];
+
+/// Shows the run until it ends; without a terminal, prints one line.
+///
+/// # Errors
+/// A folder without a run, output that cannot be written.
+pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
+    let folder = match run.is_dir() {
+        true => run,
+        false => match run.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        },
+    };
+    let mut curves = Curves::new(folder);
+    let term = Term::stdout();
+    let shown = term.is_term() && term.size_checked().is_some();
+    let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let mut drawn = 0;
+    loop {
+        let begun = Instant::now();
+        let status = Status::read(folder);
+        curves.read(status.as_ref())?;
+        if status.is_none() && curves.rows() == 0 {
+            return Err(Failure::input(format!(
+                "{}: holds neither {STATUS_FILE} nor {LOG_FILE}; give the folder of a run",
+                folder.display()
+            )));
+        }
+        let width = match shown {
+            true => usize::from(term.size().1).saturating_sub(1),
+            false => usize::MAX,
+        };
+        let mut text = vec![headline(status.as_ref(), width, shown && colours)];
+        if shown {
+            let height = usize::from(term.size().0);
+            text.extend(curves.pictures(width.min(WIDEST), height.saturating_sub(3)));
+            // The last picture is drawn over.
+            if drawn > 0 {
+                write!(output, "\x1b[{drawn}A").map_err(cannot_write)?;
+            }
+            drawn = text.len();
+        }
+        for line in &text {
+            let clear = if shown { "\x1b[2K" } else { "" };
+            writeln!(output, "{clear}{line}").map_err(cannot_write)?;
+        }
+        if shown {
+            write!(output, "\x1b[J").map_err(cannot_write)?;
+        }
+        output.flush().map_err(cannot_write)?;
+        let runs = status.is_some_and(|status| status.state == RunState::Running);
+        if !shown || !runs {
+            return Ok(());
+        }
+        std::thread::sleep(INTERVAL.saturating_sub(begun.elapsed()));
+    }
+}
+
+/// What the run does, in a line.
+fn headline(status: Option<&Status>, width: usize, colours: bool) -> String {
+    let Some(status) = status else {
+        let text = "the state is unknown: an earlier version wrote this run";
+        return text.chars().take(width).collect();
+    };
+    let what = |words: &str| {
+        let standing = Standing::from(status);
+        let words = match words {
+            "" => String::new(),
+            words => format!("{words} "),
+        };
+        let room = width.saturating_sub(words.chars().count());
+        let text = line(&standing, status.speed, status.seconds_left, room, colours);
+        let text: String = words + &text;
+        match width {
+            usize::MAX => text.split_whitespace().collect::<Vec<_>>().join(" "),
+            _ => text,
+        }
+    };
+    match status.state {
+        RunState::Running if age(status).is_some_and(|age| age > SILENT) => {
+            let seconds = age(status).unwrap_or_default().as_secs();
+            what(&format!("no news for {seconds}s,"))
+        }
+        RunState::Running => what(""),
+        RunState::Stopped => what("stopped:"),
+        RunState::Done => what("done:"),
+        RunState::Failed => {
+            let message = status.message.as_deref().unwrap_or("unknown");
+            let text = format!("failed in {}: {message}", status.stage);
+            text.chars().take(width).collect()
+        }
+    }
+}
+
+/// Time since the status was written.
+fn age(status: &Status) -> Option<Duration> {
+    let written = humantime::parse_rfc3339(&status.updated).ok()?;
+    SystemTime::now().duration_since(written).ok()
+}
+
+/// A point of every curve, by the strain or, if that returns, by the time.
+struct Curves {
+    folder: PathBuf,
+    log: Tail,
+    /// Names of the curves, and of what they are drawn over.
+    names: [&'static str; 2],
+    over: &'static str,
+    points: [Vec<[f64; 2]>; 2],
+}
+
+impl Curves {
+    fn new(folder: &Path) -> Self {
+        Self {
+            folder: folder.into(),
+            log: Tail::new(folder.join(LOG_FILE)),
+            names: ["tau", "phi"],
+            over: "strain",
+            points: [Vec::new(), Vec::new()],
+        }
+    }
+
+    fn rows(&self) -> usize {
+        self.points[0].len()
+    }
+
+    /// Reads what is new.
+    fn read(&mut self, status: Option<&Status>) -> Result<(), Failure> {
+        self.log.read();
+        if self.log.rows() > 0 {
+            let names = ["strain", "time", "stress_ratio", "solid_fraction"];
+            let [strain, time, tau, phi] = names.map(|name| self.log.column(name));
+            let returns = strain.windows(2).any(|pair| pair[1] < pair[0]);
+            let (over, x) = match returns {
+                true => ("time", time),
+                false => ("strain", strain),
+            };
+            (self.names, self.over) = (["tau", "phi"], over);
+            let points = |y: Vec<f64>| x.iter().zip(y).map(|(x, y)| [*x, y]).collect();
+            self.points = [points(tau), points(phi)];
+            return Ok(());
+        }
+        // A box writes no log: its file can be read once the run has ended. Until then the states
+        // are shown that were seen.
+        let Some(status) = status else { return Ok(()) };
+        self.names = ["stress", ""];
+        if status.state != RunState::Running && self.folder.join(AQS_FILE).exists() {
+            let run = RunFile::open_any(&self.folder.join(AQS_FILE))?;
+            let series = run.series();
+            let stress = series.column("shear_stress");
+            let points = series.time.iter().zip(stress).map(|(x, y)| [*x, *y]);
+            self.points[0] = points.collect();
+            return Ok(());
+        }
+        if let (Some(strain), Some(stress)) = (status.strain, status.shear_stress)
+            && self.points[0].last().is_none_or(|last| last[0] < strain)
+        {
+            self.points[0].push([strain, stress]);
+        }
+        Ok(())
+    }
+
+    /// The lines of the pictures, one above the other if there is room.
+    fn pictures(&self, width: usize, height: usize) -> Vec<String> {
+        if width < LEAST[0] || height < LEAST[1] || self.rows() < 2 {
+            return Vec::new();
+        }
+        let unicode = speaks_utf8();
+        let [first, second] = &self.points;
+        match second.len() > 1 && height >= 2 * LEAST[1] + 4 {
+            true => {
+                // The stress has twice the room.
+                let lower = (height / 3).max(LEAST[1]);
+                let mut lines = plot(
+                    first,
+                    self.names[0],
+                    self.over,
+                    [width, height - lower],
+                    unicode,
+                );
+                lines.extend(plot(
+                    second,
+                    self.names[1],
+                    self.over,
+                    [width, lower],
+                    unicode,
+                ));
+                lines
+            }
+            false => plot(first, self.names[0], self.over, [width, height], unicode),
+        }
+    }
+}
+
+/// Whether the terminal takes more than ASCII.
+fn speaks_utf8() -> bool {
+    let names = ["LC_ALL", "LC_CTYPE", "LANG"];
+    let value = names
+        .into_iter()
+        .find_map(|name| std::env::var(name).ok().filter(|v| !v.is_empty()));
+    let value = value.unwrap_or_default().to_lowercase();
+    value.contains("utf-8") || value.contains("utf8")
+}
+
+/// A table that grows: reads its new lines. A table that is cut or replaced, as at a resume, is read
+/// again.
+struct Tail {
+    path: PathBuf,
+    file: (u64, u64),
+    read: u64,
+    names: Vec<String>,
+    columns: Vec<Vec<f64>>,
+}
+
+impl Tail {
+    fn new(path: PathBuf) -> Self {
+        Self {
+            path,
+            file: (0, 0),
+            read: 0,
+            names: Vec::new(),
+            columns: Vec::new(),
+        }
+    }
+
+    fn rows(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+
+    fn column(&self, name: &str) -> Vec<f64> {
+        let at = self.names.iter().position(|known| known == name);
+        at.map_or_else(Vec::new, |at| self.columns[at].clone())
+    }
+
+    /// Reads the complete lines that are new; a file that cannot be read has none.
+    fn read(&mut self) {
+        let Ok(mut file) = File::open(&self.path) else {
+            return;
+        };
+        let Ok(of) = file.metadata() else { return };
+        let id = (of.dev(), of.ino());
+        if id != self.file || of.len() < self.read {
+            *self = Self {
+                file: id,
+                ..Self::new(std::mem::take(&mut self.path))
+            };
+        }
+        if file.seek(SeekFrom::Start(self.read)).is_err() {
+            return;
+        }
+        let mut reader = BufReader::new(file);
+        let mut line = String::new();
+        while reader.read_line(&mut line).is_ok_and(|bytes| bytes > 0) && line.ends_with('\n') {
+            self.read += line.len() as u64;
+            self.take(line.trim_end());
+            line.clear();
+        }
+    }
+
+    fn take(&mut self, line: &str) {
+        let cells = line.split(',');
+        if self.names.is_empty() {
+            self.names = cells.map(String::from).collect();
+            self.columns = vec![Vec::new(); self.names.len()];
+            return;
+        }
+        let values: Option<Vec<f64>> = cells.map(|cell| cell.parse().ok()).collect();
+        if let Some(values) = values.filter(|values| values.len() == self.columns.len()) {
+            let columns = self.columns.iter_mut();
+            columns.zip(values).for_each(|(column, x)| column.push(x));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_is_read_as_it_grows() {
+        let path = std::env::temp_dir().join(format!("gshear-watch-{}.csv", std::process::id()));
+        let mut tail = Tail::new(path.clone());
+        tail.read();
+        assert_eq!(tail.rows(), 0);
+        let write = |text: &str| std::fs::write(&path, text).expect("written");
+        write("step,strain\n0,0\n10,0.5\n20,0.");
+        tail.read();
+        assert_eq!(tail.column("strain"), [0.0, 0.5]);
+        write("step,strain\n0,0\n10,0.5\n20,0.75\n");
+        tail.read();
+        assert_eq!(tail.column("strain"), [0.0, 0.5, 0.75]);
+        // Cut at a resume.
+        write("step,strain\n0,0\n");
+        tail.read();
+        assert_eq!(tail.column("strain"), [0.0]);
+        std::fs::remove_file(&path).expect("removed");
+    }
+}

@@ -1,0 +1,213 @@
+//! What a scene may have, but seldom has on purpose: a unit mistaken, a number of another quantity.
+
+use toml::{Table, Value};
+
+use crate::schedule::Schedule;
+use crate::{Boundary, Motion, PartDrive, PlaneShear, Scene, WallSpeed};
+
+/// Ranges in which a value of a key raises no doubt.
+struct Likely {
+    key: &'static str,
+    range: [f64; 2],
+    unit: &'static str,
+    doubt: &'static str,
+}
+
+/// Of scenes in SI units.
+const MATERIAL: [Likely; 2] = [
+    Likely {
+        key: "material.young_modulus",
+        range: [1e4, 2e12],
+        unit: "Pa",
+        doubt: "rubber has about 1e6, glass 7e10; \"70 GPa\" is a way to write it",
+    },
+    Likely {
+        key: "material.density",
+        range: [100.0, 25_000.0],
+        unit: "kg/m³",
+        doubt: "glass has 2500; \"2.5 g/cm^3\" is a way to write it",
+    },
+];
+/// Of every scene.
+const CONTACT: [Likely; 4] = [
+    Likely {
+        key: "contact.friction",
+        // Bonfanti et al. take 10, to keep contacts from sliding.
+        range: [0.0, 10.0],
+        unit: "",
+        doubt: "it is a coefficient, the tangent of an angle: of most materials 0.1 to 1",
+    },
+    Likely {
+        key: "contact.rolling_friction",
+        range: [0.0, 1.0],
+        unit: "",
+        doubt: "it is a coefficient: of most materials below 0.5",
+    },
+    Likely {
+        key: "contact.damping_ratio",
+        range: [0.0, 1.0],
+        unit: "",
+        doubt: "above 1 contacts are overdamped and stick",
+    },
+    Likely {
+        key: "pack.tolerance",
+        range: [1e-14, 1e-2],
+        unit: "",
+        doubt: "1e-6 to 1e-4 of P d δ is at rest",
+    },
+];
+
+/// Least stiffness number κ at which the laws of small overlaps hold, and greatest I of a quasi-static or
+/// dense flow. Least number of layers and columns of grains.
+const RIGID: f64 = 100.0;
+const DENSE_FLOW: f64 = 0.1;
+const LAYERS: f64 = 6.0;
+/// Greatest weight of the sample over its load.
+const WEIGHT: f64 = 1.0;
+
+/// Returns a sentence for each value of the scene that is allowed and unlikely. `height` (m): of the
+/// sheared layer, as far as that is known.
+pub fn unlikely(scene: &Scene, height: f64) -> Vec<String> {
+    let mut doubts = Vec::new();
+    // Every value with its default.
+    let table: Table = scene.toml.parse().unwrap_or_default();
+    let value = |key: &str| {
+        let (table_name, name) = key.split_once('.')?;
+        let value = table.get(table_name)?.get(name)?;
+        let whole = value.as_integer().map(|whole| whole as f64);
+        value.as_float().or(whole).or_else(|| first(value))
+    };
+    let walls = match &scene.boundary {
+        Boundary::Walls(walls) => Some(walls),
+        Boundary::Periodic(_) => None,
+    };
+    let material = MATERIAL.iter().filter(|_| walls.is_some());
+    for likely in material.chain(&CONTACT) {
+        let [least, most] = likely.range;
+        if let Some(value) = value(likely.key).filter(|x| !(least..=most).contains(x)) {
+            let Likely {
+                key, unit, doubt, ..
+            } = likely;
+            doubts.push(format!("{} {doubt}", is(key, value, unit)));
+        }
+    }
+    if let Some(walls) = walls {
+        of_walls(scene, walls, height, &mut doubts);
+    }
+    doubts
+}
+
+/// The first number of a list.
+fn first(value: &Value) -> Option<f64> {
+    value.as_array()?.first()?.as_float()
+}
+
+fn is(key: &str, value: f64, unit: &str) -> String {
+    let value = match (1e-3..1e5).contains(&value.abs()) || value == 0.0 {
+        true => format!("{value}"),
+        false => format!("{value:.3e}"),
+    };
+    format!(
+        "{key} is {value}{}{unit}:",
+        if unit.is_empty() { "" } else { " " }
+    )
+}
+
+fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<String>) {
+    let (load, sample) = (&walls.load, &scene.sample);
+    let diameter = sample.mean_diameter;
+    let pressures = walls.shear.pressures(load.pressure);
+    let greatest = pressures
+        .iter()
+        .flatten()
+        .map(|[start, end, wave]| start.max(*end) + wave);
+    let greatest = greatest.fold(load.pressure, f64::max);
+    // κ falls as the pressure rises, at least as fast as by its power 2/3.
+    let kappa = load.stiffness_number * (load.pressure / greatest).powf(2.0 / 3.0);
+    if kappa < RIGID {
+        doubts.push(format!(
+            "the pressure of {greatest:.3e} Pa presses grains together by about {:.2} % of their diameter (stiffness number {kappa:.0}): the laws are those of small overlaps, and rigid grains have 1000 or more; give a smaller pressure or stiffer grains",
+            100.0 / kappa
+        ));
+    }
+    let schedule = Schedule::new(scene, walls, height);
+    let given = match &walls.shear.motion {
+        Motion::Strain {
+            drive: WallSpeed::InertialNumber(i),
+            ..
+        } => *i,
+        Motion::Strain {
+            drive: WallSpeed::Velocity(v),
+            ..
+        } => schedule.inertial_number(*v),
+        Motion::Protocol(parts) => {
+            let speeds = parts.iter().map(|part| match &part.drive {
+                PartDrive::Velocity(v) => *v,
+                PartDrive::Strain(wave) => {
+                    std::f64::consts::TAU * wave.frequency * wave.amplitude * height
+                }
+                PartDrive::Stress(_) => 0.0,
+            });
+            schedule.inertial_number(speeds.fold(0.0, |most, v| most.max(v.abs())))
+        }
+    };
+    if given > DENSE_FLOW {
+        doubts.push(format!(
+            "the inertial number is {given:.3}: from about {DENSE_FLOW} on grains collide more than they touch; quasi-static shear has 1e-3 or less"
+        ));
+    }
+    let layers = [height / diameter, sample.length / diameter];
+    for (layers, what, key) in [
+        (layers[0], "layers high", "sample.grains"),
+        (layers[1], "grains long", "sample.length"),
+    ] {
+        if layers < LAYERS {
+            doubts.push(format!(
+                "the sample is about {layers:.1} {what}: walls and periodic images decide what it does; raise {key}"
+            ));
+        }
+    }
+    let mass = scene.law.masses().of(sample.mean_volume) * f64::from(sample.grains);
+    let weight = load.gravity * mass / load.normal_force;
+    if weight > WEIGHT {
+        doubts.push(format!(
+            "the sample weighs {weight:.2} times its load (load.gravity): the pressure at the bottom is more than twice that at the top"
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Source, load};
+
+    fn doubts(sets: &[&str]) -> Vec<String> {
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let scene = load(&Source::embedded(), &sets).expect("a legal scene");
+        unlikely(&scene, 40e-6)
+    }
+
+    #[test]
+    fn each_unlikely_value_is_doubted_once() {
+        assert_eq!(doubts(&[]), [""; 0]);
+        for (sets, word) in [
+            (
+                &["material.young_modulus=1.0"][..],
+                "material.young_modulus is 1 Pa",
+            ),
+            (&["material.density=2.5"], "material.density is 2.5 kg/m³"),
+            (&["contact.friction=30"], "contact.friction is 30:"),
+            (&["shear.inertial_number=0.5"], "inertial number is 0.500:"),
+            (
+                &["load.stiffness_number=50"],
+                "presses grains together by about 2.00 %",
+            ),
+            (&["sample.length=8e-6"], "5.3 grains long"),
+            (&["load.gravity=1e9"], "times its load"),
+        ] {
+            let found = doubts(sets);
+            assert_eq!(found.len(), 1, "{sets:?}: {found:?}");
+            assert!(found[0].contains(word), "{found:?}");
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! `status.json`: how far a run has come, for dashboards and `gshear-reduce watch`.
+//!
+//! The file says nothing that decides a run: it is written anew every second, beside and renamed, and
+//! a run goes on if it cannot be written.
+
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::file_names::STATUS_FILE;
+
+/// Version of the format.
+pub const VERSION: u32 = 1;
+
+/// What has become of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RunState {
+    /// It runs, or was killed.
+    Running,
+    /// It stopped at a checkpoint before its end.
+    Stopped,
+    /// It came to its end.
+    Done,
+    /// It failed.
+    Failed,
+}
+
+/// The content of `status.json`. Numbers that are unknown are `None`, in the file `null`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// Version of the format.
+    pub version: u32,
+    /// What has become of the run.
+    pub state: RunState,
+    /// Why it failed.
+    pub message: Option<String>,
+    /// The identity of the run.
+    pub run_id: String,
+    /// Title of the scene.
+    pub title: String,
+    /// Name of the stage, as in checkpoints; `prepare` is that of a box before its strain steps.
+    pub stage: String,
+    /// Completed steps of the stage.
+    pub step: u64,
+    /// Steps of the stage; unknown while packing.
+    pub steps: Option<u64>,
+    /// The part of the stage that is done, 0 to 1; estimated while packing.
+    pub fraction: Option<f64>,
+    /// Shear strain γ, of a box the strain of its deformation.
+    pub strain: Option<f64>,
+    /// τ, of a run between walls.
+    pub stress_ratio: Option<f64>,
+    /// Solid fraction, of a run between walls.
+    pub solid_fraction: Option<f64>,
+    /// Shear stress, of a run in a box.
+    pub shear_stress: Option<f64>,
+    /// Speed (grain-steps/s), of all ranks together.
+    pub speed: Option<f64>,
+    /// Estimated time to the end of the stage (s).
+    pub seconds_left: Option<f64>,
+    /// Time since the program started (s).
+    pub seconds: f64,
+    /// Grains.
+    pub grains: u32,
+    /// Ranks.
+    pub ranks: usize,
+    /// The host of rank 0.
+    pub host: String,
+    /// The process of rank 0.
+    pub pid: u32,
+    /// When the program started (UTC).
+    pub started: String,
+    /// When this was written (UTC).
+    pub updated: String,
+}
+
+impl Status {
+    /// Writes the file into a folder, beside and renamed.
+    ///
+    /// # Errors
+    /// The file cannot be written; an earlier one stays.
+    pub fn write(&self, folder: &Path) -> std::io::Result<()> {
+        let text = serde_json::to_string_pretty(self)? + "\n";
+        let part = folder.join(format!("{STATUS_FILE}.part"));
+        let renamed =
+            fs::write(&part, text).and_then(|()| fs::rename(&part, folder.join(STATUS_FILE)));
+        if renamed.is_err() {
+            let _ = fs::remove_file(&part);
+        }
+        renamed
+    }
+
+    /// Reads the file of a folder; `None` if there is none, or another program wrote it.
+    pub fn read(folder: &Path) -> Option<Self> {
+        let text = fs::read_to_string(folder.join(STATUS_FILE)).ok()?;
+        serde_json::from_str(&text).ok()
+    }
+}

@@ -1,0 +1,324 @@
+//! `--check`: what it says that a run takes is what the run takes. Times are not compared.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use common::crossing::SCENE;
+use common::{gshear_mpi, mpirun};
+use gshear_store::run_reader::RunFile;
+use gshear_store::status::Status;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
+/// Sizes of files, and memory, are right within these factors.
+const FILES: f64 = 1.4;
+const MEMORY: f64 = 1.6;
+
+fn check_on(ranks: usize, arguments: &[&str]) -> Output {
+    let mut command = match ranks {
+        1 => Command::new(PROGRAM),
+        ranks => mpirun(ranks, PROGRAM),
+    };
+    let command = command.args(arguments).arg("--check");
+    command.output().expect("the program starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a check says on standard error, which is no error.
+fn said(arguments: &[&str]) -> String {
+    let output = check_on(1, arguments);
+    let said = text(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {said}");
+    said
+}
+
+/// The lines by their first words; those without are further files.
+fn lines(said: &str) -> BTreeMap<String, String> {
+    let lines = said
+        .lines()
+        .filter(|line| line.len() > 12 && line.is_char_boundary(12));
+    let lines = lines
+        .map(|line| line.split_at(12))
+        .map(|(name, content)| match name.trim() {
+            "" => content.split_once(' ').expect("a file"),
+            name => (name, content),
+        });
+    lines
+        .map(|(name, content)| (name.into(), content.into()))
+        .collect()
+}
+
+/// `1.5 MB` at the start of a text, as bytes.
+fn bytes(text: &str) -> f64 {
+    let mut words = text.trim_start_matches("about ").split(' ');
+    let number: f64 = words.next().expect("a number").parse().expect("a number");
+    let unit = words.next().expect("a unit").trim_end_matches(',');
+    number
+        * match unit {
+            "GB" => 1e9,
+            "MB" => 1e6,
+            "KB" => 1e3,
+            unit => panic!("{unit}"),
+        }
+}
+
+fn within(factor: f64, said: f64, found: f64, what: &str) {
+    let ratio = said / found;
+    let range = 1.0 / factor..factor;
+    assert!(
+        range.contains(&ratio),
+        "{what}: said {said:.4e}, found {found:.4e}"
+    );
+}
+
+fn size(path: &Path) -> f64 {
+    std::fs::metadata(path).expect("a file").len() as f64
+}
+
+/// Steps, frames, rows and sizes of a run between walls that ends.
+fn agrees(folder: &Path, arguments: &[&str]) {
+    let lines = lines(&said(arguments));
+    let owned: Vec<String> = arguments.iter().map(ToString::to_string).collect();
+    let run = gshear_mpi(1, folder, &owned);
+    assert_eq!(run.code, 0, "{}", run.text);
+    let status = Status::read(folder).expect("a status");
+    let steps = &lines["steps"];
+    assert!(
+        steps.ends_with(&format!("{} of shear", status.step)),
+        "{steps}: {}",
+        status.step
+    );
+    let file = RunFile::open(folder).expect("a run");
+    let content = format!(
+        "({} frames, {} rows)",
+        file.frames(),
+        file.series().step.len()
+    );
+    assert!(
+        lines["run.h5"].ends_with(&content),
+        "{}: {content}",
+        lines["run.h5"]
+    );
+    drop(file);
+    let mut files = ["run.h5", "log.csv"]
+        .map(|name| (name, size(&folder.join(name))))
+        .to_vec();
+    let checkpoints = ["checkpoint.h5", "checkpoint.previous.h5"];
+    let checkpoints = checkpoints.map(|name| folder.join(name)).into_iter();
+    let checkpoints = checkpoints.filter(|path| path.exists());
+    files.push(("checkpoints", checkpoints.map(|path| size(&path)).sum()));
+    for (name, found) in &files {
+        within(FILES, bytes(&lines[*name]), *found, name);
+    }
+    let all = files.iter().map(|(_, bytes)| bytes).sum();
+    within(FILES, bytes(&lines["disk"]), all, "all files");
+}
+
+#[test]
+fn steps_and_files_are_those_of_the_run() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let strain = ["--set=shear.strain=0.1", "--set=output.frame_strain=1e-3"];
+    agrees(&at("disks"), &[&[SCENE][..], &strain].concat());
+    // Three parts of a protocol, through a spring.
+    let spheres = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml");
+    agrees(&at("spheres"), &[spheres]);
+}
+
+/// The strain steps of a box.
+#[test]
+fn strain_steps_are_those_of_the_run() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+    let short = "--set=aqs.steps=3";
+    let lines = lines(&said(&[scene, short]));
+    assert!(lines["steps"].contains("3 of strain"), "{}", lines["steps"]);
+    let run = gshear_mpi(1, folder.path(), &[scene.into(), short.into()]);
+    assert_eq!(run.code, 0, "{}", run.text);
+    let path = folder.path().join("aqs.h5");
+    let file = RunFile::open_any(&path).expect("a run");
+    let content = format!(
+        "({} frames, {} rows)",
+        file.frames(),
+        file.series().step.len()
+    );
+    assert!(
+        lines["aqs.h5"].ends_with(&content),
+        "{}: {content}",
+        lines["aqs.h5"]
+    );
+    drop(file);
+    within(FILES, bytes(&lines["aqs.h5"]), size(&path), "aqs.h5");
+}
+
+/// Greatest resident size of a run (bytes) that is asked to stop after a while.
+fn resident(out: &Path, arguments: &[&str]) -> f64 {
+    let mut child = Command::new(PROGRAM)
+        .args(arguments)
+        .arg("--out")
+        .arg(out)
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let status = format!("/proc/{}/status", child.id());
+    let (mut most, mut asked) = (0.0, false);
+    while child.try_wait().expect("its state").is_none() {
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let peak = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let peak = peak.and_then(|peak| peak.trim().trim_end_matches(" kB").parse::<f64>().ok());
+        most = peak.map_or(most, |peak| 1024.0 * peak);
+        if !asked && Status::read(out).is_some_and(|status| status.step > 50) {
+            common::signal(child.id(), "USR1");
+            asked = true;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    most
+}
+
+#[test]
+fn memory_is_that_of_the_run() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let many = ["--set=sample.grains=40000", "--set=sample.length=1900e-6"];
+    for (name, arguments) in [
+        ("few", vec![SCENE, "--set=shear.strain=0.02"]),
+        (
+            "many",
+            [&[SCENE][..], &many, &["--set=output.frame_strain=0"]].concat(),
+        ),
+    ] {
+        let lines = lines(&said(&arguments));
+        let found = resident(&folder.path().join(name), &arguments);
+        within(MEMORY, bytes(&lines["memory"]), found, name);
+    }
+}
+
+/// Standard output is a scene for another program, whatever else is said.
+#[test]
+fn the_scene_stands_alone_on_standard_output() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let place = format!("--out={}", out.display());
+    for ranks in [1, 2] {
+        let output = check_on(ranks, &[SCENE, &place]);
+        let said = text(&output.stderr);
+        assert!(output.status.success(), "{said}");
+        let scene: toml::Table = text(&output.stdout).parse().expect("TOML");
+        assert!(scene.contains_key("sample"));
+        let name = format!(" of {ranks} rank");
+        assert!(
+            said.contains(&name) && !said.contains("warning: "),
+            "{said}"
+        );
+        for name in ["steps", "work", "time", "memory", "disk"] {
+            assert!(lines(&said).contains_key(name), "no {name} in {said}");
+        }
+        assert!(said.contains("can be written, holds no run"), "{said}");
+        let quiet = check_on(ranks, &[SCENE, "--quiet", &place]);
+        assert_eq!((&*quiet.stderr, &quiet.stdout), (&[][..], &output.stdout));
+    }
+    assert!(!out.exists(), "a check writes nothing");
+}
+
+/// The scenes that come with the program raise no doubt, and all kinds can be estimated.
+#[test]
+fn no_scene_of_ours_is_doubted() {
+    let _alone = common::alone();
+    let configs = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/configs"));
+    let paths = configs
+        .expect("a folder")
+        .map(|entry| entry.expect("a file").path());
+    let mut paths: Vec<PathBuf> = paths.collect();
+    paths.sort();
+    let mut checked = 0;
+    for path in paths {
+        let path = path.display().to_string();
+        let output = check_on(1, &[&path]);
+        let said = text(&output.stderr);
+        // Some are sweeps, or begin with a packing that is not there.
+        if said.contains("sweep: makes ") || said.contains("no such file") {
+            continue;
+        }
+        assert!(output.status.success(), "{path}: {said}");
+        // mu(I) is measured far into the flow on purpose.
+        let doubts = said.lines().filter(|line| line.starts_with("warning: "));
+        let meant = |doubt: &&str| path.contains("mu-of-i") && doubt.contains("inertial number");
+        let doubts: Vec<&str> = doubts.filter(|doubt| !meant(doubt)).collect();
+        assert!(
+            said.contains("steps ") && doubts.is_empty(),
+            "{path}: {said}"
+        );
+        checked += 1;
+    }
+    assert!(checked > 15, "{checked}");
+}
+
+#[test]
+fn what_is_unlikely_is_doubted() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let warnings = |arguments: &[&str]| {
+        let said = said(&[&[SCENE][..], arguments].concat());
+        let warnings = said
+            .lines()
+            .filter_map(|line| line.strip_prefix("warning: "));
+        warnings.map(String::from).collect::<Vec<_>>()
+    };
+    for (set, words) in [
+        ("material.density=2.5", "material.density is 2.5 kg/m³"),
+        (
+            "material.young_modulus=1.0",
+            "material.young_modulus is 1 Pa",
+        ),
+        ("contact.friction=30", "contact.friction is 30"),
+        ("shear.inertial_number=0.5", "the inertial number is 0.5"),
+        (
+            "load.stiffness_number=20",
+            "presses grains together by about 5.00 %",
+        ),
+    ] {
+        let found = warnings(&["--set", set]);
+        assert!(
+            found.len() == 1 && found[0].contains(words),
+            "{set}: {found:?}"
+        );
+    }
+    // Seven slabs are three grains wide.
+    let many = check_on(7, &[SCENE]);
+    let said = text(&many.stderr);
+    let wanted = "7 ranks are more than make sense: slabs are so narrow";
+    assert!(
+        said.contains(wanted) && said.contains("run it on "),
+        "{said}"
+    );
+    let refused = check_on(12, &[SCENE]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("12 ranks are too many"));
+
+    // The folder: of this run, of another one, of none.
+    let out = folder.path().join("out");
+    let place = format!("--out={}", out.display());
+    let short = "--set=shear.strain=0.02";
+    let run = gshear_mpi(1, &out, &[SCENE.into(), short.into()]);
+    assert_eq!(run.code, 0, "{}", run.text);
+    let found = warnings(&[short, &place]);
+    assert!(
+        found[0].contains("holds this run, which is finished"),
+        "{found:?}"
+    );
+    let found = warnings(&["--set=seed=9", &place]);
+    assert!(found[0].contains("holds another run"), "{found:?}");
+    std::fs::write(folder.path().join("file"), "").expect("written");
+    let below = format!("--out={}/file/out", folder.path().display());
+    let found = warnings(&[&below]);
+    assert!(found[0].contains("cannot be written"), "{found:?}");
+}

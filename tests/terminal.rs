@@ -1,0 +1,293 @@
+//! What a run shows while it goes on, through the real program: the line of progress on a terminal,
+//! the lines of a log, `status.json`.
+
+mod common;
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use common::crossing::{SCENE, whole};
+use common::{Outcome, gshear_mpi, is_open_mpi, mpirun, succeed};
+use gshear_store::status::{RunState, Status};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
+const SHORT: &str = "--set=shear.strain=0.02";
+
+/// Everything that a shell command writes to a terminal of this width; `script` is one.
+fn on_a_terminal(columns: usize, command: &str) -> String {
+    let command = format!("stty cols {columns} rows 24; {command}");
+    let mut script = Command::new("script");
+    script.args(["-q", "-e", "-c", &command, "/dev/null"]);
+    script.env("TERM", "xterm-256color").stdin(Stdio::null());
+    String::from_utf8(succeed(&mut script).stdout).expect("text")
+}
+
+/// Without colours and movements of the cursor.
+fn plain(text: &str) -> String {
+    let mut plain = String::new();
+    let mut characters = text.chars();
+    while let Some(c) = characters.next() {
+        match c {
+            '\x1b' => drop(characters.by_ref().find(char::is_ascii_alphabetic)),
+            c => plain.push(c),
+        }
+    }
+    plain
+}
+
+/// The lines of progress that were drawn in the shear, without colours.
+fn drawn(text: &str) -> Vec<String> {
+    let drawn = text
+        .split(['\r', '\n'])
+        .filter(|line| line.starts_with("\x1b[2K\x1b[1m"));
+    let lines = drawn.map(|line| plain(line).trim_end().to_string());
+    lines.filter(|line| line.contains(" strain ")).collect()
+}
+
+/// Open MPI hides the terminal from its ranks, but not its size.
+#[test]
+fn a_line_of_progress_fits_the_terminal() {
+    let _alone = common::alone();
+    if !is_open_mpi() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let options = format!(
+        "{SCENE} --set=shear.strain=10 --overwrite --out {}",
+        out.display()
+    );
+    let ranks = mpirun(2, PROGRAM);
+    let variables = ranks
+        .get_envs()
+        .filter_map(|(name, value)| Some((name, value?)));
+    let variables: Vec<String> = variables
+        .map(|(name, value)| format!("{}={}", name.display(), value.display()))
+        .collect();
+    let words: Vec<String> = ranks
+        .get_args()
+        .map(|word| word.display().to_string())
+        .collect();
+    let two = format!("env {} mpirun {}", variables.join(" "), words.join(" "));
+    for (columns, program) in [(80, PROGRAM), (40, PROGRAM), (80, &two), (40, &two)] {
+        let said = on_a_terminal(columns, &format!("{program} {options}"));
+        let lines = drawn(&said);
+        assert!(!lines.is_empty(), "{said:?}");
+        for line in &lines {
+            assert!(line.chars().count() < columns, "{columns}: {line}");
+            assert!(line.contains(" % "), "{line}");
+        }
+        // At the end all is known.
+        let last = lines.last().expect("a line");
+        assert!(last.contains("strain ") && last.contains("tau "), "{last}");
+        assert!(last.ends_with(['s', 't']), "no time left: {last}");
+        let speed = lines.iter().any(|line| line.contains(" M grain-steps/s "));
+        assert_eq!(speed, columns == 80, "{lines:?}");
+        // It is gone at the end, and the lines of a log are not there.
+        let rest = plain(&said);
+        assert!(
+            rest.contains(&format!("next: gshear-reduce report {}", out.display())),
+            "{rest}"
+        );
+        assert!(!rest.contains("% step "), "{rest}");
+    }
+    let said = on_a_terminal(80, &format!("NO_COLOR=1 {PROGRAM} {options}"));
+    assert!(
+        said.contains("\x1b[2K") && said.contains(" tau "),
+        "{said:?}"
+    );
+    assert!(!said.contains("\x1b[1m"), "{said:?}");
+    for quiet in ["--quiet", "-q"] {
+        let said = on_a_terminal(80, &format!("{PROGRAM} {options} {quiet}"));
+        assert_eq!(said, "", "nothing to say");
+    }
+}
+
+/// Under mpirun, too, where every rank has a terminal as standard output.
+#[test]
+fn a_log_has_plain_lines() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    for ranks in [1, 2] {
+        let out = folder.path().join(ranks.to_string());
+        let run = whole(&out, ranks, &["shear.strain=0.02"]);
+        assert!(!run.text.contains(['\x1b', '\r']), "{:?}", run.text);
+        for line in [
+            "% step ",
+            "million grain-steps/s of ",
+            "next: gshear-reduce report ",
+        ] {
+            assert!(run.text.contains(line), "no {line:?} in {}", run.text);
+        }
+        let again = |option: &str| {
+            let outcome = gshear_mpi(
+                ranks,
+                &out,
+                &[SCENE, SHORT, "--overwrite", option].map(String::from),
+            );
+            assert_eq!(outcome.code, 0, "{}", outcome.text);
+            outcome
+        };
+        assert_eq!(again("--quiet").text, "");
+        let verbose = again("--verbose");
+        assert_eq!(verbose.digest(), run.digest());
+        let checkpoint = "checkpoint of shear step ";
+        assert!(verbose.text.contains(checkpoint), "{}", verbose.text);
+        assert!(!run.text.contains(checkpoint), "{}", run.text);
+    }
+}
+
+fn status(folder: &Path) -> Status {
+    Status::read(folder).expect("a status")
+}
+
+/// Starts a run, and asks it to stop once `seen` of its status holds. Every version of the file that
+/// is seen is whole.
+fn stopped_when(out: &Path, seen: impl Fn(&Status) -> bool) -> Status {
+    let mut child = Command::new(PROGRAM)
+        .args([SCENE, "--set=shear.strain=100", "--out"])
+        .arg(out)
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let begun = Instant::now();
+    let found = loop {
+        assert!(begun.elapsed() < Duration::from_mins(2), "no such status");
+        let path = out.join("status.json");
+        if let Ok(text) = std::fs::read_to_string(&path) {
+            let status: Status = serde_json::from_str(&text).expect("a whole file");
+            if seen(&status) {
+                break status;
+            }
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    common::signal(child.id(), "USR1");
+    assert_eq!(child.wait().expect("its end").code(), Some(75));
+    found
+}
+
+#[test]
+fn the_status_says_how_far_a_run_has_come() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let seen = stopped_when(&out, |status| status.stress_ratio.is_some());
+    assert_eq!((seen.state, &*seen.stage), (RunState::Running, "shear"));
+    assert!(seen.step > 0 && seen.steps.is_some_and(|steps| steps > seen.step));
+    assert!(seen.speed.is_some_and(|speed| speed > 0.0), "{seen:?}");
+    assert!(seen.seconds_left.is_some_and(|left| left > 0.0), "{seen:?}");
+    // The rows up to there stand in the log, for those who watch.
+    let log = std::fs::read_to_string(out.join("log.csv")).expect("a log");
+    assert!(log.lines().count() > 1, "{log}");
+    let stopped = status(&out);
+    assert_eq!(stopped.state, RunState::Stopped);
+    assert!(stopped.step >= seen.step && stopped.run_id == seen.run_id);
+    let id = format!("# run_id {}", seen.run_id);
+    let scene = std::fs::read_to_string(out.join("scene.toml")).expect("a scene");
+    assert!(scene.contains(&id), "{scene}");
+
+    // Other runs are refused, and leave it as it is.
+    let run = |arguments: &[&str]| -> Outcome {
+        let arguments: Vec<String> = arguments.iter().map(ToString::to_string).collect();
+        gshear_mpi(1, &out, &arguments)
+    };
+    assert_eq!(run(&[SCENE]).code, 2);
+    assert_eq!(status(&out), stopped);
+    // One that is packed long enough to fail.
+    let failed = run(&[SCENE, "--overwrite", "--set=pack.max_steps=2000"]);
+    assert_eq!(failed.code, 3, "{}", failed.text);
+    let found = status(&out);
+    assert_eq!((found.state, &*found.stage), (RunState::Failed, "pack"));
+    let message = found.message.expect("a message");
+    assert!(message.contains("pack.max_steps = 2000"), "{message}");
+    // Nothing else is left of it, so that another run may enter.
+    let done = run(&[SCENE, SHORT]);
+    assert_eq!(done.code, 0, "{}", done.text);
+    let found = status(&out);
+    assert_eq!((found.state, found.fraction), (RunState::Done, Some(1.0)));
+    assert_eq!(Some(found.step), found.steps);
+    assert!(found.message.is_none() && found.seconds_left.is_none());
+    assert!(!out.join("status.json.part").exists());
+}
+
+/// A run goes on, to the same bits, if nobody can be told how far it has come.
+#[test]
+fn a_status_that_cannot_be_written_does_not_end_a_run() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let [with, without] = ["with", "without"].map(|name| folder.path().join(name));
+    // A folder in its place: nothing can be renamed to it.
+    std::fs::create_dir_all(without.join("status.json/kept")).expect("a folder");
+    let digests = [&with, &without].map(|out| whole(out, 1, &["shear.strain=0.02"]).digest());
+    assert_eq!(digests[0], digests[1]);
+    assert!(without.join("status.json/kept").exists());
+    assert!(!without.join("status.json.part").exists());
+    common::same_run(&with, &without);
+}
+
+/// While the run writes, and when it has ended; without a terminal in one line.
+#[test]
+fn a_run_can_be_watched() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let reducer = env!("CARGO_BIN_EXE_gshear-reduce");
+    let mut run = Command::new(PROGRAM)
+        .args([SCENE, "--set=shear.strain=0.2", "--quiet", "--out"])
+        .arg(&out)
+        .spawn()
+        .expect("the program starts");
+    while Status::read(&out).is_none() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let watch = format!("{reducer} watch {}", out.display());
+    let live = on_a_terminal(80, &format!("export LC_ALL=C.UTF-8; {watch}"));
+    assert!(run.wait().expect("its end").success());
+    let braille = |text: &str| text.contains(|c| ('\u{2801}'..='\u{28ff}').contains(&c));
+    let lines: Vec<String> = live.split(['\r', '\n']).map(plain).collect();
+    assert!(
+        lines.iter().all(|line| line.chars().count() < 80),
+        "{lines:?}"
+    );
+    assert!(
+        lines.iter().any(|line| line.starts_with("done: ")),
+        "{lines:?}"
+    );
+    // More than one picture, of both curves.
+    assert!(live.matches("\x1b[2K").count() > 20, "{live:?}");
+    for word in ["tau│", "phi│", "strain"] {
+        assert!(live.contains(word), "no {word} in {live}");
+    }
+    assert!(braille(&live), "{live}");
+    let ascii = on_a_terminal(60, &format!("export LC_ALL=C; {watch}"));
+    assert!(ascii.is_ascii() && ascii.contains("***"), "{ascii}");
+    let plainly = succeed(Command::new(reducer).arg("watch").arg(&out));
+    let said = String::from_utf8(plainly.stdout).expect("text");
+    assert!(said.starts_with("done: shear 100.0 % ["), "{said}");
+    assert!(
+        said.lines().count() == 1 && !said.contains('\x1b'),
+        "{said:?}"
+    );
+    let none = Command::new(reducer)
+        .arg("watch")
+        .arg(folder.path())
+        .output();
+    assert_eq!(none.expect("the program starts").status.code(), Some(2));
+}
+
+/// The stages of a box report, too.
+#[test]
+fn a_box_has_a_status() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+    let run = gshear_mpi(1, folder.path(), &[scene.into(), "--stop-at=2".into()]);
+    assert_eq!(run.code, 75, "{}", run.text);
+    let found = status(folder.path());
+    assert_eq!((found.state, &*found.stage), (RunState::Stopped, "aqs"));
+    assert_eq!(found.step, 2);
+    assert!(found.strain.is_some_and(|strain| strain > 0.0), "{found:?}");
+    assert!(found.shear_stress.is_some() && found.stress_ratio.is_none());
+}
