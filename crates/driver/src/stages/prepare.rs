@@ -115,7 +115,7 @@ fn rest<D: Dimension>(
 
 /// The packing of grains that begin on a lattice.
 fn compress<D: Dimension>(
-    run: &Run<'_>,
+    run: &mut Run<'_>,
     scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
