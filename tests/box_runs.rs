@@ -86,7 +86,8 @@ fn a_sweep_over_boxes_goes_on() {
     let with = |more: &[&'static str]| [&short[..], more].concat();
     let first = run(&config, 1, &out, &with(&["--sweep=1"]));
     done(&first);
-    let listed = run(&config, 1, &out, &with(&["--sweep=list"]));
+    // Quiet: without the line of what is left to do.
+    let listed = run(&config, 1, &out, &with(&["--sweep=list", "--quiet"]));
     let states: Vec<&str> = done(&listed)
         .lines()
         .filter_map(|line| line.split_whitespace().nth(1))

@@ -60,7 +60,7 @@ pub struct Estimate {
 pub struct StageEstimate {
     /// Name.
     pub name: &'static str,
-    /// Steps; `None` if nobody can know.
+    /// Steps; `None` if they are not known in advance.
     pub steps: Option<u64>,
     /// Whether the steps are exactly these.
     pub exact: bool,

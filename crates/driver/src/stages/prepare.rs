@@ -50,7 +50,14 @@ pub(super) fn prepare<D: Dimension>(
 ) -> Result<StageState, Failure> {
     match periodic.placement {
         Placement::Lattice => compress(run, scene, periodic, law),
-        Placement::Random => part(run, scene, periodic, law),
+        Placement::Random => {
+            let standing = Standing {
+                stage: "prepare".into(),
+                ..Standing::default()
+            };
+            run.reporter.begin(&run.terminal, standing);
+            part(run, scene, periodic, law)
+        }
     }
 }
 
