@@ -460,6 +460,7 @@ mod tests {
             "sample.wall_thickness",
             "load.stiffness_number",
             "pack.friction",
+            "pack.drag",
             "pack.tolerance",
             "shear.inertial_number",
             "shear.strain",
