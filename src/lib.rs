@@ -28,7 +28,7 @@ pub struct CommandLine {
     /// Scene; see docs/config.md
     #[arg(value_name = "CONFIG.toml")]
     pub config: Option<PathBuf>,
-    /// Folder of the results [default: out/<name of the config>, with --resume the checkpoint's
+    /// Folder of the results [default: out/NAME of the config, with --resume the checkpoint's
     /// folder]. It must not hold another run
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -57,7 +57,7 @@ pub struct CommandLine {
     /// says otherwise
     #[arg(long)]
     pub break_lock: bool,
-    /// With a scene that has [sweep]: list its runs, run all of them in turn, or run the N-th
+    /// Of a scene with a sweep: list its runs, run all of them in turn, or run the N-th
     #[arg(long, value_name = "list|all|N", value_parser = ChoiceParser, hide_possible_values = true, conflicts_with_all = ["resume", "check", "stop_at"])]
     pub sweep: Option<Choice>,
     /// Check the scene: print it with every default filled in, and on standard error (but with
