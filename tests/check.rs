@@ -89,9 +89,9 @@ fn agrees(folder: &Path, arguments: &[&str]) {
     let status = Status::read(folder).expect("a status");
     let steps = &lines["steps"];
     assert!(
-        steps.ends_with(&format!("{} of shear", status.step)),
+        steps.ends_with(&format!("{} of shear", status.standing.step)),
         "{steps}: {}",
-        status.step
+        status.standing.step
     );
     let file = RunFile::open(folder).expect("a run");
     let content = format!(
@@ -174,7 +174,7 @@ fn resident(out: &Path, arguments: &[&str]) -> f64 {
         let peak = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
         let peak = peak.and_then(|peak| peak.trim().trim_end_matches(" kB").parse::<f64>().ok());
         most = peak.map_or(most, |peak| 1024.0 * peak);
-        if !asked && Status::read(out).is_some_and(|status| status.step > 50) {
+        if !asked && Status::read(out).is_some_and(|status| status.standing.step > 50) {
             common::signal(child.id(), "USR1");
             asked = true;
         }

@@ -173,9 +173,18 @@ fn the_status_says_how_far_a_run_has_come() {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
-    let seen = stopped_when(&out, |status| status.stress_ratio.is_some());
-    assert_eq!((seen.state, &*seen.stage), (RunState::Running, "shear"));
-    assert!(seen.step > 0 && seen.steps.is_some_and(|steps| steps > seen.step));
+    let seen = stopped_when(&out, |status| status.standing.stress_ratio.is_some());
+    assert_eq!(
+        (seen.state, &*seen.standing.stage),
+        (RunState::Running, "shear")
+    );
+    assert!(
+        seen.standing.step > 0
+            && seen
+                .standing
+                .steps
+                .is_some_and(|steps| steps > seen.standing.step)
+    );
     assert!(seen.speed.is_some_and(|speed| speed > 0.0), "{seen:?}");
     assert!(seen.seconds_left.is_some_and(|left| left > 0.0), "{seen:?}");
     // The rows up to there stand in the log, for those who watch.
@@ -183,7 +192,7 @@ fn the_status_says_how_far_a_run_has_come() {
     assert!(log.lines().count() > 1, "{log}");
     let stopped = status(&out);
     assert_eq!(stopped.state, RunState::Stopped);
-    assert!(stopped.step >= seen.step && stopped.run_id == seen.run_id);
+    assert!(stopped.standing.step >= seen.standing.step && stopped.run_id == seen.run_id);
     let id = format!("# run_id {}", seen.run_id);
     let scene = std::fs::read_to_string(out.join("scene.toml")).expect("a scene");
     assert!(scene.contains(&id), "{scene}");
@@ -199,20 +208,26 @@ fn the_status_says_how_far_a_run_has_come() {
     let failed = run(&[SCENE, "--overwrite", "--set=pack.max_steps=2000"]);
     assert_eq!(failed.code, 3, "{}", failed.text);
     let found = status(&out);
-    assert_eq!((found.state, &*found.stage), (RunState::Failed, "pack"));
+    assert_eq!(
+        (found.state, &*found.standing.stage),
+        (RunState::Failed, "pack")
+    );
     let message = found.message.expect("a message");
     assert!(message.contains("pack.max_steps = 2000"), "{message}");
     // Nothing else is left of it, so that another run may enter.
     let done = run(&[SCENE, SHORT]);
     assert_eq!(done.code, 0, "{}", done.text);
     let found = status(&out);
-    assert_eq!((found.state, found.fraction), (RunState::Done, Some(1.0)));
-    assert_eq!(Some(found.step), found.steps);
+    assert_eq!(
+        (found.state, found.standing.fraction),
+        (RunState::Done, Some(1.0))
+    );
+    assert_eq!(Some(found.standing.step), found.standing.steps);
     assert!(found.message.is_none() && found.seconds_left.is_none());
     assert!(!out.join("status.json.part").exists());
 }
 
-/// A run goes on, to the same bits, if nobody can be told how far it has come.
+/// A run goes on, to the same bits, if `status.json` cannot be written.
 #[test]
 fn a_status_that_cannot_be_written_does_not_end_a_run() {
     let _alone = common::alone();
@@ -286,8 +301,14 @@ fn a_box_has_a_status() {
     let run = gshear_mpi(1, folder.path(), &[scene.into(), "--stop-at=2".into()]);
     assert_eq!(run.code, 75, "{}", run.text);
     let found = status(folder.path());
-    assert_eq!((found.state, &*found.stage), (RunState::Stopped, "aqs"));
-    assert_eq!(found.step, 2);
-    assert!(found.strain.is_some_and(|strain| strain > 0.0), "{found:?}");
-    assert!(found.shear_stress.is_some() && found.stress_ratio.is_none());
+    assert_eq!(
+        (found.state, &*found.standing.stage),
+        (RunState::Stopped, "aqs")
+    );
+    assert_eq!(found.standing.step, 2);
+    assert!(
+        found.standing.strain.is_some_and(|strain| strain > 0.0),
+        "{found:?}"
+    );
+    assert!(found.standing.shear_stress.is_some() && found.standing.stress_ratio.is_none());
 }

@@ -1,80 +1,28 @@
 //! How far a stage has come, how fast it goes, and the line that says so.
 
-use std::borrow::Cow;
 use std::time::{Duration, Instant};
 
 use console::Style;
 
-use gshear_store::status::Status;
+use gshear_store::status::Standing;
 
-/// How far a stage has come. What is unknown is `None`.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Standing {
-    /// Name of the stage, as in checkpoints.
-    pub stage: Cow<'static, str>,
-    /// Completed steps.
-    pub step: u64,
-    /// Steps of the stage.
-    pub steps: Option<u64>,
-    /// The part that is done, 0 to 1, if it is not that of the steps.
-    pub fraction: Option<f64>,
-    /// Strain.
-    pub strain: Option<f64>,
-    /// τ.
-    pub stress_ratio: Option<f64>,
-    /// Solid fraction.
-    pub solid_fraction: Option<f64>,
-    /// Shear stress of a box.
-    pub shear_stress: Option<f64>,
-    /// Grains that a step of the equations of motion moves; `None` if the steps are others.
-    pub grains: Option<u32>,
-}
-
-impl From<&Status> for Standing {
-    fn from(of: &Status) -> Self {
-        Self {
-            stage: of.stage.clone().into(),
-            step: of.step,
-            steps: of.steps,
-            fraction: of.fraction,
-            strain: of.strain,
-            stress_ratio: of.stress_ratio,
-            solid_fraction: of.solid_fraction,
-            shear_stress: of.shear_stress,
-            grains: Some(of.grains),
-        }
-    }
-}
-
-impl Standing {
-    /// The part of the stage that is done, 0 to 1.
-    pub fn fraction(&self) -> Option<f64> {
-        let of_steps = |steps: u64| self.step as f64 / steps.max(1) as f64;
-        self.fraction
-            .or(self.steps.map(of_steps))
-            .map(|fraction| fraction.clamp(0.0, 1.0))
-    }
-
-    /// What is measured, in words.
-    fn values(&self) -> Vec<String> {
-        let value = |name: &str, value: Option<f64>, text: fn(f64) -> String| {
-            value.map(|value| format!("{name} {}", text(value)))
-        };
-        let strain: fn(f64) -> String = match &*self.stage {
-            "aqs" => |strain| format!("{strain:.3e}"),
-            _ => |strain| format!("{strain:.5}"),
-        };
-        [
-            value("strain", self.strain, strain),
-            value("tau", self.stress_ratio, |tau| format!("{tau:.4}")),
-            value("stress", self.shear_stress, |stress| {
-                format!("{stress:.3e}")
-            }),
-        ]
-        .into_iter()
-        .flatten()
-        .collect()
-    }
+/// What is measured, in words.
+fn values(of: &Standing) -> Vec<String> {
+    let value = |name: &str, value: Option<f64>, text: fn(f64) -> String| {
+        value.map(|value| format!("{name} {}", text(value)))
+    };
+    let strain: fn(f64) -> String = match &*of.stage {
+        "aqs" => |strain| format!("{strain:.3e}"),
+        _ => |strain| format!("{strain:.5}"),
+    };
+    [
+        value("strain", of.strain, strain),
+        value("tau", of.stress_ratio, |tau| format!("{tau:.4}")),
+        value("stress", of.shear_stress, |stress| format!("{stress:.3e}")),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
 /// Time over which the speed is averaged (s).
@@ -133,7 +81,7 @@ impl Pace {
 
     /// Speed (grain-steps/s), of all ranks together.
     pub fn speed(&self, standing: &Standing) -> Option<f64> {
-        Some(self.rate? * f64::from(standing.grains?))
+        Some(self.rate? * f64::from(standing.moving?))
     }
 
     /// Time to the end of the stage (s).
@@ -189,7 +137,7 @@ pub fn line(
         Some(fraction) => format!("{:.1} %", 100.0 * fraction),
         None => format!("step {}", standing.step),
     };
-    let values = standing.values().join(" ");
+    let values = values(standing).join(" ");
     let speeds = speed.map_or([String::new(), String::new()], |speed| {
         let millions = 1e-6 * speed;
         [
@@ -282,7 +230,7 @@ mod tests {
             steps: Some(100_000),
             strain: Some(0.04321),
             stress_ratio: Some(0.45751),
-            grains: Some(1000),
+            moving: Some(1000),
             ..Standing::default()
         }
     }

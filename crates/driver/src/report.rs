@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use gshear_dem::failure::Failure;
 use gshear_scene::Scene;
 use gshear_store::provenance;
-use gshear_store::status::{self, RunState, Status};
+use gshear_store::status::{self, RunState, Standing, Status};
 
-use crate::progress::{Pace, Standing};
+use crate::progress::Pace;
 use crate::record::RunRecord;
 use crate::run::Outcome;
 use crate::terminal::Terminal;
@@ -41,14 +41,7 @@ impl Reporter {
             message: None,
             run_id: record.id.clone(),
             title: scene.title.clone(),
-            stage: String::new(),
-            step: 0,
-            steps: None,
-            fraction: None,
-            strain: None,
-            stress_ratio: None,
-            solid_fraction: None,
-            shear_stress: None,
+            standing: Standing::default(),
             speed: None,
             seconds_left: None,
             seconds: 0.0,
@@ -129,14 +122,10 @@ impl Reporter {
 impl OfRoot {
     fn set(&mut self, standing: &Standing) {
         let status = &mut self.status;
-        status.stage = standing.stage.clone().into_owned();
-        status.step = standing.step;
-        status.steps = standing.steps;
-        status.fraction = standing.fraction();
-        status.strain = standing.strain;
-        status.stress_ratio = standing.stress_ratio;
-        status.solid_fraction = standing.solid_fraction;
-        status.shear_stress = standing.shear_stress;
+        status.standing = Standing {
+            fraction: standing.fraction(),
+            ..standing.clone()
+        };
         status.speed = self.pace.speed(standing);
         status.seconds_left = self.pace.left(standing);
     }

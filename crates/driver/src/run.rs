@@ -14,11 +14,11 @@ use crate::files::Destination;
 use crate::folder::RunFolder;
 use crate::header::Header;
 use crate::options::Options;
-use crate::progress::Standing;
 use crate::record::RunRecord;
 use crate::report::Reporter;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
+use gshear_store::status::Standing;
 
 /// The outcome of a run that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::header::{Birth, Progress};
 use crate::options::Verbosity;
-use crate::progress::{Standing, duration, line};
+use crate::progress::{duration, line};
 use crate::say::say;
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
@@ -24,6 +24,7 @@ use gshear_scene::{
     Walls,
 };
 use gshear_store::provenance;
+use gshear_store::status::Standing;
 
 /// Lines about the run, and on a terminal one line of progress that is drawn anew.
 pub struct Terminal {
@@ -288,7 +289,7 @@ impl Terminal {
             (Some(tau), Some(phi)) => format!(" tau {tau:.4} phi {phi:.4}"),
             _ => String::new(),
         };
-        let grains = f64::from(standing.grains.unwrap_or(0));
+        let grains = f64::from(standing.moving.unwrap_or(0));
         self.log(format!(
             "{:5.1} % step {step} strain {:.5}{stress} | {:.1} million grain-steps/s, {} left",
             100.0 * step as f64 / schedule.total as f64,

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 use console::Term;
 
 use gshear_dem::failure::Failure;
-use gshear_driver::progress::{Standing, line};
+use gshear_driver::progress::line;
 use gshear_store::file_names::{AQS_FILE, LOG_FILE, STATUS_FILE};
 use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
@@ -90,13 +90,18 @@ fn headline(status: Option<&Status>, width: usize, colours: bool) -> String {
         return text.chars().take(width).collect();
     };
     let what = |words: &str| {
-        let standing = Standing::from(status);
         let words = match words {
             "" => String::new(),
             words => format!("{words} "),
         };
         let room = width.saturating_sub(words.chars().count());
-        let text = line(&standing, status.speed, status.seconds_left, room, colours);
+        let text = line(
+            &status.standing,
+            status.speed,
+            status.seconds_left,
+            room,
+            colours,
+        );
         let text: String = words + &text;
         match width {
             usize::MAX => text.split_whitespace().collect::<Vec<_>>().join(" "),
@@ -113,7 +118,7 @@ fn headline(status: Option<&Status>, width: usize, colours: bool) -> String {
         RunState::Done => what("done:"),
         RunState::Failed => {
             let message = status.message.as_deref().unwrap_or("unknown");
-            let text = format!("failed in {}: {message}", status.stage);
+            let text = format!("failed in {}: {message}", status.standing.stage);
             text.chars().take(width).collect()
         }
     }
@@ -178,7 +183,7 @@ impl Curves {
             self.points[0] = points.collect();
             return Ok(());
         }
-        if let (Some(strain), Some(stress)) = (status.strain, status.shear_stress)
+        if let (Some(strain), Some(stress)) = (status.standing.strain, status.standing.shear_stress)
             && self.points[0].last().is_none_or(|last| last[0] < strain)
         {
             self.points[0].push([strain, stress]);

@@ -3,6 +3,7 @@
 //! The file says nothing that decides a run: it is written anew every second, beside and renamed, and
 //! a run goes on if it cannot be written.
 
+use std::borrow::Cow;
 use std::fs;
 use std::path::Path;
 
@@ -27,6 +28,40 @@ pub enum RunState {
     Failed,
 }
 
+/// How far a stage has come. What is unknown is `None`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Standing {
+    /// Name of the stage, as in checkpoints; `prepare` is that of a box before its strain steps.
+    pub stage: Cow<'static, str>,
+    /// Completed steps of the stage.
+    pub step: u64,
+    /// Steps of the stage; unknown while packing.
+    pub steps: Option<u64>,
+    /// The part that is done, 0 to 1, if it is not that of the steps; estimated while packing.
+    pub fraction: Option<f64>,
+    /// Shear strain γ, of a box the strain of its deformation.
+    pub strain: Option<f64>,
+    /// τ, of a run between walls.
+    pub stress_ratio: Option<f64>,
+    /// Solid fraction, of a run between walls.
+    pub solid_fraction: Option<f64>,
+    /// Shear stress, of a run in a box.
+    pub shear_stress: Option<f64>,
+    /// Grains that a step of the equations of motion moves; `None` if the steps are others.
+    #[serde(skip)]
+    pub moving: Option<u32>,
+}
+
+impl Standing {
+    /// The part of the stage that is done, 0 to 1.
+    pub fn fraction(&self) -> Option<f64> {
+        let of_steps = |steps: u64| self.step as f64 / steps.max(1) as f64;
+        self.fraction
+            .or(self.steps.map(of_steps))
+            .map(|fraction| fraction.clamp(0.0, 1.0))
+    }
+}
+
 /// The content of `status.json`. Numbers that are unknown are `None`, in the file `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Status {
@@ -40,22 +75,9 @@ pub struct Status {
     pub run_id: String,
     /// Title of the scene.
     pub title: String,
-    /// Name of the stage, as in checkpoints; `prepare` is that of a box before its strain steps.
-    pub stage: String,
-    /// Completed steps of the stage.
-    pub step: u64,
-    /// Steps of the stage; unknown while packing.
-    pub steps: Option<u64>,
-    /// The part of the stage that is done, 0 to 1; estimated while packing.
-    pub fraction: Option<f64>,
-    /// Shear strain γ, of a box the strain of its deformation.
-    pub strain: Option<f64>,
-    /// τ, of a run between walls.
-    pub stress_ratio: Option<f64>,
-    /// Solid fraction, of a run between walls.
-    pub solid_fraction: Option<f64>,
-    /// Shear stress, of a run in a box.
-    pub shear_stress: Option<f64>,
+    /// How far it has come.
+    #[serde(flatten)]
+    pub standing: Standing,
     /// Speed (grain-steps/s), of all ranks together.
     pub speed: Option<f64>,
     /// Estimated time to the end of the stage (s).

@@ -24,9 +24,9 @@ use super::spectra_file::SpectraFile;
 use super::spectrum::GlobalState;
 use crate::files::{Files, Format};
 use crate::header::{Header, Pair, Progress};
-use crate::progress::Standing;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::UpToCheckpoint;
+use gshear_store::status::Standing;
 
 /// The stage that integrates Newton's equations of a box.
 pub(super) struct NewtonianStage<'a, D: Dimension> {
@@ -313,7 +313,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
             step: self.step,
             steps: Some(self.due.steps),
             shear_stress: self.latest,
-            grains: Some(self.scene.sample.grains),
+            moving: Some(self.scene.sample.grains),
             ..Standing::default()
         }
     }

@@ -16,8 +16,8 @@ use gshear_scene::{PlaneShear, Scene};
 use super::setup::system;
 use super::top_wall::{height_between, mass_of_top};
 use crate::header::Header;
-use crate::progress::Standing;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use gshear_store::status::Standing;
 
 /// Steps between two checks whether the sample is at rest.
 const CHECK_INTERVAL: u64 = 1000;
@@ -237,7 +237,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
             stage: "pack".into(),
             step: self.step,
             fraction: Some(self.advance.fraction),
-            grains: Some(self.scene.sample.grains),
+            moving: Some(self.scene.sample.grains),
             ..Standing::default()
         }
     }

@@ -12,7 +12,6 @@ use rand_chacha::ChaCha8Rng;
 use super::relax::{NOT_AT_REST, overdamped};
 use super::scatter::{Placed, move_apart};
 use super::setup::system;
-use crate::progress::Standing;
 use crate::run::{Run, StageState};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
@@ -24,6 +23,7 @@ use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::sample::{self, radius, stream};
 use gshear_scene::{PeriodicBox, Placement, Scene, Sizes};
+use gshear_store::status::Standing;
 
 /// Lattice constant over the greatest diameter.
 const ROOM: f64 = 1.1;

@@ -21,10 +21,10 @@ use super::setup::system;
 use crate::files::{Files, Format};
 use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
-use crate::progress::Standing;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
+use gshear_store::status::Standing;
 
 /// The stage that shears the sample.
 pub(super) struct ShearStage<'a, D: Dimension> {
@@ -363,7 +363,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             strain: Some(strain),
             stress_ratio: row.map(|row| row.stress_ratio),
             solid_fraction: row.map(|row| row.solid_fraction),
-            grains: Some(self.scene.sample.grains),
+            moving: Some(self.scene.sample.grains),
             ..Standing::default()
         }
     }

@@ -20,9 +20,9 @@ use super::rest::RestState;
 use super::spectrum::{Eigenvalues, GlobalState};
 use crate::files::{Files, Format};
 use crate::header::{Birth, Header, Progress, Stretched};
-use crate::progress::Standing;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
+use gshear_store::status::Standing;
 
 /// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and of
 /// a compression the part by which the volume has decreased.
