@@ -179,8 +179,8 @@ fn first_pairs(run: &RunFile) -> Result<BothForms, Failure> {
 /// Largest number of unknowns for which the growing pair is computed, from all eigenvalues.
 const MOST_UNKNOWNS: usize = 3000;
 
-/// Returns |v|² of each grain's translation, `[N]`, scaled to a sum of 1, for the complex pair with
-/// the greatest imaginary part in the first frame; `None` without a frame or a pair.
+/// Returns |v|² of each grain's translation, `[N]`, scaled to a sum of 1, for the complex pair that
+/// grows fastest (greatest Im √λ) in the first frame; `None` without a frame or a pair.
 fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
     if run.frames() == 0 {
         return Ok(None);
@@ -195,8 +195,9 @@ fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
     let spectrum = Spectrum::dense(&problem);
     let pairs = (0..spectrum.eigenvalues.len())
         .filter(|&k| spectrum.eigenvalues[k].verdict == Verdict::Pair);
-    let imaginary = |k: usize| spectrum.eigenvalues[k].value.im;
-    let Some(k) = pairs.max_by(|a, b| imaginary(*a).total_cmp(&imaginary(*b))) else {
+    // Both of a pair have the same |Im √λ|.
+    let rate = |k: usize| spectrum.eigenvalues[k].value.sqrt().im.abs();
+    let Some(k) = pairs.max_by(|a, b| rate(*a).total_cmp(&rate(*b))) else {
         return Ok(None);
     };
     let w: Vec<_> = (0..problem.size())

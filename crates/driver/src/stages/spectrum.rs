@@ -197,10 +197,16 @@ impl Eigenvalues {
         self.upper().count() as u64
     }
 
-    /// The pair of the greatest |Im λ|.
-    pub fn greatest_pair(&self) -> Option<Pair> {
-        let greatest = self.upper().max_by(|a, b| a.im.total_cmp(&b.im));
-        greatest.map(|value| Pair::new(value.re, value.im))
+    /// The pair of the greatest |Im λ|, above the real axis.
+    pub fn greatest_imaginary(&self) -> Option<c64> {
+        self.upper().max_by(|a, b| a.im.total_cmp(&b.im))
+    }
+
+    /// The pair that grows fastest, with the greatest ω_i = Im √λ: of many not always that of the
+    /// greatest |Im λ|.
+    pub fn fastest_pair(&self) -> Option<Pair> {
+        let pairs = self.upper().map(|value| Pair::new(value.re, value.im));
+        pairs.max_by(|a, b| a.omega_i.total_cmp(&b.omega_i))
     }
 
     /// The least real part of the eigenvalues that are not zero.
@@ -215,5 +221,27 @@ impl Eigenvalues {
         self.all()
             .filter(|(_, verdict)| *verdict == Verdict::Zero)
             .count() as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pair_that_grows_fastest_need_not_have_the_greatest_imaginary_part() {
+        let value = |re, im| (c64::new(re, im), Verdict::Pair);
+        let (stiff, soft) = ((100.0, 2.0), (0.01, 0.1));
+        let all = [stiff, soft].map(|(re, im)| [value(re, im), value(re, -im)]);
+        let eigenvalues = Eigenvalues {
+            all: all.into_iter().flatten().collect(),
+        };
+        assert_eq!(eigenvalues.greatest_imaginary(), Some(c64::new(100.0, 2.0)));
+        let pair = eigenvalues.fastest_pair().unwrap();
+        assert_eq!([pair.lambda_r, pair.lambda_i], [0.01, 0.1]);
+        // ω_i² = (|λ| - Re λ)/2.
+        let rate = (0.5 * (0.01f64.hypot(0.1) - 0.01)).sqrt();
+        assert!((pair.omega_i - rate).abs() < 1e-15, "{pair:?}");
+        assert!(pair.omega_i > (0.5 * (100.0f64.hypot(2.0) - 100.0)).sqrt());
     }
 }

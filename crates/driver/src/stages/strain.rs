@@ -263,7 +263,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             false => None,
         };
         if let Some(found) = &eigenvalues {
-            (self.progress.pairs, self.progress.pair) = (found.pairs(), found.greatest_pair());
+            (self.progress.pairs, self.progress.pair) = (found.pairs(), found.fastest_pair());
         }
         let step = self.progress.steps;
         let row = StrainRow {
@@ -353,7 +353,7 @@ impl StrainRow {
     fn columns<D: Dimension>(&self) -> AqsRow {
         let third = |value| if D::AXES == 3 { value } else { f64::NAN };
         let of = |value: fn(&Eigenvalues) -> f64| self.eigenvalues.as_ref().map_or(f64::NAN, value);
-        let imaginary = of(|e| e.greatest_pair().map_or(0.0, |pair| pair.lambda_i));
+        let imaginary = of(|e| e.greatest_imaginary().map_or(0.0, |value| value.im));
         let observed = &self.observed;
         AqsRow {
             strain: self.strain,
@@ -371,7 +371,7 @@ impl StrainRow {
             pairs: of(|e| e.pairs() as f64),
             imaginary_least: -imaginary,
             imaginary_greatest: imaginary,
-            pair_real: of(|e| e.greatest_pair().map_or(f64::NAN, |pair| pair.lambda_r)),
+            pair_real: of(|e| e.greatest_imaginary().map_or(f64::NAN, |value| value.re)),
             least_real: of(Eigenvalues::least_real),
             zero_modes: of(|e| e.zeros() as f64),
             solid_fraction: self.solid_fraction,
@@ -391,12 +391,12 @@ impl fmt::Display for StrainRow {
         let observed = &self.observed;
         let pairs = match &self.eigenvalues {
             None => String::new(),
-            Some(eigenvalues) => match eigenvalues.greatest_pair() {
+            Some(eigenvalues) => match eigenvalues.greatest_imaginary() {
                 None => ", no complex pair".into(),
-                Some(pair) => format!(
+                Some(value) => format!(
                     ", complex pairs: {}, greatest |Im| {:.3e}",
                     eigenvalues.pairs(),
-                    pair.lambda_i
+                    value.im
                 ),
             },
         };

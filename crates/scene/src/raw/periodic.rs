@@ -125,8 +125,8 @@ table! {
 table! {
     /// Newton's equations in a box, after the strain steps.
     Newtonian "newtonian" {
-        /// duration of the last stage, in 1/ω_i of the pair of the greatest imaginary part (without
-        /// one, in 1000 Δt); without `[newtonian]` there is none
+        /// duration of the last stage, in 1/ω_i of the complex pair that grows fastest (without one,
+        /// in 1000 Δt); without `[newtonian]` there is none
         growth_times: Number {
             range: POSITIVE,
             what: "the duration, in times 1/omega_i in which the complex pair grows by e",
