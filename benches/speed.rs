@@ -140,7 +140,12 @@ impl Packed {
         // One sample after another is run there.
         let _ = std::fs::remove_dir_all(&out);
         let mut command = program(ranks);
-        command.args(&self.begin).arg("--out").arg(&out);
+        command.args(&self.begin);
+        // A branch, because some runs change the law of the packed scene.
+        let resumed = self.begin[0] == "--resume";
+        command
+            .arg(if resumed { "--branch" } else { "--out" })
+            .arg(&out);
         command.arg(format!("--set=shear.strain={}", self.strain));
         // What begins with a dash is an option of the program.
         command.args(set.iter().map(|s| match s.starts_with('-') {
