@@ -1,107 +1,149 @@
 #!/usr/bin/env python3
-"""Shear modulus of frictionless packings, by the slope of the stress and by K; and sound.
+"""Shear and bulk moduli of packings, by the slope of a stress and by K; and sound.
 
-moduli.py RUN...     (of configs/moduli-2d.toml, or of configs/pure-shear.toml in simple shear)
+moduli.py RUN...     (boxes in simple shear or compression; docs/validation.md has the commands)
 
-The prediction is that of a harmonic packing, G = (1/V) (sum of d.k.d - X.inv(K).X), with d the
-affine part of each separation, k the stiffness of its contact and X the forces of the affine part.
-K is the matrix that gshear-reduce exports. Sound: the lowest modes of K v = lambda M v against
-G k^2/rho.
+The prediction is the linear response of the packing: the affine motion of a
+small strain leaves forces X on the grains, displacements inv(K) X remove them, and both change the
+stress. K is the matrix that gshear-reduce exports. No contact may slide. Without friction also the
+lowest modes of K v = lambda M v against G k^2/rho.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import subprocess
-import tempfile
 from pathlib import Path
 
-import h5py
 import numpy as np
-from scipy.io import mmread
+from response import Array, Springs, springs, stiffness
 from scipy.linalg import eigh
+from scipy.sparse import csc_array, eye_array
+from scipy.sparse.linalg import splu
 
 from gshear import Run
 
 
-def matrices(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """K, the diagonal of M, and grain and component of each unknown, of the first frame."""
-    with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / "K.mtx"
-        program = os.environ.get("GSHEAR_REDUCE", "gshear-reduce")
-        command = [program, "spectrum", folder, "--frame", "0", "--count", "1"]
-        command += ["--export-matrix", path, "--out", place]
-        subprocess.run(command, check=True, capture_output=True, cwd=place)
-        masses = mmread(path.with_suffix(".mass.mtx"))
-        with h5py.File(Path(place) / "spectrum.h5") as file:
-            grain, component = file["grain"][:], file["component"][:]
-        return mmread(path).toarray(), masses.diagonal(), grain, component
+def affine_motion(net: Springs, axes: int, strain: str) -> tuple[Array, Array]:
+    """Changes of separations and surface rotations of the contacts by unit strain, [K, 3] each.
+
+    In simple shear the grains turn as the continuum does; a uniaxial strain is along the last axis.
+    """
+    separation = net.separation
+    dr, ds = np.zeros_like(separation), np.zeros_like(separation)
+    if strain == "compression":
+        dr[:, :axes] = -separation[:, :axes] / axes
+    elif strain == "uniaxial":
+        dr[:, axes - 1] = -separation[:, axes - 1]
+    else:
+        dr[:, 0] = separation[:, axes - 1]
+        radii = net.radius[net.i] + net.radius[net.j]
+        # Disks about z, spheres about y.
+        ds[:, 4 - axes] = (0.5 if axes == 3 else -0.5) * radii
+    return dr, ds
 
 
-def predict(
-    run: Run, stiffness: np.ndarray, masses: np.ndarray, grain: np.ndarray, component: np.ndarray
-) -> tuple[float, float, np.ndarray]:
-    """Affine and full shear modulus, and the lowest eigenvalues over G k^2/rho."""
-    axes = run.dimension
-    frame, contacts = run.frame(0), run.contacts(0)
-    separation = contacts.separation[:, :axes]
-    distance = np.linalg.norm(separation, axis=1)
-    n = separation / distance[:, None]
-    force = contacts.normal_force
-    law, factor = run.scene["contact.law"], run.scene["contact.normal_stiffness"]
-    normal = 1.5 * factor * np.sqrt(contacts.overlap) if law == "mindlin" else factor
-    # The height is the last axis; images above it move along x.
-    affine = np.zeros_like(separation)
-    affine[:, 0] = separation[:, axes - 1]
-    along = np.sum(affine * n, axis=1)
-    pull = (normal * along)[:, None] * n - (force / distance)[:, None] * (
-        affine - along[:, None] * n
-    )
-    forces = np.zeros((len(frame.radius), axes))
-    for axis in range(axes):
-        np.add.at(forces[:, axis], contacts.i, pull[:, axis])
-        np.add.at(forces[:, axis], contacts.j, -pull[:, axis])
-    # Without friction rotations meet no force.
-    moved = component < axes
-    x = forces[grain[moved], component[moved]]
-    k = 0.5 * (stiffness + stiffness.T)[np.ix_(moved, moved)]
-    values, vectors = eigh(k)
-    stiff = values > 1e-9 * values[-1]
-    share = vectors[:, stiff].T @ x
-    lengths = np.asarray(frame.box.edges)
-    volume = float(np.prod((np.diag(lengths) if lengths.ndim == 2 else lengths)[:axes]))
-    first = float(np.sum(affine * pull))
-    full = (first - float(np.sum(share**2 / values[stiff]))) / volume
-    of_masses = eigh(k, np.diag(masses[moved]), eigvals_only=True)
-    of_masses = of_masses[of_masses > 1e-9 * of_masses[-1]]
-    wave = (
-        full * (2.0 * np.pi) ** 2 / volume ** (2.0 / axes) * volume / np.sum(masses[moved]) * axes
-    )
-    return first / volume, full, of_masses / wave
+def stress_change(net: Springs, volume: float, axes: int, strain: str, motion: Array) -> float:
+    """Derivative of a stress by the strain, of the affine motion and of displacements.
+
+    Args:
+        net: The contacts.
+        volume: Of the box.
+        axes: 2 or 3.
+        strain: `simple-shear`: of -sum(r_x F_up)/V by gamma. `compression`: of the pressure by the
+            decrease of ln V. `uniaxial`: of the stress along the last axis by the decrease of the
+            logarithm of that length.
+        motion: Displacements and rotations of the grains by unit strain, [N, 6].
+    """
+    (dr, ds), (more, turns) = affine_motion(net, axes, strain), net.relative(motion)
+    dr = dr + more
+    change, _ = net.change(dr, ds + turns)
+    r, force = net.separation, net.force
+    if strain == "compression":
+        pressure = float(np.sum(r * force)) / (axes * volume)
+        return float(np.sum(dr * force + r * change)) / (axes * volume) + pressure
+    up = axes - 1
+    if strain == "uniaxial":
+        stress = r[:, up] * force[:, up]
+        return float(np.sum(dr[:, up] * force[:, up] + r[:, up] * change[:, up] + stress)) / volume
+    return -float(np.sum(dr[:, 0] * force[:, up] + r[:, 0] * change[:, up])) / volume
+
+
+def relaxation(net: Springs, axes: int, strain: str, matrix: csc_array, places: Array) -> Array:
+    """Displacements and rotations [N, 6] that take the forces of the affine motion away.
+
+    Args:
+        net: The contacts.
+        axes: 2 or 3.
+        strain: As in `stress_change`.
+        matrix: K, [U, U].
+        places: Where the unknowns of K stand in [N, 6] when flattened, [U].
+    """
+    forces = net.on_grains(net.change(*affine_motion(net, axes, strain))).ravel()[places]
+    # Translations, and grains without contacts, have no stiffness.
+    softer = 1e-10 * abs(matrix).max() * eye_array(len(places))
+    factors = splu((matrix + softer).tocsc())
+    found = factors.solve(forces)
+    for _ in range(3):
+        found += factors.solve(forces - matrix @ found)
+    motion = np.zeros(6 * len(net.radius))
+    motion[places] = found
+    return motion.reshape(-1, 6)
+
+
+def waves(matrix: Array, masses: Array, axes: int, volume: float, modulus: float) -> Array:
+    """The lowest eigenvalues over those of shear waves of one wavelength."""
+    values = eigh(0.5 * (matrix + matrix.T), np.diag(masses), eigvals_only=True)
+    values = values[values > 1e-9 * values[-1]]
+    density = np.sum(masses) / axes / volume
+    return values / (modulus / density * (2.0 * np.pi) ** 2 / volume ** (2.0 / axes))
 
 
 def main() -> None:
     """Prints slopes and predictions of each run, and the mean modulus."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("runs", type=Path, nargs="+")
-    differences = []
+    predictions = []
     for folder in parser.parse_args().runs:
         with Run(folder) as run:
-            slope = np.diff(run.series.shear_stress) / np.diff(run.series.strain)
-            # Slopes are those in the middle of their steps.
-            at_rest = 1.5 * slope[0] - 0.5 * slope[1]
-            first, full, waves = predict(run, *matrices(folder.resolve()))
-            number = 4 if run.dimension == 2 else 12
-            print(
-                f"{folder.name}: slope {at_rest:.7g} (first step {slope[0]:.7g}); "
-                f"K {full:.7g} (affine {first:.5g}); difference {at_rest / full - 1.0:.1e}; "
-                f"lowest modes over G k^2/rho "
-                f"{np.mean(waves[:number]):.3f} ({waves[0]:.3f} to {waves[number - 1]:.3f})"
+            axes, strain = run.dimension, run.scene["box.deformation"]
+            series = run.series
+            if strain == "simple-shear":
+                slope = np.diff(series.shear_stress) / np.diff(series.strain)
+            else:
+                lengths = series[["length_x", "length_y", "length_z"][:axes]]
+                slope = -np.diff(series.pressure) / np.diff(np.log(lengths.prod(axis=1)))
+            # Before the two small steps a compression has reached its first pressure. Slopes are
+            # those in the middle of the steps.
+            base = 0 if strain == "simple-shear" else 1
+            first_step, second_step = slope[base : base + 2]
+            at_rest = 1.5 * first_step - 0.5 * second_step
+            net, volume = springs(run, base), run.frame(base).box.volume
+            matrix, masses, places = stiffness(folder.resolve(), base)
+            frictionless = run.scene["contact.friction"] == 0.0
+            if frictionless:
+                moved = places % 6 < axes
+                matrix, masses = csc_array(matrix[moved][:, moved]), masses[moved]
+                places = places[moved]
+            motion = relaxation(net, axes, strain, matrix, places)
+            first = stress_change(net, volume, axes, strain, np.zeros_like(motion))
+            full = stress_change(net, volume, axes, strain, motion)
+            line = (
+                f"{folder.name}, {strain}: P {series.pressure[base]:.5g}, z "
+                f"{series.coordination[base]:.3f}; slope {at_rest:.7g} (first {first_step:.7g}); "
+                f"K {full:.7g} (affine {first:.5g}); difference {at_rest / full - 1.0:.1e}"
             )
-            differences.append(full)
-    mean, error = np.mean(differences), np.std(differences, ddof=min(1, len(differences) - 1))
-    print(f"G = {mean:.5f} ± {error / np.sqrt(len(differences)):.5f}")
+            if frictionless and strain == "simple-shear":
+                lowest = waves(matrix.toarray(), masses, axes, volume, full)[
+                    : 4 if axes == 2 else 12
+                ]
+                line += (
+                    f"; lowest modes over G k^2/rho {np.mean(lowest):.3f} ({lowest[0]:.3f} to "
+                    f"{lowest[-1]:.3f})"
+                )
+            print(line)
+            predictions.append(full)
+    mean, error = np.mean(predictions), np.std(predictions, ddof=min(1, len(predictions) - 1))
+    print(f"mean {mean:.5f} ± {error / np.sqrt(len(predictions)):.5f}")
 
 
 if __name__ == "__main__":

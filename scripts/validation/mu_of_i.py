@@ -98,14 +98,23 @@ def flow(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def table(folders: list[Path]) -> tuple[np.ndarray, np.ndarray]:
-    """Means and standard errors over the seeds, by velocity from slow to fast."""
-    flows = [flow(folder) for folder in folders]
-    runs = np.array([means for means, _ in flows])
-    error = flows[0][1]
-    if len(runs) > 1:
-        error = runs.std(axis=0, ddof=1) / np.sqrt(len(runs))
-    order = np.argsort(runs[0, :, 0])
-    return runs.mean(axis=0)[order], error[order]
+    """Means and standard errors over the seeds, by velocity from slow to fast.
+
+    Not every run needs to have all velocities. Of a velocity of one run the error is that of its
+    blocks.
+    """
+    runs: dict[float, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for folder in folders:
+        for mean, error in zip(*flow(folder), strict=True):
+            runs.setdefault(float(mean[0]), []).append((mean, error))
+    means, errors = [], []
+    for _, seeds in sorted(runs.items()):
+        values = np.array([mean for mean, _ in seeds])
+        means.append(values.mean(axis=0))
+        errors.append(
+            values.std(axis=0, ddof=1) / np.sqrt(len(seeds)) if len(seeds) > 1 else seeds[0][1]
+        )
+    return np.array(means), np.array(errors)
 
 
 def saturating(i: np.ndarray, static: float, i0: float) -> np.ndarray:
