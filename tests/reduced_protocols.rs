@@ -196,3 +196,70 @@ fn a_continuation_with_other_columns_says_why_not() {
         "{words}"
     );
 }
+
+/// Parts of several velocities. More frames than rows, so that the first frames of a branch come
+/// before its first row.
+const PUSHES: Case = Case {
+    further: &["output.series_rows=3", "output.frame_rows=8"],
+    parts: &[
+        "velocity = 0.3, time = 1e-7",
+        "velocity = 0, time = 5e-8",
+        "velocity = 0.1, time = 2e-7",
+    ],
+    ..DISKS
+};
+
+/// The rows of a run that began at a checkpoint are all of the last part; its strain is nevertheless
+/// that of all parts.
+#[test]
+fn strains_of_a_branch_are_those_of_all_parts() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| temporary.path().join(name);
+    let stop = *PUSHES.stops().last().expect("the middle of the last part");
+    let early = PUSHES.run(&at("run"), 1, &[&format!("--stop-at={stop}")]);
+    assert_eq!(early.code, 75, "{}", early.text);
+    let resume = format!("--resume={}", at("run/checkpoint.h5").display());
+    let begin = |into: &str, further: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"));
+        let into = format!("--{into}={}", at(into).display());
+        common::succeed(command.args([&resume, &into]).args(further));
+    };
+    begin("branch", &["--set=load.gravity=1"]);
+    // The same run, whose files begin anew elsewhere.
+    begin("out", &[]);
+
+    for name in ["branch", "out"] {
+        let folder = at(name);
+        let run = RunFile::open(&folder).expect("a run");
+        let [step, height] =
+            ["time_step", "height_start"].map(|name| run.number(name).expect(name));
+        let [push, hold] = [1e-7, 5e-8].map(|time: f64| (time / step).round());
+        let strain = |at: u64| (0.3 * push + 0.1 * (at as f64 - push - hold)) * step / height;
+        let (steps, found) = (run.frame_steps(), run.frame_strains().expect("strains"));
+        assert!(
+            steps.len() > 3 && steps[0] < run.series().step[0],
+            "{steps:?}"
+        );
+        for (at, found) in steps.iter().zip(&found) {
+            let expected = strain(*at);
+            assert!(
+                (found / expected - 1.0).abs() < 1e-12,
+                "{name}: {found}, {expected}"
+            );
+        }
+        let [first, last] = [&steps[0], steps.last().expect("one")].map(|at| strain(*at));
+        let range = format!("γ = {first:.8} … {last:.8}");
+        assert!(reduce(&["info", text(&folder)]).contains(&range), "{range}");
+        reduce(&["stability", text(&folder)]);
+        let table = std::fs::read_to_string(folder.join("stability.csv")).expect("a table");
+        let strains = table.lines().skip(1).map(|line| {
+            let word = line.split(',').nth(2).expect("a strain");
+            word.parse::<f64>().expect("a number")
+        });
+        assert!(strains.eq(found), "{table}");
+        reduce(&["report", text(&folder)]);
+        let page = std::fs::read_to_string(folder.join("report/index.html")).expect("a page");
+        assert!(!page.contains("Inertial number"), "that of the first part");
+    }
+}

@@ -150,6 +150,22 @@ def test_a_stopped_run_grows_when_it_is_resumed(tmp_path: Path) -> None:
         assert_equals_log(run, out / "log.csv")
 
 
+def test_frames_before_the_first_row_have_their_strain(tmp_path: Path) -> None:
+    out, other = tmp_path / "run", tmp_path / "other"
+    command = [str(find("gshear-mpi")), str(SCENES / "crossing.toml"), "--out", str(out)]
+    stopped = subprocess.run([*command, "--stop-at", "250"], check=False, capture_output=True)
+    assert stopped.returncode == 75
+    command = [command[0], "--resume", str(out / "checkpoint.h5"), "--out", str(other)]
+    sets = ("shear.strain=0.3", "output.series_strain=0.1", "output.frame_strain=0.02")
+    command += [f"--set={value}" for value in sets]
+    subprocess.run(command, check=True, capture_output=True)
+    with Run(other, quiet=True) as run:
+        assert len(run.frames) > 5
+        assert run.frames.step[0] < run.series["step"].iloc[0]
+        expected = run.frames.step * step_strain(run)
+        np.testing.assert_allclose(run.frames.strain, expected, rtol=1e-9)
+
+
 def test_a_run_is_read_while_it_is_written(tmp_path: Path) -> None:
     out = tmp_path / "run"
     command = [str(find("gshear-mpi")), str(SCENES / "crossing.toml"), "--out", str(out)]

@@ -161,8 +161,8 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
         ("inertial_number", "Inertial number I"),
         ("stiffness_number", "Stiffness number κ"),
     ] {
-        // That of the first part is not that of the run.
-        let of_first = parameter == "inertial_number" && is_imposed(run);
+        // That of the first part of a protocol is not that of the run.
+        let of_first = parameter == "inertial_number" && run.has_protocol();
         if let Some(value) = run.number(parameter).filter(|_| !of_first) {
             facts.push((name, format!("{value:.4e}")));
         }

@@ -72,7 +72,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 use toml::Spanned;
-use toml::de::DeTable;
+use toml::de::{DeTable, DeValue};
 
 pub use key::Change;
 pub use scene::*;
@@ -160,6 +160,23 @@ pub fn notes(source: &Source, overrides: &[String]) -> Vec<String> {
         );
     }
     notes
+}
+
+/// Whether a text sets a key, such as `shear.protocol`; not if it is no TOML.
+pub fn has_key(text: &str, path: &str) -> bool {
+    let Ok(tree) = DeTable::parse(text) else {
+        return false;
+    };
+    let mut value = Some(tree.get_ref());
+    let mut keys = path.split('.').peekable();
+    while let (Some(table), Some(key)) = (value, keys.next()) {
+        let found = table.get(key).map(Spanned::get_ref);
+        match keys.peek() {
+            None => return found.is_some(),
+            Some(_) => value = found.and_then(DeValue::as_table),
+        }
+    }
+    false
 }
 
 /// Refuses the tables of scenes with walls in a scene with a box, and the other way round.
@@ -342,6 +359,27 @@ mod tests {
                 watchdog: 600.0
             }
         );
+    }
+
+    #[test]
+    fn keys_are_found_in_any_form() {
+        for text in [
+            "[shear]\nprotocol = []",
+            "shear.protocol = []",
+            "shear = { protocol = [] }",
+        ] {
+            assert!(has_key(text, "shear.protocol"), "{text}");
+        }
+        for text in [
+            "",
+            "[shear]",
+            "shear = 1",
+            "protocol = 1",
+            "[shear.protocol",
+        ] {
+            assert!(!has_key(text, "shear.protocol"), "{text}");
+        }
+        assert!(has_key("seed = 1", "seed") && !has_key("seed = 1", "seed.of"));
     }
 
     #[test]

@@ -281,19 +281,22 @@ class Run:
         return times
 
     def _strain_at(self, file: h5py.File, step: NDArray[Any]) -> NDArray[np.float64]:
-        """Returns γ at steps: that of the row of the series, or linear between and after rows."""
+        """Returns γ at steps: that of a row of the series, or linear between and beyond rows."""
         if "strain" not in file["observables"]:
             # Newton's equations in a box, which is not sheared meanwhile.
             return np.full(len(step), float(file["parameters"].attrs.get("strain", np.nan)))
         series = self.series
         rows = series["step"].to_numpy(dtype=np.float64)
         strains = series["strain"].to_numpy()
-        if len(rows) < 2:
-            return np.where(np.isin(step, rows), 0.0, np.nan)
-        slope = (strains[-1] - strains[-2]) / (rows[-1] - rows[-2])
-        after = strains[-1] + slope * (step - rows[-1])
+        if len(rows) == 0:
+            return np.where(step == 0, 0.0, np.nan)
+        if len(rows) == 1:
+            return np.where(step == rows[0], strains[0], np.nan)
+        # The first row of a branch is one interval after its checkpoint.
+        before = _line(rows[:2], strains[:2], step)
+        after = _line(rows[-2:], strains[-2:], step)
         between: NDArray[np.float64] = np.interp(step, rows, strains)
-        return np.where(step > rows[-1], after, between)
+        return np.where(step < rows[0], before, np.where(step > rows[-1], after, between))
 
     def _box(self, index: int) -> Box:
         file = self._file.open()
@@ -605,6 +608,14 @@ def _python(value: Any) -> Any:  # noqa: ANN401 - attributes have any type
     if isinstance(value, np.generic):
         return value.item()
     return value
+
+
+def _line(
+    x: NDArray[np.float64], y: NDArray[np.float64], at: NDArray[Any]
+) -> NDArray[np.float64]:
+    """Returns the line through two points, at other places."""
+    line: NDArray[np.float64] = y[0] + (y[1] - y[0]) / (x[1] - x[0]) * (at - x[0])
+    return line
 
 
 def _equal(table: pd.Series, own: NDArray[np.float64]) -> bool:

@@ -219,7 +219,10 @@ impl Studied {
             family: family(run),
             seed: scene(run).and_then(|scene| scene.get("seed")?.as_integer()),
             grains: run.grains().clone(),
-            inertial_number: run.number("inertial_number"),
+            // A protocol has another one in every part.
+            inertial_number: run
+                .number("inertial_number")
+                .filter(|_| !run.has_protocol()),
             stiffness_number: run.number("stiffness_number"),
             strain: run.series().column("strain").to_vec(),
             tau: run.series().column("stress_ratio").to_vec(),

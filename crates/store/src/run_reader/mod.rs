@@ -25,7 +25,8 @@ use gshear_dem::columns::Column;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{BoxEdges, Cell, Disks, ImposedRow, SERIES_COLUMNS, SeriesRow, Sheared};
-use gshear_scene::Dimensions;
+use gshear_scene::schedule::Schedule;
+use gshear_scene::{Boundary, Dimensions, ReadPacking, Source};
 
 /// The stage of a run whose frames and time series a file holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -513,9 +514,10 @@ impl RunFile {
         &self.time
     }
 
-    /// Returns γ of the frames, `[T]`: V t/H if the wall moves at the constant velocity V; if a
-    /// spring or a protocol moves it, interpolated between the rows of the time series; that of the
-    /// cell in a periodic box.
+    /// Returns γ of the frames, `[T]`: V t/H if the wall moves at the constant velocity V, and what
+    /// the protocol imposes if it does so for all parts; if a spring or a force moves the wall,
+    /// interpolated between the rows of the time series (NaN before the first and after the last
+    /// row); that of the cell in a periodic box.
     ///
     /// # Errors
     /// [`Failure::Input`] if a parameter is missing.
@@ -528,11 +530,6 @@ impl RunFile {
                 return Ok(vec![strain; self.frames()]);
             }
         }
-        let velocities = self.series.column("drive_velocity");
-        let changes = velocities.windows(2).any(|pair| pair[0] != pair[1]);
-        if changes || self.number("spring_stiffness").is_some_and(f64::is_finite) {
-            return Ok(self.interpolated_strains());
-        }
         let need = |name: &str| {
             let missing = || {
                 Failure::input(format!(
@@ -542,8 +539,38 @@ impl RunFile {
             };
             self.number(name).ok_or_else(missing)
         };
+        if self.number("spring_stiffness").is_some_and(f64::is_finite) {
+            return Ok(self.interpolated_strains());
+        }
+        if self.has_protocol() {
+            // Under a force the top moves as it likes.
+            let imposed = self.schedule().filter(|of| !of.protocol.has_force());
+            let imposed = imposed.map(|of| self.step.iter().map(|step| of.strain(*step)).collect());
+            return Ok(imposed.unwrap_or_else(|| self.interpolated_strains()));
+        }
         let rate = need("wall_speed")? / need("height_start")?;
         Ok(self.time.iter().map(|time| rate * time).collect())
+    }
+
+    /// Whether a protocol moves the wall. The time series does not say so: the rows of a run that
+    /// began at the checkpoint of another one may all be of one part.
+    pub fn has_protocol(&self) -> bool {
+        gshear_scene::has_key(self.scene(), "shear.protocol")
+    }
+
+    /// The schedule of a run between walls; `None` where the file does not say all of it: the scene
+    /// takes its grains from the file of a packing, or is one of another version.
+    fn schedule(&self) -> Option<Schedule> {
+        let source = Source::new(self.path.display().to_string(), self.scene());
+        let packing: ReadPacking<'_> =
+            &mut |path: &Path, _| Err(Failure::input(format!("{} is not read", path.display())));
+        let scene = gshear_scene::load_with(&source, &[], packing).ok()?;
+        match &scene.boundary {
+            Boundary::Walls(walls) => {
+                Some(Schedule::new(&scene, walls, self.number("height_start")?))
+            }
+            Boundary::Periodic(_) => None,
+        }
     }
 
     fn interpolated_strains(&self) -> Vec<f64> {
