@@ -117,6 +117,27 @@ fn damaged_checkpoints_are_refused() {
     assert!(said.contains("text.h5"), "{said}");
 }
 
+/// A wall that begins at its full speed may move further in a step than the skin that a list begins
+/// with allows: the skin is then thicker, and the numbers are those of any other skin.
+#[test]
+fn a_wall_may_begin_at_a_high_speed() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    // 0.011 mean diameters in a step; the skin begins at 0.02, of which half is allowed.
+    let fast = |name: &str, more: &[&str]| {
+        let set = [
+            "shear.inertial_number=none",
+            "shear.velocity=60",
+            "shear.strain=0.002",
+        ];
+        let mut arguments = vec![SCENE.to_string()];
+        arguments.extend(set.iter().chain(more).map(|set| format!("--set={set}")));
+        gshear_mpi(1, &folder.path().join(name), &arguments).digest()
+    };
+    let adapted = fast("adapted", &[]);
+    assert_eq!(adapted, fast("given", &["bookkeeping.skin=0.5"]));
+}
+
 /// Numbers that fail end every rank with exit code 3 and one message with step, ids and place.
 #[test]
 fn failing_numbers_end_the_run() {

@@ -1,6 +1,8 @@
 //! What is imposed on the walls: a sequence of segments, each for a whole number of steps. Every
 //! imposed value is a closed form of the step, so nothing accumulates and nothing needs to be saved.
 
+use std::f64::consts::TAU;
+
 use crate::wave::Wave;
 
 /// What is imposed on the walls, step by step.
@@ -217,6 +219,30 @@ impl Protocol {
         !velocities || self.has_normal || self.has_bottom
     }
 
+    /// The greatest speed of a wall (m/s) that a segment imposes, or a bound of it: forces impose
+    /// none. A drive that pulls a spring counts as a wall.
+    pub fn fastest(&self) -> f64 {
+        let of_wave = |wave: Wave| TAU * (wave.amplitude * wave.per_step / self.step).abs();
+        let of_segment = |segment: &Segment| {
+            let Imposed {
+                along,
+                normal,
+                bottom,
+            } = segment.imposed;
+            let along = match along {
+                Along::Velocity(velocity) => velocity.abs(),
+                Along::Oscillation(wave) => of_wave(wave),
+                Along::Force(_) => 0.0,
+            };
+            let normal = match normal {
+                Some(Normal::Velocity(velocity)) => velocity,
+                _ => 0.0,
+            };
+            along.hypot(normal).max(bottom.map_or(0.0, of_wave))
+        };
+        self.segments.iter().map(of_segment).fold(0.0, f64::max)
+    }
+
     /// Steps of all segments.
     pub fn steps(&self) -> u64 {
         self.segments.iter().map(|s| s.steps).sum()
@@ -366,6 +392,18 @@ mod tests {
             let moved = protocol.velocity(step) * STEP;
             assert!((next - here - moved).abs() < 1e-15, "{step}");
         }
+    }
+
+    /// No step of the mixed protocol moves the drive faster, and some step does so about as fast.
+    #[test]
+    fn the_fastest_step_is_bounded() {
+        let protocol = mixed();
+        let steps = 0..protocol.steps();
+        let found = steps
+            .map(|k| protocol.velocity(k).abs())
+            .fold(0.0, f64::max);
+        let bound = protocol.fastest();
+        assert!(found <= bound && bound < 1.01 * found, "{found}, {bound}");
     }
 
     #[test]

@@ -11,13 +11,14 @@ use crate::kernel::PairForce;
 use crate::neighbour;
 use crate::simd::{Isa, Lanes, Work};
 use crate::state::{
-    Cell, ContactState, Contacts, GrainState, Grains, LocalGrains, Masses, Units, length,
+    Cell, ContactState, Contacts, GrainState, Grains, LocalGrains, Masses, Units, body, length,
 };
 use crate::threads::{OwnedPart, ThreadPool};
 
 /// Bounds of an adaptive skin over d̄.
 const THINNEST_SKIN: f64 = 0.002;
-const THICKEST_SKIN: f64 = 0.4;
+/// The greatest adaptive skin over d̄.
+pub const THICKEST_SKIN: f64 = 0.4;
 const FIRST_SKIN: f64 = 0.02;
 /// Steps between rebuilds with the best skin: a rebuild costs about as much as ten steps.
 const BEST_LIFE: f64 = 600.0;
@@ -210,6 +211,14 @@ impl List {
     /// Makes the skin of the next list at least this (m).
     pub fn widen(&mut self, skin: f64) {
         self.skin = self.skin.max(skin);
+    }
+
+    /// Makes every skin at least this (m), as far as the slabs allow. A skin that the scene gives
+    /// stays.
+    pub fn at_least(&mut self, skin: f64) {
+        let raised = |[least, most]: [f64; 2]| [least.max(skin.min(most)), most];
+        (self.wished, self.range) = (raised(self.wished), raised(self.range));
+        self.skin = self.skin.clamp(self.range[0], self.range[1]);
     }
 
     /// Whether `bookkeeping.rebuild_every` requires a rebuild after this number of steps: the list
@@ -528,11 +537,23 @@ impl<D: Dimension> System<D> {
                     )
                 } else {
                     let g = self.list.furthest(&self.grains, &self.cell);
+                    // A wall that is too fast for the list need not be too fast for the law.
+                    let [whose, remedy] = match self.grains.body[g] {
+                        body::FREE => ["", "give a smaller time.step"],
+                        _ => [
+                            " of a wall",
+                            "give the wall a lower velocity, or a smaller time.step, or a greater bookkeeping.skin",
+                        ],
+                    };
                     format!(
-                        "grain {} at {} moved further than half the skin ({:.3e} m) in one step",
+                        "grain {}{whose} at {} moved further than half the skin of the neighbour list ({:.3e} m) before the list could be rebuilt, at {:.3e} m/s; {remedy}",
                         self.grains.id[g],
                         place(g),
-                        0.5 * self.list.skin
+                        0.5 * self.list.skin,
+                        length(std::array::from_fn(|axis| match axis < D::AXES {
+                            true => self.grains.fields(g)[D::VELOCITY + axis],
+                            false => 0.0,
+                        })),
                     )
                 }
             }

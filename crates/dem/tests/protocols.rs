@@ -622,3 +622,30 @@ fn layers_of_disks_are_second_order() {
 fn layers_of_spheres_are_second_order() {
     of_every_part::<Three>();
 }
+
+/// Half the skin of the rig is a tenth of a radius. A wall that moves further in a step says what to
+/// change; one that moves by less does not fail.
+#[test]
+fn a_wall_that_leaves_the_list_says_what_to_change() {
+    let half = 0.1 * RADIUS;
+    let first = |speed: f64| {
+        let protocol = Protocol::new(STEP, [(speed, 10)]);
+        let mut rig = Rig::<Two>::new(0, 100.0 * RADIUS, STEP, protocol);
+        let request = StepRequest::default();
+        advance(&Solo, &mut rig.system, &rig.law, &mut rig.walls, request)
+    };
+    assert_eq!(first(0.99 * half / STEP), Ok(false));
+    let failure = first(1.01 * half / STEP).expect_err("too fast");
+    assert_eq!(failure.exit_code(), 3);
+    let words = failure.to_string();
+    for part in [
+        "step 1: grain ",
+        " of a wall at (",
+        "half the skin of the neighbour list (1.000e-4 m)",
+        // It falls, too.
+        "at 1.01",
+        "a smaller time.step, or a greater bookkeeping.skin",
+    ] {
+        assert!(words.contains(part), "no {part:?} in {words}");
+    }
+}

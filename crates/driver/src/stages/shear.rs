@@ -78,6 +78,11 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let mut system = system(run, scene, scene.sample.cell())?;
         system.steps = from.step;
         let spring = plane_shear.shear.spring.map(|spring| spring.stiffness);
+        if spring.is_none() {
+            // A wall that begins to move at its full speed is not to leave the list in a step.
+            let way = schedule.protocol.fastest() * schedule.step;
+            system.list.at_least(4.0 * way);
+        }
         let slider = Slider::new(schedule.protocol.clone(), spring);
         let servo = plane_shear.servo(&scene.sample);
         let mut walls = GrainWalls::new(from.piston, slider, servo, plane_shear.output.energy);

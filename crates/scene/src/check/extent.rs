@@ -9,6 +9,7 @@ use crate::scene::{
 use crate::schedule::{MOST_STEPS, STEPS_WITHOUT_A_PAIR, Schedule};
 use crate::words::show;
 use gshear_dem::failure::Failure;
+use gshear_dem::system::THICKEST_SKIN;
 use std::f64::consts::TAU;
 
 /// Bytes of a grain in a frame, and of a row of the time series, at least.
@@ -72,6 +73,24 @@ fn of_walls(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, walls: &PlaneShear) {
             c.refuse_among(&rate, &what);
             return;
         }
+    }
+    // The greatest step of a wall that the list of pairs allows. A spring moves it as it likes.
+    let given = scene.bookkeeping.list.skin;
+    let half = 0.5 * given.unwrap_or(THICKEST_SKIN) * sample.mean_diameter;
+    let too_fast = |(_, speed, _): &&(String, f64, f64)| speed * step > half;
+    if walls.shear.spring.is_none()
+        && let Some((part, speed, _)) = parts.iter().find(too_fast)
+    {
+        let greater = match given {
+            Some(_) => ", or a greater bookkeeping.skin",
+            None => "",
+        };
+        let what = format!(
+            "{part}moves the wall by {:.1e} m in a time step of {step:.1e} s, further than {half:.1e} m, half the skin of the neighbour list; give a lower rate, or a smaller time.step{greater}",
+            speed * step
+        );
+        c.refuse_among(&rate, &what);
+        return;
     }
     if let Motion::Protocol(parts) = &walls.shear.motion {
         for (n, part) in parts.iter().enumerate() {
