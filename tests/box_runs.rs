@@ -4,6 +4,7 @@ mod common;
 
 use std::path::Path;
 use std::process::Command;
+use std::time::{Duration, Instant};
 
 use common::{Outcome, gshear_mpi};
 use gshear_store::file_names::NEWTONIAN_FILE;
@@ -155,4 +156,88 @@ fn random_places_that_do_not_settle_are_refused() {
             assert!(outcome.text.contains(part), "{}", outcome.text);
         }
     }
+}
+
+/// Starts a run, waits for a file in its folder and a while longer, asks it to stop, and returns how
+/// it ends. Fails if it goes on.
+fn asked_to_stop(ranks: usize, folder: &Path, more: &[&str], file: &str) -> Outcome {
+    let said = tempfile::NamedTempFile::new().expect("a file");
+    let stream = || said.reopen().expect("a file");
+    let program = env!("CARGO_BIN_EXE_gshear-mpi");
+    let mut command = match ranks {
+        1 => Command::new(program),
+        _ => common::mpirun(ranks, program),
+    };
+    command.arg(SCENE).args(more).arg("--out").arg(folder);
+    let mut child = command
+        .stdout(stream())
+        .spawn()
+        .expect("the program starts");
+    let begun = Instant::now();
+    while !folder.join(file).exists() {
+        assert!(
+            begun.elapsed() < Duration::from_mins(1),
+            "{more:?}: no {file}"
+        );
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::thread::sleep(Duration::from_secs(1));
+    // mpirun gives its ranks USR1, and little time after another signal.
+    common::signal(child.id(), if ranks == 1 { "TERM" } else { "USR1" });
+    let asked = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().expect("its state") {
+            break status;
+        }
+        if asked.elapsed() > Duration::from_secs(30) {
+            child.kill().expect("killed");
+            panic!("{more:?}: goes on");
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    Outcome {
+        code: status.code().unwrap_or(-1),
+        text: std::fs::read_to_string(said.path()).expect("what it said"),
+    }
+}
+
+/// A run that is asked to stop while its packing is prepared ends at once: where grains of a lattice
+/// are compressed, where random ones move apart, where they come to rest, and where the box takes on
+/// a pressure. None of these would end within hours.
+#[test]
+fn a_preparation_stops_when_it_is_asked_to() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| temporary.path().join(name);
+    let many = "--set=sample.grains=50000";
+    let to_rest = [
+        "--set=relax.tolerance=1e-300",
+        "--set=relax.max_steps=1000000000",
+    ];
+    let pressed = [
+        "--set=box.pressure=1e-3",
+        "--set=box.pressure_tolerance=1e-9",
+        "--set=aqs.strain_step=1e-9",
+    ];
+    let stops = |name: &str, ranks: usize, more: &[&str], file: &str| {
+        let outcome = asked_to_stop(ranks, &at(name), more, file);
+        assert_eq!(outcome.code, 75, "{name}: {}", outcome.text);
+        let why = "stopped while the packing was prepared, which leaves no checkpoint";
+        assert!(outcome.text.contains(why), "{name}: {}", outcome.text);
+        let status = std::fs::read_to_string(at(name).join("status.json")).expect("a status");
+        assert!(status.contains("\"stopped\""), "{name}: {status}");
+        assert!(!at(name).join("run.lock").exists(), "{name}");
+        outcome
+    };
+    stops("compressed", 1, &[many], "status.json");
+    stops("of two ranks", 2, &[many], "status.json");
+    let apart = [many, "--set=sample.placement=random"];
+    stops("apart", 1, &apart, "status.json");
+    stops("to rest", 1, &to_rest, "status.json");
+    stops("pressed", 1, &pressed, "aqs.h5");
+    // It can start again: in this folder with what was written so far, in that as in a new one.
+    let again = [&pressed[..], &["--resume=auto"]].concat();
+    stops("pressed", 1, &again, "aqs.h5");
+    let small = ["--set=aqs.steps=1", "--set=newtonian.rows=10"];
+    done(&run(Path::new(SCENE), 1, &at("compressed"), &small));
 }

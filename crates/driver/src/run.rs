@@ -95,11 +95,12 @@ pub trait Stage {
     fn is_done(&self) -> bool;
 
     /// Computes the forces of the initial state, before the first step. Not called when a stage
-    /// resumes.
+    /// resumes. Returns whether the run stops before that, without a checkpoint, the same on every
+    /// rank.
     ///
     /// # Errors
     /// Numbers that fail.
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure>;
 
     /// Takes one step. `stop`: whether a stop was requested on this rank. Returns whether the run
     /// stops after this step, the same on every rank.
@@ -208,7 +209,10 @@ impl<'a> Run<'a> {
         }
         self.reporter.begin(&self.terminal, stage.standing());
         if begins {
-            stage.begin(self).map_err(|e| in_stage(e, name))?;
+            if stage.begin(self).map_err(|e| in_stage(e, name))? {
+                self.terminal.unprepared();
+                return Ok(Outcome::Stopped);
+            }
             stage.record(self)?;
         }
         while !stage.is_done() {
@@ -261,6 +265,13 @@ impl<'a> Run<'a> {
         let wall_time = self.options.wall_time;
         self.signals.received()
             || (self.exchange.rank() == 0 && wall_time.is_some_and(|t| self.started.elapsed() >= t))
+    }
+
+    /// Whether a stop is requested on some rank; collective.
+    pub(crate) fn is_to_stop(&self) -> bool {
+        self.exchange
+            .maximum(f64::from(u8::from(self.asked_to_stop())))
+            > 0.0
     }
 
     /// Decides by the greatest age over the ranks, because their clocks differ; collective.

@@ -314,6 +314,11 @@ impl Terminal {
         ));
     }
 
+    /// The run stopped while the packing of a box was prepared.
+    pub fn unprepared(&self) {
+        self.say("stopped while the packing was prepared, which leaves no checkpoint; start the run again with --resume auto");
+    }
+
     /// Summary at the end of a shear. `speed`: grain-steps/s of all ranks together; `complete`:
     /// whether it is the end of the run.
     pub fn end(

@@ -189,12 +189,14 @@ impl<D: Dimension> Strain<'_, D> {
 
     /// Changes all lengths by one factor until the pressure is the wanted one. Never goes beyond it
     /// and back, which would leave its mark on the histories: a packing beyond it is given up for
-    /// the one before.
+    /// the one before. Returns `None` if `asked`, called before every trial, says that the run is to
+    /// stop.
     pub(super) fn reach_pressure(
         &mut self,
         run: &Run<'_>,
         wanted: f64,
-    ) -> Result<Equilibrium, Failure> {
+        asked: impl Fn() -> bool,
+    ) -> Result<Option<Equilibrium>, Failure> {
         let most = self.periodic.aqs.strain_step;
         let allowed = self.periodic.pressure_tolerance * wanted;
         let mut found = Equilibrium::default();
@@ -205,6 +207,9 @@ impl<D: Dimension> Strain<'_, D> {
         let mut slope: Option<f64> = None;
         let mut beyond: Option<Beyond> = None;
         while (pressure - wanted).abs() > allowed {
+            if asked() {
+                return Ok(None);
+            }
             if change < FINEST {
                 let jump = beyond.and_then(|of| of.pressure).unwrap_or(f64::NAN);
                 return Err(Failure::numbers(format!(
@@ -247,7 +252,7 @@ impl<D: Dimension> Strain<'_, D> {
             }
             change = next_change(pressure, wanted, slope, beyond, most);
         }
-        Ok(found)
+        Ok(Some(found))
     }
 }
 

@@ -242,13 +242,14 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         self.step >= self.due.steps
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the state at rest.
             let checkpoint = self.checkpoint(run)?;
             run.save_as(checkpoint)?;
         }
-        initial_forces(run.exchange, &mut self.system, self.law, &mut NoWalls, None)
+        initial_forces(run.exchange, &mut self.system, self.law, &mut NoWalls, None)?;
+        Ok(false)
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {

@@ -165,9 +165,10 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         self.at_rest
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure> {
         let law = self.law.as_ref();
-        initial_forces(run.exchange, &mut self.system, law, &mut self.drive, None)
+        initial_forces(run.exchange, &mut self.system, law, &mut self.drive, None)?;
+        Ok(false)
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {

@@ -36,10 +36,12 @@ pub fn run<D: LawSpace>(
             ..scene.contact
         };
         let smooth = force::<D>(&scene.law, smooth);
-        (
-            None,
-            prepare::prepare(run, scene, periodic, smooth.as_ref())?,
-        )
+        let prepared = prepare::prepare(run, scene, periodic, smooth.as_ref())?;
+        let Some(state) = prepared else {
+            run.terminal.unprepared();
+            return Ok(Outcome::Stopped);
+        };
+        (None, state)
     };
     let (progress, written) = match &header {
         None => {

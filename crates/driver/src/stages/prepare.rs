@@ -20,7 +20,6 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::state::GrainState;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
-use gshear_mpi_exchange::Parallel;
 use gshear_scene::sample::{self, radius, stream};
 use gshear_scene::{PeriodicBox, Placement, Scene, Sizes};
 use gshear_store::status::Standing;
@@ -33,6 +32,9 @@ const SHRINKING: f64 = 0.995;
 const SETTLING: u64 = 300;
 const DRAG: f64 = 0.02;
 
+/// Steps in which a packing comes to rest, as a guess.
+const TO_REST: u64 = 10_000;
+
 /// If the grains leave the contact law in a smaller box, the box shrinks by half as much, from the state
 /// before; at most so many times in turn.
 const MOST_HALVINGS: i32 = 6;
@@ -41,13 +43,14 @@ const MOST_HALVINGS: i32 = 6;
 /// law moves may overlap more for a while.
 const CLOSEST: f64 = 0.9;
 
-/// The packing at rest, without friction.
+/// The packing at rest, without friction; `None` if the run was asked to stop before. There are no
+/// checkpoints of a preparation. Collective.
 pub(super) fn prepare<D: Dimension>(
     run: &mut Run<'_>,
     scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<StageState, Failure> {
+) -> Result<Option<StageState>, Failure> {
     match periodic.placement {
         Placement::Lattice => compress(run, scene, periodic, law),
         Placement::Random => {
@@ -61,13 +64,28 @@ pub(super) fn prepare<D: Dimension>(
     }
 }
 
-/// The packing of grains that begin at random places of the box.
+/// A guess how many steps a preparation takes. How long the grains take to come to rest is not known
+/// in advance, nor how often a compression step is halved.
+pub(crate) fn steps(scene: &Scene, periodic: &PeriodicBox) -> u64 {
+    let boxes = match periodic.placement {
+        Placement::Lattice => {
+            let (side, room) = lattice(scene);
+            let loosest = room * f64::from(side);
+            let shrinks = (loosest / scene.sample.length).max(1.0).ln() / -SHRINKING.ln();
+            shrinks.ceil() as u64
+        }
+        Placement::Random => 0,
+    };
+    (boxes + 10) * SETTLING + TO_REST
+}
+
+/// The packing of grains that begin at random places of the box; `None` if asked to stop.
 fn part<D: Dimension>(
     run: &Run<'_>,
     scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<StageState, Failure> {
+) -> Result<Option<StageState>, Failure> {
     let exchange = run.exchange;
     let length = scene.sample.length;
     let cell = scene.sample.box_cell(length);
@@ -75,11 +93,16 @@ fn part<D: Dimension>(
     let fails = |what: String| in_preparation(scene, length, &format!("{what}; {remedy}"));
     let mut placed = random_places(scene, &periodic.sizes);
     let largest = |a: f64, b: f64| scene.law.largest_overlap(a, b);
-    let greatest = move_apart::<D>(&mut placed, cell, largest).map_err(|steps| {
-        fails(format!(
-            "random grains still move apart after {steps} steps"
-        ))
-    })?;
+    // All ranks take the same steps.
+    let moved =
+        move_apart::<D>(&mut placed, cell, largest, || run.is_to_stop()).map_err(|steps| {
+            fails(format!(
+                "random grains still move apart after {steps} steps"
+            ))
+        })?;
+    let Some(greatest) = moved else {
+        return Ok(None);
+    };
     if greatest > CLOSEST {
         return Err(fails(format!(
             "random grains that were moved apart still overlap by {greatest:.2} of the largest overlap of the law, and {CLOSEST} is the most to begin with"
@@ -96,37 +119,44 @@ fn part<D: Dimension>(
     });
     let mut system = system::<D>(run, scene, cell)?;
     system.replace(exchange, law, &mut NoWalls, grains.collect(), Vec::new())?;
-    let found = settle(exchange, &mut system, law, 10 * SETTLING)
-        .and_then(|()| rest(run, periodic, &mut system, law));
+    let found = match settle(run, &mut system, law, 10 * SETTLING) {
+        Ok(true) => return Ok(None),
+        Ok(false) => rest(run, periodic, &mut system, law),
+        Err(failure) => Err(failure),
+    };
     found.map_err(|failure| match failure {
         Failure::Numbers(m) => fails(m),
         other => other,
     })
 }
 
-/// Brings a packing in its box to rest by overdamped dynamics with the drag of the scene.
+/// Brings a packing in its box to rest by overdamped dynamics with the drag of the scene; `None` if
+/// asked to stop.
 fn rest<D: Dimension>(
     run: &Run<'_>,
     periodic: &PeriodicBox,
     system: &mut System<D>,
     law: &dyn PairForce<D>,
-) -> Result<StageState, Failure> {
-    let steps = overdamped(&periodic.relax, run.exchange, system, law)?;
+) -> Result<Option<StageState>, Failure> {
+    let asked = || run.asked_to_stop();
+    let Some(steps) = overdamped(&periodic.relax, run.exchange, system, law, asked)? else {
+        return Ok(None);
+    };
     run.terminal.prepared(steps);
-    Ok(StageState {
+    Ok(Some(StageState {
         grains: system.grain_states(),
         contacts: system.contact_states(law),
         ..StageState::default()
-    })
+    }))
 }
 
-/// The packing of grains that begin on a lattice.
+/// The packing of grains that begin on a lattice; `None` if asked to stop.
 fn compress<D: Dimension>(
     run: &mut Run<'_>,
     scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<StageState, Failure> {
+) -> Result<Option<StageState>, Failure> {
     let exchange = run.exchange;
     let target = scene.sample.length;
     let (mut length, mut grains) = insert(scene, &periodic.sizes, exchange.rank(), exchange.size());
@@ -155,7 +185,10 @@ fn compress<D: Dimension>(
             true => 10 * SETTLING,
             false => SETTLING << halvings,
         };
-        let mut moved = settle(exchange, &mut system, law, settling);
+        let mut moved = settle(run, &mut system, law, settling);
+        if moved == Ok(true) {
+            return Ok(None);
+        }
         if moved.is_ok() && length == target {
             match rest(run, periodic, &mut system, law) {
                 Ok(state) => return Ok(state),
@@ -166,7 +199,7 @@ fn compress<D: Dimension>(
             }
         }
         match (moved, &settled) {
-            (Ok(()), _) => {
+            (Ok(_), _) => {
                 settled = Some((length, system.grain_states()));
                 halvings = 0.max(halvings - 1);
             }
@@ -209,21 +242,29 @@ fn shrunk<D: Dimension>(settled: &[GrainState], from: f64, to: f64) -> Vec<Grain
     grains
 }
 
-/// Lets the grains move with a strong drag. Collective.
+/// Lets the grains move with a strong drag. Returns whether it ended before, because the run is to
+/// stop. Collective.
 fn settle<D: Dimension>(
-    exchange: &dyn Parallel,
+    run: &Run<'_>,
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     steps: u64,
-) -> Result<(), Failure> {
+) -> Result<bool, Failure> {
+    let exchange = run.exchange;
     let mut drive = Overdamped {
         drag: DRAG / system.step,
     };
     initial_forces(exchange, system, law, &mut drive, None)?;
     for _ in 0..steps {
-        advance(exchange, system, law, &mut drive, StepRequest::default())?;
+        let request = StepRequest {
+            stop: run.asked_to_stop(),
+            ..StepRequest::default()
+        };
+        if advance(exchange, system, law, &mut drive, request)? {
+            return Ok(true);
+        }
     }
-    Ok(())
+    Ok(false)
 }
 
 fn in_preparation(scene: &Scene, length: f64, what: &str) -> Failure {
@@ -235,15 +276,22 @@ fn in_preparation(scene: &Scene, length: f64, what: &str) -> Failure {
     ))
 }
 
-/// The length of a box in which no grains touch, and this rank's part of the grains, at rest.
-fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<GrainState>) {
+/// Sites along each axis of a lattice on which no grains touch, and its constant (m).
+fn lattice(scene: &Scene) -> (u32, f64) {
     let sample = &scene.sample;
-    let count = sample.grains;
     let axes = scene.dimension.axes() as u32;
     let side = (1u32..)
-        .find(|side| u64::from(*side).pow(axes) >= u64::from(count))
+        .find(|side| u64::from(*side).pow(axes) >= u64::from(sample.grains))
         .unwrap_or(1);
     let room = (2.0 * ROOM * sample.radius_max).max(sample.length / f64::from(side));
+    (side, room)
+}
+
+/// The length of a box in which no grains touch, and this rank's part of the grains, at rest.
+fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<GrainState>) {
+    let count = scene.sample.grains;
+    let axes = scene.dimension.axes() as u32;
+    let (side, room) = lattice(scene);
     let sites = u64::from(side).pow(axes);
     let large = large(scene, sizes);
     let grain = |id: u32| {

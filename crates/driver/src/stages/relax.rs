@@ -78,7 +78,8 @@ impl Relaxation {
             before.put_back(exchange, system, law)?;
             found.fell_back = true;
         }
-        found.steps = overdamped(&self.relax, exchange, system, law)?;
+        let steps = overdamped(&self.relax, exchange, system, law, || false)?;
+        found.steps = steps.expect("nothing asks it to stop");
         Ok(found)
     }
 
@@ -140,14 +141,43 @@ impl Relaxation {
     }
 }
 
+/// What a step of Newton's method computes, with the factors of K: for measurements of its time.
+/// Collective.
+pub(crate) fn factor_once<D: Dimension>(
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+) -> Result<(), Failure> {
+    let whole = GlobalState::at_rest(exchange, system, law);
+    let tangent = whole.tangent(exchange, system, law);
+    let mut solver = Solver::default();
+    let factors = tangent.as_ref().and_then(|t| t.factor(&mut solver));
+    let tangent = tangent.as_ref().zip(factors.as_ref());
+    match newton_step(exchange, system, tangent) {
+        Some(_) => Ok(()),
+        None => Err(Failure::numbers("the stiffness matrix has no factors")),
+    }
+}
+
+/// All eigenvalues of K: for measurements of their time. Collective.
+pub(crate) fn eigenvalues_once<D: Dimension>(
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+) -> Result<(), Failure> {
+    let whole = GlobalState::at_rest(exchange, system, law);
+    whole.eigenvalues::<D>(exchange, system, law).map(drop)
+}
+
 /// BO's overdamped dynamics, until no force is greater than the tolerance. Returns the number of
-/// steps.
+/// steps; `None` if `asked`, called once a step, said on a rank that the run is to stop. Collective.
 pub(super) fn overdamped<D: Dimension>(
     relax: &Relax,
     exchange: &dyn Parallel,
     system: &mut System<D>,
     law: &dyn PairForce<D>,
-) -> Result<u64, Failure> {
+    asked: impl Fn() -> bool,
+) -> Result<Option<u64>, Failure> {
     let mut drive = Overdamped { drag: relax.drag };
     system.rebuild(exchange, law, &mut drive)?;
     initial_forces(exchange, system, law, &mut drive, None)?;
@@ -162,7 +192,13 @@ pub(super) fn overdamped<D: Dimension>(
             )));
         }
         for _ in 0..LOOK {
-            advance(exchange, system, law, &mut drive, StepRequest::default())?;
+            let request = StepRequest {
+                stop: asked(),
+                ..StepRequest::default()
+            };
+            if advance(exchange, system, law, &mut drive, request)? {
+                return Ok(None);
+            }
         }
         steps += LOOK;
         left = residual(exchange, system, relax.drag);
@@ -173,7 +209,7 @@ pub(super) fn overdamped<D: Dimension>(
     stop(system);
     system.rebuild(exchange, law, &mut NoWalls)?;
     initial_forces(exchange, system, law, &mut NoWalls, None)?;
-    Ok(steps)
+    Ok(Some(steps))
 }
 
 /// The greatest |F| or |T|/R on a grain, without the `drag` (1/time) that the forces contain.

@@ -19,10 +19,13 @@ const MOBILITY: f64 = 0.1;
 const SETTLED: f64 = 1e-4;
 /// Steps after which they are given up.
 const MOST_STEPS: u32 = 20_000;
+/// Steps between two looks at whether the run is to stop.
+const LOOK: u32 = 10;
 
 /// Moves overlapping grains apart: overdamped motion under a repulsion of each pair that is its
 /// overlap along the line of the centres, which takes any overlap, until the grains hardly move.
-/// Returns the greatest overlap over what `largest_overlap` allows its two radii.
+/// Returns the greatest overlap over what `largest_overlap` allows its two radii; `None` if `asked`,
+/// called now and then, says that the run is to stop.
 ///
 /// Every rank does the same with all grains.
 ///
@@ -32,13 +35,17 @@ pub(super) fn move_apart<D: Dimension>(
     grains: &mut [Placed],
     cell: Cell,
     largest_overlap: impl Fn(f64, f64) -> f64,
-) -> Result<f64, u32> {
+    asked: impl Fn() -> bool,
+) -> Result<Option<f64>, u32> {
     let radii = || grains.iter().map(|g| g.radius);
     let cutoff = 2.0 * radii().fold(0.0, f64::max);
     let settled = SETTLED * radii().sum::<f64>() / grains.len() as f64;
     let lengths = cell.lengths::<D>();
     let mut positions: Vec<[f64; 3]> = grains.iter().map(|g| g.position).collect();
-    for _ in 0..MOST_STEPS {
+    for step in 0..MOST_STEPS {
+        if step.is_multiple_of(LOOK) && asked() {
+            return Ok(None);
+        }
         let bins = Bins::<D>::new(
             cell,
             LocalExtent::whole(cell.periods[0]),
@@ -68,7 +75,7 @@ pub(super) fn move_apart<D: Dimension>(
             for (grain, position) in grains.iter_mut().zip(&positions) {
                 grain.position = *position;
             }
-            return Ok(greatest);
+            return Ok(Some(greatest));
         }
         for (position, push) in positions.iter_mut().zip(&pushes) {
             for axis in 0..D::AXES {
@@ -115,7 +122,8 @@ mod tests {
             grains.iter_mut().for_each(|g| g.position[2] = 0.0);
         }
         let cell = square(4.0, planar);
-        let greatest = move_apart::<D>(&mut grains, cell, |_, _| 0.25).expect("they settle");
+        let greatest = move_apart::<D>(&mut grains, cell, |_, _| 0.25, || false);
+        let greatest = greatest.expect("they settle").expect("to the end");
         let r = cell.separation::<D>(&grains[0].position, &grains[1].position);
         assert!(r[up] > 0.0 && r[..up].iter().all(|x| *x == 0.0), "{r:?}");
         let overlap = 1.0 - r[up];
@@ -139,8 +147,9 @@ mod tests {
     fn grains_apart_stay() {
         let before = [at([0.2, 0.3, 0.4]), at([1.5, 1.7, 1.9])];
         let mut grains = before;
-        let greatest = move_apart::<Three>(&mut grains, square(4.0, false), |_, _| 0.25);
-        assert_eq!((greatest, grains), (Ok(0.0), before));
+        let cell = square(4.0, false);
+        let greatest = move_apart::<Three>(&mut grains, cell, |_, _| 0.25, || false);
+        assert_eq!((greatest, grains), (Ok(Some(0.0)), before));
     }
 
     /// More grains than have room keep overlaps that the caller can refuse.
@@ -148,7 +157,8 @@ mod tests {
     fn a_crowd_keeps_its_overlaps() {
         let place = |k: usize| at([0.37, 0.61, 0.83].map(|x| (x * k as f64 * k as f64) % 4.4));
         let mut grains: Vec<Placed> = (0..300).map(place).collect();
-        let greatest = move_apart::<Three>(&mut grains, square(4.4, false), |_, _| 0.25);
-        assert!(greatest.expect("they settle") > 1.0);
+        let cell = square(4.4, false);
+        let greatest = move_apart::<Three>(&mut grains, cell, |_, _| 0.25, || false);
+        assert!(greatest.expect("they settle").expect("to the end") > 1.0);
     }
 }

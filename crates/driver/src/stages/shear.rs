@@ -253,7 +253,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 
     /// Also records the state before the first step.
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the packed sample.
             run.save_as(Checkpoint {
@@ -270,7 +270,8 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             law,
             &mut self.walls,
             samples,
-        )
+        )?;
+        Ok(false)
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {

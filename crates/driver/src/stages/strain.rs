@@ -142,7 +142,8 @@ impl<'a, D: Dimension> Strain<'a, D> {
             Deformation::PureShear => self.pure_shear(run, step),
             Deformation::Biaxial => self.biaxial(run, step),
             Deformation::Compression(pressures) => {
-                self.reach_pressure(run, pressures[step as usize - 1])
+                let found = self.reach_pressure(run, pressures[step as usize - 1], || false)?;
+                Ok(found.expect("nothing asks it to stop"))
             }
         }
     }
@@ -220,16 +221,19 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         self.progress.steps >= self.periodic.aqs.steps || self.has_grown()
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure> {
         self.found = self
             .relaxation
             .relax(run.exchange, &mut self.system, self.law)?;
         if let Some(pressure) = self.periodic.pressure {
-            let reached = self.reach_pressure(run, pressure)?;
-            self.found += reached;
+            let run = &*run;
+            match self.reach_pressure(run, pressure, || run.is_to_stop())? {
+                Some(reached) => self.found += reached,
+                None => return Ok(true),
+            }
         }
         self.begin_stretching();
-        Ok(())
+        Ok(false)
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
@@ -244,8 +248,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         }
         progress.fell_back += u64::from(self.found.fell_back);
         // A strain step takes long, so requests to stop during it count.
-        let stop = stop || run.asked_to_stop();
-        Ok(run.exchange.maximum(f64::from(u8::from(stop))) > 0.0)
+        Ok(run.is_to_stop() || stop)
     }
 
     /// Measures the packing. If the step has led to the first complex pair, bisects its birth.
