@@ -1,4 +1,5 @@
-//! `--check`: what it says that a run takes is what the run takes. Times are not compared.
+//! `--check`: what it says that a run takes is what the run takes. Of times only that of strain steps
+//! is compared, roughly.
 
 mod common;
 
@@ -156,6 +157,87 @@ fn strain_steps_are_those_of_the_run() {
     );
     drop(file);
     within(FILES, bytes(&lines["aqs.h5"]), size(&path), "aqs.h5");
+}
+
+/// A time such as `1h 3m` at the end of a text (s).
+fn seconds(text: &str) -> f64 {
+    let of = |word: &str| {
+        let (number, unit) = word.split_at(word.len() - 1);
+        let unit = match unit {
+            "d" => 86_400.0,
+            "h" => 3600.0,
+            "m" => 60.0,
+            "s" => 1.0,
+            unit => panic!("{unit} in {text}"),
+        };
+        unit * number.parse::<f64>().expect("a number")
+    };
+    text.split_whitespace().map(of).sum()
+}
+
+/// The time of strain steps is of the order of that which they take, without eigenvalues and with
+/// them, of spheres and of disks. The time of a run is that between two lengths of it.
+#[test]
+fn strain_steps_take_about_the_time_that_is_said() {
+    /// A machine that is busy with other things meanwhile is slower.
+    const TIMES: f64 = 8.0;
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+    let still = [
+        "--set=newtonian.growth_times=0.01",
+        "--set=newtonian.rows=0",
+    ];
+    for (name, more) in [
+        ("spheres", &["--set=aqs.strain_step=1e-5"][..]),
+        (
+            "eigenvalues",
+            &["--set=aqs.strain_step=1e-5", "--set=aqs.spectrum=true"],
+        ),
+        (
+            "disks",
+            &[
+                "--set=dimension=2",
+                "--set=box.solid_fraction=0.9",
+                "--set=sample.grains=600",
+                "--set=aqs.strain_step=1e-5",
+            ],
+        ),
+    ] {
+        let with = |steps: u64| {
+            let steps = format!("--set=aqs.steps={steps}");
+            let arguments = [&[scene, &steps][..], &still, more].concat();
+            arguments
+                .iter()
+                .map(ToString::to_string)
+                .collect::<Vec<_>>()
+        };
+        let many = with(100_000);
+        let words: Vec<&str> = many.iter().map(String::as_str).collect();
+        let lines = lines(&said(&words));
+        let time = &lines["time"];
+        assert!(!time.contains("unknown"), "{time}");
+        let (_, said) = time.split_once("strain very roughly ").expect(time);
+        let said = seconds(said.split(',').next().expect("a time")) / 100_000.0;
+        let took = |steps: u64| {
+            let begun = std::time::Instant::now();
+            let run = gshear_mpi(
+                1,
+                &folder.path().join(format!("{name}-{steps}")),
+                &with(steps),
+            );
+            assert_eq!(run.code, 0, "{}", run.text);
+            begun.elapsed().as_secs_f64()
+        };
+        let found = (took(41) - took(1)) / 40.0;
+        println!("{name}: said {said:.2e} s, took {found:.2e} s");
+        within(TIMES, said, found, name);
+    }
+    let overdamped = said(&[scene, "--set=relax.method=overdamped"]);
+    assert!(
+        lines(&overdamped)["time"].contains("strain unknown"),
+        "{overdamped}"
+    );
 }
 
 /// Greatest resident size of a run (bytes) that is asked to stop after a while.

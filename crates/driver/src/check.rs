@@ -21,6 +21,9 @@ use crate::say::say_error;
 pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<(), Failure> {
     let mut estimate = Estimate::of(exchange, task)?;
     estimate.speed = Estimate::speed(exchange, task, options)?;
+    if estimate.strains() {
+        estimate.strain_step = Estimate::strain_step(exchange, task, options)?;
+    }
     let memory = memory::per_rank(exchange);
     if exchange.rank() != 0 {
         return Ok(());

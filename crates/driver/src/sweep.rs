@@ -62,7 +62,8 @@ impl<'a> Sweep<'a> {
     /// A run with an invalid scene, or more ranks than it has room for.
     pub fn list(&self, exchange: &dyn Parallel, options: &Options) -> Result<(), Failure> {
         let (mut left, mut work, mut time, mut disk) = (0, 0.0, Some(0.0), 0.0);
-        let mut speed = None;
+        // The runs of a sweep are alike.
+        let (mut speed, mut strain_step) = (None, None);
         let quiet = options.verbosity == Verbosity::Quiet;
         for (k, member) in self.members.iter().enumerate() {
             let task = from_the_start(exchange, &self.source, &self.values(member))?;
@@ -75,10 +76,13 @@ impl<'a> Sweep<'a> {
             if let (Resumable::Task(task), false) = (&found, quiet) {
                 let mut estimate = Estimate::of(exchange, task)?;
                 if speed.is_none() {
-                    // The runs of a sweep are alike.
                     speed = Some(Estimate::speed(exchange, task, options)?);
                 }
+                if strain_step.is_none() && estimate.strains() {
+                    strain_step = Some(Estimate::strain_step(exchange, task, options)?);
+                }
                 estimate.speed = speed.flatten();
+                estimate.strain_step = strain_step.flatten();
                 left += 1;
                 work += estimate.grain_steps();
                 time = time.zip(estimate.time()).map(|(sum, time)| sum + time);
