@@ -312,3 +312,57 @@ fn a_box_has_a_status() {
     );
     assert!(found.standing.shear_stress.is_some() && found.standing.stress_ratio.is_none());
 }
+
+/// The curve of a box begins at its start, though it is watched from later on.
+#[test]
+fn a_box_is_watched_from_its_start() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+    let mut run = Command::new(PROGRAM)
+        .args([
+            scene,
+            "--set=aqs.steps=1000000",
+            "--set=aqs.strain_step=1e-6",
+        ])
+        .args(["--quiet", "--out"])
+        .arg(&out)
+        .spawn()
+        .expect("the program starts");
+    let begun = Instant::now();
+    let is_under_way = |status: Status| status.standing.stage == "aqs" && status.standing.step > 20;
+    let mut since = None;
+    // Long enough for the run to write its first rows.
+    while since.is_none_or(|since: Instant| since.elapsed() < Duration::from_secs(4)) {
+        assert!(begun.elapsed() < Duration::from_mins(3), "no strain steps");
+        std::thread::sleep(Duration::from_millis(20));
+        if since.is_none() && Status::read(&out).is_some_and(is_under_way) {
+            since = Some(Instant::now());
+        }
+    }
+    let pid = run.id();
+    let stop = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_secs(5));
+        common::signal(pid, "USR1");
+    });
+    let reducer = env!("CARGO_BIN_EXE_gshear-reduce");
+    let live = on_a_terminal(80, &format!("{reducer} watch {}", out.display()));
+    stop.join().expect("a thread");
+    assert_eq!(run.wait().expect("its end").code(), Some(75));
+    // Of every picture, from the first one on.
+    let axes: Vec<String> = live
+        .split(['\r', '\n'])
+        .map(|line| plain(line).trim().to_string())
+        .filter(|line| line.contains(" strain ") && !line.contains("stress"))
+        .collect();
+    assert!(axes.len() > 2, "{live}");
+    for axis in &axes {
+        assert!(axis.starts_with("0 "), "{axis}");
+    }
+    let ends: Vec<&str> = axes
+        .iter()
+        .filter_map(|axis| axis.rsplit(' ').next())
+        .collect();
+    assert_ne!(ends.first(), ends.last(), "the curve grows");
+}

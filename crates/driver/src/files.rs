@@ -273,6 +273,15 @@ impl Files {
         self.trajectory.series(exchange, step, time, row)
     }
 
+    /// Writes the rows of the time series so far to disk every two seconds, for those who watch the
+    /// run.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn publish_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        self.trajectory.publish_rows(exchange)
+    }
+
     /// Writes a row to the log.
     pub fn log(&mut self, step: u64, time: f64, row: &[f64]) {
         // Only rank 0 knows of a failure of the log; the next flush tells all ranks.

@@ -53,8 +53,8 @@ pub enum Command {
     /// Show the curves of a run under way in the terminal, until it ends
     ///
     /// Reads log.csv and status.json every second, while the run writes: stress ratio and solid
-    /// fraction over the strain, or over the time if the strain returns; of a box the shear stress.
-    /// Ctrl-C leaves the run alone. Without a terminal, and of a run that has ended, it shows the
+    /// fraction over the strain, or over the time if the strain returns; of a box the shear stress,
+    /// from aqs.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that has ended, it shows the
     /// present state and ends.
     Watch {
         /// The folder of a run

@@ -1,5 +1,5 @@
-//! `watch`: curves of a run under way in the terminal, from `log.csv` and `status.json`, which can be
-//! read while the run writes.
+//! `watch`: curves of a run under way in the terminal, from `log.csv`, or `aqs.h5` of a box, and
+//! `status.json`, which can be read while the run writes.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
@@ -130,10 +130,10 @@ fn age(status: &Status) -> Option<Duration> {
     SystemTime::now().duration_since(written).ok()
 }
 
-/// A point of every curve, by the strain or, if that returns, by the time.
+/// A point of every curve, by the strain or, if that returns, by the time or the strain step.
 struct Curves {
-    folder: PathBuf,
     log: Tail,
+    strains: StrainSteps,
     /// Names of the curves, and of what they are drawn over.
     names: [&'static str; 2],
     over: &'static str,
@@ -143,8 +143,8 @@ struct Curves {
 impl Curves {
     fn new(folder: &Path) -> Self {
         Self {
-            folder: folder.into(),
             log: Tail::new(folder.join(LOG_FILE)),
+            strains: StrainSteps::new(folder.join(AQS_FILE)),
             names: ["tau", "phi"],
             over: "strain",
             points: [Vec::new(), Vec::new()],
@@ -161,8 +161,7 @@ impl Curves {
         if self.log.rows() > 0 {
             let names = ["strain", "time", "stress_ratio", "solid_fraction"];
             let [strain, time, tau, phi] = names.map(|name| self.log.column(name));
-            let returns = strain.windows(2).any(|pair| pair[1] < pair[0]);
-            let (over, x) = match returns {
+            let (over, x) = match returns(&strain) {
                 true => ("time", time),
                 false => ("strain", strain),
             };
@@ -171,23 +170,17 @@ impl Curves {
             self.points = [points(tau), points(phi)];
             return Ok(());
         }
-        // A box writes no log: its file can be read once the run has ended. Until then the states
-        // are shown that were seen.
+        // A box writes no log.
         let Some(status) = status else { return Ok(()) };
-        self.names = ["stress", ""];
-        if status.state != RunState::Running && self.folder.join(AQS_FILE).exists() {
-            let run = RunFile::open_any(&self.folder.join(AQS_FILE))?;
-            let series = run.series();
-            let stress = series.column("shear_stress");
-            let points = series.time.iter().zip(stress).map(|(x, y)| [*x, *y]);
-            self.points[0] = points.collect();
-            return Ok(());
-        }
-        if let (Some(strain), Some(stress)) = (status.standing.strain, status.standing.shear_stress)
-            && self.points[0].last().is_none_or(|last| last[0] < strain)
-        {
-            self.points[0].push([strain, stress]);
-        }
+        self.strains.read(status)?;
+        let column = |k: usize| -> Vec<f64> { self.strains.all().map(|row| row[k]).collect() };
+        let [step, strain, stress] = [0, 1, 2].map(column);
+        let (over, x) = match returns(&strain) {
+            true => ("strain step", step),
+            false => ("strain", strain),
+        };
+        (self.names, self.over) = (["stress", ""], over);
+        self.points[0] = x.into_iter().zip(stress).map(|(x, y)| [x, y]).collect();
         Ok(())
     }
 
@@ -231,6 +224,70 @@ fn speaks_utf8() -> bool {
         .find_map(|name| std::env::var(name).ok().filter(|v| !v.is_empty()));
     let value = value.unwrap_or_default().to_lowercase();
     value.contains("utf-8") || value.contains("utf8")
+}
+
+fn returns(strain: &[f64]) -> bool {
+    strain.windows(2).any(|pair| pair[1] < pair[0])
+}
+
+/// The strain steps of a box, each with its number, the strain and the shear stress: those in its
+/// file, which the run writes every few seconds, and then those that were seen since.
+struct StrainSteps {
+    path: PathBuf,
+    /// What changes when the file does.
+    signature: Option<(u64, u64, i64, i64)>,
+    stored: Vec<[f64; 3]>,
+    seen: Vec<[f64; 3]>,
+}
+
+impl StrainSteps {
+    fn new(path: PathBuf) -> Self {
+        Self {
+            path,
+            signature: None,
+            stored: Vec::new(),
+            seen: Vec::new(),
+        }
+    }
+
+    fn all(&self) -> impl Iterator<Item = &[f64; 3]> {
+        self.stored.iter().chain(&self.seen)
+    }
+
+    /// Reads what is new.
+    ///
+    /// # Errors
+    /// A damaged file of a run that does not write it any more.
+    fn read(&mut self, status: &Status) -> Result<(), Failure> {
+        let of = std::fs::metadata(&self.path).ok();
+        let signature = of.map(|of| (of.ino(), of.len(), of.mtime(), of.mtime_nsec()));
+        if signature.is_some() && signature != self.signature {
+            match RunFile::open_any(&self.path) {
+                Ok(run) => {
+                    self.signature = signature;
+                    let series = run.series();
+                    let [strain, stress] =
+                        ["strain", "shear_stress"].map(|name| series.column(name));
+                    let rows = series.step.iter().zip(strain).zip(stress);
+                    let rows =
+                        rows.map(|((step, strain), stress)| [*step as f64, *strain, *stress]);
+                    self.stored = rows.collect();
+                }
+                // In the middle of a flush: another look finds it whole.
+                Err(_) if status.state == RunState::Running => {}
+                Err(failure) => return Err(failure),
+            }
+        }
+        let standing = &status.standing;
+        let step = standing.step as f64;
+        if let (Some(strain), Some(stress)) = (standing.strain, standing.shear_stress) {
+            self.seen.retain(|row| row[0] < step);
+            self.seen.push([step, strain, stress]);
+        }
+        let last = self.stored.last().map_or(-1.0, |row| row[0]);
+        self.seen.retain(|row| row[0] > last);
+        Ok(())
+    }
 }
 
 /// A table that grows: reads its new lines. A table that is cut or replaced, as at a resume, is read

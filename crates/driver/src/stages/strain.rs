@@ -282,6 +282,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         };
         self.files
             .series(exchange, step, row.strain, &row.columns::<D>())?;
+        self.files.publish_rows(exchange)?;
         self.latest = Some([row.strain, row.observed.shear_stress]);
         run.terminal.strain_step(&row);
         let every = aqs.frame_every;

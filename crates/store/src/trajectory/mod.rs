@@ -305,6 +305,19 @@ impl TrajectoryWriter {
         self.write_rows(exchange)
     }
 
+    /// Writes the rows so far to disk if the last flush is two seconds ago: for those who watch a run
+    /// whose rows come slowly.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn publish_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        match self.is_flush_due(exchange) {
+            // It flushes.
+            true => self.write_rows(exchange),
+            false => Ok(()),
+        }
+    }
+
     /// Starts to write scalars of frames after the first `rows` rows in the file.
     ///
     /// # Errors
@@ -380,11 +393,15 @@ impl TrajectoryWriter {
     /// Flushes if the last flush was long ago. A flush after every batch would double the cost of
     /// frames in fast runs.
     fn flush_now_and_then(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        // The ranks' clocks differ, but all ranks must decide alike.
-        if exchange.maximum(self.flushed.elapsed().as_secs_f64()) < FLUSH_SECONDS {
-            return Ok(());
+        match self.is_flush_due(exchange) {
+            true => self.flush_file(exchange),
+            false => Ok(()),
         }
-        self.flush_file(exchange)
+    }
+
+    /// The ranks' clocks differ, but all ranks must decide alike.
+    fn is_flush_due(&self, exchange: &dyn Parallel) -> bool {
+        exchange.maximum(self.flushed.elapsed().as_secs_f64()) >= FLUSH_SECONDS
     }
 
     fn flush_file(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
