@@ -13,7 +13,7 @@ use gshear_driver::folder::same_folder;
 use gshear_driver::launch::{self, Changes, Resumable, Task};
 use gshear_driver::options::{Options, Verbosity};
 use gshear_driver::run::Outcome;
-use gshear_driver::say::{say, say_error};
+use gshear_driver::say::{say, say_error, say_verbatim};
 use gshear_driver::signals::Signals;
 use gshear_driver::sweep::Sweep;
 use gshear_driver::version;
@@ -176,7 +176,7 @@ fn check_or_run(
 ) -> Result<Outcome, Failure> {
     if arguments.check {
         if world.rank() == 0 {
-            say(task.scene.toml.trim_end_matches('\n'));
+            say_verbatim(task.scene.toml.trim_end_matches('\n'));
         }
         if !arguments.quiet {
             check(world, &task, options)?;

@@ -1,9 +1,10 @@
 //! `gshear-reduce`: parses the command line, reduces runs of `gshear-mpi`, returns the exit code.
 
-use std::io::{self, BufWriter, ErrorKind, Write, stderr, stdout};
+use std::io::{self, BufWriter, ErrorKind, Write, stdout};
 use std::process::ExitCode;
 
 use clap::Parser;
+use gshear_driver::say::say_error;
 use gshear_reduce::{Arguments, run};
 use gshear_store::provenance;
 
@@ -32,7 +33,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let mut output = BufWriter::new(Output(stdout().lock()));
     let code = run(&arguments, &mut output).unwrap_or_else(|failure| {
-        let _ = writeln!(stderr(), "error: {failure}");
+        say_error(&format!("error: {failure}"));
         failure.exit_code()
     });
     ExitCode::from(code as u8)

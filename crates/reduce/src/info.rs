@@ -3,9 +3,12 @@
 use std::fmt::Write as _;
 use std::io::Write;
 
+use console::Term;
+
 use crate::output::cannot_write;
 use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
+use gshear_driver::say::fold_for;
 use gshear_store::run_reader::{RunFile, RunStage};
 
 /// Prints the content of a run.
@@ -13,9 +16,8 @@ use gshear_store::run_reader::{RunFile, RunStage};
 /// # Errors
 /// Output that cannot be written, a run without the parameters that define its strain.
 pub fn print(run: &RunFile, output: &mut impl Write) -> Result<(), Failure> {
-    output
-        .write_all(describe(run)?.as_bytes())
-        .map_err(cannot_write)
+    let text = fold_for(&Term::stdout(), &describe(run)?);
+    output.write_all(text.as_bytes()).map_err(cannot_write)
 }
 
 fn describe(run: &RunFile) -> Result<String, Failure> {
