@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from ._toml import override
 from .errors import ProgramFailedError, ProgramNotFoundError
 
 # Settings of Open MPI, which other MPIs ignore: ranks of two runs do not share the first cores, and
@@ -87,10 +88,14 @@ def simulate(
         scene: Path of a scene, see `docs/config.md`.
         out: Folder of the results.
         ranks: Number of MPI ranks; with 1 the program runs without mpirun.
-        values: Values of the scene to replace, as in `{"shear.strain": 0.02}` (`--set`).
+        values: Values of the scene to replace, as in `{"shear.strain": 0.02}` (`--set`): numbers,
+            booleans, paths, lists and dicts of Python and NumPy. `None` takes a key away. A string
+            is passed on as it is, as in `{"sample.length": "2 mm"}`; in lists and dicts it is a
+            text.
         quiet: Do not print the command.
 
     Raises:
+        TypeError: A value has a type that no key of a scene has.
         ProgramNotFoundError: gshear-mpi or mpirun is missing.
         ProgramFailedError: The run failed or stopped early (exit code 75).
     """
@@ -101,6 +106,6 @@ def simulate(
         command += ["mpirun", "-n", str(ranks)]
     command += [find("gshear-mpi"), scene, "--out", out, "--resume", "auto"]
     for key, value in (values or {}).items():
-        command += ["--set", f"{key}={value}"]
+        command += ["--set", f"{key}={override(value)}"]
     run(command, quiet=quiet)
     return Path(out)
