@@ -1,4 +1,4 @@
-"""`make install`: what is where, manual pages without warnings, completions in a real bash."""
+"""`make install`: what is where, manual pages without warnings, completions in real shells."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import pty
 import re
 import select
+import shutil
 import subprocess
 import time
 from pathlib import Path
@@ -116,17 +117,17 @@ def test_a_page_says_what_help_says(root: Path) -> None:
     assert re.search(r"\n +75 +stopped early", shown)
 
 
-class Bash:
-    """An interactive bash with the completions of one program, as a user has it."""
+class Interactive:
+    """An interactive shell with the completions of one program, as a user has it."""
 
-    def __init__(self, completions: Path, folder: Path) -> None:
+    def __init__(self, command: list[str], folder: Path, begin: list[str]) -> None:
         child, self.terminal = pty.fork()
         if child == 0:
             os.chdir(folder)
             environment = {"PATH": os.environ["PATH"], "TERM": "dumb", "HISTFILE": ""}
-            os.execvpe("bash", ["bash", "--norc", "--noprofile", "-i"], environment)  # noqa: S606, S607
-        self.say("PS1=; bind 'set enable-bracketed-paste off'\n")
-        self.say(f"source '{completions}'; stty cols 1000; echo rea''dy\n")
+            os.execvpe(command[0], command, environment)  # noqa: S606
+        for line in [*begin, "stty cols 1000", "echo rea''dy"]:
+            self.say(line + "\n")
         self.read_until("ready")
 
     def say(self, text: str) -> None:
@@ -137,17 +138,55 @@ class Bash:
         end = time.monotonic() + 60
         while not re.search(rf"^{word}\r?$", text, re.MULTILINE):
             readable, _, _ = select.select([self.terminal], [], [], end - time.monotonic())
-            assert readable, f"bash said {text!r}"
+            assert readable, f"the shell said {text!r}"
             text += os.read(self.terminal, 4096).decode()
         return text
 
     def complete(self, line: str) -> list[str]:
-        """The words that bash inserts at the end of the line (insert-completions)."""
+        """Returns the words that the shell inserts at the end of the line for escape and `*`."""
         # The line becomes arguments of printf.
         self.say(line + "\x1b*\x01printf '<%s>\\n' \x05; echo en''d\n")
         words = re.findall(r"^<(.*)>\r?$", self.read_until("end"), re.MULTILINE)
         given = line.split()
         return words[len(given) if line.endswith(" ") else len(given) - 1 :]
+
+
+def in_bash(share: Path, folder: Path, line: str) -> list[str]:
+    completions = share / "bash-completion/completions" / line.split()[0]
+    begin = ["PS1=; bind 'set enable-bracketed-paste off'", f"source '{completions}'"]
+    # Escape and * is insert-completions.
+    shell = Interactive(["bash", "--norc", "--noprofile", "-i"], folder, begin)
+    return shell.complete(line)
+
+
+def in_zsh(share: Path, folder: Path, line: str) -> list[str]:
+    begin = [
+        "PS1=; unset zle_bracketed_paste; bindkey -e",
+        f"fpath=('{share}/zsh/site-functions' $fpath); autoload -U compinit; compinit -D -u",
+        "insert-all() { _main_complete; compstate[insert]=all; compstate[list]= }",
+        "zle -C insert-all complete-word insert-all; bindkey '\\e*' insert-all",
+    ]
+    shell = Interactive(["zsh", "-f", "-i"], folder, begin)
+    # A value may follow the name of an option after "=".
+    return [word.removesuffix("=") for word in shell.complete(line)]
+
+
+def in_fish(share: Path, folder: Path, line: str) -> list[str]:
+    script = "set -p fish_complete_path $argv[1]; complete --do-complete $argv[2]"
+    vendor = share / "fish/vendor_completions.d"
+    command: list[str | Path] = ["fish", "--no-config", "-c", script, vendor, line]
+    # It knows the completions of programs that are there.
+    path = f"{share.parent / 'bin'}:{os.environ['PATH']}"
+    environment = {"PATH": path, "HOME": str(folder.parent)}
+    ran = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=True
+    )
+    assert not ran.stderr
+    # A word, and behind a tab its description.
+    return [word.split("\t")[0] for word in ran.stdout.splitlines()]
+
+
+SHELLS = {"bash": in_bash, "zsh": in_zsh, "fish": in_fish}
 
 
 @pytest.fixture
@@ -184,7 +223,11 @@ def folder(tmp_path: Path) -> Path:
         ("gshear-reduce report --study lee-hurley out/", ["out/run.h5"]),
     ],
 )
-def test_bash_completes(root: Path, folder: Path, line: str, words: list[str]) -> None:
-    completions = root / PREFIX / "share/bash-completion/completions" / line.split()[0]
-    found = Bash(completions, folder).complete(line)
+@pytest.mark.parametrize("shell", SHELLS)
+def test_shells_complete(root: Path, folder: Path, shell: str, line: str, words: list[str]) -> None:
+    if shutil.which(shell) is None:
+        # scripts/release installs them and sets this.
+        assert "ALL_SHELLS" not in os.environ, f"no {shell}"
+        pytest.skip(f"no {shell}")
+    found = SHELLS[shell](root / PREFIX / "share", folder, line)
     assert sorted(word.rstrip("/") for word in found) == sorted(words)

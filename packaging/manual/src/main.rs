@@ -61,6 +61,11 @@ fn complete(command: Command, folder: &Path) -> io::Result<()> {
             );
             text = files_without_dash(&text, command.has_subcommands());
         }
+        if shell == Shell::Zsh {
+            // Two colons hide the options before from what completes several paths, and with them
+            // the values of an option behind a path.
+            text = text.replace("'*::", "'*:");
+        }
         if command
             .get_arguments()
             .any(|argument| argument.get_id() == "resume")
