@@ -610,9 +610,7 @@ def _python(value: Any) -> Any:  # noqa: ANN401 - attributes have any type
     return value
 
 
-def _line(
-    x: NDArray[np.float64], y: NDArray[np.float64], at: NDArray[Any]
-) -> NDArray[np.float64]:
+def _line(x: NDArray[np.float64], y: NDArray[np.float64], at: NDArray[Any]) -> NDArray[np.float64]:
     """Returns the line through two points, at other places."""
     line: NDArray[np.float64] = y[0] + (y[1] - y[0]) / (x[1] - x[0]) * (at - x[0])
     return line
