@@ -4,7 +4,9 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
 use std::os::unix::fs::MetadataExt;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, Instant, SystemTime};
 
 use console::Term;
@@ -22,6 +24,9 @@ use super::output::cannot_write;
 const INTERVAL: Duration = Duration::from_secs(1);
 /// Time without a new status after which a run may have been killed.
 const SILENT: Duration = Duration::from_secs(30);
+/// How often a file is opened again that may be in the middle of a flush, and the time between.
+const ATTEMPTS: usize = 5;
+const PAUSE: Duration = Duration::from_millis(50);
 /// The widest picture (characters), and the least size of one.
 const WIDEST: usize = 120;
 const LEAST: [usize; 2] = [30, 8];
@@ -31,6 +36,7 @@ const LEAST: [usize; 2] = [30, 8];
 /// # Errors
 /// A folder without a run, output that cannot be written.
 pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
+    start_again_without_locks();
     let folder = match run.is_dir() {
         true => run,
         false => match run.parent() {
@@ -80,6 +86,17 @@ pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
             return Ok(());
         }
         std::thread::sleep(INTERVAL.saturating_sub(begun.elapsed()));
+    }
+}
+
+/// Starts the program again with a variable without which HDF5 does not open a file that a run
+/// writes, because the run has locked it. Goes on without, if that fails.
+fn start_again_without_locks() {
+    const VARIABLE: &str = "HDF5_USE_FILE_LOCKING";
+    if let (None, Ok(program)) = (std::env::var_os(VARIABLE), std::env::current_exe()) {
+        let mut command = Command::new(program);
+        command.args(std::env::args_os().skip(1));
+        let _ = command.env(VARIABLE, "FALSE").exec();
     }
 }
 
@@ -262,7 +279,15 @@ impl StrainSteps {
         let of = std::fs::metadata(&self.path).ok();
         let signature = of.map(|of| (of.ino(), of.len(), of.mtime(), of.mtime_nsec()));
         if signature.is_some() && signature != self.signature {
-            match RunFile::open_any(&self.path) {
+            let mut found = RunFile::open_any(&self.path);
+            for _ in 0..ATTEMPTS {
+                if found.is_ok() || status.state != RunState::Running {
+                    break;
+                }
+                std::thread::sleep(PAUSE);
+                found = RunFile::open_any(&self.path);
+            }
+            match found {
                 Ok(run) => {
                     self.signature = signature;
                     let series = run.series();
@@ -273,7 +298,7 @@ impl StrainSteps {
                         rows.map(|((step, strain), stress)| [*step as f64, *strain, *stress]);
                     self.stored = rows.collect();
                 }
-                // In the middle of a flush: another look finds it whole.
+                // Another look finds it whole.
                 Err(_) if status.state == RunState::Running => {}
                 Err(failure) => return Err(failure),
             }

@@ -175,17 +175,14 @@ mod tests {
     /// pixel from where the font has it.
     #[test]
     fn letters_with_a_macron_are_drawn_behind_an_index() {
-        for letter in ["r", "d", "m"] {
-            let plain = inked(&format!("a/{letter}\u{304}²x"));
-            let behind = inked(&format!("a<tspan dy=\"0em\">/{letter}\u{304}²x</tspan>"));
-            let bare = inked(&format!("a/{letter}²x"));
-            let differ = |one: &[bool], other: &[bool]| {
-                one.iter().zip(other).filter(|(a, b)| a != b).count()
-            };
-            let macron = differ(&plain, &bare);
-            assert!(macron > 100, "{letter}: {macron}");
-            let apart = differ(&plain, &behind);
-            assert!(4 * apart < 3 * macron, "{letter}: {apart} of {macron}");
-        }
+        let plain = inked("a/r\u{304}²x");
+        let behind = inked("a<tspan dy=\"0em\">/r\u{304}²x</tspan>");
+        let bare = inked("a/r²x");
+        let differ =
+            |one: &[bool], other: &[bool]| one.iter().zip(other).filter(|(a, b)| a != b).count();
+        let macron = differ(&plain, &bare);
+        assert!(macron > 100, "{macron}");
+        let apart = differ(&plain, &behind);
+        assert!(4 * apart < 3 * macron, "{apart} of {macron}");
     }
 }
