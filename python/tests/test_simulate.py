@@ -101,6 +101,7 @@ def test_the_program_takes_every_kind_of_value(tmp_path: Path) -> None:
     of_packing: dict[str, object] = {"sample.packing": packing, "sample.walls": "types"}
     for key in ("grains", "radius_min", "radius_max", "length", "width"):
         of_packing[f"sample.{key}"] = None
+    of_packing["pack.tolerance"] = None
     with Run(
         simulate(scene, tmp_path / "b", ranks=1, values=values | of_packing, quiet=True)
     ) as run:
