@@ -281,21 +281,40 @@ pub fn strong_damping() -> Vec<Line> {
 /// A thousand times the rate of the scene.
 pub fn shear_rate() -> Vec<Line> {
     let folder = tempfile::tempdir().expect("a folder");
-    let outcome = run(folder.path(), &sets(&["shear.inertial_number=100.0"]));
-    let said = message(&outcome);
+    let refused = run(folder.path(), &sets(&["shear.inertial_number=100.0"]));
+    let why = message(&refused);
+    let names = [
+        "shear.inertial_number",
+        "half the skin",
+        "give a lower rate",
+    ];
+    let left = std::fs::read_dir(folder.path())
+        .expect("the folder")
+        .count();
+    let failed = run(folder.path(), &sets(&["shear.inertial_number=5.0"]));
+    let said = message(&failed);
     let (count, not_finite) = numbers(folder.path());
-    let clear = ["shear, step 0: grains ", " at (", " collide too fast, at "]
-        .iter()
-        .all(|part| said.contains(part));
-    vec![line(
-        "a shear rate 10³ times too high (I = 100)",
-        "exit code 3, one message with step, grains and position; no NaN in any file",
-        format!(
-            "exit code {}: {said}; {count} numbers, {not_finite} not finite",
-            outcome.code
+    let clear = ["shear, step ", ": grains ", " at (", " overlap by "];
+    vec![
+        line(
+            "a shear rate 10³ times too high (I = 100)",
+            "exit code 2, one message with the key and what to change; nothing written",
+            format!("exit code {}: {why}; {left} files", refused.code),
+            refused.code == 2 && names.iter().all(|part| why.contains(part)) && left == 0,
         ),
-        outcome.code == 3 && clear && count > 100 && not_finite == 0,
-    )]
+        line(
+            "a shear rate 50 times too high (I = 5)",
+            "exit code 3, one message with step, grains and position; no NaN in any file",
+            format!(
+                "exit code {}: {said}; {count} numbers, {not_finite} not finite",
+                failed.code
+            ),
+            failed.code == 3
+                && clear.iter().all(|part| said.contains(part))
+                && count > 100
+                && not_finite == 0,
+        ),
+    ]
 }
 
 /// In the checkpoint of a run, moves one of two touching grains until a/R is `part` of the greatest
