@@ -238,7 +238,9 @@ impl Protocol {
                 Some(Normal::Velocity(velocity)) => velocity,
                 _ => 0.0,
             };
-            along.hypot(normal).max(bottom.map_or(0.0, of_wave))
+            (along * along + normal * normal)
+                .sqrt()
+                .max(bottom.map_or(0.0, of_wave))
         };
         self.segments.iter().map(of_segment).fold(0.0, f64::max)
     }
