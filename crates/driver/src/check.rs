@@ -6,6 +6,7 @@ use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene};
 
+use crate::calibration;
 use crate::estimate::{Estimate, bytes, cores, dense_height};
 use crate::folder::{free, outlook};
 use crate::launch::Task;
@@ -20,9 +21,9 @@ use crate::say::say_error;
 /// More ranks than the sample has room for.
 pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<(), Failure> {
     let mut estimate = Estimate::of(exchange, task)?;
-    estimate.speed = Estimate::speed(exchange, task, options)?;
+    estimate.speed = calibration::speed(exchange, task, options)?;
     if estimate.strains() {
-        estimate.strain_step = Estimate::strain_step(exchange, task, options)?;
+        estimate.strain_step = calibration::strain_step(exchange, task, options)?;
     }
     let memory = memory::per_rank(exchange);
     if exchange.rank() != 0 {

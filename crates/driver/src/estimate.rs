@@ -1,36 +1,22 @@
 //! What a run will take, before it begins: steps, time, memory, disk, and whether its folder can be
-//! written. The speed is measured on a lattice of grains with the law of the scene.
+//! written. Times are measured by `calibration`.
 
 use std::fmt::Write;
-use std::time::Instant;
 
-use bytemuck::Zeroable;
-
-use gshear_dem::dimension::{Three, Two};
-use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::LawSpace;
-use gshear_dem::state::{Cell, ContactState, GrainState, Sheared};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::System;
+use gshear_dem::state::{ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, inertial_time};
-use gshear_scene::{
-    Boundary, Deformation, Dimensions, Method, Motion, Origin, PeriodicBox, PlaneShear, Sample,
-    Scene, WallSpeed,
-};
+use gshear_scene::{Boundary, Motion, Origin, PlaneShear, Scene, WallSpeed};
 use gshear_store::trajectory::{self, file_bytes, waiting_bytes};
 
 use crate::header::Header;
 use crate::launch::Task;
 use crate::memory;
-use crate::options::Options;
 use crate::progress::duration;
-use crate::run::{Run, Start};
-use crate::stages::setup::{force, system};
+use crate::run::Start;
 use crate::stages::shear::series_columns;
-use crate::stages::{newtonian, prepare, relax};
+use crate::stages::{newtonian, prepare};
 
 /// Contacts per grain, of disks and of spheres, as sheared packings with friction have them; the
 /// densest have 2 and 3.
@@ -106,38 +92,6 @@ impl Estimate {
         estimate.hosts = memory::hosts(exchange);
         estimate.memory = memory_of(scene, exchange.size(), estimate.frame_bytes(scene));
         Ok(estimate)
-    }
-
-    /// Speed of all ranks together (grain-steps/s), measured within a second; `None` if the law does
-    /// not hold on the lattice. Collective.
-    ///
-    /// # Errors
-    /// More ranks than the sample has room for.
-    pub fn speed(
-        exchange: &dyn Parallel,
-        task: &Task,
-        options: &Options,
-    ) -> Result<Option<f64>, Failure> {
-        match task.scene.dimension {
-            Dimensions::Two => speed::<Two>(exchange, task, options),
-            Dimensions::Three => speed::<Three>(exchange, task, options),
-        }
-    }
-
-    /// Time of a strain step of a box (s), roughly, measured within seconds; `None` for other
-    /// scenes, and if the equilibrium is not found by Newton's method. Collective.
-    ///
-    /// # Errors
-    /// More ranks than the sample has room for.
-    pub fn strain_step(
-        exchange: &dyn Parallel,
-        task: &Task,
-        options: &Options,
-    ) -> Result<Option<f64>, Failure> {
-        match task.scene.dimension {
-            Dimensions::Two => strain_step::<Two>(exchange, task, options),
-            Dimensions::Three => strain_step::<Three>(exchange, task, options),
-        }
     }
 
     /// Whether strain steps are left.
@@ -259,7 +213,7 @@ impl Estimate {
 }
 
 /// Time of a step with the energy budget over that without (docs/speed.md).
-const BUDGET: f64 = 1.06;
+const BUDGET: f64 = 1.17;
 /// Bytes of frames that one rank gathers and writes in a second, and the time of a row for a grain
 /// (s): as measured on the default scene.
 const FRAMES_PER_SECOND: f64 = 6e7;
@@ -289,7 +243,7 @@ pub fn bytes(size: f64) -> String {
     }
 }
 
-fn index(scene: &Scene) -> usize {
+pub(crate) fn index(scene: &Scene) -> usize {
     scene.dimension.axes() - 2
 }
 
@@ -487,259 +441,4 @@ fn of_box(scene: &Scene, header: Option<&Header>) -> Estimate {
     }
     estimate.checkpoints(scene, 2);
     estimate
-}
-
-/// Grains of the lattice on a rank, at most; more are as fast.
-const MOST_GRAINS: u32 = 100_000;
-/// Time of the measurement (s), about.
-const MEASURED: f64 = 0.4;
-
-/// A run that says nothing and writes nothing, for a measurement with the grains of a scene.
-/// Refuses more ranks than the sample has room for.
-fn silent<'a, D: LawSpace>(
-    exchange: &'a dyn Parallel,
-    task: &'a Task,
-    options: &'a Options,
-) -> Result<Run<'a>, Failure> {
-    let scene = &task.scene;
-    let record = task.record.clone();
-    let run = Run::new(exchange, &scene.toml, &scene.bookkeeping, record, options)?;
-    let cell = match &scene.boundary {
-        Boundary::Walls(_) => scene.sample.cell(),
-        Boundary::Periodic(_) => scene.sample.box_cell(scene.sample.length),
-    };
-    system::<D>(&run, scene, cell)?;
-    Ok(run)
-}
-
-/// No terminal, no files.
-fn quiet(options: &Options) -> Options {
-    Options {
-        verbosity: crate::options::Verbosity::Quiet,
-        ..options.clone()
-    }
-}
-
-/// What all ranks have measured; `None` if it failed on one, as where the law does not hold on the
-/// lattice.
-fn of_all(exchange: &dyn Parallel, measured: Result<f64, Failure>) -> Option<f64> {
-    let failed = exchange.maximum(f64::from(u8::from(measured.is_err()))) > 0.0;
-    measured.ok().filter(|_| !failed)
-}
-
-/// Speed of all ranks together (grain-steps/s). `None` if the law does not hold on the lattice.
-/// Collective.
-fn speed<D: LawSpace>(
-    exchange: &dyn Parallel,
-    task: &Task,
-    options: &Options,
-) -> Result<Option<f64>, Failure> {
-    let options = quiet(options);
-    let run = silent::<D>(exchange, task, &options)?;
-    Ok(of_all(exchange, measured::<D>(&run, &task.scene)))
-}
-
-/// A lattice of equal grains at rest.
-#[derive(Debug, Clone, Copy)]
-struct Lattice {
-    /// Grains along x, y and the last axis; one along y in two dimensions.
-    grains: [u32; 3],
-    /// Distances along these axes (m).
-    spacing: [f64; 3],
-}
-
-impl Lattice {
-    fn count(&self) -> u32 {
-        self.grains.iter().product()
-    }
-
-    /// The lattice in a periodic cell, with its forces.
-    fn system<D: LawSpace>(
-        &self,
-        run: &Run<'_>,
-        scene: &Scene,
-        law: &dyn PairForce<D>,
-    ) -> Result<System<D>, Failure> {
-        let exchange = run.exchange;
-        let diameter = scene.sample.mean_diameter;
-        let [along, across, up] = self.grains;
-        let lengths: [f64; 3] =
-            std::array::from_fn(|k| f64::from(self.grains[k]) * self.spacing[k]);
-        let planar = D::AXES == 2;
-        let cell = Cell {
-            periods: [lengths[0], if planar { f64::INFINITY } else { lengths[1] }],
-            sheared: Some(Sheared::upright(lengths[2])),
-        };
-        let equal = Scene {
-            sample: Sample {
-                radius_min: 0.5 * diameter,
-                radius_max: 0.5 * diameter,
-                ..scene.sample
-            },
-            ..scene.clone()
-        };
-        let all = along * across * up;
-        let (rank, size) = (exchange.rank() as u64, exchange.size() as u64);
-        let part = |r: u64| (u64::from(all) * r / size) as u32;
-        let grain = |id: u32| {
-            let at = [id / (across * up), id / up % across, id % up].map(|k| f64::from(k) + 0.5);
-            let mut position = [0.0; 3];
-            position[0] = at[0] * self.spacing[0];
-            position[D::UP] = at[2] * self.spacing[2];
-            if !planar {
-                position[1] = at[1] * self.spacing[1];
-            }
-            GrainState {
-                id,
-                position,
-                radius: 0.5 * diameter,
-                ..GrainState::zeroed()
-            }
-        };
-        let grains = (part(rank)..part(rank + 1)).map(grain).collect();
-        let mut system: System<D> = system(run, &equal, cell)?;
-        system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
-        initial_forces(exchange, &mut system, law, &mut NoWalls, None)?;
-        Ok(system)
-    }
-}
-
-/// Overlap over d̄ of the grains of a lattice.
-fn overlap(scene: &Scene) -> f64 {
-    match &scene.boundary {
-        Boundary::Walls(walls) => (1.0 / walls.load.stiffness_number).min(0.01),
-        Boundary::Periodic(_) => 0.01,
-    }
-}
-
-/// Steps on a lattice of equal grains, two or three of whose neighbours each touch, as in a packing.
-fn measured<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, Failure> {
-    let exchange = run.exchange;
-    let sample = &scene.sample;
-    let diameter = sample.mean_diameter;
-    let (touching, near) = (diameter * (1.0 - overlap(scene)), 1.001 * diameter);
-    let count = sample
-        .grains
-        .min(MOST_GRAINS.saturating_mul(exchange.size() as u32));
-    let along = ((sample.length / touching) as u32).max(8);
-    let across = match D::AXES {
-        2 => 1,
-        _ => ((sample.width / near) as u32).max(4),
-    };
-    let up = (count / along / across).max(8);
-    let lattice = Lattice {
-        grains: [along, across, up],
-        spacing: [touching, near, touching],
-    };
-    let law = force::<D>(&scene.law, scene.contact);
-    let law = law.as_ref();
-    let mut system = lattice.system(run, scene, law)?;
-    let mut steps = |steps: u64| -> Result<f64, Failure> {
-        exchange.barrier();
-        let begun = Instant::now();
-        for _ in 0..steps {
-            let request = StepRequest::default();
-            advance(exchange, &mut system, law, &mut NoWalls, request)?;
-        }
-        Ok(exchange.maximum(begun.elapsed().as_secs_f64()))
-    };
-    // The first steps fill the caches.
-    steps(3)?;
-    let one = steps(3)? / 3.0;
-    let many = ((MEASURED / one) as u64).clamp(3, 1_000_000);
-    let seconds = steps(many)?;
-    Ok(f64::from(lattice.count()) * many as f64 / seconds)
-}
-
-/// Factorisations of K, each with its solves, in a relaxation by Newton's method.
-const FACTORISATIONS: f64 = 2.0;
-/// Relaxations in a strain step of simple or pure shear, of a biaxial box and of a compression.
-const RELAXATIONS: [f64; 3] = [1.0, 4.0, 15.0];
-/// Time of a measurement of Newton's method after which larger lattices are extrapolated to (s).
-const LONG: f64 = 0.3;
-/// Grains of the first lattice, and of that whose eigenvalues are found.
-const FEW: u32 = 100;
-/// Powers of the number of grains that the time of a factorisation grows by, of disks and of
-/// spheres: nested dissection of a network in two and in three dimensions.
-const FACTORISATION_POWER: [f64; 2] = [1.5, 2.0];
-
-/// Time of a strain step (s): that of its factorisations of K and, if the scene asks for them, of
-/// all eigenvalues, of lattices in which every grain touches as many others as in a packing.
-/// Collective.
-fn strain_step<D: LawSpace>(
-    exchange: &dyn Parallel,
-    task: &Task,
-    options: &Options,
-) -> Result<Option<f64>, Failure> {
-    let scene = &task.scene;
-    let Boundary::Periodic(periodic) = &scene.boundary else {
-        return Ok(None);
-    };
-    if periodic.relax.method != Method::Newton {
-        return Ok(None);
-    }
-    let options = quiet(options);
-    let run = silent::<D>(exchange, task, &options)?;
-    Ok(of_all(
-        exchange,
-        strain_step_on_lattices::<D>(&run, scene, periodic),
-    ))
-}
-
-fn strain_step_on_lattices<D: LawSpace>(
-    run: &Run<'_>,
-    scene: &Scene,
-    periodic: &PeriodicBox,
-) -> Result<f64, Failure> {
-    let exchange = run.exchange;
-    let all = scene.sample.grains;
-    let law = force::<D>(&scene.law, scene.contact);
-    let law = law.as_ref();
-    let lattice = |grains: u32| {
-        let side = f64::from(grains).powf(1.0 / D::AXES as f64).round() as u32;
-        // A grain must not meet its own images, nor a slab be narrower than the cutoff.
-        let side = side.max(4);
-        let along = side.max(3 * exchange.size() as u32);
-        let touching = scene.sample.mean_diameter * (1.0 - overlap(scene));
-        Lattice {
-            grains: match D::AXES {
-                2 => [along, 1, side],
-                _ => [along, side, side],
-            },
-            spacing: [touching; 3],
-        }
-    };
-    let timed = |of: &mut dyn FnMut() -> Result<(), Failure>| -> Result<f64, Failure> {
-        exchange.barrier();
-        let begun = Instant::now();
-        of()?;
-        Ok(exchange.maximum(begun.elapsed().as_secs_f64()))
-    };
-
-    let mut grains = all.min(FEW);
-    let relaxation = loop {
-        let lattice = lattice(grains);
-        let mut system = lattice.system(run, scene, law)?;
-        let seconds = timed(&mut || relax::factor_once(exchange, &mut system, law))?;
-        let larger = f64::from(all) / f64::from(lattice.count());
-        if grains == all || seconds > LONG {
-            let power = FACTORISATION_POWER[index(scene)];
-            break seconds * larger.max(1.0).powf(power);
-        }
-        grains = all.min(grains.saturating_mul(4));
-    };
-    let relaxations = match periodic.deformation {
-        Deformation::SimpleShear | Deformation::PureShear => RELAXATIONS[0],
-        Deformation::Biaxial => RELAXATIONS[1],
-        Deformation::Compression(_) => RELAXATIONS[2],
-    };
-    let mut seconds = relaxations * FACTORISATIONS * relaxation;
-    if periodic.aqs.spectrum {
-        let lattice = lattice(all.min(FEW));
-        let mut system = lattice.system(run, scene, law)?;
-        let one = timed(&mut || relax::eigenvalues_once(exchange, &mut system, law))?;
-        let larger = f64::from(all) / f64::from(lattice.count());
-        seconds += one * larger.powi(3);
-    }
-    Ok(seconds)
 }

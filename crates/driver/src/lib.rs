@@ -24,6 +24,7 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 
+mod calibration;
 pub mod check;
 pub mod estimate;
 pub mod files;

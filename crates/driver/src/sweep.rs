@@ -8,6 +8,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::Source;
 use gshear_scene::sweep::Member;
 
+use crate::calibration;
 use crate::estimate::{Estimate, bytes};
 use crate::launch::{Resumable, await_lock, from_the_start, resume_if_begun};
 use crate::options::{Options, Verbosity};
@@ -76,10 +77,10 @@ impl<'a> Sweep<'a> {
             if let (Resumable::Task(task), false) = (&found, quiet) {
                 let mut estimate = Estimate::of(exchange, task)?;
                 if speed.is_none() {
-                    speed = Some(Estimate::speed(exchange, task, options)?);
+                    speed = Some(calibration::speed(exchange, task, options)?);
                 }
                 if strain_step.is_none() && estimate.strains() {
-                    strain_step = Some(Estimate::strain_step(exchange, task, options)?);
+                    strain_step = Some(calibration::strain_step(exchange, task, options)?);
                 }
                 estimate.speed = speed.flatten();
                 estimate.strain_step = strain_step.flatten();
