@@ -28,6 +28,7 @@ fn main() -> Result<(), Failure> {
         tangential_stiffness: 3e5,
         density: 2500.0,
         damping_ratio: 0.1,
+        sliding_damping: 0.0,
     };
     let contact = Contact {
         friction: 0.5,

@@ -22,6 +22,7 @@ const SPRINGS: Springs = Springs {
     tangential_stiffness: 0.4e6,
     density: 2500.0,
     damping_ratio: 0.15,
+    sliding_damping: 0.0,
 };
 const CONTACT: Contact = Contact {
     friction: 0.5,
@@ -73,6 +74,7 @@ impl Impact {
         const CENTRE: f64 = 10e-3;
         let springs = Springs {
             damping_ratio: self.damping_ratio,
+            sliding_damping: 0.0,
             ..SPRINGS
         };
         let law = Law::new(&springs, &self.contact);

@@ -170,6 +170,7 @@ fn sample() -> Vec<Curve> {
     let (material, contact) = (sample.material(), sample.scene.contact);
     let undamped = Material {
         damping_ratio: 0.0,
+        sliding_damping: 0.0,
         ..material
     };
     let whole = LeeHurley::<true, true>::new(&material, &contact);

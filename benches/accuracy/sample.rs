@@ -86,6 +86,7 @@ impl Sample {
             poisson_ratio: of("material.poisson_ratio"),
             density: of("material.density"),
             damping_ratio: of("contact.damping_ratio"),
+            sliding_damping: 0.0,
         }
     }
 

@@ -38,6 +38,7 @@ pub fn program_law<const FRICTION: bool, const ROLLING: bool>(
             poisson_ratio: law.poisson_ratio,
             density: law.density,
             damping_ratio: law.damping_ratio,
+            sliding_damping: 0.0,
         },
         &Contact {
             friction: law.friction,

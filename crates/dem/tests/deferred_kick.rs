@@ -182,6 +182,7 @@ fn of_disks() {
         tangential_stiffness: 4e6,
         density: DENSITY,
         damping_ratio: 0.1,
+        sliding_damping: 0.0,
     };
     let mass = DENSITY * Two::volume(RADIUS);
     let step = 0.1 * (mass / springs.normal_stiffness).sqrt();

@@ -114,6 +114,7 @@ fn disks_fly_straight() {
         tangential_stiffness: 1e6,
         density: 2500.0,
         damping_ratio: 0.1,
+        sliding_damping: 0.0,
     };
     let law = Hooke::<Two, false, false>::new(&springs, &Contact::default());
     straight(&law, false);

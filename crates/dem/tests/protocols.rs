@@ -28,6 +28,7 @@ const SPRINGS: Springs = Springs {
     tangential_stiffness: 4e6,
     density: DENSITY,
     damping_ratio: 0.1,
+    sliding_damping: 0.0,
 };
 /// Contacts stick.
 const CONTACT: Contact = Contact {

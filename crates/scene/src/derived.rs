@@ -199,6 +199,7 @@ mod tests {
         poisson_ratio: 0.2,
         density: 2500.0,
         damping_ratio: 0.1,
+        sliding_damping: 0.0,
     };
     const SAMPLE: Sample = Sample::uniform(1000, 0.5e-6, 1e-6, 48e-6);
 
@@ -272,6 +273,7 @@ mod tests {
             tangential_stiffness: 5e7,
             density: 2500.0,
             damping_ratio: 0.0,
+            sliding_damping: 0.0,
         };
         let law = Law::of(&hooke::KIND, springs);
         assert_eq!(pressure(&law, &SAMPLE, 1e4), 1e4);
@@ -368,6 +370,7 @@ mod tests {
             tangential_stiffness: 5e7,
             density: 2500.0,
             damping_ratio: 0.1,
+            sliding_damping: 0.0,
         };
         let law = Law::of(&hooke::KIND, springs);
         let mass = 2500.0 * PI * 1.75e-12 / 3.0;

@@ -130,6 +130,7 @@ impl From<&keys::LawKey> for Declared<Number> {
             doc: key.doc,
             unit: key.unit,
             range: key.bounds,
+            default: key.constant,
             otherwise: key.default,
             what: key.symbol,
             example: key.example,

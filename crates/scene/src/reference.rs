@@ -454,6 +454,7 @@ mod tests {
             "contact.rolling_damping_ratio",
             "contact.damping_ratio",
             "contact.restitution",
+            "contact.sliding_damping",
             "contact.tangential_damping_ratio",
             "sample.large_fraction",
             "sample.replicate",

@@ -160,21 +160,29 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
 pub(crate) struct Limited<L: Lanes> {
     /// The spring's part, cut to the limit; it is stored as the history.
     pub elastic: Vector<L>,
-    /// The damper's part, which acts below the limit only.
+    /// The damper's part.
     pub viscous: Vector<L>,
     pub at_limit: L::Mask,
 }
 
 impl<L: Lanes> Limited<L> {
-    /// `trial`: the spring's part without limit. Uses `n` components of it and of `viscous`.
+    /// `trial`: the spring's part without limit. `viscous`: the damper's part below the limit, of
+    /// which `share` acts at it. Uses `n` components of both.
     #[inline(always)]
-    pub fn new(token: L::Token, n: usize, trial: Vector<L>, limit: L, viscous: Vector<L>) -> Self {
-        let zero = L::splat(token, 0.0);
+    pub fn new(
+        token: L::Token,
+        n: usize,
+        trial: Vector<L>,
+        limit: L,
+        viscous: Vector<L>,
+        share: f64,
+    ) -> Self {
+        let (share, zero) = (L::splat(token, share), L::splat(token, 0.0));
         if n == 1 {
             let at_limit = trial[0].abs().greater(limit);
             return Self {
                 elastic: [limit.copy_sign(trial[0]).select(at_limit, trial[0]); 3],
-                viscous: [zero.select(at_limit, viscous[0]); 3],
+                viscous: [share.mul_add(viscous[0], zero).select(at_limit, viscous[0]); 3],
                 at_limit,
             };
         }
@@ -184,9 +192,9 @@ impl<L: Lanes> Limited<L> {
         Self {
             elastic: scaled(&trial, part),
             viscous: [
-                zero.select(at_limit, viscous[0]),
-                zero.select(at_limit, viscous[1]),
-                zero.select(at_limit, viscous[2]),
+                share.mul_add(viscous[0], zero).select(at_limit, viscous[0]),
+                share.mul_add(viscous[1], zero).select(at_limit, viscous[1]),
+                share.mul_add(viscous[2], zero).select(at_limit, viscous[2]),
             ],
             at_limit,
         }
@@ -262,4 +270,48 @@ pub(crate) fn scalar(f: impl FnOnce(PortableToken) -> Portable) -> f64 {
     let mut out = Lanes16::ZERO;
     f(PortableToken).store(&mut out);
     out.0[0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The parts of a contact whose spring has `trial` under a limit of 2, with the damper's part.
+    fn limited(n: usize, trial: [f64; 3], viscous: [f64; 3], share: f64) -> ([f64; 3], [f64; 3]) {
+        let c = |v| Portable::splat(PortableToken, v);
+        let f = Limited::new(
+            PortableToken,
+            n,
+            trial.map(c),
+            c(2.0),
+            viscous.map(c),
+            share,
+        );
+        let first = |lanes: Portable| {
+            let mut out = Lanes16::ZERO;
+            lanes.store(&mut out);
+            out.0[0]
+        };
+        (f.elastic.map(first), f.viscous.map(first))
+    }
+
+    #[test]
+    fn a_damper_acts_below_the_limit_and_its_share_at_it() {
+        let viscous = [0.5, -1.0, 0.25];
+        for share in [0.0, 0.5, 1.0] {
+            let at_limit = viscous.map(|v| share * v);
+            for n in [1, 3] {
+                let stuck = limited(n, [1.0, 0.0, 0.0], viscous, share);
+                assert_eq!(
+                    (stuck.0[0], stuck.1[..n].to_vec()),
+                    (1.0, viscous[..n].to_vec())
+                );
+                let (elastic, damper) = limited(n, [-4.0, 0.0, 0.0], viscous, share);
+                assert!((elastic[0] + 2.0).abs() < 1e-15, "{elastic:?}");
+                assert_eq!(damper[..n], at_limit[..n]);
+            }
+        }
+        // No damper, no sign of zero: forces have the same bits as without one.
+        assert_eq!(limited(1, [4.0; 3], [-1.0; 3], 0.0).1[0].to_bits(), 0);
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::keys::{DAMPING_RATIO, KeyReader, RESTITUTION};
+use super::keys::{DAMPING_RATIO, KeyReader, RESTITUTION, SLIDING_DAMPING};
 use crate::contact::portable_ln;
 
 /// α of a linear damper whose restitution is e: e = exp(-πα/√(1-α²)), 0 < e ≤ 1 (LH A4, A12).
@@ -21,6 +21,12 @@ pub(super) fn read_ratio(values: &mut dyn KeyReader) -> f64 {
         (_, Some(e)) if chosen == 1 => damping_ratio(e),
         (alpha, _) => alpha.unwrap_or(0.0),
     }
+}
+
+/// Reads the share of the tangential damper that acts on sliding contacts; by default none does.
+pub(super) fn read_sliding(values: &mut dyn KeyReader) -> f64 {
+    let constant = SLIDING_DAMPING.constant.unwrap_or(0.0);
+    values.number(&SLIDING_DAMPING).unwrap_or(constant)
 }
 
 /// γ = 2α√(k m*) (kg/s) of two grains of mass m, for k_n and k_t.

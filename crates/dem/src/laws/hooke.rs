@@ -13,7 +13,8 @@
 //! F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
 //! ```
 //!
-//! cut to μ_s F_n and stored so. Below this limit -γ_t v_t is added, γ_t = 2α√(k_t m*).
+//! cut to μ_s F_n and stored so. Below this limit -γ_t v_t is added, γ_t = 2α√(k_t m*), and at it
+//! the share `sliding_damping` of that, by default none, as in LIGGGHTS.
 //!
 //! Rolling, in 2D, as in LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita
 //! and Oda):
@@ -28,9 +29,10 @@
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use super::damping::{of_ratio, read_ratio};
+use super::damping::{of_ratio, read_ratio, read_sliding};
 use super::keys::{
-    DAMPING_RATIO, DENSITY, KeyReader, LawKey, NORMAL_STIFFNESS, RESTITUTION, TANGENTIAL_STIFFNESS,
+    DAMPING_RATIO, DENSITY, KeyReader, LawKey, NORMAL_STIFFNESS, RESTITUTION, SLIDING_DAMPING,
+    TANGENTIAL_STIFFNESS,
 };
 use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
@@ -54,6 +56,7 @@ pub const KIND: LawKind = LawKind {
         &TANGENTIAL_STIFFNESS,
         &DAMPING_RATIO,
         &RESTITUTION,
+        &SLIDING_DAMPING,
     ],
     read: |values| Arc::new(Springs::read(values)),
 };
@@ -69,6 +72,8 @@ pub struct Springs {
     pub density: f64,
     /// α, normal and tangential.
     pub damping_ratio: f64,
+    /// The share of the tangential damper that acts on sliding contacts.
+    pub sliding_damping: f64,
 }
 
 impl Springs {
@@ -80,6 +85,7 @@ impl Springs {
             tangential_stiffness,
             density: values.required(&DENSITY),
             damping_ratio: read_ratio(values),
+            sliding_damping: read_sliding(values),
         }
     }
 }
@@ -139,7 +145,11 @@ impl Constants for Springs {
     }
 
     fn default_of(&self, key: &LawKey) -> Option<f64> {
-        (key.path == TANGENTIAL_STIFFNESS.path).then_some(self.tangential_stiffness)
+        match key.path {
+            path if path == TANGENTIAL_STIFFNESS.path => Some(self.tangential_stiffness),
+            path if path == SLIDING_DAMPING.path => Some(self.sliding_damping),
+            _ => None,
+        }
     }
 
     fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
@@ -181,6 +191,8 @@ pub struct Hooke<D, const FRICTION: bool, const ROLLING: bool> {
     density: f64,
     /// α.
     damping_ratio: f64,
+    /// The share of the tangential damper that acts on sliding contacts.
+    sliding_damping: f64,
     /// μ_s.
     friction: f64,
     rolling: Rolling,
@@ -196,6 +208,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
             tangential_damping: (springs.tangential_stiffness / springs.normal_stiffness).sqrt(),
             density: D::volume(1.0) * springs.density,
             damping_ratio: springs.damping_ratio,
+            sliding_damping: springs.sliding_damping,
             friction: contact.friction,
             rolling: Rolling {
                 stiffness: springs.tangential_stiffness,
@@ -287,7 +300,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                     trial[k] = (-k_t).mul_add(slip[k], before[k]);
                 }
                 let limit = c(self.friction) * load(&response.normal);
-                let f = Limited::new(token, n, trial, limit, scaled(&v_t, gamma_t));
+                let (viscous, share) = (scaled(&v_t, gamma_t), self.sliding_damping);
+                let f = Limited::new(token, n, trial, limit, viscous, share);
                 response.sliding = f.at_limit.bits();
                 for k in 0..n {
                     (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);
@@ -401,6 +415,7 @@ mod tests {
         tangential_stiffness: 0.5e6,
         density: 2500.0,
         damping_ratio: 0.2,
+        sliding_damping: 0.0,
     };
     const CONTACT: Contact = Contact {
         friction: 0.4,
@@ -412,8 +427,17 @@ mod tests {
     /// The response of two disks of `RADII`: F_n, F_t and M; sliding and beyond; the new history.
     /// `motion` is in the order of `PairMotion`.
     fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
+        response_of(&SPRINGS, motion, history)
+    }
+
+    /// The same with these springs.
+    fn response_of(
+        springs: &Springs,
+        motion: [f64; 6],
+        history: [f64; 2],
+    ) -> ([f64; 3], [bool; 2], [f64; 2]) {
         type Law = Hooke<Two, true, true>;
-        let law = Law::new(&SPRINGS, &CONTACT);
+        let law = Law::new(springs, &CONTACT);
         let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
         let c = |v| Portable::splat(PortableToken, v);
         law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
@@ -484,6 +508,33 @@ mod tests {
         close(rolling, -0.1 * (0.5e-3 / 1.5) * 2.0);
         close(history[1], rolling);
         assert_eq!(flags, [true, false]);
+    }
+
+    /// The share of the damper adds to the limit, and the spring keeps it without the damper.
+    #[test]
+    fn a_damper_acts_on_sliding_contacts_if_it_is_to() {
+        for share in [0.25, 1.0] {
+            let springs = Springs {
+                sliding_damping: share,
+                ..SPRINGS
+            };
+            let ([_, tangential, rolling], flags, history) =
+                response_of(&springs, [1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
+            let gamma_t = 2.0 * 0.2 * (0.5e6 * reduced_mass()).sqrt();
+            close(history[0], -0.4 * 2.0);
+            close(tangential, -0.4 * 2.0 - share * gamma_t * 5.0);
+            close(rolling, -0.1 * (0.5e-3 / 1.5) * 2.0);
+            assert_eq!(flags, [true, false]);
+        }
+        let springs = Springs {
+            sliding_damping: 1.0,
+            ..SPRINGS
+        };
+        let below = [1e-6, -0.01, 0.002, 1e-8, 3.0, 2e-6];
+        assert_eq!(
+            response_of(&springs, below, [0.05, 1e-6]),
+            response(below, [0.05, 1e-6])
+        );
     }
 
     /// F_n is 0 if the damper alone would make it negative.

@@ -36,6 +36,11 @@ pub const UNIT: Bounds = Bounds {
     from: Bound::Excluded(0.0),
     to: Bound::Included(1.0),
 };
+/// 0 ≤ x ≤ 1.
+pub const SHARE: Bounds = Bounds {
+    from: Bound::Included(0.0),
+    to: Bound::Included(1.0),
+};
 /// 0 ≤ x ≤ ½.
 pub const POISSON: Bounds = Bounds {
     from: Bound::Included(0.0),
@@ -115,6 +120,9 @@ pub struct LawKey {
     pub doc: &'static str,
     /// The default in words; empty for a key without one.
     pub default: &'static str,
+    /// A constant default, instead of one in words. A scene with it has the identity of one without
+    /// the key, so that runs of earlier versions can be resumed.
+    pub constant: Option<f64>,
 }
 
 impl LawKey {
@@ -148,11 +156,17 @@ impl LawKey {
             bounds,
             doc,
             default: "",
+            constant: None,
         }
     }
 
     const fn default(mut self, words: &'static str) -> Self {
         self.default = words;
+        self
+    }
+
+    const fn constant(mut self, value: f64) -> Self {
+        self.constant = Some(value);
         self
     }
 }
@@ -280,6 +294,16 @@ pub const DAMPING_RATIO: LawKey = LawKey::new(
     BELOW_ONE,
     "normal and tangential damping ratio α",
 );
+/// The share of the tangential damper that acts on sliding contacts.
+pub const SLIDING_DAMPING: LawKey = LawKey::new(
+    "contact.sliding_damping",
+    "the share of the tangential damper that acts on sliding contacts",
+    "",
+    "1.0",
+    SHARE,
+    "share of the tangential damper that acts on sliding contacts, too",
+)
+.constant(0.0);
 /// e.
 pub const RESTITUTION: LawKey = LawKey::new(
     "contact.restitution",

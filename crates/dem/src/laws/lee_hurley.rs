@@ -16,7 +16,9 @@
 //! ```
 //!
 //! with k_t' of the last step, which makes it of second order in Δt. It is cut to ±μ_s F_n and
-//! stored so. Below this limit -γ_t v_t is added, γ_t = 2α√(k_t m*).
+//! stored so. Below this limit -γ_t v_t is added, γ_t = 2α√(k_t m*); at it the share
+//! `sliding_damping` of that. A23 has no damper there, share 0; A6 and A11 as printed have all of
+//! it, share 1.
 //!
 //! Rolling (A13 to A22): M^k ← M^k - k_r Δθ_r, cut to μ_r R_r F_n; below this limit -C_r (ω_i-ω_j)
 //! is added.
@@ -24,8 +26,11 @@
 use std::f64::consts::{LN_2, PI};
 use std::sync::Arc;
 
-use super::damping::{of_ratio, read_ratio};
-use super::keys::{DAMPING_RATIO, DENSITY, KeyReader, POISSON_RATIO, RESTITUTION, YOUNG_MODULUS};
+use super::damping::{of_ratio, read_ratio, read_sliding};
+use super::keys::{
+    DAMPING_RATIO, DENSITY, KeyReader, LawKey, POISSON_RATIO, RESTITUTION, SLIDING_DAMPING,
+    YOUNG_MODULUS,
+};
 use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
@@ -48,6 +53,7 @@ pub const KIND: LawKind = LawKind {
         &DENSITY,
         &DAMPING_RATIO,
         &RESTITUTION,
+        &SLIDING_DAMPING,
     ],
     read: |values| Arc::new(Material::read(values)),
 };
@@ -63,6 +69,8 @@ pub struct Material {
     pub density: f64,
     /// α, normal and tangential.
     pub damping_ratio: f64,
+    /// The share of the tangential damper that acts on sliding contacts.
+    pub sliding_damping: f64,
 }
 
 /// Least k_n/k_t of A2 and A8: 1 + w of A9 for ν = 0, a → 0.
@@ -75,6 +83,7 @@ impl Material {
             poisson_ratio: values.required(&POISSON_RATIO),
             density: values.required(&DENSITY),
             damping_ratio: read_ratio(values),
+            sliding_damping: read_sliding(values),
         }
     }
 
@@ -115,6 +124,10 @@ impl Constants for Material {
         }
     }
 
+    fn default_of(&self, key: &LawKey) -> Option<f64> {
+        (key.path == SLIDING_DAMPING.path).then_some(self.sliding_damping)
+    }
+
     fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
         vec![
             ("effective modulus E*", self.effective_modulus(), "Pa"),
@@ -145,6 +158,8 @@ pub struct LeeHurley<const FRICTION: bool, const ROLLING: bool> {
     density: f64,
     /// α.
     damping_ratio: f64,
+    /// The share of the tangential damper that acts on sliding contacts.
+    sliding_damping: f64,
     /// μ_s.
     friction: f64,
     rolling: Rolling,
@@ -164,6 +179,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             stiffness: PI * material.effective_modulus(),
             density: PI * material.density,
             damping_ratio: material.damping_ratio,
+            sliding_damping: material.sliding_damping,
             friction: contact.friction,
             // k_r = πE*R_r²/4 (A15).
             rolling: Rolling {
@@ -469,7 +485,8 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let limit = c(self.friction) * load(&response.normal);
             let v_t = load(&motion.tangential_velocity[0]);
             let damping = load(&p[DAMPING]) * root * v_t;
-            let f = Limited::new(token, 1, [trial; 3], limit, [damping; 3]);
+            let share = self.sliding_damping;
+            let f = Limited::new(token, 1, [trial; 3], limit, [damping; 3], share);
             let (elastic, viscous) = (f.elastic[0], f.viscous[0]);
             (elastic - viscous).store(&mut response.tangential[0]);
             response.sliding = f.at_limit.bits();
@@ -548,6 +565,7 @@ mod tests {
         poisson_ratio: 0.2,
         density: 2500.0,
         damping_ratio: 0.1,
+        sliding_damping: 0.0,
     };
     const CONTACT: Contact = Contact {
         friction: 0.7,

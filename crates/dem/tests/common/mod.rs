@@ -32,6 +32,7 @@ pub fn springs<D: Dimension>() -> Springs {
         tangential_stiffness: 0.4 * normal_stiffness,
         density: DENSITY,
         damping_ratio: 0.02,
+        sliding_damping: 0.0,
     }
 }
 

@@ -354,6 +354,7 @@ mod tests {
         tangential_stiffness: 0.5,
         density: 1.0,
         damping_ratio: 0.0,
+        sliding_damping: 0.0,
     };
 
     fn law(friction: f64) -> Hooke<Two, true, false> {

@@ -113,6 +113,7 @@ const UNKNOWN: lee_hurley::Material = lee_hurley::Material {
     poisson_ratio: f64::NAN,
     density: f64::NAN,
     damping_ratio: f64::NAN,
+    sliding_damping: f64::NAN,
 };
 
 /// The law of this name, `None` if it is unknown; refuses what only other laws take.

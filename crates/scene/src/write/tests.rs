@@ -165,6 +165,7 @@ fn every_default_is_filled_in() {
     reads_back(&scene);
     let not = [
         "damping_ratio",
+        "sliding_damping",
         "tangential_damping_ratio",
         "restitution",
         "impact_speed",
