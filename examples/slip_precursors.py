@@ -89,9 +89,9 @@ def frames_of(run: Run, rows: list[int], out: Path) -> Path:
     folder = out / f"replay-{steps.iloc[0]}"
     if not (folder / "run.h5").exists():
         strain = run.series["strain"]
-        # Half an interval around them.
+        # A replay needs two rows: the one before the first comes along, and half an interval.
         half = 0.4 * (strain[rows[0]] - strain[rows[0] - 1])
-        ends = [float(strain[rows[0]] - half), float(strain[rows[-1]] + half)]
+        ends = [float(strain[rows[0] - 1] - half), float(strain[rows[-1]] + half)]
         reduce("replay", run.path, "--out", folder, f"--strain={ends[0]!r}..{ends[1]!r}")
     return folder / "run.h5"
 

@@ -42,11 +42,17 @@ def test_areas_and_ranks_of_known_cases(precursors: ModuleType) -> None:
     assert (low, high) == (1.0, 1.0)
 
 
-@pytest.mark.parametrize("stored", [True, False])
+@pytest.mark.parametrize(("stored", "gap"), [(True, 32), (False, 32), (False, 0)])
 def test_slips_of_a_run_are_reduced(
-    stored: bool, precursors: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    stored: bool,
+    gap: int,
+    precursors: ModuleType,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """With frames at every row, and with frames from replays."""
+    """With frames at every row, and with frames from replays, also of single rows."""
+    monkeypatch.setattr(precursors, "GAP", gap)
     values: dict[str, object] = {"shear.inertial_number": 5e-3, "shear.strain": 0.03}
     values |= {"output.series_strain": 5e-4, "output.frame_strain": 5e-4 if stored else 0.0}
     values |= {"output.keep_checkpoints": "true", "output.checkpoint_strain": 5e-3}
