@@ -60,6 +60,10 @@ gshear_dem::columns! {
         contacts_change: "1",
         /// root mean square displacement over the mean diameter
         displacement: "1",
+        /// time since the start until a root mean square displacement of 1e-5 mean diameters; NaN without
+        linear_until: "s",
+        /// the same of 1e-2 mean diameters, a catastrophe
+        catastrophe_at: "s",
     }
 }
 
@@ -99,6 +103,11 @@ impl BoxChange {
         });
         let relative = |(before, after): (f64, f64)| after / before - 1.0;
         let change = stress.1 - stress.0;
+        let first_with = |displacement: f64| {
+            let msd = (displacement * mean_diameter).powi(2);
+            let row = series.msd.iter().position(|m| *m >= msd);
+            row.map_or(f64::NAN, |row| series.time[row] - first)
+        };
         Some(Self {
             pressure_before: pressure.0,
             stress_before: stress.0,
@@ -109,6 +118,8 @@ impl BoxChange {
             energy_change: relative(energy),
             contacts_change: relative(contacts),
             displacement: msd.1.sqrt() / mean_diameter,
+            linear_until: first_with(LINEAR),
+            catastrophe_at: first_with(CATASTROPHE),
         })
     }
 
@@ -178,6 +189,7 @@ mod tests {
         near(change.energy_change, -0.2);
         near(change.contacts_change, -0.05);
         near(change.displacement, 0.1);
+        assert_eq!((change.linear_until, change.catastrophe_at), (0.0, 0.0));
         let found = [4e-2, 4e-6, 4e-12].map(|msd| of(msd).aftermath());
         assert_eq!(
             found,
@@ -187,5 +199,35 @@ mod tests {
                 Aftermath::Growing
             ]
         );
+    }
+    /// A displacement that grows by a factor e in every unit of time, from 1e-8 diameters on.
+    #[test]
+    fn times_are_those_of_the_displacement() {
+        let time: Vec<f64> = (0..1800).map(|k| 5.0 + 0.01 * f64::from(k)).collect();
+        let diameter: f64 = 3.0;
+        let msd = |t: &f64| (1e-8 * diameter * (t - 5.0).exp()).powi(2);
+        let msd: Vec<f64> = time.iter().map(msd).collect();
+        let ones = vec![1.0; time.len()];
+        let of = |rows: usize| {
+            let series = BoxSeries {
+                time: &time[..rows],
+                msd: &msd[..rows],
+                stress: &ones[..rows],
+                pressure: &ones[..rows],
+                energy: &ones[..rows],
+                contacts: &ones[..rows],
+            };
+            BoxChange::of(series, diameter).expect("rows")
+        };
+        let whole = of(time.len());
+        let within = |found: f64, factor: f64| {
+            let late = found - factor.ln();
+            assert!((0.0..0.01 + 1e-9).contains(&late), "{found} {factor}");
+        };
+        within(whole.linear_until, 1e3);
+        within(whole.catastrophe_at, 1e6);
+        let short = of(1000);
+        assert_eq!(short.linear_until.to_bits(), whole.linear_until.to_bits());
+        assert!(short.catastrophe_at.is_nan());
     }
 }

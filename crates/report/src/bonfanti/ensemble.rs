@@ -151,7 +151,7 @@ fn change(run: &RunNumbers, of: fn(&BoxChange) -> f64) -> f64 {
     run.change.as_ref().map_or(f64::NAN, of)
 }
 
-const QUANTITIES: [Quantity; 25] = [
+const QUANTITIES: [Quantity; 27] = [
     ("birth", |run| run.birth),
     ("has_pair", |run| f64::from(u8::from(run.birth.is_finite()))),
     ("first_frame_with_pair", |run| {
@@ -198,6 +198,12 @@ const QUANTITIES: [Quantity; 25] = [
     }),
     ("contacts_change_catastrophe", |run| {
         in_catastrophe(run, |c| c.contacts_change)
+    }),
+    ("linear_growth_times", |run| {
+        change(run, |c| c.linear_until) * run.pair[1]
+    }),
+    ("catastrophe_growth_times", |run| {
+        change(run, |c| c.catastrophe_at) * run.pair[1]
     }),
 ];
 

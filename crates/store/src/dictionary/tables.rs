@@ -446,7 +446,7 @@ const FIGURES: [Column; 49] = [
 ];
 
 /// Columns of the ensembles of boxes.
-const ENSEMBLE: [Column; 29] = [
+const ENSEMBLE: [Column; 31] = [
     Column::new("path", "1", "folder or file of the run"),
     Column::new(
         "aftermath",
@@ -544,6 +544,16 @@ const ENSEMBLE: [Column; 29] = [
         "contacts_change_catastrophe",
         "1",
         "contacts_change of a catastrophe, else NaN",
+    ),
+    Column::new(
+        "linear_growth_times",
+        "1",
+        "linear_until times ω_i of the pair",
+    ),
+    Column::new(
+        "catastrophe_growth_times",
+        "1",
+        "catastrophe_at times ω_i of the pair",
     ),
     Column::new("median", "1", "median of the runs"),
     Column::new("value", "1", "value on the axis"),
