@@ -422,7 +422,8 @@ fn law(law: &Law) -> String {
     parts.join(", ")
 }
 
-fn ranks(n: usize) -> String {
+/// `1 rank`, `2 ranks`.
+pub fn ranks(n: usize) -> String {
     if n == 1 {
         "1 rank".into()
     } else {
