@@ -212,7 +212,10 @@ def draw(text: str, width: int, title: str) -> str:
     )
     # Letters of one size, however many columns.
     return re.sub(
-        r'viewBox="0 0 ([0-9.]+)', lambda box: f'width="{SCALE * float(box[1]):.0f}" {box[0]}', svg, count=1
+        r'viewBox="0 0 ([0-9.]+)',
+        lambda box: f'width="{SCALE * float(box[1]):.0f}" {box[0]}',
+        svg,
+        count=1,
     )
 
 
