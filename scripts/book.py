@@ -5,7 +5,8 @@
     scripts/book.py laws [--check]                             writes docs/laws.md
 
 The lists of docs/README.md are the table of contents. Pages outside docs/ that it names are pages
-of the book, too; other files of the repository that a page links are copied beside it. Warnings of
+of the book, too; other files of the repository that a page links are copied beside it. A link with
+the name of a page's file as its text gets the title of the page. Warnings of
 mdBook and links that lead nowhere are errors, both in the book and in the Markdown files as a
 code-hosting site shows them.
 """
@@ -137,12 +138,23 @@ class Source:
                 self.copy(to)
             start = PurePosixPath(self.place(name)).parent
             path = os.path.relpath(self.place(to), start)
-            return f"{found['before']}{path}{mark}{anchor}{found['after']}"
+            before = found["before"]
+            # Readers of the book know pages, not files.
+            names = (target.partition("#")[0], PurePosixPath(to).name)
+            if to in self.pages and before in [f"[{name}](" for name in names]:
+                before = f"[{self.title(to)}]("
+            return f"{before}{path}{mark}{anchor}{found['after']}"
 
         text = outside_code((self.root / name).read_text(), LINK, moved)
         target = self.folder / self.place(name)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(text)
+
+    def title(self, name: str) -> str:
+        """The title of a page, by its first heading."""
+        page = self.root / name
+        heading = re.search(r"^# (.+)$", page.read_text(), re.M) if page.is_file() else None
+        return heading[1] if heading else name
 
     def copy(self, name: str) -> None:
         """Copies a file that is no page."""

@@ -17,6 +17,7 @@ import os
 import pty
 import re
 import select
+import shlex
 import struct
 import subprocess
 import sys
@@ -54,6 +55,8 @@ NAMES = {"brown": "yellow"} | {
 }
 # Lines of a screen on which nothing scrolls away.
 TALL = 500
+# Pixels of a page for one of the picture.
+SCALE = 0.76
 MOST_BYTES = 150_000
 # Open MPI as root and on any cores; the scene below is fast enough.
 VARIABLES = {
@@ -81,7 +84,7 @@ class Subject:
 
 SUBJECTS = [
     Subject("check", "Before a run", "gshear-mpi my.toml --check \\\n    > filled-in.toml"),
-    Subject("run", "A run on two ranks", "mpirun -n 2 gshear-mpi my.toml", still=0.6),
+    Subject("run", "A run on two ranks", "mpirun -n 2 gshear-mpi my.toml", still=0.8),
     Subject("report", "Its report", "gshear-reduce report out/my\nls out/my"),
     Subject(
         "refused", "A wrong scene", "gshear-mpi my.toml \\\n    --set contact.fricton=0.4", code=2
@@ -127,18 +130,27 @@ class Recording:
         return "\n".join(lines) + "\n"
 
 
+def prompt(command: str) -> str:
+    """Returns a command behind a prompt, as a terminal gets it."""
+    return "\x1b[1;32m$\x1b[0m " + command.replace("\n", "\r\n") + "\r\n"
+
+
 def record(subject: Subject, width: int, folder: Path) -> Recording:
     """Runs what is typed in a terminal of this width."""
     recording = Recording(width)
-    prompt = "\x1b[1;32m$\x1b[0m " + subject.typed.replace("\n", "\r\n") + "\r\n"
-    recording.events.append((0.0, prompt))
+    # A line that ends with a backslash goes on.
+    first, *others = re.split(r"(?<!\\)\n", subject.typed)
+    recording.events.append((0.0, prompt(first)))
+    script = [first]
+    for command in others:
+        script += [f"printf %s {shlex.quote(prompt(command))}", command]
     child, terminal = pty.fork()
     if child == 0:
         os.chdir(folder)
         path = f"{ROOT / 'target/release'}:{os.environ['PATH']}"
         environment = VARIABLES | {"PATH": path, "HOME": str(folder)}
         sys.stdin.readline()
-        os.execvpe("sh", ["sh", "-c", subject.typed], environment)  # noqa: S606, S607
+        os.execvpe("sh", ["sh", "-ec", "\n".join(script)], environment)  # noqa: S606, S607
     # The child waits until the terminal has its size, and nothing is echoed.
     ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", HEIGHT, width, 0, 0))
     mode = termios.tcgetattr(terminal)
@@ -191,10 +203,19 @@ def draw(text: str, width: int, title: str) -> str:
             line.append(of.data, Style(color=colour, bold=of.bold or None))
         line.rstrip()
         console.print(line, crop=False, overflow="ignore")
+    # What goes below the last line, such as underscores, would be cut.
+    console.print()
     # Without fonts from the network: those of the reader do.
     template = re.sub(r"@font-face \{\{.*?\}\}\s*", "", CONSOLE_SVG_FORMAT, flags=re.DOTALL)
-    return console.export_svg(
+    svg = console.export_svg(
         title=title, theme=SVG_EXPORT_THEME, code_format=template, unique_id="terminal"
+    )
+    # Letters of one size, however many columns.
+    return re.sub(
+        r'viewBox="0 0 ([0-9.]+)',
+        lambda box: f'width="{SCALE * float(box[1]):.0f}" {box[0]}',
+        svg,
+        count=1,
     )
 
 

@@ -12,6 +12,9 @@ use clap::builder::{PossibleValue, TypedValueParser};
 #[derive(Debug, Parser)]
 #[command(version, about, max_term_width = 100)]
 #[command(after_help = "\
+mpirun -n RANKS gshear-mpi CONFIG.toml runs a scene on RANKS ranks, to the same bits on any number; \
+without mpirun it runs on one.
+
 Without CONFIG.toml the embedded default scene runs (configs/plane-shear-2d.toml, the fast version of \
 Lee & Hurley).
 
@@ -58,10 +61,11 @@ pub struct CommandLine {
     #[arg(long)]
     pub break_lock: bool,
     /// Of a scene with a sweep: list its runs, run all of them in turn, or run the N-th
-    #[arg(long, value_name = "list|all|N", value_parser = ChoiceParser, hide_possible_values = true, conflicts_with_all = ["resume", "check", "stop_at"])]
+    #[arg(long, value_name = "list|all|N", value_parser = ChoiceParser, hide_possible_values = true, conflicts_with_all = ["resume", "stop_at"])]
     pub sweep: Option<Choice>,
-    /// Check the scene: print it with every default filled in, and on standard error (but with
-    /// --quiet) the steps, time, memory and disk that it takes on these ranks, and what is unlikely
+    /// Check the scene, or with --sweep one of its runs: print it with every default filled in.
+    /// Unless --quiet, print on standard error the steps, time, memory and disk that it takes on
+    /// these ranks, and what is unlikely
     #[arg(long)]
     pub check: bool,
     /// Print notes and errors alone

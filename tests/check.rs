@@ -364,3 +364,163 @@ fn what_is_unlikely_is_doubted() {
     let found = warnings(&[&below]);
     assert!(found[0].contains("cannot be written"), "{found:?}");
 }
+
+/// What is left of a run that its folder holds, and whether a resume would be refused.
+#[test]
+fn a_resumed_run_is_checked_as_it_would_go_on() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let place = format!("--out={}", out.display());
+    let steps = |arguments: &[&str]| {
+        let said = said(&[&[SCENE, &place][..], arguments].concat());
+        assert!(!said.contains("warning: "), "{said}");
+        let steps = lines(&said).remove("steps");
+        (steps.unwrap_or_default(), said)
+    };
+    let short = "--set=shear.strain=0.02";
+    let (whole, _) = steps(&["--resume=auto", short]);
+    let run = gshear_mpi(
+        1,
+        &out,
+        &[SCENE.into(), short.into(), "--stop-at=40".into()],
+    );
+    assert_eq!(run.code, 75, "{}", run.text);
+    let (_, whole) = whole.rsplit_once("(a guess), ").expect("a packing");
+    let whole: u64 = whole.trim_end_matches(" of shear").parse().expect("steps");
+    let (left, said) = steps(&["--resume=auto", short]);
+    assert_eq!(left, format!("{} of shear", whole - 40), "{said}");
+    assert!(said.contains("holds this run"), "{said}");
+
+    // An end that has passed is refused as by the run, with nothing else said.
+    let resume = format!("--resume={}", out.display());
+    for (past, words) in [
+        (
+            "--set=shear.strain=0.001",
+            "error: shear: the run would end at step ",
+        ),
+        (
+            "--stop-at=10",
+            "error: --stop-at 10: the run is at step 40 already",
+        ),
+    ] {
+        let refused = check_on(1, &[&resume, past]);
+        assert_eq!(refused.status.code(), Some(2), "{past}");
+        assert!(
+            text(&refused.stderr).starts_with(words),
+            "{}",
+            text(&refused.stderr)
+        );
+        assert!(refused.stdout.is_empty(), "{past}");
+    }
+    // Another run in the folder is a warning, as without --resume.
+    let other = check_on(1, &[SCENE, &place, "--resume=auto", "--set=seed=9"]);
+    assert!(other.status.success());
+    let said = text(&other.stderr);
+    assert!(
+        said.contains("warning: ") && said.contains("is of another run"),
+        "{said}"
+    );
+
+    let run = gshear_mpi(
+        1,
+        &out,
+        &[SCENE.into(), short.into(), "--resume=auto".into()],
+    );
+    assert_eq!(run.code, 0, "{}", run.text);
+    let (left, said) = steps(&["--resume=auto", short]);
+    assert_eq!(left, "");
+    assert!(said.contains("finished; nothing is left to do"), "{said}");
+}
+
+/// A run of a sweep is checked by its number; the list names doubts once.
+#[test]
+fn a_run_of_a_sweep_is_checked() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str, sweep: &str| {
+        let path = folder.path().join(name);
+        let scene = std::fs::read_to_string(SCENE).expect("the scene");
+        std::fs::write(&path, format!("{scene}\n[sweep]\n{sweep}\n")).expect("written");
+        path.display().to_string()
+    };
+    let path = at(
+        "sweep.toml",
+        "seed = [1, 2]\n'contact.friction' = [0.4, 30]",
+    );
+    let place = format!("--out={}", folder.path().join("out").display());
+    let third = check_on(1, &[&path, "--sweep=4", &place]);
+    let said = text(&third.stderr);
+    assert!(third.status.success(), "{said}");
+    let scene: toml::Table = text(&third.stdout).parse().expect("TOML");
+    assert_eq!(scene["contact"]["friction"].as_float(), Some(30.0));
+    assert_eq!(scene["seed"].as_integer(), Some(2));
+    assert!(
+        said.contains("out/seed-2_friction-30: can be written"),
+        "{said}"
+    );
+    assert!(said.contains("warning: contact.friction is 30:"), "{said}");
+    assert_eq!(check_on(1, &[&path, "--sweep=5"]).status.code(), Some(2));
+
+    let listed = check_on(1, &[&path, "--sweep=all", &place]);
+    let said = text(&listed.stderr);
+    assert_eq!(text(&listed.stdout).lines().count(), 4, "{said}");
+    assert!(
+        said.contains("left to do: 4 of 4 runs") && said.contains(" on 1 rank, "),
+        "{said}"
+    );
+    let doubts: Vec<&str> = said
+        .lines()
+        .filter(|l| l.starts_with("warning: "))
+        .collect();
+    assert_eq!(doubts.len(), 1, "{said}");
+    assert!(
+        doubts[0].starts_with("warning: run 2 and 1 more: contact.friction is 30:"),
+        "{said}"
+    );
+
+    // A wrong value is one of the file, not of a --set.
+    let path = at("wrong.toml", "'contact.friction' = [0.4, 'a']");
+    let line = std::fs::read_to_string(&path)
+        .expect("text")
+        .lines()
+        .count();
+    for sweep in ["--sweep=list", "--sweep=2", "--sweep=all"] {
+        let refused = Command::new(PROGRAM).args([&*path, sweep, &place]).output();
+        let refused = refused.expect("the program starts");
+        assert_eq!(refused.status.code(), Some(2));
+        let wanted =
+            format!("error: {path}:{line}: sweep: contact.friction='a': expected a number");
+        let said = text(&refused.stderr);
+        assert!(said.starts_with(&wanted), "{said}");
+    }
+    assert!(!folder.path().join("out").exists(), "nothing was written");
+}
+
+/// Threads that a rank has too few grains for, and more of them than processors; ranks likewise.
+#[test]
+fn too_many_threads_are_doubted() {
+    let _alone = common::alone();
+    let said = said(&[SCENE, "--threads=500"]);
+    assert!(
+        said.contains("warning: 500 threads in a rank of "),
+        "{said}"
+    );
+    assert!(said.contains("warning: 500 threads share the "), "{said}");
+}
+
+/// Sizes of huge runs can be read, and a time is said however heavy the grains are.
+#[test]
+fn strange_scenes_have_sizes_and_times() {
+    let _alone = common::alone();
+    let huge = said(&[
+        SCENE,
+        "--set=shear.strain=1e7",
+        "--set=output.series_strain=1e-6",
+    ]);
+    let disk = &lines(&huge)["disk"];
+    assert!(disk.ends_with(" TB") || disk.ends_with(" PB"), "{disk}");
+    // A lattice does not fall.
+    let heavy = said(&[SCENE, "--set=load.gravity=1e9"]);
+    assert!(!lines(&heavy)["time"].contains("unknown"), "{heavy}");
+}

@@ -45,6 +45,21 @@ fn drawn(text: &str) -> Vec<String> {
     lines.filter(|line| line.contains(" strain ")).collect()
 }
 
+/// A command of mpirun and its environment as words of a shell.
+fn shell_words(ranks: &Command) -> String {
+    let variables = ranks
+        .get_envs()
+        .filter_map(|(name, value)| Some((name, value?)));
+    let variables: Vec<String> = variables
+        .map(|(name, value)| format!("{}={}", name.display(), value.display()))
+        .collect();
+    let words: Vec<String> = ranks
+        .get_args()
+        .map(|word| word.display().to_string())
+        .collect();
+    format!("env {} mpirun {}", variables.join(" "), words.join(" "))
+}
+
 /// Open MPI hides the terminal from its ranks, but not its size.
 #[test]
 fn a_line_of_progress_fits_the_terminal() {
@@ -58,18 +73,7 @@ fn a_line_of_progress_fits_the_terminal() {
         "{SCENE} --set=shear.strain=10 --overwrite --out {}",
         out.display()
     );
-    let ranks = mpirun(2, PROGRAM);
-    let variables = ranks
-        .get_envs()
-        .filter_map(|(name, value)| Some((name, value?)));
-    let variables: Vec<String> = variables
-        .map(|(name, value)| format!("{}={}", name.display(), value.display()))
-        .collect();
-    let words: Vec<String> = ranks
-        .get_args()
-        .map(|word| word.display().to_string())
-        .collect();
-    let two = format!("env {} mpirun {}", variables.join(" "), words.join(" "));
+    let two = shell_words(&mpirun(2, PROGRAM));
     for (columns, program) in [(80, PROGRAM), (40, PROGRAM), (80, &two), (40, &two)] {
         let said = on_a_terminal(columns, &format!("{program} {options}"));
         let lines = drawn(&said);
@@ -284,16 +288,95 @@ fn a_run_can_be_watched() {
     assert!(ascii.is_ascii() && ascii.contains("***"), "{ascii}");
     let plainly = succeed(Command::new(reducer).arg("watch").arg(&out));
     let said = String::from_utf8(plainly.stdout).expect("text");
-    assert!(said.starts_with("done: shear 100.0 % ["), "{said}");
+    let bar = format!("done: shear 100.0 % [{}] strain ", "=".repeat(30));
+    assert!(said.starts_with(&bar), "{said}");
     assert!(
         said.lines().count() == 1 && !said.contains('\x1b'),
         "{said:?}"
     );
-    let none = Command::new(reducer)
-        .arg("watch")
-        .arg(folder.path())
-        .output();
-    assert_eq!(none.expect("the program starts").status.code(), Some(2));
+    let missing = folder.path().join("missing");
+    for (of, words) in [
+        (folder.path(), "holds neither status.json nor log.csv"),
+        (&missing, "no such folder"),
+    ] {
+        let none = Command::new(reducer).arg("watch").arg(of).output();
+        let none = none.expect("the program starts");
+        assert_eq!(none.status.code(), Some(2));
+        let wanted = format!("error: {}: {words}; give the folder of a run", of.display());
+        assert_eq!(String::from_utf8_lossy(&none.stderr).trim_end(), wanted);
+    }
+}
+
+/// At once, also in a terminal, which does not wait for it.
+#[test]
+fn a_killed_run_is_said_to_be_killed() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let mut run = Command::new(PROGRAM)
+        .args([SCENE, "--set=shear.strain=1000", "--quiet", "--out"])
+        .arg(&out)
+        .spawn()
+        .expect("the program starts");
+    while Status::read(&out).is_none_or(|status| status.standing.stress_ratio.is_none()) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let reducer = env!("CARGO_BIN_EXE_gshear-reduce");
+    let watched = || {
+        let said = succeed(Command::new(reducer).arg("watch").arg(&out)).stdout;
+        String::from_utf8(said).expect("text")
+    };
+    let running = watched();
+    assert!(
+        running.starts_with("shear ") && running.contains(" left"),
+        "{running}"
+    );
+    run.kill().expect("killed");
+    run.wait().expect("its end");
+    assert_eq!(status(&out).state, RunState::Running);
+    let said = watched();
+    let next = format!("\ncontinue with --resume {}\n", out.display());
+    assert!(
+        said.starts_with("killed: shear ") && said.ends_with(&next),
+        "{said}"
+    );
+    assert!(!said.contains(" left"), "{said}");
+    let shown = on_a_terminal(80, &format!("{reducer} watch {}", out.display()));
+    assert!(plain(&shown).contains("killed: "), "{shown}");
+}
+
+/// The terminal that mpirun gives its ranks does not change with the one that mpirun has.
+#[test]
+fn the_line_of_progress_follows_the_terminal_of_mpirun() {
+    let _alone = common::alone();
+    if !is_open_mpi() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let options = format!("{SCENE} --set=shear.strain=10 --out {}", out.display());
+    let two = shell_words(&mpirun(2, PROGRAM));
+    let seen = format!(
+        "until grep -q 'stage.*shear' {}/status.json; do sleep 0.02; done",
+        out.display()
+    );
+    let narrow = format!(
+        "({seen}; stty cols 50 </dev/tty; touch {}/narrow) 2>/dev/null &",
+        out.display()
+    );
+    let said = on_a_terminal(100, &format!("{narrow} {two} {options}"));
+    assert!(out.join("narrow").exists());
+    let lines = drawn(&said);
+    let wide = |line: &String| line.chars().count() > 50;
+    assert!(lines.iter().any(wide), "{lines:?}");
+    let last = lines.last().expect("a line");
+    assert!(!wide(last), "{last}");
+    // The lines at the end are folded to the new width, too.
+    let (_, end) = said.split_once("results in ").expect("an end");
+    let width = |line: &str| line.trim_end().chars().count();
+    let long = |line: &&str| width(line) > 50 && line.split_whitespace().count() > 1;
+    let broken: Vec<&str> = end.lines().skip(1).filter(long).collect();
+    assert!(broken.is_empty(), "{broken:?}");
 }
 
 /// The stages of a box report, too.

@@ -1,4 +1,4 @@
-//! `gshear-mpi --version` names the program, its libraries and the instruction sets.
+//! `--version` of both programs names the program, its libraries and the instruction sets.
 
 mod common;
 
@@ -49,4 +49,19 @@ fn the_version_names_libraries_and_instruction_sets() {
         instruction_sets.contains("avx512"),
         has("avx512f") && has("avx512dq")
     );
+}
+
+/// The reducer's, which has no ranks, is the same without MPI.
+#[test]
+fn the_version_of_the_reducer_is_that_of_its_build() {
+    let lines = |program: &str| -> Vec<String> {
+        let said = succeed(Command::new(program).arg("--version")).stdout;
+        let said = String::from_utf8(said).expect("text");
+        said.lines().map(String::from).collect()
+    };
+    let simulation = lines(env!("CARGO_BIN_EXE_gshear-mpi"));
+    let mut wanted = simulation.clone();
+    wanted.remove(1);
+    wanted[0] = wanted[0].replace("gshear-mpi", "gshear-reduce");
+    assert_eq!(lines(env!("CARGO_BIN_EXE_gshear-reduce")), wanted);
 }

@@ -45,7 +45,7 @@ def root(tmp_path: Path) -> Path:
         "docs/README.md": "# Docs\n## Part\n- [A](a.md): a\n"
         "  - [B](more/b.md)\n- [N](../NOTES.md)\n",
         "docs/a.md": "# a\n[b](more/b.md#b)\n\n```text\n[none](none.md)\n```\n",
-        "docs/more/b.md": "# b\n[notes](../../NOTES.md)\n",
+        "docs/more/b.md": "# b\n[notes](../../NOTES.md)\n[NOTES.md](../../NOTES.md)\n",
         "docs/book.toml": "",
         "docs/book.css": "",
     }
@@ -70,7 +70,9 @@ def test_a_sound_book_is_built(book: ModuleType, root: Path) -> None:
     summary = (root / "out-source" / "src" / "SUMMARY.md").read_text()
     assert "# Part\n\n- [A](a.md)\n  - [B](more/b.md)\n- [N](repository/NOTES.md)\n" in summary
     page = (root / "out" / "more" / "b.html").read_text()
-    assert '<a href="../repository/NOTES.html">' in page
+    assert '<a href="../repository/NOTES.html">notes</a>' in page
+    # The file's name is the title of the page.
+    assert '<a href="../repository/NOTES.html">Notes</a>' in page
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from .conftest import CHECKOUT
 def test_version_is_that_of_the_programs() -> None:
     command = [str(find("gshear-reduce")), "--version"]
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    assert said.split()[-1] == gshear.__version__
+    assert said.splitlines()[0].split()[1] == gshear.__version__
 
 
 def test_types_are_for_others_too() -> None:

@@ -8,12 +8,12 @@ use clap::error::ErrorKind;
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
-use gshear_driver::check::check;
+use gshear_driver::check::{check, check_continued};
 use gshear_driver::folder::same_folder;
 use gshear_driver::launch::{self, Changes, Resumable, Task};
 use gshear_driver::options::{Options, Verbosity};
 use gshear_driver::run::Outcome;
-use gshear_driver::say::{say, say_error, say_verbatim};
+use gshear_driver::say::{say, say_error};
 use gshear_driver::signals::Signals;
 use gshear_driver::sweep::Sweep;
 use gshear_driver::version;
@@ -100,8 +100,12 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         .clone()
         .unwrap_or_else(|| PathBuf::from("out").join(&*name));
     let Some(choice) = arguments.sweep else {
-        let task = launch::from_the_start(world, &source, &arguments.set)?;
-        if !auto || arguments.check {
+        let begin = || launch::from_the_start(world, &source, &arguments.set);
+        if auto && arguments.check {
+            return check_continued(world, begin, &options).map(|()| Outcome::Done);
+        }
+        let task = begin()?;
+        if !auto {
             return check_or_run(world, arguments, &options, task);
         }
         launch::await_lock(world, &mut options);
@@ -112,6 +116,11 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
     match choice {
+        // The list checks every scene, and says what they take together.
+        Choice::All if arguments.check => sweep.list(world, &options).map(|()| Outcome::Done),
+        Choice::One(number) if arguments.check => {
+            sweep.check(world, number, &options).map(|()| Outcome::Done)
+        }
         Choice::List => sweep.list(world, &options).map(|()| Outcome::Done),
         Choice::All => sweep.all(world, &options),
         Choice::One(number) => sweep.one(world, number, &options),
@@ -175,13 +184,7 @@ fn check_or_run(
     task: Task,
 ) -> Result<Outcome, Failure> {
     if arguments.check {
-        if world.rank() == 0 {
-            say_verbatim(task.scene.toml.trim_end_matches('\n'));
-        }
-        if !arguments.quiet {
-            check(world, &task, options)?;
-        }
-        return Ok(Outcome::Done);
+        return check(world, &task, options).map(|()| Outcome::Done);
     }
     task.run(world, options)
 }

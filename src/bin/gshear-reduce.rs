@@ -4,7 +4,8 @@ use std::io::{self, BufWriter, ErrorKind, Write, stdout};
 use std::process::ExitCode;
 
 use clap::Parser;
-use gshear_driver::say::say_error;
+use gshear_driver::say::{say, say_error};
+use gshear_driver::version;
 use gshear_reduce::{Arguments, run};
 use gshear_store::provenance;
 
@@ -30,7 +31,14 @@ impl<W: Write> Write for Output<W> {
 
 fn main() -> ExitCode {
     provenance::set_git_commit(env!("GSHEAR_GIT_COMMIT"));
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(e) if e.kind() == clap::error::ErrorKind::DisplayVersion => {
+            say(version::text_of_reducer().trim_end());
+            return ExitCode::SUCCESS;
+        }
+        Err(e) => e.exit(),
+    };
     let mut output = BufWriter::new(Output(stdout().lock()));
     let code = run(&arguments, &mut output).unwrap_or_else(|failure| {
         say_error(&format!("error: {failure}"));

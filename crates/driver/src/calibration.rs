@@ -164,6 +164,8 @@ impl Lattice {
         };
         let grains = (part(rank)..part(rank + 1)).map(grain).collect();
         let mut system: System<D> = system(run, &equal, cell)?;
+        // Nothing holds a periodic lattice: it would fall.
+        system.gravity = 0.0;
         system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
         initial_forces(exchange, &mut system, law, &mut NoWalls, None)?;
         Ok(system)

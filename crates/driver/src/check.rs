@@ -1,7 +1,5 @@
 //! `--check`: what a run will take and what is unlikely about it, before anything is written.
 
-use std::path::Path;
-
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene};
@@ -9,17 +7,72 @@ use gshear_scene::{Boundary, Dimensions, Scene};
 use crate::calibration;
 use crate::estimate::{Estimate, bytes, cores, dense_height};
 use crate::folder::{free, outlook};
-use crate::launch::Task;
+use crate::launch::{Resumable, Task, resume_if_begun};
 use crate::memory;
-use crate::options::Options;
-use crate::say::say_error;
+use crate::options::{Options, Verbosity};
+use crate::say::{say_error, say_verbatim};
+use crate::terminal::ranks as in_words;
 
-/// Says on standard error what the run of a task takes, what is in its folder, and what is
-/// unlikely. Collective.
+/// Prints the scene of a task on standard output and, unless told to be quiet, what its run takes on
+/// standard error. Collective.
 ///
 /// # Errors
-/// More ranks than the sample has room for.
+/// Ends that a checkpoint has passed; more ranks than the sample has room for.
 pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<(), Failure> {
+    task.check_ends(task.header()?.as_ref(), options.stop_at)?;
+    print(exchange, task);
+    prospects(exchange, task, options, None)
+}
+
+/// [`check`] of a run that continues what its folder holds, as `--resume auto` and `--sweep` do.
+/// `begin`: the task from the start. Collective.
+///
+/// # Errors
+/// As of [`check`], and an invalid scene.
+pub fn check_continued(
+    exchange: &dyn Parallel,
+    begin: impl Fn() -> Result<Task, Failure>,
+    options: &Options,
+) -> Result<(), Failure> {
+    match resume_if_begun(exchange, &options.out, begin()?) {
+        Ok(Resumable::Task(task)) => check(exchange, &task, options),
+        Ok(Resumable::Finished) => {
+            print(exchange, &begin()?);
+            if exchange.rank() == 0 && options.verbosity != Verbosity::Quiet {
+                let folder = options.out.display();
+                let what = "holds this run, which is finished; nothing is left to do";
+                say_error(&format!("{:<12}{folder}: {what}", "folder"));
+            }
+            Ok(())
+        }
+        // Another run, or damaged checkpoints.
+        Err(refused @ Failure::Input(_)) => {
+            let task = begin()?;
+            print(exchange, &task);
+            prospects(exchange, &task, options, Some(&refused))
+        }
+        Err(failure) => Err(failure),
+    }
+}
+
+/// Prints the scene on standard output.
+fn print(exchange: &dyn Parallel, task: &Task) {
+    if exchange.rank() == 0 {
+        say_verbatim(task.scene.toml.trim_end_matches('\n'));
+    }
+}
+
+/// Unless told to be quiet, says on standard error what the run of a task takes, what is in its
+/// folder, and what is unlikely. `refused`: why it cannot begin there, if that is known. Collective.
+fn prospects(
+    exchange: &dyn Parallel,
+    task: &Task,
+    options: &Options,
+    refused: Option<&Failure>,
+) -> Result<(), Failure> {
+    if options.verbosity == Verbosity::Quiet {
+        return Ok(());
+    }
     let mut estimate = Estimate::of(exchange, task)?;
     estimate.speed = calibration::speed(exchange, task, options)?;
     if estimate.strains() {
@@ -29,7 +82,10 @@ pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<
     if exchange.rank() != 0 {
         return Ok(());
     }
-    let (folder, may_write) = outlook(&options.out, &task.claim(None));
+    let (folder, may_write) = match refused {
+        Some(refused) => (refused.to_string(), false),
+        None => outlook(&options.out, &task.claim(None)),
+    };
     let mut text = estimate.text();
     if may_write {
         text += &format!("{:<12}{folder}\n", "folder");
@@ -39,32 +95,56 @@ pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<
         say_error(&format!("warning: {folder}"));
     }
     let place = free(&options.out);
-    for warning in warnings(&task.scene, &estimate, memory, place, &options.out) {
+    for warning in warnings(&task.scene, &estimate, memory, place, options) {
         say_error(&format!("warning: {warning}"));
     }
     Ok(())
 }
+
+/// What is allowed and unlikely about a scene.
+pub fn doubts(scene: &Scene) -> Vec<String> {
+    let height =
+        (dense_height(scene) - 2.0 * scene.sample.mean_diameter).max(scene.sample.mean_diameter);
+    gshear_scene::unlikely::unlikely(scene, height)
+}
+
+/// Grains per rank from which threads are worth it (docs/speed.md, "Large packings and threads").
+const THREADED: f64 = 50_000.0;
 
 fn warnings(
     scene: &Scene,
     estimate: &Estimate,
     memory: Option<f64>,
     free: Option<f64>,
-    out: &Path,
+    options: &Options,
 ) -> Vec<String> {
-    let height =
-        (dense_height(scene) - 2.0 * scene.sample.mean_diameter).max(scene.sample.mean_diameter);
-    let mut warnings = gshear_scene::unlikely::unlikely(scene, height);
-    let ranks = estimate.ranks;
+    let mut warnings = doubts(scene);
+    let (ranks, threads) = (estimate.ranks, options.threads);
     let sensible = sensible_ranks(scene);
     if ranks > sensible {
         warnings.push(format!(
             "{ranks} ranks are more than make sense: slabs are so narrow that ranks mostly exchange the grains at their borders; run it on {sensible}"
         ));
     }
-    if ranks > cores() && estimate.hosts == 1 {
+    let per_rank = f64::from(scene.sample.grains) / ranks as f64;
+    if threads > 1 && per_rank < THREADED {
         warnings.push(format!(
-            "{ranks} ranks share the {} processors of this machine and wait for each other",
+            "{threads} threads in a rank of {per_rank:.0} grains mostly wait for each other: they are worth it from about {THREADED:.0} grains per rank; leave out --threads"
+        ));
+    }
+    if ranks * threads > cores() && estimate.hosts == 1 {
+        let (all, fewer) = match threads {
+            1 => (
+                in_words(ranks),
+                format!("run it on {} here", cores().min(sensible)),
+            ),
+            _ => (
+                format!("{} threads", ranks * threads),
+                "give fewer ranks or --threads".into(),
+            ),
+        };
+        warnings.push(format!(
+            "{all} share the {} processors of this machine and wait for each other; {fewer}",
             cores()
         ));
     }
@@ -78,7 +158,7 @@ fn warnings(
     if let Some(free) = free.filter(|free| estimate.disk() > *free) {
         warnings.push(format!(
             "{}: the run needs about {}, and {} are free; write fewer frames (output.frame_strain) or give another folder with --out",
-            out.display(),
+            options.out.display(),
             bytes(estimate.disk()),
             bytes(free)
         ));

@@ -14,9 +14,9 @@ use crate::header::Header;
 use crate::launch::Task;
 use crate::memory;
 use crate::progress::duration;
-use crate::run::Start;
 use crate::stages::shear::series_columns;
 use crate::stages::{newtonian, prepare};
+use crate::terminal::ranks;
 
 /// Contacts per grain, of disks and of spheres, as sheared packings with friction have them; the
 /// densest have 2 and 3.
@@ -80,10 +80,7 @@ impl Estimate {
     /// A checkpoint of another version.
     pub fn of(exchange: &dyn Parallel, task: &Task) -> Result<Self, Failure> {
         let scene = &task.scene;
-        let header = match &task.start {
-            Start::Checkpoint(snapshot) => Some(Header::read(snapshot)?),
-            Start::Insertion | Start::Grains(_) => None,
-        };
+        let header = task.header()?;
         let mut estimate = match &scene.boundary {
             Boundary::Walls(walls) => of_walls(scene, walls, header.as_ref()),
             Boundary::Periodic(_) => of_box(scene, header.as_ref()),
@@ -174,10 +171,7 @@ impl Estimate {
             line("work", format!("{:.2e} grain-steps", self.grain_steps()));
         }
         if let Some(speed) = self.speed {
-            let ranks = match self.ranks {
-                1 => "1 rank".into(),
-                n => format!("{n} ranks"),
-            };
+            let ranks = ranks(self.ranks);
             line(
                 "speed",
                 format!(
@@ -190,10 +184,7 @@ impl Estimate {
             .stages
             .iter()
             .map(|stage| match self.seconds(stage) {
-                Some(seconds) if stage.moves => {
-                    format!("{} about {}", stage.name, duration(seconds))
-                }
-                Some(seconds) => format!("{} very roughly {}", stage.name, duration(seconds)),
+                Some(seconds) => format!("{} {}", stage.name, about(seconds, stage.moves)),
                 None => format!("{} unknown", stage.name),
             })
             .collect();
@@ -224,6 +215,15 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
+/// A time (s) in words; that of strain steps is less sure than that of moves.
+fn about(seconds: f64, moves: bool) -> String {
+    match moves {
+        _ if seconds < 1.0 => "less than 1s".into(),
+        true => format!("about {}", duration(seconds)),
+        false => format!("very roughly {}", duration(seconds)),
+    }
+}
+
 /// Two digits of a guess.
 fn rounded(value: f64) -> u64 {
     let unit = 10f64.powf((value.max(1.0).log10().floor() - 1.0).max(0.0));
@@ -232,13 +232,19 @@ fn rounded(value: f64) -> u64 {
 
 /// A size in words.
 pub fn bytes(size: f64) -> String {
-    let units = [("GB", 1e9), ("MB", 1e6), ("KB", 1e3)];
+    let units = [
+        ("PB", 1e15),
+        ("TB", 1e12),
+        ("GB", 1e9),
+        ("MB", 1e6),
+        ("KB", 1e3),
+    ];
     let (name, unit) = units
         .into_iter()
         .find(|(_, unit)| size >= *unit)
-        .unwrap_or(("KB", 1e3));
+        .unwrap_or(("B", 1.0));
     match size / unit {
-        size if size < 10.0 => format!("{size:.1} {name}"),
+        size if size < 10.0 && unit > 1.0 => format!("{size:.1} {name}"),
         size => format!("{size:.0} {name}"),
     }
 }
@@ -441,4 +447,27 @@ fn of_box(scene: &Scene, header: Option<&Header>) -> Estimate {
     }
     estimate.checkpoints(scene, 2);
     estimate
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_and_sizes_are_words() {
+        let times = [(0.2, true), (0.2, false), (62.0, true), (62.0, false)];
+        let times = times.map(|(seconds, moves)| about(seconds, moves));
+        let wanted = [
+            "less than 1s",
+            "less than 1s",
+            "about 1m 2s",
+            "very roughly 1m 2s",
+        ];
+        assert_eq!(times, wanted);
+        let sizes = [0.0, 12.0, 1.5e3, 2e7, 3e9, 4.2e12, 1.6e15, 2e19].map(bytes);
+        let wanted = [
+            "0 B", "12 B", "1.5 KB", "20 MB", "3.0 GB", "4.2 TB", "1.6 PB", "20000 PB",
+        ];
+        assert_eq!(sizes, wanted);
+    }
 }

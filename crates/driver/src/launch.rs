@@ -67,6 +67,10 @@ impl Task {
     /// # Errors
     /// Bad input, numbers that fail, or files that cannot be written.
     pub fn run(self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
+        let header = self.header()?;
+        if options.replay.is_none() {
+            self.check_ends(header.as_ref(), options.stop_at)?;
+        }
         let last_file = self.last_file();
         let Self {
             scene,
@@ -75,14 +79,8 @@ impl Task {
             entry,
             before,
         } = self;
-        let header = match &start {
-            Start::Checkpoint(snapshot) => Some(Header::read(snapshot)?),
-            Start::Insertion | Start::Grains(_) => None,
-        };
         let mut run = Run::new(exchange, &scene.toml, &scene.bookkeeping, record, options)?;
         if options.replay.is_none() {
-            let former = before.as_ref().map(|(_, scene)| scene);
-            check_ends(header.as_ref(), former, &scene, options.stop_at)?;
             let claim = Claim {
                 entry,
                 record: &run.record,
@@ -105,6 +103,31 @@ impl Task {
         run.terminal.clear();
         run.reporter.end(&ending);
         ending
+    }
+
+    /// The header of the checkpoint that the run starts from, if it does.
+    ///
+    /// # Errors
+    /// A checkpoint of another version.
+    pub(crate) fn header(&self) -> Result<Option<Header>, Failure> {
+        match &self.start {
+            Start::Checkpoint(snapshot) => Header::read(snapshot).map(Some),
+            Start::Insertion | Start::Grains(_) => Ok(None),
+        }
+    }
+
+    /// Refuses ends that lie before the step reached, and another drive up to there. `header`: that
+    /// of the checkpoint from which the run starts.
+    ///
+    /// # Errors
+    /// Such an end, or such a drive.
+    pub(crate) fn check_ends(
+        &self,
+        header: Option<&Header>,
+        stop_at: Option<u64>,
+    ) -> Result<(), Failure> {
+        let former = self.before.as_ref().map(|(_, scene)| scene);
+        check_ends(header, former, &self.scene, stop_at)
     }
 
     /// What the run asks of its folder. `header`: that of the checkpoint from which it starts.

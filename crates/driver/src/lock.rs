@@ -65,6 +65,15 @@ fn start_of(pid: u32) -> Option<u64> {
     (*fields.first()? != "Z").then(|| fields.get(19)?.parse().ok())?
 }
 
+/// Whether the run that writes into a folder is known to have ended without a word: its lock is
+/// there, and its process is gone.
+pub fn is_abandoned(folder: &Path) -> bool {
+    let path = folder.join(LOCK_FILE);
+    let holder = fs::read_to_string(&path).ok();
+    let holder = holder.and_then(|text| serde_json::from_str::<Holder>(&text).ok());
+    holder.is_some_and(|holder| holder.is_gone(age(&path)))
+}
+
 /// A lock that this process holds. Dropping it removes the file.
 pub struct Lock {
     path: PathBuf,

@@ -4,6 +4,7 @@
 use std::io::Write;
 
 use console::Term;
+use rustix::fs::{Mode, OFlags};
 
 /// Prints a line, if standard output is neither closed nor full; on a terminal folded to its width.
 pub fn say(line: &str) {
@@ -26,16 +27,38 @@ pub fn say_verbatim(text: &str) {
 
 /// [`fold`] to the width of a terminal; files and pipes get the text as it is.
 pub fn fold_for(term: &Term, text: &str) -> String {
-    match term.size_checked().filter(|_| term.is_term()) {
-        // A character in the last column would break the line on some terminals.
-        Some((_, width)) => fold(text, usize::from(width).saturating_sub(1)),
+    match width(term) {
+        Some(width) => fold(text, width),
         None => text.into(),
     }
 }
 
+/// Characters of a line of a terminal; `None` of files and pipes.
+pub fn width(term: &Term) -> Option<usize> {
+    let (_, own) = term.size_checked().filter(|_| term.is_term())?;
+    let width = launcher_width().unwrap_or(own);
+    // A character in the last column would break the line on some terminals.
+    Some(usize::from(width).saturating_sub(1))
+}
+
+/// The present width of the terminal of Open MPI's mpirun, if it started this rank on the same
+/// machine: the terminal that it gives a rank keeps the size which that one had at the start.
+fn launcher_width() -> Option<u16> {
+    std::env::var_os("OMPI_COMM_WORLD_RANK")?;
+    let launcher = std::os::unix::process::parent_id();
+    (1..=2).find_map(|stream| {
+        let path = format!("/proc/{launcher}/fd/{stream}");
+        // Not as the terminal that controls this process.
+        let flags = OFlags::WRONLY | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        let opened = rustix::fs::open(path, flags, Mode::empty()).ok()?;
+        let size = rustix::termios::tcgetwinsize(opened).ok()?;
+        (size.ws_col > 0).then_some(size.ws_col)
+    })
+}
+
 /// Breaks lines of more than `width` characters between words. What follows stands under the second
-/// column of a line such as `steps       about 380000`, and is indented by two characters in others.
-/// Longer words stay whole.
+/// column of a line such as `steps       about 380000` or `shear: I = 2e-4`, and is indented by two
+/// characters in others. Longer words stay whole.
 pub fn fold(text: &str, width: usize) -> String {
     let lines: Vec<String> = text
         .split('\n')
@@ -43,6 +66,9 @@ pub fn fold(text: &str, width: usize) -> String {
         .collect();
     lines.join("\n")
 }
+
+/// Heads of the lines of a run that have one blank before the second column.
+const HEADS: [&str; 3] = ["shear: ", "drive: ", "birth: "];
 
 fn fold_line(line: &str, width: usize) -> String {
     if line.chars().count() <= width {
@@ -52,7 +78,11 @@ fn fold_line(line: &str, width: usize) -> String {
     let blank = |at: usize| characters.get(at) == Some(&' ');
     let first = (0..characters.len()).find(|at| !blank(*at)).unwrap_or(0);
     let gap = (first..characters.len()).find(|at| blank(*at) && blank(at + 1));
-    let second = gap.and_then(|gap| (gap..characters.len()).find(|at| !blank(*at)));
+    let headed = HEADS.iter().find(|head| line.starts_with(**head));
+    let second = match headed {
+        Some(head) => Some(head.len()),
+        None => gap.and_then(|gap| (gap..characters.len()).find(|at| !blank(*at))),
+    };
     let (start, indent) = match second.filter(|second| *second <= width / 2) {
         Some(second) => (second, second),
         None if first > 0 && first <= width / 2 => (first, first),
@@ -92,6 +122,9 @@ mod tests {
                       run.h5 161 MB (1001 frames,\n            10006 rows)";
         assert_eq!(fold(text, 39), folded);
         assert_eq!(fold(text, 80), text);
+        let text = "shear: I = 2.0000e-4, V = 1.5e-2 m/s\npack:  at rest after 347000 steps";
+        let folded = "shear: I = 2.0000e-4, V =\n       1.5e-2 m/s\npack:  at rest after\n       347000 steps";
+        assert_eq!(fold(text, 25), folded);
     }
 
     #[test]

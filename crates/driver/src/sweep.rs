@@ -9,12 +9,14 @@ use gshear_scene::Source;
 use gshear_scene::sweep::Member;
 
 use crate::calibration;
+use crate::check::{check_continued, doubts};
 use crate::estimate::{Estimate, bytes};
-use crate::launch::{Resumable, await_lock, from_the_start, resume_if_begun};
+use crate::launch::{Resumable, Task, await_lock, from_the_start, resume_if_begun};
 use crate::options::{Options, Verbosity};
 use crate::progress::duration;
 use crate::run::Outcome;
 use crate::say::{self, say_error};
+use crate::terminal::ranks;
 
 /// The runs of a configuration with a sweep.
 pub struct Sweep<'a> {
@@ -66,8 +68,10 @@ impl<'a> Sweep<'a> {
         // The runs of a sweep are alike.
         let (mut speed, mut strain_step) = (None, None);
         let quiet = options.verbosity == Verbosity::Quiet;
+        // Of each warning the first run, and the number of all.
+        let mut doubted: Vec<(String, usize, usize)> = Vec::new();
         for (k, member) in self.members.iter().enumerate() {
-            let task = from_the_start(exchange, &self.source, &self.values(member))?;
+            let task = self.task(exchange, member)?;
             let found = resume_if_begun(exchange, &self.folder(member), task)?;
             let state = match &found {
                 Resumable::Finished => "done",
@@ -84,6 +88,12 @@ impl<'a> Sweep<'a> {
                 }
                 estimate.speed = speed.flatten();
                 estimate.strain_step = strain_step.flatten();
+                for doubt in doubts(&task.scene) {
+                    match doubted.iter_mut().find(|(known, ..)| *known == doubt) {
+                        Some((_, _, runs)) => *runs += 1,
+                        None => doubted.push((doubt, k + 1, 1)),
+                    }
+                }
                 left += 1;
                 work += estimate.grain_steps();
                 time = time.zip(estimate.time()).map(|(sum, time)| sum + time);
@@ -97,11 +107,18 @@ impl<'a> Sweep<'a> {
         if exchange.rank() == 0 && left > 0 {
             let time = time.map_or("an unknown time".into(), duration);
             say_error(&format!(
-                "left to do: {left} of {} runs, about {work:.1e} grain-steps, {time} one after the other on {} ranks, {} of files",
+                "left to do: {left} of {} runs, about {work:.1e} grain-steps, {time} one after the other on {}, {} of files",
                 self.members.len(),
-                exchange.size(),
+                ranks(exchange.size()),
                 bytes(disk)
             ));
+            for (doubt, first, runs) in doubted {
+                let more = match runs {
+                    1 => String::new(),
+                    runs => format!(" and {} more", runs - 1),
+                };
+                say_error(&format!("warning: run {first}{more}: {doubt}"));
+            }
         }
         Ok(())
     }
@@ -116,18 +133,9 @@ impl<'a> Sweep<'a> {
         number: usize,
         options: &Options,
     ) -> Result<Outcome, Failure> {
-        let member = number.checked_sub(1).and_then(|k| self.members.get(k));
-        let Some(member) = member else {
-            return Err(Failure::input(format!(
-                "--sweep {number}: there are the runs 1 to {}",
-                self.members.len()
-            )));
-        };
-        let task = from_the_start(exchange, &self.source, &self.values(member))?;
-        let mut options = Options {
-            out: self.folder(member),
-            ..options.clone()
-        };
+        let member = self.member(number)?;
+        let task = self.task(exchange, member)?;
+        let mut options = self.options_of(member, options);
         await_lock(exchange, &mut options);
         let resumed = match options.overwrite {
             true => Resumable::Task(Box::new(task)),
@@ -154,7 +162,7 @@ impl<'a> Sweep<'a> {
         let begun = Instant::now();
         // Finds invalid scenes before the first run starts.
         for member in &self.members {
-            from_the_start(exchange, &self.source, &self.values(member))?;
+            self.task(exchange, member)?;
         }
         let mut failed = Vec::new();
         for (k, member) in self.members.iter().enumerate() {
@@ -179,6 +187,42 @@ impl<'a> Sweep<'a> {
                 failed.len(),
                 self.members.len()
             ))),
+        }
+    }
+
+    /// Prints the scene of run `number` and what is left to do of it; collective.
+    ///
+    /// # Errors
+    /// A number without a run, an invalid scene, or more ranks than it has room for.
+    pub fn check(
+        &self,
+        exchange: &dyn Parallel,
+        number: usize,
+        options: &Options,
+    ) -> Result<(), Failure> {
+        let member = self.member(number)?;
+        let options = self.options_of(member, options);
+        check_continued(exchange, || self.task(exchange, member), &options)
+    }
+
+    fn member(&self, number: usize) -> Result<&Member, Failure> {
+        let member = number.checked_sub(1).and_then(|k| self.members.get(k));
+        member.ok_or_else(|| {
+            let runs = self.members.len();
+            Failure::input(format!("--sweep {number}: there are the runs 1 to {runs}"))
+        })
+    }
+
+    /// A run from the start.
+    fn task(&self, exchange: &dyn Parallel, member: &Member) -> Result<Task, Failure> {
+        let task = from_the_start(exchange, &self.source, &self.values(member));
+        task.map_err(|failure| member.place(failure))
+    }
+
+    fn options_of(&self, member: &Member, options: &Options) -> Options {
+        Options {
+            out: self.folder(member),
+            ..options.clone()
         }
     }
 

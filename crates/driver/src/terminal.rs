@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use crate::header::{Birth, Progress};
 use crate::options::Verbosity;
 use crate::progress::{duration, line};
-use crate::say::say;
+use crate::say::{say, width};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
@@ -107,9 +107,7 @@ impl Terminal {
     /// Draws the line of progress. `speed`: in grain-steps/s of all ranks; `left`: in s.
     pub fn draw(&self, standing: &Standing, speed: Option<f64>, left: Option<f64>) {
         if let Some(screen) = &self.screen {
-            let (_, width) = screen.term.size();
-            // A character in the last column would break the line on some terminals.
-            let width = usize::from(width).saturating_sub(1);
+            let width = width(&screen.term).unwrap_or_default();
             let text = line(standing, speed, left, width, screen.styled);
             if screen.line.is_finished() {
                 screen.line.reset();
@@ -335,7 +333,8 @@ impl Terminal {
         let rebuilds = system.list.rebuilds;
         let (bytes, messages) = system.slabs.traffic();
         self.say(format!("results in {}", out.display()));
-        self.say(phases.trim_end());
+        let room = width(&Term::stdout()).unwrap_or(usize::MAX);
+        self.say(phases_within(phases, room).trim_end());
         if exchange.size() > 1 {
             let micro = |phase| 1e6 * system.clock.per_step(phase);
             self.say(format!(
@@ -364,6 +363,22 @@ impl Terminal {
     pub fn go_on(&self, out: &Path) {
         self.say(format!("next: gshear-reduce report {}", out.display()));
     }
+}
+
+/// The table of the phases, without the least and the greatest time if it is wider than this.
+fn phases_within(table: &str, width: usize) -> String {
+    let narrowed = |line: &str| -> String {
+        let columns = line.chars().enumerate();
+        let kept = columns.filter(|(at, _)| !(20..30).contains(at) && !(40..50).contains(at));
+        kept.map(|(_, c)| c).collect()
+    };
+    let lines = table.lines().map(
+        |line| match table.lines().any(|l| l.chars().count() > width) {
+            true => narrowed(line),
+            false => line.to_string(),
+        },
+    );
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// What a segment of a protocol imposes; forces in N, in 2D N/m.
@@ -422,7 +437,8 @@ fn law(law: &Law) -> String {
     parts.join(", ")
 }
 
-fn ranks(n: usize) -> String {
+/// `1 rank`, `2 ranks`.
+pub fn ranks(n: usize) -> String {
     if n == 1 {
         "1 rank".into()
     } else {
@@ -470,5 +486,26 @@ impl Terminal {
             out.display()
         ));
         self.go_on(out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_narrow_terminal_has_a_narrow_table() {
+        let clock = gshear_dem::clock::Clock::default();
+        let table = clock.table(&gshear_dem::domain::Solo);
+        assert_eq!(phases_within(&table, 80), table.trim_end());
+        let narrow = phases_within(&table, 39);
+        assert!(
+            narrow.starts_with("phase (s)                 mean    share\nmotion "),
+            "{narrow}"
+        );
+        for line in narrow.lines() {
+            assert_eq!(line.chars().count(), 39, "{narrow}");
+            assert!(line.ends_with('%') || line.ends_with("share"), "{narrow}");
+        }
     }
 }

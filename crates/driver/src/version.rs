@@ -1,4 +1,4 @@
-//! What `gshear-mpi --version` prints.
+//! What `--version` of both programs prints.
 
 use gshear_dem::simd::Isa;
 use gshear_mpi_exchange::library_version;
@@ -10,14 +10,22 @@ const INSTRUCTION_SETS: [&str; 3] = ["avx512", "avx2", "portable"];
 /// Program and commit, the libraries, and the instruction sets that this processor has, the one that
 /// runs first.
 pub fn text() -> String {
+    let program = provenance::printed();
+    format!("{program}\nMPI: {}\n{}", library_version(), of_all())
+}
+
+/// The same of `gshear-reduce`, which works without MPI.
+pub fn text_of_reducer() -> String {
+    format!("{}\n{}", provenance::printed_of("gshear-reduce"), of_all())
+}
+
+fn of_all() -> String {
     let here: Vec<&str> = INSTRUCTION_SETS
         .into_iter()
         .filter(|name| Isa::named(name).is_some())
         .collect();
     format!(
-        "{}\nMPI: {}\nHDF5: {}\ninstruction sets: {}\n",
-        provenance::printed(),
-        library_version(),
+        "HDF5: {}\ninstruction sets: {}\n",
         provenance::hdf5_version(),
         here.join(", ")
     )

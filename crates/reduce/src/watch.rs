@@ -12,7 +12,9 @@ use std::time::{Duration, Instant, SystemTime};
 use console::Term;
 
 use gshear_dem::failure::Failure;
+use gshear_driver::lock::is_abandoned;
 use gshear_driver::progress::line;
+use gshear_driver::say::fold_for;
 use gshear_store::file_names::{AQS_FILE, LOG_FILE, STATUS_FILE};
 use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
@@ -48,31 +50,44 @@ pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
     let term = Term::stdout();
     let shown = term.is_term() && term.size_checked().is_some();
     let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    let mut drawn = 0;
+    let (mut drawn, mut size) = (0, term.size());
     loop {
         let begun = Instant::now();
         let status = Status::read(folder);
+        // After the status: a run that ends writes it before it gives up its lock.
+        let state = status.as_ref().map(|status| status.state);
+        let running = state == Some(RunState::Running);
+        let killed = running && is_abandoned(folder);
         curves.read(status.as_ref())?;
         if status.is_none() && curves.rows() == 0 {
+            let what = match run.exists() {
+                true => format!("holds neither {STATUS_FILE} nor {LOG_FILE}"),
+                false => "no such folder".into(),
+            };
+            let name = if run.exists() { folder } else { run };
             return Err(Failure::input(format!(
-                "{}: holds neither {STATUS_FILE} nor {LOG_FILE}; give the folder of a run",
-                folder.display()
+                "{}: {what}; give the folder of a run",
+                name.display()
             )));
         }
         let width = match shown {
             true => usize::from(term.size().1).saturating_sub(1),
             false => usize::MAX,
         };
-        let mut text = vec![headline(status.as_ref(), width, shown && colours)];
+        let mut text = vec![headline(status.as_ref(), killed, width, shown && colours)];
         if shown {
             let height = usize::from(term.size().0);
             text.extend(curves.pictures(width.min(WIDEST), height.saturating_sub(3)));
-            // The last picture is drawn over.
-            if drawn > 0 {
+            // The last picture is drawn over, but for one that the terminal has broken anew.
+            if size != term.size() {
+                size = term.size();
+                write!(output, "\x1b[H\x1b[2J").map_err(cannot_write)?;
+            } else if drawn > 0 {
                 write!(output, "\x1b[{drawn}A").map_err(cannot_write)?;
             }
             drawn = text.len();
         }
+
         for line in &text {
             let clear = if shown { "\x1b[2K" } else { "" };
             writeln!(output, "{clear}{line}").map_err(cannot_write)?;
@@ -80,9 +95,12 @@ pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
         if shown {
             write!(output, "\x1b[J").map_err(cannot_write)?;
         }
+        if killed || state == Some(RunState::Stopped) {
+            let next = format!("continue with --resume {}", folder.display());
+            writeln!(output, "{}", fold_for(&term, &next)).map_err(cannot_write)?;
+        }
         output.flush().map_err(cannot_write)?;
-        let runs = status.is_some_and(|status| status.state == RunState::Running);
-        if !shown || !runs {
+        if !shown || !running || killed {
             return Ok(());
         }
         std::thread::sleep(INTERVAL.saturating_sub(begun.elapsed()));
@@ -101,7 +119,7 @@ fn start_again_without_locks() {
 }
 
 /// What the run does, in a line.
-fn headline(status: Option<&Status>, width: usize, colours: bool) -> String {
+fn headline(status: Option<&Status>, killed: bool, width: usize, colours: bool) -> String {
     let Some(status) = status else {
         let text = "the state is unknown: an earlier version wrote this run";
         return text.chars().take(width).collect();
@@ -112,20 +130,12 @@ fn headline(status: Option<&Status>, width: usize, colours: bool) -> String {
             words => format!("{words} "),
         };
         let room = width.saturating_sub(words.chars().count());
-        let text = line(
-            &status.standing,
-            status.speed,
-            status.seconds_left,
-            room,
-            colours,
-        );
-        let text: String = words + &text;
-        match width {
-            usize::MAX => text.split_whitespace().collect::<Vec<_>>().join(" "),
-            _ => text,
-        }
+        // Nothing is left to wait for.
+        let left = status.seconds_left.filter(|_| !killed);
+        words + &line(&status.standing, status.speed, left, room, colours)
     };
     match status.state {
+        RunState::Running if killed => what("killed:"),
         RunState::Running if age(status).is_some_and(|age| age > SILENT) => {
             let seconds = age(status).unwrap_or_default().as_secs();
             what(&format!("no news for {seconds}s,"))

@@ -203,7 +203,9 @@ impl<'a> Checker<'a> {
                     "; --set {}=none takes that one away",
                     keys[first].declared.path
                 );
-            } else if self.input.is_extended(second_at) && !self.input.is_extended(first_at) {
+            } else if self.input.is_extended(second_at)
+                && !self.input.are_beside(first_at, second_at)
+            {
                 text += &format!(
                     "; {} = \"none\" in {} takes this one away",
                     keys[second].declared.path,

@@ -10,6 +10,7 @@ use super::key::Entry;
 use super::overrides::TAKE_AWAY;
 use super::raw::{TABLES, TOP_KEYS, keys_of};
 use super::source::{EXTENDS, Input};
+use super::sweep::SWEEP;
 use gshear_dem::failure::Failure;
 
 /// Gives keys under a former name their present one. Returns a note for each.
@@ -117,12 +118,19 @@ pub(super) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
     }
 }
 
+/// What to say of a path into a sweep.
+const NO_SWEEP: &str = "only a file has a sweep; write [sweep] and its lists into it";
+
 /// The table and the present name of the key of a path: `seed` or `sample.grains`.
 ///
 /// # Errors
 /// What is wrong with the path, and what would be right.
 pub(super) fn resolve(path: &str) -> Result<(Option<&'static str>, &'static str), String> {
     match path.split_once('.') {
+        None if path == EXTENDS => {
+            Err("only a file extends another one; write extends at its top".into())
+        }
+        None if path == SWEEP => Err(NO_SWEEP.into()),
         None => match (find(&TOP_KEYS, path), keys_of(path)) {
             (Some(key), _) => Ok((None, key.name)),
             (None, Some(keys)) => Err(format!(
@@ -131,6 +139,7 @@ pub(super) fn resolve(path: &str) -> Result<(Option<&'static str>, &'static str)
             )),
             (None, None) => Err(unknown_top(path)),
         },
+        Some((SWEEP, _)) => Err(NO_SWEEP.into()),
         Some((table, key)) => match TABLES.iter().find(|known| known.name == table) {
             Some(known) => match find(&known.keys, key) {
                 Some(key) => Ok((Some(known.name), key.name)),
@@ -155,7 +164,9 @@ fn home(key: &str) -> Option<&'static str> {
 
 fn unknown_key(table: &str, key: &str) -> String {
     let keys = names(keys_of(table).unwrap_or_default());
+    let on_top = key == EXTENDS || find(&TOP_KEYS, key).is_some();
     let hint = match (nearest(key, &keys), home(key)) {
+        _ if on_top => "; it belongs at the top, in no table".into(),
         (_, Some(other)) => format!("; it belongs in [{other}]"),
         (Some(near), None) => format!("; did you mean {near}?"),
         (None, None) => String::new(),
@@ -168,7 +179,8 @@ fn unknown_key(table: &str, key: &str) -> String {
 }
 
 fn unknown_table(table: &str) -> String {
-    let names: Vec<&str> = TABLES.iter().map(|table| table.name).collect();
+    let mut names: Vec<&str> = TABLES.iter().map(|table| table.name).collect();
+    names.push(SWEEP);
     let hint = match nearest(table, &names) {
         Some(near) => format!("; did you mean [{near}]?"),
         None => String::new(),
@@ -184,6 +196,7 @@ fn unknown_top(key: &str) -> String {
     let mut names = names(&TOP_KEYS);
     names.push(EXTENDS);
     names.extend(TABLES.iter().map(|table| table.name));
+    names.push(SWEEP);
     let hint = match home(key) {
         Some(table) => format!("; it belongs in [{table}]"),
         None => match nearest(key, &names) {
@@ -199,7 +212,11 @@ fn unknown_top(key: &str) -> String {
 }
 
 /// `start; intro a, b, c`, with no semicolon after a question mark.
-fn list<'a>(start: String, intro: &str, names: impl Iterator<Item = &'a &'a str>) -> String {
+pub(super) fn list<'a>(
+    start: String,
+    intro: &str,
+    names: impl Iterator<Item = &'a &'a str>,
+) -> String {
     let names: Vec<&str> = names.copied().collect();
     let names = names.join(", ");
     if start.ends_with('?') {
@@ -209,6 +226,11 @@ fn list<'a>(start: String, intro: &str, names: impl Iterator<Item = &'a &'a str>
     } else {
         format!("{start}; {intro} {names}")
     }
+}
+
+/// What follows a message about a word that none of these names is: the one that is meant, perhaps.
+pub(super) fn meant(word: &str, names: &[&str]) -> String {
+    nearest(word, names).map_or(String::new(), |near| format!("; did you mean {near}?"))
 }
 
 /// The name nearest by Levenshtein's distance, if it is near enough to be a misspelling.
@@ -288,11 +310,11 @@ mod tests {
         );
         assert_eq!(
             resolve("grains").unwrap_err(),
-            "unknown key; it belongs in [sample]; the top level knows title, author, seed, dimension, extends, material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping"
+            "unknown key; it belongs in [sample]; the top level knows title, author, seed, dimension, extends, material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping, sweep"
         );
         assert_eq!(
             resolve("smaple.grains").unwrap_err(),
-            "unknown table; did you mean [sample]? The tables are material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping"
+            "unknown table; did you mean [sample]? The tables are material, contact, sample, load, time, pack, shear, output, box, relax, aqs, newtonian, analysis, bookkeeping, sweep"
         );
         assert!(resolve("sample.grains.x").is_err());
     }

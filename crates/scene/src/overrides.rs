@@ -132,6 +132,18 @@ mod tests {
                 "unknown key; did you mean grains? [sample] knows grains, radius_min, radius_max, sizes, radius_mean, radius_deviation, large_fraction, radii, placement, length, width, packing, replicate, walls, wall_thickness",
             ),
             (
+                "contact.seed=1",
+                "unknown key; it belongs at the top, in no table; [contact] knows law, friction, rolling_friction, rolling_damping_ratio, damping_ratio, restitution, normal_stiffness, tangential_stiffness, impact_speed, impact_diameter, normal_damping, tangential_damping, tangential_damping_ratio",
+            ),
+            (
+                "extends=base.toml",
+                "only a file extends another one; write extends at its top",
+            ),
+            (
+                "sweep.seed=[1, 2]",
+                "only a file has a sweep; write [sweep] and its lists into it",
+            ),
+            (
                 "load={pressure=1}",
                 "[load] is a table; set its keys one by one, such as load.stiffness_number=…",
             ),

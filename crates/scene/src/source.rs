@@ -122,11 +122,14 @@ impl Source {
         };
         let at = key.span().start;
         match value.get_ref().as_str() {
-            Some(path) => Ok(Some((at, last.folder.join(path)))),
-            None => {
-                let kind = value.get_ref().type_str();
+            Some(path) if !path.trim().is_empty() => Ok(Some((at, last.folder.join(path)))),
+            text => {
+                let found = match text {
+                    Some(_) => "none".into(),
+                    None => format!("a value of type {}", value.get_ref().type_str()),
+                };
                 let what = format!(
-                    "must be the path of a file in quotes, such as \"base.toml\", found a value of type {kind}"
+                    "must be the path of a file in quotes, such as \"base.toml\", found {found}"
                 );
                 Err(self.input().failure(at, EXTENDS, &what))
             }
@@ -261,6 +264,12 @@ impl<'a> Input<'a> {
         self.override_at(offset).is_none() && self.source.part_at(offset).start > 0
     }
 
+    /// Whether both offsets lie in the same file.
+    pub fn are_beside(&self, first: usize, second: usize) -> bool {
+        let of = |offset: usize| self.source.part_at(offset).start;
+        of(first) == of(second)
+    }
+
     /// The folder of the file that holds the offset.
     pub fn folder(&self, offset: usize) -> &'a Path {
         &self.source.part_at(offset).folder
@@ -283,8 +292,7 @@ impl<'a> Input<'a> {
     /// [`Self::mention`] in a message about the place `beside`: names the file if that is another one.
     pub fn mention_beside(&self, offset: usize, beside: usize) -> String {
         let in_files = self.override_at(offset).is_none() && self.override_at(beside).is_none();
-        let [of, other] = [offset, beside].map(|at| self.source.part_at(at).start);
-        match in_files && of != other {
+        match in_files && !self.are_beside(offset, beside) {
             true => self.place(offset),
             false => self.mention(offset),
         }

@@ -24,11 +24,27 @@ pub struct Member {
     pub name: String,
     /// Its values, as of `--set`.
     pub set: Vec<String>,
+    /// Where the file has each of them, as messages name a place.
+    pub places: Vec<String>,
+}
+
+impl Member {
+    /// A failure whose message names the place in the file instead of a `--set` that no one gave.
+    pub fn place(&self, failure: Failure) -> Failure {
+        let Failure::Input(mut message) = failure else {
+            return failure;
+        };
+        for (set, place) in self.set.iter().zip(&self.places) {
+            message = message.replace(&format!("--set {set}"), &format!("{place}: {set}"));
+        }
+        Failure::Input(message)
+    }
 }
 
 /// A key, the values it takes as TOML, and where the table has it.
 struct Axis {
     offset: usize,
+    place: String,
     path: String,
     values: Vec<String>,
 }
@@ -109,6 +125,7 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
         }
         axes.push(Axis {
             offset,
+            place: format!("{}: {SWEEP}", input.place(offset)),
             path,
             values,
         });
@@ -176,18 +193,22 @@ fn product(axes: &[Axis]) -> Vec<Member> {
     let mut members = vec![Member {
         name: String::new(),
         set: Vec::new(),
+        places: Vec::new(),
     }];
     for (axis, name) in axes.iter().zip(&names) {
         let longer = |member: &Member, value: &String| {
             let own = format!("{name}-{}", in_a_path(value));
             let mut set = member.set.clone();
             set.push(format!("{}={value}", axis.path));
+            let mut places = member.places.clone();
+            places.push(axis.place.clone());
             Member {
                 name: match &member.name[..] {
                     "" => own,
                     before => format!("{before}_{own}"),
                 },
                 set,
+                places,
             }
         };
         let each = |member: &Member| -> Vec<Member> {

@@ -89,6 +89,14 @@ const PREFIXES: [(&str, i32); 12] = [
     ("T", 12),
 ];
 
+/// The digit or sign that a raised character stands for, as in `m⁻²`.
+fn raised(c: char) -> Option<char> {
+    let characters = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".chars().zip("0123456789-".chars());
+    characters
+        .into_iter()
+        .find_map(|(of, plain)| (of == c).then_some(plain))
+}
+
 /// What dimensions are called.
 const NAMES: [(Dimension, &str); 12] = [
     (LENGTH, "a length"),
@@ -165,12 +173,18 @@ impl Unit {
                 return Err(unknown());
             }
             (name, twice as i32)
-        } else if let Some(name) = text.strip_suffix('²') {
-            (name, 4)
-        } else if let Some(name) = text.strip_suffix('³') {
-            (name, 6)
         } else {
-            (text, 2)
+            let end = text.trim_end_matches(|c| raised(c).is_some()).len();
+            let (name, exponent) = text.split_at(end);
+            let exponent: String = exponent.chars().filter_map(raised).collect();
+            match exponent.is_empty() {
+                true => (name, 2),
+                // Of few digits, as those behind `^` are.
+                false => match exponent.parse::<i32>() {
+                    Ok(exponent) if exponent.abs() <= 12 => (name, 2 * exponent),
+                    _ => return Err(unknown()),
+                },
+            }
         };
         if name == "1" {
             return Ok((Self::ONE, exponent));
@@ -272,11 +286,34 @@ pub(super) fn applies(unit: &str) -> bool {
 
 /// The number of a value with a unit, as TOML.
 fn converted(text: &str, units: &[String]) -> Result<String, String> {
+    let digit = |c: char| c.is_ascii_digit();
     let (number, unit) = quantity(text).expect("a number and more");
     let wanted: Vec<Unit> = units.iter().filter_map(|u| Unit::parse(u).ok()).collect();
-    if units.iter().all(String::is_empty) || wanted.is_empty() {
+    if let Some(rest) = unit
+        .strip_prefix(',')
+        .filter(|rest| rest.starts_with(digit))
+    {
+        let point = format!("{number}.{rest}");
+        let point = match quantity(&point) {
+            Some(_) => format!("{point:?}"),
+            None => point,
+        };
         return Err(format!(
-            "takes a number without a unit, found {text:?}; write {number}"
+            "{text:?} has a comma; write the number with a point: {point}"
+        ));
+    }
+    if units.iter().all(String::is_empty) || wanted.is_empty() {
+        let plain = match unit {
+            "%" => Unit {
+                ten: -4,
+                ..Unit::ONE
+            }
+            .convert(number),
+            _ => None,
+        };
+        let plain = plain.map_or(number.to_string(), |value| format!("{value:?}"));
+        return Err(format!(
+            "takes a number without a unit, found {text:?}; write {plain}"
         ));
     }
     let of_key = units.join(" or ");
@@ -291,7 +328,7 @@ fn converted(text: &str, units: &[String]) -> Result<String, String> {
             .collect::<Vec<_>>();
         let hint = match &near[..] {
             [] => String::new(),
-            near => format!("; did you mean {}?", near.join(" or ")),
+            near => format!(" (did you mean {}?)", near.join(" or ")),
         };
         format!("{text:?} has the unknown unit {part}{hint}; give a number in {of_key}, such as \"5 {}\"", units[0])
     })?;
@@ -420,6 +457,8 @@ mod tests {
             ("1 TPa", "Pa", 1e12),
             ("1.013 bar", "Pa", 1.013e5),
             ("3 N/mm^2", "Pa", 3e6),
+            ("3 N mm⁻²", "Pa", 3e6),
+            ("3 N·m⁻¹⁰ m⁸", "Pa", 3.0),
             ("-1_000.5 kPa", "Pa", -1_000.5e3),
             ("2.65 g/cm³", "kg/m³", 2.65e3),
             ("2.65 t/m^3", "kg/m³", 2.65e3),
@@ -453,7 +492,7 @@ mod tests {
             (
                 "5 mpa",
                 "Pa",
-                "\"5 mpa\" has the unknown unit mpa; did you mean mPa or MPa?; give a number in Pa, such as \"5 Pa\"",
+                "\"5 mpa\" has the unknown unit mpa (did you mean mPa or MPa?); give a number in Pa, such as \"5 Pa\"",
             ),
             (
                 "5 furlong",
@@ -474,6 +513,26 @@ mod tests {
                 "3 N",
                 "force",
                 "takes a number without a unit, found \"3 N\"; write 3",
+            ),
+            (
+                "1,5 mm",
+                "m",
+                "\"1,5 mm\" has a comma; write the number with a point: \"1.5 mm\"",
+            ),
+            (
+                "1,5",
+                "",
+                "\"1,5\" has a comma; write the number with a point: 1.5",
+            ),
+            (
+                "2.5 %",
+                "",
+                "takes a number without a unit, found \"2.5 %\"; write 0.025",
+            ),
+            (
+                "5 m⁻",
+                "m",
+                "\"5 m⁻\" has the unknown unit m⁻; give a number in m, such as \"5 m\"",
             ),
             ("1e400 m", "m", "\"1e400 m\" is a number out of range"),
         ] {

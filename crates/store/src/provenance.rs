@@ -22,12 +22,17 @@ pub fn git_commit() -> &'static str {
 
 /// Returns program, version and commit in one line, as printed.
 pub fn printed() -> String {
+    printed_of("gshear-mpi")
+}
+
+/// The same of another program of the package.
+pub fn printed_of(program: &str) -> String {
     let commit = git_commit();
     let commit = commit
         .split_once('-')
         .map_or((commit, ""), |(c, _)| (c, "-dirty"));
     let short = &commit.0[..commit.0.len().min(12)];
-    format!("gshear-mpi {VERSION} ({short}{})", commit.1)
+    format!("{program} {VERSION} ({short}{})", commit.1)
 }
 
 /// Returns the version of the HDF5 library.

@@ -3,6 +3,7 @@
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::key::Key;
+use crate::keys::{list, meant};
 use crate::kind::Parts;
 use crate::raw;
 use crate::raw::part::PART_KEYS;
@@ -108,10 +109,8 @@ fn part(entries: &[(String, f64)]) -> Result<Part, String> {
     for (name, x) in entries {
         let Some(key) = known(name) else {
             let names = PART_KEYS.map(|key| key.name);
-            return Err(format!(
-                "unknown key {name}; a part knows {}",
-                names.join(", ")
-            ));
+            let unknown = format!("unknown key {name}{}", meant(name, &names));
+            return Err(list(unknown, "a part knows", names.iter()));
         };
         if !x.is_finite() || !key.range.hold(*x) {
             let words = match key.range.hold(*x) {
