@@ -112,6 +112,26 @@ fn a_line_of_progress_fits_the_terminal() {
     }
 }
 
+/// The line of progress is on standard error then, and the file has what a log has.
+#[test]
+fn a_file_gets_the_lines_of_a_log_beside_a_terminal() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let said = on_a_terminal(
+        80,
+        &format!(
+            "{PROGRAM} {SCENE} {SHORT} --out {} > {}",
+            at("out"),
+            at("log")
+        ),
+    );
+    assert!(said.contains("\x1b[2K"), "{said:?}");
+    let log = std::fs::read_to_string(at("log")).expect("a log");
+    assert!(log.contains("% step "), "{log}");
+    assert!(!log.contains(['\x1b', '\r']), "{log:?}");
+}
+
 /// Under mpirun, too, where every rank has a terminal as standard output.
 #[test]
 fn a_log_has_plain_lines() {

@@ -26,6 +26,7 @@ use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile};
 
 use crate::header::Header;
+pub use crate::lock::is_abandoned;
 use crate::lock::{Lock, unwritable};
 use crate::options::Options;
 use crate::record::{RunRecord, id_in_scene};

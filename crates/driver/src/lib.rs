@@ -32,7 +32,7 @@ pub mod folder;
 mod frame_scalars;
 pub mod header;
 pub mod launch;
-pub mod lock;
+mod lock;
 mod memory;
 pub mod options;
 pub mod progress;

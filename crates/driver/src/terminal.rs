@@ -39,6 +39,8 @@ struct Screen {
     term: Term,
     line: ProgressBar,
     styled: bool,
+    /// Whether it is where the other lines go.
+    has_lines: bool,
 }
 
 impl Screen {
@@ -57,8 +59,10 @@ impl Screen {
         let bar = ProgressBar::with_draw_target(None, target);
         bar.set_style(ProgressStyle::with_template("{msg}").expect("a sound template"));
         let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+        let out = Term::stdout();
         Some(Self {
             term,
+            has_lines: out.is_term(),
             line: bar,
             styled: !no_colour,
         })
@@ -99,7 +103,8 @@ impl Terminal {
 
     /// A line that a log gets now and then; a terminal has the line of progress instead.
     fn log(&self, line: impl AsRef<str>) {
-        if self.screen.is_none() || self.verbosity == Verbosity::Verbose {
+        let has_line = self.screen.as_ref().is_some_and(|screen| screen.has_lines);
+        if !has_line || self.verbosity == Verbosity::Verbose {
             self.say(line);
         }
     }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant, SystemTime};
 use console::Term;
 
 use gshear_dem::failure::Failure;
-use gshear_driver::lock::is_abandoned;
+use gshear_driver::folder::is_abandoned;
 use gshear_driver::progress::line;
 use gshear_driver::say::fold_for;
 use gshear_store::file_names::{AQS_FILE, LOG_FILE, STATUS_FILE};
