@@ -44,6 +44,7 @@ def test_a_scene_fits_its_schema(config: Path) -> None:
     [
         ("[contact]\nfrction = 0.3", "[contact]\nfriction = 0.3"),
         ("[load]\npressure = 'small'", "[load]\npressure = '5 MPa'"),
+        ("[load]\npressure = '1,5 MPa'", "[load]\npressure = '1.5 N·mm⁻²'"),
         ("[sample]\ngrains = '1000'", "[sample]\ngrains = 1000"),
         ("extends = 3", "extends = 'base.toml'"),
     ],

@@ -324,7 +324,7 @@ fn none() -> String {
 
 /// A number with a unit.
 fn quantity() -> &'static str {
-    r"^\s*[+-]?([0-9][0-9_]*\.?[0-9_]*|\.[0-9][0-9_]*)([eE][+-]?[0-9]+)?\s*[^\s0-9._+-].*$"
+    r"^\s*[+-]?([0-9][0-9_]*\.?[0-9_]*|\.[0-9][0-9_]*)([eE][+-]?[0-9]+)?\s*[^\s0-9.,_+-].*$"
 }
 
 fn number(Bounds { from, to }: Bounds, with_unit: bool) -> Value {
