@@ -1,10 +1,14 @@
 # Copyright: the gshear-mpi developers. SPDX-License-Identifier: (Apache-2.0 OR MIT)
-"""Recipe for Spack. Put it into a repository of packages as packages/gshear-mpi/package.py (from
-Spack 1.0 on gshear_mpi), and the tarball of the sources beside where you call spack."""
+"""Recipe for Spack 0.23 and newer; docs/howto/install.md says how to use it."""
 
 import os
 
 from spack.package import *
+
+try:  # From Spack 1.0 on.
+    from spack_repo.builtin.build_systems.generic import Package
+except ImportError:
+    pass
 
 
 class GshearMpi(Package):
@@ -28,15 +32,14 @@ class GshearMpi(Package):
     depends_on("hdf5@1.10:1.14 +mpi")
 
     def setup_build_environment(self, env):
+        env.set("PREFIX", self.prefix)
         env.set("MPICC", self.spec["mpi"].mpicc)
         env.set("HDF5_DIR", self.spec["hdf5"].prefix)
         env.set("LIBCLANG_PATH", self.spec["llvm"].prefix.lib)
-        # The loader finds HDF5 and MPI without modules.
-        libraries = [self.spec["hdf5"].prefix.lib, self.spec["mpi"].prefix.lib]
-        env.set("RUSTFLAGS", " ".join(f"-Clink-arg=-Wl,-rpath,{path}" for path in libraries))
+        # A folder of the user that already holds the crates, for a node without network.
+        env.set("CARGO_HOME", os.environ.get("CARGO_HOME", join_path(self.stage.path, "cargo")))
 
     def install(self, spec, prefix):
-        os.environ["PREFIX"] = prefix
         os.environ["CARGO_BUILD_JOBS"] = str(make_jobs)
         Executable("scripts/install")()
 

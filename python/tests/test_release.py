@@ -53,3 +53,18 @@ def test_another_version_is_noticed(tmp_path: Path, name: str) -> None:
 def test_the_recipe_of_spack_is_python() -> None:
     tree = ast.parse((CHECKOUT / "packaging" / "spack" / "package.py").read_text())
     assert [node.name for node in tree.body if isinstance(node, ast.ClassDef)] == ["GshearMpi"]
+
+
+def test_a_tarball_names_its_commit(tmp_path: Path) -> None:
+    def git(*arguments: str | Path) -> str:
+        return subprocess.run(
+            ["git", "-C", CHECKOUT, *arguments],  # noqa: S607
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
+
+    tarball = tmp_path / "sources.tar"
+    git("archive", f"--output={tarball}", "HEAD", "packaging/commit")
+    shutil.unpack_archive(tarball, tmp_path)
+    assert (tmp_path / "packaging" / "commit").read_text().strip() == git("rev-parse", "HEAD")
