@@ -133,7 +133,7 @@ mod tests {
             ),
             (
                 "contact.seed=1",
-                "unknown key; it belongs at the top, in no table; [contact] knows law, friction, rolling_friction, rolling_damping_ratio, damping_ratio, restitution, normal_stiffness, tangential_stiffness, impact_speed, impact_diameter, normal_damping, tangential_damping, tangential_damping_ratio",
+                "unknown key; it belongs at the top, in no table; [contact] knows law, friction, rolling_friction, rolling_damping_ratio, damping_ratio, restitution, sliding_damping, normal_stiffness, tangential_stiffness, impact_speed, impact_diameter, normal_damping, tangential_damping, tangential_damping_ratio",
             ),
             (
                 "extends=base.toml",
