@@ -70,12 +70,9 @@ def contents(root: Path) -> list[Entry]:
 
 
 def outside_code(text: str, change: re.Pattern[str], by: Replacement) -> str:
-    """`change.sub` on all that is not code."""
-    pieces, end = [], 0
-    for code in CODE.finditer(text):
-        pieces += [change.sub(by, text[end : code.start()]), code.group()]
-        end = code.end()
-    return "".join([*pieces, change.sub(by, text[end:])])
+    """`change.sub` on all that is not code; what `change` finds may hold code."""
+    either = re.compile(f"{CODE.pattern}|{change.pattern}", CODE.flags | change.flags)
+    return either.sub(lambda found: found.group() if found["code"] else by(found), text)
 
 
 def is_outside(target: str) -> bool:

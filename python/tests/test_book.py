@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -14,6 +15,7 @@ MDBOOK = """#!/bin/sh
 # Stands for mdBook: a page for each file of Markdown, whose links lead to pages.
 [ -z "$SAYS" ] || echo "$SAYS" >&2
 cd "$2/src" || exit 1
+mkdir -p "$4" && cp -r . "$4"
 find . -name '*.md' ! -name SUMMARY.md | while read -r page; do
     mkdir -p "$4/$(dirname "$page")"
     sed -E -e '/^```/,/^```/d' -e 's|^# (.*)|<h1 id="\\1">\\1</h1>|' -e 's|\\.md|.html|' \
@@ -75,10 +77,30 @@ def test_a_sound_book_is_built(book: ModuleType, root: Path) -> None:
     assert '<a href="../repository/NOTES.html">Notes</a>' in page
 
 
+def test_a_link_whose_text_is_code_is_one(book: ModuleType, root: Path) -> None:
+    (root / "docs" / "t.csv").write_text("a,b\n")
+    (root / "docs" / "a.md").write_text("# a\n[`docs/t.csv`](t.csv)\n")
+    assert faults(book, root) == ""
+    assert (root / "out" / "t.csv").read_text() == "a,b\n"
+
+
+def test_a_link_in_code_is_none(book: ModuleType) -> None:
+    text = "`[x](a.md)` [y](b.md)\n```\n[z](c.md)\n```\n[`w`](d.md)\n"
+    found: list[str] = []
+
+    def note(link: re.Match[str]) -> str:
+        found.append(link["target"])
+        return link.group()
+
+    assert book.outside_code(text, book.LINK, note) == text
+    assert found == ["b.md", "d.md"]
+
+
 @pytest.mark.parametrize(
     ("name", "text", "fault"),
     [
         ("docs/a.md", "# a\n[x](none.md)\n", "docs/a.md: none.md: no such file"),
+        ("docs/a.md", "# a\n[`x`](none.md)\n", "docs/a.md: none.md: no such file"),
         ("docs/a.md", "# a\n[x](more/b.md#c)\n", "docs/a.md: more/b.md#c: no such heading"),
         ("docs/a.md", "# a\n[x](#c)\n", "docs/a.md: #c: no such heading"),
         ("README.md", "# r\n[x](docs/c.md)\n", "README.md: docs/c.md: no such file"),
