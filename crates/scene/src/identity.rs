@@ -97,9 +97,9 @@ pub fn changes(before: &str, after: &str) -> Vec<KeyChange> {
     differing.map(change).collect()
 }
 
-/// The values of a scene by their paths, without those that are the constant default of their key,
-/// so that a new key of a later version changes no identity.
-fn values(toml: &str) -> BTreeMap<String, String> {
+/// Returns the values of a scene as TOML by their paths, without those that are the constant default
+/// of their key, so that a key of a later version does not tell two scenes apart.
+pub fn values(toml: &str) -> BTreeMap<String, String> {
     let table: Table = toml::from_str(toml).unwrap_or_default();
     let mut found = BTreeMap::new();
     let mut add = |path: String, value: &Value| {

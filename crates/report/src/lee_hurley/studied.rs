@@ -7,6 +7,7 @@ use gshear_analysis::stages::Stages;
 use gshear_analysis::{displacement, phases};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Disks, Frame};
+use gshear_scene::identity;
 use gshear_store::run_reader::{FrameFields, RunFile};
 
 /// The paper's sample that a run is compared with.
@@ -216,7 +217,7 @@ impl Studied {
             path: run.path().display().to_string(),
             size,
             friction: friction(run),
-            family: family(run),
+            family: family(run.scene(), run.grains().count()),
             seed: scene(run).and_then(|scene| scene.get("seed")?.as_integer()),
             grains: run.grains().clone(),
             // A protocol has another one in every part.
@@ -263,12 +264,17 @@ fn scene(run: &RunFile) -> Option<toml::Table> {
     run.scene().parse().ok()
 }
 
-fn family(run: &RunFile) -> String {
-    let mut scene = scene(run).unwrap_or_default();
-    for other in ["seed", "title", "output", "analysis", "bookkeeping"] {
-        scene.remove(other);
+/// What runs have in common that differ in their seeds only.
+fn family(scene: &str, grains: usize) -> String {
+    let others = ["seed", "title", "output", "analysis", "bookkeeping"];
+    let mut family = format!("{grains} disks\n");
+    for (path, value) in identity::values(scene) {
+        let table = path.split('.').next().unwrap_or_default();
+        if !others.contains(&table) {
+            family += &format!("{path} = {value}\n");
+        }
     }
-    format!("{} disks\n{scene}", run.grains().count())
+    family
 }
 
 /// The stages around the largest drop; `None` without a slip.
@@ -365,6 +371,20 @@ fn spread(count: usize, most: usize, dense: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A run made before a key existed has its constant default.
+    #[test]
+    fn a_family_differs_in_what_its_scenes_say() {
+        let of = |seed: u32, contact: &str| {
+            let scene = format!("seed = {seed}\ntitle = \"run {seed}\"\n[contact]\n{contact}\n");
+            family(&scene, 12)
+        };
+        let old = of(1, "friction = 0.7");
+        assert_eq!(of(2, "sliding_damping = 0.0\nfriction = 0.7"), old);
+        assert_ne!(of(2, "sliding_damping = 1.0\nfriction = 0.7"), old);
+        assert_ne!(of(2, "friction = 0.5"), old);
+        assert_ne!(family("[contact]\nfriction = 0.7\n", 13), old);
+    }
 
     #[test]
     fn steps_are_spread_from_the_first_to_the_last() {
