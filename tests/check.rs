@@ -81,16 +81,17 @@ fn size(path: &Path) -> f64 {
     std::fs::metadata(path).expect("a file").len() as f64
 }
 
-/// Steps, frames, rows and sizes of a run between walls that ends.
+/// Steps, frames, rows and sizes of a run between walls that ends or is told to stop.
 fn agrees(folder: &Path, arguments: &[&str]) {
     let lines = lines(&said(arguments));
     let owned: Vec<String> = arguments.iter().map(ToString::to_string).collect();
     let run = gshear_mpi(1, folder, &owned);
-    assert_eq!(run.code, 0, "{}", run.text);
+    let stops = arguments.iter().any(|word| word.starts_with("--stop-at"));
+    assert_eq!(run.code, if stops { 75 } else { 0 }, "{}", run.text);
     let status = Status::read(folder).expect("a status");
     let steps = &lines["steps"];
     assert!(
-        steps.ends_with(&format!("{} of shear", status.standing.step)),
+        steps.ends_with(&format!("shear {}", status.standing.step)),
         "{steps}: {}",
         status.standing.step
     );
@@ -127,22 +128,25 @@ fn steps_and_files_are_those_of_the_run() {
     let at = |name: &str| folder.path().join(name);
     let strain = ["--set=shear.strain=0.1", "--set=output.frame_strain=1e-3"];
     agrees(&at("disks"), &[&[SCENE][..], &strain].concat());
+    let stop = ["--stop-at=300"];
+    agrees(&at("stopped"), &[&[SCENE][..], &strain, &stop].concat());
     // Three parts of a protocol, through a spring.
     let spheres = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml");
     agrees(&at("spheres"), &[spheres]);
 }
 
-/// The strain steps of a box.
+/// The strain steps of a box, which end before Newton's equations begin.
 #[test]
 fn strain_steps_are_those_of_the_run() {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
-    let short = "--set=aqs.steps=3";
-    let lines = lines(&said(&[scene, short]));
-    assert!(lines["steps"].contains("3 of strain"), "{}", lines["steps"]);
-    let run = gshear_mpi(1, folder.path(), &[scene.into(), short.into()]);
-    assert_eq!(run.code, 0, "{}", run.text);
+    let words = [scene, "--set=aqs.steps=5", "--stop-at=3"];
+    let lines = lines(&said(&words));
+    assert!(lines["steps"].ends_with(", aqs 3"), "{}", lines["steps"]);
+    assert!(!lines.contains_key("newtonian.h5"));
+    let run = gshear_mpi(1, folder.path(), &words.map(String::from));
+    assert_eq!(run.code, 75, "{}", run.text);
     let path = folder.path().join("aqs.h5");
     let file = RunFile::open_any(&path).expect("a run");
     let content = format!(
@@ -189,13 +193,13 @@ fn a_time_is_said_for_strain_steps() {
         let words = [&[scene, "--set=aqs.steps=100000"][..], more].concat();
         let lines = lines(&said(&words));
         let time = &lines["time"];
-        let (_, said) = time.split_once("strain very roughly ").expect(time);
+        let (_, said) = time.split_once("aqs very roughly ").expect(time);
         let said = seconds(said.split(',').next().expect("a time"));
         assert!(said > 0.0 && said.is_finite(), "{time}");
     }
     let overdamped = said(&[scene, "--set=relax.method=overdamped"]);
     assert!(
-        lines(&overdamped)["time"].contains("strain unknown"),
+        lines(&overdamped)["time"].contains("aqs unknown"),
         "{overdamped}"
     );
 }
@@ -387,9 +391,9 @@ fn a_resumed_run_is_checked_as_it_would_go_on() {
     );
     assert_eq!(run.code, 75, "{}", run.text);
     let (_, whole) = whole.rsplit_once("(a guess), ").expect("a packing");
-    let whole: u64 = whole.trim_end_matches(" of shear").parse().expect("steps");
+    let whole: u64 = whole.trim_start_matches("shear ").parse().expect("steps");
     let (left, said) = steps(&["--resume=auto", short]);
-    assert_eq!(left, format!("{} of shear", whole - 40), "{said}");
+    assert_eq!(left, format!("shear {}", whole - 40), "{said}");
     assert!(said.contains("holds this run"), "{said}");
 
     // An end that has passed is refused as by the run, with nothing else said.

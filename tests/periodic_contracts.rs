@@ -88,10 +88,17 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     let looking = ["--set=aqs.spectrum=true", "--set=aqs.birth_precision=1e-3"];
     let found = digests(&run(&at("other"), 2, &with(&looking)));
     assert_eq!(found[0], expected[0], "{dimension}, with spectra");
-    // Between strain steps, then within Newton's equations.
+    // Between strain steps, after the last of them, then within Newton's equations.
     let stopped = run(&at("part"), 2, &with(&["--stop-at=5"]));
     assert_eq!(stopped.code, 75, "{}", stopped.text);
     let resume = format!("--resume={}", at("part").join("checkpoint.h5").display());
+    let last = gshear_mpi(3, &at("part"), &[resume.clone(), "--stop-at=8".into()]);
+    assert_eq!(last.code, 75, "{}", last.text);
+    assert!(
+        last.text.contains("stopped in aqs at step 8"),
+        "{}",
+        last.text
+    );
     let later = [resume.clone(), "--stop-at=400".into()];
     let stopped = gshear_mpi(1, &at("part"), &later);
     assert!(

@@ -3,6 +3,7 @@
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene};
+use gshear_store::collective::agree;
 
 use crate::calibration;
 use crate::estimate::{Estimate, bytes, cores, dense_height};
@@ -10,17 +11,18 @@ use crate::folder::{free, outlook};
 use crate::launch::{Resumable, Task, resume_if_begun};
 use crate::memory;
 use crate::options::{Options, Verbosity};
-use crate::say::{say_error, say_verbatim};
+use crate::say::{self, say_error};
 use crate::terminal::ranks as in_words;
 
 /// Prints the scene of a task on standard output and, unless told to be quiet, what its run takes on
 /// standard error. Collective.
 ///
 /// # Errors
-/// Ends that a checkpoint has passed; more ranks than the sample has room for.
+/// Ends that a checkpoint has passed; more ranks than the sample has room for; standard output that
+/// cannot be written.
 pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<(), Failure> {
     task.check_ends(task.header()?.as_ref(), options.stop_at)?;
-    print(exchange, task);
+    print(exchange, task)?;
     prospects(exchange, task, options, None)
 }
 
@@ -37,7 +39,7 @@ pub fn check_continued(
     match resume_if_begun(exchange, &options.out, begin()?) {
         Ok(Resumable::Task(task)) => check(exchange, &task, options),
         Ok(Resumable::Finished) => {
-            print(exchange, &begin()?);
+            print(exchange, &begin()?)?;
             if exchange.rank() == 0 && options.verbosity != Verbosity::Quiet {
                 let folder = options.out.display();
                 let what = "holds this run, which is finished; nothing is left to do";
@@ -48,18 +50,20 @@ pub fn check_continued(
         // Another run, or damaged checkpoints.
         Err(refused @ Failure::Input(_)) => {
             let task = begin()?;
-            print(exchange, &task);
+            print(exchange, &task)?;
             prospects(exchange, &task, options, Some(&refused))
         }
         Err(failure) => Err(failure),
     }
 }
 
-/// Prints the scene on standard output.
-fn print(exchange: &dyn Parallel, task: &Task) {
-    if exchange.rank() == 0 {
-        say_verbatim(task.scene.toml.trim_end_matches('\n'));
-    }
+/// Prints the scene on standard output. Collective.
+fn print(exchange: &dyn Parallel, task: &Task) -> Result<(), Failure> {
+    let printed = match exchange.rank() {
+        0 => say::print(task.scene.toml.trim_end_matches('\n')),
+        _ => Ok(()),
+    };
+    agree(exchange, printed)
 }
 
 /// Unless told to be quiet, says on standard error what the run of a task takes, what is in its
@@ -73,7 +77,7 @@ fn prospects(
     if options.verbosity == Verbosity::Quiet {
         return Ok(());
     }
-    let mut estimate = Estimate::of(exchange, task)?;
+    let mut estimate = Estimate::of(exchange, task, options.stop_at)?;
     estimate.speed = calibration::speed(exchange, task, options)?;
     if estimate.strains() {
         estimate.strain_step = calibration::strain_step(exchange, task, options)?;

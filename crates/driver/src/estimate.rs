@@ -8,6 +8,7 @@ use gshear_dem::state::{ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, inertial_time};
 use gshear_scene::{Boundary, Motion, Origin, PlaneShear, Scene, WallSpeed};
+use gshear_store::run_reader::RunStage;
 use gshear_store::trajectory::{self, file_bytes, waiting_bytes};
 
 use crate::header::Header;
@@ -15,7 +16,7 @@ use crate::launch::Task;
 use crate::memory;
 use crate::progress::duration;
 use crate::stages::shear::series_columns;
-use crate::stages::{newtonian, prepare};
+use crate::stages::{PACK, PREPARE, newtonian, prepare};
 use crate::terminal::ranks;
 
 /// Contacts per grain, of disks and of spheres, as sheared packings with friction have them; the
@@ -74,16 +75,17 @@ pub struct FileEstimate {
 }
 
 impl Estimate {
-    /// Of a task on these ranks, without a speed. Collective.
+    /// Of a task on these ranks up to the step at which it is to stop, without a speed. Collective.
     ///
     /// # Errors
     /// A checkpoint of another version.
-    pub fn of(exchange: &dyn Parallel, task: &Task) -> Result<Self, Failure> {
+    pub fn of(exchange: &dyn Parallel, task: &Task, stop_at: Option<u64>) -> Result<Self, Failure> {
         let scene = &task.scene;
         let header = task.header()?;
+        let last = stop_at.unwrap_or(u64::MAX);
         let mut estimate = match &scene.boundary {
-            Boundary::Walls(walls) => of_walls(scene, walls, header.as_ref()),
-            Boundary::Periodic(_) => of_box(scene, header.as_ref()),
+            Boundary::Walls(walls) => of_walls(scene, walls, header.as_ref(), last),
+            Boundary::Periodic(_) => of_box(scene, header.as_ref(), last),
         };
         estimate.ranks = exchange.size();
         estimate.hosts = memory::hosts(exchange);
@@ -160,10 +162,10 @@ impl Estimate {
         let steps = self.stages.iter().map(|stage| {
             let name = stage.name;
             match stage.steps {
-                Some(steps) if stage.exact => format!("{steps} of {name}"),
-                Some(steps) if !stage.moves => format!("at most {steps} of {name}"),
-                Some(steps) => format!("about {} of {name} (a guess)", rounded(steps as f64)),
-                None => format!("unknown of {name}"),
+                Some(steps) if stage.exact => format!("{name} {steps}"),
+                Some(steps) if !stage.moves => format!("{name} at most {steps}"),
+                Some(steps) => format!("{name} about {} (a guess)", rounded(steps as f64)),
+                None => format!("{name} unknown"),
             }
         });
         line("steps", steps.collect::<Vec<_>>().join(", "));
@@ -297,7 +299,8 @@ fn file_of(
 /// Bytes of a number in a log.
 const NUMBER: f64 = 19.0;
 
-fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>) -> Estimate {
+/// Up to the step `last` of the shear.
+fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u64) -> Estimate {
     let mut estimate = Estimate::new(scene, walls.output.energy);
     let sample = &scene.sample;
     let packs = match header {
@@ -324,16 +327,17 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>) -> Estim
     if packs {
         let guess = packing_steps(scene, walls).min(walls.pack.max_steps as f64) as u64;
         estimate.stages.push(StageEstimate {
-            name: "packing",
+            name: PACK,
             steps: Some(guess.saturating_sub(done).max(guess / 10)),
             exact: false,
             moves: true,
             output: (0.0, 0),
         });
     }
-    let counts = schedule.counts();
-    let left = schedule.total - if packs { 0 } else { done };
-    let share = left as f64 / schedule.total.max(1) as f64;
+    let last = schedule.total.min(last);
+    let counts = schedule.counts(last);
+    let left = last.saturating_sub(if packs { 0 } else { done });
+    let share = left as f64 / last.max(1) as f64;
     let frames = counts.frames as f64 * frame_bytes(scene);
     // A velocity becomes a strain by the height, which is that of the packed sample.
     let by_velocity = matches!(
@@ -344,9 +348,9 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>) -> Estim
         }
     );
     estimate.stages.push(StageEstimate {
-        name: "shear",
+        name: RunStage::Shear.name(),
         steps: Some(left),
-        exact: !by_velocity || known.is_some(),
+        exact: !by_velocity || known.is_some() || last < schedule.total,
         moves: true,
         output: (frames * share, (counts.rows as f64 * share) as u64),
     });
@@ -391,7 +395,8 @@ fn packing_steps(scene: &Scene, walls: &PlaneShear) -> f64 {
     times * inertial_time(scene, &walls.load) / scene.time_step.step
 }
 
-fn of_box(scene: &Scene, header: Option<&Header>) -> Estimate {
+/// Up to the step `last`, which counts strain steps, then steps of Newton's equations.
+fn of_box(scene: &Scene, header: Option<&Header>, last: u64) -> Estimate {
     let mut estimate = Estimate::new(scene, false);
     let Boundary::Periodic(periodic) = &scene.boundary else {
         unreachable!("a box")
@@ -405,7 +410,7 @@ fn of_box(scene: &Scene, header: Option<&Header>) -> Estimate {
     };
     if strained.is_none() {
         estimate.stages.push(StageEstimate {
-            name: "preparation",
+            name: PREPARE,
             steps: Some(prepare::steps(scene, periodic)),
             exact: false,
             moves: true,
@@ -413,36 +418,41 @@ fn of_box(scene: &Scene, header: Option<&Header>) -> Estimate {
         });
     }
     let aqs = &periodic.aqs;
-    let frames = |every: u64| aqs.steps.checked_div(every).map_or(0, |frames| frames + 1);
-    let frames = frames(aqs.frame_every);
-    let strains = aqs.steps.saturating_sub(strained.unwrap_or(0));
+    let steps = aqs.steps.min(last);
+    let frames = steps.checked_div(aqs.frame_every);
+    let frames = frames.map_or(0, |frames| frames + 1);
+    let strains = steps.saturating_sub(strained.unwrap_or(0));
     if strains > 0 {
         estimate.stages.push(StageEstimate {
-            name: "strain",
+            name: RunStage::Strain.name(),
             steps: Some(strains),
             // Ends earlier with the growth of a pair.
             exact: aqs.until_imaginary == 0.0,
             moves: false,
-            output: (frames as f64 * frame_bytes(scene), aqs.steps),
+            output: (frames as f64 * frame_bytes(scene), steps),
         });
     }
     let columns = gshear_store::columns::AqsRow::COLUMNS.len();
     estimate
         .files
-        .push(file_of(scene, "aqs.h5", frames, (aqs.steps + 1, columns)));
-    if let Some(of) = &periodic.newtonian {
+        .push(file_of(scene, "aqs.h5", frames, (steps + 1, columns)));
+    let moves = periodic.newtonian.as_ref().filter(|_| last > aqs.steps);
+    if let Some(of) = moves {
         // A complex pair, which the strain steps may find, decides how many.
         let may_differ = aqs.spectrum && header.is_none_or(|h| matches!(h, Header::Aqs { .. }));
-        let steps = newtonian::steps(of, pair.as_ref(), scene.time_step.step);
+        let all = newtonian::steps(of, pair.as_ref(), scene.time_step.step);
+        let steps = all.min(last - aqs.steps);
+        let share = steps as f64 / all.max(1) as f64;
+        let [frames, rows] = [of.frames, of.rows].map(|count| (count as f64 * share) as u64);
         estimate.stages.push(StageEstimate {
-            name: "newtonian",
+            name: RunStage::Newtonian.name(),
             steps: Some(steps.saturating_sub(moved)),
             exact: !may_differ,
             moves: true,
-            output: (of.frames as f64 * frame_bytes(scene), of.rows),
+            output: (frames as f64 * frame_bytes(scene), rows),
         });
         let columns = gshear_store::columns::NewtonianRow::COLUMNS.len();
-        let file = file_of(scene, "newtonian.h5", of.frames + 1, (of.rows + 1, columns));
+        let file = file_of(scene, "newtonian.h5", frames + 1, (rows + 1, columns));
         estimate.files.push(file);
     }
     estimate.checkpoints(scene, 2);

@@ -14,6 +14,7 @@ use gshear_scene::{Boundary, PackingFile, Sample, Scene, Source, derived};
 use gshear_store::run_reader::RunStage;
 
 use crate::record::RunRecord;
+use crate::stages::PACK;
 use crate::written::Written;
 
 /// Field of the header with the record of the run.
@@ -122,7 +123,7 @@ impl Header {
 
     /// The name of the stage.
     pub fn stage(&self) -> &'static str {
-        self.run_stage().map_or("pack", RunStage::name)
+        self.run_stage().map_or(PACK, RunStage::name)
     }
 
     /// Completed steps of the stage.

@@ -1,9 +1,10 @@
 //! Messages to the terminal. A closed or full output does not end a run, because its results are
-//! files.
+//! files; it ends a command whose result is what it prints.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 
 use console::Term;
+use gshear_dem::failure::Failure;
 use rustix::fs::{Mode, OFlags};
 
 /// Prints a line, if standard output is neither closed nor full; on a terminal folded to its width.
@@ -19,10 +20,19 @@ pub fn say_error(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// Prints a text that other programs read as well, as it is, if standard output is neither closed nor
-/// full.
-pub fn say_verbatim(text: &str) {
-    let _ = writeln!(std::io::stdout().lock(), "{text}");
+/// Prints a result, which other programs read as well, as it is. A reader that has closed its pipe,
+/// such as `head -1`, is no failure.
+///
+/// # Errors
+/// Standard output that cannot be written, such as a file on a full disk.
+pub fn print(text: &str) -> Result<(), Failure> {
+    let mut output = std::io::stdout().lock();
+    match writeln!(output, "{text}").and_then(|()| output.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::other(format!("standard output: {e}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// [`fold`] to the width of a terminal; files and pipes get the text as it is.
@@ -114,10 +124,10 @@ mod tests {
 
     #[test]
     fn lines_are_folded_under_their_second_column() {
-        let text = "time        packing about 20s, shear about 51s\n\
+        let text = "time        prepare about 20s, shear about 51s\n\
                     disk        about 166 MB\n            \
                     run.h5 161 MB (1001 frames, 10006 rows)";
-        let folded = "time        packing about 20s, shear\n            about 51s\n\
+        let folded = "time        prepare about 20s, shear\n            about 51s\n\
                       disk        about 166 MB\n            \
                       run.h5 161 MB (1001 frames,\n            10006 rows)";
         assert_eq!(fold(text, 39), folded);

@@ -7,6 +7,7 @@ use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Source;
 use gshear_scene::sweep::Member;
+use gshear_store::collective::agree;
 
 use crate::calibration;
 use crate::check::{check_continued, doubts};
@@ -79,7 +80,7 @@ impl<'a> Sweep<'a> {
                 Resumable::Task(_) => "new",
             };
             if let (Resumable::Task(task), false) = (&found, quiet) {
-                let mut estimate = Estimate::of(exchange, task)?;
+                let mut estimate = Estimate::of(exchange, task, None)?;
                 if speed.is_none() {
                     speed = Some(calibration::speed(exchange, task, options)?);
                 }
@@ -99,10 +100,12 @@ impl<'a> Sweep<'a> {
                 time = time.zip(estimate.time()).map(|(sum, time)| sum + time);
                 disk += estimate.disk();
             }
-            say(
-                exchange,
-                &format!("{:>4}  {state:<8}{}", k + 1, member.name),
-            );
+            let line = format!("{:>4}  {state:<8}{}", k + 1, member.name);
+            let printed = match exchange.rank() {
+                0 => say::print(&line),
+                _ => Ok(()),
+            };
+            agree(exchange, printed)?;
         }
         if exchange.rank() == 0 && left > 0 {
             let time = time.map_or("an unknown time".into(), duration);

@@ -214,14 +214,14 @@ impl Schedule {
         step > 0 && self.due(|s| s.checkpoints, step, 0)
     }
 
-    /// What the whole stage writes.
-    pub fn counts(&self) -> Counts {
-        let frames = self.count(|s| s.frames, self.first_frame);
-        let rows = self.count(|s| s.series, 0);
-        let checkpoints = self.count(|s| s.checkpoints, 0);
+    /// What the stage writes up to the step `last`, at which it ends or is stopped.
+    pub fn counts(&self, last: u64) -> Counts {
+        let frames = self.count(|s| s.frames, self.first_frame, last);
+        let rows = self.count(|s| s.series, 0, last);
+        let checkpoints = self.count(|s| s.checkpoints, 0, last);
         // None at the start, and always one at the end.
         let at_start = u64::from(self.due(|s| s.checkpoints, 0, 0));
-        let at_end = u64::from(!self.due(|s| s.checkpoints, self.total, 0));
+        let at_end = u64::from(!self.due(|s| s.checkpoints, last, 0));
         Counts {
             frames,
             rows,
@@ -229,11 +229,11 @@ impl Schedule {
         }
     }
 
-    /// Number of steps, up to the last one, at which something is due from the step `from` on.
-    fn count(&self, every: impl Fn(&Intervals) -> u64, from: u64) -> u64 {
+    /// Number of steps `from` … `last` at which something is due.
+    fn count(&self, every: impl Fn(&Intervals) -> u64, from: u64, last: u64) -> u64 {
         let segments = self.protocol.segments();
         let ends = segments.iter().skip(1).map(|segment| segment.first);
-        let ends = ends.chain([self.total + 1]);
+        let ends = ends.map(|end| end.min(last + 1)).chain([last + 1]);
         let parts = segments.iter().zip(&self.intervals).zip(ends);
         let of_part = |((segment, intervals), end): ((&Segment, &Intervals), u64)| {
             let first = segment.first.max(from);
@@ -385,15 +385,21 @@ mod tests {
         for set in [&of_parts[..], &strains] {
             let set: Vec<String> = set.iter().map(ToString::to_string).collect();
             let s = schedule(&set);
-            let count =
-                |due: &dyn Fn(u64) -> bool| (0..=s.total).filter(|k| due(*k)).count() as u64;
-            let wanted = Counts {
-                frames: count(&|k| s.frame_due(k)),
-                rows: count(&|k| s.series_due(k)),
-                checkpoints: count(&|k| s.checkpoint_due(k) || k == s.total),
+            let wanted = |last: u64| {
+                let count =
+                    |due: &dyn Fn(u64) -> bool| (0..=last).filter(|k| due(*k)).count() as u64;
+                Counts {
+                    frames: count(&|k| s.frame_due(k)),
+                    rows: count(&|k| s.series_due(k)),
+                    checkpoints: count(&|k| s.checkpoint_due(k) || k == last),
+                }
             };
-            assert_eq!(s.counts(), wanted, "{set:?}");
-            assert!(wanted.frames > 10 && wanted.rows > 20 && wanted.checkpoints > 1);
+            // Whole, and stopped in each part.
+            for last in [s.total, s.total - 1, s.total / 2, s.total / 3, 1] {
+                assert_eq!(s.counts(last), wanted(last), "{set:?} to step {last}");
+            }
+            let whole = wanted(s.total);
+            assert!(whole.frames > 10 && whole.rows > 20 && whole.checkpoints > 1);
         }
     }
 

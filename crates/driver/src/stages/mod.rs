@@ -16,3 +16,8 @@ mod spectrum;
 mod strain;
 mod top_wall;
 pub mod walls;
+
+/// Names of the stages before those that [`gshear_store::run_reader::RunStage`] names, as messages,
+/// checkpoints and `status.json` have them.
+pub(crate) const PACK: &str = "pack";
+pub(crate) const PREPARE: &str = "prepare";

@@ -18,6 +18,7 @@ use gshear_store::collective::gathered;
 use gshear_store::columns::NewtonianRow;
 use gshear_store::file_names::{NEWTONIAN_FILE, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
+use gshear_store::run_reader::RunStage;
 
 use super::box_state::observe;
 use super::spectra_file::SpectraFile;
@@ -226,7 +227,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
 
 impl<D: Dimension> Stage for NewtonianStage<'_, D> {
     fn name(&self) -> &'static str {
-        "newtonian"
+        RunStage::Newtonian.name()
     }
 
     fn steps(&self) -> u64 {
@@ -310,7 +311,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
 
     fn standing(&self) -> Standing {
         Standing {
-            stage: "newtonian".into(),
+            stage: RunStage::Newtonian.name().into(),
             step: self.step,
             steps: Some(self.due.steps),
             shear_stress: self.latest,

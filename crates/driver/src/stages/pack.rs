@@ -235,7 +235,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
 
     fn standing(&self) -> Standing {
         Standing {
-            stage: "pack".into(),
+            stage: super::PACK.into(),
             step: self.step,
             fraction: Some(self.advance.fraction),
             moving: Some(self.scene.sample.grains),

@@ -5,6 +5,7 @@ use gshear_dem::clock::Clock;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::{Contact, LawSpace};
 use gshear_scene::{PeriodicBox, Scene};
+use gshear_store::run_reader::RunStage;
 
 use super::newtonian::{From, NewtonianStage, Resumed};
 use super::prepare;
@@ -78,6 +79,13 @@ pub fn run<D: LawSpace>(
         let (system, progress) = strain.finish(run, outcome == Outcome::Done)?;
         if outcome == Outcome::Stopped {
             return Ok(outcome);
+        }
+        // The last strain step has its checkpoint.
+        if periodic.newtonian.is_some() && run.options.stop_at == Some(progress.steps) {
+            let stage = RunStage::Strain.name();
+            run.terminal
+                .stopped(&run.options.out, stage, progress.steps);
+            return Ok(Outcome::Stopped);
         }
         (system, progress)
     };

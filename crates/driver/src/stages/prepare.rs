@@ -55,7 +55,7 @@ pub(super) fn prepare<D: Dimension>(
         Placement::Lattice => compress(run, scene, periodic, law),
         Placement::Random => {
             let standing = Standing {
-                stage: "prepare".into(),
+                stage: super::PREPARE.into(),
                 ..Standing::default()
             };
             run.reporter.begin(&run.terminal, standing);
@@ -167,7 +167,7 @@ fn compress<D: Dimension>(
     let loosest = length;
     let mut boxes = 0;
     let standing = |boxes: u64, length: f64| Standing {
-        stage: "prepare".into(),
+        stage: super::PREPARE.into(),
         step: boxes,
         // The length shrinks by the same part in every step.
         fraction: Some((loosest / length).ln() / (loosest / target).ln().max(1e-9)),

@@ -16,6 +16,7 @@ use gshear_dem::system::System;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{PackingFile, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
+use gshear_store::run_reader::RunStage;
 
 use super::setup::system;
 use crate::files::{Files, Format};
@@ -237,7 +238,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
 
 impl<D: Dimension> Stage for ShearStage<'_, D> {
     fn name(&self) -> &'static str {
-        "shear"
+        RunStage::Shear.name()
     }
 
     fn steps(&self) -> u64 {
@@ -363,7 +364,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             _ => self.schedule.strain(self.step),
         };
         Standing {
-            stage: "shear".into(),
+            stage: RunStage::Shear.name().into(),
             step: self.step,
             steps: Some(self.schedule.total),
             strain: Some(strain),

@@ -13,6 +13,7 @@ use gshear_scene::{Deformation, PeriodicBox, Scene};
 use gshear_store::columns::AqsRow;
 use gshear_store::file_names::AQS_FILE;
 use gshear_store::h5::Attribute;
+use gshear_store::run_reader::RunStage;
 
 use super::box_state::{Observed, observe};
 use super::relax::{Equilibrium, LONGEST, Relaxation, displace, residual};
@@ -206,7 +207,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
 
 impl<D: Dimension> Stage for Strain<'_, D> {
     fn name(&self) -> &'static str {
-        "aqs"
+        RunStage::Strain.name()
     }
 
     fn steps(&self) -> u64 {
@@ -308,7 +309,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
 
     fn standing(&self) -> Standing {
         Standing {
-            stage: "aqs".into(),
+            stage: RunStage::Strain.name().into(),
             step: self.progress.steps,
             steps: Some(self.periodic.aqs.steps),
             strain: self.latest.map(|[strain, _]| strain),
