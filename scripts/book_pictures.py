@@ -13,23 +13,18 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+
+from environment import run_in
 
 ROOT = Path(__file__).resolve().parents[1]
 BOOK = ROOT / "target/book"
 FIGURES = ROOT / "docs/figures"
 ENVIRONMENT = ROOT / "target/book-pictures"
 PACKAGES = ["pillow>=11,<13"]
-if Path(sys.prefix).resolve() != ENVIRONMENT.resolve():
-    if not (ENVIRONMENT / "bin/pip").exists():
-        subprocess.run([sys.executable, "-m", "venv", ENVIRONMENT], check=True)
-    install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([ENVIRONMENT / "bin/python", *install, *PACKAGES], check=True)
-    python = str(ENVIRONMENT / "bin/python")
-    os.execv(python, [python, *sys.argv])  # noqa: S606
+run_in(ENVIRONMENT, PACKAGES)
 
 from PIL import Image  # noqa: E402
 

@@ -19,7 +19,6 @@ import re
 import select
 import shlex
 import struct
-import subprocess
 import sys
 import tempfile
 import termios
@@ -28,18 +27,14 @@ from dataclasses import dataclass, field
 from fcntl import ioctl
 from pathlib import Path
 
+from environment import run_in
+
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs/figures"
 ENVIRONMENT = ROOT / "target/recordings"
 # A terminal emulator, and what draws its screen.
 PACKAGES = ["pyte==0.8.2", "rich>=15,<16"]
-if Path(sys.prefix).resolve() != ENVIRONMENT.resolve():
-    if not (ENVIRONMENT / "bin/pip").exists():
-        subprocess.run([sys.executable, "-m", "venv", ENVIRONMENT], check=True)
-    install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([ENVIRONMENT / "bin/python", *install, *PACKAGES], check=True)
-    python = str(ENVIRONMENT / "bin/python")
-    os.execv(python, [python, *sys.argv])  # noqa: S606
+run_in(ENVIRONMENT, PACKAGES)
 
 import pyte  # noqa: E402
 from rich.console import CONSOLE_SVG_FORMAT, Console  # noqa: E402

@@ -86,7 +86,7 @@ fn whole() -> &'static Path {
     })
 }
 
-/// LAUNCH for jobs of which the first `stops` stop early.
+/// The value of LAUNCH with which the first `stops` jobs stop early.
 fn launch(name: &str, stops: usize, ranks: &str) -> String {
     format!("{ROOT}/tests/queues/commands/stops {name} {stops} {ranks}")
 }

@@ -57,7 +57,7 @@ impl Slurm {
         read.and_then(|()| fs::write(at("munge.key"), key))
             .expect("a key");
         succeed(Command::new("chmod").arg("0400").arg(at("munge.key")));
-        // Others may use the socket, nobody may write beside it.
+        // Every user may connect to the socket; only the owner may write into its folder.
         succeed(Command::new("chmod").arg("0755").arg(folder.path()));
         let mut munge = Command::new("munged");
         munge.args(["--foreground", "--force"]);

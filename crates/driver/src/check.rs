@@ -3,7 +3,6 @@
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene};
-use gshear_store::collective::agree;
 
 use crate::calibration;
 use crate::estimate::{Estimate, bytes, cores, dense_height};
@@ -59,11 +58,7 @@ pub fn check_continued(
 
 /// Prints the scene on standard output. Collective.
 fn print(exchange: &dyn Parallel, task: &Task) -> Result<(), Failure> {
-    let printed = match exchange.rank() {
-        0 => say::print(task.scene.toml.trim_end_matches('\n')),
-        _ => Ok(()),
-    };
-    agree(exchange, printed)
+    say::print(exchange, task.scene.toml.trim_end_matches('\n'))
 }
 
 /// Unless told to be quiet, says on standard error what the run of a task takes, what is in its

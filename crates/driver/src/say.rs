@@ -5,6 +5,8 @@ use std::io::{ErrorKind, Write};
 
 use console::Term;
 use gshear_dem::failure::Failure;
+use gshear_mpi_exchange::Parallel;
+use gshear_store::collective::agree;
 use rustix::fs::{Mode, OFlags};
 
 /// Prints a line, if standard output is neither closed nor full; on a terminal folded to its width.
@@ -20,12 +22,23 @@ pub fn say_error(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// Prints a result, which other programs read as well, as it is. A reader that has closed its pipe,
-/// such as `head -1`, is no failure.
+/// Prints a result, which other programs read as well, as it is, on the first rank. A reader that has
+/// closed its pipe, such as `head -1`, is no failure. Collective.
 ///
 /// # Errors
-/// Standard output that cannot be written, such as a file on a full disk.
-pub fn print(text: &str) -> Result<(), Failure> {
+/// Standard output that cannot be written, such as a file on a full disk, on every rank.
+pub fn print(exchange: &dyn Parallel, text: &str) -> Result<(), Failure> {
+    agree(
+        exchange,
+        if exchange.rank() == 0 {
+            write_out(text)
+        } else {
+            Ok(())
+        },
+    )
+}
+
+fn write_out(text: &str) -> Result<(), Failure> {
     let mut output = std::io::stdout().lock();
     match writeln!(output, "{text}").and_then(|()| output.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {

@@ -7,7 +7,6 @@ use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Source;
 use gshear_scene::sweep::Member;
-use gshear_store::collective::agree;
 
 use crate::calibration;
 use crate::check::{check_continued, doubts};
@@ -101,11 +100,7 @@ impl<'a> Sweep<'a> {
                 disk += estimate.disk();
             }
             let line = format!("{:>4}  {state:<8}{}", k + 1, member.name);
-            let printed = match exchange.rank() {
-                0 => say::print(&line),
-                _ => Ok(()),
-            };
-            agree(exchange, printed)?;
+            say::print(exchange, &line)?;
         }
         if exchange.rank() == 0 && left > 0 {
             let time = time.map_or("an unknown time".into(), duration);

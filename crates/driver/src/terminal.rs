@@ -59,10 +59,9 @@ impl Screen {
         let bar = ProgressBar::with_draw_target(None, target);
         bar.set_style(ProgressStyle::with_template("{msg}").expect("a sound template"));
         let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-        let out = Term::stdout();
         Some(Self {
             term,
-            has_lines: out.is_term(),
+            has_lines: Term::stdout().is_term(),
             line: bar,
             styled: !no_colour,
         })
