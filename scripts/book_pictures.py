@@ -41,6 +41,8 @@ OPTIONS = [
     "--hide-scrollbars",
     "--allow-file-access-from-files",
     "--virtual-time-budget=5000",
+    # Without it, tiles that are not painted yet are white.
+    "--run-all-compositor-stages-before-draw",
 ]
 COLOURS = 64
 MOST_BYTES = 150_000
