@@ -1,7 +1,8 @@
 //! `gshear-reduce`: parses the command line, reduces runs of `gshear-mpi`, returns the exit code.
 
 use std::io::{self, BufWriter, ErrorKind, Write, stdout};
-use std::process::ExitCode;
+use std::os::unix::process::CommandExt;
+use std::process::{Command, ExitCode};
 
 use clap::Parser;
 use gshear_driver::say::{say, say_error};
@@ -29,6 +30,17 @@ impl<W: Write> Write for Output<W> {
     }
 }
 
+/// Starts the program again with a variable without which HDF5 does not open a file that a run
+/// writes, because the run has locked it. Goes on without, if that fails.
+fn start_again_without_locks() {
+    const VARIABLE: &str = "HDF5_USE_FILE_LOCKING";
+    if let (None, Ok(program)) = (std::env::var_os(VARIABLE), std::env::current_exe()) {
+        let mut command = Command::new(program);
+        command.args(std::env::args_os().skip(1));
+        let _ = command.env(VARIABLE, "FALSE").exec();
+    }
+}
+
 fn main() -> ExitCode {
     provenance::set_git_commit(env!("GSHEAR_GIT_COMMIT"));
     let arguments = match Arguments::try_parse() {
@@ -39,6 +51,7 @@ fn main() -> ExitCode {
         }
         Err(e) => e.exit(),
     };
+    start_again_without_locks();
     let mut output = BufWriter::new(Output(stdout().lock()));
     let code = run(&arguments, &mut output).unwrap_or_else(|failure| {
         say_error(&format!("error: {failure}"));

@@ -69,6 +69,37 @@ fn a_run_that_was_stopped_early_is_read_as_far_as_it_goes() {
     assert_eq!(RunFile::open(folder.path()).expect("a run").frames(), 2);
 }
 
+/// A run of one rank locks its file, and between two flushes the file may not be whole.
+#[test]
+fn a_run_under_way_is_read() {
+    let _alone = alone();
+    let (folder, path) = folder_with(&Fixture::sheared(16, 12, 30));
+    let file = folder.path().join("run.h5");
+    let writing = hdf5::File::open_rw(&file).expect("the file");
+    for command in ["info", "dmin", "phases", "regions", "correlate", "report"] {
+        done(&[command, &path]);
+    }
+    done(&["compare", &path, &path]);
+    done(&["export", &path, "--format", "csv"]);
+    writing.close().expect("closed");
+
+    let status = serde_json::json!({
+        "version": 1, "state": "running", "run_id": "", "title": "", "stage": "shear", "step": 1,
+        "seconds": 1.0, "grains": 192, "ranks": 1, "host": "", "pid": 1, "started": "", "updated": "",
+    });
+    std::fs::write(folder.path().join("status.json"), status.to_string()).expect("written");
+    let aside = folder.path().join("aside");
+    std::fs::rename(&file, &aside).expect("renamed");
+    let whole = std::fs::read(&aside).expect("the file");
+    std::fs::write(&file, &whole[..whole.len() / 2]).expect("written");
+    let flush = std::thread::spawn(move || {
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        std::fs::rename(aside, file).expect("renamed");
+    });
+    done(&["info", &path]);
+    flush.join().expect("flushed");
+}
+
 #[test]
 fn info_tells_what_is_there() {
     let _alone = alone();

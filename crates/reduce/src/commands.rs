@@ -2,7 +2,8 @@
 
 use std::io::Write;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 
@@ -17,6 +18,7 @@ use gshear_dem::failure::Failure;
 use gshear_report::lee_hurley::StudyOptions;
 use gshear_store::file_names::{AQS_FILE, RUN_FILE};
 use gshear_store::run_reader::RunFile;
+use gshear_store::status::{RunState, Status};
 
 use super::{
     columns, compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum,
@@ -25,9 +27,9 @@ use super::{
 
 /// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
 ///
-/// RUN is a run.h5 or the folder that holds one. Of a run in a box, info, compare, dmin, export and
-/// spectrum take aqs.h5 (that of its folder) or newtonian.h5. A run that was stopped early is read
-/// up to its last complete row and frame.
+/// RUN is a run.h5 or the folder that holds one. Of a run in a box, info, compare, dmin, export,
+/// report, spectrum and stability take aqs.h5 (that of its folder) or newtonian.h5. A run that is
+/// under way or was stopped early is read up to its last complete row and frame.
 ///
 /// Exit codes: 0 done; 1 the runs differ (compare), or any other failure; 2 bad input (file or
 /// arguments); 3 the numbers failed (no convergence, a replay that differs).
@@ -382,6 +384,39 @@ pub enum PaperStudy {
     Bonfanti,
 }
 
+/// How often a run under way is read that may be in the middle of a flush, and the time between.
+const ATTEMPTS: usize = 20;
+const PAUSE: Duration = Duration::from_millis(100);
+
+impl Command {
+    /// The runs that the command reads once.
+    fn runs(&self) -> Vec<&PathBuf> {
+        match self {
+            Self::Columns { .. } | Self::Watch { .. } => Vec::new(),
+            Self::Compare { a, b } => vec![a, b],
+            Self::RateState { runs, .. } | Self::Report { runs, .. } => runs.iter().collect(),
+            Self::Spectrum(options) => options.run.iter().collect(),
+            Self::Info { run }
+            | Self::Dmin { run, .. }
+            | Self::Phases { run, .. }
+            | Self::Regions { run, .. }
+            | Self::Correlate { run, .. }
+            | Self::Export { run, .. }
+            | Self::Stability { run, .. }
+            | Self::Replay { run, .. } => vec![run],
+        }
+    }
+}
+
+/// The folder of a run: itself, or that of its file.
+pub fn folder_of(run: &Path) -> &Path {
+    match run.parent() {
+        _ if run.is_dir() => run,
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
 /// Runs the command and prints to `output`. Returns the exit code: 0, or 1 if `compare` has found a
 /// difference.
 ///
@@ -393,6 +428,21 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failur
         pool.build_global()
             .map_err(|e| Failure::other(format!("threads: {e}")))?;
     }
+    let is_under_way = |run: &&PathBuf| {
+        Status::read(folder_of(run)).is_some_and(|status| status.state == RunState::Running)
+    };
+    for _ in 1..ATTEMPTS {
+        match once(arguments, output) {
+            Err(Failure::Input(_)) if arguments.command.runs().iter().any(is_under_way) => {
+                std::thread::sleep(PAUSE);
+            }
+            outcome => return outcome,
+        }
+    }
+    once(arguments, output)
+}
+
+fn once(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> {
     // Threads of a replay.
     let threads = arguments.threads.map_or(1, usize::from);
     match &arguments.command {

@@ -32,7 +32,7 @@ pub struct SpectrumOptions {
     /// A run.h5, aqs.h5 or newtonian.h5, the folder of a run, or a checkpoint, from which K and M
     /// are assembled
     #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]
-    run: Option<PathBuf>,
+    pub run: Option<PathBuf>,
     /// Frame of the run: its number, from 0 on, or last [default: last]
     #[arg(long, value_name = "K", requires = "run")]
     frame: Option<Which>,

@@ -4,9 +4,7 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
 use std::os::unix::fs::MetadataExt;
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::{Duration, Instant, SystemTime};
 
 use console::Term;
@@ -20,6 +18,7 @@ use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
 
 use super::braille::plot;
+use super::commands::folder_of;
 use super::output::cannot_write;
 
 /// Time between two looks at the run.
@@ -38,14 +37,7 @@ const LEAST: [usize; 2] = [30, 8];
 /// # Errors
 /// A folder without a run, output that cannot be written.
 pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
-    start_again_without_locks();
-    let folder = match run.is_dir() {
-        true => run,
-        false => match run.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        },
-    };
+    let folder = folder_of(run);
     let mut curves = Curves::new(folder);
     let term = Term::stdout();
     let shown = term.is_term() && term.size_checked().is_some();
@@ -104,17 +96,6 @@ pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
             return Ok(());
         }
         std::thread::sleep(INTERVAL.saturating_sub(begun.elapsed()));
-    }
-}
-
-/// Starts the program again with a variable without which HDF5 does not open a file that a run
-/// writes, because the run has locked it. Goes on without, if that fails.
-fn start_again_without_locks() {
-    const VARIABLE: &str = "HDF5_USE_FILE_LOCKING";
-    if let (None, Ok(program)) = (std::env::var_os(VARIABLE), std::env::current_exe()) {
-        let mut command = Command::new(program);
-        command.args(std::env::args_os().skip(1));
-        let _ = command.env(VARIABLE, "FALSE").exec();
     }
 }
 
