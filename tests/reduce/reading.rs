@@ -155,9 +155,9 @@ fn refusal(change: impl Fn(&hdf5::File) -> hdf5::Result<()>) -> String {
     let file = hdf5::File::open_rw(folder.path().join("run.h5")).expect("the file");
     change(&file).expect("changed");
     file.close().expect("closed");
-    let message = refused(&["report", &path]);
+    let message = refused(&["dmin", &path]);
     assert!(
-        message.contains("run.h5: ") && !folder.path().join("report").exists(),
+        message.contains("run.h5: ") && !folder.path().join("reduced.h5").exists(),
         "{message}"
     );
     message

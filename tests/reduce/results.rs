@@ -285,9 +285,23 @@ fn a_report_has_every_figure_and_needs_nothing_else() {
     // The name of SVG is no address.
     let links = page.replace("\"http://www.w3.org/2000/svg\"", "");
     assert!(
-        !links.contains("http") && !links.contains("src=") && !links.contains("href="),
+        !links.contains("http") && !links.contains("src="),
         "the page stands alone"
     );
+    let links = page
+        .split("href=\"")
+        .skip(1)
+        .filter_map(|of| of.split('"').next());
+    let mut links: Vec<&str> = links.collect();
+    assert!(
+        links
+            .iter()
+            .all(|link| names.iter().any(|name| name == link))
+    );
+    links.sort_unstable();
+    links.dedup();
+    let ends = |end: &str| links.iter().filter(|link| link.ends_with(end)).count();
+    assert_eq!([".csv", ".pdf", ".png"].map(ends), [figures; 3]);
     assert_eq!(summary["digest"], "00c0ffee00c0ffee");
     assert_eq!(summary["grains"], 192);
     let [earlier, later] = [0, 1].map(|k| summary["maps"]["frames"][k].as_u64().expect("a frame"));
@@ -325,9 +339,60 @@ fn a_summary_has_the_numbers_of_the_run() {
         serde_json::json!({ "long": 0, "short": 13 })
     );
     assert_eq!(summary["largest_drop"]["delta_tau"], -2.0);
-    assert_eq!(summary["largest_drop"]["rows"], serde_json::json!([25, 26]));
+    // The first slip ends the start.
+    assert_eq!(summary["largest_drop"]["rows"], serde_json::json!([27, 28]));
     // Frames are every tenth row.
     assert_eq!(summary["maps"]["frames"], serde_json::json!([2, 3]));
+}
+
+/// The part of a page that shows a figure.
+fn figure<'a>(page: &'a str, name: &str) -> &'a str {
+    let begin = page.split(&format!("<figure id=\"{name}\">")).nth(1);
+    begin
+        .and_then(|of| of.split("</figure>").next())
+        .expect(name)
+}
+
+/// A flow without a phase of 2 % of the range of τ: the curve in the colour of the axes, and no
+/// colour in the legend that does not occur.
+#[test]
+fn a_curve_of_small_phases_is_drawn_in_ink() {
+    let _alone = alone();
+    let mut fixture = Fixture::sheared(16, 12, 30);
+    let rows = fixture.series[1].len();
+    fixture.series[1] = (0..rows)
+        .map(|row| 0.001 * row as f64 - 0.003 * (row % 2) as f64)
+        .collect();
+    let (_, _, page) = report_of(&fixture);
+    let shown = figure(&page, "stress-strain");
+    let widest = shown.lines().filter(|line| line.starts_with("<polyline"));
+    let widest = widest.max_by_key(|line| line.len()).expect("a curve");
+    assert!(widest.contains("#22262B"), "{}", &widest[..200]);
+    assert!(
+        !shown.contains("#8A9199"),
+        "grey is nearly invisible on dark paper"
+    );
+    assert!(!shown.contains("\nstick\n") && !shown.contains("\nslip\n"));
+    // Those around the largest drop occur.
+    let shown = figure(&page, "largest-drop");
+    assert!(shown.contains("\nstick\n") && shown.contains("\nslip\n"));
+}
+
+/// τ overshoots at the start of a flow; its largest drop is one of the flow.
+#[test]
+fn the_overshoot_of_the_start_is_no_drop() {
+    let _alone = alone();
+    let mut fixture = Fixture::small();
+    fixture.series[1] = (0..51)
+        .map(|row| match row {
+            0..=10 => 0.2 * f64::from(row),
+            11..=20 => 2.0 - 0.11 * f64::from(row - 10),
+            40 => 1.3,
+            row => 1.0 + 0.1 * f64::from(row % 2),
+        })
+        .collect();
+    let (_, summary, _) = report_of(&fixture);
+    assert_eq!(summary["largest_drop"]["rows"], serde_json::json!([40, 42]));
 }
 
 #[test]

@@ -21,11 +21,8 @@ pub fn html(
     };
     let mut body = String::new();
     for figure in figures {
-        let data = format!(
-            "{} <span class=\"data\">Data: {}.csv</span>",
-            figure.caption, figure.name
-        );
-        body += &self::figure(figure.name, &data, &figure.svg);
+        let data = format!("{}.csv", figure.name);
+        body += &self::figure(figure.name, &figure.caption, &data, &figure.svg);
     }
     if run.dimension().axes() == 2 {
         let smaller = |event: &DropFrames| Some(event.drop) != summary.drop;
@@ -60,13 +57,25 @@ pub fn document(title: &str, lead: &str, body: &str) -> String {
     )
 }
 
-/// Returns a figure with its drawing in the page; the caption is HTML.
-pub fn figure(name: &str, caption: &str, svg: &str) -> String {
+/// Returns a figure with its drawing in the page; the caption is HTML. `data`: the file of its
+/// numbers, beside the page.
+pub fn figure(name: &str, caption: &str, data: &str, svg: &str) -> String {
     let described = format!("<svg role=\"img\" aria-label=\"{}\" ", alternative(caption));
     format!(
-        "<figure id=\"{name}\">\n{}<figcaption>{caption}</figcaption>\n</figure>\n",
-        svg.replacen("<svg ", &described, 1)
+        "<figure id=\"{name}\">\n{}<figcaption>{caption} {}</figcaption>\n</figure>\n",
+        svg.replacen("<svg ", &described, 1),
+        links(name, &[data])
     )
+}
+
+/// Returns links to the tables of a figure and to its drawings, which are beside the page.
+pub fn links(figure: &str, tables: &[impl AsRef<str>]) -> String {
+    let drawings = ["pdf", "png"].map(|end| format!("{figure}.{end}"));
+    let files = tables.iter().map(AsRef::as_ref);
+    let links: Vec<String> = (files.chain(drawings.iter().map(String::as_str)))
+        .map(|file| format!("<a href=\"{file}\">{file}</a>"))
+        .collect();
+    links.join(", ")
 }
 
 /// Returns the scene, folded.

@@ -2,7 +2,7 @@
 
 use plotters::style::RGBColor;
 
-use super::colour::{GREY, INK, SLIP, STICK, WHITE};
+use super::colour::{INK, SLIP, STICK, WHITE};
 use super::history::Axis;
 use super::plot::{Layout, Plot, figure};
 use super::ticks;
@@ -12,9 +12,9 @@ const LAYOUT: Layout = Layout {
     size: [900.0, 400.0],
     margin: [72.0, 36.0, 24.0, 58.0],
 };
-/// Phases with a change below this share of the range of τ stay grey in the figure of the whole
+/// Phases with a change below this share of the range of τ have no colour in the figure of the whole
 /// run, where colours would blur.
-const VISIBLE: f64 = 0.02;
+pub const VISIBLE: f64 = 0.02;
 
 /// Draws τ over the whole run, with large phases in colour. `tau` is `[L]`.
 pub fn whole(axis: &Axis, tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -> String {
@@ -29,28 +29,30 @@ pub fn whole(axis: &Axis, tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -
             plot.note(percent[drop.start], "largest drop");
         }
         let rows: Vec<usize> = (0..tau.len()).collect();
-        draw(plot, percent, tau, &rows, GREY, 0.7);
-        for phase in phases
-            .iter()
-            .filter(|phase| phase.change.abs() >= VISIBLE * (y[1] - y[0]))
-        {
-            draw(
-                plot,
-                percent,
-                tau,
-                &rows[phase.start..=phase.end],
-                colour(phase.kind),
-                1.1,
-            );
+        draw(plot, percent, tau, &rows, INK, 0.9);
+        let [low, high] = padded(tau.iter().copied(), 0.0);
+        let is_visible = |phase: &&Phase| phase.change.abs() > VISIBLE * (high - low);
+        let large: Vec<&Phase> = phases.iter().filter(is_visible).collect();
+        for phase in &large {
+            let rows = &rows[phase.start..=phase.end];
+            draw(plot, percent, tau, rows, colour(phase.kind), 1.1);
         }
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, axis.label, "shear stress ratio τ = S/N");
-        plot.legend(&[
-            (STICK, "stick"),
-            (SLIP, "slip"),
-            (GREY, "phases below 2 % of the range of τ"),
-        ]);
+        if !large.is_empty() {
+            plot.legend(&legend(&large));
+        }
     })
+}
+
+/// The kinds of these phases, and the curve.
+fn legend(phases: &[&Phase]) -> Vec<(RGBColor, &'static str)> {
+    let is_drawn = |kind: &PhaseKind| phases.iter().any(|phase| phase.kind == *kind);
+    let kinds = [PhaseKind::Stick, PhaseKind::Slip].into_iter();
+    let kinds = kinds
+        .filter(is_drawn)
+        .map(|kind| (colour(kind), kind.name()));
+    kinds.chain([(INK, "τ")]).collect()
 }
 
 /// Draws τ around a drop with its phases shaded. `frames`: places of the
@@ -68,16 +70,11 @@ pub fn around(
     let y = padded(tau[rows.clone()].iter().copied(), 0.08);
     figure(LAYOUT, x, y, |plot| {
         let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 6), ticks::round(y[0], y[1], 6));
-        for phase in phases
-            .iter()
-            .filter(|p| p.end > rows.start && p.start < rows.end)
-        {
-            plot.band(
-                percent[phase.start],
-                percent[phase.end],
-                colour(phase.kind),
-                0.16,
-            );
+        let is_within = |phase: &&Phase| phase.end > rows.start && phase.start < rows.end;
+        let within: Vec<&Phase> = phases.iter().filter(is_within).collect();
+        for phase in &within {
+            let [from, to] = [phase.start, phase.end].map(|row| percent[row]);
+            plot.band(from, to, colour(phase.kind), 0.16);
         }
         plot.grid(&[], &y_ticks);
         let rows: Vec<usize> = rows.collect();
@@ -87,16 +84,15 @@ pub fn around(
                 plot.disk([percent[row], tau[row]], 2.2, INK, None);
             }
         }
-        for strain in frames.into_iter().flatten() {
+        let mut legend = legend(&within);
+        let places = frames.into_iter().flatten();
+        for strain in places.filter(|at| (x[0]..=x[1]).contains(at)) {
             plot.vertical_line(strain, INK);
+            legend.push((WHITE, "dashed: frames of the maps below"));
         }
+        legend.dedup();
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, axis.label, "shear stress ratio τ = S/N");
-        let dashed = "dashed: frames of the maps below";
-        let mut legend = vec![(STICK, "stick"), (SLIP, "slip"), (INK, "τ")];
-        if frames.is_some() {
-            legend.push((WHITE, dashed));
-        }
         plot.legend(&legend);
     })
 }

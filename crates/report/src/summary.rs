@@ -89,10 +89,26 @@ fn is_free(run: &RunFile, phase: &Phase) -> bool {
     velocities[0] != 0.0 && velocities.iter().all(|v| *v == velocities[0])
 }
 
-/// The largest slip at a constant velocity of the drive.
-fn largest_drop(run: &RunFile, phases: &[Phase]) -> Option<Phase> {
-    let free = phases.iter().filter(|phase| is_free(run, phase));
-    phases::largest_drop(&free.copied().collect::<Vec<_>>()).copied()
+/// Rows of the latter half of the strain; of the time, if a protocol imposes more than velocities.
+fn latter_half(run: &RunFile) -> std::ops::RangeFrom<usize> {
+    // A strain that returns does not tell the halves of a run.
+    let clock = match is_imposed(run) {
+        true => &run.series().time[..],
+        false => run.series().column("strain"),
+    };
+    let half = 0.5 * clock.last().copied().unwrap_or(0.0);
+    clock.partition_point(|now| *now < half)..
+}
+
+/// The largest slip at a constant velocity of the drive, after the start of the flow: τ first
+/// overshoots its mean of the latter half, and is back where that slip ends.
+fn largest_drop(run: &RunFile, tau: &[f64], phases: &[Phase]) -> Option<Phase> {
+    let mean = Moments::of(&tau[latter_half(run)]).mean;
+    let is_over = |row: &usize| tau[*row] > mean;
+    let mut rows = (0..tau.len()).skip_while(|row| !is_over(row));
+    let start = rows.find(|row| !is_over(row)).unwrap_or(0);
+    let after = |phase: &&Phase| phase.start >= start && is_free(run, phase);
+    phases::largest_drop(&phases.iter().filter(after).copied().collect::<Vec<_>>()).copied()
 }
 
 /// Time (s) from before the start to after the end of the largest drop, if it is one of disks that
@@ -102,8 +118,10 @@ fn largest_drop(run: &RunFile, phases: &[Phase]) -> Option<Phase> {
 /// A damaged file.
 pub fn window_without_frames(run: &RunFile) -> Result<Option<[f64; 2]>, Failure> {
     let series = run.series();
-    let phases = phases_of(run, &stress_ratio(run));
-    let Some(drop) = largest_drop(run, &phases).filter(|_| run.dimension().axes() == 2) else {
+    let tau = stress_ratio(run);
+    let Some(drop) =
+        largest_drop(run, &tau, &phases_of(run, &tau)).filter(|_| run.dimension().axes() == 2)
+    else {
         return Ok(None);
     };
     let shown = |row: usize| run.frame_steps().binary_search(&series.step[row]).is_ok();
@@ -137,6 +155,7 @@ impl DropFrames {
     pub fn largest(
         run: &RunFile,
         shown: &RunFile,
+        tau: &[f64],
         phases: &[Phase],
     ) -> Result<Option<Self>, Failure> {
         if run.dimension().axes() == 3 {
@@ -156,7 +175,7 @@ impl DropFrames {
             .copied()
             .collect();
         let Some((drop, frames)) =
-            largest_drop(run, &covered).and_then(|drop| Some((drop, frames(&drop)?)))
+            largest_drop(run, tau, &covered).and_then(|drop| Some((drop, frames(&drop)?)))
         else {
             return Ok(None);
         };
@@ -207,7 +226,7 @@ impl DropFrames {
 pub struct Summary {
     /// Stick and slip phases of the whole run.
     pub phases: Vec<Phase>,
-    /// The largest drop of the whole run.
+    /// The largest drop after the start of the flow.
     pub drop: Option<Phase>,
     /// Moments of τ over the latter half of the strain; of the time, if a protocol imposes more than
     /// velocities.
@@ -224,17 +243,10 @@ impl Summary {
     pub fn of(run: &RunFile, replayed: Option<&RunFile>) -> Result<Self, Failure> {
         let tau = stress_ratio(run);
         let phases = phases_of(run, &tau);
-        // A strain that returns does not tell the halves of a run.
-        let clock = match is_imposed(run) {
-            true => &run.series().time[..],
-            false => run.series().column("strain"),
-        };
-        let half = 0.5 * clock.last().copied().unwrap_or(0.0);
-        let latter = &tau[clock.partition_point(|now| *now < half)..];
-        let event = DropFrames::largest(run, replayed.unwrap_or(run), &phases)?;
+        let event = DropFrames::largest(run, replayed.unwrap_or(run), &tau, &phases)?;
         Ok(Summary {
-            drop: largest_drop(run, &phases),
-            stress: Moments::of(latter),
+            drop: largest_drop(run, &tau, &phases),
+            stress: Moments::of(&tau[latter_half(run)]),
             event,
             phases,
         })

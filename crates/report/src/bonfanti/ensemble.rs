@@ -4,7 +4,7 @@
 use super::{BoxRun, SvgWithData};
 use crate::colour::{CURVES, GREY, INK};
 use crate::compose::grid_of;
-use crate::page::{document, escape};
+use crate::page::{document, escape, links};
 use crate::plot::{Layout, figure};
 use crate::ticks;
 use gshear_analysis::aftermath::{Aftermath, BoxChange, BoxSeries};
@@ -396,9 +396,10 @@ pub(super) fn html(runs: &[RunNumbers]) -> String {
         "<figure>\n<img src=\"ensemble.svg\" alt=\"Cumulative distributions\" style=\"max-width: 100%\"/>\n<figcaption>Shares of the runs. \
          (a) Change of the shear stress over Newton's equations, over the pressure before. (b) The same over the size of the shear stress \
          before; the vertical line is the paper's 22 %. (c) Births by the frames of the strain steps, lines with K, dots with J in the paper's \
-         form. <a href=\"ensemble-distributions.csv\">Data</a></figcaption>\n</figure>\n\
+         form. {}</figcaption>\n</figure>\n\
          <p><a href=\"ensemble.csv\">ensemble.csv</a>, <a href=\"ensemble-runs.csv\">ensemble-runs.csv</a>. Of a quantity that a run has or \
-         has not, such as catastrophe, the mean is the share of the runs.</p>\n{tables}"
+         has not, such as catastrophe, the mean is the share of the runs.</p>\n{tables}",
+        links("ensemble", &["ensemble-distributions.csv"])
     );
     let lead = format!("{} runs, by what they have in common.", runs.len());
     document("Ensemble of the study of Bonfanti et al.", &lead, &body)

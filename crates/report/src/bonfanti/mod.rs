@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 pub use self::ensemble::{BothForms, FirstPair};
 use crate::drawing;
-use crate::page::{document, escape, scene_of};
+use crate::page::{document, escape, links, scene_of};
 use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
 use gshear_dem::dimension::{Three, Two};
@@ -339,11 +339,13 @@ fn html(studied: &BoxRun, numbers: &[PaperValue], figures: &[PaperFigure]) -> St
     for figure in figures {
         match &figure.drawn {
             Ok(_) => {
+                let name = format!("fig-{:02}", figure.number);
                 body += &format!(
-                    "<figure id=\"fig-{0:02}\">\n<img src=\"fig-{0:02}.svg\" alt=\"Figure {0}\"/>\n<figcaption>Figure {0}. {1} \
-                     <a href=\"fig-{0:02}.csv\">Data</a></figcaption>\n</figure>\n",
+                    "<figure id=\"{name}\">\n<img src=\"{name}.svg\" alt=\"Figure {0}\"/>\n<figcaption>Figure {0}. {1} \
+                     {2}</figcaption>\n</figure>\n",
                     figure.number,
-                    escape(figure.caption)
+                    escape(figure.caption),
+                    links(&name, &[format!("{name}.csv")])
                 );
             }
             Err(why) => body += &format!("<p>Figure {}: {}.</p>\n", figure.number, escape(why)),

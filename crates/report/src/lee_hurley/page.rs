@@ -3,7 +3,7 @@
 use super::numbers::QuotedNumber;
 use super::studied::Studied;
 use super::{Drawn, Figure};
-use crate::page::{document, escape};
+use crate::page::{document, escape, links};
 
 /// Returns the page as HTML, which refers to the figures as files in the same folder. `seeds`: name
 /// and SVG of the figures over several seeds.
@@ -25,8 +25,11 @@ pub fn html(
         ensemble += &format!(
             "<figure>\n<img src=\"{name}\" alt=\"{name}\" style=\"max-width: 100%\"/>\n<figcaption>Runs that differ in their seeds \
              only: mean coefficients with standard errors; points with a median p above 0.05 are left out. \
-             <a href=\"ensemble-correlations.csv\">ensemble-correlations.csv</a>, \
-             <a href=\"ensemble.csv\">ensemble.csv</a></figcaption>\n</figure>\n"
+             {}</figcaption>\n</figure>\n",
+            links(
+                name.trim_end_matches(".svg"),
+                &["ensemble-correlations.csv", "ensemble.csv"]
+            )
         );
     }
     let mut tables = String::new();
@@ -62,16 +65,14 @@ pub fn html(
 
 fn shown(figure: &Figure) -> String {
     let name = figure.name();
-    let links: Vec<String> = figure
-        .data
-        .iter()
-        .map(|(end, _)| format!("<a href=\"{name}{end}\">{name}{end}</a>"))
+    let tables: Vec<String> = (figure.data.iter())
+        .map(|(end, _)| format!("{name}{end}"))
         .collect();
     format!(
         "<figure id=\"{name}\">\n<img src=\"{name}.svg\" alt=\"Figure {0}\" style=\"max-width: 100%\"/>\n\
          <figcaption>Figure {0}. {1} {2}</figcaption>\n</figure>\n",
         figure.number,
         figure.caption,
-        links.join(", ")
+        links(&name, &tables)
     )
 }

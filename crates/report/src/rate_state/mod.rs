@@ -59,11 +59,12 @@ pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> 
     );
     for (name, svg) in figures {
         let caption = CAPTIONS.iter().find(|(start, _)| name.starts_with(start));
-        body += &page::figure(
-            name.trim_end_matches(".svg"),
-            caption.map_or("", |(_, caption)| caption),
-            svg,
-        );
+        let name = name.trim_end_matches(".svg");
+        let data = match name {
+            "healing" => "holds.csv",
+            _ => "rate-state.csv",
+        };
+        body += &page::figure(name, caption.map_or("", |(_, caption)| caption), data, svg);
     }
     let lead = format!(
         "Fits with intervals of 95 %. The tables are in {}; gshear-reduce columns explains them.",
