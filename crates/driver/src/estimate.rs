@@ -6,7 +6,7 @@ use std::fmt::Write;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::schedule::{Schedule, inertial_time};
+use gshear_scene::schedule::{Schedule, packing_time};
 use gshear_scene::{Boundary, Motion, Origin, PlaneShear, Scene, WallSpeed};
 use gshear_store::run_reader::RunStage;
 use gshear_store::trajectory::{self, file_bytes, waiting_bytes};
@@ -392,7 +392,7 @@ pub fn dense_height(scene: &Scene) -> f64 {
 fn packing_steps(scene: &Scene, walls: &PlaneShear) -> f64 {
     let layers = dense_height(scene) / scene.sample.mean_diameter;
     let times = layers * (1.0 + 0.2 * layers);
-    times * inertial_time(scene, &walls.load) / scene.time_step.step
+    times * packing_time(scene, &walls.load) / scene.time_step.step
 }
 
 /// Up to the step `last`, which counts strain steps, then steps of Newton's equations.

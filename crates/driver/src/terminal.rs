@@ -18,7 +18,7 @@ use gshear_dem::simd::Isa;
 use gshear_dem::system::System;
 use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::schedule::Schedule;
+use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{
     Boundary, Control, Dimensions, Law, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed,
     Walls,
@@ -229,7 +229,8 @@ impl Terminal {
                 };
                 let speed = schedule.protocol.velocity(0);
                 self.say(format!(
-                    "shear: I = {:.4e}, V = {speed:.6e} m/s ({given}); shear rate {:.4e} /s",
+                    "shear: I = {} = {:.4e}, V = {speed:.6e} m/s ({given}); shear rate {:.4e} /s",
+                    definition_of_inertial_number(scene.dimension),
                     schedule.inertial_number(speed),
                     speed / schedule.height,
                 ));

@@ -173,7 +173,9 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
         // That of the first part of a protocol is not that of the run.
         let of_first = parameter == "inertial_number" && run.has_protocol();
         if let Some(value) = run.number(parameter).filter(|_| !of_first) {
-            facts.push((name, format!("{value:.4e}")));
+            let definition = run.text(&format!("{parameter}_definition"));
+            let definition = definition.map_or(String::new(), |of| format!(" ({})", escape(of)));
+            facts.push((name, format!("{value:.4e}{definition}")));
         }
     }
     if let Some(speed) = run.number("speed") {

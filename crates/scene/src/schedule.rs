@@ -2,7 +2,7 @@
 //! trajectory.
 
 use crate::scene::{Oscillation, PartDrive, PartNormal, Stress};
-use crate::{Load, Motion, Part, PlaneShear, Scene, WallSpeed};
+use crate::{Dimensions, Load, Motion, Part, PlaneShear, Scene, WallSpeed};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Protocol, Segment};
 use gshear_dem::wave::Wave;
 
@@ -23,7 +23,7 @@ pub struct Schedule {
     pub protocol: Protocol,
     /// One for each segment of the protocol.
     pub intervals: Vec<Intervals>,
-    /// √(m̄/P) (s).
+    /// I/γ̇ (s).
     inertial_time: f64,
     /// Steps of the stage.
     pub total: u64,
@@ -73,8 +73,28 @@ pub struct Counts {
     pub checkpoints: u64,
 }
 
-/// √(m̄/P) (s), the time of I = γ̇ √(m̄/P); in three dimensions √(m̄/(P d̄)).
+/// I, the inertial number of the literature: of disks γ̇ √(m̄/P) with m̄ per depth (da Cruz et al.,
+/// Phys. Rev. E 72, 021309, 2005), of spheres γ̇ d̄ √(ρ/P) (GDR MiDi, Eur. Phys. J. E 14, 341, 2004).
+pub fn definition_of_inertial_number(dimension: Dimensions) -> &'static str {
+    match dimension {
+        Dimensions::Two => "γ̇ √(m̄/P)",
+        Dimensions::Three => "γ̇ d̄ √(ρ/P)",
+    }
+}
+
+/// I/γ̇ (s): √(m̄/P), in three dimensions d̄ √(ρ/P) with ρ = m̄ over the mean volume.
 pub fn inertial_time(scene: &Scene, load: &Load) -> f64 {
+    let sample = &scene.sample;
+    let of_spheres = match scene.dimension {
+        Dimensions::Two => 1.0,
+        Dimensions::Three => sample.mean_section() / sample.mean_volume,
+    };
+    (mean_mass(scene) / load.pressure * of_spheres).sqrt()
+}
+
+/// √(m̄/P) (s), in three dimensions √(m̄/(P d̄)): the time in which P moves a mean grain, by which
+/// the packing is damped.
+pub fn packing_time(scene: &Scene, load: &Load) -> f64 {
     let sample = &scene.sample;
     let per_section = sample.mean_diameter / sample.mean_section();
     (mean_mass(scene) / load.pressure * per_section).sqrt()
@@ -333,6 +353,35 @@ mod tests {
         );
         assert!(schedule.frame_due(0) && schedule.frame_due(3 * whole.frames));
         assert!(!schedule.frame_due(3 * whole.frames + 1));
+    }
+
+    /// I = γ̇ √(m̄/P) of disks, γ̇ d̄ √(ρ/P) of spheres, by the moments of uniform radii; V = γ̇ H.
+    #[test]
+    fn inertial_numbers_are_those_of_the_literature() {
+        let (least, greatest, density, pressure, height) = (0.8e-3, 1.2e-3, 2500.0, 1e3, 20e-3);
+        let mean_square = (least * least + least * greatest + greatest * greatest) / 3.0;
+        let disks = f64::sqrt(density * std::f64::consts::PI * mean_square / pressure);
+        let spheres = (least + greatest) * f64::sqrt(density / pressure);
+        for (sets, time) in [
+            (&["dimension=2"][..], disks),
+            (&["dimension=3", "sample.width=12e-3"], spheres),
+        ] {
+            let text = "
+                material.density = 2500
+                contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
+                sample = { grains = 1000, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 24e-3 }
+                load.pressure = 1e3
+                shear = { inertial_number = 1e-3, strain = 0.1 }
+            ";
+            let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+            let scene = load(&Source::new("s", text), &sets).unwrap();
+            let walls = scene.plane_shear("s").unwrap();
+            let schedule = Schedule::new(&scene, walls, height);
+            let velocity = schedule.protocol.velocity(0);
+            let expected = 1e-3 / time * height;
+            assert!((velocity / expected - 1.0).abs() < 1e-14, "{sets:?}");
+            assert!((schedule.inertial_number(velocity) / 1e-3 - 1.0).abs() < 1e-14);
+        }
     }
 
     /// Rows of the time series are there wherever a frame is written or analysed, though no start

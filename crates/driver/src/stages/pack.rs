@@ -10,7 +10,7 @@ use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::sample::freeze_walls;
-use gshear_scene::schedule::inertial_time;
+use gshear_scene::schedule::packing_time;
 use gshear_scene::{PlaneShear, Scene};
 
 use super::setup::system;
@@ -214,7 +214,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
             self.drive.piston.load = (2.0 * pressing).min(load.normal_force);
             // In units of the inertial time at the present load.
             let part = self.drive.piston.load / load.normal_force;
-            self.drive.drag = pack.drag / inertial_time(scene, load) * part.sqrt();
+            self.drive.drag = pack.drag / packing_time(scene, load) * part.sqrt();
         }
         let loaded = pressing == load.normal_force;
         // The energy of a wave is proportional to the square of its pressure.

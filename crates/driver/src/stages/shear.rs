@@ -13,8 +13,8 @@ use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::{SERIES_COLUMNS, SeriesRow, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
-use gshear_scene::schedule::Schedule;
-use gshear_scene::{PackingFile, PlaneShear, Scene};
+use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
+use gshear_scene::{Origin, PackingFile, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
@@ -136,7 +136,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             height: schedule.height,
             author: scene.author.as_deref(),
             history_unit: law.history_unit(),
-            attributes: attributes(plane_shear, &schedule),
+            attributes: attributes(scene, plane_shear, &schedule),
             log: true,
             scalars: plane_shear.analysis.scalars,
         };
@@ -398,7 +398,11 @@ pub(crate) fn series_columns(imposed: bool) -> &'static [Column] {
 }
 
 /// Attributes of `run.h5`. With a protocol, intervals are those of its first part.
-fn attributes(plane_shear: &PlaneShear, schedule: &Schedule) -> Vec<(&'static str, Attribute)> {
+fn attributes(
+    scene: &Scene,
+    plane_shear: &PlaneShear,
+    schedule: &Schedule,
+) -> Vec<(&'static str, Attribute)> {
     let load = &plane_shear.load;
     let velocity = schedule.protocol.segment(0).velocity().unwrap_or(0.0);
     let frames = schedule.intervals[0].frames;
@@ -422,3 +426,7 @@ fn attributes(plane_shear: &PlaneShear, schedule: &Schedule) -> Vec<(&'static st
     }
     attributes
 }
+        (
+            "inertial_number_definition",
+            Attribute::Text(definition_of_inertial_number(scene.dimension).into()),
+        ),

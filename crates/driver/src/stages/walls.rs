@@ -5,7 +5,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, LawSpace};
 use gshear_scene::sample::Lattice;
-use gshear_scene::schedule::{inertial_time, mean_mass};
+use gshear_scene::schedule::{mean_mass, packing_time};
 use gshear_scene::{Load, Origin, PlaneShear, Scene};
 
 use super::pack::PackStage;
@@ -16,7 +16,7 @@ use crate::header::Header;
 use crate::run::{Outcome, Run, StageState, Start};
 use crate::written::Written;
 
-/// Drag during the compression, in inverse inertial times.
+/// Drag during the compression, over the inverse [`packing_time`].
 const DRAG_FALLING: f64 = 0.01;
 /// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.
 /// At first few grains bear it, each about fifteen times its share in 2D and more in 3D. A softer
@@ -135,7 +135,7 @@ fn begin(
         Header::Pack {
             step: 0,
             piston,
-            drag: DRAG_FALLING / inertial_time(scene, load) * first_load.sqrt(),
+            drag: DRAG_FALLING / packing_time(scene, load) * first_load.sqrt(),
             packing: None,
         }
     };

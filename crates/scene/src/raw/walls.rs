@@ -59,8 +59,8 @@ table! {
         },
         /// μ_s while the sample is compressed; 0 packs densest
         friction: Number { range: NOT_NEGATIVE, default: Some(0.0) },
-        /// drag on grains and planes once the bottom carries the load, over the inverse of the
-        /// inertial time √(m̄/P); 0.25 to 0.6 comes to rest in fewer steps
+        /// drag on grains and planes once the bottom carries the load, over the inverse of
+        /// √(m̄/P), in 3D of √(m̄/(P d̄)); 0.25 to 0.6 comes to rest in fewer steps
         drag: Number { range: POSITIVE, default: Some(1.0) },
         /// kinetic energy per grain over P d̄ δ̄ at which the sample is at rest, if the bottom
         /// carries N up to a share √`tolerance` (at least 1e-3)
@@ -77,7 +77,7 @@ table! {
 table! {
     /// The shear.
     Shear "shear" {
-        /// I = γ̇ √(m̄/P)
+        /// inertial number I = γ̇ √(m̄/P) with m̄ per depth, in 3D γ̇ d̄ √(ρ/P)
         inertial_number: Number { range: POSITIVE },
         /// V of the top wall
         velocity: Number { unit: "m/s", range: POSITIVE },

@@ -194,7 +194,7 @@ pub struct Pack {
     pub skip: bool,
     /// μ_s while packing; 0 is a law without history.
     pub friction: f64,
-    /// Drag once the bottom carries the load, over the inverse inertial time.
+    /// Drag once the bottom carries the load, over the inverse `schedule::packing_time`.
     pub drag: f64,
     /// Kinetic energy per grain, over P d̄ δ̄, below which the sample is at rest.
     pub tolerance: f64,
@@ -205,7 +205,7 @@ pub struct Pack {
 /// How fast the top wall moves along x.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum WallSpeed {
-    /// I = γ̇ √(m̄/P); V = γ̇ H with H the height after packing.
+    /// I (`schedule::inertial_time`); V = γ̇ H with H the height after packing.
     InertialNumber(f64),
     /// V (m/s).
     Velocity(f64),
