@@ -182,8 +182,9 @@ fn the_energy_budget_closes() {
     assert!(missing.abs() < 2e-6 * lost, "{missing:e} of {lost:e} J");
 }
 
-/// Oblique impacts of spinning spheres, sticking and sliding, against LAMMPS: see
-/// tests/lammps/impacts.py. The spheres are stiff, because LAMMPS' torques have the arm R - δ/2.
+/// Oblique impacts of spinning spheres, sticking and sliding. Stiff ones against LAMMPS; soft ones,
+/// whose overlap reaches 0.15 R, against an integration with the arm R of the torques, where LAMMPS'
+/// `granular` has R - δ/2: see tests/lammps/impacts.py.
 #[test]
 fn impacts_are_those_of_lammps() {
     const SPEED: f64 = 0.2;
@@ -194,10 +195,10 @@ fn impacts_are_those_of_lammps() {
     for row in text.lines().filter(|line| !line.starts_with('#')) {
         let numbers = row.split_whitespace().map(|n| n.parse().expect("a number"));
         let numbers: Vec<f64> = numbers.collect();
-        let ([e, ratio, angle], expected) = numbers.split_first_chunk().expect("a row");
+        let ([modulus, e, ratio, angle], expected) = numbers.split_first_chunk().expect("a row");
         let (s, c) = angle.to_radians().sin_cos();
         let velocity = std::array::from_fn(|k| SPEED * (s * aside[k] - c * n[k]));
-        let of = spheres(1e13, *e, *ratio);
+        let of = spheres(*modulus, *e, *ratio);
         let ends = Impact::new(of, 0.4, n, velocity, spins).end();
         let velocities = ends.map(|g| (g.velocity, SPEED));
         let spins = ends.map(|g| (g.angular_velocity, SPEED / g.radius));

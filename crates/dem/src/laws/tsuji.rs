@@ -18,7 +18,9 @@
 //! This is LAMMPS' `pair_style granular` with `hertz/material E e ν`,
 //! `tangential mindlin NULL x μ`, `damping tsuji` and `limit_damping`. In Tsuji's α the mass is
 //! that of one of two equal spheres, 2 m*; versions of LAMMPS up to 2025 take m*, so their α is
-//! smaller by √2.
+//! smaller by √2. The two agree while overlaps are small: the torque of F_t has the
+//! arm R here, as in all laws of this program and in LAMMPS' `gran/*`; in `granular` it has
+//! R - δ/2, which is 5 % less at δ = 0.1 R and 10 % less at δ = 0.2 R.
 //!
 //! e is the restitution of spheres that may pull. Because F_n ≥ 0, they part a little faster:
 //! e = 0.5 gives 0.55, 0.9 gives 0.902.
