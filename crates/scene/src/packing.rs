@@ -183,6 +183,9 @@ impl Packing {
             ));
         }
         let up = if planar { 1 } else { 2 };
+        let of_atoms = atoms.iter().flat_map(|a| &a.position[..=up]);
+        let coordinates = of_atoms.chain(data.bounds[..up].as_flattened());
+        let farthest = coordinates.fold(0.0, |most: f64, x| most.max(x.abs()));
         for a in &mut atoms {
             let out_of_plane = [
                 ("z", a.position[2]),
@@ -287,6 +290,7 @@ impl Packing {
                 edges(-1.0).fold(f64::INFINITY, f64::min),
                 edges(1.0).fold(f64::NEG_INFINITY, f64::max),
             ],
+            farthest,
             wall_types: (1..=3).all(has) && atoms.iter().all(|a| a.kind <= 3),
             content: String::new(),
         };
@@ -616,6 +620,35 @@ mod tests {
             refused(&|text| text.replace(" 0.001 2500 ", " 1e-9 2500 ")),
             "f: 120 atoms are too few for their box, in which 9.5e13 of the largest diameter, 1e-9, have room; check the units of lengths and diameters"
         );
+    }
+
+    /// Of mean overlaps of 1 µm, in boxes moved along either axis.
+    #[test]
+    fn coordinates_that_do_not_resolve_overlaps_are_refused() {
+        let moved = |by: f64, axis: usize| {
+            move |text: String| {
+                let lines = text.lines().map(|line| {
+                    let mut words: Vec<String> = line.split(' ').map(String::from).collect();
+                    let at = match &words[..] {
+                        [_, _, low, _] if *low == ["xlo", "ylo"][axis] => 0..2,
+                        [_, _, _, density, ..] if density == "2500" => 4 + axis..5 + axis,
+                        _ => 0..0,
+                    };
+                    for word in &mut words[at] {
+                        *word = format!("{:?}", word.parse::<f64>().unwrap() + by);
+                    }
+                    words.join(" ")
+                });
+                lines.collect::<Vec<_>>().join("\n")
+            }
+        };
+        for axis in [0, 1] {
+            let said = refused(moved(1e4, axis), &[]);
+            let expected = "s:4: sample.packing: coordinates up to 1.0e4 are rounded by 1.1e-12, more than 1e-6 of the mean overlap of 1.0e-6; give coordinates up to 9.0e3, or a load that presses grains together by 1.1e-6 or more (a stiffness number of at most 9.0e2)";
+            assert_eq!(said, expected);
+            refused(moved(1e9, axis), &[]);
+            assert!(grains(moved(0.5, axis), &[]).is_ok());
+        }
     }
 
     #[test]

@@ -17,16 +17,69 @@ const FRAME_BYTES: f64 = 50.0;
 const ROW_BYTES: f64 = 100.0;
 /// Time steps of a cycle, at least.
 const LEAST_STEPS_OF_A_CYCLE: f64 = 20.0;
+/// Greatest rounding of a coordinate over the mean overlap.
+const FINEST: f64 = 1e-6;
 /// Bytes that a run may write: a petabyte.
 const MOST_BYTES: f64 = 1e15;
 
-/// Refuses a scene whose run could not end.
+/// Refuses a scene whose run could not end, or whose coordinates do not resolve its overlaps.
 pub(super) fn check(c: &mut Checker<'_>, raw: &Raw, scene: &Scene) -> Result<(), Failure> {
+    resolution(c, raw, scene);
     match &scene.boundary {
         Boundary::Walls(walls) => of_walls(c, raw, scene, walls),
         Boundary::Periodic(periodic) => of_a_box(c, raw, scene, periodic),
     }
     c.settle()
+}
+
+/// Refuses coordinates whose rounding is more than a millionth of the least mean overlap: contacts
+/// would be lost, or their forces be those of other overlaps. Coordinates along the periodic axes stay in
+/// the cell however far grains move. Of a box without a pressure the overlaps are not known before.
+fn resolution(c: &mut Checker<'_>, raw: &Raw, scene: &Scene) {
+    let sample = &scene.sample;
+    let (height, kappa, places) = match &scene.boundary {
+        Boundary::Walls(walls) => {
+            let height = match &walls.origin {
+                Origin::Insertion(_) => derived::packed_height(sample),
+                Origin::Packing { file, .. } => file.farthest.max(file.height()),
+            };
+            let load = [
+                raw.load.stiffness_number.place(),
+                raw.load.pressure.place(),
+                raw.load.normal_force.place(),
+            ];
+            let places = std::iter::once(raw.sample.packing.place()).chain(load);
+            let kappa = walls.load.stiffness_number;
+            (height, kappa, places.collect::<Vec<_>>())
+        }
+        Boundary::Periodic(periodic) => {
+            let Some(least) = periodic.least_pressure() else {
+                return;
+            };
+            let kappa = derived::stiffness_number(&scene.law, sample, least);
+            let places = vec![raw.aqs.pressures.place(), raw.r#box.pressure.place()];
+            let most = derived::STIFFNESS_NUMBER_MAX;
+            (sample.length, kappa.unwrap_or(most), places)
+        }
+    };
+    let lengths = [height, sample.length, sample.width];
+    let lengths = lengths.into_iter().filter(|x| x.is_finite());
+    let farthest = lengths.fold(0.0, f64::max);
+    let overlap = sample.mean_diameter / kappa;
+    let rounding = 0.5 * f64::EPSILON * farthest;
+    // How many times too coarse.
+    let coarse = rounding / (FINEST * overlap);
+    if coarse > 1.0 {
+        c.refuse_among(
+            &places,
+            &format!(
+                "coordinates up to {farthest:.1e} are rounded by {rounding:.1e}, more than {FINEST:e} of the mean overlap of {overlap:.1e}; give coordinates up to {:.1e}, or a load that presses grains together by {:.1e} or more (a stiffness number of at most {:.1e})",
+                farthest / coarse,
+                overlap * coarse,
+                kappa / coarse,
+            ),
+        );
+    }
 }
 
 fn of_walls(c: &mut Checker<'_>, raw: &Raw, scene: &Scene, walls: &PlaneShear) {

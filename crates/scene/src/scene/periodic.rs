@@ -29,7 +29,17 @@ pub struct PeriodicBox {
 impl PeriodicBox {
     /// Whether the packing is brought to a pressure.
     pub fn has_pressures(&self) -> bool {
-        self.pressure.is_some() || matches!(self.deformation, Deformation::Compression(_))
+        self.least_pressure().is_some()
+    }
+
+    /// The least pressure to which the packing is brought, if it is brought to any.
+    pub fn least_pressure(&self) -> Option<f64> {
+        let steps = match &self.deformation {
+            Deformation::Compression(pressures) => &pressures[..],
+            _ => &[],
+        };
+        let all = self.pressure.iter().chain(steps).copied();
+        all.reduce(f64::min)
     }
 }
 

@@ -76,6 +76,10 @@ pub struct PackingFile {
     pub width: Option<f64>,
     /// Coordinates of the lowest and of the highest edge of a grain, along the last axis (m).
     pub edges: [f64; 2],
+    /// Greatest coordinate of a grain or of its box in the file, in magnitude (m); 0 in checkpoints of
+    /// versions without it.
+    #[serde(default)]
+    pub farthest: f64,
     /// Whether its types are 1, 2 and 3, all three, so that 2 and 3 can be walls.
     pub wall_types: bool,
     /// Hash of the file's bytes; empty in checkpoints of versions without it.
