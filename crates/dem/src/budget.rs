@@ -66,7 +66,7 @@ impl NormalWork {
 /// The sample at the start of the shear.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Begin {
-    /// Kinetic and elastic energy (J/m).
+    /// Kinetic, potential and elastic energy (J/m).
     pub energy: f64,
     /// Height of the piston (m).
     pub height: f64,
@@ -280,8 +280,8 @@ pub struct SampleState<'a> {
     pub load: f64,
     /// Height of the piston (m).
     pub height: f64,
-    /// Kinetic energy of the free grains and, if it belongs to the sample, of the piston (J; J/m in
-    /// 2D).
+    /// Kinetic energy of the free grains with their potential energy in gravity and, if it belongs to
+    /// the sample, of the piston (J; J/m in 2D).
     pub kinetic: f64,
 }
 

@@ -9,6 +9,7 @@ use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::GrainWalls;
+use crate::failure::Failure;
 use crate::kernel::ContactForces;
 use crate::state::{Cell, ContactSample, GrainSample, ImposedRow, SeriesRow, body};
 use crate::system::System;
@@ -55,6 +56,49 @@ impl SampleConstants {
     }
 }
 
+/// Fails if a free grain is beyond one of these planes, the outer ones of both walls (m): it has passed
+/// a wall through a hole. Collective.
+///
+/// # Errors
+/// The step, the id and the place of the grain of the lowest id, and how many there are.
+pub fn check_between<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &System<D>,
+    [bottom, top]: [f64; 2],
+) -> Result<(), Failure> {
+    let grains = &system.grains;
+    let height = |g: usize| grains.fields(g)[D::UP];
+    let is_beyond =
+        |g: &usize| grains.body[*g] == body::FREE && (height(*g) < bottom || height(*g) > top);
+    let beyond = || (0..grains.owned).filter(is_beyond);
+    let count = crate::domain::total(exchange, beyond().count() as u64);
+    if count == 0 {
+        return Ok(());
+    }
+    let first = beyond().min_by_key(|g| grains.id[*g]);
+    let id = first.map_or(f64::INFINITY, |g| grains.id[g].into());
+    let lowest = -exchange.maximum(-id);
+    let message = first.filter(|_| id == lowest).map_or(String::new(), |g| {
+        let wall = if height(g) < bottom { "bottom" } else { "top" };
+        let others = match count - 1 {
+            0 => String::new(),
+            n => format!(", and {n} more have"),
+        };
+        format!(
+            "grain {id} of radius {:.4e} m at {} has left the space between the walls through the {wall} wall{others}: the wall has a hole; give a greater sample.wall_thickness, or a packing whose walls have none",
+            grains.radius[g],
+            system.place(g),
+        )
+    });
+    let said = exchange.gather(message.as_bytes());
+    let said = said.concat();
+    let steps = system.steps;
+    Err(Failure::numbers(format!(
+        "step {steps}: {}",
+        String::from_utf8_lossy(&said)
+    )))
+}
+
 /// Area of a wall (m²; length, m, in 2D).
 pub fn base<D: Dimension>(cell: Cell) -> f64 {
     cell.periods[..D::UP].iter().product()
@@ -84,6 +128,17 @@ fn owned_kinetic_energy<D: Dimension>(system: &mut System<D>, energy: &FixedPoin
     sum
 }
 
+/// Potential energy of the free grains in gravity, from the height 0.
+fn owned_potential_energy<D: Dimension>(system: &System<D>, energy: &FixedPoint) -> Accumulator {
+    let (grains, gravity) = (&system.grains, system.gravity);
+    let mut sum = Accumulator::default();
+    let has_weight = |g: &usize| gravity > 0.0 && grains.body[*g] == body::FREE;
+    for g in (0..grains.owned).filter(has_weight) {
+        energy.add(&mut sum, grains.mass[g] * gravity * grains.fields(g)[D::UP]);
+    }
+    sum
+}
+
 /// A row of the time series, from the forces of the last step; collective.
 pub fn series<D: Dimension>(
     exchange: &dyn Exchange,
@@ -96,6 +151,7 @@ pub fn series<D: Dimension>(
 ) -> SeriesRow {
     let (piston, slider) = (&walls.piston, &walls.slider.state);
     let kinetic = owned_kinetic_energy(system, &constants.energy);
+    let potential = owned_potential_energy(system, &constants.energy);
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
     for g in 0..grains.owned {
@@ -113,9 +169,10 @@ pub fn series<D: Dimension>(
         counts[2] += free(at.i) + free(at.j);
     }
 
-    let mut message = [0i64; 3 * (LIMBS + 1) + 3];
-    let (sums, tail) = message.split_at_mut(3 * (LIMBS + 1));
-    for (part, limbs) in [shear, normal, kinetic]
+    const SUMS: usize = 4 * (LIMBS + 1);
+    let mut message = [0i64; SUMS + 3];
+    let (sums, tail) = message.split_at_mut(SUMS);
+    for (part, limbs) in [shear, normal, kinetic, potential]
         .iter()
         .zip(sums.chunks_mut(LIMBS + 1))
     {
@@ -124,7 +181,7 @@ pub fn series<D: Dimension>(
     tail.copy_from_slice(&counts);
     exchange.sum(&mut message);
     let part = |k: usize| Accumulator::read(&message[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)]);
-    let [contacts, sliding, ends] = message[3 * (LIMBS + 1)..] else {
+    let [contacts, sliding, ends] = message[SUMS..] else {
         unreachable!("three counts were sent")
     };
     let (shear_force, normal_force) = (system.fixed.value(part(0)), system.fixed.value(part(1)));
@@ -132,9 +189,10 @@ pub fn series<D: Dimension>(
     let kinetic_energy = constants.energy.value(part(2));
     let of_wall = 0.5 * piston.mass * piston.velocity * piston.velocity;
     let has_wall = |budget: &EnergyBudget| budget.has_wall();
-    let moving = match system.budget.as_ref().is_none_or(has_wall) {
-        true => kinetic_energy + of_wall,
-        false => kinetic_energy,
+    let of_grains = kinetic_energy + constants.energy.value(part(3));
+    let of_sample = match system.budget.as_ref().is_none_or(has_wall) {
+        true => of_grains + of_wall,
+        false => of_grains,
     };
     let energy = system
         .budget
@@ -149,7 +207,7 @@ pub fn series<D: Dimension>(
                     overlap: &samples.overlap,
                     load: piston.load,
                     height: piston.height,
-                    kinetic: moving,
+                    kinetic: of_sample,
                 },
             )
         });

@@ -482,13 +482,16 @@ impl<D: Dimension> System<D> {
         Ok(())
     }
 
+    /// The position of a grain, for messages.
+    pub(crate) fn place(&self, g: usize) -> String {
+        let x = self.grains.fields(g)[..D::AXES].iter();
+        let x: Vec<String> = x.map(|x| format!("{x:.6e}")).collect();
+        format!("({}) m", x.join(", "))
+    }
+
     /// The failure that some ranks found, with the same message on all ranks; collective.
     pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
-        let place = |g: usize| {
-            let x = self.grains.fields(g)[..D::AXES].iter();
-            let x: Vec<String> = x.map(|x| format!("{x:.6e}")).collect();
-            format!("({}) m", x.join(", "))
-        };
+        let place = |g: usize| self.place(g);
         let message = match outside {
             None => String::new(),
             Some(why @ (Outside::Pair(block, lane) | Outside::Force(block, lane))) => {

@@ -7,6 +7,7 @@ use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
+use gshear_dem::state::body;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::sample::freeze_walls;
@@ -14,7 +15,7 @@ use gshear_scene::schedule::packing_time;
 use gshear_scene::{PlaneShear, Scene};
 
 use super::setup::system;
-use super::top_wall::{height_between, mass_of_top};
+use super::top_wall::{height_between, mass_of, mass_of_top};
 use crate::header::Header;
 use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use gshear_store::status::Standing;
@@ -31,6 +32,8 @@ pub(super) struct PackStage<'a, D: Dimension> {
     law: Box<dyn PairForce<D>>,
     system: System<D>,
     drive: Planes<D>,
+    /// Weight of the grains (N; N/m in 2D), which the bottom carries besides the load.
+    weight: f64,
     step: u64,
     /// P d̄ δ̄, and the fixed-point numbers for sums of energies.
     unit: f64,
@@ -93,6 +96,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         let mut system = system(run, scene, scene.sample.cell())?;
         system.steps = step;
         let mut drive = Planes::new(plane, piston, drag);
+        let weight = plane_shear.load.gravity * mass_of(run, scene, &state.grains, body::FREE);
         system.replace(
             run.exchange,
             law.as_ref(),
@@ -110,6 +114,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             law,
             system,
             drive,
+            weight,
             step,
             unit,
             at_rest: false,
@@ -203,16 +208,15 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         self.drive.load_on(false, &self.system.fixed, &mut carried);
         let [carried] = self.system.fixed.total(exchange, [carried]);
         let pressing = self.drive.piston.load;
-        let carried = carried / pressing;
+        let carried = (carried - self.weight) / pressing;
         let per_grain = kinetic / (self.unit * grains);
         self.advance
             .observe(self.drive.piston.height, per_grain, tolerance);
         run.terminal
             .packing(self.step, &self.drive.piston, per_grain);
-        // The bottom bears the load only once the whole sample is compressed.
+        // The bottom bears the load besides the weight only once the whole sample is compressed.
         if carried > 0.5 {
             self.drive.piston.load = (2.0 * pressing).min(load.normal_force);
-            // In units of the inertial time at the present load.
             let part = self.drive.piston.load / load.normal_force;
             self.drive.drag = pack.drag / packing_time(scene, load) * part.sqrt();
         }

@@ -10,10 +10,15 @@ use crate::run::Run;
 
 /// Mass of the top wall (kg; kg/m in 2D), summed over the ranks; collective.
 pub(super) fn mass_of_top(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -> f64 {
+    mass_of(run, scene, grains, body::TOP)
+}
+
+/// Mass of all grains of a body (kg; kg/m in 2D), summed over the ranks; collective.
+pub(super) fn mass_of(run: &Run<'_>, scene: &Scene, grains: &[GrainState], body: u32) -> f64 {
     let masses = FixedPoint::new(mean_mass(scene));
     let mut mass = Accumulator::default();
     let of_grain = scene.law.masses();
-    for g in grains.iter().filter(|g| g.body == body::TOP) {
+    for g in grains.iter().filter(|g| g.body == body) {
         let volume = scene.dimension.volume(g.radius);
         masses.add(&mut mass, of_grain.of(volume));
     }

@@ -26,7 +26,7 @@ table! {
         pressure: Number { unit: "Pa", range: POSITIVE, condition: "κ in its range" },
         /// N = P L_x, in 3D P L_x L_y, on the top wall
         normal_force: Number { unit: "N, in 2D N/m", range: POSITIVE, condition: "κ in its range" },
-        /// gravity g, towards the bottom
+        /// gravity g on the free grains, towards the bottom; see below for τ, P and κ
         gravity: Number { unit: "m/s²", range: NOT_NEGATIVE, default: Some(0.0) },
         /// what moves the top wall along its normal: `"mass"`, the load on the mass of its grains;
         /// `"servo"`, in every step a velocity from the error of the pressure
@@ -63,7 +63,7 @@ table! {
         /// √(m̄/P), in 3D of √(m̄/(P d̄)); 0.25 to 0.6 comes to rest in fewer steps
         drag: Number { range: POSITIVE, default: Some(1.0) },
         /// kinetic energy per grain over P d̄ δ̄ at which the sample is at rest, if the bottom
-        /// carries N up to a share √`tolerance` (at least 1e-3)
+        /// carries N and the weight up to a share √`tolerance` (at least 1e-3)
         tolerance: Number { range: POSITIVE, default: Some(1e-7) },
         /// steps after which packing is given up
         max_steps: Whole {
