@@ -6,6 +6,8 @@ use std::path::Path;
 use std::process::Command;
 
 use common::{gshear_mpi, succeed};
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::state::{ContactSample, length};
 use gshear_scene::lammps_data::{Atom, DataFile, parse};
 use gshear_store::run_reader::RunFile;
 
@@ -197,5 +199,101 @@ fn anothers_packing_is_sheared() {
         let said = format!("error: {}:19: atom 11 overlaps atom ", outside.display());
         assert!(refused.text.contains(&said), "{}", refused.text);
         assert!(!folder.path().join("refused").exists());
+    }
+}
+
+/// A free grain that falls through a hole of the bottom wall ends the run, with its id and place, the
+/// same on one rank and two; until then no more than the first packing is between the walls.
+#[test]
+fn a_grain_that_leaves_through_a_wall_ends_the_run() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = std::fs::read_to_string(TRIANGULAR).expect("the packing");
+    let is_of_hole = |line: &&str| ["4 ", "5 "].iter().any(|id| line.starts_with(id));
+    let lines = text.replace("120 atoms", "118 atoms");
+    let lines: Vec<&str> = lines.lines().filter(|line| !is_of_hole(line)).collect();
+    let path = folder.path().join("hole.data");
+    std::fs::write(&path, lines.join("\n")).expect("written");
+    let scene = folder.path().join("hole.toml");
+    let text = "
+        material.density = 2500
+        contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.3, damping_ratio = 0.1 }
+        sample.packing = 'hole.data'
+        load = { stiffness_number = 1e3, gravity = 9.81 }
+        shear = { inertial_number = 0.01, strain = 3.0 }
+        output = { frame_strain = 0, series_strain = 1e-3 }
+        ";
+    std::fs::write(&scene, text).expect("written");
+    let said = [1, 2].map(|ranks| {
+        let at = folder.path().join(format!("on-{ranks}"));
+        let ended = gshear_mpi(ranks, &at, &[scene.display().to_string()]);
+        assert_eq!(ended.code, 3, "{}", ended.text);
+        let run = RunFile::open(&at).expect("a run");
+        let fractions = run.series().column("solid_fraction");
+        let most = fractions.iter().copied().fold(0.0, f64::max);
+        assert_eq!(most, fractions[0]);
+        let error = ended.text.lines().find(|line| line.starts_with("error: "));
+        error.expect("a message").to_string()
+    });
+    let expected = "has left the space between the walls through the bottom wall";
+    assert!(said[0].contains(expected), "{}", said[0]);
+    assert_eq!(said[0], said[1]);
+}
+
+/// A sample that weighs 20 times its load comes to rest: the bottom wall carries load and weight. Sheared,
+/// it keeps its energy: a grain that rises takes some.
+#[test]
+fn a_heavy_sample_is_packed() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    for dimension in [2, 3] {
+        let (grains, stiffness, width) = match dimension {
+            2 => (300, 1e6, ""),
+            _ => (500, 1e3, "width = 8e-3, "),
+        };
+        let text = format!(
+            "
+            dimension = {dimension}
+            material.density = 2500
+            contact = {{ law = 'hooke', normal_stiffness = {stiffness}, friction = 0.5, damping_ratio = 0.2 }}
+            sample = {{ {width}grains = {grains}, radius_min = 0.8e-3, radius_max = 1e-3, length = 20e-3 }}
+            load = {{ stiffness_number = 1e5, gravity = 9.81 }}
+            pack = {{ tolerance = 1e-4, max_steps = 400000 }}
+            shear = {{ velocity = 0.02, strain = 0.02 }}
+            output = {{ frame_strain = 0.02, series_strain = 1e-3 }}
+            "
+        );
+        let scene = folder.path().join("heavy.toml");
+        std::fs::write(&scene, text).expect("written");
+        let at = folder.path().join(format!("heavy-{dimension}"));
+        gshear_mpi(1, &at, &[scene.display().to_string()]).digest();
+        let run = RunFile::open(&at).expect("a run");
+        let frame = run.records(0..1).expect("a frame").remove(0);
+        let (body, mass) = (&run.grains().body, &run.grains().mass);
+        let up = |c: &ContactSample| {
+            let [i, j] = [c.i, c.j].map(|id| id as usize);
+            if (body[i] == 1) == (body[j] == 1) {
+                return 0.0;
+            }
+            let [a, b] = [i, j].map(|id| &frame.grains[id].position);
+            let apart = match dimension {
+                2 => run.cell(0).separation::<Two>(a, b),
+                _ => run.cell(0).separation::<Three>(a, b),
+            };
+            c.normal_force * apart[dimension - 1].abs() / length(apart)
+        };
+        let carried: f64 = frame.contacts.iter().map(up).sum();
+        let above = mass.iter().zip(body).filter(|(_, body)| **body != 1);
+        let weight = 9.81 * above.map(|(mass, _)| mass).sum::<f64>();
+        let load = run.number("normal_force").expect("N");
+        assert!(weight > 20.0 * load, "{weight} {load}");
+        let expected = load + weight;
+        assert!(
+            (carried / expected - 1.0).abs() < 1e-3,
+            "{carried} is not {expected}"
+        );
+        let residual = run.series().column("energy_residual");
+        let greatest = residual.iter().fold(0.0, |a: f64, x| a.max(x.abs()));
+        assert!(greatest < 1e-2, "{residual:?}");
     }
 }

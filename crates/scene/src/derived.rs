@@ -24,6 +24,27 @@ fn packed_fraction(sample: &Sample) -> f64 {
     if sample.is_planar() { 0.84 } else { 0.64 }
 }
 
+/// Greatest R_max/R_min with which walls are one mean diameter thick.
+const NARROW_SIZES: f64 = 2.0;
+
+/// The default thickness of each wall over d̄. With wide sizes it is so great that a hole through which
+/// the smallest grain fits is closed by the grain that rests over it. The highest of these is one of
+/// R_max on two disks of R_max with just room for R_min between them: its centre is
+/// h = R_max √(4 - (1+q)²), q = R_min/R_max, above theirs, at R_max. Pores between spheres bend: those
+/// take half of h more (docs/scheme.md has what was measured).
+pub fn wall_layers(sample: &Sample) -> f64 {
+    let (least, greatest) = (sample.radius_min, sample.radius_max);
+    if greatest <= NARROW_SIZES * least {
+        return 1.0;
+    }
+    let beside = 1.0 + least / greatest;
+    let over = match sample.is_planar() {
+        true => (4.0 - beside * beside).sqrt(),
+        false => 1.5 * (4.0 - beside * beside).sqrt(),
+    };
+    (greatest * (1.0 + over) / sample.mean_diameter).max(1.0)
+}
+
 /// Height of the two walls and of the least sample between them, five d̄, over d̄; `layers`: thickness
 /// of each wall over d̄.
 pub fn least_height(layers: f64) -> f64 {
@@ -385,6 +406,22 @@ mod tests {
             1.5e-6 / (4.0 * (0.1 + 3.0 * damping)),
             1e-14,
         );
+    }
+
+    /// Of three disks of R_max in a gap of 2 R_min, by the law of cosines; spheres higher; and narrow sizes.
+    #[test]
+    fn walls_are_as_high_as_what_closes_their_holes() {
+        assert_eq!(wall_layers(&SAMPLE), 1.0);
+        let wide = Sample::uniform(1000, 0.2e-6, 1e-6, 48e-6);
+        // Apart by 2 (R_max + R_min), each beside the third by 2 R_max.
+        let cosine = (4.0 + 2.4 * 2.4 - 4.0) / (2.0 * 2.0 * 2.4_f64);
+        let height = 1.0 + 2.0 * cosine.acos().sin();
+        close(wall_layers(&wide), height / 1.2, 1e-14);
+        let spheres = Sample {
+            width: 48e-6,
+            ..wide
+        };
+        assert!(wall_layers(&spheres) > wall_layers(&wide));
     }
 
     #[test]

@@ -36,6 +36,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     schedule: Schedule,
     system: System<D>,
     walls: GrainWalls,
+    /// Height of the plane under the bottom wall at the start (m); the piston's counts from there.
+    floor: f64,
     /// Constants of the sample for the time series.
     frame: SampleConstants,
     files: Files,
@@ -154,6 +156,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             schedule,
             system,
             walls,
+            floor: match &plane_shear.origin {
+                Origin::Packing { file, .. } if plane_shear.pack.skip => file.edges[0],
+                _ => 0.0,
+            },
             frame,
             files,
             analysis,
@@ -297,6 +303,12 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         let (exchange, step) = (run.exchange, self.step);
         let [series, frames, analysed] = self.due(step);
         let time = self.schedule.time(step);
+        let is_last = step == self.schedule.total;
+        if series || frames || analysed || is_last || self.schedule.checkpoint_due(step) {
+            let bottom = self.floor + self.walls.bottom_displacement();
+            let top = self.floor + self.walls.piston.height;
+            observe::check_between(exchange, &self.system, [bottom, top])?;
+        }
         if series {
             let row = observe::series(
                 exchange,
@@ -415,6 +427,10 @@ fn attributes(
             "inertial_number",
             number(schedule.inertial_number(velocity)),
         ),
+        (
+            "inertial_number_definition",
+            Attribute::Text(definition_of_inertial_number(scene.dimension).into()),
+        ),
         ("stiffness_number", number(load.stiffness_number)),
         ("wall_speed", number(velocity)),
         ("normal_force", number(load.normal_force)),
@@ -426,7 +442,3 @@ fn attributes(
     }
     attributes
 }
-        (
-            "inertial_number_definition",
-            Attribute::Text(definition_of_inertial_number(scene.dimension).into()),
-        ),

@@ -20,8 +20,8 @@ pub(super) struct SampleKeys<'r> {
     /// Copies of the packing along x and y.
     replicate: [u32; 2],
     pub walls: Option<Walls>,
-    /// Thickness of each wall over d̄.
-    pub wall_layers: f64,
+    /// Thickness of each wall over d̄, if it is given.
+    wall_layers: Option<f64>,
 }
 
 /// Least standard deviation of radii, over the width of their interval.
@@ -48,7 +48,7 @@ pub(super) fn check<'r>(
         sizes: None,
         replicate,
         walls: walls.map(|(_, walls)| *walls),
-        wall_layers: c.number_or_default(&raw.wall_thickness),
+        wall_layers: c.number(&raw.wall_thickness),
     };
     if dimension == Dimensions::Two {
         c.useless(
@@ -295,13 +295,14 @@ fn check_sizes(c: &mut Checker<'_>, sample: &raw::Sample) -> Sizes {
     }
 }
 
-/// The sample and where it comes from; `skip`: it is not compressed.
+/// The sample, where it comes from, and the thickness of each of its walls over d̄; `skip`: it is not
+/// compressed.
 pub(super) fn derive(
     c: &mut Checker<'_>,
     keys: &SampleKeys<'_>,
     skip: bool,
     packing: ReadPacking<'_>,
-) -> Result<(Sample, Origin), Failure> {
+) -> Result<(Sample, Origin, f64), Failure> {
     let raw = keys.raw;
     let Some((at, Text(path))) = &raw.packing.given else {
         let sizes = keys.sizes.clone().unwrap_or(Sizes::Uniform);
@@ -313,8 +314,8 @@ pub(super) fn derive(
             raw.radius_max.place(),
             raw.length.place(),
         ];
-        check_size(c, keys, &sample, height, &places)?;
-        return Ok((sample, Origin::Insertion(sizes)));
+        let layers = check_size(c, keys, &sample, height, &places)?;
+        return Ok((sample, Origin::Insertion(sizes), layers));
     };
     let file = packing(&c.resolve(*at, path), keys.replicate).map_err(|failure| match failure {
         Failure::Input(what) => c.failure(*at, raw.packing.declared.path, &what),
@@ -358,20 +359,20 @@ pub(super) fn derive(
         width: file.width.unwrap_or(f64::INFINITY),
     };
     let places = [raw.packing.place()];
-    check_size(c, keys, &sample, file.height(), &places)?;
+    let layers = check_size(c, keys, &sample, file.height(), &places)?;
     let walls = keys.walls.unwrap_or(if skip && file.wall_types {
         Walls::Types
     } else {
         Walls::Layers
     });
-    Ok((sample, Origin::Packing { file, walls }))
+    Ok((sample, Origin::Packing { file, walls }, layers))
 }
 
 fn unlike_packing(given: impl std::fmt::Display, of_file: impl std::fmt::Display) -> String {
     format!("is {of_file} in the packing of sample.packing, found {given}; leave it out")
 }
 
-/// Refuses a cell too small for its grains and walls. `height` (m) includes the walls; `places` are
+/// Refuses a cell too small for its grains and walls. Returns the thickness of these over d̄. `height` (m) includes the walls; `places` are
 /// the keys that set the size.
 fn check_size(
     c: &mut Checker<'_>,
@@ -379,8 +380,11 @@ fn check_size(
     sample: &Sample,
     height: f64,
     places: &[Place],
-) -> Result<(), Failure> {
-    let (raw, layers) = (keys.raw, keys.wall_layers);
+) -> Result<f64, Failure> {
+    let raw = keys.raw;
+    let layers = keys
+        .wall_layers
+        .unwrap_or_else(|| derived::wall_layers(sample));
     let least = 8.0 * sample.radius_max;
     if sample.width < least {
         c.refuse_among(
@@ -413,10 +417,10 @@ fn check_size(
         };
         let of_wall = match layers == 1.0 {
             true => "one mean diameter".into(),
-            false => format!("{layers} mean diameters"),
+            false => format!("{} mean diameters", (1e3 * layers).round() / 1e3),
         };
         let remedy = match layers > 1.0 {
-            true => format!("{remedy}, or thinner walls"),
+            true => format!("{remedy}, or thinner walls (sample.wall_thickness)"),
             false => remedy,
         };
         let thickness = raw.wall_thickness.place();
@@ -430,5 +434,6 @@ fn check_size(
             ),
         );
     }
-    c.settle()
+    c.settle()?;
+    Ok(layers)
 }

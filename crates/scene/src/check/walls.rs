@@ -25,8 +25,7 @@ pub(super) fn check(
     let analysis = analysis::check(c, &raw.analysis, dimension, &shear, &output);
     c.settle()?;
 
-    let layers = sample.wall_layers;
-    let (sample, origin) = sample::derive(c, &sample, pack.skip, packing)?;
+    let (sample, origin, layers) = sample::derive(c, &sample, pack.skip, packing)?;
     let load = load::derive(c, law, &sample, load)?;
     shear::derive(&mut shear, &sample, &load);
     shear::check_pressures(c, &raw.shear.protocol, &shear, (law, &sample, &load));

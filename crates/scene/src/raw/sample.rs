@@ -155,7 +155,7 @@ table! {
         /// thickness of each wall over d̄: 2 makes walls of two layers
         wall_thickness: Number {
             range: Bounds { from: Bound::Included(0.5), to: Bound::Included(1e6) },
-            default: Some(1.0),
+            otherwise: "1; more if R_max > 2 R_min, see below",
             change: Change::Never,
         },
     }
