@@ -82,6 +82,11 @@ impl Source {
             let file = |path: &Path| path.canonicalize().ok();
             let known = seen.iter().any(|path| file(path) == file(&base));
             let refuse = |what: &str| Err(source.input().failure(at, EXTENDS, what));
+            if seen.len() == MOST_FILES {
+                return refuse(&format!(
+                    "is one file too many: at most {MOST_FILES} may extend each other; put some of them together"
+                ));
+            }
             if known && base.exists() {
                 let names = seen
                     .iter()
@@ -90,7 +95,8 @@ impl Source {
                 let circle = names.collect::<Vec<_>>().join(" extends ");
                 return refuse(&format!("is a circle: {circle}; leave one of them out"));
             }
-            let text = match read_text(&base, "a TOML file to extend", MOST_BYTES) {
+            let most = MOST_BYTES.saturating_sub(source.length() as u64);
+            let text = match read_text(&base, "a TOML file to extend", most) {
                 Ok(text) => text,
                 Err(failure) => return refuse(&failure.to_string()),
             };
@@ -191,6 +197,9 @@ const FORMAT: &str =
 
 /// Bytes of a configuration. A list of half a million radii has fewer.
 const MOST_BYTES: u64 = 16 << 20;
+
+/// Files that may extend each other in a row: each is read as long as all before it together.
+const MOST_FILES: usize = 16;
 
 /// The text of a file, which messages name as it was given; they ask for `format` instead of what is
 /// no such file. `most`: bytes that it may have.
@@ -402,6 +411,25 @@ mod tests {
                 path.display()
             ))
         );
+    }
+
+    #[test]
+    fn a_long_chain_of_files_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |k: usize| dir.path().join(format!("{k}.toml"));
+        for k in 0..=MOST_FILES {
+            std::fs::write(at(k), format!("extends = \"{}.toml\"\n", k + 1)).unwrap();
+        }
+        let e = Source::read(at(0)).unwrap_err().to_string();
+        assert!(
+            e.starts_with(&format!(
+                "{}:1: extends: is one file too many",
+                at(15).display()
+            )),
+            "{e}"
+        );
+        std::fs::write(at(MOST_FILES), "seed = 1\n").unwrap();
+        assert_eq!(Source::read(at(1)).unwrap().parts().len(), MOST_FILES);
     }
 
     #[test]
