@@ -50,7 +50,7 @@ pub fn write(path: &Path, svg: &str) -> Result<usize, Failure> {
     };
     let tree = Tree::from_str(&with_macrons_apart(svg), &options).map_err(|e| bad(&e))?;
     let pdf = svg2pdf::to_pdf(&tree, ConversionOptions::default(), PageOptions::default());
-    let pdf = pdf.map_err(|e| bad(&e))?;
+    let pdf = in_order(&pdf.map_err(|e| bad(&e))?);
     let size = tree.size().to_int_size();
     let area = tree.size().width() * tree.size().height();
     let scale = SCALE.min((MOST_PIXELS / area).sqrt()).max(1.0);
@@ -64,6 +64,17 @@ pub fn write(path: &Path, svg: &str) -> Result<usize, Failure> {
     text_writer::write(&path.with_extension("pdf"), pdf)?;
     text_writer::write(&path.with_extension("png"), png)?;
     Ok(3)
+}
+
+/// The PDF with the lines of a dictionary that lead to other objects in order: svg2pdf writes those
+/// of the resources in the order of a hash map, which differs from run to run. No object moves.
+fn in_order(pdf: &[u8]) -> Vec<u8> {
+    let mut lines: Vec<&[u8]> = pdf.split_inclusive(|&byte| byte == b'\n').collect();
+    let leads = |line: &[u8]| line.starts_with(b"  ") && line.ends_with(b" 0 R\n");
+    for entries in lines.chunk_by_mut(|a, b| leads(a) && leads(b)) {
+        entries.sort_unstable();
+    }
+    lines.concat()
 }
 
 /// Combined with the letter before it, and by itself.
@@ -157,6 +168,26 @@ mod tests {
         assert!(has(b"DejaVuSans"), "the font is embedded");
         assert!(has(b"/MediaBox [0 0 300 200]") || has(b"/MediaBox[0 0 300 200]"));
     }
+
+    /// Transparent groups are objects of their own.
+    #[test]
+    fn a_pdf_is_the_same_every_time() {
+        let group =
+            |k: u32| format!("<g opacity=\"0.{k}\"><circle r=\"{k}\"/><circle r=\"2\"/></g>");
+        let svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"30\" height=\"30\">{}</svg>",
+            (11..40).map(group).collect::<String>()
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.svg");
+        let pdf = || {
+            write(&path, &svg).unwrap();
+            std::fs::read(path.with_extension("pdf")).unwrap()
+        };
+        let first = pdf();
+        assert_eq!(pdf(), first);
+    }
+
     /// Pixels of a text of 40 px, darker than half.
     fn inked(text: &str) -> Vec<bool> {
         let folder = tempfile::tempdir().unwrap();
