@@ -252,6 +252,14 @@ pub fn copy_folder(from: &Path, to: &Path) {
     }
 }
 
+/// Nothing that was being written is left in a folder.
+pub fn no_parts(folder: &Path) {
+    for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        assert!(!name.ends_with(".part"), "{name} is left");
+    }
+}
+
 /// Only one test of a file at a time: ranks that wait for each other spin.
 pub fn alone() -> std::sync::MutexGuard<'static, ()> {
     static ONE: std::sync::Mutex<()> = std::sync::Mutex::new(());

@@ -103,7 +103,7 @@ fn files_are_the_same_from_any_number_of_ranks() {
         for path in files("run.h5") {
             content(&path, grains);
         }
-        assert!(!folders[0].path().join("checkpoint.h5.part").exists());
+        common::no_parts(folders[0].path());
     }
 }
 

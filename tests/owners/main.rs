@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod identity;
+mod links;
 mod resume;
 mod under_way;
 

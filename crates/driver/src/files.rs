@@ -17,6 +17,7 @@ use gshear_store::file_names::{LOG_FILE, SCENE_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
 use gshear_store::provenance;
+use gshear_store::text_writer::{self, unwritten};
 use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
 
 use crate::folder::{RunFolder, Watched};
@@ -69,11 +70,8 @@ impl Destination<'_> {
     fn write_scene(&self) -> Result<(), Failure> {
         let wrote = if self.exchange.rank() == 0 {
             let path = self.folder.join(SCENE_FILE);
-            let part = self.folder.join(format!("{SCENE_FILE}.part"));
-            let text = self.record.comments() + self.toml;
-            std::fs::write(&part, text)
-                .and_then(|()| std::fs::rename(&part, &path))
-                .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
+            text_writer::replace(&path, self.record.comments() + self.toml)
+                .map_err(|e| unwritten(&path, &e))
         } else {
             Ok(())
         };

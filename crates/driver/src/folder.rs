@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::fs::Access;
 
@@ -24,6 +25,7 @@ use gshear_store::file_names::{
 };
 use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile};
+use gshear_store::text_writer;
 
 use crate::header::Header;
 pub use crate::lock::is_abandoned;
@@ -36,6 +38,18 @@ use crate::written::{UpToCheckpoint, Written};
 
 /// Files of frames and time series.
 const TRAJECTORIES: [&str; 3] = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE];
+/// What a run writes beside its name and renames.
+const WRITTEN_BESIDE: [&str; 9] = [
+    checkpoint::NAME,
+    SCENE_FILE,
+    STATUS_FILE,
+    LOG_FILE,
+    LOG_METADATA_FILE,
+    SPECTRA_FILE,
+    "run.h5.journal",
+    "aqs.h5.journal",
+    "newtonian.h5.journal",
+];
 /// What `gshear-reduce` writes into the folder of a run unless told otherwise.
 const REDUCED: [&str; 10] = [
     "report",
@@ -130,7 +144,7 @@ impl Contents {
                 });
             }
         }
-        let scene = fs::read_to_string(folder.join(SCENE_FILE)).unwrap_or_default();
+        let scene = text_writer::read(&folder.join(SCENE_FILE)).unwrap_or_default();
         if let Some(id) = id_in_scene(&scene) {
             found.owners.push(FileOwner {
                 name: SCENE_FILE,
@@ -242,12 +256,13 @@ impl FileOwner {
 /// Whether it is a file that only a run writes. `status.json` does not count: a folder that holds it
 /// alone is that of a run that was packed, of which nothing is left.
 fn is_of_a_run(name: &str, path: &Path) -> bool {
-    let checkpoint = name.starts_with("checkpoint") && name.contains(".h5");
+    let is_part = name.ends_with(".part");
+    let checkpoint = name.starts_with("checkpoint") && name.contains(".h5") && !is_part;
     TRAJECTORIES.contains(&name.trim_end_matches(".journal"))
         || [LOG_FILE, LOG_METADATA_FILE, SPECTRA_FILE].contains(&name)
         || checkpoint
         || (name == SCENE_FILE
-            && fs::read_to_string(path).is_ok_and(|text| id_in_scene(&text).is_some()))
+            && text_writer::read(path).is_ok_and(|text| id_in_scene(&text).is_some()))
 }
 
 /// The folder of a run that may write into it. Only rank 0 holds the lock.
@@ -323,6 +338,7 @@ impl RunFolder {
             .collect();
         fs::create_dir_all(&self.path).map_err(|e| unwritable(&self.path, &e))?;
         self.lock = Some(Lock::take(&self.path, options.break_lock, notes)?);
+        text_writer::remove_remnants(&self.path, &WRITTEN_BESIDE, Duration::ZERO);
         if let (Entry::Resume, Some((name, ..))) = (claim.entry, claim.header.and_then(files_of)) {
             existing::recover(&self.path.join(name), notes)?;
         }

@@ -16,6 +16,7 @@ use gshear_store::checkpoint;
 use gshear_store::columns::NewtonianRow;
 use gshear_store::file_names::{NEWTONIAN_FILE, RUN_FILE};
 use gshear_store::run_reader::{self, RunFile};
+use gshear_store::text_writer::unwritten;
 
 /// The rows of the time series that are replayed: from the first to the last in a range.
 #[derive(Debug, Clone, Copy)]
@@ -176,16 +177,27 @@ fn again(
     let header = Header::read(&snapshot)?;
     let set: Vec<String> = set.iter().map(|s| (*s).into()).collect();
     let task = Task::replay(&path, toml, snapshot, &set)?;
+    // The files get their place when they are whole.
+    let unmade = |e: std::io::Error| unwritten(out, &e);
+    std::fs::create_dir_all(out).map_err(unmade)?;
+    let part = tempfile::Builder::new()
+        .prefix("replay.")
+        .tempdir_in(out)
+        .map_err(unmade)?;
     let options = Options {
-        out: out.to_path_buf(),
+        out: part.path().to_path_buf(),
         threads,
         replay: Some(window),
         ..Options::default()
     };
-    match task.run(&Solo, &options)? {
-        Outcome::Done => Ok(header.step()),
-        Outcome::Stopped => Err(Failure::other("replay: stopped by a signal")),
+    if task.run(&Solo, &options)? == Outcome::Stopped {
+        return Err(Failure::other("replay: stopped by a signal"));
     }
+    for entry in std::fs::read_dir(&part).map_err(unmade)? {
+        let entry = entry.map_err(unmade)?;
+        std::fs::rename(entry.path(), out.join(entry.file_name())).map_err(unmade)?;
+    }
+    Ok(header.step())
 }
 
 /// Reads the last checkpoint of a stage before `step`, or at `step` if that is 0. Returns its path,

@@ -1,8 +1,9 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
-use super::h5;
+use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
 use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES};
+use super::run_reader::owner;
 use super::scalar_columns::SCALARS;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
@@ -37,6 +38,28 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
         aside.display()
     ));
     Ok(())
+}
+
+/// Removes a symbolic link in the place of a file that is about to be created. A user may link it to
+/// another disk, but what somebody else has linked must not be replaced: the file there must not
+/// exist, or be empty, or be of this run, and its name must end in `.h5`. Not collective.
+///
+/// # Errors
+/// If the link cannot be removed.
+pub(crate) fn unlink_foreign(path: &Path, run_id: Option<&Attribute>) -> Result<(), Failure> {
+    let target = journal::target(path);
+    let is_own = || match std::fs::metadata(&target) {
+        Ok(found) if found.len() > 0 => {
+            let id = owner(&target).ok().and_then(|owner| owner.run_id);
+            id.is_some() && id.map(Attribute::Text).as_ref() == run_id
+        }
+        _ => true,
+    };
+    if !path.is_symlink() || target.extension().is_some_and(|of| of == "h5") && is_own() {
+        return Ok(());
+    }
+    std::fs::remove_file(path)
+        .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))
 }
 
 /// Checks that a file can be continued after these numbers of frames and rows. Writes nothing. Not

@@ -13,16 +13,31 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::text_writer::{self, unwritten};
 use gshear_dem::failure::Failure;
 use xxhash_rust::xxh3::xxh3_64;
 
 const MAGIC: &[u8; 8] = b"GSHEARJ1";
 
-/// The path of a file's journal: `run.h5.journal` beside `run.h5`.
+/// The path of a file's journal: `run.h5.journal` beside `run.h5`, or beside what that links to. So
+/// nobody who hands a folder on can have other files written with what the journal says.
 pub fn path_of(file: &Path) -> PathBuf {
-    let mut name = file.as_os_str().to_owned();
+    let mut name = target(file).into_os_string();
     name.push(".journal");
     name.into()
+}
+
+/// Where a link leads, whether or not there is a file; other paths as they are.
+pub fn target(path: &Path) -> PathBuf {
+    let mut path = path.to_path_buf();
+    // As many links as the system follows.
+    for _ in 0..40 {
+        match path.read_link() {
+            Ok(to) => path = path.parent().unwrap_or(Path::new("")).join(to),
+            Err(_) => break,
+        }
+    }
+    path
 }
 
 /// Removes the journal of a file that has been closed.
@@ -89,18 +104,20 @@ impl Journal {
     pub fn write(&self, file: &Path) -> Result<(), Failure> {
         let path = path_of(file);
         let write = || -> std::io::Result<()> {
-            let part = path.with_extension("journal.part");
-            let mut to = File::create(&part)?;
-            to.write_all(&self.bytes())?;
-            to.sync_all()?;
-            std::fs::rename(&part, &path)
+            let mut part = text_writer::beside(&path)?;
+            part.write_all(&self.bytes())?;
+            part.as_file().sync_all()?;
+            part.persist(&path)?;
+            Ok(())
         };
-        write().map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
+        write().map_err(|e| unwritten(&path, &e))
     }
 
     /// Reads the journal of `file`; `None` if there is none or it is damaged.
     pub fn read(file: &Path) -> Option<Self> {
-        Self::parse(&std::fs::read(path_of(file)).ok()?)
+        let path = path_of(file);
+        let is_file = path.is_file();
+        Self::parse(&is_file.then(|| std::fs::read(path).ok())??)
     }
 
     /// Brings `file` back to the state of the journal.
@@ -186,6 +203,22 @@ mod tests {
         assert_eq!(kept, 200 - 40 - 20);
         read.restore(&path).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), before);
+    }
+
+    /// So that nobody can hand on a journal of a file that is not beside it.
+    #[test]
+    fn the_journal_of_a_link_is_beside_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("disk")).unwrap();
+        std::fs::write(at("disk/a.h5"), [7; 100]).unwrap();
+        std::os::unix::fs::symlink("disk/a.h5", at("b.h5")).unwrap();
+        std::os::unix::fs::symlink(at("b.h5"), at("run.h5")).unwrap();
+        let journal = Journal::of(&at("disk/a.h5"), vec![10..20]).unwrap();
+        journal.write(&at("run.h5")).unwrap();
+        assert!(at("disk/a.h5.journal").exists());
+        std::fs::rename(at("disk/a.h5.journal"), at("run.h5.journal")).unwrap();
+        assert_eq!(Journal::read(&at("run.h5")), None);
     }
 
     #[test]

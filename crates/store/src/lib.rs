@@ -9,12 +9,13 @@
 //! | [`status`] | writes and reads `status.json`, how far a run has come |
 //! | [`reduced_writer`], [`spectrum_writer`] | write `reduced.h5` and `spectrum.h5` |
 //! | [`spectrum_reader`] | reads the eigenvectors of `spectrum.h5` |
-//! | [`table`], [`matrix_market`], [`text_writer`] | CSV tables, sparse matrices, small text files |
+//! | [`table`], [`matrix_market`] | CSV tables, sparse matrices |
+//! | [`text_writer`] | writes beside the name of a file and renames |
 //! | [`existing`] | what a resumed run finds in `run.h5`, and its repair |
 //! | [`journal`] | `run.h5.journal`: brings `run.h5` back to its last flush after a kill |
 //! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
 //!
-//! Most files are written under a temporary name and renamed when complete. `run.h5`, `aqs.h5`,
+//! Most files are written under a temporary name and renamed when complete ([`text_writer`]). `run.h5`, `aqs.h5`,
 //! `newtonian.h5` and `log.csv` grow during a run; a resumed run truncates them to the rows and
 //! frames that its checkpoint counts. `docs/file-formats.md` describes the content of every file.
 //!

@@ -2,7 +2,7 @@
 
 use super::collective::agree;
 use super::run_reader::Series;
-use super::table::TableFile;
+use super::table::{NO_FILE, TableFile};
 use gshear_dem::columns::Column;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
@@ -61,6 +61,9 @@ impl Log {
         last: Option<u64>,
         rows: u64,
     ) -> Result<(Vec<&'static str>, u64), Failure> {
+        if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
+            return Err(unfit(path, NO_FILE.into()));
+        }
         let columns = stored_columns(path, columns)?;
         let found = rows_up_to(path, last)?;
         if found < rows {

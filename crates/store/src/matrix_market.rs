@@ -7,12 +7,13 @@
 //! matrix-market-rs has had no release since 2023.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::str::FromStr;
 
 use faer::sparse::{SparseColMat, Triplet};
 
+use super::text_writer::PartFile;
 use gshear_dem::failure::Failure;
 
 /// Symmetry of the matrix, of which a file stores only one triangle.
@@ -58,9 +59,8 @@ pub fn read(path: &Path) -> Result<SparseColMat<usize, f64>, Failure> {
 /// # Errors
 /// [`Failure::Other`] if the file cannot be written.
 pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failure> {
-    let part = path.with_added_extension("part");
-    let save = || -> std::io::Result<()> {
-        let mut out = BufWriter::new(File::create(&part)?);
+    let mut out = PartFile::create(path)?;
+    let mut save = || -> std::io::Result<()> {
         writeln!(out, "%%MatrixMarket matrix coordinate real general")?;
         writeln!(
             out,
@@ -72,10 +72,11 @@ pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failu
         for entry in matrix.triplet_iter() {
             writeln!(out, "{} {} {:?}", entry.row + 1, entry.col + 1, entry.val)?;
         }
-        out.into_inner()?.sync_all()?;
-        std::fs::rename(&part, path)
+        Ok(())
     };
-    save().map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))
+    let saved = save();
+    out.checked(saved)?;
+    out.finish().map(drop)
 }
 
 fn coordinates(

@@ -4,12 +4,12 @@
 //! a run goes on if it cannot be written.
 
 use std::borrow::Cow;
-use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::file_names::STATUS_FILE;
+use super::text_writer;
 
 /// Version of the format.
 pub const VERSION: u32 = 1;
@@ -105,18 +105,12 @@ impl Status {
     /// The file cannot be written; an earlier one stays.
     pub fn write(&self, folder: &Path) -> std::io::Result<()> {
         let text = serde_json::to_string_pretty(self)? + "\n";
-        let part = folder.join(format!("{STATUS_FILE}.part"));
-        let renamed =
-            fs::write(&part, text).and_then(|()| fs::rename(&part, folder.join(STATUS_FILE)));
-        if renamed.is_err() {
-            let _ = fs::remove_file(&part);
-        }
-        renamed
+        text_writer::replace(&folder.join(STATUS_FILE), text)
     }
 
     /// Reads the file of a folder; `None` if there is none, or another program wrote it.
     pub fn read(folder: &Path) -> Option<Self> {
-        let text = fs::read_to_string(folder.join(STATUS_FILE)).ok()?;
+        let text = text_writer::read(&folder.join(STATUS_FILE)).ok()?;
         serde_json::from_str(&text).ok()
     }
 }

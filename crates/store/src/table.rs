@@ -2,12 +2,15 @@
 
 use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use csv::{QuoteStyle, StringRecord, Writer, WriterBuilder};
+use rustix::fs::OFlags;
 use serde::de::DeserializeOwned;
 
+use super::text_writer::{self, unwritten};
 use gshear_dem::failure::Failure;
 
 /// A value that a cell can hold. Numbers have the shortest form that reads back to the same bits.
@@ -138,6 +141,9 @@ fn line(record: &StringRecord) -> Vec<u8> {
     writer.into_inner().expect(IN_MEMORY)
 }
 
+/// Why a table is not continued.
+pub(crate) const NO_FILE: &str = "it is no file, or a link to one; put the file itself here";
+
 /// A table that grows in its file, row by row.
 pub struct TableFile {
     path: PathBuf,
@@ -150,13 +156,16 @@ impl TableFile {
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
     pub fn create(path: &Path, names: &[&str]) -> Result<Self, Failure> {
-        let file = File::create(path).map_err(|e| unwritten(path, e))?;
-        let mut table = Self {
-            path: path.into(),
-            writer: Writer::from_writer(file),
+        // The names are there as soon as the file is.
+        let create = || -> std::io::Result<File> {
+            let mut part = text_writer::beside(path)?;
+            part.write_all(&line(&StringRecord::from(names)))?;
+            Ok(part.persist(path)?)
         };
-        table.row(names)?;
-        Ok(table)
+        Ok(Self {
+            path: path.into(),
+            writer: Writer::from_writer(create().map_err(|e| unwritten(path, &e))?),
+        })
     }
 
     /// Opens a table to continue after its first `rows` rows; later rows are removed.
@@ -170,7 +179,12 @@ impl TableFile {
                 path.display()
             ))
         };
-        let file = OpenOptions::new().read(true).append(true).open(path);
+        if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
+            return Err(unfit(NO_FILE.into()));
+        }
+        let mut options = OpenOptions::new();
+        options.custom_flags(OFlags::NOFOLLOW.bits() as i32);
+        let file = options.read(true).append(true).open(path);
         let file = file.map_err(|e| unfit(e.to_string()))?;
         let names = line(&StringRecord::from(names));
         let mut reader = BufReader::new(&file);
@@ -194,7 +208,7 @@ impl TableFile {
                 )));
             }
         }
-        file.set_len(end).map_err(|e| unwritten(path, e))?;
+        file.set_len(end).map_err(|e| unwritten(path, &e))?;
         Ok(Self {
             path: path.into(),
             writer: Writer::from_writer(file),
@@ -211,7 +225,7 @@ impl TableFile {
             .map(|cell| cell.text().into_owned())
             .collect();
         let written = self.writer.write_record(&record);
-        written.map_err(|e| unwritten(&self.path, e))
+        written.map_err(|e| unwritten(&self.path, &e))
     }
 
     /// Hands the rows to the file system.
@@ -219,12 +233,8 @@ impl TableFile {
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
     pub fn flush(&mut self) -> Result<(), Failure> {
-        self.writer.flush().map_err(|e| unwritten(&self.path, e))
+        self.writer.flush().map_err(|e| unwritten(&self.path, &e))
     }
-}
-
-fn unwritten(path: &Path, why: impl std::fmt::Display) -> Failure {
-    Failure::other(format!("{}: cannot be written: {why}", path.display()))
 }
 
 /// Reads the rows of a table, columns by their names.

@@ -1,13 +1,90 @@
-//! Writes text files, first as `.part`, so that a file with the final name is always complete.
+//! Writes files beside their names and renames them when they are complete, so that a file with its
+//! final name is never a part of one.
 //!
-//! `NamedTempFile::persist` of tempfile would be no shorter, and a killed program would leave files
-//! with random names.
+//! Until then a file has a name of its own, `NAME.XXXXXX.part`, which did not exist before: what
+//! other people put into a folder, such as symbolic links, is never written through.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::fs::{DirEntry, Permissions};
+use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use gshear_dem::failure::Failure;
+use tempfile::{Builder, NamedTempFile};
+
+/// Between the name of a file and the end of its temporary name.
+const RANDOM: usize = 6;
+const ENDING: &str = ".part";
+/// Bytes of a text.
+const LONGEST: u64 = 64 << 20;
+/// A program that has not written to its file for so long was killed.
+const FORGOTTEN: Duration = Duration::from_hours(24);
+
+/// Creates a file beside `path`. It is removed when it is dropped; `persist` gives it its name.
+///
+/// # Errors
+/// A folder in which no file can be made.
+pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    let mut prefix = path.file_name().unwrap_or_default().to_owned();
+    prefix.push(".");
+    Builder::new()
+        .prefix(&prefix)
+        .rand_bytes(RANDOM)
+        .suffix(ENDING)
+        // As of every new file; the system takes away what the user does not want.
+        .permissions(Permissions::from_mode(0o666))
+        .tempfile_in(folder_of(path))
+}
+
+/// Replaces a file, or what else has its name; its folder must exist.
+///
+/// # Errors
+/// A file that cannot be written; what was there stays.
+pub fn replace(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
+    let mut part = beside(path)?;
+    part.write_all(content.as_ref())?;
+    part.persist(path)?;
+    Ok(())
+}
+
+/// Removes what killed programs have left of these files of a folder, if it is older than `age`.
+pub fn remove_remnants(folder: &Path, names: &[&str], age: Duration) {
+    let of = |name: &str| {
+        let unnamed = name.strip_suffix(ENDING)?;
+        let (name, random) = unnamed.split_at_checked(unnamed.len().checked_sub(RANDOM)?)?;
+        let is_random = random.bytes().all(|byte| byte.is_ascii_alphanumeric());
+        (is_random && names.contains(&name.strip_suffix('.')?)).then_some(())
+    };
+    let is_old = |entry: &DirEntry| {
+        let written = entry.metadata().and_then(|of| of.modified());
+        written.is_ok_and(|at| age.is_zero() || at.elapsed().is_ok_and(|since| since > age))
+    };
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_str().and_then(of).is_some() && is_old(&entry) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Reads a text of a folder. A link may lead to a pipe or a device, which has no end.
+///
+/// # Errors
+/// What is no file, or longer than any such text; a file that cannot be read.
+pub fn read(path: &Path) -> io::Result<String> {
+    let of = std::fs::metadata(path)?;
+    match of.is_file() && of.len() <= LONGEST {
+        true => std::fs::read_to_string(path),
+        false => Err(io::ErrorKind::InvalidData.into()),
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
 
 /// Writes a file; creates its folder if missing.
 ///
@@ -20,17 +97,10 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), Failure> {
     file.finish().map(drop)
 }
 
-/// The path under which a file is written until it is complete: `NAME.part`.
-pub fn part_of(path: &Path) -> PathBuf {
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    part.into()
-}
-
-/// A file under its temporary name.
+/// A file under its temporary name; dropping it removes it.
 pub struct PartFile {
     path: PathBuf,
-    writer: BufWriter<File>,
+    writer: BufWriter<NamedTempFile>,
 }
 
 impl PartFile {
@@ -39,8 +109,11 @@ impl PartFile {
     /// # Errors
     /// [`Failure::Other`] if the folder or the file cannot be written.
     pub fn create(path: &Path) -> Result<Self, Failure> {
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let file = std::fs::create_dir_all(folder).and_then(|()| File::create(part_of(path)));
+        let folder = folder_of(path);
+        let file = std::fs::create_dir_all(folder).and_then(|()| beside(path));
+        if let Some(name) = path.file_name().and_then(|name| name.to_str()) {
+            remove_remnants(folder, &[name], FORGOTTEN);
+        }
         let file = file.map_err(|e| unwritten(path, &e))?;
         Ok(Self {
             path: path.to_path_buf(),
@@ -48,11 +121,16 @@ impl PartFile {
         })
     }
 
+    /// Its temporary name, for what writes a file by name.
+    pub fn part(&self) -> &Path {
+        self.writer.get_ref().path()
+    }
+
     /// The outcome of writing into the file, with its name in the message.
     ///
     /// # Errors
     /// [`Failure::Other`] if `written` is an error.
-    pub fn checked(&self, written: std::io::Result<()>) -> Result<(), Failure> {
+    pub fn checked<T>(&self, written: Result<T, impl std::fmt::Display>) -> Result<T, Failure> {
         written.map_err(|e| unwritten(&self.path, &e))
     }
 
@@ -60,26 +138,76 @@ impl PartFile {
     ///
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
-    pub fn finish(mut self) -> Result<PathBuf, Failure> {
-        let written = self
-            .writer
-            .flush()
-            .and_then(|()| std::fs::rename(part_of(&self.path), &self.path));
-        self.checked(written)?;
-        Ok(self.path)
+    pub fn finish(self) -> Result<PathBuf, Failure> {
+        let Self { path, writer } = self;
+        let written = writer
+            .into_inner()
+            .map_err(|e| unwritten(&path, e.error()))?;
+        written
+            .persist(&path)
+            .map_err(|e| unwritten(&path, &e.error))?;
+        Ok(path)
     }
 }
 
 impl Write for PartFile {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.writer.write(bytes)
     }
 
-    fn flush(&mut self) -> std::io::Result<()> {
+    fn flush(&mut self) -> io::Result<()> {
         self.writer.flush()
     }
 }
 
-fn unwritten(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::other(format!("{}: cannot be written: {error}", path.display()))
+/// The failure of a file that cannot be written.
+pub fn unwritten(path: &Path, why: &dyn std::fmt::Display) -> Failure {
+    let why = why.to_string().replace('\n', " ");
+    Failure::other(format!("{}: cannot be written: {why}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn nothing_is_written_through_a_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("other"), "of the user").unwrap();
+        for name in ["a.csv", "a.csv.part", "a.csv.tmp"] {
+            symlink(at("other"), at(name)).unwrap();
+        }
+        write(&at("a.csv"), "1").unwrap();
+        replace(&at("a.csv"), "2").unwrap();
+        assert_eq!(std::fs::read_to_string(at("other")).unwrap(), "of the user");
+        assert_eq!(std::fs::read_to_string(at("a.csv")).unwrap(), "2");
+        // As of other new files.
+        let mode = |name: &str| {
+            std::fs::symlink_metadata(at(name))
+                .unwrap()
+                .permissions()
+                .mode()
+        };
+        assert_eq!(mode("a.csv"), mode("other"));
+    }
+
+    #[test]
+    fn failures_and_kills_leave_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        drop(PartFile::create(&at("a.csv")).unwrap());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let (_, killed) = beside(&at("a.csv")).unwrap().keep().unwrap();
+        let (_, other) = beside(&at("b.csv")).unwrap().keep().unwrap();
+        for name in ["a.csv.part", "a.csv", "a.csv.123456.part.x"] {
+            std::fs::write(at(name), "").unwrap();
+        }
+        remove_remnants(folder.path(), &["a.csv"], FORGOTTEN);
+        assert!(killed.exists());
+        remove_remnants(folder.path(), &["a.csv"], Duration::ZERO);
+        assert!(!killed.exists() && other.exists());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
+    }
 }

@@ -7,7 +7,7 @@ use csv::{StringRecord, Writer};
 use gshear_dem::failure::Failure;
 use gshear_store::dictionary;
 use gshear_store::table::TableCell;
-use gshear_store::text_writer::PartFile;
+use gshear_store::text_writer::{PartFile, unwritten};
 
 use super::content::{
     ContactQuantity, ExportedFrame, ExportedRun, GrainColumn, contact_quantities, grain_columns,
@@ -64,26 +64,16 @@ impl TableStream {
     fn end_line(&mut self) -> Result<(), Failure> {
         let written = self.writer.write_record(&self.line);
         self.line.clear();
-        written.map_err(|e| self.unwritten(&e))
+        written.map_err(|e| unwritten(&self.path, &e))
     }
 
     fn finish(self) -> Result<PathBuf, Failure> {
         let path = self.path;
-        let file = self
-            .writer
-            .into_inner()
-            .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))?;
+        let file = self.writer.into_inner().map_err(|e| unwritten(&path, &e))?;
         let written = file.finish()?;
         let names: Vec<&str> = self.names.iter().collect();
         dictionary::write_metadata(self.kind, &written, &names, self.axes)?;
         Ok(written)
-    }
-
-    fn unwritten(&self, error: &csv::Error) -> Failure {
-        Failure::other(format!(
-            "{}: cannot be written: {error}",
-            self.path.display()
-        ))
     }
 }
 

@@ -9,7 +9,7 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::state::GrainSample;
-use gshear_store::text_writer::part_of;
+use gshear_store::text_writer::PartFile;
 
 use super::FrameWriter;
 use super::content::{ExportedFrame, ExportedRun, FieldShape, contact_quantities};
@@ -215,13 +215,9 @@ impl FrameWriter for NpzWriter {
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
-        let (path, part) = (self.path.clone(), part_of(&self.path));
-        let folder = path.parent().unwrap_or(Path::new(""));
-        std::fs::create_dir_all(folder)
-            .map_err(Into::into)
-            .and_then(|()| self.write(&part))
-            .and_then(|()| Ok(std::fs::rename(&part, &path)?))
-            .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))?;
-        Ok(vec![path])
+        let part = PartFile::create(&self.path)?;
+        let written = self.write(part.part());
+        part.checked(written)?;
+        Ok(vec![part.finish()?])
     }
 }

@@ -13,7 +13,7 @@ use ndarray::{ArrayView1, ArrayView2, s};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::state::GrainSample;
-use gshear_store::text_writer::part_of;
+use gshear_store::text_writer::{PartFile, unwritten};
 
 use super::FrameWriter;
 use super::content::{ContactQuantity, ExportedFrame, ExportedRun, contact_quantities};
@@ -27,7 +27,7 @@ const STEP_CHUNK: usize = 256;
 
 /// Writes the file.
 pub struct VtkWriter {
-    path: PathBuf,
+    part: PartFile,
     file: File,
     points: Column<f64>,
     point_data: Vec<Column<f64>>,
@@ -155,14 +155,12 @@ impl VtkWriter {
     /// # Errors
     /// A file that cannot be created.
     pub fn create(path: &Path, run: &ExportedRun) -> Result<Self, Failure> {
-        let folder = path.parent().unwrap_or(Path::new(""));
-        std::fs::create_dir_all(folder)
-            .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))?;
-        Self::try_create(path, run).map_err(|e| unwritten(path, &e))
+        let part = PartFile::create(path)?;
+        Self::try_create(part, run).map_err(|e| unwritten(path, &e))
     }
 
-    fn try_create(path: &Path, run: &ExportedRun) -> hdf5::Result<Self> {
-        let file = File::create(part_of(path))?;
+    fn try_create(part: PartFile, run: &ExportedRun) -> hdf5::Result<Self> {
+        let file = File::create(part.part())?;
         let root = file.create_group("VTKHDF")?;
         root.new_attr_builder()
             .with_data(&[2i64, 0])
@@ -209,7 +207,7 @@ impl VtkWriter {
         let [vertices, lines, polygons, strips] =
             KINDS.map(|kind| CellColumns::create(&root, kind));
         Ok(Self {
-            path: path.to_path_buf(),
+            part,
             points: Column::create(&root, "Points", 3)?,
             point_data,
             ids,
@@ -320,41 +318,33 @@ impl VtkWriter {
         Ok(())
     }
 
-    fn close(self) -> hdf5::Result<PathBuf> {
+    fn close(self) -> (PartFile, hdf5::Result<()>) {
         let Self {
-            path,
+            part,
             file,
             steps,
             frames,
             ..
         } = self;
-        steps
-            .group
-            .new_attr::<i64>()
-            .create("NSteps")?
-            .write_scalar(&frames)?;
-        drop(steps);
-        file.close()?;
-        Ok(path)
+        let close = || {
+            let count = steps.group.new_attr::<i64>().create("NSteps")?;
+            count.write_scalar(&frames)?;
+            drop(steps);
+            file.close()
+        };
+        (part, close())
     }
 }
 
 impl FrameWriter for VtkWriter {
     fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
-        self.append(run, frame)
-            .map_err(|e| unwritten(&self.path, &e))
+        let appended = self.append(run, frame);
+        self.part.checked(appended)
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
-        let path = self.path.clone();
-        self.close().map_err(|e| unwritten(&path, &e))?;
-        std::fs::rename(part_of(&path), &path)
-            .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))?;
-        Ok(vec![path])
+        let (part, closed) = self.close();
+        part.checked(closed)?;
+        Ok(vec![part.finish()?])
     }
-}
-
-fn unwritten(path: &Path, error: &hdf5::Error) -> Failure {
-    let reason = error.to_string().replace('\n', " ");
-    Failure::other(format!("{}: cannot be written: {reason}", path.display()))
 }

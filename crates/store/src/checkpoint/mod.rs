@@ -4,6 +4,7 @@ mod records;
 
 use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::h5::{Attribute, H5File, Word};
+use super::text_writer::{self, unwritten};
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
@@ -11,15 +12,17 @@ use gshear_dem::state::{
 };
 use gshear_mpi_exchange::Parallel;
 use records::{Record, length, read_records, stored_bytes, write_one, write_records};
+use std::ffi::OsString;
 use std::ops::Range;
+use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
+use tempfile::{NamedTempFile, TempPath};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// File name of the newest checkpoint.
 pub const NAME: &str = "checkpoint.h5";
 /// File name of the checkpoint before it.
 pub const PREVIOUS: &str = "checkpoint.previous.h5";
-const PART: &str = "checkpoint.h5.part";
 
 const FORMAT: &str = "gshear-checkpoint";
 /// Version of the format.
@@ -124,8 +127,9 @@ pub fn write(
         let sum = sum(checksum(exchange, &displacements.records, VERSION));
         attributes.push((Displacement::CHECKSUM, sum));
     }
-    let part = folder.join(PART);
-    let file = agree(exchange, H5File::create(&part, exchange))?;
+    let (part, name) = part_of(exchange, folder)?;
+    let path = folder.join(name);
+    let file = agree(exchange, H5File::create(&path, exchange))?;
     let bytes = |records: u64, of_one: usize| records as usize * of_one;
     let mut needed = header.len() + scene.len();
     needed += bytes(grains.length, size_of::<GrainState>());
@@ -158,9 +162,24 @@ pub fn write(
     }
     file.agree(exchange, outcome)?;
     agree(exchange, file.close())?;
-    verify(exchange, &part, &attributes)?;
-    let moved = if root { replace(folder) } else { Ok(()) };
+    verify(exchange, &path, &attributes)?;
+    let moved = part.map_or(Ok(()), |part| replace(folder, part));
     agree(exchange, moved)
+}
+
+/// Creates an empty file for the next checkpoint, which rank 0 keeps; dropping it removes it. Returns
+/// its name on every rank. Collective.
+fn part_of(
+    exchange: &dyn Parallel,
+    folder: &Path,
+) -> Result<(Option<TempPath>, OsString), Failure> {
+    let new = folder.join(NAME);
+    let made = (exchange.rank() == 0).then(|| text_writer::beside(&new));
+    let made = made.transpose().map_err(|e| unwritten(&new, &e));
+    let part = agree(exchange, made)?.map(NamedTempFile::into_temp_path);
+    let name = part.as_ref().and_then(|part| part.file_name());
+    let name = exchange.broadcast(name.unwrap_or_default().as_bytes().to_vec());
+    Ok((part, OsString::from_vec(name)))
 }
 
 /// Reads a checkpoint back that has been written, because not every error of parallel writing
@@ -245,14 +264,14 @@ fn of_contacts<R: Record>(
 }
 
 /// Gives the new checkpoint its name. `checkpoint.h5` exists and is complete at every moment.
-fn replace(folder: &Path) -> Result<(), Failure> {
-    let (new, part) = (folder.join(NAME), folder.join(PART));
+fn replace(folder: &Path, part: TempPath) -> Result<(), Failure> {
+    let new = folder.join(NAME);
     let renamed = || -> std::io::Result<()> {
         std::fs::File::open(&part)?.sync_all()?;
         if new.exists() {
             link(&new, &folder.join(PREVIOUS))?;
         }
-        std::fs::rename(&part, &new)?;
+        part.persist(&new)?;
         std::fs::File::open(folder)?.sync_all()
     };
     renamed()
@@ -301,8 +320,7 @@ pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<(), Failure> {
 /// [`Failure::Other`] if the file can be neither linked nor copied.
 pub fn make_newest(path: &Path, folder: &Path) -> Result<(), Failure> {
     let newest = folder.join(NAME);
-    link(path, &newest)
-        .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", newest.display())))
+    link(path, &newest).map_err(|e| unwritten(&newest, &e))
 }
 
 /// Returns the kept checkpoints of a stage in a folder with their steps, sorted by step.

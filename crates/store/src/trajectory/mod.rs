@@ -6,6 +6,7 @@ mod resume;
 use crate::batch::{Frames, length};
 use crate::checksums::{self, OF_PARAMETERS, of_parameters};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree};
+use crate::existing::unlink_foreign;
 use crate::h5::{Attribute, H5File, Slab};
 use crate::journal::{self, Journal};
 use crate::layout::{
@@ -130,9 +131,10 @@ impl TrajectoryWriter {
             grains,
             ranks: exchange.size() as u64,
         };
-        // One of another run would bring that run's metadata back.
+        let id = header.attributes.iter().find(|(name, _)| *name == "run_id");
+        // A journal of another run would bring that run's metadata back.
         let removed = match exchange.rank() {
-            0 => journal::remove(path),
+            0 => unlink_foreign(path, id.map(|(_, id)| id)).and_then(|()| journal::remove(path)),
             _ => Ok(()),
         };
         agree(exchange, removed)?;
