@@ -473,3 +473,61 @@ fn a_box_is_watched_from_its_start() {
         .collect();
     assert_ne!(ends.first(), ends.last(), "the curve grows");
 }
+
+/// Titles, keys, names and messages that other people wrote reach the terminal without control
+/// characters, which would move its cursor, change its title or hide a line.
+#[test]
+fn control_characters_of_files_are_escaped() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let hidden = |text: &str| text.contains(|c: char| c.is_control() && !"\n\t".contains(c));
+    let says = |program: &str, code: i32, arguments: &[&Path]| {
+        let output = Command::new(program).args(arguments).output();
+        let output = output.expect("the program starts");
+        let text = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+        assert_eq!(output.status.code(), Some(code), "{text}");
+        assert!(!hidden(&text), "{text:?}");
+        text
+    };
+    let reduce = env!("CARGO_BIN_EXE_gshear-reduce");
+    let scene = std::fs::read_to_string(SCENE).expect("a scene");
+    let evil = r#"title = "\u001b]0;owned\u0007\nerror: no\u009b31m""#;
+    let title = scene.replace("title = \"Crossing\"", evil);
+    let [path, out] = ["a\x1b[31m.toml", "out\x1b[31m"].map(at);
+    std::fs::write(&path, &title).expect("written");
+    let run = says(PROGRAM, 0, &[&path, SHORT.as_ref(), "--out".as_ref(), &out]);
+    assert!(
+        run.contains(r"\u{1b}]0;owned\u{7}\nerror: no\u{9b}31m"),
+        "{run}"
+    );
+    says(reduce, 0, &["info".as_ref(), &out]);
+    let page = says(reduce, 0, &["report".as_ref(), &out]);
+    assert!(page.contains(r"out\u{1b}[31m/report/index.html"), "{page}");
+    let page = std::fs::read_to_string(out.join("report/index.html")).expect("a page");
+    assert!(!hidden(&page), "the page");
+    // A state that somebody else wrote.
+    let status = std::fs::read_to_string(out.join("status.json")).expect("a status");
+    let status = status.replace("\"done\"", "\"failed\"");
+    let status = status.replace("\"message\": null", r#""message": "\u001b]0;owned\u0007""#);
+    std::fs::write(out.join("status.json"), status).expect("written");
+    let state = says(reduce, 0, &["watch".as_ref(), &out]);
+    assert!(state.contains(r"\u{1b}]0;owned"), "{state}");
+    // Lines and keys that a message repeats.
+    for line in [
+        "\"\\u001b[31mkey\" = 1",
+        "a = \x1b[31m",
+        "output.\"\\u001b[31m\" = 1",
+    ] {
+        std::fs::write(&path, format!("{line}\n{title}")).expect("written");
+        says(PROGRAM, 2, &[&path, "--check".as_ref()]);
+    }
+    let packing = at("packing.data");
+    std::fs::write(&packing, "title\n\n2 atoms\x1b[31m\n").expect("written");
+    let set = format!("--set=sample.packing={}", packing.display());
+    says(
+        PROGRAM,
+        2,
+        &[SCENE.as_ref(), set.as_ref(), "--check".as_ref()],
+    );
+}

@@ -2,28 +2,38 @@
 
 use std::io::{self, BufWriter, ErrorKind, Write, stdout};
 use std::os::unix::process::CommandExt;
-use std::process::{Command, ExitCode};
+use std::process::{self, ExitCode};
 
 use clap::Parser;
+use gshear_dem::failure::printable;
 use gshear_driver::say::{say, say_error};
 use gshear_driver::version;
-use gshear_reduce::{Arguments, run};
+use gshear_reduce::{Arguments, Command, run};
 use gshear_store::provenance;
 
 /// Standard output. What is written after the reader of a pipe has closed it, such as `head -1`, is
-/// dropped: the command still writes its files and returns its exit code.
-struct Output<W>(W);
+/// dropped: the command still writes its files and returns its exit code. Control characters are
+/// escaped, unless the command draws on the terminal.
+struct Output<W> {
+    to: W,
+    draws: bool,
+}
 
 impl<W: Write> Write for Output<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match self.0.write(bytes) {
-            Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(bytes.len()),
-            other => other,
+        let text = String::from_utf8_lossy(bytes);
+        let shown = match self.draws {
+            true => text,
+            false => printable(&text),
+        };
+        match self.to.write_all(shown.as_bytes()) {
+            Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(e),
+            _ => Ok(bytes.len()),
         }
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        match self.0.flush() {
+        match self.to.flush() {
             Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
             other => other,
         }
@@ -35,7 +45,7 @@ impl<W: Write> Write for Output<W> {
 fn start_again_without_locks() {
     const VARIABLE: &str = "HDF5_USE_FILE_LOCKING";
     if let (None, Ok(program)) = (std::env::var_os(VARIABLE), std::env::current_exe()) {
-        let mut command = Command::new(program);
+        let mut command = process::Command::new(program);
         command.args(std::env::args_os().skip(1));
         let _ = command.env(VARIABLE, "FALSE").exec();
     }
@@ -52,7 +62,10 @@ fn main() -> ExitCode {
         Err(e) => e.exit(),
     };
     start_again_without_locks();
-    let mut output = BufWriter::new(Output(stdout().lock()));
+    let mut output = BufWriter::new(Output {
+        to: stdout().lock(),
+        draws: matches!(arguments.command, Command::Watch { .. }),
+    });
     let code = run(&arguments, &mut output).unwrap_or_else(|failure| {
         say_error(&format!("error: {failure}"));
         failure.exit_code()

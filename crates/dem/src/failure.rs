@@ -1,5 +1,6 @@
 //! Failures of the programs and their exit codes.
 
+use std::borrow::Cow;
 use std::fmt;
 
 /// The reason why a run or a reduction ends early. Printed once, as `error: …`.
@@ -50,5 +51,41 @@ impl fmt::Display for Failure {
 
 impl std::error::Error for Failure {}
 
+/// Text as a terminal may show it: control characters, which files of other people may hold in names
+/// and texts, are escaped, but for line breaks and tabs.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| c.is_control() && c != '\n' && c != '\t')
+}
+
+/// [`printable`] text on one line.
+pub fn on_one_line(text: &str) -> Cow<'_, str> {
+    escaped(text, char::is_control)
+}
+
+fn escaped(text: &str, is_bad: fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(is_bad) {
+        return text.into();
+    }
+    let escape = |c: char| match is_bad(c) {
+        true => c.escape_default().to_string(),
+        false => c.to_string(),
+    };
+    text.chars().map(escape).collect::<String>().into()
+}
+
 /// Exit code of a run that was stopped early and left a checkpoint to resume from.
 pub const STOPPED_EARLY: i32 = 75;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_escaped() {
+        let text = "τ\t\u{1b}]0;x\u{7}\r\n\u{9b}2J\u{7f}";
+        let shown = "τ\t\\u{1b}]0;x\\u{7}\\r\n\\u{9b}2J\\u{7f}";
+        assert_eq!(printable(text), shown);
+        assert_eq!(on_one_line("a\tb\nc"), "a\\tb\\nc");
+        assert!(matches!(printable("plain: τ\n"), Cow::Borrowed(_)));
+    }
+}

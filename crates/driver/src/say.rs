@@ -4,25 +4,25 @@
 use std::io::{ErrorKind, Write};
 
 use console::Term;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, printable};
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::agree;
 use rustix::fs::{Mode, OFlags};
 
 /// Prints a line, if standard output is neither closed nor full; on a terminal folded to its width.
 pub fn say(line: &str) {
-    let line = fold_for(&Term::stdout(), line);
+    let line = fold_for(&Term::stdout(), &printable(line));
     let _ = writeln!(std::io::stdout().lock(), "{line}");
 }
 
 /// Prints a line to standard error, if that is neither closed nor full; on a terminal folded to its
 /// width.
 pub fn say_error(line: &str) {
-    let line = fold_for(&Term::stderr(), line);
+    let line = fold_for(&Term::stderr(), &printable(line));
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// Prints a result, which other programs read as well, as it is, on the first rank. A reader that has
+/// Prints a result, which other programs read as well, as it is but for control characters, on the first rank. A reader that has
 /// closed its pipe, such as `head -1`, is no failure. Collective.
 ///
 /// # Errors
@@ -40,7 +40,7 @@ pub fn print(exchange: &dyn Parallel, text: &str) -> Result<(), Failure> {
 
 fn write_out(text: &str) -> Result<(), Failure> {
     let mut output = std::io::stdout().lock();
-    match writeln!(output, "{text}").and_then(|()| output.flush()) {
+    match writeln!(output, "{}", printable(text)).and_then(|()| output.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
             Err(Failure::other(format!("standard output: {e}")))
         }

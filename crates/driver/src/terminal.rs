@@ -13,6 +13,7 @@ use crate::say::{say, width};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
+use gshear_dem::failure::on_one_line;
 use gshear_dem::protocol::{Along, Course, Normal, Segment};
 use gshear_dem::simd::Isa;
 use gshear_dem::system::System;
@@ -128,7 +129,11 @@ impl Terminal {
     }
 
     pub fn header(&self, exchange: &dyn Parallel, scene: &Scene, isa: Isa) {
-        self.say(format!("{}: {}", provenance::printed(), scene.title));
+        self.say(format!(
+            "{}: {}",
+            provenance::printed(),
+            on_one_line(&scene.title)
+        ));
         let sample = &scene.sample;
         let grains = format!(
             "{} on {} ({}); {} grains",

@@ -6,6 +6,7 @@ use crate::parallel::Parallel;
 use crate::watchdog::{Alone, LoneFailure, Progress, Ranks, Waiting, Watchdog};
 use bytemuck::cast_slice_mut;
 use gshear_dem::domain::{Exchange, Link};
+use gshear_dem::failure::printable;
 use std::cell::RefCell;
 use std::io::Write;
 use std::sync::Arc;
@@ -180,7 +181,7 @@ impl Parallel for World {
             None => self.alone.clone(),
         };
         let end = |message: &str| {
-            let _ = writeln!(std::io::stderr(), "error: {message}");
+            let _ = writeln!(std::io::stderr(), "error: {}", printable(message));
             end_process(1);
         };
         *self.watchdog.borrow_mut() = Some(Watchdog::start(

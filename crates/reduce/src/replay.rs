@@ -11,6 +11,7 @@ use gshear_driver::header::Header;
 use gshear_driver::launch::Task;
 use gshear_driver::options::Options;
 use gshear_driver::run::Outcome;
+use gshear_driver::say::say_error;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::columns::NewtonianRow;
@@ -225,7 +226,10 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Sna
         match checkpoint::read(&Solo, path) {
             Ok((toml, snapshot)) => {
                 if let Some(failure) = damaged {
-                    eprintln!("note: {failure}; replaying from {}", path.display());
+                    say_error(&format!(
+                        "note: {failure}; replaying from {}",
+                        path.display()
+                    ));
                 }
                 return Ok((path.clone(), toml, snapshot));
             }

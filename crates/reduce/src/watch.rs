@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use console::Term;
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, printable};
 use gshear_driver::folder::is_abandoned;
 use gshear_driver::progress::line;
 use gshear_driver::say::fold_for;
@@ -89,7 +89,7 @@ pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
         }
         if killed || state == Some(RunState::Stopped) {
             let next = format!("continue with --resume {}", folder.display());
-            writeln!(output, "{}", fold_for(&term, &next)).map_err(cannot_write)?;
+            writeln!(output, "{}", fold_for(&term, &printable(&next))).map_err(cannot_write)?;
         }
         output.flush().map_err(cannot_write)?;
         if !shown || !running || killed {

@@ -3,6 +3,7 @@
 use super::ReportFigure;
 use super::summary::{DropFrames, Summary, is_imposed};
 use gshear_analysis::phases::PhaseKind;
+use gshear_dem::failure::printable;
 use gshear_store::run_reader::RunFile;
 
 /// Returns the report as HTML, figures and style included.
@@ -226,7 +227,8 @@ pub fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
 
 /// Text between tags. Own code because three replacements are not worth a crate.
 pub fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
+    printable(text)
+        .replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
 }

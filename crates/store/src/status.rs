@@ -6,6 +6,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+use gshear_dem::failure::on_one_line;
 use serde::{Deserialize, Serialize};
 
 use super::file_names::STATUS_FILE;
@@ -108,9 +109,23 @@ impl Status {
         text_writer::replace(&folder.join(STATUS_FILE), text)
     }
 
-    /// Reads the file of a folder; `None` if there is none, or another program wrote it.
+    /// Reads the file of a folder, its texts on one line each; `None` if there is none, or another
+    /// program wrote it.
     pub fn read(folder: &Path) -> Option<Self> {
         let text = text_writer::read(&folder.join(STATUS_FILE)).ok()?;
-        serde_json::from_str(&text).ok()
+        let mut status: Self = serde_json::from_str(&text).ok()?;
+        let Self {
+            run_id,
+            title,
+            host,
+            message,
+            standing,
+            ..
+        } = &mut status;
+        for text in [run_id, title, host].into_iter().chain(message) {
+            *text = on_one_line(text).into_owned();
+        }
+        standing.stage = on_one_line(&standing.stage).into_owned().into();
+        Some(status)
     }
 }
