@@ -255,6 +255,33 @@ impl Subject for BoxFile {
     }
 }
 
+/// `spectrum.h5` of a run in a box, of which eigenvectors are exported.
+struct Spectrum {
+    run: PathBuf,
+    whole: PathBuf,
+    folder: PathBuf,
+}
+
+impl Subject for Spectrum {
+    fn name(&self) -> &'static str {
+        "spectrum"
+    }
+    fn file(&self) -> &Path {
+        &self.whole
+    }
+    fn read(&self, bytes: &[u8]) -> Result<Option<String>, String> {
+        std::fs::create_dir_all(&self.folder).expect("a folder");
+        let path = self.folder.join("spectrum.h5");
+        std::fs::write(&path, bytes).expect("written");
+        let out = self.folder.join("out/frames.csv");
+        let mut export = reduce();
+        export.args(["export", "--format=csv", "--modes=0,3", "--spectrum"]);
+        export.arg(&path).arg("--out").arg(&out).arg(&self.run);
+        let exported = ended(&mut export, "spectrum.h5")?;
+        Ok(exported.map(|_| contents(&self.folder.join("out"))))
+    }
+}
+
 /// A file of a folder in which a run goes on.
 struct Resumed {
     name: &'static str,
@@ -394,10 +421,18 @@ fn subjects(folder: &Path) -> Vec<(Box<dyn Subject>, f64)> {
                 whole: walls.join("run.h5"),
                 folder: at("run"),
             }),
-            0.25,
+            0.2,
         ),
         (Box::new(of_box("aqs", "aqs.h5")), 0.08),
         (Box::new(of_box("newtonian", "newtonian.h5")), 0.07),
+        (
+            Box::new(Spectrum {
+                whole: spectrum(&cell),
+                run: cell.clone(),
+                folder: at("spectrum"),
+            }),
+            0.05,
+        ),
         (Box::new(resumed("resumed-run", "run.h5")), 0.1),
         (
             Box::new(resumed("resumed-checkpoint", "checkpoint.h5")),
@@ -418,6 +453,12 @@ fn subjects(folder: &Path) -> Vec<(Box<dyn Subject>, f64)> {
             0.06,
         ),
     ]
+}
+
+/// `spectrum.h5` of the last state of a run.
+fn spectrum(run: &Path) -> PathBuf {
+    common::succeed(reduce().arg("spectrum").arg(run));
+    run.join("spectrum.h5")
 }
 
 fn verdict(subject: &dyn Subject, whole: &str, bytes: &[u8]) -> Result<Verdict, String> {
@@ -589,4 +630,51 @@ fn every_number_is_protected() {
         }
     }
     assert!(changed > 150, "{changed}");
+}
+
+/// The bytes of some datasets, as any program reads them.
+fn numbers(path: &Path, names: &[String]) -> hdf5::Result<Vec<Vec<u8>>> {
+    let file = hdf5::File::open(path)?;
+    let read = |name: &String| {
+        let dataset = file.dataset(name)?;
+        let kind = dataset.dtype()?;
+        Ok(match kind.size() {
+            8 => bytemuck::cast_slice(&dataset.read_raw::<f64>()?).to_vec(),
+            4 => bytemuck::cast_slice(&dataset.read_raw::<u32>()?).to_vec(),
+            _ => dataset.read_raw::<u8>()?,
+        })
+    };
+    names.iter().map(read).collect()
+}
+
+/// HDF5 itself refuses the small files of the reducer if one bit of a number or of the structure has
+/// changed.
+#[test]
+fn every_bit_of_a_spectrum_is_protected() {
+    hdf5::silence_errors(true);
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = kept_files("walls-6", folder.path());
+    common::succeed(reduce().arg("dmin").arg(&run));
+    let files = [
+        spectrum(&kept_files("box-6", folder.path())),
+        run.join("reduced.h5"),
+    ];
+    for path in files {
+        let whole = std::fs::read(&path).expect("the file");
+        let names = common::datasets(&hdf5::File::open(&path).expect("HDF5"), "");
+        let stored = numbers(&path, &names).expect("numbers");
+        let damaged = folder.path().join("damaged.h5");
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut refused = 0;
+        for at in (0..whole.len()).step_by(whole.len() / 400) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1 << random.random_range(0..8);
+            std::fs::write(&damaged, &bytes).expect("written");
+            match numbers(&damaged, &names) {
+                Ok(found) => assert!(found == stored, "{}: byte {at}", path.display()),
+                Err(_) => refused += 1,
+            }
+        }
+        assert!(refused > 100, "{}: {refused}", path.display());
+    }
 }

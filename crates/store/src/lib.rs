@@ -37,6 +37,7 @@
 //! ```
 
 mod batch;
+mod checked;
 pub mod checkpoint;
 mod checksums;
 pub mod collective;

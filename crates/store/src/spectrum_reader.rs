@@ -2,11 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use hdf5::Dataset;
 use hdf5::types::VarLenUnicode;
-use hdf5::{Dataset, File};
 use ndarray::{Ix2, s};
 
 use gshear_dem::failure::Failure;
+
+use crate::run_reader::one_line;
+
+/// What a file of a run has of its grains.
+const OF_GRAINS: [&str; 3] = ["grain", "component", "eigenvector"];
 
 /// An open `spectrum.h5` of a run.
 pub struct SpectrumFile {
@@ -39,13 +44,20 @@ impl SpectrumFile {
     pub fn open(path: &Path) -> Result<Self, Failure> {
         hdf5::silence_errors(true);
         let bad = |why: &str| Failure::input(format!("{}: {why}", path.display()));
-        let file = File::open(path)
-            .map_err(|_| bad("cannot be read; write it with gshear-reduce spectrum"))?;
-        let unfit = |_| {
-            bad(
-                "has no eigenvectors by grain; write it with gshear-reduce spectrum RUN, without --paper-form",
-            )
+        if !path.is_file() {
+            return Err(bad("no such file; write it with gshear-reduce spectrum"));
+        }
+        let damaged = |e: hdf5::Error| bad(&format!("is damaged: {}", one_line(&e)));
+        let file = hdf5::File::open(path).map_err(damaged)?;
+        let is_of_grains = || {
+            let stage = file.attr("stage").is_ok();
+            stage && OF_GRAINS.iter().all(|name| file.link_exists(name))
         };
+        if !is_of_grains() {
+            return Err(bad(
+                "has no eigenvectors by grain; write it with gshear-reduce spectrum RUN, without --paper-form",
+            ));
+        }
         let text = |name: &str| -> hdf5::Result<String> {
             let value: VarLenUnicode = file.attr(name)?.read_scalar()?;
             Ok(value.as_str().into())
@@ -61,7 +73,7 @@ impl SpectrumFile {
                 vectors: file.dataset("eigenvector")?,
             })
         };
-        let found = read().map_err(unfit)?;
+        let found = read().map_err(damaged)?;
         let unknowns = found.grain.len();
         let fits = found.component.len() == unknowns
             && found.component.iter().all(|&c| c < 6)
@@ -96,12 +108,7 @@ impl SpectrumFile {
         let values = self
             .vectors
             .read_slice::<f64, _, Ix2>(s![k, .., ..])
-            .map_err(|e| {
-                bad(format!(
-                    "cannot be read: {}",
-                    e.to_string().replace('\n', " ")
-                ))
-            })?;
+            .map_err(|e| bad(format!("is damaged: {}", one_line(&e))))?;
         let none = || [vec![[0.0; 3]; grains], vec![[0.0; 3]; grains]];
         let mut mode = Mode {
             displacement: none(),

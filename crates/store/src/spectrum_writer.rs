@@ -1,16 +1,16 @@
-//! Writes `spectrum.h5` (docs/file-formats.md), first as `spectrum.h5.part`, so that a file with
-//! the final name is always complete.
+//! Writes `spectrum.h5` (docs/file-formats.md).
 
 use std::path::{Path, PathBuf};
 
-use hdf5::File;
 use hdf5::types::VarLenUnicode;
-use ndarray::Array3;
+use ndarray::{Array3, ArrayView};
 
 use gshear_dem::failure::Failure;
 use gshear_spectrum::{Eigenvalue, Problem};
 
+use crate::checked;
 use crate::run_reader::RunStage;
+use crate::text_writer::PartFile;
 
 /// The stored state that K is of.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,41 +56,28 @@ pub fn write(
     problem: &Problem,
     columns: &Columns,
 ) -> Result<PathBuf, Failure> {
-    let path = folder.join("spectrum.h5");
-    let part = folder.join("spectrum.h5.part");
+    let part = PartFile::create(&folder.join("spectrum.h5"))?;
     let save = || -> hdf5::Result<()> {
-        let file = File::create(&part)?;
-        let column = |name: &str, of: &dyn Fn(&Eigenvalue) -> f64| {
+        let file = checked::create(part.part())?;
+        let numbers = |name: &str, of: &dyn Fn(&Eigenvalue) -> f64| {
             let values: Vec<f64> = columns.eigenvalues.iter().map(of).collect();
-            file.new_dataset_builder().with_data(&values).create(name)
+            checked::dataset(&file, name, ArrayView::from(&values))
         };
-        column("lambda_re", &|e| e.value.re)?;
-        column("lambda_im", &|e| e.value.im)?;
-        column("residual", &|e| e.residual)?;
-        column("condition", &|e| e.condition)?;
-        let verdicts: Vec<u8> = columns
-            .eigenvalues
-            .iter()
-            .map(|e| e.verdict as u8)
-            .collect();
-        file.new_dataset_builder()
-            .with_data(&verdicts)
-            .create("verdict")?;
-        file.new_dataset_builder()
-            .with_data(&columns.participation)
-            .create("participation")?;
-        file.new_dataset_builder()
-            .with_data(&columns.vectors)
-            .create("eigenvector")?;
+        numbers("lambda_re", &|e| e.value.re)?;
+        numbers("lambda_im", &|e| e.value.im)?;
+        numbers("residual", &|e| e.residual)?;
+        numbers("condition", &|e| e.condition)?;
+        let verdicts = columns.eigenvalues.iter().map(|e| e.verdict as u8);
+        let verdicts: Vec<u8> = verdicts.collect();
+        checked::dataset(&file, "verdict", ArrayView::from(&verdicts))?;
+        let participation = ArrayView::from(&columns.participation);
+        checked::dataset(&file, "participation", participation)?;
+        checked::dataset(&file, "eigenvector", columns.vectors.view())?;
         if !columns.unknowns.is_empty() {
             let grain: Vec<u32> = columns.unknowns.iter().map(|of| of.grain).collect();
             let component: Vec<u8> = columns.unknowns.iter().map(|of| of.component).collect();
-            file.new_dataset_builder()
-                .with_data(&grain)
-                .create("grain")?;
-            file.new_dataset_builder()
-                .with_data(&component)
-                .create("component")?;
+            checked::dataset(&file, "grain", ArrayView::from(&grain))?;
+            checked::dataset(&file, "component", ArrayView::from(&component))?;
         }
         let text = |name: &str, value: &str| {
             let value: VarLenUnicode = value.parse().unwrap_or_default();
@@ -121,11 +108,7 @@ pub fn write(
             .write_scalar(&problem.norm())?;
         file.close()
     };
-    save().map_err(|e| {
-        let reason = e.to_string().replace('\n', " ");
-        Failure::other(format!("{}: cannot be written: {reason}", part.display()))
-    })?;
-    std::fs::rename(&part, &path)
-        .map_err(|e| Failure::other(format!("{}: cannot be written: {e}", path.display())))?;
-    Ok(path)
+    let saved = save();
+    part.checked(saved)?;
+    part.finish()
 }

@@ -386,7 +386,10 @@ class Run:
             if not self._is_dmin(path, radius):
                 self._reduce(["dmin", "--radius", repr(float(radius))], path.parent)
         with _hdf5.open_for_reading(path) as file:
-            values: NDArray[np.float64] = file["dmin/value"][index]
+            try:
+                values: NDArray[np.float64] = file["dmin/value"][index]
+            except OSError as error:
+                raise RunError(f"{path}: is damaged; remove it: {error}") from error
             return values
 
     def _grains(self) -> int:

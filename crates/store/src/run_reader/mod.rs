@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use hdf5::Dataset;
 
 pub use self::owner::{Owner, owner};
+pub(crate) use self::source::one_line;
 use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;

@@ -113,7 +113,7 @@ impl<'a> OpenFile<'a> {
             _ => (OLD_EDGES, self.all(OLD_EDGES)?),
         };
         match edges[..] {
-            [x, y, z] if x > 0.0 => Ok([x, y, z]),
+            [x, y, z] if x > 0.0 && [x, y, z].iter().all(|side| side.is_finite()) => Ok([x, y, z]),
             _ => Err(self.wrong(
                 name,
                 "does not hold L_x > 0, height, 0, or L_x > 0, L_y, height",
@@ -301,6 +301,6 @@ fn open_file(path: &Path) -> Result<File, Failure> {
 }
 
 /// Returns the message of an HDF5 error on one line.
-pub(super) fn one_line(error: &hdf5::Error) -> String {
+pub(crate) fn one_line(error: &hdf5::Error) -> String {
     error.to_string().replace('\n', " ")
 }
