@@ -678,3 +678,190 @@ fn every_bit_of_a_spectrum_is_protected() {
         assert!(refused > 100, "{}: {refused}", path.display());
     }
 }
+
+/// What somebody can put in the place of a dataset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Hostile {
+    Huge,
+    Empty,
+    Texts,
+    Flat,
+    Dangling,
+    Circle,
+    NotANumber,
+    OtherFile,
+    OtherDataset,
+    Virtual,
+}
+
+impl Hostile {
+    const ALL: [Self; 10] = [
+        Self::Huge,
+        Self::Empty,
+        Self::Texts,
+        Self::Flat,
+        Self::Dangling,
+        Self::Circle,
+        Self::NotANumber,
+        Self::OtherFile,
+        Self::OtherDataset,
+        Self::Virtual,
+    ];
+
+    /// Whether the numbers are those of a file of the user's.
+    fn leads_away(self) -> bool {
+        matches!(self, Self::OtherFile | Self::OtherDataset | Self::Virtual)
+    }
+
+    /// `own`: a file of the user's, which is HDF5 and holds a list `x` of numbers.
+    fn replace(self, file: &hdf5::File, name: &str, own: &Path) -> hdf5::Result<()> {
+        let old = file.dataset(name)?;
+        let (mut shape, rows, floats) = (old.shape(), old.shape()[0], old.dtype()?.is::<f64>());
+        drop(old);
+        let own = own.to_str().expect("a path");
+        file.unlink(name)?;
+        let numbers = file.new_dataset::<f64>();
+        match self {
+            Self::Huge => {
+                shape[0] = 1 << 40;
+                let chunk: Vec<usize> = shape.iter().map(|&n| n.min(64)).collect();
+                numbers.chunk(chunk).shape(shape).create(name)?;
+            }
+            Self::Empty => {
+                shape[0] = 0;
+                numbers.shape(shape).create(name)?;
+            }
+            Self::Texts => {
+                file.new_dataset::<FixedAscii<8>>()
+                    .shape(shape)
+                    .create(name)?;
+            }
+            Self::Flat => {
+                let all: usize = shape.iter().product();
+                numbers.shape([all, 1, 1, 1]).create(name)?;
+            }
+            Self::Dangling => file.link_soft("/nowhere", name)?,
+            Self::Circle => {
+                let (group, _) = name.rsplit_once('/').expect("a path");
+                file.link_hard(&format!("{group}/"), name)?;
+            }
+            Self::NotANumber if floats => {
+                let all = vec![f64::NAN; shape.iter().product()];
+                let all = ndarray::Array::from_shape_vec(shape, all).expect("its shape");
+                file.new_dataset_builder().with_data(&all).create(name)?;
+            }
+            Self::NotANumber => {
+                let all = vec![u64::MAX; shape.iter().product()];
+                let all = ndarray::Array::from_shape_vec(shape, all).expect("its shape");
+                file.new_dataset_builder().with_data(&all).create(name)?;
+            }
+            Self::OtherFile => {
+                numbers
+                    .external(own, 0, 8 * rows)
+                    .shape([rows])
+                    .create(name)?;
+            }
+            Self::OtherDataset => file.link_external(own, "/x", name)?,
+            Self::Virtual => {
+                numbers
+                    .virtual_map(own, "/x", rows, .., rows, ..)
+                    .shape([rows])
+                    .create(name)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Files that somebody made on purpose, with the sums that they need: no program crashes, takes more
+/// memory than there is in the file, or reads another file of the user's.
+#[test]
+fn hostile_files_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let own = at("own.h5");
+    let file = hdf5::File::create(&own).expect("HDF5");
+    let numbers = [7.0; 1000];
+    (file.new_dataset_builder().with_data(&numbers).create("x")).expect("numbers");
+    file.close().expect("closed");
+    let walls = kept_files("walls-6", folder.path());
+    let cell = kept_files("box-6", folder.path());
+    let spectrum = spectrum(&cell);
+    let damaged = at("damaged");
+    std::fs::create_dir(&damaged).expect("a folder");
+    let reduce = |words: &'static [&'static str]| (env!("CARGO_BIN_EXE_gshear-reduce"), words);
+    let resume: (_, &[_]) = (env!("CARGO_BIN_EXE_gshear-mpi"), &["-q", "--resume"]);
+    let of_run = [
+        reduce(&["info"]),
+        reduce(&["export", "--format=npz"]),
+        reduce(&["phases"]),
+        reduce(&["dmin"]),
+        reduce(&["correlate"]),
+        reduce(&["report"]),
+    ];
+    let of_box = [
+        reduce(&["report"]),
+        reduce(&["export", "--format=csv"]),
+        reduce(&["stability"]),
+    ];
+    let of_modes = [reduce(&[
+        "export",
+        "--format=csv",
+        "--modes=0",
+        "--spectrum",
+    ])];
+    let mut refused = 0;
+    for (whole, programs) in [
+        (walls.join("run.h5"), &of_run[..]),
+        (cell.join("aqs.h5"), &of_box),
+        (cell.join("newtonian.h5"), &of_box[1..2]),
+        (walls.join("checkpoint.h5"), &[resume]),
+        (cell.join("checkpoint.h5"), &[resume]),
+        (spectrum, &of_modes),
+    ] {
+        let name = whole.file_name().expect("a name").to_str().expect("text");
+        let names = common::datasets(&hdf5::File::open(&whole).expect("HDF5"), "");
+        for (k, dataset) in names
+            .iter()
+            .filter(|name| !name.contains("checksums"))
+            .enumerate()
+        {
+            let hostile = Hostile::ALL[k % Hostile::ALL.len()];
+            let path = damaged.join(name);
+            std::fs::copy(&whole, &path).expect("a copy");
+            common::change_file(&path, |file| {
+                // As in files of earlier versions.
+                let _ = file.unlink("checksums");
+                if let Ok(parameters) = file.group("parameters") {
+                    parameters.delete_attr("checksum").expect("removed");
+                }
+                hostile.replace(file, dataset, &own).expect("replaced");
+            });
+            let (program, words) = programs[k / Hostile::ALL.len() % programs.len()];
+            // 2 GB of addresses: nothing that the file announces and does not hold.
+            let mut command = Command::new("sh");
+            command.args(["-c", "ulimit -v 2000000; exec \"$0\" \"$@\"", program]);
+            command.args(words).arg(&path);
+            if name == "spectrum.h5" {
+                command.arg(&cell);
+            }
+            if words[0] != "info" {
+                command.arg("--out").arg(at("out/file"));
+            }
+            let outcome = bounded(&mut command, LONGEST).expect("an end");
+            let (code, text) = (outcome.code, outcome.text);
+            let _ = std::fs::remove_dir_all(at("out"));
+            assert!(
+                [0, 2, 3].contains(&code) && !text.contains("panicked"),
+                "{words:?} {dataset} {hostile:?}: {code}\n{text}"
+            );
+            refused += u32::from(code == 2);
+            let is_known = code == 2 && text.contains(name);
+            assert!(
+                is_known || !hostile.leads_away(),
+                "{words:?} {dataset} {hostile:?}: is read\n{text}"
+            );
+        }
+    }
+    assert!(refused > 100, "{refused}");
+}

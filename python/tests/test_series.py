@@ -112,6 +112,29 @@ def test_missing_runs_are_named(tmp_path: Path) -> None:
         _ = Run(foreign).parameters
 
 
+@pytest.mark.parametrize("how", ["storage", "link", "virtual"])
+def test_numbers_of_other_files_are_refused(
+    how: str, copy: Callable[[str], Path], tmp_path: Path
+) -> None:
+    own = tmp_path / "own.h5"
+    with h5py.File(own, "w") as file:
+        file["x"] = np.arange(10.0)
+    folder = copy("disks")
+    name = "observables/strain/value"
+    with h5py.File(folder / "run.h5", "r+") as file:
+        del file[name]
+        if how == "storage":
+            file.create_dataset(name, shape=10, dtype="f8", external=[(str(own), 0, 80)])
+        elif how == "link":
+            file[name] = h5py.ExternalLink(str(own), "x")
+        else:
+            layout = h5py.VirtualLayout(shape=10, dtype="f8")
+            layout[:] = h5py.VirtualSource(own, "x", shape=10)
+            file.create_virtual_dataset(name, layout)
+    with pytest.raises(RunError, match=f"{name} is in another file"):
+        _ = Run(folder).series
+
+
 def test_a_run_without_its_end_is_read_from_the_log(copy: Callable[[str], Path]) -> None:
     folder = copy("disks")
     log = folder / "log.csv"

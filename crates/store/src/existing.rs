@@ -5,6 +5,7 @@ use super::journal::{self, Journal};
 use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES};
 use super::run_reader::owner;
 use super::scalar_columns::SCALARS;
+use super::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -23,7 +24,7 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
         journal.restore(path)?;
     }
     hdf5::silence_errors(true);
-    let Err(error) = hdf5::File::open(path).and_then(|file| h5::walk(&file)) else {
+    let Err(error) = sound::open(path).and_then(|file| h5::walk(&file)) else {
         return Ok(());
     };
     let free = |k: &u64| !path.with_extension(format!("unreadable-{k}.h5")).exists();
@@ -82,7 +83,7 @@ pub fn up_to(path: &Path, series: &[Column], last: Option<u64>) -> Result<[u64; 
     inspect(path, series, 0, 0)?;
     let Some(last) = last else { return Ok([0; 3]) };
     let read = || -> hdf5::Result<[u64; 3]> {
-        let file = hdf5::File::open(path)?;
+        let file = sound::open(path)?;
         // Steps of a column's group, under its present or its former name.
         let steps = |group: &str, column: &Column| {
             let exists = |name: &str| file.link_exists(&format!("{group}/{name}"));
@@ -141,7 +142,7 @@ pub(crate) fn inspect(
     }
     let unfit = |why: String| unfit(path, &why);
     let read = || -> hdf5::Result<Result<[u64; 3], Failure>> {
-        let file = hdf5::File::open(path)?;
+        let file = sound::open(path)?;
         file.group(PARAMETERS)?.attr("scene")?;
         let length = |name: &str| -> hdf5::Result<u64> {
             let shape = file.dataset(name)?.shape();

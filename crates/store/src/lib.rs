@@ -60,6 +60,7 @@ pub mod reduced_writer;
 mod room;
 pub mod run_reader;
 mod scalar_columns;
+mod sound;
 pub mod spectrum_reader;
 pub mod spectrum_writer;
 pub mod status;

@@ -9,6 +9,8 @@ use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenU
 /// Longest fixed-length string attribute that is read; HDF5 itself allows no more than 64 KiB in an
 /// attribute.
 const TEXT: usize = 65_536;
+/// Such strings of one attribute; no file has as many.
+const MOST_TEXTS: usize = 64;
 
 /// An attribute of `parameters`.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,16 +50,23 @@ fn parameter(group: &Location, name: &str) -> hdf5::Result<Parameter> {
     let attribute = group.attr(name)?;
     Ok(match attribute.dtype()?.to_descriptor()? {
         TypeDescriptor::VarLenUnicode => {
-            Parameter::Text(attribute.read_scalar::<VarLenUnicode>()?.to_string())
+            Parameter::Text(lossy(attribute.read_scalar::<VarLenUnicode>()?.as_bytes()))
         }
         TypeDescriptor::VarLenAscii => {
-            Parameter::Text(attribute.read_scalar::<VarLenAscii>()?.to_string())
+            Parameter::Text(lossy(attribute.read_scalar::<VarLenAscii>()?.as_bytes()))
+        }
+        TypeDescriptor::FixedUnicode(_) | TypeDescriptor::FixedAscii(_)
+            if attribute.size() > MOST_TEXTS =>
+        {
+            return Err("holds too many texts".into());
         }
         TypeDescriptor::FixedUnicode(_) => {
-            Parameter::Text(attribute.read_raw::<FixedUnicode<TEXT>>()?.concat_text())
+            let texts = attribute.read_raw::<FixedUnicode<TEXT>>()?;
+            Parameter::Text(texts.iter().map(|text| lossy(text.as_bytes())).collect())
         }
         TypeDescriptor::FixedAscii(_) => {
-            Parameter::Text(attribute.read_raw::<FixedAscii<TEXT>>()?.concat_text())
+            let texts = attribute.read_raw::<FixedAscii<TEXT>>()?;
+            Parameter::Text(texts.iter().map(|text| lossy(text.as_bytes())).collect())
         }
         TypeDescriptor::Integer(_) | TypeDescriptor::Unsigned(_) if attribute.is_scalar() => {
             Parameter::Integer(attribute.read_scalar()?)
@@ -67,12 +76,7 @@ fn parameter(group: &Location, name: &str) -> hdf5::Result<Parameter> {
     })
 }
 
-trait ConcatText {
-    fn concat_text(&self) -> String;
-}
-
-impl<T: AsRef<str>> ConcatText for Vec<T> {
-    fn concat_text(&self) -> String {
-        self.iter().map(AsRef::as_ref).collect()
-    }
+/// A text that may be damaged.
+fn lossy(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
 }

@@ -9,6 +9,7 @@ use ndarray::{Ix2, s};
 use gshear_dem::failure::Failure;
 
 use crate::run_reader::one_line;
+use crate::sound;
 
 /// What a file of a run has of its grains.
 const OF_GRAINS: [&str; 3] = ["grain", "component", "eigenvector"];
@@ -48,7 +49,7 @@ impl SpectrumFile {
             return Err(bad("no such file; write it with gshear-reduce spectrum"));
         }
         let damaged = |e: hdf5::Error| bad(&format!("is damaged: {}", one_line(&e)));
-        let file = hdf5::File::open(path).map_err(damaged)?;
+        let file = sound::open(path).map_err(damaged)?;
         let is_of_grains = || {
             let stage = file.attr("stage").is_ok();
             stage && OF_GRAINS.iter().all(|name| file.link_exists(name))

@@ -33,13 +33,37 @@ def open_for_reading(path: Path) -> h5py.File:
     """Opens a file without locking it.
 
     HDF5 refuses this if the same process has it open with locks; then it is opened with locks.
+
+    Raises:
+        RunError: Its numbers are in other files, or links lead to them.
     """
     try:
-        return h5py.File(path, "r", locking=False)
+        file = h5py.File(path, "r", locking=False)
     except OSError as error:
         if "locking flag" not in str(error):
             raise
-        return h5py.File(path, "r")
+        file = h5py.File(path, "r")
+    if (found := _elsewhere(file)) is not None:
+        file.close()
+        raise RunError(f"{path}: {found} is in another file")
+    return file
+
+
+def _elsewhere(group: h5py.Group, levels: int = 8) -> str | None:
+    """Returns the name of an object below the group that is in another file, if any."""
+    for name in group:
+        link = group.get(name, getlink=True)
+        if isinstance(link, h5py.ExternalLink):
+            return f"{group.name.rstrip('/')}/{name}"
+        if not isinstance(link, h5py.HardLink):
+            continue
+        item = group[name]
+        if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
+            return str(item.name)
+        below = _elsewhere(item, levels - 1) if isinstance(item, h5py.Group) and levels else None
+        if below is not None:
+            return below
+    return None
 
 
 class SharedFile:

@@ -4,6 +4,7 @@ mod records;
 
 use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use super::h5::{Attribute, H5File, Word};
+use super::sound;
 use super::text_writer::{self, unwritten};
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
@@ -475,7 +476,7 @@ fn open(path: &Path) -> Result<(hdf5::File, u64), String> {
     if !path.is_file() {
         return Err("there is no such checkpoint".into());
     }
-    let file = hdf5::File::open(path).map_err(|e| format!("not an HDF5 file, or damaged ({e})"))?;
+    let file = sound::open(path).map_err(|e| format!("not an HDF5 file, or damaged ({e})"))?;
     let foreign = || "not a checkpoint of gshear-mpi".to_string();
     let names = file.attr_names().unwrap_or_default();
     if !names.iter().any(|n| n == "format") {
@@ -526,6 +527,9 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
     let from = (&file, version);
     let has = |sum: &str| names.iter().any(|n| n == sum);
     let grains = share("grains/id")?;
+    if grains.0.grains == 0 {
+        return Err("damaged: it holds no grain".into());
+    }
     Ok(Pieces {
         header,
         scene,

@@ -241,6 +241,13 @@ pub(super) fn read_records<R: Record>(
         }
         Ok(())
     }
+    // The widest field comes with every record.
+    if all.saturating_mul(stored_bytes::<R>(version) as u64) > file.size() {
+        return Err(format!(
+            "damaged: {} has more rows than the file can hold",
+            R::GROUP
+        ));
+    }
     let mut records = vec![R::zeroed(); (local.end - local.start) as usize];
     for field in R::integers() {
         fill(file, &field, all, &local, &mut records)?;

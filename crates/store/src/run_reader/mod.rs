@@ -227,6 +227,7 @@ impl RunFile {
             length: edges[0],
         };
         source.verify_constants(&id, &grains, &edges)?;
+        source.check_grains(&grains)?;
         let finished = parameters.contains_key("digest");
         let imposed = ImposedRow::COLUMNS[0].name;
         let columns = match source.exists(&format!("observables/{imposed}")) {

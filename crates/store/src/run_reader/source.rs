@@ -12,9 +12,11 @@ use crate::checksums::{OF_PARAMETERS, of_parameters};
 use crate::columns::ADDED;
 use crate::layout::EDGES_VALUE;
 use crate::parameter::attributes;
+use crate::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::Disks;
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
@@ -100,6 +102,23 @@ impl<'a> OpenFile<'a> {
             ));
         }
         Ok(dataset)
+    }
+
+    /// Checks that there are grains, of some size.
+    pub(super) fn check_grains(&self, grains: &Disks) -> Result<(), Failure> {
+        const GRAINS: &str = "particles/trajectory";
+        let is_size = |x: f64| x.is_finite() && x > 0.0;
+        let is_grain = |g: &usize| {
+            is_size(grains.radius[*g]) && is_size(grains.mass[*g]) && grains.body[*g] <= 2
+        };
+        match (0..grains.count()).find(|g| !is_grain(g)) {
+            _ if grains.count() == 0 => Err(self.wrong(GRAINS, "holds no grain")),
+            Some(g) => Err(self.wrong(
+                GRAINS,
+                format!("grain {g}: radius and mass must be greater than 0, body 0, 1 or 2"),
+            )),
+            None => Ok(()),
+        }
     }
 
     /// The edges of the box at the start (m): L_x, height, 0, or L_x, L_y, height.
@@ -289,7 +308,7 @@ fn open_file(path: &Path) -> Result<File, Failure> {
             "{name}: is not an HDF5 file: {FOREIGN}"
         )));
     }
-    File::open(path).map_err(|e| {
+    sound::open(path).map_err(|e| {
         let reason = one_line(&e);
         let state = if reason.contains("lock file") {
             "is being written"
