@@ -158,6 +158,50 @@ fn random_places_that_do_not_settle_are_refused() {
     }
 }
 
+/// Numbers that fail in a strain step, and in Newton's equations: exit code 3, and all rows and
+/// frames before the failure are in the file.
+#[test]
+fn a_box_that_fails_keeps_what_led_to_it() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| temporary.path().join(name);
+    let frames = "--set=aqs.frame_every=1";
+    let far = [frames, "--set=aqs.strain_step=0.3", "--set=aqs.steps=9"];
+    let failed = run(Path::new(SCENE), 1, &at("far"), &far);
+    assert_eq!(failed.code, 3, "{}", failed.text);
+    let strained = RunFile::open_any(&at("far/aqs.h5")).expect("a file");
+    let rows = failed.text.matches("aqs:   step ").count();
+    assert!(rows > 0, "{}", failed.text);
+    let steps: Vec<u64> = (0..rows as u64).collect();
+    assert_eq!(strained.series().step, steps);
+    assert_eq!(strained.frame_steps(), steps);
+
+    let short = [
+        "--set=aqs.steps=1",
+        "--stop-at=2",
+        "--set=newtonian.rows=50",
+    ];
+    let stopped = run(Path::new(SCENE), 2, &at("stopped"), &short);
+    assert_eq!(stopped.code, 75, "{}", stopped.text);
+    for ranks in [1, 2] {
+        let folder = at(&format!("wild-{ranks}"));
+        let checkpoint = at("stopped/checkpoint.h5");
+        let wild = [
+            format!("--resume={}", checkpoint.display()),
+            format!("--branch={}", folder.display()),
+            "--set=time.force=true".into(),
+            "--set=time.step=3.0".into(),
+            "--set=newtonian.rows=1000".into(),
+        ];
+        let program = env!("CARGO_BIN_EXE_gshear-mpi");
+        let output = common::mpirun(ranks, program).args(&wild).output();
+        let output = output.expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(3), "{said}");
+        assert!(newtonian(&folder).series().step.len() > 1, "{said}");
+    }
+}
+
 /// Starts a run, waits for a file in its folder and a while longer, asks it to stop, and returns how
 /// it ends. Fails if it goes on.
 fn asked_to_stop(ranks: usize, folder: &Path, more: &[&str], file: &str) -> Outcome {

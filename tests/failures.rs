@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use common::{gshear_mpi, interrupted};
+use gshear_store::run_reader::RunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 
@@ -177,6 +178,60 @@ fn failing_numbers_end_the_run() {
         "{}",
         outcome.text
     );
+}
+
+/// Numbers that fail in the shear, on any ranks, from the start or resumed: exit code 3, and all rows
+/// and frames before the failure are in the file, as in the log.
+#[test]
+fn a_failing_shear_keeps_what_led_to_it() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let set = [
+        "shear.inertial_number=none",
+        "shear.velocity=40",
+        "output.series_strain=1e-3",
+        "output.frame_strain=1e-2",
+    ];
+    let fresh: Vec<String> = std::iter::once(SCENE.to_string())
+        .chain(set.map(|set| format!("--set={set}")))
+        .collect();
+    let stopped = gshear_mpi(
+        2,
+        &at("stopped"),
+        &[&fresh[..], &["--stop-at=10".into()]].concat(),
+    );
+    assert_eq!(stopped.code, 75, "{}", stopped.text);
+    let mut said = None;
+    for (name, ranks, resumes) in [
+        ("one", 1, false),
+        ("two", 2, false),
+        ("of one", 1, true),
+        ("of two", 2, true),
+        ("of three", 3, true),
+    ] {
+        let mut arguments = fresh.clone();
+        if resumes {
+            common::copy_folder(&at("stopped"), &at(name));
+            arguments = vec![format!("--resume={}", at(name).display())];
+        }
+        let failed = gshear_mpi(ranks, &at(name), &arguments);
+        assert_eq!(failed.code, 3, "{name}: {}", failed.text);
+        let why = message(&failed.text);
+        let step: u64 = why["shear, step ".len()..why.find(':').expect("a step")]
+            .parse()
+            .expect("a step");
+        assert_eq!(*said.get_or_insert(why.clone()), why);
+        let run = RunFile::open(&at(name)).expect("a file");
+        let log = std::fs::read_to_string(at(name).join("log.csv")).expect("a log");
+        assert_eq!(run.series().step.len(), log.lines().count() - 1, "{name}");
+        let interval = run.frame_steps()[1];
+        for steps in [&run.series().step[..], run.frame_steps()] {
+            let last = *steps.last().expect("some");
+            assert!(last < step && last + interval >= step, "{name}: {steps:?}");
+        }
+        common::same_run(&at("one"), &at(name));
+    }
 }
 
 /// The last good checkpoint stays when the numbers fail later.

@@ -430,13 +430,15 @@ fn spread(all: u64, many: u64, offset: f64) -> impl Iterator<Item = u64> {
     (0..many).map(move |k| 1 + (at(k) as u64).min(all - 1))
 }
 
-/// Calls that fail. A disk stays full, or is full for a moment; a device fails once.
-const FAILING: [(&str, Option<u64>); 5] = [
+/// Calls that fail. A disk stays full, or is full for a moment; a device fails once, at a write or
+/// when a file is closed.
+const FAILING: [(&str, Option<u64>); 6] = [
     ("enospc", None),
     ("enospc", Some(3)),
     ("eio", Some(1)),
     ("eio", None),
     ("short", Some(1)),
+    ("close", Some(1)),
 ];
 const KILLING: [(&str, Option<u64>); 2] = [("kill", None), ("torn", None)];
 
@@ -511,6 +513,17 @@ fn a_short_write_is_completed() {
             spread(calls[0], 5, 0.5),
         )
         .collect()
+    });
+}
+
+/// A close that fails on one rank ends the job, with the reason.
+#[test]
+fn a_close_that_fails_is_no_wait() {
+    study(&[2, 3], |start, ranks, calls| {
+        // The ranks do not close the same files.
+        let rank = if start == Start::New { 0 } else { ranks - 1 };
+        let at = spread(calls[rank], 2, 0.4);
+        at_calls((start, ranks), ("close", Some(1)), rank, at).collect()
     });
 }
 

@@ -21,7 +21,7 @@ use gshear_mpi::{AUTO, Choice, CommandLine};
 use gshear_mpi_exchange::World;
 use gshear_scene::Source;
 use gshear_store::collective::agree;
-use gshear_store::provenance;
+use gshear_store::{h5, provenance};
 
 fn main() -> ExitCode {
     // Before MPI starts, which takes a while: a signal without a handler ends the program at once.
@@ -47,9 +47,9 @@ fn main() -> ExitCode {
             if speaks {
                 say_error(&format!("error: {failure}"));
             }
-            if let Failure::Other(_) = &failure {
-                // When the process ends, HDF5 would try to close a broken file: it could wait for
-                // ever, or crash.
+            if matches!(failure, Failure::Other(_)) || h5::is_left_open() {
+                // When MPI ends, HDF5 would try to close the file: it could wait for ever, or
+                // crash.
                 world.barrier();
                 world.abort(failure.exit_code());
             }

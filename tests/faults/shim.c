@@ -6,7 +6,8 @@
  * FAULT_CALL   the call that fails first, counted from 1 in each process; 0 only counts
  * FAULT_CALLS  how many calls fail from then on (default: all)
  * FAULT_KIND   enospc, eio: the call fails; short: half is written; kill: the process dies before
- *              the call; torn: it dies after half of the write
+ *              the call; torn: it dies after half of the write; close: every close of a file that
+ *              was written fails from the call on
  * FAULT_RANK   the rank concerned (default: all)
  * FAULT_COUNT  file that gets "rank calls" when the process ends
  */
@@ -23,7 +24,7 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
-static atomic_long calls;
+static atomic_long calls, closes;
 
 static long number(const char *name, long otherwise) {
     const char *text = getenv(name);
@@ -171,6 +172,26 @@ int ftruncate64(int fd, off_t length) {
 int fsync(int fd) {
     REAL(int, "fsync", int);
     return simple(fd) ? -1 : real(fd);
+}
+
+/* The descriptor is closed all the same. */
+int close(int fd) {
+    REAL(int, "close", int);
+    char link[64], path[4096];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    ssize_t n = readlink(link, path, sizeof path - 1);
+    const char *kind = getenv("FAULT_KIND");
+    long first = number("FAULT_CALL", 0), of_rank = number("FAULT_RANK", -1);
+    int fails = 0;
+    if (n >= 0 && kind && !strcmp(kind, "close") && (of_rank < 0 || of_rank == rank())) {
+        path[n] = 0;
+        fails = concerned(path) && (fcntl(fd, F_GETFL) & O_ACCMODE) != O_RDONLY
+            && atomic_load(&calls) >= first
+            && atomic_fetch_add(&closes, 1) < number("FAULT_CALLS", 1L << 40);
+    }
+    int closed = real(fd);
+    if (fails) errno = EIO;
+    return fails ? -1 : closed;
 }
 
 /* A call that makes, renames or links a file. */

@@ -354,6 +354,18 @@ impl Files {
         self.flush(exchange)?;
         self.trajectory.finish(exchange, attributes)
     }
+
+    /// Closes the files of a stage that has failed, with what led to numbers that failed. After any
+    /// other failure they are left as they are. Returns the failure.
+    pub fn fail(self, exchange: &dyn Parallel, failure: Failure) -> Failure {
+        let Failure::Numbers(what) = failure else {
+            return failure;
+        };
+        Failure::Numbers(match self.finish(exchange, &[]) {
+            Ok(()) => what,
+            Err(lost) => format!("{what}; and what led to it is lost: {lost}"),
+        })
+    }
 }
 
 /// The constant properties of the grains that this rank owns.

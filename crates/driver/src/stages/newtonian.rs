@@ -25,7 +25,7 @@ use super::spectra_file::SpectraFile;
 use super::spectrum::GlobalState;
 use crate::files::{Files, Format};
 use crate::header::{Header, Pair, Progress};
-use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use crate::run::{Checkpoint, Outcome, Run, Save, Stage, StageState};
 use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 
@@ -206,8 +206,20 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         })
     }
 
-    /// Closes the file of the finished stage.
-    pub fn finish(mut self, run: &Run<'_>) -> Result<(), Failure> {
+    /// Closes the files; a run that is done is marked as finished.
+    pub fn finish(
+        mut self,
+        run: &Run<'_>,
+        outcome: Result<Outcome, Failure>,
+    ) -> Result<Outcome, Failure> {
+        match outcome {
+            Ok(Outcome::Done) => {}
+            Ok(Outcome::Stopped) => {
+                self.files.finish(run.exchange, &[])?;
+                return outcome;
+            }
+            Err(failure) => return Err(self.files.fail(run.exchange, failure)),
+        }
         let digest = digest(
             run.exchange,
             &mut self.system,
@@ -221,7 +233,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         let attributes = [("digest", Attribute::Text(digest.clone()))];
         self.files.finish(run.exchange, &attributes)?;
         run.terminal.moved(&digest, &run.options.out);
-        Ok(())
+        outcome
     }
 }
 

@@ -75,8 +75,8 @@ pub fn run<D: LawSpace>(
     } else {
         let begins = written.is_none();
         let mut strain = Strain::new(run, scene, periodic, law, system, progress, written)?;
-        let outcome = run.drive(&mut strain, begins)?;
-        let (system, progress) = strain.finish(run, outcome == Outcome::Done)?;
+        let outcome = run.drive(&mut strain, begins);
+        let (system, progress, outcome) = strain.finish(run, outcome)?;
         if outcome == Outcome::Stopped {
             return Ok(outcome);
         }
@@ -101,9 +101,6 @@ pub fn run<D: LawSpace>(
         resumed,
     };
     let mut stage = NewtonianStage::new(run, scene, newtonian, law, system, from)?;
-    let outcome = run.drive(&mut stage, begins)?;
-    if outcome == Outcome::Done {
-        stage.finish(run)?;
-    }
-    Ok(outcome)
+    let outcome = run.drive(&mut stage, begins);
+    stage.finish(run, outcome)
 }

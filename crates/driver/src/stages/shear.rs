@@ -13,6 +13,7 @@ use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::{SERIES_COLUMNS, SeriesRow, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{Origin, PackingFile, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
@@ -22,7 +23,7 @@ use super::setup::system;
 use crate::files::{Files, Format};
 use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
-use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use crate::run::{Checkpoint, Outcome, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
 use gshear_store::status::Standing;
@@ -171,9 +172,23 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         })
     }
 
-    /// Closes the files; `complete` marks the run as finished.
-    pub fn finish(mut self, run: &Run<'_>, complete: bool) -> Result<(), Failure> {
+    /// Closes the files; a run that is done is marked as finished.
+    pub fn finish(
+        mut self,
+        run: &Run<'_>,
+        outcome: Result<Outcome, Failure>,
+    ) -> Result<Outcome, Failure> {
         let exchange = run.exchange;
+        let outcome = match outcome {
+            Ok(outcome) => outcome,
+            Err(failure) => {
+                if let Failure::Numbers(_) = failure {
+                    self.write_scalars(exchange)?;
+                }
+                return Err(self.files.fail(exchange, failure));
+            }
+        };
+        let complete = outcome == Outcome::Done;
         let seconds = exchange.maximum(self.started.elapsed().as_secs_f64());
         let done = f64::from(self.scene.sample.grains) * (self.step - self.first) as f64;
         let rate = done / seconds / exchange.size() as f64;
@@ -204,7 +219,15 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             &digest,
             (&run.options.out, complete),
         );
-        Ok(())
+        Ok(outcome)
+    }
+
+    /// Hands the scalars computed so far to the files.
+    fn write_scalars(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+        match &mut self.analysis {
+            Some(analysis) => self.files.scalars(exchange, &analysis.flush(exchange)),
+            None => Ok(()),
+        }
     }
 
     /// The output due after the step `next`: a row, a frame, a frame to be analysed.
@@ -356,10 +379,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 
     fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
-        if let Some(analysis) = &mut self.analysis {
-            let rows = analysis.flush(run.exchange);
-            self.files.scalars(run.exchange, &rows)?;
-        }
+        self.write_scalars(run.exchange)?;
         let written = self.files.flush(run.exchange)?;
         Ok(Checkpoint {
             header: self.header(run, written),

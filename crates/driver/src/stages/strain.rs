@@ -21,7 +21,7 @@ use super::rest::RestState;
 use super::spectrum::{Eigenvalues, GlobalState};
 use crate::files::{Files, Format};
 use crate::header::{Birth, Header, Progress, Stretched};
-use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use crate::run::{Checkpoint, Outcome, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
 use gshear_store::status::Standing;
 
@@ -98,13 +98,18 @@ impl<'a, D: Dimension> Strain<'a, D> {
         })
     }
 
-    /// Closes the file; `complete` marks the strain steps as finished.
+    /// Closes the file; strain steps that are done are marked as finished.
     pub fn finish(
         mut self,
         run: &Run<'_>,
-        complete: bool,
-    ) -> Result<(System<D>, Progress), Failure> {
+        outcome: Result<Outcome, Failure>,
+    ) -> Result<(System<D>, Progress, Outcome), Failure> {
         let (exchange, progress) = (run.exchange, self.progress);
+        let outcome = match outcome {
+            Ok(outcome) => outcome,
+            Err(failure) => return Err(self.files.fail(exchange, failure)),
+        };
+        let complete = outcome == Outcome::Done;
         let digest = digest(
             exchange,
             &mut self.system,
@@ -125,7 +130,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         if complete {
             run.terminal.strained(&progress, &digest);
         }
-        Ok((self.system, progress))
+        Ok((self.system, progress, outcome))
     }
 
     /// Whether the pair ends the strain steps.

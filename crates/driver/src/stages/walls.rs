@@ -83,9 +83,8 @@ pub fn run<D: LawSpace>(
     let law = force::<D>(&scene.law, scene.contact);
     let begins = from.step == 0;
     let mut shear = ShearStage::new(run, scene, plane_shear, law, from, state)?;
-    let outcome = run.drive(&mut shear, begins)?;
-    shear.finish(run, outcome == Outcome::Done)?;
-    Ok(outcome)
+    let outcome = run.drive(&mut shear, begins);
+    shear.finish(run, outcome)
 }
 
 /// The first stage of the run, and its state.

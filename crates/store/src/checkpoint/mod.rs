@@ -130,7 +130,7 @@ pub fn write(
     }
     let (part, name) = part_of(exchange, folder)?;
     let path = folder.join(name);
-    let file = agree(exchange, H5File::create(&path, exchange))?;
+    let file = H5File::create(&path, exchange)?;
     let bytes = |records: u64, of_one: usize| records as usize * of_one;
     let mut needed = header.len() + scene.len();
     needed += bytes(grains.length, size_of::<GrainState>());
@@ -162,7 +162,7 @@ pub fn write(
         write_records(&file, &mut outcome, displacements);
     }
     file.agree(exchange, outcome)?;
-    agree(exchange, file.close())?;
+    file.close(exchange)?;
     verify(exchange, &path, &attributes)?;
     let moved = part.map_or(Ok(()), |part| replace(folder, part));
     agree(exchange, moved)

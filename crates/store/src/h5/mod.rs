@@ -1,7 +1,7 @@
 //! HDF5 files written by all ranks together. The `hdf5` crate has no collective transfers, so this
 //! module calls the C library for them; it holds the only unsafe code of this crate.
 
-use super::collective::CollectiveOutcome;
+use super::collective::{CollectiveOutcome, agree};
 use super::parameter::{Parameter, attributes};
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::{LoneFailure, Parallel};
@@ -23,6 +23,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// No file has groups within groups of as many levels.
 const DEEPEST: usize = 8;
@@ -93,9 +94,10 @@ struct Context {
     path: PathBuf,
     /// Transfer properties: collective if there are several ranks.
     transfer: PropertyList,
-    /// Whether a call has failed. The file is then not closed, because closing it is collective and
-    /// could wait for ever.
+    /// Whether a call has failed, or the file was dropped without being closed.
     failed: Cell<bool>,
+    /// Whether the file is being closed.
+    closes: Cell<bool>,
     /// A failed rank may leave a collective call that the others wait in.
     lone: LoneFailure,
     /// The datasets of the file that were created or opened.
@@ -114,12 +116,21 @@ impl Context {
     }
 }
 
+/// Whether a file was left open.
+static LEFT_OPEN: AtomicBool = AtomicBool::new(false);
+
+/// Whether this process has left a file open for writing, as after a failure. It must then end by
+/// [`World::abort`](gshear_mpi_exchange::World::abort): HDF5 would close the file when MPI ends,
+/// which could crash, or wait for ever.
+pub fn is_left_open() -> bool {
+    LEFT_OPEN.load(Ordering::Relaxed)
+}
+
 /// A file open for writing on all ranks. Every call is collective; all arguments but the data must
 /// be the same on every rank.
 ///
-/// After a failure nothing more is written and the file is not closed. A job of several ranks
-/// should then end by [`World::abort`](gshear_mpi_exchange::World::abort), because HDF5 would try
-/// to close the file when MPI ends.
+/// Only [`H5File::close`] closes it, because closing is collective. After a failure nothing more is
+/// written, and the file is [left open](is_left_open).
 pub struct H5File {
     file: hdf5::File,
     context: Rc<Context>,
@@ -129,29 +140,39 @@ impl H5File {
     /// Creates a file, replacing an existing one.
     ///
     /// # Errors
-    /// [`Failure::Other`] if HDF5 fails.
+    /// [`Failure::Other`] if HDF5 fails, the same on every rank.
     pub fn create(path: &Path, exchange: &dyn Parallel) -> Result<Self, Failure> {
-        Self::open_as(path, exchange, hdf5::OpenMode::Create, "create")
+        // One rank makes an empty file: where ranks create one together and a call of one of them
+        // fails, MPI-IO leaves them waiting for each other.
+        let made = match exchange.rank() {
+            0 => (hdf5::File::with_options().with_fapl(|access| access.libver_v18()))
+                .create(path)
+                .and_then(hdf5::File::close)
+                .map_err(|e| Failure::other(format!("{}: cannot create: {e}", path.display()))),
+            _ => Ok(()),
+        };
+        agree(exchange, made)?;
+        Self::open(path, exchange)
     }
 
     /// Opens an existing file for writing.
     ///
     /// # Errors
-    /// [`Failure::Other`] if HDF5 fails.
+    /// [`Failure::Other`] if HDF5 fails, the same on every rank.
     pub fn open(path: &Path, exchange: &dyn Parallel) -> Result<Self, Failure> {
-        Self::open_as(path, exchange, hdf5::OpenMode::ReadWrite, "open")
+        let lone = exchange.lone_failure();
+        let opened = Self::open_here(path, exchange).map_err(|error| {
+            let message = format!("{}: cannot open: {error}", path.display());
+            lone.note(&message);
+            Failure::other(message)
+        });
+        let agreed = agree(exchange, opened);
+        lone.clear();
+        agreed
     }
 
-    fn open_as(
-        path: &Path,
-        exchange: &dyn Parallel,
-        mode: hdf5::OpenMode,
-        what: &str,
-    ) -> Result<Self, Failure> {
+    fn open_here(path: &Path, exchange: &dyn Parallel) -> hdf5::Result<Self> {
         let communicator = exchange.communicator();
-        let fail = |error: hdf5::Error| {
-            Failure::other(format!("{}: cannot {what}: {error}", path.display()))
-        };
         let file = hdf5::File::with_options()
             .with_fapl(|access| {
                 if let Some(communicator) = communicator {
@@ -163,24 +184,24 @@ impl H5File {
                 // resumed.
                 access.libver_v18()
             })
-            .open_as(path, mode)
-            .map_err(fail)?;
-        let lone = exchange.lone_failure();
-        if communicator.is_some() {
-            mpi_errors::note(&file, path, lone.clone()).map_err(fail)?;
-        }
-        let transfer = transfer(communicator.is_some()).map_err(fail)?;
-        Ok(H5File {
+            .open_rw(path)?;
+        let context = Context {
+            path: path.into(),
+            transfer: transfer(communicator.is_some())?,
+            failed: Cell::new(false),
+            closes: Cell::new(false),
+            lone: exchange.lone_failure(),
+            raw_data: RefCell::default(),
+            reserved: Cell::new(0),
+        };
+        let file = H5File {
             file,
-            context: Rc::new(Context {
-                path: path.into(),
-                transfer,
-                failed: Cell::new(false),
-                lone,
-                raw_data: RefCell::default(),
-                reserved: Cell::new(0),
-            }),
-        })
+            context: Rc::new(context),
+        };
+        if communicator.is_some() {
+            mpi_errors::note(&file.file, path, file.context.lone.clone())?;
+        }
+        Ok(file)
     }
 
     /// Creates a group and its missing parents.
@@ -378,7 +399,7 @@ impl H5File {
     /// file.
     ///
     /// # Errors
-    /// As [`agree`](super::collective::agree).
+    /// As [`agree`].
     pub fn agree(
         &self,
         exchange: &dyn Parallel,
@@ -395,19 +416,28 @@ impl H5File {
     /// Closes the file. Its columns must have been dropped.
     ///
     /// # Errors
-    /// [`Failure::Other`] if HDF5 fails.
-    pub fn close(self) -> Result<(), Failure> {
+    /// As [`agree`].
+    pub fn close(self, exchange: &dyn Parallel) -> Result<(), Failure> {
         let file = self.file.clone();
         let context = self.context.clone();
         context.raw_data.borrow_mut().clear();
+        context.closes.set(true);
         drop(self);
-        file.close().map_err(|e| context.failure("/", "close", &e))
+        let closed = file.close().map_err(|e| context.failure("/", "close", &e));
+        let agreed = agree(exchange, closed);
+        context.lone.clear();
+        if agreed.is_err() {
+            LEFT_OPEN.store(true, Ordering::Relaxed);
+        }
+        agreed
     }
 }
 
 impl Drop for H5File {
     fn drop(&mut self) {
-        if self.context.failed.get() {
+        if !self.context.closes.get() {
+            LEFT_OPEN.store(true, Ordering::Relaxed);
+            self.context.failed.set(true);
             // References that are never released keep the file open.
             std::mem::forget(self.file.clone());
             std::mem::forget(self.context.clone());

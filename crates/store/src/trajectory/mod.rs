@@ -91,10 +91,11 @@ pub fn waiting_bytes(frame: f64) -> f64 {
 /// `run.h5`, open for writing. Its content does not depend on the number of ranks. Every call is
 /// collective.
 pub struct TrajectoryWriter {
+    // Dropped first: its datasets are not to be closed unless the file is.
+    file: H5File,
     columns: Datasets,
     /// Where the run computes scalars of frames.
     scalars: Option<ScalarColumns>,
-    file: H5File,
     path: PathBuf,
     blocks: IdBlocks,
     /// Number of frames in a batch.
@@ -138,8 +139,8 @@ impl TrajectoryWriter {
             _ => Ok(()),
         };
         agree(exchange, removed)?;
+        let file = H5File::create(path, exchange)?;
         let created = (|| {
-            let file = H5File::create(path, exchange)?;
             let layout = Layout {
                 grains: grains as usize,
                 axes: header.axes,
@@ -154,10 +155,9 @@ impl TrajectoryWriter {
                 file.attribute(PARAMETERS, name, value)?;
             }
             seal(&file)?;
-            let columns = Datasets::new(&file, Mode::Create, &layout)?;
-            Ok((file, columns))
+            Datasets::new(&file, Mode::Create, &layout)
         })();
-        let (file, columns) = agree(exchange, created)?;
+        let columns = agree(exchange, created)?;
         let mut writer = Self::new(file, path, columns, blocks);
         writer.write_statics(exchange, header)?;
         Ok(writer)
@@ -384,7 +384,7 @@ impl TrajectoryWriter {
         self.write_rows(exchange)?;
         self.attributes(exchange, attributes)?;
         drop((self.columns, self.scalars));
-        agree(exchange, self.file.close())?;
+        self.file.close(exchange)?;
         let removed = match exchange.rank() {
             0 => journal::remove(&self.path),
             _ => Ok(()),

@@ -42,21 +42,17 @@ impl TrajectoryWriter {
             grains,
             ranks: exchange.size() as u64,
         };
-        let opened = (|| {
-            let file = H5File::open(path, exchange)?;
-            let layout = Layout {
-                grains: grains as usize,
-                axes: axes as usize,
-                series,
-                // They matter only to new datasets.
-                walls: true,
-                units: false,
-                history_unit: "",
-            };
-            let columns = Datasets::new(&file, Mode::Open, &layout)?;
-            Ok((file, columns))
-        })();
-        let (file, columns) = agree(exchange, opened)?;
+        let file = H5File::open(path, exchange)?;
+        let layout = Layout {
+            grains: grains as usize,
+            axes: axes as usize,
+            series,
+            // They matter only to new datasets.
+            walls: true,
+            units: false,
+            history_unit: "",
+        };
+        let columns = agree(exchange, Datasets::new(&file, Mode::Open, &layout))?;
         let mut writer = Self::new(file, path, columns, blocks);
         (
             writer.frames_written,
