@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use common::gshear_mpi;
-use common::protocols::{Case, DISKS};
+use common::protocols::{Case, DISKS, SPHERES_UNDER_A_SPRING};
 use gshear_store::run_reader::RunFile;
 
 /// Parts of which every one returns to a strain that another one has had.
@@ -164,6 +164,57 @@ fn a_layer_at_rest_is_reported() {
     assert_eq!(summary["largest_drop"], serde_json::Value::Null);
     reduce(&["info", text(temporary.path())]);
     reduce(&["phases", text(temporary.path())]);
+}
+
+/// k/N and the laws are of one normal force: a mean over a step of the pressure would be of neither
+/// side of it. An oscillation about one pressure is no step.
+#[test]
+fn rate_and_state_takes_one_load() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let of = |parts: &'static [&'static str], name: &str| {
+        let case = Case {
+            further: &[
+                "output.series_rows=100",
+                "output.frame_rows=none",
+                "pack.tolerance=1e-2",
+            ],
+            parts,
+            ..SPHERES_UNDER_A_SPRING
+        };
+        let folder = temporary.path().join(name);
+        case.run(&folder, 1, &[]).digest();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+        command.args(["rate-state", text(&folder)]);
+        let output = command.output().expect("gshear-reduce");
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        (
+            output.status.code(),
+            words.split_whitespace().collect::<Vec<_>>().join(" "),
+        )
+    };
+    let stepped = &[
+        "velocity = 3, time = 1e-4",
+        "velocity = 1, time = 1e-4, pressure = 5e4",
+    ];
+    let free = &[
+        "velocity = 3, time = 1e-4",
+        "velocity = 1, time = 1e-4, wall_velocity = 0",
+    ];
+    for (parts, name, why) in [
+        (stepped, "stepped", "the load changes from "),
+        (free, "free", "no load is imposed in a part"),
+    ] {
+        let (code, words) = of(parts, name);
+        let why = format!("imposed_normal_force: {why}");
+        assert!(code == Some(2) && words.contains(&why), "{code:?} {words}");
+    }
+    let vibrated = &[
+        "velocity = 1, time = 1e-4",
+        "velocity = 3, time = 1e-4, pressure = 1e5, pressure_amplitude = 3e4, pressure_frequency = 8e4",
+    ];
+    let (code, words) = of(vibrated, "vibrated");
+    assert_eq!(code, Some(0), "{words}");
 }
 
 /// A run of velocities alone has fewer columns, and its files cannot be continued with more.

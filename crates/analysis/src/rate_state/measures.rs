@@ -78,6 +78,8 @@ pub struct Reslide {
     pub peak: f64,
     /// Slip at the peak since the end of the hold (m).
     pub slip_at_peak: f64,
+    /// k̄ of layer and spring together ([`reload_stiffness`], 1/m).
+    pub stiffness: Option<f64>,
     /// Δμ: the peak minus μ_ss before the hold.
     pub healing: f64,
     /// Standard error of Δμ, from that of μ_ss and the scatter of means as long as that of the
@@ -168,6 +170,7 @@ pub fn holds(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> 
                 velocity: drive.velocity,
                 peak: found.friction,
                 slip_at_peak: found.slip - record.slip[rows.end - 1],
+                stiffness: reload_stiffness(record, after),
                 healing: found.friction - before.friction,
                 error: before.error.hypot(found.error),
             })
@@ -181,6 +184,35 @@ pub fn holds(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> 
         })
     };
     (1..record.drive.len()).filter_map(of).collect()
+}
+
+/// Share of the way from the end of a hold to the greatest μ over which a reload is measured.
+const RELOAD: f64 = 0.5;
+
+/// Returns k̄ of layer and spring together (1/m) as the slide in `segment` after a hold shows it: the
+/// slope of μ over the displacement of the drive, by least squares from the end of the hold until μ
+/// has risen half of the way to its greatest value in the first half of the slide.
+///
+/// `None` if there is no such slide, if μ does not rise, or if fewer than three rows show it.
+pub fn reload_stiffness(record: &SliderRecord, segment: usize) -> Option<f64> {
+    let drive = record.drive.get(segment).filter(|drive| !drive.is_hold())?;
+    let [half, _] = record.halves(segment);
+    let before = half.start.checked_sub(1)?;
+    let start = record.friction[before];
+    let greatest = record.friction[half.clone()]
+        .iter()
+        .copied()
+        .reduce(f64::max)?;
+    let risen = start + RELOAD * (greatest - start);
+    let rises = half.take_while(|row| record.friction[*row] < risen);
+    let begin = record.begin(segment);
+    let share = |row: usize| (record.time[row] - begin).max(0.0) / drive.duration;
+    let points: Vec<_> = std::iter::once(before)
+        .chain(rises)
+        .map(|row| [share(row), record.friction[row]])
+        .collect();
+    let (_, slope, _) = line(&points).filter(|_| points.len() > 2)?;
+    (slope > 0.0).then_some(slope / drive.distance())
 }
 
 struct Extreme {
@@ -325,7 +357,7 @@ pub fn peak_growth<'a>(holds: impl IntoIterator<Item = &'a Hold>) -> Vec<PeakGro
 }
 
 /// Intercept, slope and its 95 % interval of the least-squares line; `None` if all x are equal.
-fn line(points: &[[f64; 2]]) -> Option<(f64, f64, Option<[f64; 2]>)> {
+pub(super) fn line(points: &[[f64; 2]]) -> Option<(f64, f64, Option<[f64; 2]>)> {
     let n = points.len() as f64;
     let mean = |c: usize| points.iter().map(|p| p[c]).sum::<f64>() / n;
     let [x0, y0] = [mean(0), mean(1)];

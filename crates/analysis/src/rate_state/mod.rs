@@ -31,7 +31,7 @@ pub use jackknife::jackknife;
 pub use law::{Evolution, LogState, RateStateLaw};
 pub use measures::{
     Healing, Hold, PeakGrowth, Peaks, Reslide, Steady, VelocityStep, healing, holds, peak_growth,
-    steady_segments, steps,
+    reload_stiffness, steady_segments, steps,
 };
 pub use noise::{Autocorrelation, block_error, correlation};
 pub use protocol::{DriveSegment, of_drive};

@@ -1,10 +1,11 @@
 //! How μ relaxes in holds, averaged over the holds of one kind in all realisations.
 
+use super::measures::{line, reload_stiffness};
 use super::record::SliderRecord;
 
 /// Times since the start of a hold at which μ is averaged, over powers of ten.
 const MANTISSAS: [f64; 2] = [1.0, 3.0];
-/// The average at t is over t/`WINDOW` to t·`WINDOW`.
+/// The value at t is that of a line in ln t through the rows from t/`WINDOW` to t·`WINDOW`.
 const WINDOW: f64 = 1.2;
 /// Share of the slide before a hold over whose end μ and T are averaged.
 const LAST: f64 = 0.01;
@@ -20,8 +21,11 @@ pub struct Relaxation {
     pub before: f64,
     /// t_hold (s).
     pub duration: f64,
-    /// Mean k̄ (1/m).
+    /// Mean k̄ of the spring (1/m).
     pub stiffness: f64,
+    /// Mean k̄ of layer and spring together as the reslides show it ([`reload_stiffness`], 1/m); NaN
+    /// if no slide follows.
+    pub reload: f64,
     /// Time since the start of the hold (s).
     pub time: f64,
     /// Number of holds averaged.
@@ -36,9 +40,9 @@ pub struct Relaxation {
 
 impl Relaxation {
     /// The change by the direct effect alone, -a ln(1 + k̄ V_i t/a): at a constant state the slider
-    /// creeps and unloads its spring.
-    pub fn of_direct_effect(&self, a: f64) -> f64 {
-        -a * (self.stiffness * self.before * self.time / a).ln_1p()
+    /// creeps and unloads what holds it. `stiffness` is k̄ (1/m): of the spring, or of the reload.
+    pub fn of_direct_effect(&self, a: f64, stiffness: f64) -> f64 {
+        -a * (stiffness * self.before * self.time / a).ln_1p()
     }
 }
 
@@ -48,16 +52,23 @@ struct Course {
     before: f64,
     duration: f64,
     stiffness: f64,
+    reload: Option<f64>,
     rows: Vec<[f64; 3]>,
 }
 
 impl Course {
-    /// Means of the change and of T about a time.
+    /// The change and T at a time.
     fn at(&self, time: f64) -> Option<[f64; 2]> {
         let within = |row: &&[f64; 3]| time / WINDOW <= row[0] && row[0] <= time * WINDOW;
         let rows: Vec<_> = self.rows.iter().filter(within).collect();
         let mean = |k: usize| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64;
-        (!rows.is_empty()).then(|| [mean(1), mean(2)])
+        // A mean would be that of earlier times at the end of a hold, which cuts the window.
+        let points: Vec<_> = rows
+            .iter()
+            .map(|row| [(row[0] / time).ln(), row[1]])
+            .collect();
+        let change = line(&points).map_or_else(|| mean(1), |(at, ..)| at);
+        (!rows.is_empty()).then(|| [change, mean(2)])
     }
 }
 
@@ -80,6 +91,7 @@ fn courses(record: &SliderRecord) -> Vec<Course> {
             before: slide.velocity,
             duration: hold.duration,
             stiffness: record.stiffness,
+            reload: reload_stiffness(record, segment + 1),
             rows: record.rows(segment).map(row).collect(),
         })
     };
@@ -115,12 +127,14 @@ fn of_group(group: &[Course]) -> Vec<Relaxation> {
         let count = means.len() as f64;
         let mean = |k: usize| means.iter().map(|m| m[k]).sum::<f64>() / count;
         let change = mean(0);
+        let reloads: Vec<f64> = group.iter().filter_map(|of| of.reload).collect();
         let square: f64 = means.iter().map(|m| (m[0] - change).powi(2)).sum();
         // At shorter times than those between rows there is nothing to average.
         (means.len() == group.len()).then(|| Relaxation {
             before: group[0].before,
             duration,
             stiffness: group.iter().map(|of| of.stiffness).sum::<f64>() / count,
+            reload: reloads.iter().sum::<f64>() / reloads.len() as f64,
             time,
             holds: means.len(),
             change,

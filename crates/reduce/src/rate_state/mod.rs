@@ -295,9 +295,16 @@ fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()
         }
     }
     for of in &reduction.relaxations {
-        let law = reduction.direct_effect.map(|a| of.of_direct_effect(a));
-        let law = law.map_or(String::new(), |law| {
-            format!(", by the direct effect {law:+.4}")
+        let by = |a: f64, stiffness: f64| match stiffness.is_finite() {
+            true => format!("{:+.4}", of.of_direct_effect(a, stiffness)),
+            false => "unknown".into(),
+        };
+        let law = reduction.direct_effect.map_or(String::new(), |a| {
+            format!(
+                ", by the direct effect {} with k/N of the spring, {} with that of the reload",
+                by(a, of.stiffness),
+                by(a, of.reload)
+            )
         });
         let error = match of.error.is_finite() {
             true => format!(" ± {:.4}", of.error),

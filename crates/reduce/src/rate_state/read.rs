@@ -1,10 +1,16 @@
 //! Reads the record of an experiment from a run. Only this module knows the names of columns and
 //! keys.
 
+use std::ops::Range;
+
 use gshear_analysis::rate_state::{SliderRecord, of_drive};
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::RunFile;
 
+/// The load of a protocol that imposes more than velocities.
+const IMPOSED: &str = "imposed_normal_force";
+/// Loads are equal if their means over half a segment agree to this share: an oscillation is no change.
+const SAME_LOAD: f64 = 0.05;
 /// Smallest number of rows of the time series in a segment.
 const FEWEST_ROWS: usize = 20;
 
@@ -33,11 +39,14 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
         "kinetic_energy",
     ]
     .map(|name| run.series().column(name).to_vec());
+    let series = run.series();
+    let is_imposed = series.declared.iter().any(|column| column.name == IMPOSED);
+    let mut imposed = is_imposed.then(|| series.column(IMPOSED).to_vec());
     // Friction is undefined in rows in which the slider touches nothing.
     let whole: Vec<bool> = (0..time.len())
         .map(|row| columns.iter().all(|column| column[row].is_finite()))
         .collect();
-    for values in columns.iter_mut().chain([&mut time]) {
+    for values in columns.iter_mut().chain([&mut time]).chain(&mut imposed) {
         let mut keep = whole.iter();
         values.retain(|_| keep.next() == Some(&true));
     }
@@ -56,6 +65,8 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
     }
     let drive = of_drive(&time, velocity, displacement)
         .map_err(|what| wrong(format!("observables/drive_velocity: {what}")))?;
+    // What comes before the first slide, perhaps under another load, is left out.
+    let normal = &normal[velocity.iter().position(|v| *v > 0.0).unwrap_or(0)..];
     let force = normal.iter().sum::<f64>() / normal.len().max(1) as f64;
     if !time.is_empty() && (force.is_nan() || force <= 0.0) {
         return Err(wrong(format!(
@@ -72,7 +83,33 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
         temperature: temperature(run, rate, kinetic),
         realisations: 1,
     };
-    tested(&record).map_err(wrong)
+    let tested = tested(&record).map_err(wrong)?;
+    if let Some(imposed) = imposed {
+        let first = record.time.partition_point(|t| *t < tested.time[0]);
+        one_load(&tested, &imposed[first..]).map_err(wrong)?;
+    }
+    Ok(tested)
+}
+
+/// Refuses a load that changes: k̄ and the laws are of one normal force. `imposed` `[L]` (N).
+fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
+    let halves = (0..record.drive.len()).flat_map(|segment| record.halves(segment));
+    let mean = |rows: Range<usize>| imposed[rows.clone()].iter().sum::<f64>() / rows.len() as f64;
+    let means: Vec<f64> = halves.filter(|rows| !rows.is_empty()).map(mean).collect();
+    let least = means.iter().copied().fold(f64::INFINITY, f64::min);
+    let greatest = means.iter().copied().fold(0.0, f64::max);
+    let free = means.iter().any(|load| load.is_nan());
+    if !free && greatest - least <= SAME_LOAD * greatest {
+        return Ok(());
+    }
+    let what = match free {
+        true => "no load is imposed in a part of the protocol".into(),
+        false => format!("the load changes from {least:.4e} to {greatest:.4e} N"),
+    };
+    Err(format!(
+        "observables/{IMPOSED}: {what}, but k/N and the laws are of one load; reduce runs whose mean load is constant \
+         from the first slide on"
+    ))
 }
 
 /// The granular temperature of every row: (E/n - m̄ V²/6)/(P d̄³), in 2D over P d̄², with the kinetic

@@ -157,6 +157,7 @@ fn holds(reduction: &Reduction) -> String {
         .column("slip_at_peak", |(.., hold)| {
             known(hold.reslide?.slip_at_peak)
         })
+        .column("reload_stiffness", |(.., hold)| hold.reslide?.stiffness)
         .column("healing", |(.., hold)| known(hold.reslide?.healing))
         .column("error", |(.., hold)| known(hold.reslide?.error))
         .columns(["healing_aging", "healing_slip"], |(k, n, _)| {
@@ -177,7 +178,11 @@ fn relaxations(reduction: &Reduction) -> String {
         .column("change", |of| known(of.change))
         .column("error", |of| known(of.error))
         .column("change_direct_effect", |of| {
-            a.and_then(|a| known(of.of_direct_effect(a)))
+            a.and_then(|a| known(of.of_direct_effect(a, of.stiffness)))
+        })
+        .column("reload_stiffness", |of| known(of.reload))
+        .column("change_direct_effect_reload", |of| {
+            a.and_then(|a| known(of.of_direct_effect(a, of.reload)))
         })
         .column("granular_temperature", |of| known(of.temperature))
         .csv()
@@ -278,6 +283,7 @@ fn experiment(experiment: &Experiment, runs: &[String]) -> Value {
                 "velocity": reslide.velocity,
                 "peak": reslide.peak,
                 "slip_at_peak": reslide.slip_at_peak,
+                "reload_stiffness": reslide.stiffness,
                 "healing": pair([reslide.healing, reslide.error]),
             })),
         })

@@ -147,7 +147,12 @@ const SEGMENTS: [Column; 7] = [
     Column::new("error", "1", "its standard error"),
     TEMPERATURE,
 ];
-const RELAXATIONS: [Column; 8] = [
+const RELOAD: Column = Column::new(
+    "reload_stiffness",
+    "m-1",
+    "k/N of layer and spring together: rise of μ over the displacement of the drive after the hold",
+);
+const RELAXATIONS: [Column; 10] = [
     Column::new("velocity_before", "m s-1", "drive velocity before the hold"),
     Column::new("t_hold", "s", "duration of the hold"),
     Column::new("time", "s", "time since the start of the hold"),
@@ -165,7 +170,13 @@ const RELAXATIONS: [Column; 8] = [
     Column::new(
         "change_direct_effect",
         "1",
-        "change by the direct effect alone",
+        "change by the direct effect alone, with k/N of the spring",
+    ),
+    RELOAD,
+    Column::new(
+        "change_direct_effect_reload",
+        "1",
+        "the same with k/N of the reload",
     ),
     TEMPERATURE,
 ];
@@ -206,7 +217,7 @@ const AFTER_STEPS: [Column; 5] = [
         "standard error from the scatter among the steps",
     ),
 ];
-const HOLDS: [Column; 12] = [
+const HOLDS: [Column; 13] = [
     Column::new("velocity_before", "m s-1", "drive velocity before the hold"),
     Column::new("t_hold", "s", "duration of the hold"),
     Column::new(
@@ -235,6 +246,7 @@ const HOLDS: [Column; 12] = [
         "m",
         "slip from the end of the hold to the peak",
     ),
+    RELOAD,
     Column::new("healing", "1", "peak less the steady μ"),
     Column::new("error", "1", "standard error"),
     Column::new(

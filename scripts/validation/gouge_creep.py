@@ -1,0 +1,245 @@
+#!/usr/bin/env python3
+"""What relaxes μ in a gouge: the impedance of the layer, its stiffness, and agitation.
+
+    gouge_creep.py OUT [NAME ...]
+
+Runs configs/gouge-holds-cheap.toml with three seeds into OUT, branches of it, and prints the tables
+of docs/gouge.md. NAME is one or more of impedance, holds, reload, damping, steps (default: all).
+Runs that are there already are not made again. About an hour of a core.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from gshear import Run
+
+SCENE = Path(__file__).parents[2] / "configs/gouge-holds-cheap.toml"
+PROGRAM = os.environ.get("GSHEAR_MPI", "gshear-mpi")
+SEEDS = (1, 2, 3)
+FAST = "{velocity=1.0,distance=20e-3}"
+SLIDE = "{velocity=0.1,distance=1e-3}"
+VELOCITIES = (0.0, 0.01, 0.05, 0.1, 0.15, 0.2, 0.4, 1.0)
+FREQUENCY = 20e3
+AMPLITUDES = (0.5e-6, 1e-6, 2e-6, 4e-6)
+# Since the start of a hold (s).
+TIMES = (1e-4, 1e-3, 3e-3, 10e-3)
+# Slip at 0.1 m/s (m): windows of the table of the direct effect.
+SLIPS = (0.0, 1e-6, 2.5e-6, 5e-6, 10e-6, 25e-6)
+
+
+def program(out: Path, *arguments: str) -> None:
+    """Makes a run, if it is not there."""
+    if not (out / "run.h5").exists():
+        # Rank and messages are of no interest; the reason of a failure is on standard error.
+        subprocess.run([PROGRAM, *arguments, "--quiet"], check=True, stdout=subprocess.DEVNULL)
+
+
+def base(out: Path, seed: int) -> Path:
+    """Returns the folder of the base case of a seed."""
+    folder = out / f"base/seed-{seed}"
+    program(folder, str(SCENE), "--sweep", str(seed), "--out", str(out / "base"))
+    return folder
+
+
+def checkpoint_after(folder: Path, parts: int) -> Path:
+    """Returns the checkpoint of a run at the end of its first `parts` parts."""
+    with Run(folder, quiet=True) as run:
+        velocity, step = (run.series[name].to_numpy() for name in ("drive_velocity", "step"))
+        last = int(step[np.flatnonzero(np.diff(velocity))[parts - 1]])
+    kept = [int(p.stem.rpartition("-")[2]) for p in folder.glob("checkpoint-[0-9]*.h5")]
+    return folder / f"checkpoint-{min(kept, key=lambda step: abs(step - last))}.h5"
+
+
+def branch(out: Path, start: tuple[Path, int], name: str, parts: list[str], *sets: str) -> Path:
+    """Makes a branch that begins after parts of a run, and returns its folder."""
+    source, done = start
+    folder = out / name / source.name
+    branch_from(checkpoint_after(source, done), folder, parts, *sets)
+    return folder
+
+
+def branch_from(checkpoint: Path, folder: Path, parts: list[str], *sets: str) -> None:
+    """Makes a branch of a checkpoint with another protocol and perhaps other keys."""
+    keys = [f"shear.protocol=[{','.join(parts)}]", *sets]
+    changes = [word for key in keys for word in ("--set", key)]
+    program(folder, "--resume", str(checkpoint), "--branch", str(folder), *changes)
+
+
+def columns(folder: Path, *names: str) -> list[np.ndarray]:
+    """Returns columns of the time series."""
+    with Run(folder, quiet=True) as run:
+        return [run.series[name].to_numpy() for name in names]
+
+
+def mean(values: list[float]) -> str:
+    """Mean and standard error over the seeds."""
+    error = np.std(values, ddof=1) / np.sqrt(len(values))
+    return f"{np.mean(values):.4g} ± {error:.2g}"
+
+
+def impedance(out: Path) -> None:
+    """Jumps of the drive's velocity from one state that slides at 0.1 m/s."""
+    found: dict[float, list[list[float]]] = {}
+    for seed in SEEDS:
+        start = (base(out, seed), 2)
+        curves = {}
+        for v in VELOCITIES:
+            parts = [FAST, SLIDE, f"{{velocity={v},time=3e-4}}"]
+            time, mu = columns(branch(out, start, f"jump-{v}", parts), "time", "stress_ratio")
+            curves[v] = (time - time[0], mu)
+        time, at_rest = curves[0.1]
+        for v in VELOCITIES:
+            if v == 0.1:
+                continue
+            change = (np.interp(time, *curves[v]) - at_rest) / (v - 0.1)
+            windows = [
+                change[(time > a / 0.1) & (time <= b / 0.1)].mean() for a, b in pairwise(SLIPS)
+            ]
+            late = change[(time > 1.5e-4)].mean()
+            found.setdefault(v, []).append([change[time < 1e-4].max(), *windows, late])
+    print(
+        "velocity,peak (s/m)," + ",".join(f"to {b / 0.1 * 1e6:.0f} us" for b in SLIPS[1:]) + ",late"
+    )
+    for v, rows in found.items():
+        print(f"{v}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
+
+
+def agitated(amplitude: float) -> str:
+    """Keys of a part under vibration."""
+    return f",bottom_amplitude={amplitude},bottom_frequency={FREQUENCY}" if amplitude else ""
+
+
+def holds(out: Path) -> None:
+    """Holds under vibration, after a slide without and with it."""
+    print(
+        "vibrated,amplitude (m),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",per factor e"
+    )
+    for kind, amplitudes in (("hold", (0.0, *AMPLITUDES)), ("slide", AMPLITUDES[1:2])):
+        for amplitude in amplitudes:
+            of = agitated(amplitude)
+            slide = SLIDE[:-1] + (of if kind == "slide" else "") + "}"
+            parts = [FAST, slide, f"{{velocity=0.0,time=10e-3{of}}}"]
+            rows = []
+            for seed in SEEDS:
+                start = (base(out, seed), 2 if kind == "hold" else 1)
+                folder = branch(out, start, f"{kind}-{amplitude}", parts)
+                rows.append(relaxation(folder, start[0] if kind == "hold" else folder))
+            print(
+                f"{kind},{amplitude},"
+                + ",".join(mean(list(column)) for column in np.transpose(rows))
+            )
+
+
+def damping(out: Path) -> None:
+    """Slide and hold with the damping of eq. 8 taken literally, after the fast part."""
+    parts = [FAST, SLIDE, "{velocity=0.0,time=10e-3}"]
+    literal = [
+        *("contact.restitution=none", "contact.impact_speed=none", "contact.impact_diameter=none"),
+        "contact.normal_damping=1.0e4",
+    ]
+    print("damping,T in the slide," + ",".join(f"{t * 1e3:g} ms" for t in TIMES))
+    for name, sets in (("base", []), ("literal", literal)):
+        folders = [
+            branch(out, (base(out, seed), 1), name + "-damping", parts, *sets) for seed in SEEDS
+        ]
+        rows = [[slide_temperature(f), *relaxation(f, f)[1:-1]] for f in folders]
+        print(f"{name}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
+
+
+def slide_temperature(folder: Path) -> float:
+    """The granular temperature in the latter half of a slide at 0.1 m/s."""
+    velocity, rate, kinetic = columns(folder, "drive_velocity", "slip_rate", "kinetic_energy")
+    slide = np.flatnonzero(velocity == 0.1)
+    late = slide[len(slide) // 2 :]
+    unit, free, mass = units(folder)
+    return float((kinetic[late] / free - mass * rate[late] ** 2 / 6.0).mean() / unit)
+
+
+def units(folder: Path) -> tuple[float, int, float]:
+    """P d³ (J), the number of free grains and their mean mass (kg)."""
+    with Run(folder, quiet=True) as run:
+        grains = run.hdf5["particles/trajectory"]
+        unit = run.parameters["pressure"] * (2.0 * grains["radius"][:].mean()) ** 3
+        free = grains["body"][:] == 0
+        return unit, int(free.sum()), float(grains["mass"][:][free].mean())
+
+
+def relaxation(folder: Path, slide: Path) -> list[float]:
+    """T in the latter half of a hold, changes of μ after TIMES, and their slope over ln t.
+
+    Changes are since the end of the slide before, which is in the run `slide`.
+    """
+    velocity, mu = columns(slide, "drive_velocity", "stress_ratio")
+    start = mu[velocity == 0.1][-20:].mean()
+    velocity, time, mu, kinetic = columns(
+        folder, "drive_velocity", "time", "stress_ratio", "kinetic_energy"
+    )
+    unit, free, _ = units(folder)
+    hold = np.flatnonzero(velocity == 0.0)
+    since = time[hold] - time[hold[0]] + (time[hold[1]] - time[hold[0]])
+    mu, kinetic = mu[hold], kinetic[hold]
+    changes = []
+    for t in TIMES:
+        near = (since > t / 1.2) & (since < t * 1.2)
+        line = np.polyfit(np.log(since[near] / t), mu[near], 1)
+        changes.append(line[1] - start)
+    slope = (changes[-1] - changes[0]) / np.log(TIMES[-1] / TIMES[0])
+    return [kinetic[len(hold) // 2 :].mean() / free / unit, *changes, slope]
+
+
+def reload(out: Path) -> None:
+    """A slow slide after an agitated hold: the slope of μ over the displacement of the drive.
+
+    It is taken until μ has risen half of the way to its greatest value, as rate-state does.
+    """
+    amplitude = AMPLITUDES[-2]
+    hold = f"{{velocity=0.0,time=10e-3{agitated(amplitude)}}}"
+    slopes = []
+    for seed in SEEDS:
+        held = branch(out, (base(out, seed), 2), f"hold-{amplitude}", [FAST, SLIDE, hold])
+        parts = [FAST, SLIDE, hold, "{velocity=0.02,distance=5e-4}"]
+        folder = out / "reload" / held.name
+        last = max(held.glob("checkpoint-[0-9]*.h5"), key=lambda p: int(p.stem.split("-")[1]))
+        branch_from(last, folder, parts)
+        driven, mu = columns(folder, "drive_displacement", "stress_ratio")
+        risen = np.argmax(mu >= mu[0] + 0.5 * (mu.max() - mu[0]))
+        slopes.append(np.polyfit(driven[:risen] - driven[0], mu[:risen], 1)[0])
+        print(
+            f"seed {seed}: from {mu[0]:.4f} to {mu.max():.4f}, {slopes[-1]:.0f} /m in {risen} rows"
+        )
+    print(f"reload: {mean(slopes)} /m")
+
+
+def steps(out: Path) -> None:
+    """Velocity steps 0.1, 0.01, 0.1 m/s with and without vibration."""
+    for amplitude in (0.0, AMPLITUDES[1]):
+        of = agitated(amplitude)
+        slides = [(0.1, 2e-3), (0.01, 1e-3), (0.1, 2e-3)]
+        parts = [FAST, *(f"{{velocity={v},distance={d}{of}}}" for v, d in slides)]
+        changes = []
+        for seed in SEEDS:
+            folder = branch(out, (base(out, seed), 1), f"steps-{amplitude}", parts)
+            velocity, mu = columns(folder, "drive_velocity", "stress_ratio")
+            edges = [0, *(np.flatnonzero(np.diff(velocity)) + 1), len(mu)]
+            last = [mu[(a + b) // 2 : b].mean() for a, b in pairwise(edges)]
+            changes.append([last[-2] - last[-3], last[-1] - last[-2]])
+        down, up = (list(column) for column in np.transpose(changes))
+        print(f"steps, {amplitude} m: down {mean(down)}, up {mean(up)}")
+
+
+def main(out: Path, names: list[str]) -> None:
+    """Makes and prints the experiments of these names."""
+    for experiment in (impedance, holds, reload, damping, steps):
+        if not names or experiment.__name__ in names:
+            experiment(out)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])
