@@ -14,6 +14,9 @@ use crate::kernel::ContactForces;
 use crate::state::{Cell, ContactSample, GrainSample, ImposedRow, SeriesRow, body};
 use crate::system::System;
 
+/// Numbers of the four sums of a row in its message.
+const SUMS: usize = 4 * (LIMBS + 1);
+
 /// Constants of the sample from which rows of the time series are computed.
 #[derive(Debug, Clone, Copy)]
 pub struct SampleConstants {
@@ -169,7 +172,6 @@ pub fn series<D: Dimension>(
         counts[2] += free(at.i) + free(at.j);
     }
 
-    const SUMS: usize = 4 * (LIMBS + 1);
     let mut message = [0i64; SUMS + 3];
     let (sums, tail) = message.split_at_mut(SUMS);
     for (part, limbs) in [shear, normal, kinetic, potential]
