@@ -98,6 +98,35 @@ fn scalars_of_the_run_are_those_of_its_frames() {
     }
 }
 
+/// Grains that move by more than half a period between two frames, with a stop in between: images
+/// are part of the checkpoint.
+#[test]
+fn scalars_follow_grains_over_the_edge() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let scalars = [
+        SCENE,
+        "--set=analysis.scalars=true",
+        "--set=analysis.strain=0.9",
+        "--set=output.frame_strain=0.9",
+    ];
+    let scalars = scalars.map(String::from);
+    let whole = temporary.path().join("whole");
+    gshear_mpi(1, &whole, &scalars).digest();
+    let run_of = open(&whole);
+    let [first, last] = [0, 1].map(|t| run_of.unwrapped(t..t + 1).expect("a frame").remove(0));
+    let moved = first.iter().zip(&last).map(|(a, b)| (b[0] - a[0]).abs());
+    assert!(moved.fold(0.0, f64::max) > 0.5 * run_of.grains().length);
+    let expected = bits(&FrameSeries::of_frames(&run_of).expect("frames"));
+    assert_eq!(of(&whole), expected);
+    let broken = temporary.path().join("broken");
+    let stop = format!("--stop-at={}", run_of.frame_steps()[1] - 5);
+    let stopped = gshear_mpi(1, &broken, &[&scalars[..], &[stop]].concat());
+    assert_eq!(stopped.code, 75, "{}", stopped.text);
+    resumed(&broken.join("checkpoint.h5"), &broken, 2, &[]).digest();
+    assert_eq!(of(&broken), expected);
+}
+
 /// Turned off for a while: the rows that are there stay, and the next one has no frame before it.
 #[test]
 fn a_gap_is_a_gap() {

@@ -142,6 +142,7 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         id: id as u32,
         body: 0,
         position: [27, 28].map(|c| number(t, id, c)),
+        image: image(t, id)[0],
     };
     let force = |(i, j)| ContactForce {
         i,
@@ -154,6 +155,7 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         body: 0,
         start: [31, 32, 33].map(|c| number(t, id, c)),
         angle: [34, 35, 36].map(|c| number(t, id, c)),
+        image: image(t, id),
     };
     Snapshot {
         header: format!("{{\"step\":{t}}}"),

@@ -203,6 +203,16 @@ impl Fixture {
             dataset.write(values)
         };
         chunked(&position, &planar(|f| &f.position))?;
+        let image = particles.create_group("image")?;
+        let along_x =
+            |(t, i, k): (usize, usize, usize)| i32::from(k == 0) * self.frames[t].image[i] as i32;
+        let values = Array3::from_shape_fn((frames, n, 3), along_x);
+        image
+            .new_dataset::<i32>()
+            .chunk((4, n, 3))
+            .shape(SimpleExtents::resizable(values.shape()))
+            .create("value")?
+            .write(&values)?;
         let velocity = particles.create_group("velocity")?;
         chunked(&velocity, &planar(|f| &f.velocity))?;
         let spin = particles.create_group("angular_velocity")?;
@@ -276,7 +286,11 @@ impl Fixture {
         let parameters = file.create_group("parameters")?;
         let title = "Made up <for> tests & nothing else";
         let scene = format!(
-            "title = \"{title}\"\nseed = {}\n[contact]\nfriction = {:?}\n",
+            "title = \"{title}\"\nseed = {}\n\
+             material = {{ young_modulus = 1e9, poisson_ratio = 0.2, density = 2500 }}\n\
+             contact = {{ friction = {:?}, damping_ratio = 0.1 }}\n\
+             sample = {{ grains = 1000, radius_min = 0.5e-6, radius_max = 1e-6, length = 48e-6 }}\n\
+             load.stiffness_number = 10_000\nshear = {{ velocity = 1e-4, strain = 0.1 }}\n",
             self.seed, self.friction
         );
         text(&parameters, "scene", &scene)?;
@@ -368,6 +382,9 @@ fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
         step,
         time: step as f64 * TIME_STEP,
         position,
+        image: (points.iter())
+            .map(|r| r[0].div_euclid(grains.length) as i64)
+            .collect(),
         velocity,
         angular_velocity,
         contacts,

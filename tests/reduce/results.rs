@@ -17,10 +17,15 @@ fn dmin_is_written_for_every_frame() {
         ..fixture.frames[2].clone()
     };
     let length = fixture.grains.length;
-    fixture.frames[3]
-        .position
-        .iter_mut()
-        .for_each(|r| r[0] = (r[0] + 0.01 * r[1]).rem_euclid(length));
+    let Frame {
+        position, image, ..
+    } = &mut fixture.frames[3];
+    for (r, image) in position.iter_mut().zip(image) {
+        // The highest grains move by more than a period.
+        let x = r[0] + 2.7 * r[1];
+        r[0] = x.rem_euclid(length);
+        *image += x.div_euclid(length) as i64;
+    }
     let (folder, path) = folder_with(&fixture);
     done(&["dmin", &path, "--threads", "2"]);
     let mut files = std::fs::read_dir(folder.path())

@@ -4,7 +4,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::neighbourhood::{NearPairs, separation};
-use super::rattlers;
+use super::{displacement, rattlers};
 use gshear_dem::simd::{Isa, Lanes, Work};
 use gshear_dem::state::{Disks, Frame};
 
@@ -56,8 +56,8 @@ impl NonAffine {
     ///
     /// Rattlers of the earlier frame are neither centres nor neighbours. The result is NaN for
     /// rattlers, for grains with fewer than two neighbours, and for neighbours on one line
-    /// (singular Y). Separations and displacements are nearest images along x, so the periodic
-    /// boundary has no effect.
+    /// (singular Y). Separations are nearest images along x and displacements follow the images of
+    /// the grains, so the periodic boundary has no effect.
     pub fn between(
         &mut self,
         grains: &Disks,
@@ -70,15 +70,12 @@ impl NonAffine {
         rattlers::mark::<2>(grains, &earlier.contacts, &mut self.rattler);
         self.near.update(length, radius, &earlier.position);
         self.moving.clear();
-        let places = earlier.position.iter().zip(&later.position);
-        self.moving.extend(
-            places
-                .zip(&self.rattler)
-                .map(|((from, to), rattler)| Moving {
-                    place: if *rattler { [f64::NAN; 2] } else { *from },
-                    displacement: separation(length, *from, *to),
-                }),
-        );
+        let grains = self.rattler.iter().zip(&earlier.position).enumerate();
+        self.moving
+            .extend(grains.map(|(n, (rattler, from))| Moving {
+                place: if *rattler { [f64::NAN; 2] } else { *from },
+                displacement: displacement::between(length, earlier, later, n),
+            }));
         self.sum_moments(length, radius);
         self.gradient.clear();
         let sums = self.moments.iter().zip(&self.neighbours);
@@ -325,6 +322,22 @@ mod tests {
             .solve(&wanted, 0.0)
             .expect("U and V were asked for");
         (design * gamma - wanted).norm_squared() / before.len() as f64
+    }
+
+    /// Grains that move by several periods, each by its own number of them, between two frames.
+    #[test]
+    fn displacements_follow_the_images() {
+        let grains = packing(500);
+        let points = scattered(9, 500, L, 24e-6);
+        let map = |shear: f64| mapped(&points, Matrix2::new(1.0, shear, 0.0, 1.0));
+        let sheared = |shear: f64| frame(&grains, &map(shear));
+        assert_affine(&grains, &sheared(-7.0), &sheared(11.0));
+        // One more grain alone moves by 0.8 L, farther than the shortest way.
+        let mut moved = map(0.1);
+        moved[3].x += 0.8 * L;
+        let later = frame(&grains, &moved);
+        let value = dmin(&grains, &sheared(0.0), &later)[3];
+        assert!(value > 0.5 * (0.8 * L).powi(2), "{value:e}");
     }
 
     #[test]

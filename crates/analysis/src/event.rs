@@ -5,34 +5,96 @@ use nalgebra::{Matrix3, Vector3};
 
 use gshear_dem::dimension::Dimension;
 use gshear_dem::neighbour::{Bins, LocalExtent};
-use gshear_dem::state::{Cell, Disks, FrameRecords};
+use gshear_dem::state::{BoxEdges, Cell, Disks, FrameRecords};
 
 use crate::rattlers;
 
-/// Returns D²min of every grain between two states, `[N]` (m²): the mean square residual of the
+/// Two frames of a run, and how grains are followed from one to the other.
+#[derive(Debug, Clone, Copy)]
+pub struct Interval<'a> {
+    /// The cell in the earlier and in the later frame.
+    pub cells: [Cell; 2],
+    /// The frames.
+    pub frames: [&'a FrameRecords; 2],
+    /// Periods that were taken from the Lees–Edwards offset in between; see [`Cell::shear`].
+    pub periods: i64,
+    /// Whether the frames have images. Without them grains move by the shortest way.
+    pub has_images: bool,
+}
+
+impl Interval<'_> {
+    /// The edges of the later cell, with the whole Lees–Edwards offset since the earlier frame (m).
+    fn later_edges<D: Dimension>(&self) -> BoxEdges {
+        let mut edges = self.cells[1].edges::<D>(0.0);
+        edges[D::UP][0] += self.periods as f64 * edges[0][0];
+        edges
+    }
+
+    /// Returns how far the copy of a grain moves that is inside the box in the earlier frame (m).
+    pub fn displacement<D: Dimension>(&self, grain: usize) -> [f64; 3] {
+        let [from, to] = self.frames.map(|frame| &frame.grains[grain]);
+        if !self.has_images {
+            return self.cells[1].separation::<D>(&to.position, &from.position);
+        }
+        let mut crossed: [i64; 3] = std::array::from_fn(|axis| to.image[axis] - from.image[axis]);
+        crossed[0] -= self.periods * from.image[D::UP];
+        self.cells[1].displacement::<D>(&to.position, &from.position, crossed)
+    }
+}
+
+/// The multiples of the cell's edges that `near` is away from a - b, of which it is an image.
+fn images<D: Dimension>(cell: &Cell, near: [f64; 3], a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    let edges = cell.edges::<D>(f64::INFINITY);
+    let mut counts = [0.0; 3];
+    for axis in [D::UP, 1, 0] {
+        let skewed = if axis == 0 {
+            counts[D::UP] * edges[D::UP][0]
+        } else {
+            0.0
+        };
+        let by = near[axis] - (a[axis] - b[axis]) - skewed;
+        counts[axis] = (by / edges[axis][axis]).round();
+    }
+    counts
+}
+
+/// Returns D²min of every grain between two frames, `[N]` (m²): the mean square residual of the
 /// neighbours' motion after the best local affine map (LH eq. B1, in D dimensions).
 ///
-/// `cells`: the cell in the earlier and in the later state. Neighbours are the grains within
-/// `radius` (m) in the earlier state. NaN if there are fewer neighbours than dimensions or if they
+/// Neighbours are the grains whose nearest image is within `radius` (m) in the earlier frame; that
+/// image is followed to the later frame. NaN if there are fewer neighbours than dimensions or if they
 /// lie on one line or plane. Grains for which `counts` is false are neither centres (their value is
 /// NaN) nor neighbours.
 ///
 /// This version works grain by grain. [`crate::dmin`] works pair by pair and serves the
 /// frames of long runs of disks.
 pub fn non_affine<D: Dimension>(
-    cells: [Cell; 2],
-    earlier: &[[f64; 3]],
-    later: &[[f64; 3]],
+    interval: &Interval<'_>,
     radius: f64,
     counts: impl Fn(usize) -> bool,
 ) -> Vec<f64> {
-    let apart = |cell: &Cell, at: &[[f64; 3]], i: usize, j: usize| {
-        let mut r = Vector3::from(cell.separation::<D>(&at[j], &at[i]));
-        r.iter_mut().skip(D::AXES).for_each(|x| *x = 0.0);
-        r
+    let cell = &interval.cells[0];
+    let grains = &interval.frames[0].grains;
+    let earlier: Vec<[f64; 3]> = grains.iter().map(|grain| grain.position).collect();
+    let moved: Vec<[f64; 3]> = (0..earlier.len())
+        .map(|n| interval.displacement::<D>(n))
+        .collect();
+    let edges = [cell.edges::<D>(0.0), interval.later_edges::<D>()];
+    let bins = Bins::<D>::new(*cell, LocalExtent::whole(cell.periods[0]), radius, &earlier);
+    // The separation b of j from i, and its change u.
+    let pair = |i: usize, j: usize| {
+        let b = cell.separation::<D>(&earlier[j], &earlier[i]);
+        let mut u = Vector3::zeros();
+        (0..D::AXES).for_each(|axis| u[axis] = moved[j][axis] - moved[i][axis]);
+        if edges[0] != edges[1] {
+            let counts = images::<D>(cell, b, &earlier[j], &earlier[i]);
+            for (axis, u) in u.iter_mut().enumerate() {
+                let stretched = (0..3).map(|k| counts[k] * (edges[1][k][axis] - edges[0][k][axis]));
+                *u += stretched.sum::<f64>();
+            }
+        }
+        [Vector3::from(b), u]
     };
-    let extent = LocalExtent::whole(cells[0].periods[0]);
-    let bins = Bins::<D>::new(cells[0], extent, radius, earlier);
     let of = |i: usize| {
         if !counts(i) {
             return f64::NAN;
@@ -41,56 +103,51 @@ pub fn non_affine<D: Dimension>(
         bins.each_near(&earlier[i], |j| {
             let j = j as usize;
             if j != i && counts(j) {
-                let before = apart(&cells[0], earlier, i, j);
-                if before.norm() < radius {
-                    pairs.push([before, apart(&cells[1], later, i, j)]);
+                let [b, u] = pair(i, j);
+                if b.norm() < radius {
+                    pairs.push([b, u]);
                 }
             }
         });
-        let mut y = Matrix3::zeros();
-        let mut x = Matrix3::zeros();
-        for [before, after] in &pairs {
-            x += after * before.transpose();
-            y += before * before.transpose();
-        }
-        // In 2D the fit leaves the third axis unchanged.
-        (D::AXES..3).for_each(|axis| y[(axis, axis)] = 1.0);
-        let scale = radius * radius * pairs.len() as f64;
-        let regular = y.determinant() > 1e-12 * scale.powi(D::AXES as i32);
-        match y
-            .try_inverse()
-            .filter(|_| regular && pairs.len() >= D::AXES)
-        {
-            Some(inverse) => {
-                let map = x * inverse;
-                let left =
-                    |[before, after]: &[Vector3<f64>; 2]| (after - map * before).norm_squared();
-                pairs.iter().map(left).sum::<f64>() / pairs.len() as f64
-            }
-            None => f64::NAN,
-        }
+        residual::<D>(&pairs, radius)
     };
     (0..earlier.len()).map(of).collect()
 }
 
-/// [`non_affine`] between two frames, without the rattlers of the earlier one.
+/// Returns the mean square residual of the changes u of the separations b after the best gradient G
+/// in u = G b; NaN if it is not defined.
+fn residual<D: Dimension>(pairs: &[[Vector3<f64>; 2]], radius: f64) -> f64 {
+    let mut y = Matrix3::zeros();
+    let mut x = Matrix3::zeros();
+    for [b, u] in pairs {
+        x += u * b.transpose();
+        y += b * b.transpose();
+    }
+    // In 2D the fit leaves the third axis unchanged.
+    (D::AXES..3).for_each(|axis| y[(axis, axis)] = 1.0);
+    let scale = radius * radius * pairs.len() as f64;
+    let regular = pairs.len() >= D::AXES && y.determinant() > 1e-12 * scale.powi(D::AXES as i32);
+    let Some(inverse) = y.try_inverse().filter(|_| regular) else {
+        return f64::NAN;
+    };
+    let gradient = x * inverse;
+    let left = pairs.iter().map(|[b, u]| (u - gradient * b).norm_squared());
+    left.sum::<f64>() / pairs.len() as f64
+}
+
+/// [`non_affine`] without the rattlers of the earlier frame.
 pub fn between_frames<D: Dimension>(
     grains: &Disks,
-    cells: [Cell; 2],
-    frames: [&FrameRecords; 2],
+    interval: &Interval<'_>,
     radius: f64,
 ) -> Vec<f64> {
-    let [earlier, later] = frames.map(|frame| {
-        let places = frame.grains.iter().map(|grain| grain.position);
-        places.collect::<Vec<_>>()
-    });
     let mut rattler = Vec::new();
-    let contacts = &frames[0].contacts;
+    let contacts = &interval.frames[0].contacts;
     match D::AXES {
         2 => rattlers::mark::<2>(grains, contacts, &mut rattler),
         _ => rattlers::mark::<3>(grains, contacts, &mut rattler),
     }
-    non_affine::<D>(cells, &earlier, &later, radius, |n| !rattler[n])
+    non_affine::<D>(interval, radius, |n| !rattler[n])
 }
 
 /// Returns the overlap Σab/√(Σa² Σb²) of two non-negative fields over the grains, `[N]`; grains
@@ -123,50 +180,108 @@ pub fn by_chance(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bytemuck::Zeroable;
     use gshear_dem::dimension::{Three, Two};
-    use gshear_dem::state::Sheared;
+    use gshear_dem::state::{GrainSample, Sheared};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
-    fn scattered(count: usize, height: f64, planar: bool) -> Vec<[f64; 3]> {
-        let mut seed = 5u64;
-        let mut random = || {
-            seed = seed
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (seed >> 11) as f64 / (1u64 << 53) as f64
-        };
-        let point = |_| {
-            let p = [10.0 * random(), 10.0 * random(), height * random()];
-            if planar { [p[0], p[1], 0.0] } else { p }
-        };
-        (0..count).map(point).collect()
+    const L: f64 = 10.0;
+
+    fn random(count: usize, seed: u64) -> Vec<[f64; 3]> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut number = |_| random.random::<f64>();
+        (0..count)
+            .map(|_| std::array::from_fn(&mut number))
+            .collect()
     }
 
-    /// An affine motion has no residual, also across the seams of a sheared cell. If one grain
-    /// moves by a further d, least squares leave at that grain the residual of -d at all
-    /// neighbours: |d|² (1 - Σ r·(Σ rr)⁻¹·Σ r/N).
-    fn affine<D: Dimension>(planar: bool) {
-        let sheared = Sheared::upright(10.0);
-        let before = Cell {
-            periods: [10.0, if planar { f64::INFINITY } else { 10.0 }],
-            sheared: Some(sheared),
+    /// The frame of grains at these unwrapped places, none of which is a rattler.
+    fn frame<D: Dimension>(cell: &Cell, places: &[[f64; 3]]) -> FrameRecords {
+        // Higher than all of them between walls.
+        let edges = cell.edges::<D>(1e3);
+        let grain = |place: &[f64; 3]| {
+            let mut grain = GrainSample::zeroed();
+            grain.position = *place;
+            for axis in [D::UP, 1, 0] {
+                let image = (grain.position[axis] / edges[axis][axis]).floor();
+                grain.image[axis] += image as i64;
+                (0..3).for_each(|k| grain.position[k] -= image * edges[axis][k]);
+            }
+            grain
         };
-        let earlier = scattered(400, 10.0, planar);
-        let mut after = before;
-        after.shear(0.02 * 10.0);
-        let mut later = earlier.clone();
-        later.iter_mut().for_each(|p| p[0] += 0.02 * p[D::UP]);
-        let cells = [before, after];
-        let left = non_affine::<D>(cells, &earlier, &later, 2.0, |_| true);
-        for left in left {
+        FrameRecords {
+            grains: places.iter().map(grain).collect(),
+            ..FrameRecords::default()
+        }
+    }
+
+    fn cell(sheared: bool, axes: usize) -> Cell {
+        Cell {
+            periods: [L, if axes == 2 { f64::INFINITY } else { L }],
+            sheared: sheared.then(|| Sheared::upright(L)),
+        }
+    }
+
+    /// An affine motion has no residual, however far the grains and their images move, and in a box
+    /// of less than two radii. If one grain moves by a further d, least squares leave at that grain
+    /// the residual of -d at all neighbours: |d|² (1 - Σ r·(Σ rr)⁻¹·Σ r/N).
+    fn follows<D: Dimension>(
+        sheared: bool,
+        (radius, grains): (f64, usize),
+        strain: f64,
+        lengths: [f64; 3],
+    ) {
+        let mut cells = [cell(sheared, D::AXES); 2];
+        cells[0].shear(0.37 * L);
+        cells[1] = cells[0].with_lengths::<D>(lengths);
+        let periods = cells[1].shear(strain * lengths[D::UP]);
+        let edges = cells[0].edges::<D>(L);
+        let wandered = random(grains, 1);
+        let mut places = random(grains, 2);
+        for (place, wandered) in places.iter_mut().zip(&wandered) {
+            *place = place.map(|x| L * x);
+            (D::AXES..3).for_each(|axis| place[axis] = 0.0);
+            // Images of before the earlier frame; there are none across walls.
+            for axis in 0..if sheared { D::AXES } else { D::UP } {
+                let images = (6.0 * wandered[axis] - 3.0).round();
+                (0..3).for_each(|k| place[k] += images * edges[axis][k]);
+            }
+        }
+        let drift = [33.1, -27.3, if sheared { 14.9 } else { 0.0 }];
+        let moved = |place: &[f64; 3]| {
+            let mut place = *place;
+            (0..D::AXES).for_each(|axis| place[axis] *= lengths[axis] / L);
+            place[0] += strain * place[D::UP];
+            let drift = if sheared || D::AXES == 3 {
+                drift
+            } else {
+                [33.1, 0.0, 0.0]
+            };
+            (0..D::AXES).for_each(|axis| place[axis] += drift[axis]);
+            place
+        };
+        let mut later: Vec<[f64; 3]> = places.iter().map(moved).collect();
+        let earlier = frame::<D>(&cells[0], &places);
+        let dmin = |later: &[[f64; 3]]| {
+            let later = frame::<D>(&cells[1], later);
+            let interval = Interval {
+                cells,
+                frames: [&earlier, &later],
+                periods,
+                has_images: true,
+            };
+            non_affine::<D>(&interval, radius, |_| true)
+        };
+        for left in dmin(&later) {
             assert!(left < 1e-24, "{left}");
         }
-        let (moved, by) = (0, 0.01);
-        later[moved][1] += by;
-        let left = non_affine::<D>(cells, &earlier, &later, 2.0, |_| true)[moved];
-        let near = (0..400).filter(|&j| j != moved);
-        let near =
-            near.map(|j| Vector3::from(before.separation::<D>(&earlier[j], &earlier[moved])));
-        let near: Vec<Vector3<f64>> = near.filter(|r| r.norm() < 2.0).collect();
+        let by = 1.7 * L;
+        later[0][0] += by;
+        let left = dmin(&later)[0];
+        let at = |g: usize| earlier.grains[g].position;
+        let near = (1..grains).map(|j| Vector3::from(cells[0].separation::<D>(&at(j), &at(0))));
+        let near: Vec<Vector3<f64>> = near.filter(|r| r.norm() < radius).collect();
         let mut y: Matrix3<f64> = near.iter().map(|r| r * r.transpose()).sum();
         (D::AXES..3).for_each(|axis| y[(axis, axis)] = 1.0);
         let sum: Vector3<f64> = near.iter().sum();
@@ -177,8 +292,47 @@ mod tests {
 
     #[test]
     fn what_is_affine_leaves_nothing_and_what_is_not_the_closed_form() {
-        affine::<Two>(true);
-        affine::<Three>(false);
+        let cube = [L; 3];
+        // A wide and a narrow box.
+        for size in [(2.0, 400), (6.0, 60)] {
+            for strain in [0.0, 0.02, 2.73, -0.9] {
+                follows::<Two>(true, size, strain, cube);
+                follows::<Three>(true, size, strain, cube);
+            }
+            for lengths in [[8.0, 9.0, 12.0], [9.5; 3]] {
+                follows::<Two>(true, size, 0.0, lengths);
+                follows::<Three>(true, size, 0.0, lengths);
+            }
+            follows::<Two>(false, size, 0.3, cube);
+            follows::<Three>(false, size, 0.3, cube);
+        }
+    }
+
+    /// Files of earlier versions have no images.
+    #[test]
+    fn without_images_grains_move_by_the_shortest_way() {
+        let cells = [cell(true, 3); 2];
+        let places = random(200, 3).into_iter().map(|p| p.map(|x| L * x));
+        let places: Vec<[f64; 3]> = places.collect();
+        let moves = random(200, 4).into_iter().zip(&places);
+        let moved = moves.map(|(by, p)| std::array::from_fn(|k| p[k] + by[k] - 0.5));
+        let mut frames = [places.clone(), moved.collect()].map(|p| frame::<Three>(&cells[0], &p));
+        let dmin = |[earlier, later]: &[FrameRecords; 2], has_images: bool| {
+            let interval = Interval {
+                cells,
+                frames: [earlier, later],
+                periods: 0,
+                has_images,
+            };
+            non_affine::<Three>(&interval, 3.0, |_| true)
+        };
+        let followed = dmin(&frames, true);
+        let forget = |grain: &mut GrainSample| grain.image = [0; 3];
+        (frames.iter_mut()).for_each(|frame| frame.grains.iter_mut().for_each(forget));
+        for (shortest, followed) in dmin(&frames, false).into_iter().zip(&followed) {
+            assert!((shortest / followed - 1.0).abs() < 1e-9);
+        }
+        assert!(dmin(&frames, true) != followed);
     }
 
     #[test]

@@ -56,6 +56,10 @@ pub fn frame(grains: &Disks, points: &[Vector2<f64>]) -> Frame {
             .iter()
             .map(|r| [r.x.rem_euclid(grains.length), r.y])
             .collect(),
+        image: points
+            .iter()
+            .map(|r| r.x.div_euclid(grains.length) as i64)
+            .collect(),
         contacts: enough_contacts(points.len()),
         ..Frame::default()
     }

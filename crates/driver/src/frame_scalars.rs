@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{
-    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPosition, GrainSample,
+    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPosition, GrainSample, UNKNOWN_IMAGE,
 };
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -159,6 +159,7 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
     while rest.iter().any(|bytes| !bytes.is_empty()) {
         let mut frame = Frame {
             position: vec![[f64::NAN; 2]; grains],
+            image: vec![0; grains],
             ..Frame::default()
         };
         let mut seen = 0;
@@ -168,6 +169,7 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
             let forces = take(rest, counts[1] as usize * size_of::<ContactForce>());
             for place in records_of::<GrainPosition>(places) {
                 frame.position[place.id as usize] = place.position;
+                frame.image[place.id as usize] = place.image;
                 seen += 1;
             }
             let contact = |c: ContactForce| ContactSample {
@@ -180,6 +182,9 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
             frame.contacts.extend(records_of(forces).map(contact));
         }
         assert_eq!(seen, grains, "every grain comes once");
+        if frame.image.contains(&UNKNOWN_IMAGE) {
+            frame.image.clear();
+        }
         frame.contacts.sort_by_key(|c| (c.i, c.j));
         frames.push(frame);
     }

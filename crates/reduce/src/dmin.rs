@@ -78,10 +78,10 @@ pub fn between(
     frames: [&FrameRecords; 2],
     radius: f64,
 ) -> Vec<f64> {
-    let (grains, cells) = (run.grains(), numbers.map(|t| run.cell(t)));
+    let (grains, interval) = (run.grains(), run.interval(numbers, frames));
     match run.dimension() {
-        Dimensions::Two => event::between_frames::<Two>(grains, cells, frames, radius),
-        Dimensions::Three => event::between_frames::<Three>(grains, cells, frames, radius),
+        Dimensions::Two => event::between_frames::<Two>(grains, &interval, radius),
+        Dimensions::Three => event::between_frames::<Three>(grains, &interval, radius),
     }
 }
 

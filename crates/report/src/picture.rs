@@ -60,13 +60,11 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
         &velocity,
     )];
     if run.has_images() && frames > 2 {
-        let [half, end] = [frames / 2, frames - 1];
-        let at = |t: usize| Ok::<_, Failure>(run.unwrapped(t..t + 1)?.swap_remove(0));
-        let (before, after) = (at(half)?, at(end)?);
-        let moved: Vec<f64> = after
-            .iter()
-            .zip(&before)
-            .map(|(a, b)| a[0] - b[0])
+        let numbers = [frames / 2, frames - 1];
+        let earlier = run.records(numbers[0]..numbers[0] + 1)?.swap_remove(0);
+        let interval = run.interval(numbers, [&earlier, &last]);
+        let moved: Vec<f64> = (0..last.grains.len())
+            .map(|n| interval.displacement::<Three>(n)[0])
             .collect();
         let when = " in the latter half of the run";
         pictures.push(packing.figure(
@@ -75,11 +73,8 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             when,
             &moved,
         ));
-        let earlier = run.records(half..half + 1)?.swap_remove(0);
         let (grains, mean) = (run.grains(), run.grains().mean_radius());
-        let cells = [half, end].map(|t| run.cell(t));
-        let frames = [&earlier, &last];
-        let dmin = event::between_frames::<Three>(grains, cells, frames, RADIUS * mean);
+        let dmin = event::between_frames::<Three>(grains, &interval, RADIUS * mean);
         let over_square: Vec<f64> = dmin.iter().map(|d| (d / (mean * mean)).log10()).collect();
         pictures.push(packing.figure(
             ("grains-dmin", "log10_dmin_over_square"),

@@ -80,6 +80,18 @@ impl Cell {
         r
     }
 
+    /// Returns to - from (m) of a grain whose image has changed by `crossed`, so that nothing jumps at
+    /// the edges.
+    pub fn displacement<D: Dimension>(&self, to: &[f64], from: &[f64], crossed: Image) -> [f64; 3] {
+        let edges = self.edges::<D>(0.0);
+        let mut moved = [0.0; 3];
+        for (axis, moved) in moved[..D::AXES].iter_mut().enumerate() {
+            let images = (0..D::AXES).map(|k| crossed[k] as f64 * edges[k][axis]);
+            *moved = to[axis] - from[axis] + images.sum::<f64>();
+        }
+        moved
+    }
+
     /// Wraps x into [0, period). Called in the step in which x leaves that range. Returns by how many
     /// periods it went beyond, which is added to its image.
     #[cold]

@@ -87,6 +87,9 @@ impl ContactState {
     }
 }
 
+/// The image of a record that was stored without one, by an earlier version.
+pub const UNKNOWN_IMAGE: i64 = i64::MIN;
+
 /// The position of a disk in a frame, for the scalars of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -97,6 +100,8 @@ pub struct GrainPosition {
     pub body: u32,
     /// Wrapped position (m).
     pub position: [f64; 2],
+    /// Image along x in which it is, or [`UNKNOWN_IMAGE`].
+    pub image: i64,
 }
 
 impl From<&GrainSample> for GrainPosition {
@@ -105,6 +110,7 @@ impl From<&GrainSample> for GrainPosition {
             id: grain.id as u32,
             body: 0,
             position: [grain.position[0], grain.position[1]],
+            image: grain.image[0],
         }
     }
 }
@@ -156,6 +162,8 @@ pub struct Displacement {
     pub start: [f64; 3],
     /// Its rotation since (rad), summed over the steps.
     pub angle: [f64; 3],
+    /// Its image at the start, or [`UNKNOWN_IMAGE`].
+    pub image: Image,
 }
 
 impl From<&GrainState> for Displacement {
@@ -166,6 +174,7 @@ impl From<&GrainState> for Displacement {
             body: grain.body,
             start: grain.position,
             angle: [0.0; 3],
+            image: grain.image,
         }
     }
 }

@@ -8,7 +8,7 @@ use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{digest, frame};
-use gshear_dem::state::Displacement;
+use gshear_dem::state::{Displacement, UNKNOWN_IMAGE};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -491,12 +491,19 @@ impl GrainMotion {
             .enumerate()
             .map(|(g, displacement)| {
                 let (fields, radius) = (grains.fields(g), grains.radius[g]);
-                let moved = square(&cell.separation::<D>(fields, &displacement.start));
+                let moved = match displacement.image.contains(&UNKNOWN_IMAGE) {
+                    true => cell.separation::<D>(fields, &displacement.start),
+                    false => {
+                        let [now, before] = [grains.image[g], displacement.image];
+                        let crossed = std::array::from_fn(|axis| now[axis] - before[axis]);
+                        cell.displacement::<D>(fields, &displacement.start, crossed)
+                    }
+                };
                 let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
                 let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
                 Moved {
                     id: displacement.id.into(),
-                    msd: moved + radius * radius * square(&displacement.angle),
+                    msd: square(&moved) + radius * radius * square(&displacement.angle),
                     kinetic_energy: 0.5
                         * grains.mass[g]
                         * (velocity + D::INERTIA * radius * radius * spin),
@@ -509,5 +516,77 @@ impl GrainMotion {
             msd: all.iter().map(|m| m.msd).sum::<f64>() / all.len() as f64,
             kinetic_energy: all.iter().map(|m| m.kinetic_energy).sum(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use gshear_dem::dimension::Two;
+    use gshear_dem::domain::Solo;
+    use gshear_dem::laws::Contact;
+    use gshear_dem::laws::hooke::{Hooke, Springs};
+    use gshear_dem::simd::Isa;
+    use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
+    use gshear_dem::system::{ListSettings, Setup};
+
+    /// Grains that fly through the box are as far from their start as in free flight.
+    #[test]
+    fn displacements_go_on_over_the_edges() {
+        let springs = Springs {
+            normal_stiffness: 1e6,
+            tangential_stiffness: 1e6,
+            density: 2500.0,
+            damping_ratio: 0.1,
+            sliding_damping: 0.0,
+        };
+        let law = Hooke::<Two, false, false>::new(&springs, &Contact::default());
+        let sheared = Sheared {
+            offset: 3e-3,
+            ..Sheared::upright(16e-3)
+        };
+        let (step, velocity) = (1e-5, [-0.31, 0.23]);
+        let setup = Setup {
+            isa: Isa::detect(),
+            list: ListSettings::default(),
+            cell: Cell {
+                periods: [20e-3, f64::INFINITY],
+                sheared: Some(sheared),
+            },
+            largest_radius: 1e-3,
+            mean_diameter: 2e-3,
+            masses: Masses::Density(2500.0),
+            step,
+            gravity: 0.0,
+            typical_force: 1.0,
+            threads: 1,
+        };
+        let mut system = System::<Two>::new(&Solo, setup).expect("one rank");
+        let grain = |id: u32| GrainState {
+            id,
+            radius: 1e-3,
+            position: [3e-3 + 5e-3 * f64::from(id), 4e-3, 0.0],
+            velocity: [velocity[0], velocity[1], 0.0],
+            ..GrainState::zeroed()
+        };
+        let grains = (0..3).map(grain).collect();
+        (system.replace(&Solo, &law, &mut NoWalls, grains, Vec::new())).expect("a list");
+        initial_forces(&Solo, &mut system, &law, &mut NoWalls, None).expect("sound forces");
+        let mut motion = GrainMotion::begin(&mut system);
+        let mut edges_crossed = 0;
+        for k in 1..=10_000 {
+            let request = StepRequest::default();
+            advance(&Solo, &mut system, &law, &mut NoWalls, request).expect("sound");
+            motion.turn(&Solo, &mut system);
+            if k % 1000 == 0 {
+                let time = step * f64::from(k);
+                let expected = (velocity[0] * time).hypot(velocity[1] * time).powi(2);
+                let found = motion.measure(&Solo, &mut system).msd;
+                assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+                edges_crossed += system.grain_states()[0].image[0].abs();
+            }
+        }
+        assert!(edges_crossed > 1);
     }
 }

@@ -324,13 +324,13 @@ fn dmin_of(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
     let Some(last) = run.frames().checked_sub(1) else {
         return Ok(None);
     };
-    let at = |t: usize| Ok::<_, Failure>(run.positions(t..t + 1)?.swap_remove(0));
+    let at = |t: usize| Ok::<_, Failure>(run.records(t..t + 1)?.swap_remove(0));
     let (earlier, later) = (at(0)?, at(last)?);
-    let cells = [0, last].map(|t| run.cell(t));
+    let interval = run.interval([0, last], [&earlier, &later]);
     let radius = 5.0 * run.grains().mean_radius();
     Ok(Some(match run.dimension().axes() {
-        2 => event::non_affine::<Two>(cells, &earlier, &later, radius, |_| true),
-        _ => event::non_affine::<Three>(cells, &earlier, &later, radius, |_| true),
+        2 => event::non_affine::<Two>(&interval, radius, |_| true),
+        _ => event::non_affine::<Three>(&interval, radius, |_| true),
     }))
 }
 

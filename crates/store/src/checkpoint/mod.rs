@@ -10,6 +10,7 @@ use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, Snapshot,
+    UNKNOWN_IMAGE,
 };
 use gshear_mpi_exchange::Parallel;
 use records::{Record, length, read_records, stored_bytes, write_one, write_records};
@@ -27,7 +28,7 @@ pub const PREVIOUS: &str = "checkpoint.previous.h5";
 
 const FORMAT: &str = "gshear-checkpoint";
 /// Version of the format.
-pub const VERSION: u64 = 6;
+pub const VERSION: u64 = 7;
 /// The earliest version that is read.
 const EARLIEST: u64 = 4;
 
@@ -366,9 +367,26 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
     // Each rank reads for itself with the serial driver, so that a failure on one rank does not
     // make the others wait.
     let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
-    let pieces = agree(exchange, pieces)?;
+    let mut pieces = agree(exchange, pieces)?;
 
     check(exchange, &pieces).map_err(bad)?;
+    // Only now, because the checksums are those of the file.
+    if let Some((grains, _)) = &mut pieces.analysed
+        && grains.version < GrainPosition::signed().0
+    {
+        grains
+            .records
+            .iter_mut()
+            .for_each(|g| g.image = UNKNOWN_IMAGE);
+    }
+    if let Some(start) = &mut pieces.displacements
+        && start.version < Displacement::signed().0
+    {
+        start
+            .records
+            .iter_mut()
+            .for_each(|g| g.image = [UNKNOWN_IMAGE; 3]);
+    }
     let blocks = pieces.blocks;
     let contacts = blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i);
     Ok((

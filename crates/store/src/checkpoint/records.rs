@@ -113,6 +113,10 @@ impl Record for GrainPosition {
     fn numbers() -> Vec<Field<Self, f64>> {
         vec![field!(Self, position, 2)]
     }
+
+    fn signed() -> (u64, Vec<Field<Self, i64>>) {
+        (7, vec![field!(Self, image, number)])
+    }
 }
 
 impl Record for ContactForce {
@@ -143,6 +147,10 @@ impl Record for Displacement {
 
     fn numbers() -> Vec<Field<Self, f64>> {
         vec![field!(Self, start, 3), field!(Self, angle, 3)]
+    }
+
+    fn signed() -> (u64, Vec<Field<Self, i64>>) {
+        (7, vec![field!(Self, image, 3)])
     }
 }
 

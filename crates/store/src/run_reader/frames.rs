@@ -224,6 +224,8 @@ impl RunFile {
             )));
         }
         let mut position = self.planar(&self.position, &range)?.into_iter();
+        let images = self.images(&range)?;
+        let mut images = images.chunks(self.grains.count().max(1));
         let (mut velocity, mut angular_velocity) = (Vec::new(), Vec::new());
         if fields == FrameFields::All {
             velocity = self.planar(&self.velocity, &range)?;
@@ -236,6 +238,12 @@ impl RunFile {
             step: self.step[t],
             time: self.time[t],
             position: position.next().unwrap_or_default(),
+            image: images
+                .next()
+                .unwrap_or_default()
+                .iter()
+                .map(|i| i[0])
+                .collect(),
             velocity: velocity.next().unwrap_or_default(),
             angular_velocity: angular_velocity.next().unwrap_or_default(),
             contacts: contacts.of_rows(self.rows(t..t + 1)),

@@ -21,11 +21,14 @@ use crate::columns::{ADDED, AqsRow, NewtonianRow};
 use crate::file_names::{AQS_FILE, RUN_FILE};
 use crate::layout::{IMAGE_VALUE, ROLLING};
 pub use crate::parameter::Parameter;
+use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{BoxEdges, Cell, Disks, ImposedRow, SERIES_COLUMNS, SeriesRow, Sheared};
+use gshear_dem::state::{
+    BoxEdges, Cell, Disks, FrameRecords, ImposedRow, SERIES_COLUMNS, SeriesRow, Sheared,
+};
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Dimensions, ReadPacking, Source};
 
@@ -435,6 +438,30 @@ impl RunFile {
             _ => self.number("image_offset"),
         };
         stored.or_else(before).unwrap_or(0.0)
+    }
+
+    /// Returns two frames of these numbers, the earlier first, to follow grains from one to the other.
+    pub fn interval<'a>(&self, numbers: [usize; 2], frames: [&'a FrameRecords; 2]) -> Interval<'a> {
+        Interval {
+            cells: numbers.map(|t| self.cell(t)),
+            frames,
+            periods: self.periods_of_shear(numbers),
+            has_images: self.has_images(),
+        }
+    }
+
+    /// The periods that were taken from the Lees–Edwards offset between two frames. Each strain step
+    /// has a row, and adds less than half a period.
+    fn periods_of_shear(&self, numbers: [usize; 2]) -> i64 {
+        if self.stage != RunStage::Strain {
+            return 0;
+        }
+        let [from, to] = numbers.map(|t| self.series.step.partition_point(|s| *s < self.step[t]));
+        let offsets = self.series.column("image_offset");
+        let rows = offsets.get(from..=to).unwrap_or_default().windows(2);
+        let period = self.cell(numbers[1]).periods[0];
+        rows.map(|pair| ((pair[0] - pair[1]) / period).round() as i64)
+            .sum()
     }
 
     /// Returns whether the file has the box of every frame; those of earlier versions have not.
