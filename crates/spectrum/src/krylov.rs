@@ -36,6 +36,8 @@ pub struct Subspace<T> {
     /// `[n][k]`, orthonormal. k is `count`; one more if a conjugate pair would be split; fewer if n
     /// is smaller or `floor` is met.
     pub basis: Mat<T>,
+    /// Its eigenvalues θ, in the order of the iteration, k of them.
+    pub values: Vec<c64>,
     /// Number of vectors the operator was applied to.
     pub applied: usize,
     /// Number of restarts.
@@ -80,9 +82,10 @@ pub fn largest<T: Scalar>(
     krylov.start();
     for restart in 0..=settings.restarts {
         krylov.expand();
-        if let Some(basis) = krylov.contract() {
+        if let Some((basis, values)) = krylov.contract() {
             return Ok(Subspace {
                 basis,
+                values,
                 applied: krylov.applied,
                 restarts: restart,
             });
@@ -90,6 +93,65 @@ pub fn largest<T: Scalar>(
     }
     Err(Stalled {
         converged: krylov.locked,
+    })
+}
+
+/// Greatest number of subspaces tried to match the two sides.
+const MATCHES: u32 = 12;
+/// Of those, with sides of one size whose eigenvalues differ.
+const UNEQUAL: u32 = 3;
+/// Relative difference of |θ| up to which eigenvalues of the two sides are the same.
+const SAME: f64 = 1e-6;
+
+/// Returns a right and a left invariant subspace of the same eigenvalues: `right`, or a larger one
+/// if the other side cannot be cut there. Where eigenvalues are equally large, each side has its own
+/// order, and one may cut between a conjugate pair, or between two eigenvalues, that the other
+/// keeps together.
+///
+/// `operator(false, x)` is that of `right`, `operator(true, x)` its adjoint.
+///
+/// # Errors
+/// [`Stalled`] if the restarts are used up, or no cut fits both sides.
+pub fn matched<T: Scalar>(
+    n: usize,
+    mut right: Subspace<T>,
+    mut operator: impl FnMut(bool, MatMut<'_, T>),
+    settings: Settings,
+) -> Result<[Subspace<T>; 2], Stalled> {
+    let of = |count: usize| Settings {
+        count,
+        capacity: settings.capacity.max((2 * count + 20).min(n)),
+        floor: 0.0,
+        ..settings
+    };
+    let converged = right.basis.ncols();
+    let mut unequal = Vec::new();
+    for attempt in 0..MATCHES {
+        let count = right.basis.ncols();
+        let left = largest(n, |x| operator(true, x), of(count))?;
+        let cut = left.basis.ncols();
+        if cut == count && have_same_values(&right, &left) {
+            return Ok([right, left]);
+        }
+        let wider = cut.max(count + 2usize.pow(attempt)).min(n);
+        if cut == count {
+            unequal.push([right, left]);
+            if unequal.len() as u32 == UNEQUAL || count == n {
+                break;
+            }
+        }
+        right = largest(n, |x| operator(false, x), of(wider))?;
+    }
+    // Eigenvalues that rounding moves by more than `SAME` still have both sides.
+    unequal.into_iter().next().ok_or(Stalled { converged })
+}
+
+fn have_same_values<T: Scalar>(right: &Subspace<T>, left: &Subspace<T>) -> bool {
+    let mut rest: Vec<c64> = left.values.iter().map(c64::conj).collect();
+    right.values.iter().all(|value| {
+        let same = |other: &c64| (value - other).norm() <= SAME * value.norm();
+        let found = rest.iter().position(same);
+        found.map(|k| rest.swap_remove(k)).is_some()
     })
 }
 
@@ -231,9 +293,9 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         }
     }
 
-    /// Sorts the Schur form and locks what has converged. Returns the subspace if it is complete;
-    /// otherwise keeps the better part of the basis.
-    fn contract(&mut self) -> Option<Mat<T>> {
+    /// Sorts the Schur form and locks what has converged. Returns the subspace and its eigenvalues if
+    /// it is complete; otherwise keeps the better part of the basis.
+    fn contract(&mut self) -> Option<(Mat<T>, Vec<c64>)> {
         let (used, block) = (self.used, self.block);
         let square = self.projected.view((0, 0), (used, used)).clone_owned();
         let coupling = self.projected.view((used, 0), (block, used)).clone_owned();
@@ -268,12 +330,17 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
                 .count
                 .min(if at_floor { converged } else { used });
             if wanted == 0 {
-                return Some(Mat::zeros(self.n, 0));
+                return Some((Mat::zeros(self.n, 0), Vec::new()));
             }
             let end = ends()
                 .find(|&end| end >= wanted)
                 .expect("the last block ends at `used`");
-            return Some(self.turned(&schur.q, end));
+            let values = schur
+                .blocks
+                .iter()
+                .flat_map(|part| &part.values[..part.size]);
+            let values = values.take(end).copied().collect();
+            return Some((self.turned(&schur.q, end), values));
         }
 
         let count = self.settings.count.min(used);

@@ -3,7 +3,7 @@
 use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::{Mat, MatMut, Par, c64};
 
-use crate::eigenvalues::Spectrum;
+use crate::eigenvalues::{Eigenvalue, Spectrum};
 use crate::krylov::{self, Settings, Stalled, Subspace};
 use crate::lu::{Lu, Singular};
 use crate::problem::Problem;
@@ -106,21 +106,31 @@ fn nearest_in<T: Scalar>(
     let mut inverse = Inverse::<T>::near(problem, symbolic, request.shift, request.par)?;
     let settings = settings(request, problem.size());
     let n = problem.size();
-    let solve = |x: MatMut<'_, T>| inverse.apply(x);
-    let right = krylov::largest(n, solve, settings).map_err(Failed::Stalled)?;
-    let left = if request.left {
-        let solve = |x: MatMut<'_, T>| inverse.apply_adjoint(x);
-        let settings = Settings {
-            count: right.basis.ncols(),
-            ..settings
-        };
-        Some(krylov::largest(n, solve, settings).map_err(Failed::Stalled)?)
-    } else {
-        None
+    let mut solve = |adjoint: bool, x: MatMut<'_, T>| match adjoint {
+        true => inverse.apply_adjoint(x),
+        false => inverse.apply(x),
     };
+    let right = krylov::largest(n, |x| solve(false, x), settings).map_err(Failed::Stalled)?;
+    let wanted = right.basis.ncols();
+    let (right, left) = if request.left {
+        let both = krylov::matched(n, right, solve, settings).map_err(Failed::Stalled)?;
+        let [right, left] = both;
+        (right, Some(left))
+    } else {
+        (right, None)
+    };
+    let mut spectrum = Spectrum::of(problem, &right.basis, left.as_ref().map(|left| &left.basis));
+    if right.basis.ncols() > wanted {
+        let distance = |e: &Eigenvalue| (e.value - inverse.shift).norm();
+        let mut distances: Vec<f64> = spectrum.eigenvalues.iter().map(distance).collect();
+        distances.sort_by(f64::total_cmp);
+        // The two of a pair are equally far, but for rounding.
+        let farthest = distances[wanted - 1] * (1.0 + 1e-12);
+        spectrum = spectrum.arranged(|e| distance(e) <= farthest, distance);
+    }
     let both = || std::iter::once(&right).chain(&left);
     Ok(Nearest {
-        spectrum: Spectrum::of(problem, &right.basis, left.as_ref().map(|left| &left.basis)),
+        spectrum,
         shift: inverse.shift,
         solves: both().map(|one: &Subspace<T>| one.applied).sum(),
         restarts: both().map(|one: &Subspace<T>| one.restarts).sum(),

@@ -119,21 +119,18 @@ pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> 
             ..wanted
         };
         let right = krylov::largest(n, |x| filter(&rows, &known, x), probe)
-            .or_else(|_| krylov::largest(n, |x| filter(&rows, &known, x), wanted))?
-            .basis;
-        let count = right.ncols();
-        if count == 0 {
+            .or_else(|_| krylov::largest(n, |x| filter(&rows, &known, x), wanted))?;
+        if right.basis.ncols() == 0 {
             found.complete = resolution <= sought.resolution;
             resolution = (resolution / FINER).max(sought.resolution);
         } else {
             let turned = known.turned();
-            let wanted = Settings {
-                count,
-                floor: 0.0,
-                ..wanted
+            let filter = |adjoint: bool, x: MatMut<'_, f64>| match adjoint {
+                true => filter(&columns, &turned, x),
+                false => filter(&rows, &known, x),
             };
-            let left = krylov::largest(n, |x| filter(&columns, &turned, x), wanted)?.basis;
-            known.add(&right, &left);
+            let [right, left] = krylov::matched(n, right, filter, wanted)?;
+            known.add(&right.basis, &left.basis);
             found.spectrum = Spectrum::of(problem, &known.right, Some(&known.left));
         }
     }
