@@ -3,6 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
+use gshear_store::run_reader::RunFile;
+
 /// A small box of disks with rolling resistance. `law` has the law and its springs.
 fn scene(law: &str, material: &str) -> String {
     format!(
@@ -34,12 +36,38 @@ fn digest(folder: &Path, scene: &Path, more: &[&str]) -> String {
     words.next().expect("a digest").to_string()
 }
 
+/// Σ ½ k_n δ² + ½ F_t²/k_t + ½ M²/k_r of the hooke scene with k_n = 1, k_t = 0.5, k_r = k_t R_r².
+fn has_the_energy_of_its_springs(folder: &Path) {
+    let run = RunFile::open_any(&folder.join("aqs.h5")).expect("a run");
+    let last = run.frames() - 1;
+    let frame = run.records(last..last + 1).expect("a frame").remove(0);
+    let radius = &run.grains().radius;
+    let (mut rolling, mut others) = (0.0, 0.0);
+    for c in &frame.contacts {
+        let [r_i, r_j] = [c.i, c.j].map(|g| radius[g as usize]);
+        let r_r = r_i * r_j / (r_i + r_j);
+        rolling += 0.5 * c.rolling_history.powi(2) / (0.5 * r_r * r_r);
+        others += 0.5 * c.overlap.powi(2) + c.tangential_history[0].powi(2);
+    }
+    let row = run.series().step.binary_search(&frame.step).expect("a row");
+    let found = run.series().column("elastic_energy")[row];
+    assert!(
+        (found / (rolling + others) - 1.0).abs() < 1e-12,
+        "{found} {rolling} {others}"
+    );
+    assert!(rolling > 1e-6 * others, "{rolling} {others}");
+}
+
 #[test]
 fn rolling_resistance_changes_the_state_of_a_box() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     for (name, law, material) in [
-        ("hooke", "law = \"hooke\", normal_stiffness = 1.0", ""),
+        (
+            "hooke",
+            "law = \"hooke\", normal_stiffness = 1.0, tangential_stiffness = 0.5",
+            "",
+        ),
         (
             "lee-hurley",
             "law = \"lee-hurley\"",
@@ -56,4 +84,5 @@ fn rolling_resistance_changes_the_state_of_a_box() {
         );
         assert_ne!(with, without, "{name}");
     }
+    has_the_energy_of_its_springs(&at("hooke-with"));
 }

@@ -23,7 +23,7 @@ pub(crate) struct Observed {
     pub pressure: f64,
     /// Normal stress along each axis, compression positive: (1/V) Σ r^k F^k over the contacts.
     pub normal_stress: [f64; 3],
-    /// Elastic energy of normal and tangential springs.
+    /// Elastic energy of all springs.
     pub elastic_energy: f64,
     pub contacts: u64,
     pub coordination: f64,
@@ -141,7 +141,7 @@ fn shares<D: Dimension>(
             shear: r[0] * force[up],
             pressure: (0..axes).map(|axis| r[axis] * force[axis]).sum(),
             normal: std::array::from_fn(|axis| r[axis] * force[axis]),
-            energy: energy(0) + energy(1),
+            energy: energy(0) + energy(1) + energy(2),
             sliding: f64::from(contacts.limits[at.block][0] >> at.lane & 1),
         }
     })
