@@ -118,7 +118,7 @@ fn momentum_is_conserved_to_rounding() {
         }
         built = system.list.rebuilds;
         sliding += (system.contacts.limits.iter())
-            .map(|[slides, _]| slides.count_ones())
+            .map(|[slides, ..]| slides.count_ones())
             .sum::<u32>();
         for (k, (g, was)) in now.iter().zip(&last).enumerate() {
             seam += u32::from((g.position[0] - was.position[0]).abs() > 0.5 * LENGTH);

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use super::{alone, are_described, done, refused};
+use super::{alone, are_described, done, folder_with, reduce, refused, text};
+use crate::fixture::Fixture;
 
 /// 2 on the diagonal and two blocks of pairs, 1 ± 2i and 4 ± 0.5i, over masses of 2.
 const K: &str = "%%MatrixMarket matrix coordinate real general
@@ -195,4 +196,39 @@ fn bad_matrices_are_refused_and_nothing_is_written() {
     assert!(refused(&["spectrum", "--matrix", "/no/such.mtx"]).contains("/no/such.mtx"));
     let left: Vec<_> = fs::read_dir(folder.path()).expect("a folder").collect();
     assert_eq!(left.len(), 2, "{left:?}");
+}
+
+/// A contact whose damper left no force adds as little as one that is not there; a frame whose K is
+/// not finite is named, and the others go on.
+#[test]
+fn stability_of_frames_with_idle_contacts_and_after_one_that_fails() {
+    let _alone = alone();
+    let mut fixture = Fixture::small();
+    let idle = &mut fixture.frames[1].contacts[5];
+    idle.normal_force = 0.0;
+    idle.tangential_force = [0.0; 3];
+    idle.tangential_history = [0.0; 3];
+    idle.rolling_history = 0.0;
+    idle.sliding = 1;
+    let (folder, path) = folder_with(&fixture);
+    done(&["stability", &path]);
+    let rows = |folder: &Path| -> Vec<String> {
+        let table = fs::read_to_string(folder.join("stability.csv")).expect("a table");
+        table.lines().skip(1).map(String::from).collect()
+    };
+    let sound = rows(folder.path());
+    assert_eq!(sound.len(), 6);
+
+    fixture.frames[1].contacts.remove(5);
+    fixture.frames[3].contacts[0].tangential_history[0] = f64::NAN;
+    let (folder, path) = folder_with(&fixture);
+    let output = reduce(&["stability", &path]);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{message}");
+    assert_eq!(message.lines().count(), 1, "{message}");
+    assert!(message.contains("frame 3 (step 3000)"), "{message}");
+    for (t, (row, sound)) in rows(folder.path()).iter().zip(&sound).enumerate() {
+        assert_eq!(row.ends_with(",NaN"), t == 3, "{row}");
+        assert!(t == 3 || row == sound, "{row}\n{sound}");
+    }
 }

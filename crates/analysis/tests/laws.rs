@@ -1,6 +1,7 @@
 //! K of every law in `LAWS`, chosen as a run chooses it, against differences of its own forces: in
 //! every dimension it has, with and without friction and rolling resistance.
 
+use faer::{Par, c64};
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
@@ -12,6 +13,7 @@ use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
 use gshear_dem::step::forces;
 use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_spectrum::{Problem, Request, Spectrum, Symbolic, nearest};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -30,6 +32,10 @@ struct Examples;
 
 impl KeyReader for Examples {
     fn number(&mut self, key: &LawKey) -> Option<f64> {
+        if key.path.ends_with("sliding_damping") {
+            // It acts without F_n, too.
+            return Some(0.0);
+        }
         Some(key.example.parse().expect("an example is a number"))
     }
 
@@ -78,8 +84,9 @@ fn grains<D: Dimension>(random: &mut ChaCha8Rng) -> Vec<GrainState> {
     (0..SIDE.pow(D::AXES as u32)).map(grain).collect()
 }
 
-fn cell() -> Cell {
-    let side = SPACING * SIDE as f64;
+/// A box so many times as wide as the lattice.
+fn cell(times: f64) -> Cell {
+    let side = times * SPACING * SIDE as f64;
     Cell {
         periods: [side; 2],
         sheared: Some(Sheared {
@@ -110,13 +117,14 @@ fn touching<D: Dimension>(grains: &[GrainState], cell: Cell) -> Option<Vec<Conta
 /// Grains at rest whose contacts are below their limits, or well beyond them.
 struct Packing<'a, D: Dimension> {
     system: System<D>,
+    /// Rate at which all grains recede from the origin (1/s).
+    expansion: f64,
     law: &'a dyn PairForce<D>,
 }
 
 impl<'a, D: Dimension> Packing<'a, D> {
-    fn new(law: &'a dyn PairForce<D>, contact: &Contact) -> Self {
+    fn new(law: &'a dyn PairForce<D>, contact: &Contact, cell: Cell) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(1);
-        let cell = cell();
         let (grains, contacts) = (0..1000)
             .find_map(|_| {
                 let grains = grains::<D>(&mut random);
@@ -143,7 +151,11 @@ impl<'a, D: Dimension> Packing<'a, D> {
         system
             .replace(&Solo, law, &mut NoWalls, grains, contacts)
             .expect("a list");
-        let mut packing = Self { system, law };
+        let mut packing = Self {
+            system,
+            expansion: 0.0,
+            law,
+        };
         packing.load(contact, &mut random);
         packing
     }
@@ -198,6 +210,10 @@ impl<'a, D: Dimension> Packing<'a, D> {
     }
 
     fn forces(&mut self, samples: Option<&mut ContactForces>) {
+        for g in 0..self.system.owned() {
+            let fields = self.system.grains_mut().fields_mut(g);
+            (0..D::AXES).for_each(|k| fields[D::VELOCITY + k] = self.expansion * fields[k]);
+        }
         let outside = forces(
             &Solo,
             &mut self.system,
@@ -209,14 +225,14 @@ impl<'a, D: Dimension> Packing<'a, D> {
         assert_eq!(outside, None);
     }
 
-    fn jacobian(&mut self) -> Jacobian {
+    fn jacobian(&mut self, at_rest: bool) -> Jacobian {
         let contacts = self.system.contact_states(self.law);
         let state = NetworkState {
             grains: &self.system.grain_states(),
             contacts: &contacts,
             cell: self.system.cell,
             masses: MASSES,
-            at_rest: true,
+            at_rest,
         };
         assemble::<D>(state, self.law, History::Turned)
     }
@@ -252,8 +268,8 @@ fn agrees<D: LawSpace>(law: &Law, contact: &Contact) {
     );
     let force = D::pair_force(law, contact);
     let force = force.unwrap_or_else(|| panic!("{name}: no forces"));
-    let mut packing = Packing::<D>::new(force.as_ref(), contact);
-    let jacobian = packing.jacobian();
+    let mut packing = Packing::<D>::new(force.as_ref(), contact, cell(1.0));
+    let jacobian = packing.jacobian(true);
     let per_grain = Packing::<D>::unknowns();
     assert_eq!(jacobian.per_grain, per_grain);
     assert_eq!(
@@ -281,6 +297,42 @@ fn agrees<D: LawSpace>(law: &Law, contact: &Contact) {
     assert!(worst < 1e-8 * greatest, "{name}: {:e}", worst / greatest);
 }
 
+/// Contacts that separate so fast that their dampers leave no force: K adds as much for them as
+/// differences of the forces, nothing. Without dampers every contact has a force.
+fn idle<D: LawSpace>(law: &Law, contact: &Contact) {
+    let name = format!(
+        "{} in {} dimensions with {contact:?}",
+        law.kind().name,
+        D::AXES
+    );
+    let force = D::pair_force(law, contact).expect("forces");
+    let mut packing = Packing::<D>::new(force.as_ref(), contact, cell(3.0));
+    let at_rest = packing.jacobian(true);
+    packing.expansion = 1e6;
+    let forces = packing.moved((0, 0), 0.0);
+    packing.forces(None);
+    let jacobian = packing.jacobian(false);
+    if law.kind().name == "mindlin" {
+        assert!(forces.iter().any(|f| *f != 0.0), "{name}");
+        assert_eq!(jacobian.contacts, at_rest.contacts, "{name}");
+        return;
+    }
+    let greatest = at_rest.k.to_dense().norm_max();
+    for grain in 0..packing.system.owned() {
+        for k in 0..Packing::<D>::unknowns() {
+            let moved = packing.moved((grain, k), H);
+            // Dampers along t̂ are left with the rounding of the velocities.
+            let left = moved.iter().fold(0.0f64, |most, f| most.max(f.abs()));
+            assert!(
+                left < 1e-6 * H * greatest,
+                "{name}: {left:e} after grain {grain}"
+            );
+        }
+    }
+    let found = (jacobian.contacts, jacobian.k.to_dense().norm_max());
+    assert_eq!(found, (0, 0.0), "{name}");
+}
+
 /// Whether K and the forces agree with each choice of friction and rolling resistance.
 fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
     let law = Law::read(kind, &mut Examples);
@@ -293,6 +345,7 @@ fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
                 rolling_damping_ratio: 0.3,
             };
             agrees::<D>(&law, &contact);
+            idle::<D>(&law, &contact);
         }
     }
 }
@@ -307,6 +360,144 @@ fn stiffness_is_the_derivative_of_the_forces_of_every_law() {
             }
         }
     }
+}
+
+/// A frame of disks that overlap at random, with histories and flags at random; `None` if too few
+/// touch for a problem.
+fn random_frame(random: &mut ChaCha8Rng) -> Option<Problem> {
+    let law = Law::read(
+        &LAWS.iter().find(|l| l.name == "hooke").expect("hooke"),
+        &mut Examples,
+    );
+    let contact = Contact {
+        friction: 0.4,
+        rolling_friction: 0.1,
+        rolling_damping_ratio: 0.0,
+    };
+    let force = Two::pair_force(&law, &contact).expect("a law of disks");
+    let count = random.random_range(3..40);
+    let side = (count as f64).sqrt() * random.random_range(0.8..2.0);
+    let walls = random.random_range(0..3);
+    let grain = |id: usize| GrainState {
+        id: id as u32,
+        body: if id < walls { body::BOTTOM } else { body::FREE },
+        position: [
+            side * random.random::<f64>(),
+            side * random.random::<f64>(),
+            0.0,
+        ],
+        radius: random.random_range(0.4..0.7),
+        ..bytemuck::Zeroable::zeroed()
+    };
+    let grains: Vec<GrainState> = (0..count).map(grain).collect();
+    let cell = Cell::between_walls([side, f64::INFINITY]);
+    let mut contacts = Vec::new();
+    for i in 0..count as u32 {
+        for j in i + 1..count as u32 {
+            let history = [
+                random.random_range(-1.0..1.0),
+                0.0,
+                random.random_range(-1.0..1.0),
+            ];
+            let limits = [Some(random.random()), Some(random.random())];
+            let limits = ContactState::stored(limits, random.random_ratio(1, 20));
+            contacts.push(ContactState {
+                limits,
+                ..ContactState::new(i, j, history)
+            });
+        }
+    }
+    let state = NetworkState {
+        grains: &grains,
+        contacts: &contacts,
+        cell,
+        masses: MASSES,
+        at_rest: false,
+    };
+    let jacobian = assemble::<Two>(state, force.as_ref(), History::Turned);
+    jacobian.problem().ok()
+}
+
+/// The eigenvalues nearest to shifts, some of them eigenvalues, are those of the dense matrix.
+fn spectra_of_random_frames(seeds: std::ops::Range<u64>) {
+    let (mut skipped, mut rough, all) = (0, 0, seeds.end - seeds.start);
+    for seed in seeds {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let Some(problem) = random_frame(&mut random).filter(|of| of.size() > 0) else {
+            skipped += 1;
+            continue;
+        };
+        let n = problem.size();
+        let exact = Spectrum::values(&problem);
+        let norm = problem.norm();
+        let shift = match random.random_range(0..4) {
+            0 => c64::new(0.0, 0.0),
+            1 => c64::new(norm * random.random_range(-0.2..1.0), 0.0),
+            2 => exact[random.random_range(0..n)],
+            _ => {
+                norm * c64::new(
+                    random.random_range(-0.2..1.0),
+                    random.random_range(-0.2..0.2),
+                )
+            }
+        };
+        let count = random.random_range(1..=n);
+        let request = Request {
+            shift,
+            count,
+            left: true,
+            par: Par::Seq,
+        };
+        let found = nearest(
+            &problem,
+            &Symbolic::new(problem.matrix().symbolic()),
+            request,
+        );
+        let found = found.unwrap_or_else(|why| panic!("seed {seed}: {why:?}"));
+        let spectrum = &found.spectrum;
+        assert_eq!(spectrum.left.ncols(), spectrum.eigenvalues.len());
+        let known = problem.null().ncols();
+        assert!(
+            spectrum.eigenvalues.len() >= count.min(n - known),
+            "seed {seed}"
+        );
+        assert!(spectrum.eigenvalues.len() <= count + 1, "seed {seed}");
+        let distances = |values: Vec<c64>| {
+            let mut all: Vec<f64> = values.iter().map(|v| (v - found.shift).norm()).collect();
+            all.sort_by(f64::total_cmp);
+            all
+        };
+        // Near an eigenvalue the others are rough, as their residuals say, until they are refined.
+        if spectrum.eigenvalues.iter().any(|e| e.residual > 1e-9) {
+            rough += 1;
+            continue;
+        }
+        // Much less than their distances; rounding moves them by their conditions.
+        let conditions = spectrum.eigenvalues.iter().map(|e| e.condition);
+        let near = norm * (1e-5 + 1e-10 * conditions.fold(0.0, f64::max));
+        let theirs = distances(exact);
+        let ours = distances(spectrum.eigenvalues.iter().map(|e| e.value).collect());
+        for (k, ours) in ours.iter().enumerate() {
+            let between = theirs[k]..=theirs[(k + known).min(n - 1)];
+            assert!(
+                between.start() - near <= *ours && *ours <= between.end() + near,
+                "seed {seed}, {k} of {count}: {ours:e}, not in {between:?}"
+            );
+        }
+    }
+    assert!(10 * skipped < all, "{skipped} of {all} have no contacts");
+    assert!(3 * rough < all, "{rough} of {all} are rough");
+}
+
+#[test]
+fn spectra_of_some_random_frames() {
+    spectra_of_random_frames(0..100);
+}
+
+#[test]
+#[ignore = "a thousand frames"]
+fn spectra_of_a_thousand_random_frames() {
+    spectra_of_random_frames(0..1000);
 }
 
 /// What a scene can ask for reaches the forces: disks with rolling resistance have a history more.

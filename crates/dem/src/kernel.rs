@@ -603,10 +603,12 @@ fn add_forces<C: ContactLaw, L: Lanes>(
             samples.overlap[block] = motion.overlap;
             samples.tangential[block] = response.tangential;
         }
-        if C::FRICTION || C::ROLLING {
-            let touching = contacts.touching[block];
-            contacts.limits[block] = [response.sliding & touching, response.rolls & touching];
-        }
+        let touched = contacts.touching[block];
+        let idle = !normal.greater(zero).bits() & touched;
+        contacts.limits[block] = match C::FRICTION || C::ROLLING {
+            true => [response.sliding & touched, response.rolls & touched, idle],
+            false => [0, 0, idle],
+        };
         let mut force = n;
         let (mut on_i, mut on_j) = ([zero; 3], [zero; 3]);
         if C::FRICTION {

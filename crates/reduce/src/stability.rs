@@ -20,7 +20,8 @@ const MOST_UNKNOWNS: usize = 6000;
 /// the paper. Returns its path.
 ///
 /// # Errors
-/// A damaged run, a missing frame, too many unknowns, a file that cannot be written.
+/// A damaged run, a missing frame, too many unknowns, a file that cannot be written; once it is
+/// written, frames whose K is not finite.
 pub fn write(
     run: &RunFile,
     frames: FrameRange,
@@ -52,7 +53,7 @@ pub fn write(
                         jacobian.unknowns()
                     )));
                 }
-                Ok((*t, jacobian.contacts, jacobian.sliding, state.stability(history)?))
+                Ok((*t, jacobian.contacts, jacobian.sliding, state.stability(history)))
             })
             .collect::<Result<Vec<_>, Failure>>()?;
         rows.extend(found);
@@ -65,10 +66,19 @@ pub fn write(
         .column("sliding", |(_, _, sliding, _)| *sliding)
         .columns(
             Stability::COLUMNS.map(|column| column.name),
-            |(.., found)| found.columns(),
+            |(.., found)| found.as_ref().unwrap_or(&Stability::UNKNOWN).columns(),
         )
         .csv();
     let path = folder.join("stability.csv");
     dictionary::write_table(&path, &csv)?;
-    Ok(path)
+    let failed = rows.iter().filter_map(|(.., found)| found.as_ref().err());
+    let failed: Vec<String> = failed.map(ToString::to_string).collect();
+    match failed.is_empty() {
+        true => Ok(path),
+        false => Err(Failure::numbers(format!(
+            "{}; {} has NaN for it and all other frames",
+            failed.join("; "),
+            path.display()
+        ))),
+    }
 }

@@ -155,7 +155,13 @@ fn first_pairs(run: &RunFile) -> Result<BothForms, Failure> {
     let first = |history: History| -> Result<Option<FirstPair>, Failure> {
         for (t, &strain) in strains.iter().enumerate() {
             let state = StoredState::of_run(run, StateSelection::Frame(Which::Number(t)))?;
-            let found = state.stability(history)?;
+            let found = match state.stability(history) {
+                Err(failure @ Failure::Numbers(_)) => {
+                    eprintln!("note: {failure}; going on with the next frame");
+                    continue;
+                }
+                found => found?,
+            };
             if found.pairs > 0.0 {
                 let omega = faer::c64::new(found.pair_real, found.imaginary_greatest).sqrt();
                 return Ok(Some(FirstPair {

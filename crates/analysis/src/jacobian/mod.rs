@@ -26,7 +26,7 @@ pub use paper::paper_form;
 pub struct NetworkState<'a> {
     /// All grains, in the order of their ids 0 … N-1.
     pub grains: &'a [GrainState],
-    /// Contacts, each once. Those without overlap add nothing.
+    /// Contacts, each once. Those without overlap, and those whose damper leaves no force, add nothing.
     pub contacts: &'a [ContactState],
     /// The cell, periodic or with walls.
     pub cell: Cell,
@@ -59,7 +59,7 @@ pub struct Jacobian {
     pub per_grain: usize,
     /// Number of position unknowns per grain.
     pub axes: usize,
-    /// Number of contacts with positive overlap.
+    /// Number of contacts that add to K.
     pub contacts: usize,
     /// Number of those contacts at the limit of friction.
     pub sliding: usize,
@@ -145,6 +145,9 @@ pub fn assemble<D: Dimension>(
     let touching: Vec<(LinearContact, [Option<usize>; 2])> = contacts
         .iter()
         .filter_map(|c| {
+            if c.is_idle() && !state.at_rest {
+                return None;
+            }
             let pair = [&grains[c.i as usize], &grains[c.j as usize]];
             let limits = if state.at_rest { [None; 2] } else { c.limits() };
             let contact = touch::<D>(pair, c.history, limits, state.cell, law)?;

@@ -59,7 +59,7 @@ pub trait Stiffness: Sync {
 
 impl Derivatives {
     /// Adds those of F_t: the spring's force `trial` of stiffness k_t, cut to μF_n. F_n must be
-    /// set.
+    /// set. What `slides` by a step was cut there, to the limit that the damper left.
     pub(crate) fn limited(
         mut self,
         trial: [f64; 3],
@@ -72,9 +72,20 @@ impl Derivatives {
         self.direction = unit(trial, length);
         self.sliding = slides.unwrap_or(length >= AT_LIMIT * limit);
         if self.sliding {
+            let limit = if slides.is_some() { length } else { limit };
             self.tangential = self.direction.map(|t| limit * t);
-            self.tangential_slope = self.direction.map(|t| friction * self.normal_slope * t);
-            self.across = k_t * limit / length.max(f64::MIN_POSITIVE);
+            self.across = if length > 0.0 {
+                k_t * limit / length
+            } else {
+                k_t
+            };
+            // Without a force there is no direction in which it could grow.
+            let slope = if length > 0.0 {
+                friction * self.normal_slope
+            } else {
+                0.0
+            };
+            self.tangential_slope = self.direction.map(|t| slope * t);
         } else {
             self.tangential = trial;
             (self.along, self.across) = (k_t, k_t);
@@ -86,7 +97,12 @@ impl Derivatives {
     /// F_n with arm = μ_r R_r (m). F_n must be set.
     pub(crate) fn rolling(mut self, trial: f64, k_r: f64, arm: f64, rolls: Option<bool>) -> Self {
         if rolls.unwrap_or(trial.abs() >= AT_LIMIT * arm * self.normal) {
-            self.rolling_slope = (arm * self.normal_slope).copysign(trial);
+            let slope = if trial == 0.0 {
+                0.0
+            } else {
+                arm * self.normal_slope
+            };
+            self.rolling_slope = slope.copysign(trial);
         } else {
             self.rolling = k_r;
         }
@@ -137,5 +153,35 @@ mod tests {
             assert_eq!(stuck.tangential, [trial, 0.0, 0.0]);
             assert_eq!(at(trial, None, None).sliding, trial > 1.0);
         }
+    }
+
+    /// A step has cut what slides to the limit that the damper left, however little: across its way
+    /// it is as stiff as the spring.
+    #[test]
+    fn a_limit_near_zero_leaves_stiffnesses_of_the_spring() {
+        let at = |trial: [f64; 3], slides| {
+            let spring = Derivatives {
+                normal: 2.0,
+                normal_slope: 4.0,
+                ..Derivatives::default()
+            };
+            let spring = spring.limited(trial, 3.0, 0.5, slides);
+            spring.rolling(trial[0], 7.0, 0.1, slides)
+        };
+        for size in [1e-3, 1e-200] {
+            let found = at([0.0, size, 0.0], Some(true));
+            assert_eq!((found.along, found.across), (0.0, 3.0));
+            assert_eq!(found.tangential, [0.0, size, 0.0]);
+            assert_eq!(found.tangential_slope, [0.0, 2.0, 0.0]);
+        }
+        // No direction, no sign.
+        for nothing in [0.0, -0.0] {
+            let found = at([nothing; 3], Some(true));
+            assert_eq!((found.along, found.across), (0.0, 3.0));
+            assert_eq!(found.tangential_slope, [0.0; 3]);
+            assert_eq!(found.rolling_slope, 0.0);
+        }
+        // At rest the limit of the spring cuts.
+        assert_eq!(at([4.0, 0.0, 0.0], None).across, 0.75);
     }
 }

@@ -42,9 +42,10 @@ pub struct Contacts {
     pub history_lanes: usize,
     /// Lanes that touched when the forces were last computed.
     pub touching: Vec<u16>,
-    /// Lanes that were then at the limit of friction, and at that of rolling.
-    pub limits: Vec<[u16; 2]>,
-    /// Whether they are of a step in which the histories advanced.
+    /// Lanes that were then at the limit of friction, at that of rolling, and without any force; see
+    /// [`ContactState::is_idle`].
+    pub limits: Vec<[u16; 3]>,
+    /// Whether the first two are of a step in which the histories advanced.
     pub limits_are_known: bool,
     /// For each block, the distance (m) that the grains may have travelled since the list was made
     /// before one of its pairs can touch: until then the block is asleep, and costs nothing.
@@ -155,7 +156,7 @@ impl Contacts {
                 j: [0; LANES],
             };
             let mut geometry = [Lanes16([FILLER; LANES]), Lanes16([-0.5 * FILLER; LANES])];
-            let (mut touching, mut limits) = (0, [0; 2]);
+            let (mut touching, mut limits) = (0, [0; 3]);
             let first = self.history.len();
             self.history
                 .resize(first + self.history_lanes, Lanes16::ZERO);
@@ -167,7 +168,8 @@ impl Contacts {
                 geometry[1].0[lane] = radius[i as usize];
                 if let Some(contact) = listed.contact {
                     touching |= 1 << lane;
-                    let is_at = contact.limits().map(Option::unwrap_or_default);
+                    let [slides, rolls] = contact.limits().map(Option::unwrap_or_default);
+                    let is_at = [slides, rolls, contact.is_idle()];
                     for (lanes, is_at) in limits.iter_mut().zip(is_at) {
                         *lanes |= u16::from(is_at) << lane;
                     }
@@ -273,13 +275,13 @@ impl Contacts {
         for (to, lanes) in history.iter_mut().zip(lanes) {
             *to = lanes.0[at.lane];
         }
-        let is_at = |lanes: u16| self.limits_are_known.then_some(lanes >> at.lane & 1 == 1);
-        let limits = self.limits[at.block].map(is_at);
+        let [slides, rolls, idle] = self.limits[at.block].map(|lanes| lanes >> at.lane & 1 == 1);
+        let limits = [slides, rolls].map(|is_at| self.limits_are_known.then_some(is_at));
         ContactState {
             i: id[at.i],
             j: id[at.j],
             history: law.to_state(history),
-            limits: ContactState::stored(limits),
+            limits: ContactState::stored(limits, idle),
         }
     }
 
@@ -290,7 +292,7 @@ impl Contacts {
             + self.geometry.capacity() * size_of::<[Lanes16; 2]>()
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Lanes16>()
             + self.touching.capacity() * size_of::<u16>()
-            + self.limits.capacity() * size_of::<[u16; 2]>()
+            + self.limits.capacity() * size_of::<[u16; 3]>()
             + self.asleep_until.capacity() * size_of::<f64>()
     }
 }
@@ -362,7 +364,7 @@ pub struct BlockRange<'a> {
     /// [`Contacts::touching`] of these blocks.
     pub touching: &'a mut [u16],
     /// [`Contacts::limits`] of these blocks.
-    pub limits: &'a mut [[u16; 2]],
+    pub limits: &'a mut [[u16; 3]],
     /// [`Contacts::asleep_until`] of these blocks.
     pub asleep_until: &'a mut [f64],
     /// [`Contacts::inner`].

@@ -73,12 +73,19 @@ impl ContactState {
         [(1, 4), (2, 8)].map(|(limit, known)| is_set(known).then(|| is_set(limit)))
     }
 
-    /// Limits as a number: 1 and 2 for friction and rolling, and 4 and 8 if that is known.
-    pub fn stored(limits: [Option<bool>; 2]) -> i64 {
+    /// Whether it transmitted nothing when the forces were last computed: its damper would have made
+    /// F_n negative.
+    pub fn is_idle(&self) -> bool {
+        self.limits & 16 != 0
+    }
+
+    /// Limits as a number: 1 and 2 for friction and rolling, 4 and 8 if that is known, and 16 if it is
+    /// idle.
+    pub fn stored(limits: [Option<bool>; 2], is_idle: bool) -> i64 {
         let number = |known: i64, limit: Option<bool>| {
             limit.map_or(0, |is_at| known + known / 4 * i64::from(is_at))
         };
-        number(4, limits[0]) + number(8, limits[1])
+        number(4, limits[0]) + number(8, limits[1]) + 16 * i64::from(is_idle)
     }
 
     /// The bytes of all that the motion depends on: of every field before the limits.

@@ -55,9 +55,13 @@ pub(super) fn observe<D: Dimension>(
     grains: u32,
 ) -> Observed {
     // Forces and histories are restored afterwards, because a pass with Δt = 0 also rotates
-    // histories into the tangent planes, which changes their last bits.
+    // histories into the tangent planes, which changes their last bits, and does not find limits.
     let felt = system.grains().force.clone();
     let remembered = system.contacts.history.clone();
+    let limits = (
+        system.contacts.limits.clone(),
+        system.contacts.limits_are_known,
+    );
     let outside = forces(
         exchange,
         system,
@@ -69,6 +73,7 @@ pub(super) fn observe<D: Dimension>(
     debug_assert!(outside.is_none());
     system.grains_mut().force = felt;
     system.contacts.history = remembered;
+    (system.contacts.limits, system.contacts.limits_are_known) = limits;
     let shares = shares(system, law, samples);
     let all = gathered(exchange, &shares, |c| (c.i, c.j));
     let sum = |of: fn(&ContactTerms) -> f64| all.iter().map(of).sum::<f64>();

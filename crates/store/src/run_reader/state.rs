@@ -29,10 +29,13 @@ impl RunFile {
             Dimensions::Three => c.tangential_history,
         };
         let contact = |c: &ContactSample| ContactState {
-            limits: ContactState::stored([
-                Some(c.sliding != 0),
-                self.has_rolling().then_some(c.rolling != 0),
-            ]),
+            limits: ContactState::stored(
+                [
+                    Some(c.sliding != 0),
+                    self.has_rolling().then_some(c.rolling != 0),
+                ],
+                c.normal_force == 0.0,
+            ),
             ..ContactState::new(c.i, c.j, history(c))
         };
         Ok((
