@@ -366,7 +366,7 @@ fn stiffness_is_the_derivative_of_the_forces_of_every_law() {
 /// touch for a problem.
 fn random_frame(random: &mut ChaCha8Rng) -> Option<Problem> {
     let law = Law::read(
-        &LAWS.iter().find(|l| l.name == "hooke").expect("hooke"),
+        LAWS.iter().find(|l| l.name == "hooke").expect("hooke"),
         &mut Examples,
     );
     let contact = Contact {
