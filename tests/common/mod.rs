@@ -255,8 +255,9 @@ pub fn copy_folder(from: &Path, to: &Path) {
 /// Nothing that was being written is left in a folder.
 pub fn no_parts(folder: &Path) {
     for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        assert!(!name.ends_with(".part"), "{name} is left");
+        let path = entry.path();
+        let is_part = path.extension().is_some_and(|of| of == "part");
+        assert!(!is_part, "{} is left", path.display());
     }
 }
 

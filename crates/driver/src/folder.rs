@@ -256,7 +256,7 @@ impl FileOwner {
 /// Whether it is a file that only a run writes. `status.json` does not count: a folder that holds it
 /// alone is that of a run that was packed, of which nothing is left.
 fn is_of_a_run(name: &str, path: &Path) -> bool {
-    let is_part = name.ends_with(".part");
+    let is_part = path.extension().is_some_and(|of| of == "part");
     let checkpoint = name.starts_with("checkpoint") && name.contains(".h5") && !is_part;
     TRAJECTORIES.contains(&name.trim_end_matches(".journal"))
         || [LOG_FILE, LOG_METADATA_FILE, SPECTRA_FILE].contains(&name)

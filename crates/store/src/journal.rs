@@ -214,7 +214,7 @@ mod tests {
         std::fs::write(at("disk/a.h5"), [7; 100]).unwrap();
         std::os::unix::fs::symlink("disk/a.h5", at("b.h5")).unwrap();
         std::os::unix::fs::symlink(at("b.h5"), at("run.h5")).unwrap();
-        let journal = Journal::of(&at("disk/a.h5"), vec![10..20]).unwrap();
+        let journal = Journal::of(&at("disk/a.h5"), vec![10..20, 30..40]).unwrap();
         journal.write(&at("run.h5")).unwrap();
         assert!(at("disk/a.h5.journal").exists());
         std::fs::rename(at("disk/a.h5.journal"), at("run.h5.journal")).unwrap();

@@ -38,7 +38,7 @@ fn inspect(group: &Group, bytes: u64, levels: usize, objects: &mut usize) -> hdf
         match group.loc_type_by_name(name)? {
             LocationType::Group => inspect(&group.group(name)?, bytes, levels - 1, objects),
             LocationType::Dataset => can_hold(&group.dataset(name)?, bytes),
-            _ => Ok(()),
+            LocationType::NamedDatatype => Ok(()),
         }
     })
 }
