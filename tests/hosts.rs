@@ -39,11 +39,15 @@ impl Hosts {
         };
         for name in &names {
             // A dead connection ends after seconds instead of a quarter of an hour.
+            // A machine of its own has booted by itself.
+            let boot = hosts.folder.path().join(name);
+            std::fs::write(&boot, name).expect("written");
+            let boot = boot.display();
             let setup = format!(
-                "hostname {name} && ip link set lo up && echo 4 > /proc/sys/net/ipv4/tcp_retries2 && echo up && exec sleep 1000"
+                "mount --bind {boot} /proc/sys/kernel/random/boot_id && hostname {name} && ip link set lo up && echo 4 > /proc/sys/net/ipv4/tcp_retries2 && echo up && exec sleep 1000"
             );
             let mut command = Command::new("unshare");
-            command.args(["--net", "--uts", "sh", "-c", &setup]);
+            command.args(["--net", "--uts", "--mount", "sh", "-c", &setup]);
             command.stdout(Stdio::piped()).stderr(Stdio::piped());
             match command.spawn() {
                 Ok(child) => hosts.kept.push(child),
@@ -75,7 +79,7 @@ impl Hosts {
             succeed(hosts.on(k, "ip").args(["link", "set", "up0", "up"]));
         }
         // Starts what mpirun runs on the other host, as ssh would.
-        let agent = format!("#!/bin/sh\nshift\nexec nsenter -t {b} -n -u sh -c \"$*\"\n");
+        let agent = format!("#!/bin/sh\nshift\nexec nsenter -t {b} -n -u -m sh -c \"$*\"\n");
         std::fs::write(hosts.agent(), agent).expect("written");
         succeed(Command::new("chmod").arg("+x").arg(hosts.agent()));
         assert_ne!(a, b);
@@ -91,7 +95,7 @@ impl Hosts {
         let mut command = Command::new("nsenter");
         let kept = self.kept[host].id().to_string();
         command
-            .args(["-t", &kept, "-n", "-u"])
+            .args(["-t", &kept, "-n", "-u", "-m"])
             .arg(program.as_ref());
         command
     }

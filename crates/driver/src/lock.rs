@@ -1,12 +1,16 @@
 //! The lock of a run's folder: one job at a time writes into it.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{ErrorKind, Write};
+use std::fs::{self, File, Metadata, OpenOptions, TryLockError};
+use std::hash::{BuildHasher, RandomState};
+use std::io::{ErrorKind, Read, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
+use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 
 use gshear_dem::failure::Failure;
@@ -16,68 +20,97 @@ use gshear_store::provenance;
 pub const LOCK_FILE: &str = "run.lock";
 /// Interval at which the owner renews the time of the file.
 const HEARTBEAT: Duration = Duration::from_secs(30);
-/// A lock of another machine is stale if it is older.
+/// A lock of which the kernel knows nothing is stale if it is older.
 const STALE: Duration = Duration::from_mins(5);
+/// How often a lock is tried, and the pause between.
+const TRIES: usize = 10;
+const PAUSE: Duration = Duration::from_millis(20);
 
 /// The process that holds a lock.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Holder {
     host: String,
     pid: u32,
-    /// Start of the process in ticks since boot, because process ids are used again.
-    ticks: Option<u64>,
     /// UTC.
     started: String,
+    /// The boot of the machine: host names and process ids occur twice, in containers and after a
+    /// restart.
+    #[serde(default)]
+    boot: String,
+    /// Whether the kernel holds a lock on the file for as long as the process lives.
+    #[serde(default)]
+    locked: bool,
+    /// No other lock has the same.
+    #[serde(default)]
+    token: u64,
 }
 
 impl Holder {
-    fn this() -> Self {
+    fn this(locked: bool) -> Self {
         let pid = std::process::id();
         Self {
             host: provenance::host(),
             pid,
-            ticks: start_of(pid),
             started: provenance::now(),
+            boot: boot(),
+            locked,
+            token: RandomState::new().hash_one(pid),
         }
     }
 
-    /// Whether it is a process of this host, which can be looked up.
-    fn is_here(&self) -> bool {
-        self.host == provenance::host() && Path::new("/proc/self/stat").exists()
-    }
-
-    /// Whether the process is known to be gone. `age`: time since the last heartbeat.
-    fn is_gone(&self, age: Duration) -> bool {
-        if self.is_here() {
-            let ticks = start_of(self.pid);
-            return ticks.is_none() || ticks != self.ticks;
-        }
-        age > STALE
+    /// Whether the kernel tells if the process lives.
+    fn is_known_here(&self) -> bool {
+        self.locked && !self.boot.is_empty() && self.boot == boot()
     }
 }
 
-/// When a process of this machine started, in ticks since boot; `None` if it has ended.
-fn start_of(pid: u32) -> Option<u64> {
-    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The name before it, in parentheses, may have spaces.
-    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
-    // A zombie holds nothing; its parent has not asked for its exit code yet.
-    (*fields.first()? != "Z").then(|| fields.get(19)?.parse().ok())?
+fn boot() -> String {
+    fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default()
+}
+
+/// Whether the process of a lock is known to be gone. `free`: the kernel holds no lock on the file.
+fn is_gone(holder: Option<&Holder>, free: bool, age: Duration) -> bool {
+    match holder {
+        Some(holder) if holder.is_known_here() => free,
+        Some(_) => age > STALE,
+        // Its owner may be about to write it.
+        None => age > HEARTBEAT,
+    }
 }
 
 /// Whether the run that writes into a folder is known to have ended without a word: its lock is
 /// there, and its process is gone.
 pub fn is_abandoned(folder: &Path) -> bool {
-    let path = folder.join(LOCK_FILE);
-    let holder = fs::read_to_string(&path).ok();
-    let holder = holder.and_then(|text| serde_json::from_str::<Holder>(&text).ok());
-    holder.is_some_and(|holder| holder.is_gone(age(&path)))
+    let Ok(mut file) = open(&folder.join(LOCK_FILE), false) else {
+        return false;
+    };
+    let (_, holder) = read(&mut file);
+    let age = age(file.metadata());
+    holder.is_some_and(|holder| is_gone(Some(&holder), file.try_lock_shared().is_ok(), age))
+}
+
+/// Opens an existing lock.
+fn open(path: &Path, write: bool) -> std::io::Result<File> {
+    let mut options = OpenOptions::new();
+    let no_link = OFlags::NOFOLLOW.bits() as i32;
+    options.read(true).write(write).custom_flags(no_link);
+    options.open(path)
+}
+
+/// The text of a lock, and its holder.
+fn read(file: &mut File) -> (String, Option<Holder>) {
+    let mut text = String::new();
+    let _ = file.read_to_string(&mut text);
+    let holder = serde_json::from_str(&text).ok();
+    (text, holder)
 }
 
 /// A lock that this process holds. Dropping it removes the file.
 pub struct Lock {
     path: PathBuf,
     text: String,
+    /// The kernel holds its lock until this is closed.
+    _file: Arc<File>,
     stop: Option<Sender<()>>,
     heartbeat: Option<JoinHandle<()>>,
 }
@@ -90,26 +123,40 @@ impl Lock {
     /// [`Failure::Input`] if another process holds it, or the folder cannot be written.
     pub fn take(folder: &Path, force: bool, notes: &mut Vec<String>) -> Result<Self, Failure> {
         let path = folder.join(LOCK_FILE);
-        let text = serde_json::to_string(&Holder::this()).expect("texts and numbers");
-        // A lock may vanish or appear between two looks at it.
-        for _ in 0..10 {
-            match create(&path, &text) {
-                Ok(()) => return Ok(Self::held(path, text)),
+        let mut refused = None;
+        // A lock may vanish or appear between two looks at it, and who looks at one locks it for a
+        // moment.
+        for _ in 0..TRIES {
+            match File::create_new(&path) {
+                Ok(file) => match Self::hold(&path, file) {
+                    Ok(Some(lock)) => return Ok(lock),
+                    Ok(None) => {}
+                    Err(e) => {
+                        let _ = fs::remove_file(&path);
+                        return Err(unwritable(folder, &e));
+                    }
+                },
                 Err(e) if e.kind() == ErrorKind::AlreadyExists => {
-                    Self::take_over(folder, &path, force, notes)?;
+                    refused = Self::clear(folder, &path, force, notes)?;
+                    if refused.is_none() {
+                        continue;
+                    }
                 }
                 Err(e) => return Err(unwritable(folder, &e)),
             }
+            std::thread::sleep(PAUSE);
         }
-        Err(Failure::input(format!(
-            "{}: several programs take this lock in turn; try again",
-            path.display()
-        )))
+        Err(refused.unwrap_or_else(|| {
+            Failure::input(format!(
+                "{}: several programs take this lock in turn; try again",
+                path.display()
+            ))
+        }))
     }
 
-    /// Waits until it is known whether a process of another host still holds the lock: the process
-    /// renews the lock or removes it, or the lock becomes stale. Returns at once if the holder is of
-    /// this host. `note`: is told that this waits.
+    /// Waits until it is known whether the process that holds the lock lives: the process renews the
+    /// lock or removes it, or the lock becomes stale. Returns at once if the kernel tells. `note`: is
+    /// told that this waits.
     pub fn await_verdict(folder: &Path, note: impl Fn(&str)) {
         let path = folder.join(LOCK_FILE);
         let look = || {
@@ -120,13 +167,14 @@ impl Lock {
         let Ok(holder) = serde_json::from_str::<Holder>(&first.0) else {
             return;
         };
-        if holder.is_here() {
+        if holder.is_known_here() {
             return;
         }
         let begun = Instant::now();
         // The second bound holds if the clocks of the hosts differ.
         for looks in 0.. {
-            if age(&path) > STALE || begun.elapsed() > STALE || look().as_ref() != Some(&first) {
+            let age = age(fs::metadata(&path));
+            if age > STALE || begun.elapsed() > STALE || look().as_ref() != Some(&first) {
                 return;
             }
             if looks == 1 {
@@ -141,23 +189,22 @@ impl Lock {
         }
     }
 
-    /// Removes a stale lock.
-    fn take_over(
+    /// Removes a lock whose process is gone. Returns the message that refuses another one.
+    fn clear(
         folder: &Path,
         path: &Path,
         force: bool,
         notes: &mut Vec<String>,
-    ) -> Result<(), Failure> {
-        let Ok(found) = fs::read_to_string(path) else {
-            return Ok(());
+    ) -> Result<Option<Failure>, Failure> {
+        let mut file = match open(path, true) {
+            Ok(file) => file,
+            Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(unwritable(folder, &e)),
         };
-        let age = age(path);
-        let holder: Option<Holder> = serde_json::from_str(&found).ok();
-        let gone = match &holder {
-            Some(holder) => holder.is_gone(age),
-            // Its owner may be about to write it.
-            None => age > HEARTBEAT,
-        };
+        // Kept until the lock is removed: of several programs only one removes it.
+        let free = !matches!(file.try_lock(), Err(TryLockError::WouldBlock));
+        let (found, holder) = read(&mut file);
+        let gone = is_gone(holder.as_ref(), free, age(file.metadata()));
         let whose = match &holder {
             Some(Holder {
                 host, pid, started, ..
@@ -165,14 +212,15 @@ impl Lock {
             None => "an unknown process".into(),
         };
         if !gone && !force {
-            return Err(Failure::input(format!(
+            return Ok(Some(Failure::input(format!(
                 "{}: {whose}, writes into this folder; wait until it has ended or give another --out. \
                  If that process is gone, --break-lock takes the folder over",
                 folder.display()
-            )));
+            ))));
         }
-        // Two programs may take over at once: only the lock that was seen is removed.
-        let aside = folder.join(format!("{LOCK_FILE}.{}", std::process::id()));
+        // Without locks of the kernel, two programs may take over at once: only the lock that was
+        // seen is removed.
+        let aside = folder.join(format!("{LOCK_FILE}.{:x}", Holder::this(false).token));
         if fs::rename(path, &aside).is_ok() {
             let same = fs::read_to_string(&aside).is_ok_and(|text| text == found);
             if !same {
@@ -190,24 +238,37 @@ impl Lock {
                 ));
             }
         }
-        Ok(())
+        Ok(None)
     }
 
-    fn held(path: PathBuf, text: String) -> Self {
+    /// Takes a lock that this process has just created; `None` if another one was faster.
+    fn hold(path: &Path, mut file: File) -> std::io::Result<Option<Self>> {
+        let locked = match file.try_lock() {
+            Ok(()) => true,
+            Err(TryLockError::WouldBlock) => return Ok(None),
+            // Not every file system has locks.
+            Err(TryLockError::Error(_)) => false,
+        };
+        let text = serde_json::to_string(&Holder::this(locked)).expect("texts and numbers");
+        file.write_all(text.as_bytes())?;
+        if fs::read_to_string(path).ok().as_ref() != Some(&text) {
+            return Ok(None);
+        }
+        let file = Arc::new(file);
         let (stop, stopped) = mpsc::channel();
-        let file = path.clone();
+        let renewed = file.clone();
         let beat = move || {
             while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(HEARTBEAT) {
-                let open = OpenOptions::new().write(true).open(&file);
-                let _ = open.and_then(|file: File| file.set_modified(SystemTime::now()));
+                let _ = renewed.set_modified(SystemTime::now());
             }
         };
-        Self {
-            path,
+        Ok(Some(Self {
+            path: path.into(),
             text,
+            _file: file,
             stop: Some(stop),
             heartbeat: std::thread::Builder::new().spawn(beat).ok(),
-        }
+        }))
     }
 
     /// Checks that this process still holds the lock.
@@ -248,28 +309,6 @@ impl Drop for Lock {
     }
 }
 
-/// Creates a lock with its text, both at once, so that a killed process leaves no empty lock.
-fn create(path: &Path, text: &str) -> std::io::Result<()> {
-    let part = path.with_extension(format!("lock.{}.part", std::process::id()));
-    let linked = fs::write(&part, text).and_then(|()| fs::hard_link(&part, path));
-    let _ = fs::remove_file(&part);
-    match linked {
-        // Not every file system has hard links.
-        Err(e)
-            if matches!(
-                e.kind(),
-                ErrorKind::Unsupported | ErrorKind::PermissionDenied
-            ) =>
-        {
-            let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
-            file.write_all(text.as_bytes()).inspect_err(|_| {
-                let _ = fs::remove_file(path);
-            })
-        }
-        other => other,
-    }
-}
-
 /// The failure of a folder that cannot be written.
 pub fn unwritable(folder: &Path, why: &std::io::Error) -> Failure {
     Failure::input(format!(
@@ -279,8 +318,8 @@ pub fn unwritable(folder: &Path, why: &std::io::Error) -> Failure {
 }
 
 /// Time since the last heartbeat.
-fn age(path: &Path) -> Duration {
-    let modified = fs::metadata(path).and_then(|file| file.modified());
+fn age(of: std::io::Result<Metadata>) -> Duration {
+    let modified = of.and_then(|file| file.modified());
     modified.map_or(Duration::ZERO, |at| at.elapsed().unwrap_or_default())
 }
 
@@ -293,6 +332,13 @@ mod tests {
         fs::write(&path, serde_json::to_string(holder).unwrap()).unwrap();
         let file = OpenOptions::new().write(true).open(&path).unwrap();
         file.set_modified(SystemTime::now() - age).unwrap();
+    }
+
+    fn elsewhere() -> Holder {
+        Holder {
+            boot: "another".into(),
+            ..Holder::this(true)
+        }
     }
 
     #[test]
@@ -310,24 +356,28 @@ mod tests {
         drop(lock);
         assert!(!folder.join(LOCK_FILE).exists() && notes.is_empty());
 
-        let elsewhere = Holder {
-            host: "elsewhere".into(),
-            ..Holder::this()
-        };
+        // Another machine, also of the same name.
+        let elsewhere = elsewhere();
         write(&folder, &elsewhere, Duration::ZERO);
         assert!(Lock::take(&folder, false, &mut notes).is_err());
         drop(Lock::take(&folder, true, &mut notes).unwrap());
         assert!(notes[0].contains("--break-lock"), "{notes:?}");
         write(&folder, &elsewhere, 2 * STALE);
         drop(Lock::take(&folder, false, &mut notes).unwrap());
-        // The process id is used again by another process.
-        let before = Holder {
-            ticks: Some(1),
-            ..Holder::this()
-        };
-        write(&folder, &before, Duration::ZERO);
+        // The kernel has no lock of this machine's.
+        write(&folder, &Holder::this(true), Duration::ZERO);
         drop(Lock::take(&folder, false, &mut notes).unwrap());
         assert_eq!(notes.len(), 3);
+        // It could not have one.
+        write(&folder, &Holder::this(false), Duration::ZERO);
+        assert!(Lock::take(&folder, false, &mut notes).is_err());
+        // A link into another folder is neither followed nor replaced.
+        let (path, other) = (folder.join(LOCK_FILE), folder.join("other"));
+        fs::rename(&path, &other).unwrap();
+        std::os::unix::fs::symlink(&other, &path).unwrap();
+        assert!(Lock::take(&folder, true, &mut notes).is_err() && !is_abandoned(&folder));
+        fs::remove_file(&path).unwrap();
+        fs::remove_file(&other).unwrap();
         fs::remove_dir(&folder).unwrap();
     }
 
@@ -336,10 +386,7 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("gshear-watched-{}", std::process::id()));
         fs::create_dir_all(&folder).unwrap();
         let path = folder.join(LOCK_FILE);
-        let elsewhere = Holder {
-            host: "elsewhere".into(),
-            ..Holder::this()
-        };
+        let elsewhere = elsewhere();
         let waited = |holder: &Holder, age: Duration, meanwhile: &dyn Fn()| {
             write(&folder, holder, age);
             let begun = Instant::now();
@@ -351,7 +398,7 @@ mod tests {
             begun.elapsed()
         };
         let soon = Duration::from_millis(500);
-        assert!(waited(&Holder::this(), Duration::ZERO, &|| {}) < soon);
+        assert!(waited(&Holder::this(true), Duration::ZERO, &|| {}) < soon);
         assert!(waited(&elsewhere, 2 * STALE, &|| {}) < soon);
         // It becomes stale.
         let almost = STALE.checked_sub(Duration::from_secs(2)).unwrap();
