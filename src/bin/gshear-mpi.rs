@@ -40,7 +40,8 @@ fn main() -> ExitCode {
             return ExitCode::from(e.exit_code() as u8);
         }
     };
-    let code = match signals.and_then(|_| go(&world, &arguments)) {
+    let launched = world.check_launcher();
+    let code = match signals.and(launched).and_then(|()| go(&world, &arguments)) {
         Ok(Outcome::Done) => 0,
         Ok(Outcome::Stopped) => STOPPED_EARLY,
         Err(failure) => {

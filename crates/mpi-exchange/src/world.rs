@@ -6,7 +6,7 @@ use crate::parallel::Parallel;
 use crate::watchdog::{Alone, LoneFailure, Progress, Ranks, Waiting, Watchdog};
 use bytemuck::cast_slice_mut;
 use gshear_dem::domain::{Exchange, Link};
-use gshear_dem::failure::printable;
+use gshear_dem::failure::{Failure, printable};
 use std::cell::RefCell;
 use std::io::Write;
 use std::sync::Arc;
@@ -49,8 +49,11 @@ pub fn library_version() -> String {
     words.join(" ")
 }
 
-/// Settings of Open MPI that the environment may override.
-const OPEN_MPI: [(&str, &str); 3] = [
+/// Settings of libraries that the environment may override.
+const LIBRARIES: [(&str, &str); 4] = [
+    // The lock of a run's folder keeps other runs out, and not every file system has locks. With
+    // them, a program that reads `run.h5` would keep the run from being continued.
+    ("HDF5_USE_FILE_LOCKING", "FALSE"),
     // A halo message of 4 KiB just exceeds the default, above which a handshake comes first.
     ("OMPI_MCA_btl_vader_eager_limit", "16384"),
     // OMPIO takes a write that the system did in part for a whole one; ROMIO writes the rest.
@@ -73,7 +76,7 @@ impl World {
     /// # Panics
     /// If MPI has been started before.
     pub fn start() -> World {
-        for (name, value) in OPEN_MPI {
+        for (name, value) in LIBRARIES {
             if std::env::var_os(name).is_none() {
                 // SAFETY: the caller has started no other thread that could read the environment.
                 unsafe { std::env::set_var(name, value) };
@@ -123,6 +126,24 @@ impl World {
         self.communicator.abort(exit_code)
     }
 
+    /// Says so if this is one of several ranks that a launcher has started, but MPI's only one: each
+    /// would run the whole scene.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] with the variable of the launcher.
+    pub fn check_launcher(&self) -> Result<(), Failure> {
+        let variable = |name: &str| std::env::var(name).ok();
+        match launched(variable, std::process::id()) {
+            Some((name, ranks)) if self.size == 1 => Err(Failure::input(format!(
+                "{name} says that this is one of {ranks} ranks, but MPI ({}) knows of one: another \
+                 MPI's program started them; start them with its own mpirun, or srun --mpi=pmix. If \
+                 each is to be a run of its own, remove {name} from its environment",
+                library_version()
+            ))),
+            _ => Ok(()),
+        }
+    }
+
     fn progress(&self) -> &Progress {
         let alone = &self.alone.progress;
         self.node.as_ref().map_or(alone, Node::progress)
@@ -149,6 +170,27 @@ impl World {
             .map(|(&s, &c)| bytes[s as usize..][..c as usize].to_vec())
             .collect()
     }
+}
+
+/// The variable by which a launcher tells its processes that they are several, and their number.
+/// `process`: this one.
+fn launched(
+    variable: impl Fn(&str) -> Option<String>,
+    process: u32,
+) -> Option<(&'static str, u64)> {
+    let number = |name: &str| variable(name)?.parse::<u64>().ok();
+    // Other processes of a job script have the variables of the batch system, too: the script's own
+    // programs, and those that mpirun starts on other nodes.
+    let is_task = number("SLURM_TASK_PID") == Some(process.into());
+    let named = |name| Some((name, number(name)?));
+    let found = [
+        named("OMPI_COMM_WORLD_SIZE"),
+        named("PMI_SIZE"),
+        named("SLURM_STEP_NUM_TASKS").filter(|_| is_task),
+        // The number of its ranks is not in the environment.
+        number("PMIX_RANK").map(|rank| ("PMIX_RANK", rank + 1)),
+    ];
+    found.into_iter().flatten().find(|(_, ranks)| *ranks > 1)
 }
 
 /// The same bytes; an empty slice with a valid address. Rust gives an empty slice of bytes the
@@ -384,5 +426,54 @@ impl Exchange for World {
     fn barrier(&self) {
         let _waiting = self.waiting();
         self.communicator.barrier();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::launched;
+
+    #[test]
+    fn ranks_of_another_mpi_are_told_from_other_processes() {
+        let found = |environment: &[(&str, &str)]| {
+            let of = |name: &str| environment.iter().find(|(known, _)| *known == name);
+            launched(|name| of(name).map(|(_, value)| (*value).to_string()), 7)
+        };
+        for (environment, ranks) in [
+            (&[][..], None),
+            (&[("OMPI_COMM_WORLD_SIZE", "2")], Some(2)),
+            (&[("PMI_SIZE", "3"), ("PMI_RANK", "0")], Some(3)),
+            (&[("PMI_SIZE", "1"), ("PMI_RANK", "0")], None),
+            (&[("PMIX_RANK", "0")], None),
+            (&[("PMIX_RANK", "3")], Some(4)),
+            // A task of srun.
+            (
+                &[("SLURM_STEP_NUM_TASKS", "4"), ("SLURM_TASK_PID", "7")],
+                Some(4),
+            ),
+            (
+                &[("SLURM_STEP_NUM_TASKS", "1"), ("SLURM_TASK_PID", "7")],
+                None,
+            ),
+            // A program of a batch script for four tasks, or of a shell under srun.
+            (
+                &[
+                    ("SLURM_NTASKS", "4"),
+                    ("SLURM_PROCID", "0"),
+                    ("SLURM_TASK_PID", "7"),
+                ],
+                None,
+            ),
+            (
+                &[("SLURM_STEP_NUM_TASKS", "4"), ("SLURM_TASK_PID", "6")],
+                None,
+            ),
+        ] {
+            assert_eq!(
+                found(environment).map(|found| found.1),
+                ranks,
+                "{environment:?}"
+            );
+        }
     }
 }
