@@ -77,7 +77,7 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
 
     // Resumed from the middle of a batch.
     let mut writer = TrajectoryWriter::open_to_append(world, &path, &SeriesRow::COLUMNS, 81, 55)?;
-    let mut log = Log::open_to_append(world, &csv, &SeriesRow::COLUMNS, Some(270), 55)?;
+    let mut log = Log::open_to_append(world, &csv, &SeriesRow::COLUMNS, 270, 55)?;
     assert_eq!((writer.frames(), writer.rows()), (81, 55));
     for t in 81..150 {
         frame(&mut writer, t)?;

@@ -10,7 +10,7 @@ use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
-use gshear_store::collective::agree;
+use gshear_store::collective::{agree, exists};
 use gshear_store::dictionary;
 use gshear_store::existing;
 use gshear_store::file_names::{LOG_FILE, SCENE_FILE};
@@ -119,10 +119,9 @@ impl Files {
             None => folder(exchange, out)?,
         }
         let (path, log) = (out.join(format.name), out.join(LOG_FILE));
-        let there = |path: &Path| exchange.broadcast(vec![u8::from(path.exists())])[0] == 1;
-        let (run_there, log_there) = (there(&path), there(&log));
-        let mut files = match before {
-            Some(UpToCheckpoint { last, .. }) if run_there => {
+        let (run_there, log_there) = (exists(exchange, &path)?, exists(exchange, &log)?);
+        let mut files = match before.and_then(|before| before.last) {
+            Some(last) if run_there => {
                 // Counted by steps: a file that was begun anew at a later step holds fewer frames
                 // and rows than the checkpoint says.
                 let counts = match exchange.rank() {
@@ -237,7 +236,7 @@ impl Files {
                     Some(Log::create(exchange, &log, format.columns)?)
                 }
                 // Rows of before a lost run.h5 stay.
-                (true, last) => Some(Log::open_to_append(
+                (true, Some(last)) => Some(Log::open_to_append(
                     exchange,
                     &out.join(LOG_FILE),
                     format.columns,
@@ -333,7 +332,7 @@ impl Files {
         self.trajectory.flush(exchange)?;
         let log = self.log.as_mut();
         let logged = std::mem::replace(&mut self.log_state, Ok(()))
-            .and_then(|()| log.map_or(Ok(()), Log::flush));
+            .and_then(|()| log.map_or(Ok(()), Log::sync));
         agree(exchange, logged)?;
         Ok(Written {
             frames: self.trajectory.frames(),

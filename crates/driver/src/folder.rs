@@ -23,8 +23,10 @@ use gshear_store::file_names::{
     AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
     STATUS_FILE,
 };
+use gshear_store::h5;
 use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile};
+use gshear_store::table::rows_up_to;
 use gshear_store::text_writer;
 
 use crate::header::Header;
@@ -105,17 +107,25 @@ struct FileOwner {
 
 impl Contents {
     /// Looks into a folder, which need not exist. Passes over damaged files. Not collective.
-    pub fn of(folder: &Path) -> Self {
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if the system does not let the folder or a file be read.
+    pub fn of(folder: &Path) -> Result<Self, Failure> {
         let mut found = Self::default();
-        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            if is_of_a_run(&name, &entry.path()) {
+        let unread = |e| h5::unread(format!("{}: cannot be read: {e}", folder.display()));
+        let scene = text_writer::read(&folder.join(SCENE_FILE)).map_err(unread);
+        let scene = readable(scene)?.unwrap_or_default();
+        let entries = readable(fs::read_dir(folder).map_err(unread))?;
+        for entry in entries.into_iter().flatten() {
+            let name = entry.map_err(unread)?.file_name();
+            let name = name.to_string_lossy().into_owned();
+            if is_of_a_run(&name, &scene) {
                 found.names.push(name);
             }
         }
         found.names.sort();
         for name in TRAJECTORIES {
-            if let Ok(owner) = run_reader::owner(&folder.join(name)) {
+            if let Some(owner) = readable(run_reader::owner(&folder.join(name)))? {
                 if owner.finished {
                     found.finished.push((name, owner.scene.clone()));
                 }
@@ -131,7 +141,7 @@ impl Contents {
         for name in [checkpoint::NAME, checkpoint::PREVIOUS] {
             let texts = checkpoint::read_texts(&folder.join(name));
             let read = texts.and_then(|[header, scene]| Ok((Header::parse(&header)?, scene)));
-            if let Ok(((header, record), scene)) = read {
+            if let Some(((header, record), scene)) = readable(read)? {
                 found.stopped.get_or_insert((header.stage(), header.step()));
                 found.owners.push(FileOwner {
                     name,
@@ -144,7 +154,6 @@ impl Contents {
                 });
             }
         }
-        let scene = text_writer::read(&folder.join(SCENE_FILE)).unwrap_or_default();
         if let Some(id) = id_in_scene(&scene) {
             found.owners.push(FileOwner {
                 name: SCENE_FILE,
@@ -154,7 +163,7 @@ impl Contents {
                 scene,
             });
         }
-        found
+        Ok(found)
     }
 
     /// Whether there is no file of a run.
@@ -211,6 +220,17 @@ impl Contents {
         )))
     }
 
+    /// Whether a killed program left only the beginning of this branch, to which no checkpoint leads.
+    fn is_begun_branch(&self, record: &RunRecord) -> bool {
+        let checkpoints = [checkpoint::NAME, checkpoint::PREVIOUS];
+        let own = |owner: &FileOwner| owner.id.as_ref() == Some(&record.id);
+        record.parent.is_some()
+            && self.finished.is_empty()
+            && !self.names.iter().any(|name| checkpoints.contains(&&**name))
+            && self.owners.iter().all(own)
+            && !self.owners.is_empty()
+    }
+
     /// The message that refuses a new run.
     fn refuse_new(&self, folder: &Path, record: &RunRecord, scene: &Scene, last: &str) -> Failure {
         let place = folder.display();
@@ -223,7 +243,11 @@ impl Contents {
                 Some((stage, step)) => format!("up to {stage} step {step}"),
                 None => "without a checkpoint".into(),
             };
-            format!("{place}: holds this run {at}; continue it with --resume auto, {away}")
+            let with = match record.parent {
+                Some(_) => format!("--resume {place}"),
+                None => "--resume auto".into(),
+            };
+            format!("{place}: holds this run {at}; continue it with {with}, {away}")
         } else {
             format!(
                 "{place}: holds another run ({}); {away}",
@@ -253,16 +277,24 @@ impl FileOwner {
     }
 }
 
+/// What was read; `None` of a file that is missing or damaged.
+fn readable<T>(read: Result<T, Failure>) -> Result<Option<T>, Failure> {
+    match read {
+        Ok(read) => Ok(Some(read)),
+        Err(failure @ Failure::Other(_)) => Err(failure),
+        Err(_) => Ok(None),
+    }
+}
+
 /// Whether it is a file that only a run writes. `status.json` does not count: a folder that holds it
-/// alone is that of a run that was packed, of which nothing is left.
-fn is_of_a_run(name: &str, path: &Path) -> bool {
-    let is_part = path.extension().is_some_and(|of| of == "part");
+/// alone is that of a run that was packed, of which nothing is left. `scene`: `scene.toml`.
+fn is_of_a_run(name: &str, scene: &str) -> bool {
+    let is_part = Path::new(name).extension().is_some_and(|of| of == "part");
     let checkpoint = name.starts_with("checkpoint") && name.contains(".h5") && !is_part;
     TRAJECTORIES.contains(&name.trim_end_matches(".journal"))
         || [LOG_FILE, LOG_METADATA_FILE, SPECTRA_FILE].contains(&name)
         || checkpoint
-        || (name == SCENE_FILE
-            && text_writer::read(path).is_ok_and(|text| id_in_scene(&text).is_some()))
+        || (name == SCENE_FILE && id_in_scene(scene).is_some())
 }
 
 /// The folder of a run that may write into it. Only rank 0 holds the lock.
@@ -318,6 +350,7 @@ impl RunFolder {
             _ => Ok(()),
         };
         agree(exchange, taken)?;
+        h5::probe(&folder.path, exchange)?;
         for note in notes {
             say_error(&format!("note: {note}"));
         }
@@ -330,6 +363,7 @@ impl RunFolder {
         options: &Options,
         notes: &mut Vec<String>,
     ) -> Result<(), Failure> {
+        check_name(&self.path)?;
         self.check(claim, options, None)?;
         let missing = self.path.ancestors().take_while(|folder| !folder.exists());
         self.made = missing
@@ -371,12 +405,16 @@ impl RunFolder {
             checkpoint,
             last_file,
         } = claim;
-        let found = Contents::of(&self.path);
+        let found = Contents::of(&self.path)?;
         if options.overwrite {
             self.clear.set(!found.is_empty());
             return Ok(());
         }
         match (entry, header) {
+            (Entry::New, _) if found.is_begun_branch(record) => {
+                self.clear.set(true);
+                Ok(())
+            }
             (Entry::New, _) if !found.is_empty() => {
                 Err(found.refuse_new(&self.path, record, scene, last_file))
             }
@@ -411,7 +449,7 @@ impl RunFolder {
         }
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
         let Written { frames, rows, .. } = *written;
-        let UpToCheckpoint { step, last } = UpToCheckpoint::new(header.step());
+        let step = header.step();
         let there = path.exists();
         let mut kept = 0;
         if there {
@@ -420,7 +458,7 @@ impl RunFolder {
             if beside && begun_at < step {
                 existing::check(&path, columns, frames, rows)?;
             }
-            kept = existing::up_to(&path, columns, last)?[1];
+            kept = existing::up_to(&path, columns, step)?[1];
         } else if !found.is_empty() {
             notes.push(format!(
                 "{}: is missing, with {frames} frames and {rows} rows up to the checkpoint; the file begins anew at {} step {}",
@@ -431,13 +469,10 @@ impl RunFolder {
         }
         match header {
             Header::Shear { .. } if there || log.exists() => {
-                Log::check(&log, columns, last, kept)?;
+                Log::check(&log, columns, step, kept)?;
                 // A killed program may have left anything after the checkpoint, which a reader refuses.
                 let file = there.then(|| RunFile::open(&path).ok()).flatten();
-                match (file, last) {
-                    (Some(file), Some(last)) => Log::compare(&log, last, file.series()),
-                    _ => Ok(()),
-                }
+                file.map_or(Ok(()), |file| Log::compare(&log, step, file.series()))
             }
             Header::Newtonian { lines, .. } if there && *lines > 0 => {
                 let wanted = match &scene.boundary {
@@ -445,9 +480,14 @@ impl RunFolder {
                     Boundary::Walls(_) => false,
                 };
                 let spectra = self.path.join(SPECTRA_FILE);
-                match wanted && !spectra.exists() {
+                let time = step as f64 * scene.time_step.step;
+                let found = match wanted && beside {
+                    true => readable(rows_up_to(&spectra, time))?.flatten().unwrap_or(0),
+                    false => *lines,
+                };
+                match found < *lines {
                     true => Err(Failure::input(format!(
-                        "{}: is missing, the checkpoint counts {lines} lines; put it back, or leave the spectra out with --set newtonian.spectra=0",
+                        "{}: is missing or has {found} lines up to the checkpoint, which counts {lines}; put it back, or leave the spectra out with --set newtonian.spectra=0",
                         spectra.display()
                     ))),
                     false => Ok(()),
@@ -495,6 +535,17 @@ impl Drop for RunFolder {
     }
 }
 
+/// Refuses a name that HDF5 cannot take.
+fn check_name(folder: &Path) -> Result<(), Failure> {
+    match folder.to_str() {
+        Some(_) => Ok(()),
+        None => Err(Failure::input(format!(
+            "{}: the name of the folder of the results is not UTF-8, as HDF5 needs it; rename it or give another one with --out",
+            folder.display()
+        ))),
+    }
+}
+
 /// What a run finds in its folder, without writing there: a sentence, and whether the run can begin
 /// or go on in it.
 pub fn outlook(folder: &Path, claim: &Claim<'_>) -> (String, bool) {
@@ -515,7 +566,10 @@ pub fn outlook(folder: &Path, claim: &Claim<'_>) -> (String, bool) {
     if let Err(why) = rustix::fs::access(existing, Access::WRITE_OK | Access::EXEC_OK) {
         return (unwritable(place, &why.into()).to_string(), false);
     }
-    let found = Contents::of(place);
+    let found = match check_name(place).and_then(|()| Contents::of(place)) {
+        Ok(found) => found,
+        Err(failure) => return (failure.to_string(), false),
+    };
     let answer = match claim.entry {
         Entry::New if !found.is_empty() => {
             let Claim {
@@ -545,8 +599,9 @@ pub fn free(folder: &Path) -> Option<f64> {
 }
 
 /// The file of frames that a checkpoint continues, its columns, and what it holds; `None` before
-/// there is one.
+/// there is one, and of a checkpoint with which a stage begins, which makes its files anew.
 fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Written)> {
+    UpToCheckpoint::new(header.step()).last?;
     match header {
         Header::Pack { .. } => None,
         Header::Shear { written, .. } => Some((RUN_FILE, &SeriesRow::COLUMNS[..], written)),
@@ -571,7 +626,7 @@ pub fn same_folder(one: &Path, other: &Path) -> bool {
 
 /// Removes the files of a run and what was reduced from them.
 fn remove_run(folder: &Path) -> Result<(), Failure> {
-    for name in Contents::of(folder)
+    for name in Contents::of(folder)?
         .names
         .iter()
         .map(String::as_str)

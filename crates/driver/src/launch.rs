@@ -13,7 +13,7 @@ use gshear_scene::packing::Packing;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Change, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
-use gshear_store::collective::agree;
+use gshear_store::collective::{agree, exists};
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 
 use crate::folder::{Claim, Contents, Entry, RunFolder};
@@ -241,13 +241,13 @@ pub fn resume(
     }
     let Some((checkpoint, toml, snapshot)) = newest(exchange, path)? else {
         return Err(Failure::input(format!(
-            "{}: holds no checkpoint; give the folder of a run, or one of its checkpoints",
+            "{}: holds no checkpoint; give the folder of a run, or one of its checkpoints, or begin the run again with its scene and --resume auto",
             path.display()
         )));
     };
     let task = from_checkpoint(&checkpoint, toml, snapshot, changes)?;
     let branches = matches!(changes, Changes::Branch(_));
-    if !branches && is_finished(exchange, path, &task) {
+    if !branches && is_finished(exchange, path, &task)? {
         return Ok(Resumable::Finished);
     }
     Ok(Resumable::Task(Box::new(task)))
@@ -281,18 +281,17 @@ pub fn resume_if_begun(
 ) -> Result<Resumable, Failure> {
     let mut empty = false;
     let looked = match exchange.rank() {
-        0 => {
-            let found = Contents::of(folder);
+        0 => Contents::of(folder).and_then(|found| {
             empty = found.is_empty();
             found.is_of(folder, &task.record, &task.scene, true)
-        }
+        }),
         _ => Ok(()),
     };
     agree(exchange, looked)?;
     if exchange.broadcast(vec![u8::from(empty)])[0] == 1 {
         return Ok(Resumable::Task(Box::new(task)));
     }
-    if is_finished(exchange, folder, &task) {
+    if is_finished(exchange, folder, &task)? {
         return Ok(Resumable::Finished);
     }
     let task = match newest(exchange, folder)? {
@@ -312,10 +311,13 @@ pub fn resume_if_begun(
 }
 
 /// Whether the run in the folder has come to the end that the task asks for. Collective.
-fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> bool {
-    let finished =
-        exchange.rank() == 0 && Contents::of(folder).is_finished(task.last_file(), &task.scene);
-    exchange.broadcast(vec![u8::from(finished)])[0] == 1
+fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> Result<bool, Failure> {
+    let finished = match exchange.rank() {
+        0 => Contents::of(folder).map(|of| of.is_finished(task.last_file(), &task.scene)),
+        _ => Ok(false),
+    };
+    let finished = agree(exchange, finished)?;
+    Ok(exchange.broadcast(vec![u8::from(finished)])[0] == 1)
 }
 
 /// The newest good checkpoint of a folder: its path, scene and state; `None` if there is none.
@@ -327,7 +329,7 @@ fn newest(
     let mut damaged = None;
     for name in [checkpoint::NAME, checkpoint::PREVIOUS] {
         let path = folder.join(name);
-        if exchange.broadcast(vec![u8::from(path.exists())])[0] == 0 {
+        if !exists(exchange, &path)? {
             continue;
         }
         match checkpoint::read(exchange, &path) {
@@ -338,6 +340,8 @@ fn newest(
                 }
                 return Ok(Some((path, toml, snapshot)));
             }
+            // It may be sound, and the one before it would take its place.
+            Err(failure @ Failure::Other(_)) => return Err(failure),
             Err(failure) => {
                 damaged.get_or_insert(failure);
             }

@@ -5,6 +5,7 @@ use bytemuck::Pod;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
 use std::ops::Range;
+use std::path::Path;
 
 /// Makes all ranks fail together. Returns this rank's value if no rank has failed. Collective.
 ///
@@ -35,6 +36,21 @@ pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T
             })
         }
     }
+}
+
+/// Whether rank 0 finds a file or a folder at this path. Collective.
+///
+/// # Errors
+/// [`Failure::Other`] if the system does not tell.
+pub fn exists(exchange: &dyn Exchange, path: &Path) -> Result<bool, Failure> {
+    let found = match exchange.rank() {
+        0 => path
+            .try_exists()
+            .map_err(|e| Failure::other(format!("{}: cannot be looked up: {e}", path.display()))),
+        _ => Ok(false),
+    };
+    let found = agree(exchange, found)?;
+    Ok(exchange.broadcast(vec![u8::from(found)])[0] == 1)
 }
 
 /// The first failure in a sequence of collective calls. The other ranks would wait for a rank that

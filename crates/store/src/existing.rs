@@ -12,21 +12,29 @@ use gshear_dem::failure::Failure;
 use std::path::Path;
 
 /// Prepares the file of a run that resumes: brings one that a killed program left behind back to its
-/// last flush, and sets one aside that cannot be read, with a note. Not collective.
+/// last checkpoint, removes one that it had only begun, and sets one aside that is damaged, with a
+/// note. Not collective.
 ///
 /// # Errors
-/// If a file can be neither written nor renamed.
+/// If a file can be neither written nor renamed, or the system does not let it be opened.
 pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
     if !path.exists() {
         return Ok(());
     }
     if let Some(journal) = Journal::read(path) {
+        if journal.is_of_nothing() {
+            return remove(path);
+        }
         journal.restore(path)?;
     }
     hdf5::silence_errors(true);
     let Err(error) = sound::open(path).and_then(|file| h5::walk(&file)) else {
         return Ok(());
     };
+    let message = format!("{}: cannot be opened: {error}", path.display());
+    if h5::is_refused(&message) {
+        return Err(Failure::other(message));
+    }
     let free = |k: &u64| !path.with_extension(format!("unreadable-{k}.h5")).exists();
     let number = (1..u64::MAX).find(free).unwrap_or(0);
     let aside = path.with_extension(format!("unreadable-{number}.h5"));
@@ -63,6 +71,13 @@ pub(crate) fn unlink_foreign(path: &Path, run_id: Option<&Attribute>) -> Result<
         .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))
 }
 
+/// Removes a file without a checkpoint, which may be linked to another disk, and its journal.
+fn remove(path: &Path) -> Result<(), Failure> {
+    std::fs::remove_file(journal::target(path))
+        .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))?;
+    journal::remove(path)
+}
+
 /// Checks that a file can be continued after these numbers of frames and rows. Writes nothing. Not
 /// collective.
 ///
@@ -74,14 +89,13 @@ pub fn check(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<(
 }
 
 /// Returns the numbers of frames, rows of the time series and rows of scalars up to the step
-/// `last`; `None`: before the first step. Not collective.
+/// `last`. Not collective.
 ///
 /// # Errors
 /// [`Failure::Input`] if the file is not a `run.h5`, or damaged.
-pub fn up_to(path: &Path, series: &[Column], last: Option<u64>) -> Result<[u64; 3], Failure> {
+pub fn up_to(path: &Path, series: &[Column], last: u64) -> Result<[u64; 3], Failure> {
     hdf5::silence_errors(true);
     inspect(path, series, 0, 0)?;
-    let Some(last) = last else { return Ok([0; 3]) };
     let read = || -> hdf5::Result<[u64; 3]> {
         let file = sound::open(path)?;
         // Steps of a column's group, under its present or its former name.
@@ -112,7 +126,7 @@ fn ascending_up_to(steps: &[u64], last: u64) -> u64 {
 
 fn unfit(path: &Path, why: &str) -> Failure {
     let path = path.display();
-    Failure::input(format!("{path}: cannot continue this file: {why}"))
+    h5::unread(format!("{path}: cannot continue this file: {why}"))
 }
 
 const NO_RUN: &str = "it is not the run.h5 of a run, or damaged";

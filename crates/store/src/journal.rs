@@ -65,6 +65,20 @@ pub struct Journal {
 }
 
 impl Journal {
+    /// The journal of a file that is about to be created: a program that is killed before the first
+    /// flush leaves nothing to continue.
+    pub fn of_nothing() -> Self {
+        Self {
+            length: 0,
+            pieces: Vec::new(),
+        }
+    }
+
+    /// Whether it is [`Self::of_nothing`].
+    pub fn is_of_nothing(&self) -> bool {
+        self.length == 0
+    }
+
     /// Copies what a file holds outside its raw data, which has been flushed. `raw`: byte ranges in
     /// any order; they may touch but not overlap.
     ///

@@ -1,8 +1,9 @@
 //! `log.csv`: the time series as text.
 
 use super::collective::agree;
+use super::h5;
 use super::run_reader::Series;
-use super::table::{NO_FILE, TableFile};
+use super::table::{TableFile, rows_up_to};
 use gshear_dem::columns::Column;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
@@ -31,8 +32,7 @@ impl Log {
         Self::of(exchange, || TableFile::create(path, &Self::names(columns)))
     }
 
-    /// Opens an existing log to continue after `last`, a step; `None`: from its first row on. Later
-    /// rows are removed. Collective.
+    /// Opens an existing log to continue after the step `last`. Later rows are removed. Collective.
     ///
     /// # Errors
     /// As [`Self::check`].
@@ -40,16 +40,17 @@ impl Log {
         exchange: &dyn Exchange,
         path: &Path,
         columns: &[Column],
-        last: Option<u64>,
+        last: u64,
         rows: u64,
     ) -> Result<Self, Failure> {
-        Self::of(exchange, || {
-            let (columns, rows) = Self::check(path, columns, last, rows)?;
-            TableFile::open_to_append(path, &columns, rows)
+        Self::of(exchange, || match Self::check(path, columns, last, rows)? {
+            (columns, Some(rows)) => TableFile::open_to_append(path, &columns, rows),
+            (columns, None) => TableFile::create(path, &columns),
         })
     }
 
-    /// Returns the columns of a log, and the number of its rows up to the step `last`. `rows`: their
+    /// Returns the columns of a log, and the number of its rows up to the step `last`; `None` if a
+    /// killed program left it without its first line, and there is nothing to continue. `rows`: their
     /// number in `run.h5`, which may have fewer if it was begun anew. Writes nothing. Not
     /// collective.
     ///
@@ -58,14 +59,14 @@ impl Log {
     pub fn check(
         path: &Path,
         columns: &[Column],
-        last: Option<u64>,
+        last: u64,
         rows: u64,
-    ) -> Result<(Vec<&'static str>, u64), Failure> {
-        if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
-            return Err(unfit(path, NO_FILE.into()));
+    ) -> Result<(Vec<&'static str>, Option<u64>), Failure> {
+        let found = rows_up_to(path, last as f64)?;
+        if found.is_none() && rows == 0 {
+            return Ok((Self::names(columns), None));
         }
-        let columns = stored_columns(path, columns)?;
-        let found = rows_up_to(path, last)?;
+        let (columns, found) = (stored_columns(path, columns)?, found.unwrap_or(0));
         if found < rows {
             return Err(unfit(
                 path,
@@ -74,7 +75,7 @@ impl Log {
                 ),
             ));
         }
-        Ok((columns, found))
+        Ok((columns, Some(found)))
     }
 
     /// Compares the rows up to the step `last` with those of the same steps in `run.h5`. Writes
@@ -141,32 +142,21 @@ impl Log {
     pub fn flush(&mut self) -> Result<(), Failure> {
         self.0.as_mut().map_or(Ok(()), TableFile::flush)
     }
+
+    /// Writes the rows to disk. Not collective: only rank 0 can fail.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn sync(&mut self) -> Result<(), Failure> {
+        self.0.as_mut().map_or(Ok(()), TableFile::sync)
+    }
 }
 
 fn unfit(path: &Path, why: String) -> Failure {
-    Failure::input(format!(
+    h5::unread(format!(
         "{}: cannot continue this log: {why}",
         path.display()
     ))
-}
-
-/// The number of complete rows before the first one after the step `last`.
-fn rows_up_to(path: &Path, last: Option<u64>) -> Result<u64, Failure> {
-    let Some(last) = last else { return Ok(0) };
-    let unread = |e: std::io::Error| unfit(path, e.to_string());
-    let mut reader = BufReader::new(std::fs::File::open(path).map_err(unread)?);
-    let (mut line, mut rows) = (Vec::new(), 0);
-    reader.read_until(b'\n', &mut line).map_err(unread)?;
-    loop {
-        line.clear();
-        reader.read_until(b'\n', &mut line).map_err(unread)?;
-        let step = step_of(&line);
-        // A killed program may leave part of a line.
-        match step {
-            Some(step) if step <= last && line.ends_with(b"\n") => rows += 1,
-            _ => return Ok(rows),
-        }
-    }
 }
 
 /// The step of a line.
@@ -310,10 +300,22 @@ mod tests {
 
         // As left by a killed program: too many rows, the last one incomplete.
         std::fs::write(&path, format!("{whole}5,0.1")).unwrap();
-        let mut log = Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, Some(2), 3).unwrap();
+        let mut log = Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 2, 3).unwrap();
         (3..5).for_each(|k| log.row(k, k as f64, row(k).as_ref()).unwrap());
         drop(log);
         assert_eq!(text(&path), whole);
+
+        // As left before the first line was written: begun again if nothing counts on it.
+        for part in ["", "step,ti"] {
+            std::fs::write(&path, part).unwrap();
+            let open = |rows| Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 2, rows);
+            assert!(open(1).is_err());
+            drop(open(0).unwrap());
+            assert_eq!(
+                text(&path),
+                format!("{}\n", Log::names(&SeriesRow::COLUMNS).join(","))
+            );
+        }
     }
 
     #[test]
@@ -322,7 +324,7 @@ mod tests {
         let path = folder.path().join("log.csv");
         let open = |names: &str| {
             std::fs::write(&path, format!("{names}\n")).unwrap();
-            Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, None, 0).map(drop)
+            Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 0, 0).map(drop)
         };
         let names = Log::names(&SeriesRow::COLUMNS).join(",");
         assert!(open(&names).is_ok());
@@ -339,11 +341,10 @@ mod tests {
     fn refuses_a_log_that_does_not_fit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
-        let refuse =
-            |rows| match Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, Some(9), rows) {
-                Err(Failure::Input(message)) => message,
-                _ => panic!("a log that does not fit was accepted"),
-            };
+        let refuse = |rows| match Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 9, rows) {
+            Err(Failure::Input(message)) => message,
+            _ => panic!("a log that does not fit was accepted"),
+        };
         assert!(refuse(0).contains("log.csv"));
         std::fs::write(&path, "a,b\n1,2\n").unwrap();
         assert!(refuse(1).contains("first line"));

@@ -52,7 +52,12 @@ pub fn processor() -> String {
 
 /// Returns the time now in UTC, as `2026-11-21T09:19:05Z`.
 pub fn now() -> String {
-    humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
+    in_utc(SystemTime::now())
+}
+
+/// A clock that is not set may be in the years before 1970, which the format lacks.
+fn in_utc(time: SystemTime) -> String {
+    humantime::format_rfc3339_seconds(time.max(SystemTime::UNIX_EPOCH)).to_string()
 }
 
 /// Returns who runs this program: the user of git, or the account.
@@ -87,6 +92,12 @@ pub fn host() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_clock_that_is_not_set_is_no_failure() {
+        let before = SystemTime::UNIX_EPOCH - std::time::Duration::from_secs(1);
+        assert_eq!(in_utc(before), "1970-01-01T00:00:00Z");
+    }
 
     #[test]
     fn says_where_it_came_from() {

@@ -10,6 +10,7 @@ use csv::{QuoteStyle, StringRecord, Writer, WriterBuilder};
 use rustix::fs::OFlags;
 use serde::de::DeserializeOwned;
 
+use super::h5;
 use super::text_writer::{self, unwritten};
 use gshear_dem::failure::Failure;
 
@@ -142,7 +143,7 @@ fn line(record: &StringRecord) -> Vec<u8> {
 }
 
 /// Why a table is not continued.
-pub(crate) const NO_FILE: &str = "it is no file, or a link to one; put the file itself here";
+const NO_FILE: &str = "it is no file, or a link to one; put the file itself here";
 
 /// A table that grows in its file, row by row.
 pub struct TableFile {
@@ -234,6 +235,49 @@ impl TableFile {
     /// [`Failure::Other`] if the file cannot be written.
     pub fn flush(&mut self) -> Result<(), Failure> {
         self.writer.flush().map_err(|e| unwritten(&self.path, &e))
+    }
+
+    /// Writes the rows to disk.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if the file cannot be written.
+    pub fn sync(&mut self) -> Result<(), Failure> {
+        self.flush()?;
+        let synced = self.writer.get_ref().sync_data();
+        synced.map_err(|e| unwritten(&self.path, &e))
+    }
+}
+
+/// The number of whole rows up to the first one whose first cell is greater than `last`; `None` if a
+/// killed program left not even the first line. Writes nothing.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn rows_up_to(path: &Path, last: f64) -> Result<Option<u64>, Failure> {
+    let unread = |why: &dyn std::fmt::Display| {
+        let path = path.display();
+        h5::unread(format!("{path}: cannot continue this file: {why}"))
+    };
+    // A pipe has no end.
+    if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
+        return Err(unread(&NO_FILE));
+    }
+    let mut reader = BufReader::new(File::open(path).map_err(|e| unread(&e))?);
+    let (mut line, mut lines) = (Vec::new(), 0u64);
+    loop {
+        line.clear();
+        reader
+            .read_until(b'\n', &mut line)
+            .map_err(|e| unread(&e))?;
+        let first = line.split(|&byte| byte == b',').next().unwrap_or_default();
+        let first = std::str::from_utf8(first)
+            .ok()
+            .and_then(|text| text.parse::<f64>().ok());
+        // A killed program may leave part of a line.
+        if !line.ends_with(b"\n") || lines > 0 && !first.is_some_and(|first| first <= last) {
+            return Ok(lines.checked_sub(1));
+        }
+        lines += 1;
     }
 }
 

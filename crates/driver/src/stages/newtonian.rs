@@ -14,6 +14,7 @@ use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
+use gshear_store::collective::exists;
 use gshear_store::collective::gathered;
 use gshear_store::columns::NewtonianRow;
 use gshear_store::file_names::{NEWTONIAN_FILE, SPECTRA_FILE};
@@ -59,8 +60,6 @@ pub(super) struct From {
 pub(super) struct Resumed {
     /// Completed steps.
     pub step: u64,
-    /// Lines of the file of eigenvalues.
-    pub lines: u64,
     pub displacements: Vec<Displacement>,
 }
 
@@ -181,9 +180,11 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         } else {
             let path = run.options.out.join(SPECTRA_FILE);
             // In another folder than the checkpoint's the file begins anew.
-            let there = exchange.broadcast(vec![u8::from(path.exists())])[0] == 1;
-            let lines = goes_on.filter(|_| there).map(|r| r.lines);
-            Some(SpectraFile::open(exchange, &path, lines)?)
+            let there = exists(exchange, &path)?;
+            let last = goes_on
+                .filter(|_| there)
+                .map(|r| r.step as f64 * system.step);
+            Some(SpectraFile::open(exchange, &path, last)?)
         };
         let motion = if let Some(resumed) = &resumed {
             GrainMotion::resume(exchange, &mut system, &resumed.displacements)

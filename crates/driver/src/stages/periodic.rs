@@ -65,10 +65,9 @@ pub fn run<D: LawSpace>(
     RestState { cell, state }.put_back(run.exchange, &mut system, law)?;
 
     let mut resumed = None;
-    let (mut system, progress) = if let Some(Header::Newtonian { step, lines, .. }) = header {
+    let (mut system, progress) = if let Some(Header::Newtonian { step, .. }) = header {
         resumed = Some(Resumed {
             step,
-            lines,
             displacements: displacements.unwrap_or_default(),
         });
         (system, progress)

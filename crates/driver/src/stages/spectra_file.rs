@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::agree;
-use gshear_store::table::{TableCell, TableFile};
+use gshear_store::table::{TableCell, TableFile, rows_up_to};
 
 use super::spectrum::Eigenvalues;
 
@@ -18,17 +19,27 @@ pub(super) struct SpectraFile {
 }
 
 impl SpectraFile {
-    /// Creates the file, or opens an existing one and truncates it to its first `rows` rows.
-    pub fn open(exchange: &dyn Parallel, path: &Path, rows: Option<u64>) -> Result<Self, Failure> {
-        let opened = match (exchange.rank(), rows) {
-            (0, None) => TableFile::create(path, &COLUMNS).map(Some),
-            (0, Some(rows)) => TableFile::open_to_append(path, &COLUMNS, rows).map(Some),
-            _ => Ok(None),
+    /// Creates the file, or opens an existing one and removes its rows after the time `last`.
+    pub fn open(exchange: &dyn Parallel, path: &Path, last: Option<f64>) -> Result<Self, Failure> {
+        let open = || {
+            let rows = match last {
+                // A killed program may have left an empty file.
+                Some(last) => rows_up_to(path, last)?,
+                None => None,
+            };
+            let file = match rows {
+                Some(rows) => TableFile::open_to_append(path, &COLUMNS, rows)?,
+                None => TableFile::create(path, &COLUMNS)?,
+            };
+            Ok((Some(file), rows.unwrap_or(0)))
         };
-        Ok(Self {
-            file: agree(exchange, opened)?,
-            rows: rows.unwrap_or(0),
-        })
+        let opened = match exchange.rank() {
+            0 => open(),
+            _ => Ok((None, 0)),
+        };
+        let (file, rows) = agree(exchange, opened)?;
+        let rows = total(exchange, rows);
+        Ok(Self { file, rows })
     }
 
     /// Appends all eigenvalues of one time.
@@ -51,10 +62,7 @@ impl SpectraFile {
 
     /// Writes all rows to disk. Returns their number.
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<u64, Failure> {
-        agree(
-            exchange,
-            self.file.as_mut().map_or(Ok(()), TableFile::flush),
-        )?;
+        agree(exchange, self.file.as_mut().map_or(Ok(()), TableFile::sync))?;
         Ok(self.rows)
     }
 }

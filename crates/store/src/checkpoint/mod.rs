@@ -3,7 +3,7 @@
 mod records;
 
 use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
-use super::h5::{Attribute, H5File, Word};
+use super::h5::{self, Attribute, H5File, Word};
 use super::sound;
 use super::text_writer::{self, unwritten};
 use gshear_dem::domain::total;
@@ -15,6 +15,7 @@ use gshear_dem::state::{
 use gshear_mpi_exchange::Parallel;
 use records::{Record, length, read_records, stored_bytes, write_one, write_records};
 use std::ffi::OsString;
+use std::io::ErrorKind;
 use std::ops::Range;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
@@ -270,7 +271,7 @@ fn replace(folder: &Path, part: TempPath) -> Result<(), Failure> {
     let new = folder.join(NAME);
     let renamed = || -> std::io::Result<()> {
         std::fs::File::open(&part)?.sync_all()?;
-        if new.exists() {
+        if new.try_exists()? {
             link(&new, &folder.join(PREVIOUS))?;
         }
         part.persist(&new)?;
@@ -285,7 +286,10 @@ fn link(from: &Path, to: &Path) -> std::io::Result<()> {
     let part = to.with_extension("h5.link");
     let _ = std::fs::remove_file(&part);
     // Not every file system has hard links.
-    std::fs::hard_link(from, &part).or_else(|_| std::fs::copy(from, &part).map(drop))?;
+    std::fs::hard_link(from, &part).or_else(|_| {
+        std::fs::copy(from, &part)?;
+        std::fs::File::open(&part)?.sync_all()
+    })?;
     std::fs::rename(&part, to)
 }
 
@@ -350,20 +354,22 @@ pub fn is_checkpoint(path: &Path) -> bool {
 /// Reads the header and the scene of a checkpoint, and nothing of its state. Not collective.
 ///
 /// # Errors
-/// [`Failure::Input`] if the file is missing, not a checkpoint, or damaged in one of the two.
+/// [`Failure::Input`] if the file is missing, not a checkpoint, or damaged in one of the two;
+/// [`Failure::Other`] if the system does not let it be read.
 pub fn read_texts(path: &Path) -> Result<[String; 2], Failure> {
     hdf5::silence_errors(true);
     let texts = open(path).and_then(|(file, _)| texts(&file));
-    texts.map_err(|why| Failure::input(format!("{}: {why}", path.display())))
+    texts.map_err(|why| h5::unread(format!("{}: {why}", path.display())))
 }
 
 /// Reads a checkpoint. Returns the scene as TOML and this rank's part of the state: a block of the
 /// grains by id, and the contacts whose lower id is in the block, sorted by their ids. Collective.
 ///
 /// # Errors
-/// [`Failure::Input`], the same on every rank, if the file is missing, damaged or not a checkpoint.
+/// [`Failure::Input`], the same on every rank, if the file is missing, damaged or not a checkpoint;
+/// [`Failure::Other`] if the system does not let it be read.
 pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), Failure> {
-    let bad = |why: String| Failure::input(format!("{}: {why}", path.display()));
+    let bad = |why: String| h5::unread(format!("{}: {why}", path.display()));
     // Each rank reads for itself with the serial driver, so that a failure on one rank does not
     // make the others wait.
     let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
@@ -491,8 +497,10 @@ fn word(file: &hdf5::File, name: &str) -> Result<String, String> {
 
 /// Opens a checkpoint. Returns the version of its format as well.
 fn open(path: &Path) -> Result<(hdf5::File, u64), String> {
-    if !path.is_file() {
-        return Err("there is no such checkpoint".into());
+    match std::fs::metadata(path) {
+        Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
+        Ok(of) if of.is_file() => {}
+        _ => return Err("there is no such checkpoint".into()),
     }
     let file = sound::open(path).map_err(|e| format!("not an HDF5 file, or damaged ({e})"))?;
     let foreign = || "not a checkpoint of gshear-mpi".to_string();

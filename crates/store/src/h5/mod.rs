@@ -10,6 +10,7 @@ use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
 use hdf5_sys::h5::hsize_t;
 use hdf5_sys::h5i::hid_t;
 use hdf5_sys::{h5d, h5p, h5s};
+use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
 mod extents;
@@ -17,6 +18,7 @@ mod mpi_errors;
 
 use crate::room;
 use extents::RawData;
+use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
@@ -184,7 +186,7 @@ impl H5File {
                 // resumed.
                 access.libver_v18()
             })
-            .open_rw(path)?;
+            .open_rw(for_mpi(path, communicator.is_some()))?;
         let context = Context {
             path: path.into(),
             transfer: transfer(communicator.is_some())?,
@@ -450,6 +452,73 @@ impl<T> Drop for Dataset<T> {
         if self.context.failed.get() {
             std::mem::forget(self.inner.clone());
         }
+    }
+}
+
+/// The path as MPI-IO takes it: ROMIO takes what comes before a colon for the kind of the file system.
+fn for_mpi(path: &Path, parallel: bool) -> Cow<'_, Path> {
+    match path.to_str() {
+        Some(name) if parallel && name.contains(':') => PathBuf::from(format!("ufs:{name}")).into(),
+        _ => path.into(),
+    }
+}
+
+/// Creates a file in a folder on all ranks, reads it and removes it. Collective.
+///
+/// # Errors
+/// [`Failure::Input`] if the folder is no place for HDF5; [`Failure::Other`] if writing fails.
+pub fn probe(folder: &Path, exchange: &dyn Parallel) -> Result<(), Failure> {
+    let _waiting = exchange.waiting();
+    let path = folder.join("run.probe");
+    let remove = || match exchange.rank() {
+        0 => std::fs::remove_file(&path),
+        _ => Ok(()),
+    };
+    // One that a killed program has left.
+    let _ = remove();
+    exchange.barrier();
+    let unfit = |why: &dyn std::fmt::Display| {
+        Failure::input(format!(
+            "{}: HDF5 cannot write here: {why}; give another folder with --out, and where there are \
+             no locks HDF5_USE_FILE_LOCKING=FALSE in the environment",
+            folder.display()
+        ))
+    };
+    let tried = (|| {
+        let file = H5File::create(&path, exchange).map_err(|why| unfit(&why))?;
+        let mut outcome = CollectiveOutcome::default();
+        outcome.note(file.attribute("/", "probe", &Attribute::Count(1)));
+        file.agree(exchange, outcome)?;
+        file.close(exchange)?;
+        // Each rank with the serial driver, as checkpoints are read.
+        let read = hdf5::File::open(&path).and_then(|file| file.attr("probe"));
+        agree(exchange, read.map(drop).map_err(|why| unfit(&why)))
+    })();
+    exchange.barrier();
+    let _ = remove();
+    tried
+}
+
+/// Whether a message tells that the system refused a call, as where the file is locked, too many
+/// files are open or a device fails. The file may be sound.
+pub fn is_refused(message: &str) -> bool {
+    let number = ["errno = ", "(os error "].into_iter().find_map(|before| {
+        let (_, after) = message.split_once(before)?;
+        after
+            .split(|c: char| !c.is_ascii_digit())
+            .next()?
+            .parse()
+            .ok()
+    });
+    let no_file = [Errno::NOENT, Errno::NOTDIR, Errno::ISDIR, Errno::LOOP];
+    number.is_some_and(|number| !no_file.map(Errno::raw_os_error).contains(&number))
+}
+
+/// The failure of a file that cannot be read: [`Failure::Other`] if that may pass.
+pub fn unread(message: String) -> Failure {
+    match is_refused(&message) {
+        true => Failure::other(message),
+        false => Failure::input(message),
     }
 }
 

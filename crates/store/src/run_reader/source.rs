@@ -10,6 +10,7 @@ use hdf5::{Dataset, File, H5Type};
 use super::{Parameter, Series, StoredScalars};
 use crate::checksums::{OF_PARAMETERS, of_parameters};
 use crate::columns::ADDED;
+use crate::h5;
 use crate::layout::EDGES_VALUE;
 use crate::parameter::attributes;
 use crate::sound;
@@ -302,7 +303,7 @@ fn open_file(path: &Path) -> Result<File, Failure> {
     let mut head = Vec::new();
     let begin = std::fs::File::open(path)
         .and_then(|file| file.take(SIGNATURE.len() as u64).read_to_end(&mut head));
-    begin.map_err(|e| Failure::input(format!("{name}: cannot be read: {e}")))?;
+    begin.map_err(|e| h5::unread(format!("{name}: cannot be read: {e}")))?;
     if head != SIGNATURE {
         return Err(Failure::input(format!(
             "{name}: is not an HDF5 file: {FOREIGN}"
@@ -310,12 +311,12 @@ fn open_file(path: &Path) -> Result<File, Failure> {
     }
     sound::open(path).map_err(|e| {
         let reason = one_line(&e);
-        let state = if reason.contains("lock file") {
-            "is being written"
-        } else {
-            "is damaged"
+        let state = match h5::is_refused(&reason) {
+            _ if reason.contains("lock file") => "is being written",
+            true => "cannot be opened",
+            false => "is damaged",
         };
-        Failure::input(format!("{name}: {state}: {reason}"))
+        h5::unread(format!("{name}: {state}: {reason}"))
     })
 }
 

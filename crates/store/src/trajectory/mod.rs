@@ -133,12 +133,13 @@ impl TrajectoryWriter {
             ranks: exchange.size() as u64,
         };
         let id = header.attributes.iter().find(|(name, _)| *name == "run_id");
-        // A journal of another run would bring that run's metadata back.
-        let removed = match exchange.rank() {
-            0 => unlink_foreign(path, id.map(|(_, id)| id)).and_then(|()| journal::remove(path)),
+        // In place of a journal of another run, which would bring that run's metadata back.
+        let begun = match exchange.rank() {
+            0 => unlink_foreign(path, id.map(|(_, id)| id))
+                .and_then(|()| Journal::of_nothing().write(path)),
             _ => Ok(()),
         };
-        agree(exchange, removed)?;
+        agree(exchange, begun)?;
         let file = H5File::create(path, exchange)?;
         let created = (|| {
             let layout = Layout {
