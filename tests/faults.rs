@@ -26,6 +26,8 @@ const SET: [&str; 5] = [
     "bookkeeping.watchdog=15",
 ];
 
+const BOX: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+
 /// The library that makes calls fail, compiled into `folder`.
 fn shim(folder: &Path) -> PathBuf {
     let library = folder.join("shim.so");
@@ -555,6 +557,228 @@ fn a_kill_after_going_back_loses_nothing() {
             .same()
             .unwrap_or_else(|why| panic!("call {kill}: {why}"));
     }
+}
+
+/// What HDF5 and the lock of the folder do without.
+#[test]
+fn a_file_system_without_locks_holds_a_run() {
+    let scenario = Scenario::new();
+    for (ranks, number) in [(1, "37"), (2, "95")] {
+        let command = || {
+            let mut command = scenario.command(ranks);
+            command.env("LD_PRELOAD", &scenario.shim);
+            command.env("FAULT_LOCKS", number);
+            command
+        };
+        scenario.prepare(Start::New);
+        let forced = command().env("HDF5_USE_FILE_LOCKING", "TRUE").output();
+        let forced = forced.expect("the program starts");
+        let said = String::from_utf8_lossy(&forced.stderr);
+        assert_eq!(forced.status.code(), Some(2), "{said}");
+        assert!(said.contains("HDF5_USE_FILE_LOCKING=FALSE"), "{said}");
+        assert!(!scenario.path("run").exists(), "before anything is written");
+        let whole = scenario.bounded(&mut command(), ranks, None);
+        let whole = whole.expect("an end");
+        assert_eq!(whole.code, Some(0), "{}", whole.said);
+        scenario.same().expect("the same run");
+    }
+}
+
+/// A file that cannot be opened for a while is no damaged file: it stays, and so do all others.
+#[test]
+fn what_cannot_be_opened_for_now_is_left_alone() {
+    let scenario = Scenario::new();
+    let run = scenario.path("run");
+    let files = || -> Vec<_> {
+        let entries = std::fs::read_dir(&run).expect("a folder").flatten();
+        let mut files: Vec<_> = entries
+            .map(|entry| {
+                (
+                    entry.file_name(),
+                    std::fs::read(entry.path()).expect("a file"),
+                )
+            })
+            .collect();
+        files.sort();
+        files
+    };
+    for name in ["run.h5", "checkpoint.h5", "scene.toml", "log.csv", "run"] {
+        scenario.prepare(Start::Resume);
+        let before = files();
+        let mut command = scenario.command(1);
+        command.env("LD_PRELOAD", &scenario.shim);
+        command.env("FAULT_OPEN", format!("/{name}"));
+        let refused = scenario.bounded(&mut command, 1, None).expect("an end");
+        assert_eq!(refused.code, Some(1), "{name}: {}", refused.said);
+        assert!(refused.said.contains("open files"), "{}", refused.said);
+        assert!(files() == before, "{name}");
+        let resumed = scenario.bounded(&mut scenario.command(1), 1, None);
+        assert_eq!(resumed.expect("an end").code, Some(0), "{name}");
+        scenario
+            .same()
+            .unwrap_or_else(|why| panic!("{name}: {why}"));
+    }
+    // Another program reads the file, or locks it.
+    scenario.prepare(Start::Resume);
+    let file = std::fs::File::open(run.join("run.h5")).expect("run.h5");
+    file.lock().expect("a lock");
+    let resumed = scenario.bounded(&mut scenario.command(1), 1, None);
+    let resumed = resumed.expect("an end");
+    assert_eq!(resumed.code, Some(0), "{}", resumed.said);
+    drop(file);
+    scenario.same().expect("the same run");
+}
+
+/// The digest of a run that ended well.
+fn digest(said: &str) -> Option<String> {
+    let (_, digest) = said.rsplit_once("digest ")?;
+    digest.get(..32).map(String::from)
+}
+
+/// Commands that begin a run, in a folder `run`: of every kind of scene and of entry.
+fn beginnings(scenario: &Scenario) -> Vec<(&'static str, Vec<String>)> {
+    let at = |name: &str| scenario.path(name).display().to_string();
+    let succeeds = |code: i32, out: &str, arguments: &[&str]| {
+        let arguments: Vec<String> = arguments.iter().map(ToString::to_string).collect();
+        let outcome = common::gshear_mpi(1, &scenario.path(out), &arguments);
+        assert_eq!(outcome.code, code, "{}", outcome.text);
+    };
+    // Fewer grains, which are soon at rest.
+    let small = [
+        "sample.grains=60",
+        "sample.length=8e-6",
+        "pack.tolerance=0.3",
+    ];
+    let set = SET
+        .into_iter()
+        .chain(small)
+        .map(|set| format!("--set={set}"));
+    let set: Vec<String> = set.collect();
+    let set: Vec<&str> = set.iter().map(String::as_str).collect();
+    let keep = "--set=output.keep_checkpoints=true";
+    succeeds(75, "stopped", &[&[SCENE, "--stop-at=9"], &set[..]].concat());
+    let checkpoint = format!("--resume={}", at("stopped/checkpoint.h5"));
+    let mut export = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+    export.args([
+        "export",
+        "--format=lammps-data",
+        "--out",
+        &at("grains.data"),
+    ]);
+    succeed(export.arg(scenario.path("stopped/checkpoint.h5")));
+    let scene = std::fs::read_to_string(SCENE).expect("the scene");
+    let (head, tail) = scene.split_once("grains = 220").expect("its sample");
+    let tail = tail.split_once("length = 21e-6").expect("its length").1;
+    let packed = format!("{head}packing = \"grains.data\"{tail}").replace("tolerance = 1e-4", "");
+    std::fs::write(at("packed.toml"), packed).expect("written");
+    std::fs::write(at("sweep.toml"), format!("{scene}\n[sweep]\nseed = [5]\n")).expect("written");
+    let boxed = [
+        BOX,
+        "--set=aqs.steps=1",
+        "--set=newtonian.growth_times=0.02",
+        "--set=newtonian.spectra=4",
+        keep,
+    ];
+    succeeds(75, "moved", &[&boxed[..], &["--stop-at=20"]].concat());
+    let moved = format!("--resume={}", at("moved/checkpoint.h5"));
+    let (out, auto) = (format!("--out={}", at("run")), "--resume=auto");
+    let branch = format!("--branch={}", at("run"));
+    [
+        ("inserted", [&[SCENE, keep, auto, &out], &set[..]].concat()),
+        (
+            "packed",
+            [&[&at("packed.toml"), keep, auto, &out], &set[..SET.len()]].concat(),
+        ),
+        (
+            "sweep",
+            [&[&at("sweep.toml"), keep, "--sweep=1", &out], &set[..]].concat(),
+        ),
+        ("box", [&boxed[..], &[auto, &out]].concat()),
+        ("elsewhere", vec![&checkpoint, keep, &out]),
+        ("box elsewhere", vec![&moved, &out]),
+        (
+            "branch",
+            vec![&checkpoint, keep, &branch, "--set=contact.friction=0.4"],
+        ),
+    ]
+    .map(|(name, arguments)| (name, arguments.into_iter().map(String::from).collect()))
+    .into()
+}
+
+/// Whatever a kill or a full disk leaves in the first second of a run, the same command begins or
+/// continues it. At `many` calls of each beginning, more of them early.
+fn first_seconds(many: u64) {
+    let scenario = Scenario::new();
+    let run = scenario.path("run");
+    for (name, arguments) in beginnings(&scenario) {
+        let command = |arguments: &[String]| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"));
+            command
+                .args(arguments)
+                .env("FAULT_JOB", scenario.folder.path());
+            command
+        };
+        let end = |mut command: Command| scenario.bounded(&mut command, 1, None).expect("an end");
+        let counts = scenario.path("counts");
+        let _ = (std::fs::remove_dir_all(&run), std::fs::remove_file(&counts));
+        let mut whole = command(&arguments);
+        whole.env("LD_PRELOAD", &scenario.shim);
+        whole.env("FAULT_PATH", &run).env("FAULT_COUNT", &counts);
+        let whole = end(whole);
+        assert_eq!(whole.code, Some(0), "{name}: {}", whole.said);
+        let expected = digest(&whole.said);
+        // Its children count, too.
+        let calls = std::fs::read_to_string(&counts).expect("counts");
+        let calls = calls
+            .split_whitespace()
+            .map(|n| n.parse::<u64>().expect("a number"));
+        let calls = calls.max().expect("a count");
+        println!("{name}: {calls} calls");
+        let many = many.min(calls);
+        for k in 0..many {
+            let call = match many == calls {
+                true => k + 1,
+                false => 1 + calls * k * k / (many * many),
+            };
+            let _ = std::fs::remove_dir_all(&run);
+            let mut faulty = command(&arguments);
+            let kind = ["kill", "torn", "enospc"][k as usize % 3];
+            faulty
+                .env("LD_PRELOAD", &scenario.shim)
+                .env("FAULT_PATH", &run);
+            faulty
+                .env("FAULT_KIND", kind)
+                .env("FAULT_CALL", call.to_string());
+            let begun = end(faulty);
+            let mut again = end(command(&arguments));
+            if name == "branch" && again.code == Some(2) {
+                // It has a checkpoint.
+                let next = format!("--resume={}", run.display());
+                assert!(again.said.contains("--resume "), "{}", again.said);
+                again = end(command(&[next]));
+            }
+            let done = ["is finished", "is done"].map(|words| again.said.contains(words));
+            let finished = begun.code == Some(0) || done.contains(&true);
+            assert!(
+                again.code == Some(0) && (finished || digest(&again.said) == expected),
+                "{name}: {kind} at call {call} of {calls}: {}\nafter {}",
+                again.said,
+                begun.said
+            );
+        }
+    }
+}
+
+#[test]
+fn a_run_begins_whatever_its_first_second_left() {
+    first_seconds(4);
+}
+
+/// `make faults`.
+#[test]
+#[ignore = "takes half an hour"]
+fn a_run_begins_after_a_fault_at_any_call() {
+    first_seconds(u64::MAX);
 }
 
 /// `make faults`: `FAULTS` failing calls and `KILLS` kills (1,000 each), by the seed `FAULT_SEED`.

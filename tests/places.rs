@@ -172,6 +172,16 @@ fn a_full_disk_loses_nothing() {
     }
 }
 
+/// MPI-IO takes the part before a colon for the kind of the file system.
+#[test]
+fn a_colon_in_the_path_is_a_letter() {
+    let _alone = common::alone();
+    let reference = Reference::new();
+    for ranks in [1, 2] {
+        reference.continues(&reference.path(&format!("2026-11-25T13:26/{ranks}")), ranks);
+    }
+}
+
 #[test]
 fn a_read_only_folder_is_refused() {
     let _alone = common::alone();

@@ -10,8 +10,11 @@
  *              was written fails from the call on
  * FAULT_RANK   the rank concerned (default: all)
  * FAULT_COUNT  file that gets "rank calls" when the process ends
+ * FAULT_LOCKS  errno of every lock: a file system without locks
+ * FAULT_OPEN   end of the path of a file that cannot be opened for now: too many are open
  */
 #define _GNU_SOURCE
+#include <dirent.h>
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -203,6 +206,18 @@ static int named(const char *path) {
     }
 }
 
+static int refused(const char *path) {
+    const char *end = getenv("FAULT_OPEN");
+    if (!end || strlen(path) < strlen(end) || strcmp(path + strlen(path) - strlen(end), end)) return 0;
+    errno = EMFILE;
+    return 1;
+}
+
+DIR *opendir(const char *path) {
+    REAL(DIR *, "opendir", const char *);
+    return refused(path) ? NULL : real(path);
+}
+
 #define OPEN(function) \
     int function(const char *path, int flags, ...) { \
         REAL(int, #function, const char *, int, ...); \
@@ -210,6 +225,7 @@ static int named(const char *path) {
         va_start(more, flags); \
         int mode = flags & O_CREAT ? va_arg(more, int) : 0; \
         va_end(more); \
+        if (refused(path)) return -1; \
         return flags & O_CREAT && named(path) ? -1 : real(path, flags, mode); \
     }
 
@@ -225,3 +241,27 @@ int linkat(int from_folder, const char *from, int to_folder, const char *to, int
     REAL(int, "linkat", int, const char *, int, const char *, int);
     return named(to) ? -1 : real(from_folder, from, to_folder, to, flags);
 }
+
+/* 0 where there are locks. */
+static int without_locks(void) {
+    return errno = number("FAULT_LOCKS", 0);
+}
+
+int flock(int fd, int how) {
+    REAL(int, "flock", int, int);
+    return without_locks() ? -1 : real(fd, how);
+}
+
+#define FCNTL(function) \
+    int function(int fd, int what, ...) { \
+        REAL(int, #function, int, int, ...); \
+        va_list more; \
+        va_start(more, what); \
+        void *argument = va_arg(more, void *); \
+        va_end(more); \
+        int locks = what == F_SETLK || what == F_SETLKW || what == F_OFD_SETLK || what == F_OFD_SETLKW; \
+        return locks && without_locks() ? -1 : real(fd, what, argument); \
+    }
+
+FCNTL(fcntl)
+FCNTL(fcntl64)

@@ -1,6 +1,7 @@
 //! Runs under way: locks, signals, and files that are removed or cannot be written.
 
 use std::io::{BufRead, BufReader};
+use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -88,6 +89,57 @@ fn one_run_at_a_time_writes_into_a_folder() {
     ended(&run(&killed, &again), 0, &["note: "]);
 }
 
+/// Containers have process ids of their own and may share the name of the host.
+#[test]
+fn a_lock_holds_in_another_pid_namespace() {
+    let _alone = crate::common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let out = temporary.path().join("out");
+    let child = background(&out, &[]);
+    let mut other = Command::new("unshare");
+    other.args(["--pid", "--fork", "--mount-proc"]);
+    other.args([
+        env!("CARGO_BIN_EXE_gshear-mpi"),
+        SCENE,
+        LONG,
+        "--resume=auto",
+    ]);
+    let other = other
+        .arg("--out")
+        .arg(&out)
+        .output()
+        .expect("unshare starts");
+    let said = String::from_utf8_lossy(&other.stderr);
+    if said.starts_with("unshare:") {
+        println!("skipped: no namespaces here: {said}");
+    } else {
+        assert_eq!(other.status.code(), Some(2), "{said}");
+        assert!(said.contains("writes into this folder"), "{said}");
+    }
+    signal(&child, "USR1");
+    assert_eq!(end(child).code, 75);
+    assert!(!out.join("run.lock").exists());
+}
+
+/// `mpiexec` of another MPI starts programs that know nothing of each other.
+#[test]
+fn a_launcher_of_another_mpi_is_refused() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let out = temporary.path().join("out");
+    let scene = [SCENE, "--set=shear.strain=0.001"].map(String::from);
+    let several = [("PMI_SIZE", "2"), ("PMI_RANK", "1")];
+    let refused = crate::common::with_environment(&several, 1, &out, &scene);
+    ended(&refused, 2, &["PMI_SIZE", "one of 2 ranks"]);
+    assert!(!out.exists());
+    // A program of a batch script for four tasks.
+    let script = [("SLURM_NTASKS", "4"), ("SLURM_PROCID", "0")];
+    ended(
+        &crate::common::with_environment(&script, 1, &out, &scene),
+        0,
+        &[],
+    );
+}
+
 #[test]
 fn what_is_removed_during_a_run_is_missed() {
     let _alone = crate::common::alone();
@@ -122,6 +174,12 @@ fn a_folder_that_cannot_be_written_is_noticed_at_once() {
         ended(&begun, 2, &["cannot be written", "--out"]);
         assert!(!begun.text.contains("pack:"), "{}", begun.text);
     }
+    let name = std::ffi::OsStr::from_bytes(b"r\xffun");
+    let begun = run(
+        &temporary.path().join(name),
+        &[SCENE, "--set=pack.tolerance=1e-30"],
+    );
+    ended(&begun, 2, &["is not UTF-8", "--out"]);
     assert_eq!(
         std::fs::read_dir(temporary.path())
             .expect("a folder")
