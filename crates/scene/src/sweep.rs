@@ -315,21 +315,18 @@ mod tests {
         assert!(message("[sweep]\n'contact.fricton' = [1]").contains("did you mean friction?"));
     }
 
-    /// Told at once, whether its runs are listed or it is run as one scene.
+    /// Told before they are made, whether its runs are listed or it is run as one scene.
     #[test]
     fn sweeps_of_too_many_runs() {
         let list = |n: usize| {
             let values: Vec<String> = (0..n).map(|k| k.to_string()).collect();
             format!("[{}]", values.join(","))
         };
-        let begun = std::time::Instant::now();
         let many = format!("[sweep]\nseed = {}", list(1_300_000));
         let expected = "sweep.seed: has 1300000 values, more than the 10000 runs that a sweep may have; give shorter lists, or split the sweep into several files";
         assert_eq!(message(&many), expected);
         let run = load(&with(&many), &[]).expect_err("refused").to_string();
         assert!(run.ends_with(expected), "{run}");
-        // Reading 9 MB of TOML is all that takes time.
-        assert!(begun.elapsed().as_secs() < 20, "{:?}", begun.elapsed());
         let product = format!(
             "[sweep]\nseed = {}\n'shear.strain' = {}",
             list(100),
