@@ -49,6 +49,11 @@ fn bad_scenes_are_refused_and_nothing_is_written() {
             expected.expect("a message")
         );
     }
+    let ranks = [SCENE, "-n", "2"].map(String::from);
+    let outcome = gshear_mpi(1, &out, &ranks);
+    assert_eq!(outcome.code, 2, "{}", outcome.text);
+    let tip = "mpirun -n RANKS gshear-mpi CONFIG.toml";
+    assert!(outcome.text.contains(tip), "{}", outcome.text);
     // On ranks it is said once.
     let path = format!("{bad}/unknown_key.toml");
     assert!(refused(2, &out, &[path]).contains("unknown key"));
@@ -145,8 +150,8 @@ fn failing_numbers_end_the_run() {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
     for ranks in [1, 2] {
-        // At the least stiffness number that the configuration allows, the collapse of the loose sample exceeds the law.
-        let soft = [SCENE.into(), "--set=load.stiffness_number=11.0".into()];
+        // Near the least stiffness number that the configuration allows, force chains exceed the law.
+        let soft = [SCENE.into(), "--set=load.stiffness_number=30.0".into()];
         let outcome = gshear_mpi(ranks, &folder.path().join("soft"), &soft);
         assert_eq!(outcome.code, 3, "{}", outcome.text);
         let said = message(&outcome.text);
@@ -415,5 +420,42 @@ fn a_box_is_compressed_more_slowly_before_its_preparation_fails() {
         "outside the contact law, after 6 halvings of the compression step; give a lower box.solid_fraction, or another seed",
     ] {
         assert!(said.contains(part), "{said}");
+    }
+}
+
+/// A strain step that leads out of the law says which grains do, and what to give; of every kind of
+/// deformation.
+#[test]
+fn a_strain_step_out_of_the_law_names_its_grains() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("box.toml");
+    std::fs::write(&path, DENSE).expect("a scene");
+    let sets = [
+        [
+            "aqs.strain_step=0.1",
+            "box.deformation=simple-shear",
+            "aqs.steps=20",
+        ],
+        [
+            "aqs.strain_step=0.2",
+            "box.deformation=pure-shear",
+            "aqs.steps=3",
+        ],
+    ];
+    for set in sets {
+        for ranks in [1, 2] {
+            let mut arguments = vec![path.display().to_string(), "--overwrite".into()];
+            arguments.extend(set.iter().map(|set| format!("--set={set}")));
+            let failed = gshear_mpi(ranks, &folder.path().join("out"), &arguments);
+            assert_eq!(failed.code, 3, "{}", failed.text);
+            let said = message(&failed.text);
+            assert!(
+                said.starts_with("aqs, strain step ")
+                    && said.contains(": grains ")
+                    && said.ends_with("give a smaller aqs.strain_step, or less strain"),
+                "{said}"
+            );
+        }
     }
 }

@@ -65,3 +65,26 @@ fn the_version_of_the_reducer_is_that_of_its_build() {
     wanted[0] = wanted[0].replace("gshear-mpi", "gshear-reduce");
     assert_eq!(lines(env!("CARGO_BIN_EXE_gshear-reduce")), wanted);
 }
+
+/// `make build` begins with it: an older cargo does not say why it cannot read the manifests.
+#[test]
+fn an_old_cargo_is_told_which_rust_is_needed() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().expect("a folder");
+    let cargo = folder.path().join("cargo");
+    std::fs::write(&cargo, "#!/bin/sh\necho 'cargo 1.9.0 (of old)'\n").expect("written");
+    std::fs::set_permissions(&cargo, PermissionsExt::from_mode(0o755)).expect("runnable");
+    let path = std::env::var("PATH").expect("a path");
+    let found = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/scripts/deps"))
+        .env("PATH", format!("{}:{path}", folder.path().display()))
+        .output()
+        .expect("bash");
+    let said = String::from_utf8_lossy(&found.stderr);
+    assert_eq!(found.status.code(), Some(1), "{said}");
+    let needed = concat!(
+        "is 1.9.0: the build needs Rust ",
+        env!("CARGO_PKG_RUST_VERSION"),
+        " or newer"
+    );
+    assert!(said.contains(needed), "{said}");
+}

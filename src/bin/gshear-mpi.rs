@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
@@ -31,7 +31,13 @@ fn main() -> ExitCode {
     let speaks = world.rank() == 0;
     let arguments = match CommandLine::try_parse() {
         Ok(arguments) => arguments,
-        Err(e) => {
+        Err(mut e) => {
+            // Ranks are asked for of the launcher.
+            if e.get(ContextKind::InvalidArg) == Some(&ContextValue::String("-n".into())) {
+                let tip = "mpirun gives the ranks: mpirun -n RANKS gshear-mpi CONFIG.toml";
+                let tip = ContextValue::StyledStrs(vec![tip.into()]);
+                e.insert(ContextKind::Suggested, tip);
+            }
             if speaks && e.kind() == ErrorKind::DisplayVersion {
                 say(version::text().trim_end());
             } else if speaks {

@@ -14,6 +14,8 @@ pub(super) struct Checker<'a> {
     /// Where each table that was given begins.
     tables: Vec<(String, usize)>,
     problems: Vec<(usize, String)>,
+    /// Places and paths of the keys that do not apply, which are reported together.
+    useless: Vec<(usize, &'static str)>,
 }
 
 impl<'a> Checker<'a> {
@@ -22,6 +24,7 @@ impl<'a> Checker<'a> {
             input,
             tables,
             problems: Vec::new(),
+            useless: Vec::new(),
         }
     }
 
@@ -231,13 +234,25 @@ impl<'a> Checker<'a> {
 
     /// Refuses a key that does not apply; `why` says when it does.
     pub fn useless<T: Kind>(&mut self, key: &Key<T>, why: &str) {
-        if let Some(at) = key.offset() {
-            let mut what = format!("{why}; leave it out");
-            if self.input.override_at(at).is_some() {
-                what += &format!("; --set {}=none takes it away", key.declared.path);
-            }
-            self.refuse(key, &what);
-        }
+        self.refuse_useless(key, &format!("{why}; leave it out"));
+    }
+
+    /// Refuses a key that does not apply; `what` says why and what to do. Adds how to take it away
+    /// where leaving it out is not enough.
+    pub fn refuse_useless<T: Kind>(&mut self, key: &Key<T>, what: &str) {
+        let Some(at) = key.offset() else { return };
+        let path = key.declared.path;
+        let input = &self.input;
+        let more = if input.is_extended(at) {
+            let name = input.source.name();
+            format!("; {path} = \"none\" in {name} takes it away")
+        } else if !input.overrides.is_empty() {
+            format!("; --set {path}=none takes it away")
+        } else {
+            String::new()
+        };
+        self.useless.push((at, path));
+        self.refuse(key, &format!("{what}{more}"));
     }
 
     /// A problem of the whole configuration.
@@ -245,12 +260,27 @@ impl<'a> Checker<'a> {
         Failure::input(format!("{}: {what}", self.input.source.name()))
     }
 
-    /// Fails with the first problem, if there is any.
+    /// Fails with the first problem, if there is any; if it is a key that does not apply, with all such
+    /// keys.
     pub fn settle(&mut self) -> Result<(), Failure> {
         self.problems.sort_by_key(|(at, _)| *at);
-        match self.problems.first() {
-            Some((_, text)) => Err(Failure::input(text.clone())),
-            None => Ok(()),
+        self.useless.sort_unstable();
+        let Some((at, text)) = self.problems.first() else {
+            return Ok(());
+        };
+        let mut text = text.clone();
+        if self.useless.iter().any(|(of, _)| of == at) {
+            let others = self.useless.iter().filter(|(of, _)| of != at);
+            let others: Vec<String> = others
+                .map(|(at, path)| match self.input.override_at(*at) {
+                    Some(_) => self.input.place(*at),
+                    None => format!("{path} ({})", self.input.place(*at)),
+                })
+                .collect();
+            if !others.is_empty() {
+                text += &format!("; likewise {}", list(&others, "and"));
+            }
         }
+        Err(Failure::input(text))
     }
 }

@@ -638,7 +638,7 @@ mod tests {
             "load.pressure = '5'",
             "load.pressure = 'MPa 5'",
             "contact.friction = '0.5 MPa'",
-            "relax.drag = '3 Hz'",
+            "relax.drag = 'Hz'",
             "sample.grains = '1000'",
             "sample.radii = ['big']",
             "time.force = 'yes'",

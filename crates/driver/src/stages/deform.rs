@@ -6,7 +6,7 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 
 use super::box_state::{Observed, observe, volume};
-use super::relax::{Equilibrium, LONGEST, stretch};
+use super::relax::{Equilibrium, Followed, LONGEST, stretch};
 use super::rest::RestState;
 use super::strain::Strain;
 use crate::header::Stretched;
@@ -62,8 +62,8 @@ impl<D: Dimension> Strain<'_, D> {
         )
     }
 
-    /// Gives the box these lengths. Returns whether all overlaps are within the law.
-    fn stretch(&mut self, run: &Run<'_>, to: [f64; 3]) -> Result<bool, Failure> {
+    /// Gives the box these lengths.
+    fn stretch(&mut self, run: &Run<'_>, to: [f64; 3]) -> Result<Followed, Failure> {
         let least = self.scene.sample.least_box_length();
         let shortest = to[..D::AXES].iter().copied().fold(f64::INFINITY, f64::min);
         if shortest < least {
@@ -82,11 +82,12 @@ impl<D: Dimension> Strain<'_, D> {
             let part = k as f64 / parts as f64;
             let between = std::array::from_fn(|axis| from[axis] + part * (to[axis] - from[axis]));
             let lengths = if k == parts { to } else { between };
-            if !stretch(run.exchange, &mut self.system, self.law, lengths)? {
-                return Ok(false);
+            let followed = stretch(run.exchange, &mut self.system, self.law, lengths)?;
+            if followed.is_err() {
+                return Ok(followed);
             }
         }
-        Ok(true)
+        Ok(Ok(()))
     }
 
     /// [`Strain::stretch`] and a relaxation, which must succeed.
@@ -95,15 +96,28 @@ impl<D: Dimension> Strain<'_, D> {
         run: &Run<'_>,
         lengths: [f64; 3],
     ) -> Result<Equilibrium, Failure> {
-        if !self.stretch(run, lengths)? {
-            return Err(Failure::numbers(format!(
-                "strain step {}: grains overlap too much, outside the contact law; give a smaller aqs.strain_step, \
-                 or less strain",
+        let followed = self.stretch(run, lengths)?;
+        self.relax(run, followed)
+    }
+
+    /// Relaxes after a strain step, unless it has led outside the law.
+    pub(super) fn relax(
+        &mut self,
+        run: &Run<'_>,
+        followed: Followed,
+    ) -> Result<Equilibrium, Failure> {
+        let (exchange, system) = (run.exchange, &mut self.system);
+        let found = match followed {
+            Ok(()) => self.relaxation.relax(exchange, system, self.law),
+            Err(outside) => Err(system.explain(exchange, outside)),
+        };
+        found.map_err(|failure| match failure {
+            Failure::Numbers(what) => Failure::numbers(format!(
+                "strain step {}, {what}; give a smaller aqs.strain_step, or less strain",
                 self.progress.steps + 1
-            )));
-        }
-        self.relaxation
-            .relax(run.exchange, &mut self.system, self.law)
+            )),
+            other => other,
+        })
     }
 
     /// Strain step number `step` of pure shear: ε = γ/2 along x, -γ/2 along the last axis. The
@@ -224,7 +238,7 @@ impl<D: Dimension> Strain<'_, D> {
                 true => lengths[axis] * (1.0 - toward * change),
                 false => lengths[axis],
             });
-            let now = if self.stretch(run, lengths)? {
+            let now = if self.stretch(run, lengths)?.is_ok() {
                 let (exchange, system) = (run.exchange, &mut self.system);
                 found += self.relaxation.relax(exchange, system, self.law)?;
                 Some(self.observed(run).pressure)

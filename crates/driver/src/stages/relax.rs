@@ -8,7 +8,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{Cell, body};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
-use gshear_dem::system::System;
+use gshear_dem::system::{Outside, System};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Method, Relax, Sample};
 use gshear_spectrum::Solver;
@@ -119,7 +119,7 @@ impl Relaxation {
                     .map(|[way, _]| way.iter().map(|x| x * x).sum::<f64>());
                 let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
                 let smooth = furthest < longest;
-                if !smooth || !displace(exchange, system, law, &moves, 0.0) {
+                if !smooth || displace(exchange, system, law, &moves, 0.0).is_err() {
                     return Ok(false);
                 }
                 let now = residual(exchange, system, 0.0);
@@ -249,16 +249,19 @@ pub(super) fn stop<D: Dimension>(system: &mut System<D>) {
     }
 }
 
+/// Whether all overlaps are within the law, and what is outside it on this rank.
+pub(super) type Followed = Result<(), Option<Outside>>;
+
 /// Displaces the owned grains, and the images above by `shear` along x, in one step of the
 /// dynamics, which advances the histories, and sets all velocities to zero. The list must be new,
-/// with a sufficient skin. Returns whether all overlaps are within the law.
+/// with a sufficient skin.
 pub(super) fn displace<D: Dimension>(
     exchange: &dyn Parallel,
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     moves: &[Move],
     shear: f64,
-) -> bool {
+) -> Followed {
     let (axes, spins) = (D::AXES, D::SPINS);
     let step = system.step;
     if let Some(sheared) = &mut system.cell.sheared {
@@ -287,14 +290,13 @@ pub(super) fn displace<D: Dimension>(
 }
 
 /// Gives the cell these lengths (m) and moves the grains affinely with it, in one step of the
-/// dynamics, which advances the histories. All grains must be at rest, and stay so. Returns whether
-/// all overlaps are within the law.
+/// dynamics, which advances the histories. All grains must be at rest, and stay so.
 pub(super) fn stretch<D: Dimension>(
     exchange: &dyn Parallel,
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     lengths: [f64; 3],
-) -> Result<bool, Failure> {
+) -> Result<Followed, Failure> {
     let (mut grains, contacts) = (system.grain_states(), system.contact_states(law));
     let before = system.cell.lengths::<D>();
     let factors: [f64; 3] = std::array::from_fn(|axis| lengths[axis] / before[axis]);
@@ -316,12 +318,12 @@ pub(super) fn stretch<D: Dimension>(
 }
 
 /// Advances the histories by the step in which the grains have moved, sets all velocities to zero
-/// and computes the forces at rest. Returns whether all overlaps are within the law.
+/// and computes the forces at rest.
 fn follow<D: Dimension>(
     exchange: &dyn Parallel,
     system: &mut System<D>,
     law: &dyn PairForce<D>,
-) -> bool {
+) -> Followed {
     let step = system.step;
     let outside = forces(exchange, system, law, &mut NoWalls, step, None);
     stop(system);
@@ -330,7 +332,10 @@ fn follow<D: Dimension>(
     }
     // The forces at rest, without dampers.
     let outside = outside.or(forces(exchange, system, law, &mut NoWalls, 0.0, None));
-    exchange.maximum(f64::from(u8::from(outside.is_some()))) == 0.0
+    match exchange.maximum(f64::from(u8::from(outside.is_some()))) {
+        0.0 => Ok(()),
+        _ => Err(outside),
+    }
 }
 
 #[cfg(test)]
@@ -418,7 +423,8 @@ mod tests {
         let mut energies = Vec::new();
         for factor in [1.0, 0.999, 0.99, 0.995, 1.01] {
             let to = [lengths[0] * factor, lengths[1] * factor, 1.0];
-            assert!(stretch(&Solo, &mut system, &law, to).expect("one rank"));
+            let followed = stretch(&Solo, &mut system, &law, to).expect("one rank");
+            followed.expect("within the law");
             let spacing = SPACING * factor;
             let expected = 3.0f64.sqrt() * SPRINGS.normal_stiffness * (1.0 - spacing) / spacing;
             let found = observed(&mut system, &law);
@@ -448,7 +454,8 @@ mod tests {
             lengths[1] / (1.0 + strain),
             1.0,
         ];
-        assert!(stretch(&Solo, &mut system, &law, to).expect("one rank"));
+        let followed = stretch(&Solo, &mut system, &law, to).expect("one rank");
+        followed.expect("within the law");
         let expected = SPRINGS.tangential_stiffness * strain * 0.75f64.sqrt() * SPACING;
         let mut inclined = 0;
         let contacts = system.contact_states(&law);

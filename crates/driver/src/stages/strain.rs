@@ -167,11 +167,12 @@ impl<'a, D: Dimension> Strain<'a, D> {
             let grains = system.grains();
             let affine = |g: usize| [[part * grains.fields(g)[D::UP], 0.0, 0.0], [0.0; 3]];
             let moves: Vec<_> = (0..grains.owned).map(affine).collect();
-            if !displace(exchange, system, self.law, &moves, part * height) {
-                return Err(system.explain(exchange, None));
+            let followed = displace(exchange, system, self.law, &moves, part * height);
+            if followed.is_err() {
+                return self.relax(run, followed);
             }
         }
-        self.relaxation.relax(exchange, system, self.law)
+        self.relax(run, Ok(()))
     }
 
     fn eigenvalues(&mut self, run: &Run<'_>) -> Result<Eigenvalues, Failure> {

@@ -156,15 +156,12 @@ fn choose(
             [_] => "that law",
             _ => "one of those",
         };
-        let mut what = format!(
+        let what = format!(
             "does not apply to the law {name:?} ({place}), only to {}; leave it out, or choose {choose} with {}",
             quoted(&owners, "and"),
             law.declared.path
         );
-        if place.starts_with("--set") {
-            what += &format!("; --set {}=none takes it away", key.path);
-        }
-        given.checker.refuse(&known, &what);
+        given.checker.refuse_useless(&known, &what);
     }
     Some(kind)
 }
