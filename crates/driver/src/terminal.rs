@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use crate::header::{Birth, Progress};
 use crate::options::Verbosity;
 use crate::progress::{duration, line};
-use crate::say::{say, width};
+use crate::say::{say, say_error, width};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
@@ -20,6 +20,7 @@ use gshear_dem::system::System;
 use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
+use gshear_scene::unlikely;
 use gshear_scene::{
     Boundary, Control, Dimensions, Law, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed,
     Walls,
@@ -30,6 +31,8 @@ use gshear_store::status::Standing;
 /// Lines about the run, and on a terminal one line of progress that is drawn anew.
 pub struct Terminal {
     verbosity: Verbosity,
+    /// Whether this rank prints.
+    speaks: bool,
     /// The terminal with the line of progress.
     screen: Option<Screen>,
     next_packing_line: u64,
@@ -78,6 +81,7 @@ impl Terminal {
         };
         Self {
             verbosity,
+            speaks,
             screen: match verbosity {
                 Verbosity::Quiet => None,
                 _ => Screen::find(),
@@ -91,6 +95,16 @@ impl Terminal {
             (_, Verbosity::Quiet) => {}
             (None, _) => say(line.as_ref()),
             (Some(screen), _) => screen.line.suspend(|| say(line.as_ref())),
+        }
+    }
+
+    /// Says on standard error what is unlikely about the run, also if told to be quiet.
+    pub fn warn(&self, warning: impl std::fmt::Display) {
+        let warn = || say_error(&format!("warning: {warning}"));
+        match &self.screen {
+            _ if !self.speaks => {}
+            None => warn(),
+            Some(screen) => screen.line.suspend(warn),
         }
     }
 
@@ -219,6 +233,9 @@ impl Terminal {
             self.say(format!(
                 "load:  a servo of {gain:.4e} m/(s Pa), at most {speed_max:.4e} m/s"
             ));
+        }
+        if let Some(warning) = unlikely::intervals(plane_shear, schedule) {
+            self.warn(warning);
         }
         let segments = schedule.protocol.segments();
         let intervals = &schedule.intervals;

@@ -2,8 +2,9 @@
 
 use toml::{Table, Value};
 
-use crate::schedule::Schedule;
-use crate::{Boundary, Motion, PartDrive, PlaneShear, Scene, WallSpeed};
+use crate::schedule::{STEPS_WITHOUT_A_PAIR, Schedule};
+use crate::words::show;
+use crate::{Boundary, Motion, Newtonian, PartDrive, PeriodicBox, PlaneShear, Scene, WallSpeed};
 
 /// Ranges in which a value of a key raises no doubt.
 struct Likely {
@@ -62,6 +63,8 @@ const CONTACT: [Likely; 4] = [
 const RIGID: f64 = 100.0;
 const DENSE_FLOW: f64 = 0.1;
 const LAYERS: f64 = 6.0;
+/// Mean diameters (m), from dust to pebbles.
+const SIZES: std::ops::RangeInclusive<f64> = 1e-8..=0.2;
 /// Greatest weight of the sample over its load.
 const WEIGHT: f64 = 1.0;
 
@@ -91,10 +94,79 @@ pub fn unlikely(scene: &Scene, height: f64) -> Vec<String> {
             doubts.push(format!("{} {doubt}", is(key, value, unit)));
         }
     }
-    if let Some(walls) = walls {
-        of_walls(scene, walls, height, &mut doubts);
+    match &scene.boundary {
+        Boundary::Walls(walls) => of_walls(scene, walls, height, &mut doubts),
+        Boundary::Periodic(periodic) => doubts.extend(intervals_of_box(periodic)),
     }
     doubts
+}
+
+/// A sentence if a step shears by more than intervals of output ask for, or a part of a protocol has
+/// fewer steps than are to be written of it: then every step is written.
+pub fn intervals(walls: &PlaneShear, schedule: &Schedule) -> Option<String> {
+    let output = &walls.output;
+    let Motion::Strain { .. } = walls.shear.motion else {
+        let counts = [
+            ("output.series_rows", output.series_rows),
+            ("output.frame_rows", output.frame_rows),
+        ];
+        let segments = schedule.protocol.segments().iter().enumerate();
+        let mut short = segments.filter_map(|(n, segment)| {
+            let part = format!("part {} of shear.protocol", n + 1);
+            more_than_steps(&part, segment.steps, &counts)
+        });
+        return short.next();
+    };
+    let (all, per_step) = (schedule.intervals[0], schedule.strain(1));
+    let given = [
+        ("output.series_strain", output.series_strain, all.series),
+        ("output.frame_strain", output.frame_strain, all.frames),
+        (
+            "output.checkpoint_strain",
+            output.checkpoint_strain,
+            all.checkpoints,
+        ),
+        ("analysis.strain", walls.analysis.strain, all.analysis),
+    ];
+    let inflated = |(_, asked, steps): &(&str, f64, u64)| *steps as f64 * per_step > 1.5 * asked;
+    let inflated = given.iter().filter(|of| of.2 > 0).filter(|of| inflated(of));
+    let keys: Vec<String> = inflated
+        .map(|(key, asked, _)| format!("{key} = {}", show(*asked)))
+        .collect();
+    (!keys.is_empty()).then(|| {
+        format!(
+            "a step of {:.3e} s shears by {per_step:.3e}, more than {} asks for, which comes in every step; give {per_step:.1e} or more, or a slower shear",
+            schedule.step,
+            crate::words::list(&keys, "and"),
+        )
+    })
+}
+
+/// [`intervals`] of Newton's equations without a complex pair, which strain steps may find.
+fn intervals_of_box(periodic: &PeriodicBox) -> Option<String> {
+    let of = periodic
+        .newtonian
+        .as_ref()
+        .filter(|_| !periodic.aqs.spectrum)?;
+    let steps = (of.growth_times * STEPS_WITHOUT_A_PAIR).ceil() as u64;
+    intervals_of_newtonian(of, steps)
+}
+
+/// A sentence if Newton's equations take fewer steps than are to be written.
+pub fn intervals_of_newtonian(of: &Newtonian, steps: u64) -> Option<String> {
+    let counts = [
+        ("newtonian.rows", of.rows),
+        ("newtonian.frames", of.frames),
+        ("newtonian.spectra", of.spectra),
+    ];
+    more_than_steps("the stage of Newton's equations", steps, &counts)
+}
+
+fn more_than_steps(what: &str, steps: u64, counts: &[(&str, u64)]) -> Option<String> {
+    let (key, count) = counts.iter().find(|(_, count)| *count > steps)?;
+    Some(format!(
+        "{what} has {steps} steps, fewer than {key} = {count}: every step is written; give at most {steps}, or a longer duration"
+    ))
 }
 
 /// The first number of a list.
@@ -156,6 +228,12 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
             "the inertial number is {given:.3}: from about {DENSE_FLOW} on grains collide more than they touch; quasi-static shear has 1e-3 or less"
         ));
     }
+    doubts.extend(intervals(walls, &schedule));
+    if !SIZES.contains(&diameter) {
+        doubts.push(format!(
+            "the mean diameter is {diameter:.3e} m: sand has 1e-4 to 2e-3, gouge 1e-6 to 1e-4; \"0.8 mm\" is a way to write a radius"
+        ));
+    }
     let layers = [height / diameter, sample.length / diameter];
     for (layers, what, key) in [
         (layers[0], "layers high", "sample.grains"),
@@ -197,13 +275,32 @@ mod tests {
             ),
             (&["material.density=2.5"], "material.density is 2.5 kg/m³"),
             (&["contact.friction=30"], "contact.friction is 30:"),
-            (&["shear.inertial_number=0.5"], "inertial number is 0.500:"),
+            (
+                &[
+                    "shear.inertial_number=0.5",
+                    "output.series_strain=1e-3",
+                    "output.frame_strain=1e-3",
+                ],
+                "inertial number is 0.500:",
+            ),
+            (
+                &["shear.inertial_number=0.05"],
+                "more than output.series_strain = 1e-5 asks for",
+            ),
             (
                 &["load.stiffness_number=50"],
                 "presses grains together by about 2.00 %",
             ),
             (&["sample.length=8e-6"], "5.3 grains long"),
             (&["load.gravity=1e9"], "times its load"),
+            (
+                &[
+                    "sample.radius_min=0.3",
+                    "sample.radius_max=0.5",
+                    "sample.length=30",
+                ],
+                "the mean diameter is 8.000e-1 m",
+            ),
         ] {
             let found = doubts(sets);
             assert_eq!(found.len(), 1, "{sets:?}: {found:?}");

@@ -14,6 +14,7 @@ use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
+use gshear_scene::unlikely::intervals_of_newtonian;
 use gshear_store::collective::exists;
 use gshear_store::collective::gathered;
 use gshear_store::columns::NewtonianRow;
@@ -29,6 +30,9 @@ use crate::header::{Header, Pair, Progress};
 use crate::run::{Checkpoint, Outcome, Run, Save, Stage, StageState};
 use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
+
+/// Steps after each of which the ranks agree whether the last checkpoint is old.
+const LOOK: u64 = 100;
 
 /// The stage that integrates Newton's equations of a box.
 pub(super) struct NewtonianStage<'a, D: Dimension> {
@@ -161,6 +165,9 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             due = due.of_window(window);
         }
         run.terminal.newtonian(due.steps, system.step);
+        if let Some(warning) = intervals_of_newtonian(of, due.steps) {
+            run.terminal.warn(warning);
+        }
         let format = Format {
             name: NEWTONIAN_FILE,
             columns: &NewtonianRow::COLUMNS,
@@ -334,7 +341,8 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
     }
 
     fn save_due(&self) -> Save {
-        match self.due.row(self.step) && self.due.window.is_none() {
+        let looks = self.step.is_multiple_of(LOOK);
+        match looks && self.due.window.is_none() {
             true => Save::IfOld,
             false => Save::No,
         }
