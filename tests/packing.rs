@@ -8,11 +8,13 @@ use std::process::Command;
 use common::{gshear_mpi, succeed};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::state::{ContactSample, length};
+use gshear_driver::header::Header;
 use gshear_scene::lammps_data::{Atom, DataFile, parse};
 use gshear_store::run_reader::RunFile;
 
 const CROSSING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 const TRIANGULAR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/triangular.data");
+const TRIANGULAR_TEXT: &str = include_str!("scenes/triangular.data");
 
 /// `gshear-reduce export` of a run or a checkpoint.
 fn export(run: &Path, arguments: &[&str], out: &Path) -> DataFile {
@@ -142,21 +144,104 @@ fn walls_are_as_thick_as_asked() {
     }
 }
 
+/// A scene whose `sample.packing` is to be given, of contacts with k = 1e6 Pa.
+const OF_A_FILE: &str = "
+    material.density = 2500
+    contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.3 }
+    load.stiffness_number = 1e3
+    pack.tolerance = 1e-4
+    shear = { inertial_number = 0.01, strain = 0.02 }
+    [sample]
+    packing = 'is given below'
+    ";
+
+/// Ten columns press on the top wall by two contacts of 1e-6 m each, at 60 degrees. Under a load far
+/// below that the wall flies away; a branch may change the load.
+#[test]
+fn a_packing_may_not_be_at_its_load() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.toml");
+    let at_pressure = OF_A_FILE.replace("stiffness_number = 1e3", "pressure = 1e3");
+    let at_pressure = at_pressure.replace("pack.tolerance = 1e-4", "");
+    std::fs::write(&path, at_pressure).expect("written");
+    let own = 20.0 * 60f64.to_radians().sin() / 9.99e-3;
+    let run = |name: &str, ranks, pressure: f64, more: &[&str]| {
+        let mut arguments = vec![
+            path.display().to_string(),
+            format!("--set=sample.packing={TRIANGULAR}"),
+            format!("--set=load.pressure={pressure:e}"),
+        ];
+        arguments.extend(more.iter().map(ToString::to_string));
+        gshear_mpi(ranks, &folder.path().join(name), &arguments)
+    };
+    for (over, is_at_load) in [
+        (1.0, true),
+        (1.0 / 1.9, true),
+        (1.0 / 2.1, false),
+        (2.1, false),
+    ] {
+        let said = run("checked", 1, own * over, &["--check"]);
+        assert_eq!(said.code, 0, "{}", said.text);
+        let wanted = format!(
+            "press on the top wall with {own:.3e} Pa, and the load is {:.3e} Pa",
+            own * over
+        );
+        assert_eq!(!said.text.contains(&wanted), is_at_load, "{}", said.text);
+    }
+    // A loose one.
+    let gaps = TRIANGULAR_TEXT.replace(" 0.001 2500 ", " 0.00099 2500 ");
+    let loose = folder.path().join("loose.data");
+    std::fs::write(&loose, gaps).expect("written");
+    let loose = format!("--set=sample.packing={}", loose.display());
+    let said = run("loose", 1, own, &[&loose, "--stop-at=10"]);
+    assert!(said.text.contains("with 0.000e0 Pa"), "{}", said.text);
+    let mut failures = Vec::new();
+    for ranks in [1, 2] {
+        let flies = run("flies", ranks, 1e-5 * own, &["--overwrite", "--quiet"]);
+        assert_eq!(flies.code, 3, "{}", flies.text);
+        let warns = flies
+            .text
+            .contains("warning: sample.packing is not at its load");
+        let ends = flies.text.contains("the top wall has left the sample");
+        assert!(warns && ends, "{}", flies.text);
+        failures.push(flies.text);
+    }
+    assert_eq!(failures[0], failures[1]);
+
+    let drive = [
+        "--set=shear.inertial_number=none",
+        "--set=shear.velocity=0.1",
+    ];
+    let stopped = run("first", 1, own, &[&drive[..], &["--stop-at=20"]].concat());
+    assert_eq!(stopped.code, 75, "{}", stopped.text);
+    let load = |name: &str| {
+        let checkpoint = folder.path().join(name).join("checkpoint.h5");
+        let [header, _] = gshear_store::checkpoint::read_texts(&checkpoint).expect("a checkpoint");
+        match Header::parse(&header).expect("a header").0 {
+            Header::Shear { piston, .. } => piston.load,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(load("first"), own * 9.99e-3);
+    let branch = [
+        format!("--resume={}", folder.path().join("first").display()),
+        format!("--branch={}", folder.path().join("branch").display()),
+        format!("--set=load.pressure={:e}", 1.5 * own),
+        "--stop-at=40".into(),
+    ];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"));
+    let branch = command.args(branch).output().expect("the program starts");
+    assert_eq!(branch.status.code(), Some(75), "{branch:?}");
+    assert_eq!(load("branch"), 1.5 * own * 9.99e-3);
+}
+
 #[test]
 fn anothers_packing_is_sheared() {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
-    let scene = "
-        material.density = 2500
-        contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.3 }
-        load.stiffness_number = 1e3
-        pack.tolerance = 1e-4
-        shear = { inertial_number = 0.01, strain = 0.02 }
-        [sample]
-        packing = 'is given below'
-        ";
     let path = folder.path().join("scene.toml");
-    std::fs::write(&path, scene).expect("written");
+    std::fs::write(&path, OF_A_FILE).expect("written");
     let run = |name: &str, ranks, sets: &[&str]| {
         let mut arguments = vec![
             path.display().to_string(),

@@ -37,6 +37,18 @@ impl Piston {
         self.velocity + 0.5 * step * self.acceleration
     }
 
+    /// How far (m) the top still rises against its load, if the last step left nothing that touches
+    /// it; else 0.
+    pub fn flight(&self) -> f64 {
+        let fall = self.load / self.mass;
+        // Without a force the acceleration is -N/m, to rounding.
+        let is_free = self.acceleration <= -(1.0 - 1e-12) * fall;
+        match is_free && self.velocity > 0.0 {
+            true => 0.5 * self.velocity * self.velocity / fall,
+            false => 0.0,
+        }
+    }
+
     fn full_kick(&mut self, step: f64, force: f64, drag: f64) {
         self.acceleration = (force - self.load) / self.mass - drag * self.predicted(step);
         self.velocity += 0.5 * step * self.acceleration;

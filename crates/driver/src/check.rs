@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Boundary, Dimensions, Scene};
+use gshear_scene::{Boundary, Dimensions, Scene, unlikely};
 
 use crate::calibration;
 use crate::estimate::{Estimate, bytes, cores, dense_height};
@@ -94,30 +94,34 @@ fn prospects(
         say_error(&format!("warning: {folder}"));
     }
     let place = free(&options.out);
-    for warning in warnings(&task.scene, &estimate, memory, place, options) {
+    for warning in warnings(task, &estimate, memory, place, options) {
         say_error(&format!("warning: {warning}"));
     }
     Ok(())
 }
 
-/// What is allowed and unlikely about a scene.
-pub fn doubts(scene: &Scene) -> Vec<String> {
+/// What is allowed and unlikely about the scene of a task and its grains, on rank 0.
+pub fn doubts(task: &Task) -> Vec<String> {
+    let scene = &task.scene;
     let height =
         (dense_height(scene) - 2.0 * scene.sample.mean_diameter).max(scene.sample.mean_diameter);
-    gshear_scene::unlikely::unlikely(scene, height)
+    let mut doubts = unlikely::unlikely(scene, height);
+    doubts.extend(task.not_at_load());
+    doubts
 }
 
 /// Grains per rank from which threads are worth it (docs/speed.md, "Large packings and threads").
 const THREADED: f64 = 50_000.0;
 
 fn warnings(
-    scene: &Scene,
+    task: &Task,
     estimate: &Estimate,
     memory: Option<f64>,
     free: Option<f64>,
     options: &Options,
 ) -> Vec<String> {
-    let mut warnings = doubts(scene);
+    let scene = &task.scene;
+    let mut warnings = doubts(task);
     let (ranks, threads) = (estimate.ranks, options.threads);
     let sensible = sensible_ranks(scene);
     if ranks > sensible {

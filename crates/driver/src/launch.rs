@@ -11,7 +11,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
 use gshear_scene::packing::Packing;
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Boundary, Change, Dimensions, Scene, Source};
+use gshear_scene::{Boundary, Change, Dimensions, Scene, Source, unlikely};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists};
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
@@ -72,6 +72,7 @@ impl Task {
             self.check_ends(header.as_ref(), options.stop_at)?;
         }
         let last_file = self.last_file();
+        let doubt = self.not_at_load();
         let Self {
             scene,
             start,
@@ -96,6 +97,9 @@ impl Task {
             }
         }
         run.terminal.header(exchange, &scene, run.isa);
+        if let Some(warning) = doubt {
+            run.terminal.warn(warning);
+        }
         let ending = match scene.dimension {
             Dimensions::Two => stages::<Two>(&mut run, &scene, start),
             Dimensions::Three => stages::<Three>(&mut run, &scene, start),
@@ -139,6 +143,16 @@ impl Task {
             header,
             checkpoint: self.before.as_ref().map(|(path, _)| &**path),
             last_file: self.last_file(),
+        }
+    }
+
+    /// A sentence if the grains that the shear starts with are not at their load; of rank 0.
+    pub(crate) fn not_at_load(&self) -> Option<String> {
+        match &self.start {
+            Start::Grains(grains) if !grains.is_empty() => {
+                unlikely::not_at_load(&self.scene, grains)
+            }
+            _ => None,
         }
     }
 

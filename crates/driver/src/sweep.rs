@@ -88,7 +88,7 @@ impl<'a> Sweep<'a> {
                 }
                 estimate.speed = speed.flatten();
                 estimate.strain_step = strain_step.flatten();
-                for doubt in doubts(&task.scene) {
+                for doubt in doubts(task) {
                     match doubted.iter_mut().find(|(known, ..)| *known == doubt) {
                         Some((_, _, runs)) => *runs += 1,
                         None => doubted.push((doubt, k + 1, 1)),

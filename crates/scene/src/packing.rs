@@ -403,29 +403,18 @@ impl Packing {
         scene: &Scene,
         states: &[GrainState],
     ) -> Result<(), Failure> {
-        let cell = scene.sample.cell();
-        let mut grains = Grains::<D>::default();
-        grains.replace(states, scene.law.masses(), scene.time_step.step);
-        let extent = LocalExtent::whole(self.file.length);
-        let cutoff = Cutoff {
-            greatest: 2.0 * self.file.radius_max,
-            skin: 0.0,
-        };
         let mut worst = (1.0, None);
-        for pair in neighbour::pairs(&grains, cell, extent, cutoff) {
-            let [i, j] = pair.grains;
-            let (a, b) = (&states[i as usize], &states[j as usize]);
-            let apart = cell.separation::<D>(&a.position, &b.position);
-            let overlap = a.radius + b.radius - length(apart);
+        each_touching::<D>(scene, states, |[i, j], overlap| {
+            let (a, b) = (&states[i], &states[j]);
             let largest = scene.law.largest_overlap(a.radius, b.radius);
             if overlap > worst.0 * largest {
                 worst = (overlap / largest, Some((i, j, overlap, largest)));
             }
-        }
+        });
         let Some((i, j, overlap, largest)) = worst.1 else {
             return Ok(());
         };
-        let (a, b) = (&self.atoms[i as usize], &self.atoms[j as usize]);
+        let (a, b) = (&self.atoms[i], &self.atoms[j]);
         let (first, second) = if a.line < b.line { (a, b) } else { (b, a) };
         Err(Failure::input(format!(
             "{}:{}: atom {} overlaps atom {} (line {}) by {overlap:.3e} m, {:.1} % of the sum of their radii; the law {} takes {largest:.3e} m",
@@ -438,6 +427,57 @@ impl Packing {
             scene.law.kind().name,
         )))
     }
+}
+
+/// Calls `visit` with each pair of grains that touch, and their overlap (m). Leaves out pairs of wall
+/// grains.
+fn each_touching<D: Dimension>(
+    scene: &Scene,
+    states: &[GrainState],
+    mut visit: impl FnMut([usize; 2], f64),
+) {
+    let sample = &scene.sample;
+    let cell = sample.cell();
+    let mut grains = Grains::<D>::default();
+    grains.replace(states, scene.law.masses(), scene.time_step.step);
+    let extent = LocalExtent::whole(sample.length);
+    let cutoff = Cutoff {
+        greatest: 2.0 * sample.radius_max,
+        skin: 0.0,
+    };
+    for pair in neighbour::pairs(&grains, cell, extent, cutoff) {
+        let pair = pair.grains.map(|g| g as usize);
+        let [a, b] = pair.map(|g| &states[g]);
+        let apart = cell.separation::<D>(&a.position, &b.position);
+        let overlap = a.radius + b.radius - length(apart);
+        if overlap > 0.0 {
+            visit(pair, overlap);
+        }
+    }
+}
+
+/// The force (N; N/m in 2D) upwards on the top wall that the overlaps of grains at rest exert.
+pub(crate) fn force_on_top(scene: &Scene, grains: &[GrainState]) -> f64 {
+    match scene.dimension {
+        Dimensions::Two => force_on_top_of::<Two>(scene, grains),
+        Dimensions::Three => force_on_top_of::<Three>(scene, grains),
+    }
+}
+
+fn force_on_top_of<D: Dimension>(scene: &Scene, grains: &[GrainState]) -> f64 {
+    let mut sum = 0.0;
+    each_touching::<D>(scene, grains, |pair, overlap| {
+        let [a, b] = pair.map(|g| &grains[g]);
+        let (top, other) = match [a.body, b.body].map(|of| of == body::TOP) {
+            [true, false] => (a, b),
+            [false, true] => (b, a),
+            _ => return,
+        };
+        let force = scene.law.normal_stiffness(a.radius, b.radius, overlap) * overlap;
+        let rise = top.position[D::UP] - other.position[D::UP];
+        sum += force * rise / (a.radius + b.radius - overlap);
+    });
+    sum
 }
 
 #[cfg(test)]
@@ -709,6 +749,30 @@ mod tests {
             refused(two, &["sample.walls=types"]),
             "f: no atom is of type 3; with walls = \"types\" type 2 is the bottom wall and type 3 the top wall"
         );
+    }
+
+    /// Twelve by sixteen columns of seven spheres that overlap by 1e-6 m along z alone.
+    #[test]
+    fn force_of_spheres_on_the_top() {
+        let at = |n: usize| (n as f64 + 0.5) * 1e-3;
+        let row = |n: usize| {
+            let [i, j, k] = [n / 112, n / 7 % 16, n % 7];
+            let kind = [2, 1, 1, 1, 1, 1, 3][k];
+            let z = 0.5e-3 + 0.999e-3 * k as f64;
+            format!(
+                "{} {kind} 0.001 2500 {:e} {:e} {z:e}\n",
+                n + 1,
+                at(i),
+                at(j)
+            )
+        };
+        let rows: String = (0..1344).map(row).collect();
+        let text = format!(
+            "t\n1344 atoms\n3 atom types\n0 0.012 xlo xhi\n0 0.016 ylo yhi\n0 0.01 zlo zhi\nAtoms # sphere\n\n{rows}"
+        );
+        let (packing, scene) = packing(|_| text.clone(), &["dimension=3"]).unwrap();
+        let force = force_on_top(&scene, &packing.grains(&scene).unwrap());
+        assert!((force / 192.0 - 1.0).abs() < 1e-9, "{force}");
     }
 
     /// Positions along x are wrapped as LAMMPS wraps them, and begin at xlo.

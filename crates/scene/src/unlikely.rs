@@ -2,6 +2,9 @@
 
 use toml::{Table, Value};
 
+use gshear_dem::state::GrainState;
+
+use crate::packing::force_on_top;
 use crate::schedule::{STEPS_WITHOUT_A_PAIR, Schedule};
 use crate::words::show;
 use crate::{Boundary, Motion, Newtonian, PartDrive, PeriodicBox, PlaneShear, Scene, WallSpeed};
@@ -99,6 +102,30 @@ pub fn unlikely(scene: &Scene, height: f64) -> Vec<String> {
         Boundary::Periodic(periodic) => doubts.extend(intervals_of_box(periodic)),
     }
     doubts
+}
+
+/// The pressure of a packing over that of its load, or the inverse, up to which it is at its load.
+const AT_LOAD: f64 = 2.0;
+
+/// A sentence if the grains of a packing that is sheared as it is press on the top wall with another
+/// force than it is loaded with at the start. `grains`: all of them.
+pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
+    let walls = scene.plane_shear("").ok().filter(|of| of.pack.skip)?;
+    let pressures = walls.shear.pressures(walls.load.pressure);
+    let load = match pressures.first() {
+        None => walls.load.pressure,
+        // None at a normal velocity.
+        Some(first) => (*first)?[0],
+    };
+    let own = force_on_top(scene, grains) / scene.sample.base();
+    let begins = match own / load {
+        ratio if ratio > AT_LOAD => "flies upwards",
+        ratio if ratio < 1.0 / AT_LOAD => "falls onto it",
+        _ => return None,
+    };
+    Some(format!(
+        "sample.packing is not at its load: its overlaps press on the top wall with {own:.3e} Pa, and the load is {load:.3e} Pa; the wall {begins}; give pack.skip = false to compress it under the load, or load.pressure = {own:.3e}"
+    ))
 }
 
 /// A sentence if a step shears by more than intervals of output ask for, or a part of a protocol has

@@ -89,7 +89,16 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         }
         let slider = Slider::new(schedule.protocol.clone(), spring);
         let servo = plane_shear.servo(&scene.sample);
-        let mut walls = GrainWalls::new(from.piston, slider, servo, plane_shear.output.energy);
+        let mut piston = from.piston;
+        let load = plane_shear.load.normal_force;
+        // A branch may change the load; a protocol follows its own.
+        let is_loaded_anew = !schedule.protocol.has_normal() && piston.load != load;
+        if is_loaded_anew {
+            piston.acceleration += (piston.load - load) / piston.mass;
+            piston.load = load;
+        }
+        let mut walls = GrainWalls::new(piston, slider, servo, plane_shear.output.energy);
+        walls.normal_work |= is_loaded_anew;
         if let Some(slider) = from.slider {
             walls.slider.state = slider;
         }
@@ -239,6 +248,31 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         ]
     }
 
+    /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by more
+    /// than half a mean diameter. A top that moves at an imposed velocity or by a servo does not fly, and
+    /// a vibrating bottom may throw it on purpose.
+    fn check_top(&self) -> Result<(), Failure> {
+        let now = self.walls.slider.state.step;
+        let protocol = &self.schedule.protocol;
+        let is_driven = protocol.segment_before(now).normal_velocity().is_some();
+        let piston = &self.walls.piston;
+        let flight = piston.flight();
+        if is_driven
+            || self.walls.servo.is_some()
+            || protocol.has_bottom()
+            || flight <= 0.5 * self.scene.sample.mean_diameter
+        {
+            return Ok(());
+        }
+        Err(Failure::numbers(format!(
+            "step {}: the top wall has left the sample: nothing touches it at {:.6e} m above the bottom, and at {:.3e} m/s it rises by another {flight:.3e} m, more than half a mean diameter, against its load of {:.3e} Pa; begin with a packing at rest at this load (pack.skip = false), or change the load in steps",
+            self.step,
+            piston.height - self.frame.walls,
+            piston.velocity,
+            piston.load / self.scene.sample.base(),
+        )))
+    }
+
     fn header(&self, run: &Run<'_>, written: Written) -> Header {
         Header::Shear {
             step: self.step,
@@ -319,6 +353,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             request,
         )?;
         self.step += 1;
+        self.check_top()?;
         Ok(stop)
     }
 
