@@ -382,3 +382,57 @@ fn a_heavy_sample_is_packed() {
         assert!(greatest < 1e-2, "{residual:?}");
     }
 }
+
+/// Disks of 4 : 1, of whose small ones a single one would bear the whole load at first: they begin again
+/// under a part of it, to the same bits on every number of ranks. A load that no packing of them bears
+/// is refused with the least that is taken.
+#[test]
+fn wide_sizes_are_packed_under_a_growing_load() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("wide.toml");
+    let scene = "
+        seed = 2
+        material.density = 2500
+        contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
+        load.stiffness_number = 1e3
+        pack.tolerance = 1e-4
+        shear = { inertial_number = 0.01, strain = 1e-4 }
+        [sample]
+        grains = 300
+        sizes = 'binary'
+        radius_min = 0.25e-3
+        radius_max = 1e-3
+        large_fraction = 0.03
+        length = 16e-3
+        ";
+    std::fs::write(&path, scene).expect("written");
+    let run = |name: &str, ranks, sets: &[&str]| {
+        let mut arguments = vec![path.display().to_string()];
+        arguments.extend(sets.iter().map(|set| format!("--set={set}")));
+        gshear_mpi(ranks, &folder.path().join(name), &arguments)
+    };
+    let one = run("one", 1, &[]);
+    assert!(
+        one.text.contains("begins again under a quarter"),
+        "{}",
+        one.text
+    );
+    assert_eq!(one.digest(), run("two", 2, &[]).digest());
+    let soft = run("soft", 1, &["load.stiffness_number=50"]);
+    assert_eq!(soft.code, 2, "{}", soft.text);
+    let (_, least) = soft
+        .text
+        .split_once("kappa = 50.0; give at most ")
+        .expect("a limit");
+    let least = least.split_once("kappa = ").expect("a limit").1;
+    let least = least.split(',').next().expect("a number");
+    let set = format!("load.stiffness_number={least}");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"));
+    succeed(
+        command
+            .arg(&path)
+            .args(["--check", "--quiet", "--set"])
+            .arg(&set),
+    );
+}

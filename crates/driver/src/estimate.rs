@@ -6,7 +6,7 @@ use std::fmt::Write;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::schedule::{Schedule, packing_time};
+use gshear_scene::schedule::{Schedule, packing_steps};
 use gshear_scene::{Boundary, Motion, Origin, PlaneShear, Scene, WallSpeed};
 use gshear_store::run_reader::RunStage;
 use gshear_store::trajectory::{self, file_bytes, waiting_bytes};
@@ -325,7 +325,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
         _ => 0,
     };
     if packs {
-        let guess = packing_steps(scene, walls).min(walls.pack.max_steps as f64) as u64;
+        let guess = packing_steps(scene, &walls.load).min(walls.pack.max_steps as f64) as u64;
         estimate.stages.push(StageEstimate {
             name: PACK,
             steps: Some(guess.saturating_sub(done).max(guess / 10)),
@@ -385,14 +385,6 @@ impl Estimate {
 pub fn dense_height(scene: &Scene) -> f64 {
     let sample = &scene.sample;
     f64::from(sample.grains) * sample.mean_volume / sample.base() / DENSE[index(scene)]
-}
-
-/// A guess how many steps the packing takes: the top falls through loose layers, then waves and the
-/// rest of the grains' motion decay. Right within a factor of about three.
-fn packing_steps(scene: &Scene, walls: &PlaneShear) -> f64 {
-    let layers = dense_height(scene) / scene.sample.mean_diameter;
-    let times = layers * (1.0 + 0.2 * layers);
-    times * packing_time(scene, &walls.load) / scene.time_step.step
 }
 
 /// Up to the step `last`, which counts strain steps, then steps of Newton's equations.

@@ -33,6 +33,9 @@ pub enum Header {
         piston: Piston,
         /// Drag (1/s).
         drag: f64,
+        /// Starts before this one, each of which left the contact law before it bore the load.
+        #[serde(default, skip_serializing_if = "is_zero")]
+        starts: u32,
         /// The file that the grains came from; resuming does not read it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         packing: Option<PackingFile>,
@@ -75,6 +78,11 @@ pub enum Header {
         /// Number of lines in the file of eigenvalues.
         lines: u64,
     },
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it")]
+fn is_zero(starts: &u32) -> bool {
+    *starts == 0
 }
 
 impl Header {

@@ -209,6 +209,12 @@ impl Terminal {
         }
     }
 
+    pub fn packs_again(&self, step: u64) {
+        self.say(format!(
+            "pack:  outside the contact law at step {step}; begins again under a quarter of the load, which is raised later"
+        ));
+    }
+
     pub fn packed(&self, step: u64, height: f64) {
         self.say(format!(
             "pack:  at rest after {step} steps; walls frozen, {height:.6e} m between them"

@@ -1,6 +1,7 @@
 //! When what happens, in whole steps. Intervals of output are rounded to steps and never reach the
 //! trajectory.
 
+use crate::derived::packed_height;
 use crate::scene::{Oscillation, PartDrive, PartNormal, Stress};
 use crate::{Dimensions, Load, Motion, Part, PlaneShear, Scene, WallSpeed};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Protocol, Segment};
@@ -103,6 +104,14 @@ pub fn packing_time(scene: &Scene, load: &Load) -> f64 {
 /// m̄ = ρπ⟨R²⟩ (kg/m), in three dimensions (4/3)πρ⟨R³⟩ (kg); or the mass that all have.
 pub fn mean_mass(scene: &Scene) -> f64 {
     scene.law.masses().of(scene.sample.mean_volume)
+}
+
+/// A guess how many steps the packing takes: the top falls through loose layers, then waves and the
+/// rest of the grains' motion decay. Right within a factor of about three.
+pub fn packing_steps(scene: &Scene, load: &Load) -> f64 {
+    let layers = packed_height(&scene.sample) / scene.sample.mean_diameter;
+    let times = layers * (1.0 + 0.2 * layers);
+    times * packing_time(scene, load) / scene.time_step.step
 }
 
 impl Schedule {

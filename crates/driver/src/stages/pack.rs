@@ -12,7 +12,7 @@ use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::sample::freeze_walls;
 use gshear_scene::schedule::packing_time;
-use gshear_scene::{PlaneShear, Scene};
+use gshear_scene::{Load, PlaneShear, Scene};
 
 use super::setup::system;
 use super::top_wall::{height_between, mass_of, mass_of_top};
@@ -22,6 +22,8 @@ use gshear_store::status::Standing;
 
 /// Steps between two checks whether the sample is at rest.
 const CHECK_INTERVAL: u64 = 1000;
+/// Starts after the first one, each with a quarter of the load of the one before.
+const MOST_STARTS: u32 = 6;
 /// Steps between checkpoints.
 const PACK_CHECKPOINT: u64 = 500_000;
 
@@ -39,7 +41,21 @@ pub(super) struct PackStage<'a, D: Dimension> {
     unit: f64,
     energy: SampleConstants,
     at_rest: bool,
+    /// Whether the grains left the contact law before the bottom bore the whole load.
+    fell_outside: bool,
+    /// Starts before this one.
+    starts: u32,
     advance: Advance,
+}
+
+/// How a packing begins or resumes.
+pub(super) struct Begin {
+    pub step: u64,
+    pub piston: Piston,
+    /// Drag (1/s).
+    pub drag: f64,
+    /// Starts before this one.
+    pub starts: u32,
 }
 
 /// How far the packing has come, as a guess: the top falls to where the grains touch, then the
@@ -83,16 +99,30 @@ impl Advance {
     }
 }
 
+/// Drag during the compression, over the inverse [`packing_time`] of the present load.
+const DRAG_FALLING: f64 = 0.01;
+
+/// Drag (1/s) while the sample falls together under this part of the load.
+pub(super) fn falling_drag(scene: &Scene, load: &Load, part: f64) -> f64 {
+    DRAG_FALLING / packing_time(scene, load) * part.sqrt()
+}
+
 impl<'a, D: Dimension> PackStage<'a, D> {
-    /// The sample after `step` steps; `plane` is the law of the planes.
+    /// The sample after `begin.step` steps; `plane` is the law of the planes.
     pub fn new(
         run: &Run<'_>,
         scene: &'a Scene,
         plane_shear: &'a PlaneShear,
         [law, plane]: [Box<dyn PairForce<D>>; 2],
-        (step, piston, drag): (u64, Piston, f64),
+        begin: Begin,
         state: StageState,
     ) -> Result<Self, Failure> {
+        let Begin {
+            step,
+            piston,
+            drag,
+            starts,
+        } = begin;
         let mut system = system(run, scene, scene.sample.cell())?;
         system.steps = step;
         let mut drive = Planes::new(plane, piston, drag);
@@ -118,8 +148,21 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             step,
             unit,
             at_rest: false,
+            fell_outside: false,
+            starts,
             advance: Advance::new(scene, D::AXES, piston.height),
         })
+    }
+
+    /// The drag (1/s) until the bottom bears the load, to rounding.
+    fn falling_drag(&self) -> f64 {
+        let load = &self.plane_shear.load;
+        falling_drag(self.scene, load, self.drive.piston.load / load.normal_force)
+    }
+
+    /// The start to try next, if the grains left the contact law before they bore the load.
+    pub fn next_start(&self) -> Option<u32> {
+        (self.fell_outside && self.starts < MOST_STARTS).then_some(self.starts + 1)
     }
 
     /// Makes walls of grains of the sample at rest. Returns the top wall, and the state for the
@@ -182,15 +225,25 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
             stop: stop || run.asked_to_stop(),
         };
         let law = self.law.as_ref();
-        let stop = advance(
+        let moved = advance(
             run.exchange,
             &mut self.system,
             law,
             &mut self.drive,
             request,
-        )?;
+        );
         self.step += 1;
-        Ok(stop)
+        moved.map_err(|failure| match failure {
+            Failure::Numbers(what) => {
+                let falls = self.drive.drag < 2.0 * self.falling_drag();
+                let load = self.plane_shear.load.normal_force;
+                self.fell_outside = falls || self.drive.piston.load < load;
+                Failure::numbers(format!(
+                    "{what}; give a greater load.stiffness_number, that is a lower load, or sizes closer together"
+                ))
+            }
+            other => other,
+        })
     }
 
     /// Raises the load once the bottom bears it, and checks whether the sample is at rest, every
@@ -260,6 +313,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
                 step: self.step,
                 piston: self.drive.piston,
                 drag: self.drive.drag,
+                starts: self.starts,
                 packing: self.plane_shear.origin.file().cloned(),
             },
             state: StageState {

@@ -4,20 +4,19 @@ use gshear_dem::drive::Piston;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, LawSpace};
+use gshear_dem::state::GrainState;
 use gshear_scene::sample::Lattice;
-use gshear_scene::schedule::{mean_mass, packing_time};
-use gshear_scene::{Load, Origin, PlaneShear, Scene};
+use gshear_scene::schedule::mean_mass;
+use gshear_scene::{Load, Origin, PlaneShear, Scene, Sizes};
 
-use super::pack::PackStage;
+use super::pack::{Begin, PackStage, falling_drag};
 use super::setup::force;
 use super::shear::{From, ShearStage};
 use super::top_wall::{height_between, mass_of_top};
 use crate::header::Header;
-use crate::run::{Outcome, Run, StageState, Start};
+use crate::run::{Outcome, Run, Stage, StageState, Start};
 use crate::written::Written;
 
-/// Drag during the compression, over the inverse [`packing_time`].
-const DRAG_FALLING: f64 = 0.01;
 /// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.
 /// At first few grains bear it, each about fifteen times its share in 2D and more in 3D. A softer
 /// sample starts with the fraction of the load that gives the same overlaps.
@@ -35,16 +34,10 @@ pub fn run<D: LawSpace>(
 ) -> Result<Outcome, Failure> {
     let (header, state) = begin(run, scene, plane_shear, start)?;
     let (from, state) = match header {
-        Header::Pack {
-            step, piston, drag, ..
-        } => {
-            let laws = packing_laws::<D>(scene, plane_shear);
-            let begin = (step, piston, drag);
-            let mut pack = PackStage::new(run, scene, plane_shear, laws, begin, state)?;
-            if run.drive(&mut pack, step == 0)? == Outcome::Stopped {
+        Header::Pack { .. } => {
+            let Some((piston, state)) = packed::<D>(run, scene, plane_shear, header, state)? else {
                 return Ok(Outcome::Stopped);
-            }
-            let (piston, state) = pack.finish(run);
+            };
             let from = From {
                 step: 0,
                 height: height_between(scene, plane_shear, &piston),
@@ -87,6 +80,55 @@ pub fn run<D: LawSpace>(
     shear.finish(run, outcome)
 }
 
+/// The top and the state of the packed sample; `None` if the run was stopped before. Where the loose
+/// sample leaves the contact law, it begins again under a lower load.
+fn packed<D: LawSpace>(
+    run: &mut Run<'_>,
+    scene: &Scene,
+    plane_shear: &PlaneShear,
+    mut header: Header,
+    mut state: StageState,
+) -> Result<Option<(Piston, StageState)>, Failure> {
+    while let Header::Pack {
+        step,
+        piston,
+        drag,
+        starts,
+        ..
+    } = header
+    {
+        let laws = packing_laws::<D>(scene, plane_shear);
+        let begin = Begin {
+            step,
+            piston,
+            drag,
+            starts,
+        };
+        let mut pack = PackStage::new(run, scene, plane_shear, laws, begin, state)?;
+        let failure = match run.drive(&mut pack, step == 0) {
+            Ok(Outcome::Done) => return Ok(Some(pack.finish(run))),
+            Ok(Outcome::Stopped) => return Ok(None),
+            Err(failure) => failure,
+        };
+        let (Some(starts), Origin::Insertion(sizes)) = (pack.next_start(), &plane_shear.origin)
+        else {
+            return Err(failure);
+        };
+        run.terminal.packs_again(pack.steps());
+        let (height, grains) = inserted(run, scene, sizes);
+        (header, state) = loose(run, scene, plane_shear, (height, grains), starts);
+    }
+    unreachable!("a packing begins with its header")
+}
+
+/// The height (m) of the inserted grains, and this rank's part of them.
+fn inserted(run: &Run<'_>, scene: &Scene, sizes: &Sizes) -> (f64, Vec<GrainState>) {
+    let (rank, size) = (run.exchange.rank(), run.exchange.size());
+    let grains = Lattice::new(&scene.sample, sizes).insert(scene.seed, rank, size);
+    let top = grains.iter().map(|g| g.position[up(scene)] + g.radius);
+    (run.exchange.maximum(top.fold(0.0, f64::max)), grains)
+}
+
 /// The first stage of the run, and its state.
 fn begin(
     run: &Run<'_>,
@@ -94,7 +136,6 @@ fn begin(
     plane_shear: &PlaneShear,
     start: Start,
 ) -> Result<(Header, StageState), Failure> {
-    let load = &plane_shear.load;
     let (height, grains) = match (start, &plane_shear.origin) {
         (Start::Checkpoint(snapshot), _) => {
             let header = Header::read(&snapshot)?;
@@ -102,14 +143,21 @@ fn begin(
         }
         (Start::Grains(grains), Origin::Packing { file, .. }) => (file.height(), grains),
         (_, Origin::Packing { .. }) => unreachable!("a packing that was not read"),
-        (_, Origin::Insertion(sizes)) => {
-            let (rank, size) = (run.exchange.rank(), run.exchange.size());
-            let grains = Lattice::new(&scene.sample, sizes).insert(scene.seed, rank, size);
-            let top = grains.iter().map(|g| g.position[up(scene)] + g.radius);
-            (run.exchange.maximum(top.fold(0.0, f64::max)), grains)
-        }
+        (_, Origin::Insertion(sizes)) => inserted(run, scene, sizes),
     };
-    let first_load = first_load(scene, load);
+    Ok(loose(run, scene, plane_shear, (height, grains), 0))
+}
+
+/// The first stage of grains up to this height (m), after so many `starts` of their packing.
+fn loose(
+    run: &Run<'_>,
+    scene: &Scene,
+    plane_shear: &PlaneShear,
+    (height, grains): (f64, Vec<GrainState>),
+    starts: u32,
+) -> (Header, StageState) {
+    let load = &plane_shear.load;
+    let first_load = first_load(scene, load) * 0.25f64.powi(starts as i32);
     let mut piston = Piston {
         height,
         velocity: 0.0,
@@ -134,7 +182,8 @@ fn begin(
         Header::Pack {
             step: 0,
             piston,
-            drag: DRAG_FALLING / packing_time(scene, load) * first_load.sqrt(),
+            drag: falling_drag(scene, load, first_load),
+            starts,
             packing: None,
         }
     };
@@ -142,7 +191,7 @@ fn begin(
         grains,
         ..StageState::default()
     };
-    Ok((header, state))
+    (header, state)
 }
 
 /// The laws of grains and of planes during the packing.

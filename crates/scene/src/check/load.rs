@@ -98,6 +98,47 @@ pub(super) fn derive(
         .unwrap_or(Failure::input("the load is out of range")))
 }
 
+/// Force that the smallest grains must bear at the largest overlap of the law, over P times the diameter
+/// of the largest grains (in 3D its square). Samples of equal disks that bear less do not pack.
+const BORNE: f64 = 1.4;
+
+/// Refuses a load that presses the smallest grains of a packed sample out of the law.
+pub(super) fn check_packable(
+    c: &mut Checker<'_>,
+    law: &Law,
+    sample: &Sample,
+    load: &Load,
+    raw: &raw::Load,
+) {
+    let r = sample.radius_min;
+    let overlap = law.largest_overlap(r, r);
+    let force = law.normal_stiffness(r, r, overlap) * overlap;
+    let largest = 2.0 * sample.radius_max;
+    let section = match sample.is_planar() {
+        true => largest,
+        false => largest * largest,
+    };
+    let most = force / (BORNE * section);
+    if load.pressure <= most {
+        return;
+    }
+    let places = [
+        raw.stiffness_number.place(),
+        raw.pressure.place(),
+        raw.normal_force.place(),
+    ];
+    // With few digits it is still enough.
+    let most = 0.99 * most;
+    let least = derived::stiffness_number(law, sample, most).unwrap_or(STIFFNESS_NUMBER_MIN);
+    c.refuse_among(
+        &places,
+        &format!(
+            "presses the smallest grains out of the contact law in a packed sample of these sizes: P = {:.3e} Pa, kappa = {:.1}; give at most {most:.2e} Pa, kappa = {least:.1}, or sizes closer together",
+            load.pressure, load.stiffness_number,
+        ),
+    );
+}
+
 /// The numbers of a servo, for the time step (s): gain and greatest speed.
 pub(super) fn derive_servo(
     c: &mut Checker<'_>,

@@ -77,6 +77,7 @@ pub(super) fn scene(
         bookkeeping,
         toml: String::new(),
     };
+    walls::allow_steps(&mut scene, &raw.pack);
     extent::check(&mut c, raw, &scene)?;
     scene.toml = write::toml(&scene);
     Ok(scene)

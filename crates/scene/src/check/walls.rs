@@ -6,7 +6,8 @@ use crate::ReadPacking;
 use crate::checker::Checker;
 use crate::derived;
 use crate::raw::{self, Raw};
-use crate::scene::{Dimensions, Law, Pack, PlaneShear, Sample, Walls};
+use crate::scene::{Boundary, Dimensions, Law, Pack, PlaneShear, Sample, Scene, Walls};
+use crate::schedule::packing_steps;
 use gshear_dem::failure::Failure;
 
 /// As `super::scene`.
@@ -27,6 +28,9 @@ pub(super) fn check(
 
     let (sample, origin, layers) = sample::derive(c, &sample, pack.skip, packing)?;
     let load = load::derive(c, law, &sample, load)?;
+    if !pack.skip {
+        load::check_packable(c, law, &sample, &load, &raw.load);
+    }
     shear::derive(&mut shear, &sample, &load);
     shear::check_pressures(c, &raw.shear.protocol, &shear, (law, &sample, &load));
     c.settle()?;
@@ -54,6 +58,22 @@ pub(super) fn check(
         analysis,
     };
     Ok((sample, walls))
+}
+
+/// Steps of a packing that are allowed, over those that are expected, if none are given.
+const PATIENCE: f64 = 10.0;
+
+/// Stiff samples come to rest in as many more steps as their time step is shorter.
+pub(super) fn allow_steps(scene: &mut Scene, raw: &raw::Pack) {
+    let Boundary::Walls(walls) = &scene.boundary else {
+        return;
+    };
+    let allowed = PATIENCE * packing_steps(scene, &walls.load);
+    if let Boundary::Walls(walls) = &mut scene.boundary
+        && !raw.max_steps.is_given()
+    {
+        walls.pack.max_steps = walls.pack.max_steps.max(allowed as u64);
+    }
 }
 
 fn check_pack(c: &mut Checker<'_>, pack: &raw::Pack, sample: &SampleKeys<'_>) -> Pack {

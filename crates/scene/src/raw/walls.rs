@@ -65,7 +65,8 @@ table! {
         /// kinetic energy per grain over P d̄ δ̄ at which the sample is at rest, if the bottom
         /// carries N and the weight up to a share √`tolerance` (at least 1e-3)
         tolerance: Number { range: POSITIVE, default: Some(1e-7) },
-        /// steps after which packing is given up
+        /// steps after which packing is given up; if it is not given, ten times the number that
+        /// `--check` expects where that is more
         max_steps: Whole {
             range: FROM_ONE,
             default: Some(5_000_000),
