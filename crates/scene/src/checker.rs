@@ -280,6 +280,13 @@ impl<'a> Checker<'a> {
             if !others.is_empty() {
                 text += &format!("; likewise {}", list(&others, "and"));
             }
+            let of_base = |(at, _): &&(usize, &str)| self.input.is_extended(*at);
+            if let Some((_, path)) = self.useless.iter().find(of_base)
+                && !self.input.is_extended(*at)
+            {
+                let name = self.input.source.name();
+                text += &format!("; {path} = \"none\" in {name} takes such a key of a base away");
+            }
         }
         Err(Failure::input(text))
     }

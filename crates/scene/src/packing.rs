@@ -751,13 +751,13 @@ mod tests {
         );
     }
 
-    /// Twelve by sixteen columns of seven spheres that overlap by 1e-6 m along z alone.
+    /// Twelve by sixteen columns of nine spheres that overlap by 1e-6 m along z alone.
     #[test]
     fn force_of_spheres_on_the_top() {
         let at = |n: usize| (n as f64 + 0.5) * 1e-3;
         let row = |n: usize| {
-            let [i, j, k] = [n / 112, n / 7 % 16, n % 7];
-            let kind = [2, 1, 1, 1, 1, 1, 3][k];
+            let [i, j, k] = [n / 144, n / 9 % 16, n % 9];
+            let kind = [2, 1, 1, 1, 1, 1, 1, 1, 3][k];
             let z = 0.5e-3 + 0.999e-3 * k as f64;
             format!(
                 "{} {kind} 0.001 2500 {:e} {:e} {z:e}\n",
@@ -766,9 +766,9 @@ mod tests {
                 at(j)
             )
         };
-        let rows: String = (0..1344).map(row).collect();
+        let rows: String = (0..1728).map(row).collect();
         let text = format!(
-            "t\n1344 atoms\n3 atom types\n0 0.012 xlo xhi\n0 0.016 ylo yhi\n0 0.01 zlo zhi\nAtoms # sphere\n\n{rows}"
+            "t\n1728 atoms\n3 atom types\n0 0.012 xlo xhi\n0 0.016 ylo yhi\n0 0.01 zlo zhi\nAtoms # sphere\n\n{rows}"
         );
         let (packing, scene) = packing(|_| text.clone(), &["dimension=3"]).unwrap();
         let force = force_on_top(&scene, &packing.grains(&scene).unwrap());

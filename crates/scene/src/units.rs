@@ -577,13 +577,9 @@ mod tests {
                 .expect("a scene")
                 .toml
         };
-        let plain = [
-            "box.pressure=10000",
-            "relax.tolerance=2e-3",
-            "relax.drag=50",
-        ];
+        let plain = ["box.pressure=1e7", "relax.tolerance=2e-3", "relax.drag=50"];
         let units = [
-            "box.pressure=10 kPa",
+            "box.pressure=10 MPa",
             "relax.tolerance=2 mN",
             "relax.drag=50 Hz",
         ];
