@@ -230,6 +230,131 @@ fn a_biaxial_test_holds_the_lateral_stress() {
     overlaps_are_those_of_the_frames(&run);
 }
 
+/// The lines of a figure's data, without the header.
+fn data(report: &Path, figure: &str) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(report.join(figure).with_extension("csv")).expect(figure);
+    let number = |word: &str| word.parse().expect("a number");
+    let lines = text.lines().skip(1);
+    lines.map(|l| l.split(',').map(number).collect()).collect()
+}
+
+/// Every deformation has a report of what it measured, under its own title, while it runs, too. The
+/// stress that works on the strain gives the change of the elastic energy.
+#[test]
+fn every_deformation_is_reported() {
+    let _alone = common::alone();
+    let temporary = tempfile::tempdir().expect("a folder");
+    let small = [
+        "--set=title=Box <1>",
+        "--set=dimension=2",
+        "--set=box.solid_fraction=0.9",
+        "--set=sample.grains=60",
+        "--set=contact.friction=0.0",
+        "--set=aqs.strain_step=1e-5",
+        "--set=aqs.frame_every=1",
+        "--set=relax.tolerance=1e-12",
+    ];
+    let pressures = [
+        "--set=aqs.pressures=[0.05, 0.0501, 0.0502, 0.0501]",
+        "--set=aqs.strain_step=1e-3",
+    ];
+    // The lateral stress is not that of the first row: the box needs room to correct it.
+    let lateral = [
+        "--set=box.pressure=0.05",
+        "--set=aqs.strain_step=3e-4",
+        "--set=aqs.steps=3",
+    ];
+    let eigenvalues = ["--set=aqs.steps=4", "--set=aqs.spectrum=true"];
+    for (key, name, parts) in [
+        (
+            "simple-shear",
+            "Simple shear, then Newton",
+            [&eigenvalues[..], &[]],
+        ),
+        (
+            "pure-shear",
+            "Pure shear at constant volume:",
+            [&PURE_SHEAR, &NO_LAST_STAGE],
+        ),
+        (
+            "biaxial",
+            "Biaxial test:",
+            [&[&BIAXIAL[..], &lateral].concat(), &NO_LAST_STAGE],
+        ),
+        (
+            "compression",
+            "Isotropic compression:",
+            [&[&COMPRESSION[..], &pressures].concat(), &NO_LAST_STAGE],
+        ),
+    ] {
+        let folder = temporary.path().join(key);
+        let outcome = run(&folder, 1, &[&small, parts[0], parts[1]]);
+        assert_eq!(outcome.code, 0, "{}", outcome.text);
+        let writing = hdf5::File::open_rw(folder.join(AQS_FILE)).expect("the file");
+        let mut report = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+        succeed(report.arg("report").arg(&folder));
+        writing.close().expect("closed");
+        let run = RunFile::open_any(&folder).expect("a run");
+        let report = folder.join("report");
+        let page = std::fs::read_to_string(report.join("index.html")).expect("a page");
+        assert!(
+            page.contains("<h1>Box &lt;1&gt;</h1>") && page.contains(name),
+            "{key}"
+        );
+        let has = |figure: &str| page.contains(&format!("<figure id=\"{figure}\">"));
+        for figure in [
+            "stress-strain",
+            "modulus",
+            "stresses",
+            "coordination",
+            "fabric",
+            "forces",
+        ] {
+            assert!(has(figure), "{key}: {figure}");
+        }
+        let is_simple = key == "simple-shear";
+        assert_eq!(has("real-parts"), is_simple, "{key}");
+        assert_eq!(has("newtonian-displacement"), is_simple, "{key}");
+        assert!(!page.contains("NaN") && !page.contains("Bonfanti"), "{key}");
+
+        let column = |name: &str| run.series().column(name);
+        let energy = column("elastic_energy");
+        let volume = |row: usize| column("length_x")[row] * column("length_y")[row];
+        let (stress, modulus) = (data(&report, "stress-strain"), data(&report, "modulus"));
+        assert_eq!(stress.len(), energy.len());
+        // The first pressure of a compression is far from that of the first row.
+        for row in 1 + usize::from(key == "compression")..energy.len() {
+            let mean = |of: &dyn Fn(usize) -> f64| 0.5 * (of(row - 1) + of(row));
+            let shrunk = (volume(row - 1) / volume(row)).ln();
+            let strain = column("strain")[row] - column("strain")[row - 1];
+            let conjugate = mean(&|row| stress[row][2]);
+            let work = match key {
+                "biaxial" => conjugate * strain + mean(&|row| column("stress_xx")[row]) * shrunk,
+                "compression" => conjugate * shrunk,
+                _ => conjugate * strain,
+            };
+            let stored = (energy[row] - energy[row - 1]) / mean(&volume);
+            assert!(
+                (work / stored - 1.0).abs() < 1e-3,
+                "{key} {row}: {work} {stored}"
+            );
+            let change = stress[row][2] - stress[row - 1][2];
+            let over = if key == "compression" { shrunk } else { strain };
+            assert!(
+                (change / over / modulus[row][2] - 1.0).abs() < 1e-6,
+                "{key} {row}"
+            );
+        }
+    }
+    // A file by its name, and one that stands alone.
+    let folder = temporary.path().join("simple-shear");
+    std::fs::remove_file(folder.join(AQS_FILE)).expect("removed");
+    for of in [folder.join("newtonian.h5"), folder] {
+        let mut report = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
+        succeed(report.arg("report").arg(&of));
+    }
+}
+
 /// Contracts 1 to 3: ranks and threads, other output, stopped and gone on with.
 fn keeps_the_contracts(of: &[&str], more: &[&str]) {
     let _alone = common::alone();

@@ -16,7 +16,6 @@ use gshear_analysis::regions::{GrReading, MinPoints, Reduction};
 use gshear_analysis::tau::TauReading;
 use gshear_dem::failure::Failure;
 use gshear_report::lee_hurley::StudyOptions;
-use gshear_store::file_names::{AQS_FILE, RUN_FILE};
 use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
 
@@ -262,9 +261,9 @@ pub enum Command {
     },
     /// Write a report: index.html with all figures, each as SVG with its data as CSV, summary.json
     ///
-    /// Of a run between walls. If no frames show its largest drop but checkpoints were kept
-    /// (output.keep_checkpoints), the drop is computed again, with a frame per row. Of a run in a
-    /// periodic box the page is that of --study bonfanti.
+    /// If no frames show the largest drop of a run between walls but checkpoints were kept
+    /// (output.keep_checkpoints), the drop is computed again, with a frame per row. The page of a run
+    /// in a periodic box shows what its deformation and Newton's equations have measured.
     ///
     /// --study lee-hurley takes one or several runs. It writes every figure of Lee & Hurley that
     /// shows data, under its number, as fig-NN.svg with fig-NN.csv; the paper's numbers next to
@@ -277,7 +276,7 @@ pub enum Command {
     /// Bonfanti et al. with their data. Of several runs it writes what became of their pairs:
     /// ensemble.csv, ensemble-runs.csv and ensemble.svg.
     Report {
-        /// A run.h5, or the folder that holds one; several with --study
+        /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run; several with --study
         #[arg(required = true, value_name = "RUN")]
         runs: Vec<PathBuf>,
         /// Folder to write into [default: the first run's folder + /report, /lee-hurley or
@@ -590,31 +589,20 @@ fn once(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> 
             from,
             choices,
         } => {
-            // Without a study, the page of a run in a box is that of its study.
-            let of_box = |run: &PathBuf| {
-                let there = |name| run.join(name).exists();
-                there(AQS_FILE) && !there(RUN_FILE)
-            };
-            let boxed = study.is_none() && runs.len() == 1 && of_box(&runs[0]);
-            if boxed || matches!(study, Some(PaperStudy::Bonfanti)) {
-                let page = study::bonfanti(runs, out.as_deref())?;
-                writeln!(output, "wrote {}", page.display()).map_err(cannot_write)?;
-                return Ok(0);
-            }
             if study.is_none() && choices.choices() != Choices::default() {
                 return Err(Failure::input(
                     "report: --min-points, --reduction and --bins belong to --study lee-hurley",
                 ));
             }
-            let first = RunFile::open(&runs[0])?;
-            let folder = |name: &str| out.clone().unwrap_or_else(|| first.folder().join(name));
+            let out = out.as_deref();
             let page = match study {
-                Some(_) => {
+                Some(PaperStudy::Bonfanti) => study::bonfanti(runs, out)?,
+                Some(PaperStudy::LeeHurley) => {
                     let choice = StudyOptions {
                         onset: *from,
                         choices: choices.choices(),
                     };
-                    study::lee_hurley(runs, &folder("lee-hurley"), choice, threads)?
+                    study::lee_hurley(runs, out, choice, threads)?
                 }
                 None if runs.len() > 1 => {
                     return Err(Failure::input(format!(
@@ -622,7 +610,7 @@ fn once(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> 
                         runs.len()
                     )));
                 }
-                None => study::report(&first, &folder("report"), threads)?,
+                None => study::report(&runs[0], out, threads)?,
             };
             writeln!(output, "wrote {}", page.display()).map_err(cannot_write)?;
         }

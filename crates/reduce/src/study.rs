@@ -14,10 +14,10 @@ use gshear_report::lee_hurley::{self, Size, Studied, StudyOptions, friction};
 use gshear_scene::{Boundary, Source};
 use gshear_spectrum::{Spectrum, Verdict};
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE};
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
 
-/// Reduces the runs one after the other and writes the study of Lee & Hurley into `folder`. Returns
-/// the path of the page.
+/// Reduces the runs one after the other and writes the study of Lee & Hurley into `folder`, by default
+/// lee-hurley/ beside the first. Returns the path of the page.
 ///
 /// If the frames around the largest drop of a run are missing and checkpoints were kept, `threads`
 /// threads replay them into `folder`/replay-K.
@@ -26,7 +26,7 @@ use gshear_store::run_reader::RunFile;
 /// An unfit run, a replay that differs, files that cannot be written.
 pub fn lee_hurley(
     paths: &[PathBuf],
-    folder: &Path,
+    folder: Option<&Path>,
     choice: StudyOptions,
     threads: usize,
 ) -> Result<PathBuf, Failure> {
@@ -35,6 +35,8 @@ pub fn lee_hurley(
         .iter()
         .map(|path| RunFile::open(path))
         .collect::<Result<_, _>>()?;
+    let beside = runs[0].folder().join("lee-hurley");
+    let folder = folder.unwrap_or(&beside);
     let labels = labels(&runs);
     let mut studied = Vec::new();
     for (k, (run, label)) in runs.iter().zip(labels).enumerate() {
@@ -62,13 +64,25 @@ pub fn lee_hurley(
     lee_hurley::write(&studied, folder)
 }
 
-/// Writes the report of a run into `folder`. If no frames show its largest drop and checkpoints were
-/// kept, `threads` threads replay it into `folder`/replay. Velocity steps and holds under a spring
-/// are reduced into `folder`/rate-state. Returns the path of the page.
+/// Writes the report of a run into `folder`, by default report/ beside it. If no frames show the
+/// largest drop between walls and checkpoints were kept, `threads` threads replay it into
+/// `folder`/replay. Velocity steps and holds under a spring are reduced into `folder`/rate-state.
+/// Returns the path of the page.
 ///
 /// # Errors
 /// A damaged run, a replay that differs, files that cannot be written.
-pub fn report(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf, Failure> {
+pub fn report(path: &Path, folder: Option<&Path>, threads: usize) -> Result<PathBuf, Failure> {
+    let run = &RunFile::open_any(path)?;
+    let beside = run.folder().join("report");
+    let folder = folder.unwrap_or(&beside);
+    if run.stage() != RunStage::Shear {
+        let moving = path.join(NEWTONIAN_FILE);
+        let further = (run.stage() == RunStage::Strain && moving.exists())
+            .then(|| RunFile::open_any(&moving));
+        let further = further.transpose()?;
+        let files: Vec<&RunFile> = [run].into_iter().chain(&further).collect();
+        return gshear_report::write_box(&files, folder);
+    }
     let missing = gshear_report::window_without_frames(run)?.filter(|_| replay::can(run));
     let again = |time| {
         let request = ReplayRequest {

@@ -4,13 +4,12 @@ use gshear_store::run_reader::{RunFile, Series};
 use gshear_store::table::Table;
 
 use super::ReportFigure;
-use super::colour::CURVES;
-use super::plot::{Layout, figure};
-use super::stress::{draw, padded};
+use super::curves::lines;
+use super::plot::Layout;
 use super::summary::{is_driven, is_imposed};
 use super::ticks;
 
-const LAYOUT: Layout = Layout {
+pub const LAYOUT: Layout = Layout {
     size: [900.0, 320.0],
     margin: [84.0, 36.0, 24.0, 58.0],
 };
@@ -30,18 +29,18 @@ impl Axis {
     /// more than velocities, so that the wall goes back or stands still, the time.
     pub fn of(run: &RunFile) -> Self {
         if is_imposed(run) {
-            let time = run.series().time.clone();
-            return Self {
-                values: time.clone(),
-                label: "time (s)",
-                column: ("time", time),
-            };
+            return Self::over_time(run.series(), "time (s)");
         }
         let (name, label, factor) = match is_driven(run) {
             true => ("slip", "slip (mm)", 1e3),
             false => ("strain", "shear strain γ (%)", 100.0),
         };
-        let column = run.series().column(name).to_vec();
+        Self::over(run.series(), name, label, factor)
+    }
+
+    /// A column of the time series, drawn in another unit.
+    pub fn over(series: &Series, name: &'static str, label: &'static str, factor: f64) -> Self {
+        let column = series.column(name).to_vec();
         Self {
             values: column.iter().map(|x| factor * x).collect(),
             label,
@@ -49,21 +48,41 @@ impl Axis {
         }
     }
 
+    pub fn over_time(series: &Series, label: &'static str) -> Self {
+        let time = series.time.clone();
+        Self {
+            values: time.clone(),
+            label,
+            column: ("time", time),
+        }
+    }
+
     /// A table with a line per row: step, this axis, and some columns of the time series.
     pub fn table(&self, series: &Series, columns: &[&'static str]) -> String {
+        let values: Vec<_> = columns
+            .iter()
+            .map(|name| (*name, series.column(name)))
+            .collect();
+        self.table_of(series, &values)
+    }
+
+    /// A table with a line per row: step, this axis, and these columns.
+    pub fn table_of(&self, series: &Series, columns: &[(&'static str, &[f64])]) -> String {
         Table::of(0..series.rows())
             .column("step", |row| series.step[*row])
             .column(self.column.0, |row| self.column.1[*row])
-            .columns(columns, |row| {
-                let values = columns.iter().map(|name| series.column(name)[*row]);
-                values.collect::<Vec<f64>>()
+            .columns(columns.iter().map(|column| column.0), |row| {
+                columns
+                    .iter()
+                    .map(|column| column.1[*row])
+                    .collect::<Vec<f64>>()
             })
             .csv()
     }
 }
 
 /// How the values of a figure are drawn.
-enum Shown {
+pub enum Shown {
     AsTheyAre,
     /// In percent above the first value.
     Growth,
@@ -74,14 +93,14 @@ enum Shown {
 }
 
 /// Quantities on one pair of axes.
-struct Panel {
-    name: &'static str,
-    caption: &'static str,
+pub struct Panel {
+    pub name: &'static str,
+    pub caption: &'static str,
     /// `J` stands for the unit of energies, J or J/m.
-    label: &'static str,
-    shown: Shown,
+    pub label: &'static str,
+    pub shown: Shown,
     /// Columns of the time series, and their names in the legend.
-    lines: &'static [(&'static str, &'static str)],
+    pub lines: &'static [(&'static str, &'static str)],
 }
 
 const PANELS: [Panel; 7] = [
@@ -156,7 +175,7 @@ pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
 }
 
 /// `None` if nothing has been recorded.
-fn drawn(run: &RunFile, axis: &Axis, panel: &Panel) -> Option<ReportFigure> {
+pub fn drawn(run: &RunFile, axis: &Axis, panel: &Panel) -> Option<ReportFigure> {
     let series = run.series();
     let of_panel = panel.lines.iter().flat_map(|(name, _)| series.column(name));
     let greatest = of_panel.map(|x| x.abs()).filter(|x| x.is_finite());
@@ -185,27 +204,12 @@ fn drawn(run: &RunFile, axis: &Axis, panel: &Panel) -> Option<ReportFigure> {
         let finite = values.iter().filter(|x| x.is_finite());
         finite.clone().count() > 1 && (finite.clone().any(|x| *x != 0.0))
     };
-    let lines: Vec<(&str, &str, Vec<f64>)> = (panel.lines.iter())
-        .map(|(column, name)| (*column, *name, shown(column)))
-        .filter(|(.., values)| is_known(values))
+    let known: Vec<(&str, Vec<f64>)> = (panel.lines.iter())
+        .map(|(column, name)| (*name, shown(column)))
+        .filter(|(_, values)| is_known(values))
         .collect();
-    if lines.is_empty() {
-        return None;
-    }
-    let x = padded(axis.values.iter().copied(), 0.0);
-    let values = lines.iter().flat_map(|(.., values)| values.iter().copied());
-    let y = padded(values, 0.08);
-    let svg = figure(LAYOUT, x, y, |plot| {
-        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 5));
-        plot.grid(&x_ticks, &y_ticks);
-        let rows: Vec<usize> = (0..series.rows()).collect();
-        for ((.., values), colour) in lines.iter().zip(CURVES) {
-            draw(plot, &axis.values, values, &rows, colour, 1.1);
-        }
-        plot.clip();
-        plot.axes(&x_ticks, &y_ticks, axis.label, &label);
-        plot.legend_of_curves(&lines.iter().map(|line| line.1).collect::<Vec<_>>());
-    });
+    let known: Vec<_> = known.iter().map(|(name, of)| (*name, &of[..])).collect();
+    let svg = lines(LAYOUT, (axis.label, &axis.values), &label, &known)?;
     let columns: Vec<&str> = panel.lines.iter().map(|(column, _)| *column).collect();
     Some(ReportFigure {
         name: panel.name,

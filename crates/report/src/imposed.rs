@@ -5,9 +5,8 @@ use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
 
 use super::ReportFigure;
-use super::colour::{CURVES, INK};
-use super::plot::{Layout, figure};
-use super::stress::{draw, padded, percent_of};
+use super::curves::{lines, percent_of};
+use super::plot::Layout;
 use super::ticks;
 
 const WIDE: Layout = Layout {
@@ -26,13 +25,6 @@ const STRESSES: [(&str, &str); 4] = [
     ("shear_force", "shear stress"),
     ("imposed_shear_force", "imposed shear stress"),
 ];
-
-/// A stress of the top wall, row by row.
-struct Stress {
-    name: &'static str,
-    /// In the unit of the figures.
-    values: Vec<f64>,
-}
 
 /// Draws the figures. Stresses are forces on the top wall over its area.
 pub fn figures(run: &RunFile) -> Vec<ReportFigure> {
@@ -58,69 +50,51 @@ pub fn figures(run: &RunFile) -> Vec<ReportFigure> {
         .csv();
     // A step without a load: its normal motion is imposed.
     let holds_volume = imposed_normal.iter().any(|load| load.is_nan());
-    let path = holds_volume.then(|| ReportFigure {
-        name: "stress-path",
-        caption: "Path of the stresses on the top wall, whose normal motion a part imposes.".into(),
-        svg: curve(
-            (&normal, &format!("normal stress ({unit})")),
-            (&shear, &format!("shear stress ({unit})")),
-        ),
-        data: data.clone(),
-    });
-    let stresses = [normal, imposed_normal, shear.clone(), imposed_shear];
-    let named = STRESSES.into_iter().zip(stresses);
-    let stresses: Vec<Stress> = named
-        .map(|((_, name), values)| Stress { name, values })
-        .collect();
-    let mut figures = vec![
-        ReportFigure {
-            name: "stresses",
-            caption: "Normal and shear stress on the top wall, and what is imposed of them.".into(),
-            svg: over_time(&series.time, &stresses, &unit),
-            data: data.clone(),
-        },
-        ReportFigure {
-            name: "stress-strain-loops",
-            caption: "Shear stress on the top wall over the shear strain.".into(),
-            svg: curve(
-                (&percent_of(strain), "shear strain γ (%)"),
-                (&shear, &format!("shear stress ({unit})")),
+    let shear_label = format!("shear stress ({unit})");
+    let values = [&normal, &imposed_normal, &shear, &imposed_shear];
+    let named = STRESSES.iter().zip(values);
+    let stresses: Vec<_> = named.map(|((_, name), of)| (*name, &of[..])).collect();
+    let normal_label = format!("normal stress ({unit})");
+    let figures = [
+        (
+            "stresses",
+            "Normal and shear stress on the top wall, and what is imposed of them.",
+            lines(
+                WIDE,
+                ("time (s)", &series.time),
+                &format!("stress ({unit})"),
+                &stresses,
             ),
-            data,
-        },
+        ),
+        (
+            "stress-strain-loops",
+            "Shear stress on the top wall over the shear strain.",
+            lines(
+                SQUARE,
+                ("shear strain γ (%)", &percent_of(strain)),
+                &shear_label,
+                &[("", &shear)],
+            ),
+        ),
+        (
+            "stress-path",
+            "Path of the stresses on the top wall, whose normal motion a part imposes.",
+            lines(
+                SQUARE,
+                (&normal_label, &normal),
+                &shear_label,
+                &[("", &shear)],
+            )
+            .filter(|_| holds_volume),
+        ),
     ];
-    figures.extend(path);
-    figures
-}
-
-fn over_time(time: &[f64], stresses: &[Stress], unit: &str) -> String {
-    let is_known = |of: &&Stress| of.values.iter().filter(|x| x.is_finite()).count() > 1;
-    let known: Vec<&Stress> = stresses.iter().filter(is_known).collect();
-    let x = padded(time.iter().copied(), 0.0);
-    let y = padded(known.iter().flat_map(|of| of.values.iter().copied()), 0.08);
-    figure(WIDE, x, y, |plot| {
-        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 5));
-        plot.grid(&x_ticks, &y_ticks);
-        let rows: Vec<usize> = (0..time.len()).collect();
-        for (of, colour) in known.iter().zip(CURVES) {
-            draw(plot, time, &of.values, &rows, colour, 1.1);
-        }
-        plot.clip();
-        plot.axes(&x_ticks, &y_ticks, "time (s)", &format!("stress ({unit})"));
-        plot.legend_of_curves(&known.iter().map(|of| of.name).collect::<Vec<_>>());
-    })
-}
-
-/// One quantity over another that may return, with their labels.
-fn curve((x, x_label): (&[f64], &str), (y, y_label): (&[f64], &str)) -> String {
-    let [from, to] = padded(x.iter().copied(), 0.05);
-    let [low, high] = padded(y.iter().copied(), 0.08);
-    figure(SQUARE, [from, to], [low, high], |plot| {
-        let (x_ticks, y_ticks) = (ticks::round(from, to, 6), ticks::round(low, high, 6));
-        plot.grid(&x_ticks, &y_ticks);
-        let rows: Vec<usize> = (0..x.len()).collect();
-        draw(plot, x, y, &rows, INK, 0.9);
-        plot.clip();
-        plot.axes(&x_ticks, &y_ticks, x_label, y_label);
-    })
+    let drawn = |(name, caption, svg): (&'static str, &str, Option<String>)| {
+        Some(ReportFigure {
+            name,
+            caption: caption.into(),
+            svg: svg?,
+            data: data.clone(),
+        })
+    };
+    figures.into_iter().filter_map(drawn).collect()
 }

@@ -1,6 +1,6 @@
 //! Reports on runs: figures as SVG, tables as CSV and JSON, and HTML pages that show them.
 //!
-//! [`write()`] makes the report of a single run. [`lee_hurley`] and [`bonfanti`] draw the figures
+//! [`write()`] makes the report of a single run between walls, [`write_box`] of one in a box. [`lee_hurley`] and [`bonfanti`] draw the figures
 //! of those papers from our runs, [`rate_state`] those of slide-hold-slide and velocity-step tests.
 //! Figures are made of [`plot`] (axes, lines, markers), [`colour`] and [`ticks`].
 //!
@@ -17,8 +17,10 @@
 //! ```
 
 pub mod bonfanti;
+mod boxes;
 pub mod colour;
 mod compose;
+mod curves;
 pub mod drawing;
 mod histogram;
 mod history;
@@ -76,19 +78,51 @@ pub fn write(
     let mut figures = figures(run, &summary);
     figures.extend(structure::figures(run, &mut facts)?);
     figures.extend(picture::figures(run)?);
+    let note = page::note_on_maps(run, &summary);
+    let page = page::html(run, "Shear between walls", facts, &figures, note);
+    write_files(run, &figures, &summary.json(run), &page, folder)
+}
+
+/// Writes the report of a run in a periodic box, as [`write()`]. `files`: of its strain steps and of
+/// Newton's equations, or one of them.
+///
+/// # Errors
+/// If the run is damaged or a file cannot be written.
+pub fn write_box(files: &[&RunFile], folder: &Path) -> Result<PathBuf, Failure> {
+    let run = files[0];
+    let (mut facts, mut figures, mut names) = (Vec::new(), Vec::new(), Vec::new());
+    for file in files {
+        facts.extend(page::identity(file));
+        let (name, drawn) = boxes::measured(file, &mut facts)?;
+        names.push(name);
+        figures.extend(drawn);
+    }
+    figures.extend(structure::figures(run, &mut facts)?);
+    figures.extend(picture::figures(run)?);
+    let page = page::html(run, &names.join(", then "), facts, &figures, "");
+    write_files(run, &figures, &boxes::json(files), &page, folder)
+}
+
+/// Writes the figures with their data, the numbers, and last the page, so that it never refers to
+/// missing figures.
+fn write_files(
+    run: &RunFile,
+    figures: &[ReportFigure],
+    summary: &serde_json::Value,
+    page: &str,
+    folder: &Path,
+) -> Result<PathBuf, Failure> {
     let place = |figure: &ReportFigure| folder.join(figure.name).with_extension("svg");
     let drawn = figures.iter().map(|figure| (place(figure), &*figure.svg));
     drawing::write_all(&drawn.collect::<Vec<_>>())?;
-    for figure in &figures {
+    for figure in figures {
         let path = place(figure).with_extension("csv");
         dictionary::write_figure_data(&path, &figure.data, run.dimension().axes())?;
     }
-    let json = format!("{:#}\n", summary.json(run));
-    text_writer::write(&folder.join("summary.json"), &json)?;
-    // Written last, so that the page never refers to missing figures.
-    let page = folder.join("index.html");
-    text_writer::write(&page, page::html(run, &summary, facts, &figures))?;
-    Ok(page)
+    text_writer::write(&folder.join("summary.json"), format!("{summary:#}\n"))?;
+    let path = folder.join("index.html");
+    text_writer::write(&path, page)?;
+    Ok(path)
 }
 
 fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {

@@ -6,45 +6,58 @@ use gshear_analysis::phases::PhaseKind;
 use gshear_dem::failure::printable;
 use gshear_store::run_reader::RunFile;
 
-/// Returns the report as HTML, figures and style included.
+/// Names and values of the table at the top, in HTML.
+pub type Facts = Vec<(&'static str, String)>;
+
+/// Returns the report as HTML, figures and style included. `what` was run; `note`, in HTML, follows
+/// the figures.
 pub fn html(
     run: &RunFile,
-    summary: &Summary,
-    facts: Vec<(&'static str, String)>,
+    what: &str,
+    facts: Facts,
     figures: &[ReportFigure],
+    note: &str,
 ) -> String {
     let title = escape(&title(run));
     let lead = match run.digest() {
-        Some(_) => "A finished run of gshear-mpi.",
-        None => {
-            "A run of gshear-mpi that was stopped early or is still running; the report covers what it has written."
-        }
+        Some(_) => format!("{what}: a finished run of gshear-mpi."),
+        None => format!(
+            "{what}: a run of gshear-mpi that was stopped early or is still running; the report covers what it has written."
+        ),
     };
     let mut body = String::new();
     for figure in figures {
         let data = format!("{}.csv", figure.name);
         body += &self::figure(figure.name, &figure.caption, &data, &figure.svg);
     }
-    if run.dimension().axes() == 2 {
-        let smaller = |event: &DropFrames| Some(event.drop) != summary.drop;
-        if summary.event.is_none() && (!is_imposed(run) || !summary.phases.is_empty()) {
-            body += "<p>No slip phase has a frame before and after it, so there are no maps: \
-                     write frames more often (output.frame_strain), or keep checkpoints \
-                     (output.keep_checkpoints), from which the report computes the drop again.</p>\n";
-        } else if summary.event.as_ref().is_some_and(smaller) {
-            body += "<p>The maps do not show the largest drop, which has no frames before and after it. \
-                     With kept checkpoints (output.keep_checkpoints) the report computes it again.</p>\n";
-        }
-    }
     let parameters = run.parameters().iter().filter(|(name, _)| *name != "scene");
     let parameters = parameters.map(|(name, value)| (escape(name), escape(&value.to_string())));
     let body = format!(
-        "{}<h2>Figures</h2>\n{body}<h2>Parameters</h2>\n{}{}",
+        "{}<h2>Figures</h2>\n{body}{note}<h2>Parameters</h2>\n{}{}",
         table(facts.into_iter().map(|(name, value)| (name.into(), value))),
         table(parameters),
         scene_of(run.scene())
     );
-    document(&title, lead, &body)
+    document(&title, &lead, &body)
+}
+
+/// Says why there are no maps, or not of the largest drop.
+pub fn note_on_maps(run: &RunFile, summary: &Summary) -> &'static str {
+    let smaller = |event: &DropFrames| Some(event.drop) != summary.drop;
+    let expected = !is_imposed(run) || !summary.phases.is_empty();
+    match &summary.event {
+        _ if run.dimension().axes() != 2 => "",
+        None if expected => {
+            "<p>No slip phase has a frame before and after it, so there are no maps: \
+             write frames more often (output.frame_strain), or keep checkpoints \
+             (output.keep_checkpoints), from which the report computes the drop again.</p>\n"
+        }
+        Some(event) if smaller(event) => {
+            "<p>The maps do not show the largest drop, which has no frames before and after it. \
+             With kept checkpoints (output.keep_checkpoints) the report computes it again.</p>\n"
+        }
+        _ => "",
+    }
 }
 
 /// Returns a page that stands alone; title, lead and body are HTML.
@@ -96,20 +109,35 @@ fn title(run: &RunFile) -> String {
     title.map_or_else(|| run.path().display().to_string(), str::to_string)
 }
 
-/// Returns the numbers of the table at the top, in HTML.
-pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
-    let mut facts: Vec<(&str, String)> = Vec::new();
-    let series = run.series();
-    let strain = series.column("strain");
+/// Returns what is said of any run.
+pub fn identity(run: &RunFile) -> Facts {
+    let of_grains = match run.dimension().axes() {
+        2 => "Disks",
+        _ => "Spheres",
+    };
+    let all = run.grains().count();
     let walls = run.grains().body.iter().filter(|body| **body != 0).count();
-    facts.push(("Run", escape(&run.path().display().to_string())));
-    facts.push((
-        match run.dimension().axes() {
-            2 => "Disks",
-            _ => "Spheres",
-        },
-        format!("{}, including {walls} in the walls", run.grains().count()),
-    ));
+    let grains = match walls {
+        0 => all.to_string(),
+        walls => format!("{all}, including {walls} in the walls"),
+    };
+    let rows = format!("{}, {}", run.frames(), run.series().rows());
+    let digest = run.digest();
+    vec![
+        ("Run", escape(&run.path().display().to_string())),
+        (of_grains, grains),
+        ("Frames, rows of the time series", rows),
+        (
+            "Digest",
+            digest.map_or("none: the run has not ended".into(), escape),
+        ),
+    ]
+}
+
+/// Returns the numbers of a run between walls.
+pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
+    let mut facts = identity(run);
+    let strain = run.series().column("strain");
     facts.push(match is_imposed(run) {
         false => {
             let percent = |strain: &f64| format!("{:.4} %", 100.0 * strain);
@@ -123,10 +151,6 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
             ("Shear strain, least and greatest", range)
         }
     });
-    facts.push((
-        "Frames, rows of the time series",
-        format!("{}, {}", run.frames(), series.rows()),
-    ));
     let stress = summary.stress;
     facts.push((
         "τ in the latter half: mean, standard deviation",
@@ -185,11 +209,6 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Vec<(&'static str, String)> {
             format!("{:.2} million grain-steps per second and rank", speed / 1e6),
         ));
     }
-    facts.push((
-        "Digest",
-        run.digest()
-            .map_or("none: the run has not ended".into(), escape),
-    ));
     facts
 }
 

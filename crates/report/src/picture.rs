@@ -1,13 +1,14 @@
-//! Pictures of a packing of spheres, seen from the front, the right and above.
+//! Pictures of a packing: spheres seen from the front, the right and above, and disks of a box.
 
 use std::collections::BTreeSet;
 
 use gshear_analysis::dmin::RADIUS;
 use gshear_analysis::event;
-use gshear_dem::dimension::Three;
+use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{FrameRecords, body};
-use gshear_store::run_reader::RunFile;
+use gshear_scene::Dimensions;
+use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::table::Table;
 
 use super::ReportFigure;
@@ -40,31 +41,47 @@ fn seen([x, y, z]: [f64; 3]) -> ([f64; 2], f64) {
     )
 }
 
+/// [`seen`], but disks are seen from above their plane.
+fn view(planar: bool, place: [f64; 3]) -> ([f64; 2], f64) {
+    match planar {
+        true => ([place[0], place[1]], 0.0),
+        false => seen(place),
+    }
+}
+
 /// Draws the last frame: grains by their velocity, by their displacement and D²min in the latter
-/// half of the run, and the contact forces. Nothing for disks.
+/// half of the run, and the contact forces. Nothing for disks between walls, which have maps.
 ///
 /// # Errors
 /// If the run is damaged.
 pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
-    let frames = run.frames();
-    if run.dimension().axes() == 2 || frames == 0 {
+    let (frames, stage) = (run.frames(), run.stage());
+    let planar = run.dimension() == Dimensions::Two;
+    if planar && stage == RunStage::Shear || frames == 0 {
         return Ok(Vec::new());
     }
     let last = run.records(frames - 1..frames)?.swap_remove(0);
     let packing = Packing::new(run, &last);
-    let velocity: Vec<f64> = last.grains.iter().map(|g| g.velocity[0]).collect();
-    let mut pictures = vec![packing.figure(
-        ("grains-velocity", "velocity_x"),
-        ("velocity along x", "m/s"),
-        "",
-        &velocity,
-    )];
+    let mut pictures = Vec::new();
+    // Strain steps end at rest.
+    if stage != RunStage::Strain {
+        let velocity: Vec<f64> = last.grains.iter().map(|g| g.velocity[0]).collect();
+        pictures.push(packing.figure(
+            ("grains-velocity", "velocity_x"),
+            ("velocity along x", "m/s"),
+            "",
+            &velocity,
+        ));
+    }
     if run.has_images() && frames > 2 {
         let numbers = [frames / 2, frames - 1];
         let earlier = run.records(numbers[0]..numbers[0] + 1)?.swap_remove(0);
         let interval = run.interval(numbers, [&earlier, &last]);
         let moved: Vec<f64> = (0..last.grains.len())
-            .map(|n| interval.displacement::<Three>(n)[0])
+            .map(|n| match planar {
+                true => interval.displacement::<Two>(n)[0],
+                false => interval.displacement::<Three>(n)[0],
+            })
             .collect();
         let when = " in the latter half of the run";
         pictures.push(packing.figure(
@@ -74,7 +91,10 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             &moved,
         ));
         let (grains, mean) = (run.grains(), run.grains().mean_radius());
-        let dmin = event::between_frames::<Three>(grains, &interval, RADIUS * mean);
+        let dmin = match planar {
+            true => event::between_frames::<Two>(grains, &interval, RADIUS * mean),
+            false => event::between_frames::<Three>(grains, &interval, RADIUS * mean),
+        };
         let over_square: Vec<f64> = dmin.iter().map(|d| (d / (mean * mean)).log10()).collect();
         pictures.push(packing.figure(
             ("grains-dmin", "log10_dmin_over_square"),
@@ -85,8 +105,8 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
     }
     if !last.contacts.is_empty() {
         pictures.push(ReportFigure {
-            name: "forces-3d",
-            caption: "Normal forces of the last frame: lines between the centres, wider and darker for greater forces; grains of the walls are grey.".into(),
+            name: if planar { "forces" } else { "forces-3d" },
+            caption: format!("Normal forces of the last frame: lines between the centres, wider and darker for greater forces. {}", packing.note()),
             svg: packing.forces(),
             data: Table::of(&last.contacts)
                 .column("i", |c| c.i)
@@ -100,6 +120,8 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
 
 struct Packing<'a> {
     run: &'a RunFile,
+    /// Disks, which are seen as they lie.
+    planar: bool,
     frame: &'a FrameRecords,
     /// Those drawn, the farthest first.
     order: Vec<usize>,
@@ -109,8 +131,9 @@ struct Packing<'a> {
 
 impl<'a> Packing<'a> {
     fn new(run: &'a RunFile, frame: &'a FrameRecords) -> Self {
+        let planar = run.dimension() == Dimensions::Two;
         let mut order: Vec<usize> = (0..frame.grains.len()).collect();
-        let far = |g: usize| seen(frame.grains[g].position).1;
+        let far = |g: usize| view(planar, frame.grains[g].position).1;
         order.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
         order.drain(..order.len().saturating_sub(MOST));
         let (mut x, mut y) = (
@@ -118,13 +141,17 @@ impl<'a> Packing<'a> {
             [f64::INFINITY, f64::NEG_INFINITY],
         );
         for &g in &order {
-            let (place, r) = (seen(frame.grains[g].position).0, run.grains().radius[g]);
+            let (place, r) = (
+                view(planar, frame.grains[g].position).0,
+                run.grains().radius[g],
+            );
             for (range, at) in [&mut x, &mut y].into_iter().zip(place) {
                 *range = [range[0].min(at - r), range[1].max(at + r)];
             }
         }
         Self {
             run,
+            planar,
             frame,
             order,
             x,
@@ -138,7 +165,10 @@ impl<'a> Packing<'a> {
             true => format!("Drawn are the {drawn} in front, of {all}. "),
             false => String::new(),
         };
-        part + "Grey: grains of the walls, and those without a value."
+        part + match self.run.stage() {
+            RunStage::Shear => "Grey: grains of the walls, and those without a value.",
+            _ => "Grey: grains without a value.",
+        }
     }
 
     fn table(&self, name: &'static str, values: &[f64]) -> String {
@@ -158,6 +188,11 @@ impl<'a> Packing<'a> {
         (label, unit): (&str, &str),
         draw: impl FnOnce(&mut Plot),
     ) -> String {
+        // The scene of a box may have any units.
+        let unit = match self.run.stage() {
+            RunStage::Shear => unit,
+            _ => "",
+        };
         let [width, height] = [self.x[1] - self.x[0], self.y[1] - self.y[0]];
         let pixels = (WIDTH / width).min(TALLEST / height);
         let [left, top, right, bottom] = MARGIN;
@@ -228,11 +263,19 @@ impl<'a> Packing<'a> {
                     }
                     false => WALL,
                 };
-                let place = seen(self.frame.grains[g].position).0;
+                let place = self.seen(g);
                 plot.disk(place, self.run.grains().radius[g] * pixels, colour, None);
             }
         });
-        as_spheres(&svg)
+        self.shaded(svg)
+    }
+
+    fn seen(&self, g: usize) -> [f64; 2] {
+        view(self.planar, self.frame.grains[g].position).0
+    }
+
+    fn shaded(&self, svg: String) -> String {
+        if self.planar { svg } else { as_spheres(&svg) }
     }
 
     fn forces(&self) -> String {
@@ -245,7 +288,7 @@ impl<'a> Packing<'a> {
             let pixels = plot.scale();
             let wall = |g: &&usize| self.run.grains().body[**g] != body::FREE as u8;
             for &g in self.order.iter().filter(wall) {
-                plot.disk(seen(grains[g].position).0, radius[g] * pixels, WALL, None);
+                plot.disk(self.seen(g), radius[g] * pixels, WALL, None);
             }
             let mut is_drawn = vec![false; grains.len()];
             self.order.iter().for_each(|&g| is_drawn[g] = true);
@@ -261,11 +304,11 @@ impl<'a> Packing<'a> {
                 if is_near && is_drawn[i] && is_drawn[j] {
                     let part = force(k) / high;
                     let width = 0.3 + 3.0 * part.min(1.5);
-                    plot.line(&[seen(a).0, seen(b).0], FORCE.at(part), width);
+                    plot.line(&[self.seen(i), self.seen(j)], FORCE.at(part), width);
                 }
             }
         });
-        as_spheres(&svg)
+        self.shaded(svg)
     }
 }
 

@@ -455,7 +455,11 @@ fn reading(ticks: &[Tick], ends: [f64; 2], label: &str) -> Option<String> {
         let text = text.replace('−', "-");
         match text.strip_prefix("10^{") {
             Some(exponent) => Some((true, exponent.strip_suffix('}')?.parse::<f64>().ok()?)),
-            None => Some((false, text.parse::<f64>().ok()?)),
+            // As 5·10^{-4}.
+            None => {
+                let text = text.replace("·10^{", "e");
+                Some((false, text.trim_end_matches('}').parse::<f64>().ok()?))
+            }
         }
     };
     let numbers = ticks

@@ -3,8 +3,9 @@
 use plotters::style::RGBColor;
 
 use super::colour::{INK, SLIP, STICK, WHITE};
+use super::curves::{draw, padded};
 use super::history::Axis;
-use super::plot::{Layout, Plot, figure};
+use super::plot::{Layout, figure};
 use super::ticks;
 use gshear_analysis::phases::{Phase, PhaseKind};
 
@@ -108,107 +109,4 @@ fn colour(kind: PhaseKind) -> RGBColor {
 fn window(rows: usize, drop: &Phase) -> std::ops::Range<usize> {
     let around = (4 * drop.duration()).max(30);
     drop.start.saturating_sub(around)..(drop.end + around + 1).min(rows)
-}
-
-/// Returns strains in percent.
-pub(super) fn percent_of(strain: &[f64]) -> Vec<f64> {
-    strain.iter().map(|strain| 100.0 * strain).collect()
-}
-
-/// Returns the range of the finite values, extended by `share` of it at both ends.
-pub(super) fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
-    let finite = values.filter(|value| value.is_finite());
-    let [low, high] = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
-        [low.min(v), high.max(v)]
-    });
-    if low > high {
-        return [0.0, 1.0];
-    }
-    let span = if high > low {
-        high - low
-    } else {
-        low.abs().max(1e-3)
-    };
-    let more = if high > low { share } else { 0.5 };
-    [low - more * span, high + more * span]
-}
-
-/// Draws rows as lines that break at values that are not finite, with no more points than the
-/// figure can resolve.
-pub(super) fn draw(
-    plot: &mut Plot,
-    x: &[f64],
-    y: &[f64],
-    rows: &[usize],
-    colour: RGBColor,
-    width: f64,
-) {
-    for stretch in rows.split(|&row| !y[row].is_finite()) {
-        let points: Vec<[f64; 2]> = stretch.iter().map(|&row| [x[row], y[row]]).collect();
-        let points = decimate(&points, 1.0 / plot.scale());
-        if points.len() > 1 {
-            plot.line(&points, colour, width);
-        }
-    }
-}
-
-/// Keeps the first, least, greatest and last point of each interval of width `column` in x.
-pub(super) fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
-    let place = |point: &[f64; 2]| (point[0] / column).floor();
-    let mut kept = Vec::new();
-    for group in points.chunk_by(|a, b| place(a) == place(b)) {
-        let by_height = |a: &usize, b: &usize| group[*a][1].total_cmp(&group[*b][1]);
-        let indices = 0..group.len();
-        let (least, most) = (indices.clone().min_by(by_height), indices.max_by(by_height));
-        let mut chosen = [0, least.unwrap_or(0), most.unwrap_or(0), group.len() - 1];
-        chosen.sort_unstable();
-        let mut last = usize::MAX;
-        for k in chosen {
-            if k != last {
-                kept.push(group[k]);
-            }
-            last = k;
-        }
-    }
-    kept
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn decimation_keeps_the_ends_and_the_extremes_of_every_column() {
-        let points: Vec<[f64; 2]> = (0..100_000)
-            .map(|k| [f64::from(k) * 1e-4, f64::from((k * 7919 + 137) % 1000)])
-            .collect();
-        let kept = decimate(&points, 1.0);
-        assert_eq!(kept.len(), 40);
-        for column in 0..10 {
-            let of = |points: &[[f64; 2]]| -> Vec<f64> {
-                points
-                    .iter()
-                    .filter(|p| p[0].floor() == f64::from(column))
-                    .map(|p| p[1])
-                    .collect()
-            };
-            let (all, few) = (of(&points), of(&kept));
-            assert_eq!(
-                all.iter().copied().fold(f64::INFINITY, f64::min),
-                few.iter().copied().fold(f64::INFINITY, f64::min)
-            );
-            assert_eq!(
-                all.iter().copied().fold(0.0, f64::max),
-                few.iter().copied().fold(0.0, f64::max)
-            );
-            assert_eq!((all[0], all[all.len() - 1]), (few[0], few[few.len() - 1]));
-        }
-    }
-
-    #[test]
-    fn few_points_are_all_kept() {
-        let points = [[0.5, 1.0], [1.5, 0.0], [2.5, 2.0]];
-        assert_eq!(decimate(&points, 1.0), points);
-        assert!(decimate(&[], 1.0).is_empty());
-    }
 }

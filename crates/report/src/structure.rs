@@ -1,19 +1,17 @@
-//! Figures of the structure of the sample, from frames of the latter half: profiles across the
-//! height, distribution of forces, fabric, pair correlation. Disks and spheres.
+//! Figures of the structure of the sample, from frames of the latter half: between walls profiles
+//! across the height, distribution of forces, fabric, pair correlation. Disks and spheres.
 
 use std::f64::consts::PI;
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, FrameRecords, body};
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::table::Table;
 
 use super::ReportFigure;
-use super::colour::CURVES;
-use super::plot::{Layout, figure};
-use super::stress::padded;
-use super::ticks;
+use super::curves;
+use super::plot::Layout;
 
 const LAYOUT: Layout = Layout {
     size: [900.0, 360.0],
@@ -39,6 +37,8 @@ const MOST_CENTRES: usize = 1000;
 struct Sums<'a> {
     run: &'a RunFile,
     axes: usize,
+    /// Whether it is between walls, not in a periodic box.
+    walls: bool,
     frames: usize,
     /// Lower and upper end of the layers along the last axis (m).
     ends: [f64; 2],
@@ -77,15 +77,18 @@ pub fn figures(
     };
     let ends = [-reach(-1.0), reach(1.0)];
     let mean_diameter = 2.0 * run.grains().mean_radius();
+    let walls = run.stage() == RunStage::Shear;
+    let across = match walls {
+        true => 0.25 * (ends[1] - ends[0]),
+        false => 0.45 * run.height(),
+    };
     let [x, y] = run.periods();
-    let period = if axes == 2 { x } else { x.min(y) };
-    let farthest = (FARTHEST * mean_diameter)
-        .min(0.25 * (ends[1] - ends[0]))
-        .min(0.5 * period);
+    let farthest = (FARTHEST * mean_diameter).min(across).min(0.5 * x.min(y));
     let bins = (farthest / mean_diameter * BINS_PER_DIAMETER as f64) as usize;
     let mut sums = Sums {
         run,
         axes,
+        walls,
         frames: frames.len(),
         ends,
         layers: vec![[0.0; 2]; LAYERS],
@@ -98,9 +101,11 @@ pub fn figures(
     };
     for &t in &frames {
         let frame = run.records(t..t + 1)?.swap_remove(0);
-        sums.profile(&frame);
+        if walls {
+            sums.profile(&frame);
+        }
         sums.contacts(run.cell(t), &frame);
-        sums.pairs_of(run.cell(t), &frame);
+        sums.pairs_of(t, &frame);
     }
     let of = format!(
         "{} frames of the latter half",
@@ -117,20 +122,18 @@ pub fn figures(
         let difference = ((xx - zz).powi(2) + 4.0 * xz * xz).sqrt();
         let angle = (0.5 * (2.0 * xz).atan2(xx - zz)).to_degrees();
         facts.push((
-            "Fabric in the plane of shear: difference of the principal values of ⟨n⊗n⟩, direction of the greater",
-            format!("{difference:.4}, {angle:.1}° from the direction of shear"),
+            "Fabric in the plane of x and the height: difference of the principal values of ⟨n⊗n⟩, direction of the greater",
+            format!("{difference:.4}, {angle:.1}° from x"),
         ));
     }
-    Ok([
-        sums.velocities(&of),
-        sums.fractions(&of),
+    let profiles = walls.then(|| [sums.velocities(&of), sums.fractions(&of)]);
+    let others = [
         sums.distribution(&of),
         sums.fabric(&of),
         sums.correlation(&of),
-    ]
-    .into_iter()
-    .flatten()
-    .collect())
+    ];
+    let figures = profiles.into_iter().flatten().chain(others);
+    Ok(figures.flatten().collect())
 }
 
 /// Evenly spread frames of the latter half.
@@ -200,8 +203,8 @@ impl Sums<'_> {
         }
     }
 
-    fn pairs_of(&mut self, cell: Cell, frame: &FrameRecords) {
-        let axes = self.axes;
+    fn pairs_of(&mut self, t: usize, frame: &FrameRecords) {
+        let (axes, cell) = (self.axes, self.run.cell(t));
         let bodies = &self.run.grains().body;
         let free: Vec<[f64; 3]> = (frame.grains.iter().zip(bodies))
             .filter(|(_, of)| u32::from(**of) == body::FREE)
@@ -212,12 +215,20 @@ impl Sums<'_> {
             .iter()
             .map(up)
             .fold([f64::MAX, f64::MIN], |[a, b], z| [a.min(z), b.max(z)]);
-        let inner =
-            |place: &&[f64; 3]| up(place) > low + self.farthest && up(place) < high - self.farthest;
+        let inner = |place: &&[f64; 3]| {
+            !self.walls || up(place) > low + self.farthest && up(place) < high - self.farthest
+        };
         let centres: Vec<&[f64; 3]> = free.iter().filter(inner).collect();
         let every = centres.len().div_ceil(MOST_CENTRES).max(1);
         let centres: Vec<&[f64; 3]> = centres.into_iter().step_by(every).collect();
-        let density = free.len() as f64 / (self.base() * (high - low));
+        let volume = match self.walls {
+            true => self.base() * (high - low),
+            false => {
+                let edges = self.run.box_edges(t);
+                (0..axes).map(|axis| edges[axis][axis]).product()
+            }
+        };
+        let density = free.len() as f64 / volume;
         let width = self.mean_diameter / BINS_PER_DIAMETER as f64;
         let scale = 1.0 / (centres.len() as f64 * density * self.frames as f64);
         for a in &centres {
@@ -345,7 +356,7 @@ impl Sums<'_> {
             (
                 "fabric",
                 format!(
-                    "{of}: contacts between free grains by the angle of their normal in the plane of shear, from the direction of shear (0°) to the gradient (90°)."
+                    "{of}: contacts between free grains by the angle of their normal in the plane of x (0°, the direction of shear) and the height (90°)."
                 ),
             ),
             ("angle", "angle of the contact (°)", &angles),
@@ -365,7 +376,7 @@ impl Sums<'_> {
             (
                 "pair-correlation",
                 format!(
-                    "{of}: pair correlation g(r) of the free grains, around those far from the walls."
+                    "{of}: pair correlation g(r) of the free grains; between walls around those far from them."
                 ),
             ),
             ("distance_over_mean_diameter", "r/d̄", &places),
@@ -391,32 +402,8 @@ fn drawn(
     y_label: &str,
     lines: &[(&'static str, &str, &[f64])],
 ) -> Option<ReportFigure> {
-    let finite = |values: &[f64]| values.iter().filter(|v| v.is_finite()).count();
-    if !lines.iter().any(|(.., values)| finite(values) > 1) {
-        return None;
-    }
-    let x = padded(places.iter().copied(), 0.02);
-    let y = padded(lines.iter().flat_map(|(.., of)| of.iter().copied()), 0.08);
-    let svg = figure(LAYOUT, x, y, |plot| {
-        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 5));
-        plot.grid(&x_ticks, &y_ticks);
-        for ((.., values), colour) in lines.iter().zip(CURVES) {
-            let points: Vec<[f64; 2]> = (places.iter().zip(*values))
-                .map(|(x, y)| [*x, *y])
-                .collect();
-            for stretch in points.split(|point| !point[1].is_finite()) {
-                if stretch.len() > 1 {
-                    plot.line(stretch, colour, 1.3);
-                }
-                for point in stretch {
-                    plot.disk(*point, 2.0, colour, None);
-                }
-            }
-        }
-        plot.clip();
-        plot.axes(&x_ticks, &y_ticks, x_label, y_label);
-        plot.legend_of_curves(&lines.iter().map(|line| line.1).collect::<Vec<_>>());
-    });
+    let curves: Vec<_> = lines.iter().map(|(_, name, of)| (*name, *of)).collect();
+    let svg = curves::lines(LAYOUT, (x_label, places), y_label, &curves)?;
     let data = Table::of(0..places.len())
         .column(x_name, |k| places[*k])
         .columns(lines.iter().map(|line| line.0), |k| {

@@ -261,15 +261,6 @@ impl Summary {
 
     /// Returns the content of `summary.json`.
     pub fn json(&self, run: &RunFile) -> Value {
-        let parameters = run.parameters().iter().map(|(name, value)| {
-            let value = match value {
-                Parameter::Text(text) => json!(text),
-                Parameter::Integer(value) => json!(value),
-                Parameter::Number(value) => json!(value),
-                Parameter::Numbers(values) => json!(values),
-            };
-            (name.clone(), value)
-        });
         let phase = |phase: &Phase| {
             json!({
                 "delta_tau": phase.change,
@@ -302,9 +293,23 @@ impl Summary {
             "phases": { "stick": count(PhaseKind::Stick), "slip": count(PhaseKind::Slip) },
             "largest_drop": self.drop.as_ref().map(phase),
             "maps": event,
-            "parameters": parameters.collect::<serde_json::Map<_, _>>(),
+            "parameters": parameters(run),
         })
     }
+}
+
+/// The attributes of `parameters`.
+pub fn parameters(run: &RunFile) -> Value {
+    let parameters = run.parameters().iter().map(|(name, value)| {
+        let value = match value {
+            Parameter::Text(text) => json!(text),
+            Parameter::Integer(value) => json!(value),
+            Parameter::Number(value) => json!(value),
+            Parameter::Numbers(values) => json!(values),
+        };
+        (name.clone(), value)
+    });
+    parameters.collect::<serde_json::Map<_, _>>().into()
 }
 
 #[cfg(test)]

@@ -31,6 +31,27 @@ pub fn round(low: f64, high: f64, wanted: usize) -> Vec<Tick> {
     (first..=last).map(tick).collect()
 }
 
+/// Returns ticks of [`round`], with a power of ten if the numbers are small or large.
+pub fn scientific(range: [f64; 2], wanted: usize) -> Vec<Tick> {
+    let greatest = range[0].abs().max(range[1].abs());
+    if (1e-3..1e5).contains(&greatest) {
+        return round(range[0], range[1], wanted);
+    }
+    let power = greatest.log10().floor();
+    let unit = 10f64.powf(power);
+    let of = |(value, text): Tick| {
+        let power = format!("{power}").replace('-', "−");
+        let text = if value == 0.0 {
+            "0".into()
+        } else {
+            format!("{text}·10^{{{power}}}")
+        };
+        (value * unit, text)
+    };
+    let ticks = round(range[0] / unit, range[1] / unit, wanted);
+    ticks.into_iter().map(of).collect()
+}
+
 /// Returns ticks at the powers of ten within 10^low … 10^high, on an axis of log10; every second,
 /// third, … power if there are more than `most`.
 pub fn decades(low: f64, high: f64, most: usize) -> Vec<Tick> {

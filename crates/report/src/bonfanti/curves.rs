@@ -5,8 +5,8 @@ use plotters::style::RGBColor;
 use super::{SpectrumRow, SvgWithData};
 use crate::colour::{CURVES, GREY, INK, SLIP, STICK};
 use crate::compose::grid_of;
+use crate::curves::{decimate, padded};
 use crate::plot::{Layout, figure};
-use crate::stress::{decimate, padded};
 use crate::ticks;
 use gshear_analysis::growth::Growth;
 use gshear_store::run_reader::RunFile;
@@ -40,10 +40,10 @@ fn panel(
     let x = padded(points().map(|p| p[0]), 0.01);
     let y = padded(points().map(|p| p[1]), 0.06);
     figure(layout, x, y, |plot| {
-        let x_ticks = scientific(x, 8);
+        let x_ticks = ticks::scientific(x, 8);
         let y_ticks = match logarithmic {
             true => ticks::decades(y[0], y[1], 8),
-            false => scientific(y, 6),
+            false => ticks::scientific(y, 6),
         };
         plot.grid(&x_ticks, &y_ticks);
         for line in lines {
@@ -64,27 +64,6 @@ fn panel(
             .collect();
         plot.legend(&named);
     })
-}
-
-/// Round ticks, with a power of ten if the numbers are small or large.
-fn scientific(range: [f64; 2], wanted: usize) -> Vec<ticks::Tick> {
-    let greatest = range[0].abs().max(range[1].abs());
-    if (1e-3..1e5).contains(&greatest) {
-        return ticks::round(range[0], range[1], wanted);
-    }
-    let power = greatest.log10().floor();
-    let unit = 10f64.powf(power);
-    let of = |(value, text): ticks::Tick| {
-        let power = format!("{power}").replace('-', "−");
-        let text = if value == 0.0 {
-            "0".into()
-        } else {
-            format!("{text}·10^{{{power}}}")
-        };
-        (value * unit, text)
-    };
-    let ticks = ticks::round(range[0] / unit, range[1] / unit, wanted);
-    ticks.into_iter().map(of).collect()
 }
 
 fn rows(columns: &[(&str, &[f64])]) -> String {
@@ -131,7 +110,7 @@ pub(super) fn spectra(rows: &[SpectrumRow]) -> SvgWithData {
     let x = padded(points.iter().map(|p| p[0]), 0.01);
     let y = padded(points.iter().map(|p| p[1]), 0.06);
     let svg = figure(WIDE, x, y, |plot| {
-        let (x_ticks, y_ticks) = (scientific(x, 8), scientific(y, 6));
+        let (x_ticks, y_ticks) = (ticks::scientific(x, 8), ticks::scientific(y, 6));
         plot.grid(&x_ticks, &y_ticks);
         // One mark per pixel is enough.
         let mut drawn: Vec<(i64, i64)> = Vec::new();

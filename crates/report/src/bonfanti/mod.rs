@@ -25,7 +25,7 @@ const LINEAR: f64 = 1e-11;
 struct BoxRun {
     strain: RunFile,
     newtonian: Option<RunFile>,
-    spectra: Vec<SpectrumRow>,
+    spectra: Option<SvgWithData>,
     growth: Option<Growth>,
     /// Places of the grains in the frames of the linear growth, which do not jump at the seams.
     places: Vec<Vec<[f64; 3]>>,
@@ -49,9 +49,10 @@ struct PaperFigure {
 }
 
 /// A figure as SVG, and its data as CSV.
-struct SvgWithData {
-    svg: String,
-    csv: String,
+#[derive(Clone)]
+pub(crate) struct SvgWithData {
+    pub svg: String,
+    pub csv: String,
 }
 
 /// A quantity, its value in the paper, and that of the run.
@@ -152,11 +153,7 @@ impl BoxRun {
             true => Some(RunFile::open_any(&path)?),
             false => None,
         };
-        let path = run.join(SPECTRA_FILE);
-        let spectra = match path.exists() {
-            true => table::read(&path)?,
-            false => Vec::new(),
-        };
+        let spectra = spectra_of(run)?;
         let growth = newtonian.as_ref().and_then(|run| {
             let diameter = run.number("mean_diameter").unwrap_or(1.0);
             let (series, limit) = (run.series(), LINEAR * diameter * diameter);
@@ -207,10 +204,8 @@ impl BoxRun {
             PaperFigure {
                 number: 2,
                 caption: "Imaginary parts of all eigenvalues against time, under Newton's equations.",
-                drawn: match self.spectra.is_empty() {
-                    true => Err("no eigenvalues in time: set newtonian.spectra"),
-                    false => Ok(curves::spectra(&self.spectra)),
-                },
+                drawn: (self.spectra.clone())
+                    .ok_or("no eigenvalues in time: set newtonian.spectra"),
             },
             PaperFigure {
                 number: 3,
@@ -316,6 +311,16 @@ impl BoxRun {
         );
         numbers
     }
+}
+
+/// Draws the eigenvalues in time, if the run in this folder has computed some.
+pub(crate) fn spectra_of(run: &Path) -> Result<Option<SvgWithData>, Failure> {
+    let path = run.join(SPECTRA_FILE);
+    let rows: Vec<SpectrumRow> = match path.exists() {
+        true => table::read(&path)?,
+        false => Vec::new(),
+    };
+    Ok((!rows.is_empty()).then(|| curves::spectra(&rows)))
 }
 
 /// D²min of every grain between the first and the last frame, with neighbours within 5 mean radii

@@ -5,7 +5,7 @@ use super::{Drawn, Figure, no_run};
 use crate::colour::{CURVES, GREY, INK, STAGES};
 use crate::compose::grid_of;
 use crate::plot::{Layout, Plot, figure};
-use crate::{stress, ticks};
+use crate::{curves, ticks};
 use gshear_store::table::Table;
 
 const WIDE: Layout = Layout {
@@ -81,16 +81,16 @@ fn of_steps(run: &Studied) -> &'static str {
 fn several(letter: &str, runs: &[&Studied]) -> String {
     let percent: Vec<Vec<f64>> = runs
         .iter()
-        .map(|run| stress::percent_of(&run.strain))
+        .map(|run| curves::percent_of(&run.strain))
         .collect();
-    let x = stress::padded(percent.iter().flatten().copied(), 0.0);
-    let y = stress::padded(runs.iter().flat_map(|run| &run.tau).copied(), 0.08);
+    let x = curves::padded(percent.iter().flatten().copied(), 0.0);
+    let y = curves::padded(runs.iter().flat_map(|run| &run.tau).copied(), 0.08);
     figure(WIDE, x, y, |plot| {
         let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 10), ticks::round(y[0], y[1], 6));
         plot.grid(&x_ticks, &y_ticks);
         for (k, run) in runs.iter().enumerate() {
             let rows: Vec<usize> = (0..run.tau.len()).collect();
-            stress::draw(
+            curves::draw(
                 plot,
                 &percent[k],
                 &run.tau,
@@ -121,16 +121,16 @@ pub fn legend(plot: &mut Plot, runs: &[&Studied]) {
 
 fn around(letter: &str, run: &Studied, event: &Event) -> String {
     let stages = &event.stages;
-    let percent = stress::percent_of(&run.regime.strain);
+    let percent = curves::percent_of(&run.regime.strain);
     let tau = &run.regime.tau;
     let rows: Vec<usize> = (stages.begin..=stages.end).collect();
-    let x = stress::padded(rows.iter().map(|row| percent[*row]), 0.02);
-    let y = stress::padded(rows.iter().map(|row| tau[*row]), 0.14);
+    let x = curves::padded(rows.iter().map(|row| percent[*row]), 0.02);
+    let y = curves::padded(rows.iter().map(|row| tau[*row]), 0.14);
     figure(WIDE, x, y, |plot| {
         let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 6), ticks::round(y[0], y[1], 6));
         shade(plot, run, event);
         plot.grid(&[], &y_ticks);
-        stress::draw(plot, &percent, tau, &rows, INK, 1.4);
+        curves::draw(plot, &percent, tau, &rows, INK, 1.4);
         for &row in rows.iter().filter(|_| rows.len() <= 200) {
             plot.disk([percent[row], tau[row]], 2.2, INK, None);
         }

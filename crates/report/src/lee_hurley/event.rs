@@ -8,7 +8,7 @@ use super::{Drawn, Figure, no_run};
 use crate::colour::CURVES;
 use crate::compose::grid_of;
 use crate::plot::{Layout, figure as plotted};
-use crate::{stress, ticks};
+use crate::{curves, ticks};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::spearman::Correlation;
 use gshear_store::table::Table;
@@ -110,7 +110,7 @@ fn panel(
     curves: &[ScalarCurve],
 ) -> String {
     let rows: Vec<usize> = (event.stages.begin + 1..=event.stages.end).collect();
-    let percent = stress::percent_of(&run.regime.strain);
+    let percent = curves::percent_of(&run.regime.strain);
     let values: Vec<Vec<f64>> = curves
         .iter()
         .map(|(.., of)| run.regime.scalars.iter().map(of).collect())
@@ -118,8 +118,8 @@ fn panel(
     let shown = values
         .iter()
         .flat_map(|values| rows.iter().map(|row| values[*row]));
-    let y = stress::padded(shown, 0.08);
-    let x = stress::padded(
+    let y = curves::padded(shown, 0.08);
+    let x = curves::padded(
         (event.stages.begin..=event.stages.end).map(|row| percent[row]),
         0.02,
     );
@@ -133,7 +133,7 @@ fn panel(
         shade(plot, run, event);
         plot.grid(&[], &y_ticks);
         for ((_, colour, _), values) in curves.iter().zip(&values) {
-            stress::draw(plot, &percent, values, &rows, *colour, 1.3);
+            curves::draw(plot, &percent, values, &rows, *colour, 1.3);
             for &row in rows.iter().filter(|row| values[**row].is_finite()) {
                 plot.disk([percent[row], values[row]], 2.0, *colour, None);
             }

@@ -6,8 +6,8 @@ use plotters::style::RGBColor;
 
 use super::View;
 use crate::colour::{AGING_LAW, FORCE, SLIP_LAW};
+use crate::curves::{decimate, padded};
 use crate::plot::{Layout, Plot, figure};
-use crate::stress::{decimate, padded};
 use crate::ticks::{self, Tick};
 use gshear_analysis::rate_state::{Evolution, Experiment};
 

@@ -3,8 +3,8 @@
 use super::curve::{LAYOUT, colour_of, law_legend};
 use super::{View, all_holds, short};
 use crate::colour::{GREY, INK};
+use crate::curves::padded;
 use crate::plot::figure;
-use crate::stress::padded;
 use crate::ticks::{self, Tick};
 use gshear_analysis::rate_state::{Evolution, Experiment, Healing, Hold, peak_growth};
 

@@ -6,7 +6,7 @@ mod healing;
 
 use self::curve::{Curve, draw};
 use self::healing::{healing, peak_offset};
-use super::stress::padded;
+use super::curves::padded;
 use super::ticks;
 use crate::page;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fit, Hold};

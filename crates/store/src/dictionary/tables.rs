@@ -350,10 +350,9 @@ const FIELDS: [Column; 4] = [
 ];
 
 /// The kind of the tables of figures and studies.
-/// The kind of the tables of figures and studies.
 pub(super) const OF_FIGURES: &str = "report/*.csv";
 /// Columns that tables of figures and studies have and no other table, or with another meaning.
-const FIGURES: [Column; 49] = [
+const FIGURES: [Column; 52] = [
     Column::new("panel", "1", "panel of the figure"),
     Column::new("run", "1", "name of the run in the legend"),
     Column::new("stage", "1", "before, during or after the drop"),
@@ -450,6 +449,21 @@ const FIGURES: [Column; 49] = [
         "r over the mean diameter",
     ),
     Column::new("g", "1", "pair correlation g(r)"),
+    Column::new(
+        "conjugate_stress",
+        "Pa",
+        "of a box: shear stress; of pure shear half the stress along the height less that along x, of a biaxial test the axial less the lateral stress, of a compression the pressure",
+    ),
+    Column::new(
+        "modulus",
+        "Pa",
+        "of a box: change of that stress over the change of the strain, of a compression over that of ln φ",
+    ),
+    Column::new(
+        "mobilised_friction",
+        "1",
+        "of a box: shear stress over pressure; of pure shear and a biaxial test difference of the stresses over their sum",
+    ),
     Column::new(
         "eigenvector_square",
         "1",

@@ -18,7 +18,7 @@ use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;
 use crate::columns::{ADDED, AqsRow, NewtonianRow};
-use crate::file_names::{AQS_FILE, RUN_FILE};
+use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 use crate::layout::{IMAGE_VALUE, ROLLING};
 pub use crate::parameter::Parameter;
 use gshear_analysis::event::Interval;
@@ -187,19 +187,19 @@ impl RunFile {
         }
     }
 
-    /// Opens the file of any stage. Of a folder, `run.h5`, or the strain steps of a run in a
-    /// periodic box.
+    /// Opens the file of any stage. Of a folder, `run.h5`, or of a run in a periodic box the strain
+    /// steps or else Newton's equations.
     ///
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
     /// wrong shape.
     pub fn open_any(run: &Path) -> Result<Self, Failure> {
         let path = if run.is_dir() {
-            let strained = run.join(AQS_FILE);
-            match run.join(RUN_FILE) {
-                sheared if !sheared.exists() && strained.exists() => strained,
-                sheared => sheared,
-            }
+            let mut files = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE]
+                .map(|name| run.join(name))
+                .into_iter();
+            let there = files.find(|path| path.exists());
+            there.unwrap_or_else(|| run.join(RUN_FILE))
         } else {
             run.to_path_buf()
         };

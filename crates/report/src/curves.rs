@@ -1,0 +1,144 @@
+//! Curves on a pair of axes.
+
+use plotters::style::RGBColor;
+
+use super::colour::CURVES;
+use super::plot::{Layout, Plot, figure};
+use super::ticks;
+
+/// Most points of a curve that are marked.
+const MARKED: usize = 100;
+/// Least range of an axis over its greatest value, so that labels stay short.
+const LEAST_RANGE: f64 = 1e-4;
+
+/// Draws curves, values `y` by name, over common places `x`; `None` if none has two points.
+pub fn lines(
+    layout: Layout,
+    (x_label, x): (&str, &[f64]),
+    y_label: &str,
+    curves: &[(&str, &[f64])],
+) -> Option<String> {
+    let finite = |values: &[f64]| values.iter().filter(|v| v.is_finite()).count();
+    if !curves.iter().any(|(_, values)| finite(values) > 1) {
+        return None;
+    }
+    let [width, height] = layout.size;
+    let on_x = padded(x.iter().copied(), 0.02);
+    let on_y = padded(curves.iter().flat_map(|(_, of)| of.iter().copied()), 0.08);
+    let more = LEAST_RANGE * on_y[0].abs().max(on_y[1].abs()) - (on_y[1] - on_y[0]);
+    let on_y = [on_y[0] - 0.5 * more.max(0.0), on_y[1] + 0.5 * more.max(0.0)];
+    Some(figure(layout, on_x, on_y, |plot| {
+        let x_ticks = ticks::scientific(on_x, (width / 90.0) as usize);
+        let y_ticks = ticks::scientific(on_y, (height / 64.0) as usize);
+        plot.grid(&x_ticks, &y_ticks);
+        let rows: Vec<usize> = (0..x.len()).collect();
+        for ((_, y), colour) in curves.iter().zip(CURVES) {
+            draw(plot, x, y, &rows, colour, 1.2);
+            for &row in rows
+                .iter()
+                .filter(|row| x.len() <= MARKED && y[**row].is_finite())
+            {
+                plot.disk([x[row], y[row]], 2.0, colour, None);
+            }
+        }
+        plot.clip();
+        plot.axes(&x_ticks, &y_ticks, x_label, y_label);
+        plot.legend_of_curves(&curves.iter().map(|curve| curve.0).collect::<Vec<_>>());
+    }))
+}
+
+/// Returns strains in percent.
+pub fn percent_of(strain: &[f64]) -> Vec<f64> {
+    strain.iter().map(|strain| 100.0 * strain).collect()
+}
+
+/// Returns the range of the finite values, extended by `share` of it at both ends.
+pub fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
+    let finite = values.filter(|value| value.is_finite());
+    let [low, high] = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
+        [low.min(v), high.max(v)]
+    });
+    if low > high {
+        return [0.0, 1.0];
+    }
+    let span = if high > low {
+        high - low
+    } else {
+        low.abs().max(1e-3)
+    };
+    let more = if high > low { share } else { 0.5 };
+    [low - more * span, high + more * span]
+}
+
+/// Draws rows as lines that break at values that are not finite, with no more points than the
+/// figure can resolve.
+pub fn draw(plot: &mut Plot, x: &[f64], y: &[f64], rows: &[usize], colour: RGBColor, width: f64) {
+    for stretch in rows.split(|&row| !y[row].is_finite()) {
+        let points: Vec<[f64; 2]> = stretch.iter().map(|&row| [x[row], y[row]]).collect();
+        let points = decimate(&points, 1.0 / plot.scale());
+        if points.len() > 1 {
+            plot.line(&points, colour, width);
+        }
+    }
+}
+
+/// Keeps the first, least, greatest and last point of each interval of width `column` in x.
+pub fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
+    let place = |point: &[f64; 2]| (point[0] / column).floor();
+    let mut kept = Vec::new();
+    for group in points.chunk_by(|a, b| place(a) == place(b)) {
+        let by_height = |a: &usize, b: &usize| group[*a][1].total_cmp(&group[*b][1]);
+        let indices = 0..group.len();
+        let (least, most) = (indices.clone().min_by(by_height), indices.max_by(by_height));
+        let mut chosen = [0, least.unwrap_or(0), most.unwrap_or(0), group.len() - 1];
+        chosen.sort_unstable();
+        let mut last = usize::MAX;
+        for k in chosen {
+            if k != last {
+                kept.push(group[k]);
+            }
+            last = k;
+        }
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimation_keeps_the_ends_and_the_extremes_of_every_column() {
+        let points: Vec<[f64; 2]> = (0..100_000)
+            .map(|k| [f64::from(k) * 1e-4, f64::from((k * 7919 + 137) % 1000)])
+            .collect();
+        let kept = decimate(&points, 1.0);
+        assert_eq!(kept.len(), 40);
+        for column in 0..10 {
+            let of = |points: &[[f64; 2]]| -> Vec<f64> {
+                points
+                    .iter()
+                    .filter(|p| p[0].floor() == f64::from(column))
+                    .map(|p| p[1])
+                    .collect()
+            };
+            let (all, few) = (of(&points), of(&kept));
+            assert_eq!(
+                all.iter().copied().fold(f64::INFINITY, f64::min),
+                few.iter().copied().fold(f64::INFINITY, f64::min)
+            );
+            assert_eq!(
+                all.iter().copied().fold(0.0, f64::max),
+                few.iter().copied().fold(0.0, f64::max)
+            );
+            assert_eq!((all[0], all[all.len() - 1]), (few[0], few[few.len() - 1]));
+        }
+    }
+
+    #[test]
+    fn few_points_are_all_kept() {
+        let points = [[0.5, 1.0], [1.5, 0.0], [2.5, 2.0]];
+        assert_eq!(decimate(&points, 1.0), points);
+        assert!(decimate(&[], 1.0).is_empty());
+    }
+}
