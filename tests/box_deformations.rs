@@ -420,3 +420,70 @@ fn a_biaxial_test_keeps_the_contracts() {
 fn simple_shear_at_a_pressure_keeps_the_contracts() {
     keeps_the_contracts(&["--set=aqs.steps=4", "--set=box.pressure=0.008"], &[]);
 }
+
+/// Strain steps that stop after every part of a relaxation and go on, on other ranks each time: the
+/// same bits as without a stop. A run of no time takes one part.
+#[test]
+fn strain_steps_stop_within() {
+    let _alone = common::alone();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let loose = "--set=relax.tolerance=1e-6";
+    let overdamped = ["--set=relax.method=overdamped", loose, "--set=aqs.steps=2"];
+    let birth = [
+        "--set=dimension=2",
+        "--set=box.solid_fraction=0.9",
+        "--set=aqs.spectrum=true",
+        "--set=aqs.birth_precision=5e-4",
+        "--set=aqs.steps=3",
+    ];
+    for (name, more) in [
+        ("overdamped", &overdamped[..]),
+        ("birth", &birth),
+        ("biaxial", &BIAXIAL),
+        ("compression", &COMPRESSION),
+    ] {
+        let parts = [more, &NO_LAST_STAGE];
+        let whole = run(&at("whole"), 1, &parts);
+        let stopped = run(&at(name), 1, &[more, &NO_LAST_STAGE, &["--stop-at=1"]]);
+        assert_eq!(stopped.code, 75, "{}", stopped.text);
+        let resume = format!("--resume={}", at(name).display());
+        let mut within = 0;
+        for ranks in [1, 2, 3, 1, 2, 1] {
+            let arguments = [resume.clone(), "--walltime=1ns".into()];
+            let stopped = gshear_mpi(ranks, &at(name), &arguments);
+            assert_eq!(stopped.code, 75, "{name}: {}", stopped.text);
+            let checkpoint = at(name).join("checkpoint.h5");
+            let [header, _] = gshear_store::checkpoint::read_texts(&checkpoint).expect("a header");
+            within += usize::from(header.contains("\"unfinished\""));
+        }
+        assert!(within >= 3, "{name}: {within} stops within a step");
+        let resumed = gshear_mpi(2, &at(name), &[resume]);
+        assert_eq!(
+            digests(&resumed),
+            digests(&whole),
+            "{name}: {}",
+            resumed.text
+        );
+        assert_eq!(digests(&whole).len(), 1, "{}", whole.text);
+        let bits = |folder: &Path| -> Vec<Vec<u64>> {
+            let run = RunFile::open_any(&folder.join(AQS_FILE)).expect("a file");
+            let bits = |column: &[f64]| column.iter().map(|x| x.to_bits()).collect();
+            run.series().columns.iter().map(|of| bits(of)).collect()
+        };
+        assert_eq!(bits(&at(name)), bits(&at("whole")), "{name}");
+        assert_eq!(
+            beyond_the_digest(&at(name)),
+            beyond_the_digest(&at("whole")),
+            "{name}"
+        );
+        let born = |text: &str| {
+            text.lines()
+                .find(|line| line.starts_with("birth:"))
+                .map(String::from)
+        };
+        if name == "birth" {
+            assert!(born(&whole.text).is_some(), "{}", whole.text);
+        }
+    }
+}

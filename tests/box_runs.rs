@@ -278,10 +278,17 @@ fn a_preparation_stops_when_it_is_asked_to() {
     let apart = [many, "--set=sample.placement=random"];
     stops("apart", 1, &apart, "status.json");
     stops("to rest", 1, &to_rest, "status.json");
-    stops("pressed", 1, &pressed, "aqs.h5");
-    // It can start again: in this folder with what was written so far, in that as in a new one.
-    let again = [&pressed[..], &["--resume=auto"]].concat();
-    stops("pressed", 1, &again, "aqs.h5");
+    // Where the box takes on its pressure, the run goes on from a checkpoint.
+    let auto = [&pressed[..], &["--resume=auto"]].concat();
+    for (ranks, more) in [(1, &pressed[..]), (2, &auto)] {
+        let outcome = asked_to_stop(ranks, &at("pressed"), more, "aqs.h5");
+        assert_eq!(outcome.code, 75, "{}", outcome.text);
+        let why = "stopped in aqs at step 0; continue";
+        assert!(outcome.text.contains(why), "{}", outcome.text);
+        let checkpoint = at("pressed/checkpoint.h5");
+        let [header, _] = gshear_store::checkpoint::read_texts(&checkpoint).expect("a header");
+        assert!(header.contains("\"pressure\""), "{header}");
+    }
     let small = ["--set=aqs.steps=1", "--set=newtonian.rows=10"];
     done(&run(Path::new(SCENE), 1, &at("compressed"), &small));
 }

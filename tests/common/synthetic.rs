@@ -4,7 +4,7 @@
 
 use gshear_dem::state::{
     BoxEdges, ContactForce, ContactSample, ContactState, Displacement, FramePart, GrainPosition,
-    GrainSample, GrainState, SeriesRow, Snapshot,
+    GrainSample, GrainState, HeldState, SeriesRow, Snapshot,
 };
 use gshear_store::h5::Attribute;
 use gshear_store::trajectory::{GrainShape, RunHeader};
@@ -157,10 +157,20 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         angle: [34, 35, 36].map(|c| number(t, id, c)),
         image: image(t, id),
     };
+    let held = |radius| HeldState {
+        grains: (0..grains)
+            .map(|id| GrainState {
+                radius,
+                ..grain(id)
+            })
+            .collect(),
+        contacts: pairs(t, grains).into_iter().map(contact).collect(),
+    };
     Snapshot {
         header: format!("{{\"step\":{t}}}"),
         grains: (0..grains).map(grain).collect(),
         contacts: pairs(t, grains).into_iter().map(contact).collect(),
+        held: vec![held(1.0), held(2.0)],
         analysed: Some(FramePart {
             grains: (0..grains).map(place).collect(),
             contacts: pairs(t, grains).into_iter().map(force).collect(),

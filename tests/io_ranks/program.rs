@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
-    ContactSample, ContactState, FramePart, GrainSample, GrainState, SeriesRow, Snapshot,
+    ContactSample, ContactState, FramePart, GrainSample, GrainState, HeldState, SeriesRow, Snapshot,
 };
 use gshear_mpi_exchange::{Parallel, World};
 use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
@@ -102,6 +102,10 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
         if let Some(displacements) = &mut part.displacements {
             displacements.retain(|g| is_owned(t, u64::from(g.id)));
         }
+        for state in &mut part.held {
+            state.grains.retain(|g| is_owned(t, u64::from(g.id)));
+            state.contacts.retain(|c| is_owned(t, u64::from(c.i)));
+        }
         checkpoint::write(world, folder, "seed = 1\n", &part)?;
     }
     let (scene, part) = checkpoint::read(world, &folder.join(checkpoint::NAME))?;
@@ -117,6 +121,12 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
         displacements: part
             .displacements
             .map(|displacements| together(world, &displacements)),
+        held: (part.held.iter())
+            .map(|state| HeldState {
+                grains: together(world, &state.grains),
+                contacts: together(world, &state.contacts),
+            })
+            .collect(),
     };
     assert_eq!(whole, snapshot(6, grains));
     Ok(())

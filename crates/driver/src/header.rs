@@ -66,6 +66,9 @@ pub enum Header {
         progress: Progress,
         /// Number of frames and rows in the files.
         written: Written,
+        /// What goes on after the last strain step.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        unfinished: Option<Unfinished>,
     },
     /// Newton's equations in a periodic box.
     Newtonian {
@@ -209,12 +212,12 @@ pub struct Progress {
 impl Progress {
     /// The box of this sample.
     pub fn cell<D: Dimension>(&self, sample: &Sample) -> Cell {
-        let mut cell = sample.box_cell(sample.length);
-        if let Some(stretched) = &self.stretched {
-            cell = cell.with_lengths::<D>(stretched.lengths);
-        }
-        cell.shear(self.offset);
-        cell
+        let stretched = self.stretched.map(|of| of.lengths);
+        let shape = Shape {
+            lengths: stretched.unwrap_or([sample.length; 3]),
+            offset: self.offset,
+        };
+        shape.cell::<D>(sample)
     }
 
     /// What a digest contains of the box.
@@ -223,6 +226,164 @@ impl Progress {
         let numbers = std::iter::once(self.offset).chain(lengths);
         numbers.flat_map(f64::to_le_bytes).collect()
     }
+}
+
+/// The shape of a box.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Shape {
+    /// Lengths along the axes.
+    pub lengths: [f64; 3],
+    /// Lees–Edwards offset.
+    pub offset: f64,
+}
+
+impl Shape {
+    /// The shape of a cell.
+    pub fn of<D: Dimension>(cell: &Cell) -> Self {
+        Self {
+            lengths: cell.lengths::<D>(),
+            offset: cell.sheared.map_or(0.0, |sheared| sheared.offset),
+        }
+    }
+
+    /// The box of this sample.
+    pub fn cell<D: Dimension>(&self, sample: &Sample) -> Cell {
+        let mut cell = sample
+            .box_cell(sample.length)
+            .with_lengths::<D>(self.lengths);
+        if let Some(sheared) = &mut cell.sheared {
+            sheared.offset = self.offset;
+        }
+        cell
+    }
+}
+
+/// A strain step that is not finished, or what comes before and after strain steps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Unfinished {
+    /// The box.
+    pub shape: Shape,
+    /// The boxes of the states that the checkpoint holds.
+    pub held: Vec<Shape>,
+    /// What is done.
+    pub work: Work,
+}
+
+/// The relaxation that goes on, and what it is for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Work {
+    /// Whether it comes before the first strain step.
+    pub prepares: bool,
+    /// The relaxations that are done.
+    pub found: Equilibrium,
+    /// The one that goes on.
+    pub relaxing: Relaxing,
+    /// What follows it.
+    pub search: Search,
+}
+
+impl Work {
+    /// Whether it is a strain step.
+    pub fn is_step(&self) -> bool {
+        !self.prepares && !matches!(self.search, Search::Birth { .. })
+    }
+}
+
+/// A relaxation that goes on.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Relaxing {
+    /// What was done so far.
+    pub found: Equilibrium,
+    /// Contacts that Newton's method has opened so far; `None`: overdamped dynamics. The state
+    /// before Newton's method is the last one held.
+    pub opened: Option<Vec<[u32; 2]>>,
+}
+
+/// Statistics of a relaxation, or of several.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Equilibrium {
+    /// Factorisations of K.
+    pub factorisations: u64,
+    /// Steps of overdamped dynamics.
+    pub steps: u64,
+    /// Whether overdamped dynamics was needed because Newton's method did not converge.
+    pub fell_back: bool,
+}
+
+impl std::ops::AddAssign for Equilibrium {
+    fn add_assign(&mut self, other: Self) {
+        self.factorisations += other.factorisations;
+        self.steps += other.steps;
+        self.fell_back |= other.fell_back;
+    }
+}
+
+/// What follows a relaxation.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Search {
+    /// Nothing.
+    Rest,
+    /// The next trial on the way to a pressure.
+    Pressure(Pressing),
+    /// The next correction of the lateral stress.
+    Lateral(Correction),
+    /// The next bisection of the birth of a pair, between these strains after the last but one
+    /// strain step. The states at the lower one and after the last strain step are held.
+    Birth {
+        /// Without a pair.
+        low: f64,
+        /// With one.
+        high: f64,
+    },
+}
+
+/// The way to a pressure. The packing from which a trial starts is held.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pressing {
+    /// The pressure that is to be reached.
+    pub wanted: f64,
+    /// 1 if the box shrinks, -1 if it grows.
+    pub toward: f64,
+    /// The pressure of the packing from which the trial starts.
+    pub pressure: f64,
+    /// Relative change of the lengths in the trial.
+    pub change: f64,
+    /// Change of the pressure by that of the lengths, in the last trial before the wanted one.
+    pub slope: Option<f64>,
+    /// The nearest packing beyond the wanted pressure.
+    pub beyond: Option<Beyond>,
+}
+
+/// A pressure beyond the wanted one, at this relative change of the lengths from the packing that is
+/// kept.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Beyond {
+    /// The change of the lengths.
+    pub change: f64,
+    /// `None`: outside the contact law.
+    pub pressure: Option<f64>,
+}
+
+/// The way to a lateral stress in a strain step of a biaxial box.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Correction {
+    /// Corrections so far.
+    pub count: usize,
+    /// Change of the logarithm of the lateral lengths so far, and in the last correction.
+    pub total: f64,
+    /// That of the last correction.
+    pub by: f64,
+    /// Change of the lateral stress by the logarithm of the lateral lengths.
+    pub modulus: f64,
+    /// The lateral stress before the last correction, less the wanted one; `None` before the first.
+    pub excess: Option<f64>,
 }
 
 /// A box whose lengths change.

@@ -497,9 +497,18 @@ fn check_ends(
             }
             Ok(())
         }
-        (Header::Aqs { progress, .. }, Boundary::Periodic(periodic), _) => {
+        (
+            Header::Aqs {
+                progress,
+                unfinished,
+                ..
+            },
+            Boundary::Periodic(periodic),
+            _,
+        ) => {
             let steps = periodic.aqs.steps;
-            match steps < progress.steps {
+            let begun = unfinished.as_ref().is_some_and(|of| of.work.is_step());
+            match steps < progress.steps + u64::from(begun) {
                 true => past("aqs.steps", format!("strain step {steps}")),
                 false => Ok(()),
             }

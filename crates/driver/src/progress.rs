@@ -19,6 +19,7 @@ fn values(of: &Standing) -> Vec<String> {
         value("strain", of.strain, strain),
         value("tau", of.stress_ratio, |tau| format!("{tau:.4}")),
         value("stress", of.shear_stress, |stress| format!("{stress:.3e}")),
+        value("force", of.residual, |force| format!("{force:.1e}")),
     ]
     .into_iter()
     .flatten()
@@ -66,6 +67,9 @@ impl Pace {
         let (from, at) = self.looked;
         let seconds = at.elapsed().as_secs_f64();
         let steps = step.saturating_sub(from);
+        if steps == 0 {
+            return;
+        }
         // At first one step, then as many as a look is to take, but for sudden changes.
         let wanted = steps as f64 * LOOK.as_secs_f64() / seconds.max(1e-6);
         self.next = step + (wanted as u64).clamp(1, (8 * steps).max(1));

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::simd::Isa;
-use gshear_dem::state::{ContactState, Displacement, FramePart, GrainState, Snapshot};
+use gshear_dem::state::{ContactState, Displacement, FramePart, GrainState, HeldState, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Bookkeeping;
 use gshear_store::checkpoint;
@@ -40,15 +40,24 @@ pub struct StageState {
     pub analysed: Option<FramePart>,
     /// Displacements since the stage began.
     pub displacements: Option<Vec<Displacement>>,
+    /// States to which the stage may return.
+    pub held: Vec<HeldState>,
 }
 
 impl StageState {
     /// The state in a checkpoint; collective.
     pub fn restore(exchange: &dyn Parallel, snapshot: Snapshot) -> Self {
-        let contacts = checkpoint::to_both_holders(exchange, &snapshot);
+        let both = |grains: &[GrainState], contacts: &[ContactState]| {
+            checkpoint::to_both_holders(exchange, grains, contacts)
+        };
+        let held = snapshot.held.into_iter().map(|state| HeldState {
+            contacts: both(&state.grains, &state.contacts),
+            ..state
+        });
         Self {
+            held: held.collect(),
+            contacts: both(&snapshot.grains, &snapshot.contacts),
             grains: snapshot.grains,
-            contacts,
             analysed: snapshot.analysed,
             displacements: snapshot.displacements,
         }
@@ -95,12 +104,16 @@ pub trait Stage {
     fn is_done(&self) -> bool;
 
     /// Computes the forces of the initial state, before the first step. Not called when a stage
-    /// resumes. Returns whether the run stops before that, without a checkpoint, the same on every
-    /// rank.
+    /// resumes.
     ///
     /// # Errors
     /// Numbers that fail.
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure>;
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
+
+    /// Whether the last call of [`Stage::step`] took a part of a step only.
+    fn goes_on(&self) -> bool {
+        false
+    }
 
     /// Takes one step. `stop`: whether a stop was requested on this rank. Returns whether the run
     /// stops after this step, the same on every rank.
@@ -209,10 +222,7 @@ impl<'a> Run<'a> {
         }
         self.reporter.begin(&self.terminal, stage.standing());
         if begins {
-            if stage.begin(self).map_err(|e| in_stage(e, name))? {
-                self.terminal.unprepared();
-                return Ok(Outcome::Stopped);
-            }
+            stage.begin(self).map_err(|e| in_stage(e, name))?;
             stage.record(self)?;
         }
         while !stage.is_done() {
@@ -230,7 +240,7 @@ impl<'a> Run<'a> {
                 self.save(stage)?;
             }
             stage.log(self);
-            if self.reporter.is_due(stage.steps()) {
+            if stage.goes_on() || self.reporter.is_due(stage.steps()) {
                 let standing = stage.standing();
                 if self.reporter.report(&self.terminal, standing) {
                     stage.publish();
@@ -302,6 +312,7 @@ impl<'a> Run<'a> {
             contacts: state.contacts,
             analysed: state.analysed,
             displacements: state.displacements,
+            held: state.held,
         };
         checkpoint::write(exchange, out, self.toml, &snapshot)?;
         self.terminal

@@ -214,6 +214,17 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
     };
     match (&header, &scene.boundary) {
         (
+            Header::Aqs {
+                unfinished: Some(_),
+                ..
+            },
+            _,
+        ) => Err(Failure::input(format!(
+            "{}: the run was stopped within strain step {}, so the checkpoint's state is not at rest; continue the run, or give aqs.h5 and a frame of it",
+            path.display(),
+            header.step() + 1
+        ))),
+        (
             Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
             Boundary::Periodic(_),
         ) => {

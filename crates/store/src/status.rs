@@ -48,6 +48,9 @@ pub struct Standing {
     pub solid_fraction: Option<f64>,
     /// Shear stress, of a run in a box.
     pub shear_stress: Option<f64>,
+    /// Greatest force in the relaxation that goes on, in a box.
+    #[serde(default)]
+    pub residual: Option<f64>,
     /// Grains that a step of the equations of motion moves; `None` if the steps are others.
     #[serde(skip)]
     pub moving: Option<u32>,

@@ -29,6 +29,6 @@ pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
 pub use sample::{ContactSample, GrainSample, ImposedRow, SERIES_COLUMNS, SeriesRow};
 pub use snapshot::{
-    ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, Snapshot,
-    UNKNOWN_IMAGE,
+    ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
+    Snapshot, UNKNOWN_IMAGE,
 };

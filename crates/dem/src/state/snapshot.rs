@@ -186,6 +186,15 @@ impl From<&GrainState> for Displacement {
     }
 }
 
+/// This rank's part of a state to which a run may return.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct HeldState {
+    /// Owned grains.
+    pub grains: Vec<GrainState>,
+    /// Contacts of owned grains.
+    pub contacts: Vec<ContactState>,
+}
+
 /// This rank's part of a checkpoint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
@@ -200,4 +209,6 @@ pub struct Snapshot {
     pub analysed: Option<FramePart>,
     /// The displacements of a stage that measures them; on all ranks or on none.
     pub displacements: Option<Vec<Displacement>>,
+    /// States to which the run may return; as many on every rank.
+    pub held: Vec<HeldState>,
 }

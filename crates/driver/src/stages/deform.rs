@@ -6,10 +6,10 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 
 use super::box_state::{Observed, observe, volume};
-use super::relax::{Equilibrium, Followed, LONGEST, stretch};
+use super::relax::{Followed, LONGEST, stretch};
 use super::rest::RestState;
 use super::strain::Strain;
-use crate::header::Stretched;
+use crate::header::{Beyond, Correction, Pressing, Search, Stretched};
 use crate::run::Run;
 use gshear_scene::Deformation;
 
@@ -19,15 +19,6 @@ const LOOSE: f64 = 1e-3;
 const FINEST: f64 = 1e-13;
 /// Relaxations in a strain step of a biaxial box after which the lateral stress is given up.
 const MOST_CORRECTIONS: usize = 60;
-
-/// A pressure beyond the wanted one, at this relative change of the lengths from the packing that is
-/// kept.
-#[derive(Clone, Copy)]
-struct Beyond {
-    change: f64,
-    /// `None`: outside the contact law.
-    pressure: Option<f64>,
-}
 
 impl<D: Dimension> Strain<'_, D> {
     /// Volume of the grains over that of the box.
@@ -90,45 +81,45 @@ impl<D: Dimension> Strain<'_, D> {
         Ok(Ok(()))
     }
 
-    /// [`Strain::stretch`] and a relaxation, which must succeed.
-    fn stretch_and_relax(
-        &mut self,
-        run: &Run<'_>,
-        lengths: [f64; 3],
-    ) -> Result<Equilibrium, Failure> {
+    /// [`Strain::stretch`], which must succeed.
+    fn stretch_within(&mut self, run: &Run<'_>, lengths: [f64; 3]) -> Result<(), Failure> {
         let followed = self.stretch(run, lengths)?;
-        self.relax(run, followed)
+        self.within_law(run, followed)
     }
 
-    /// Relaxes after a strain step, unless it has led outside the law.
-    pub(super) fn relax(
-        &mut self,
-        run: &Run<'_>,
-        followed: Followed,
-    ) -> Result<Equilibrium, Failure> {
-        let (exchange, system) = (run.exchange, &mut self.system);
-        let found = match followed {
-            Ok(()) => self.relaxation.relax(exchange, system, self.law),
-            Err(outside) => Err(system.explain(exchange, outside)),
-        };
-        found.map_err(|failure| match failure {
+    /// Fails if a strain step has led outside the law.
+    pub(super) fn within_law(&mut self, run: &Run<'_>, followed: Followed) -> Result<(), Failure> {
+        followed.map_err(|outside| {
+            let failure = self.system.explain(run.exchange, outside);
+            self.of_strain_step(failure)
+        })
+    }
+
+    /// Names the strain step in which numbers fail, and what to do.
+    pub(super) fn of_strain_step(&self, failure: Failure) -> Failure {
+        match failure {
             Failure::Numbers(what) => Failure::numbers(format!(
                 "strain step {}, {what}; give a smaller aqs.strain_step, or less strain",
                 self.progress.steps + 1
             )),
             other => other,
-        })
+        }
     }
 
     /// Strain step number `step` of pure shear: ε = γ/2 along x, -γ/2 along the last axis. The
     /// lengths are those of the whole strain, so that their product stays the same but for rounding.
-    pub(super) fn pure_shear(&mut self, run: &Run<'_>, step: u64) -> Result<Equilibrium, Failure> {
+    pub(super) fn pure_shear(
+        &mut self,
+        run: &Run<'_>,
+        step: u64,
+    ) -> Result<Option<Search>, Failure> {
         let mut lengths = self.stretched().initial;
         let area = lengths[0] * lengths[D::UP];
         let strain = self.periodic.aqs.strain_step * step as f64;
         lengths[0] /= portable_exp(-0.5 * strain);
         lengths[D::UP] = area / lengths[0];
-        self.stretch_and_relax(run, lengths)
+        self.stretch_within(run, lengths)?;
+        Ok(Some(Search::Rest))
     }
 
     fn stretched(&self) -> Stretched {
@@ -138,49 +129,62 @@ impl<D: Dimension> Strain<'_, D> {
 
     /// Strain step number `step` of a biaxial box: the last axis shrinks, then the other lengths
     /// change by one factor until the mean stress along them is the wanted one.
-    pub(super) fn biaxial(&mut self, run: &Run<'_>, step: u64) -> Result<Equilibrium, Failure> {
+    pub(super) fn biaxial(&mut self, run: &Run<'_>, step: u64) -> Result<Option<Search>, Failure> {
         let before = self.stretched();
-        let wanted = self.periodic.pressure.unwrap_or(f64::NAN);
-        let most = self.periodic.aqs.strain_step;
-        let strain = most * step as f64;
+        let strain = self.periodic.aqs.strain_step * step as f64;
         let mut lengths = self.system.cell.lengths::<D>();
         lengths[D::UP] = before.initial[D::UP] * portable_exp(-strain);
-        let widened = |mut lengths: [f64; 3], by: f64| {
-            lengths[..D::UP].iter_mut().for_each(|l| *l *= 1.0 + by);
-            lengths
+        let of = Correction {
+            count: 0,
+            total: before.lateral_strain,
+            by: 0.0,
+            modulus: before.lateral_modulus.unwrap_or_else(|| self.stiff()),
+            excess: None,
         };
-        let mut total = before.lateral_strain;
-        let mut modulus = before.lateral_modulus.unwrap_or_else(|| self.stiff());
-        lengths = widened(lengths, total);
-        let mut found = self.stretch_and_relax(run, lengths)?;
-        let mut excess = self.lateral_excess(run, wanted);
-        for _ in 0..MOST_CORRECTIONS {
-            if excess.abs() <= self.periodic.pressure_tolerance * wanted {
-                self.progress.stretched = Some(Stretched {
-                    lateral_modulus: Some(modulus),
-                    lateral_strain: total.clamp(-2.0 * most, 2.0 * most),
-                    ..before
-                });
-                return Ok(found);
-            }
-            let by = (excess / modulus).clamp(-most, most);
-            lengths = widened(lengths, by);
-            total += by;
-            found += self.stretch_and_relax(run, lengths)?;
-            let now = self.lateral_excess(run, wanted);
+        self.stretch_within(run, widened::<D>(lengths, of.total))?;
+        Ok(Some(Search::Lateral(of)))
+    }
+
+    /// Begins the next correction of the lateral stress; `None` if it is the wanted one.
+    pub(super) fn correct(
+        &mut self,
+        run: &Run<'_>,
+        mut of: Correction,
+    ) -> Result<Option<Search>, Failure> {
+        let wanted = self.periodic.pressure.unwrap_or(f64::NAN);
+        let most = self.periodic.aqs.strain_step;
+        let excess = self.lateral_excess(run, wanted);
+        if let Some(before) = of.excess {
             // A rearrangement may make the packing look soft, or softer than nothing.
-            let measured = (excess - now) / by;
-            modulus = if measured > 0.0 {
-                measured.clamp(0.25 * modulus, 4.0 * modulus)
+            let measured = (before - excess) / of.by;
+            of.modulus = if measured > 0.0 {
+                measured.clamp(0.25 * of.modulus, 4.0 * of.modulus)
             } else {
-                4.0 * modulus
+                4.0 * of.modulus
             };
-            excess = now;
         }
-        Err(Failure::numbers(format!(
-            "strain step {step}: the lateral stress differs from box.pressure = {wanted:.4e} by {excess:.1e} after \
-             {MOST_CORRECTIONS} corrections; give a greater box.pressure_tolerance, or a smaller aqs.strain_step",
-        )))
+        if excess.abs() <= self.periodic.pressure_tolerance * wanted {
+            self.progress.stretched = Some(Stretched {
+                lateral_modulus: Some(of.modulus),
+                lateral_strain: of.total.clamp(-2.0 * most, 2.0 * most),
+                ..self.stretched()
+            });
+            return Ok(None);
+        }
+        if of.count == MOST_CORRECTIONS {
+            return Err(Failure::numbers(format!(
+                "strain step {}: the lateral stress differs from box.pressure = {wanted:.4e} by {excess:.1e} after \
+                 {MOST_CORRECTIONS} corrections; give a greater box.pressure_tolerance, or a smaller aqs.strain_step",
+                self.progress.steps + 1
+            )));
+        }
+        of.count += 1;
+        of.excess = Some(excess);
+        of.by = (excess / of.modulus).clamp(-most, most);
+        of.total += of.by;
+        let lengths = self.system.cell.lengths::<D>();
+        self.stretch_within(run, widened::<D>(lengths, of.by))?;
+        Ok(Some(Search::Lateral(of)))
     }
 
     /// The mean normal stress along all axes but the last, less the wanted one.
@@ -201,31 +205,38 @@ impl<D: Dimension> Strain<'_, D> {
         }
     }
 
-    /// Changes all lengths by one factor until the pressure is the wanted one. Never goes beyond it
-    /// and back, which would leave its mark on the histories: a packing beyond it is given up for
-    /// the one before. Returns `None` if `asked`, called before every trial, says that the run is to
-    /// stop.
-    pub(super) fn reach_pressure(
+    /// Begins to change all lengths by one factor until the pressure is the wanted one. Never goes
+    /// beyond it and back, which would leave its mark on the histories: a packing beyond it is given
+    /// up for the one before, which is held. Returns `None` if the pressure is the wanted one.
+    pub(super) fn begin_to_press(
         &mut self,
         run: &Run<'_>,
         wanted: f64,
-        asked: impl Fn() -> bool,
-    ) -> Result<Option<Equilibrium>, Failure> {
-        let most = self.periodic.aqs.strain_step;
-        let allowed = self.periodic.pressure_tolerance * wanted;
-        let mut found = Equilibrium::default();
-        let mut pressure = self.observed(run).pressure;
-        let toward = if pressure < wanted { 1.0 } else { -1.0 };
-        let mut rest = RestState::of(&mut self.system, self.law);
-        let mut change = most;
-        let mut slope: Option<f64> = None;
-        let mut beyond: Option<Beyond> = None;
-        while (pressure - wanted).abs() > allowed {
-            if asked() {
-                return Ok(None);
-            }
+    ) -> Result<Option<Search>, Failure> {
+        let pressure = self.observed(run).pressure;
+        self.held.push(RestState::of(&mut self.system, self.law));
+        let of = Pressing {
+            wanted,
+            toward: if pressure < wanted { 1.0 } else { -1.0 },
+            pressure,
+            change: self.periodic.aqs.strain_step,
+            slope: None,
+            beyond: None,
+        };
+        self.press(run, of)
+    }
+
+    /// Begins the next trial, or ends the search.
+    fn press(&mut self, run: &Run<'_>, mut of: Pressing) -> Result<Option<Search>, Failure> {
+        while (of.pressure - of.wanted).abs() > self.periodic.pressure_tolerance * of.wanted {
+            let Pressing {
+                wanted,
+                pressure,
+                change,
+                ..
+            } = of;
             if change < FINEST {
-                let jump = beyond.and_then(|of| of.pressure).unwrap_or(f64::NAN);
+                let jump = of.beyond.and_then(|of| of.pressure).unwrap_or(f64::NAN);
                 return Err(Failure::numbers(format!(
                     "strain step {}: the pressure jumps from {pressure:.4e} to {jump:.4e} when the box changes by {change:.0e} \
                      of its length, over the wanted {wanted:.4e}; give another pressure, a greater box.pressure_tolerance \
@@ -235,39 +246,65 @@ impl<D: Dimension> Strain<'_, D> {
             }
             let lengths = self.system.cell.lengths::<D>();
             let lengths: [f64; 3] = std::array::from_fn(|axis| match axis < D::AXES {
-                true => lengths[axis] * (1.0 - toward * change),
+                true => lengths[axis] * (1.0 - of.toward * change),
                 false => lengths[axis],
             });
-            let now = if self.stretch(run, lengths)?.is_ok() {
-                let (exchange, system) = (run.exchange, &mut self.system);
-                found += self.relaxation.relax(exchange, system, self.law)?;
-                Some(self.observed(run).pressure)
-            } else {
-                None
-            };
-            match now {
-                Some(now) if toward * (now - wanted) <= allowed => {
-                    slope = Some(toward * (now - pressure) / change).filter(|slope| *slope > 0.0);
-                    pressure = now;
-                    rest = RestState::of(&mut self.system, self.law);
-                    beyond = beyond.and_then(|of| {
-                        let left = of.change - change;
-                        (left > 0.0).then_some(Beyond { change: left, ..of })
-                    });
-                }
-                _ => {
-                    let state = rest.clone();
-                    state.put_back(run.exchange, &mut self.system, self.law)?;
-                    beyond = Some(Beyond {
-                        change,
-                        pressure: now,
-                    });
-                }
+            if self.stretch(run, lengths)?.is_ok() {
+                return Ok(Some(Search::Pressure(of)));
             }
-            change = next_change(pressure, wanted, slope, beyond, most);
+            self.judge(run, &mut of, None)?;
         }
-        Ok(Some(found))
+        self.held.pop();
+        Ok(None)
     }
+
+    /// Goes on after the relaxation of a trial.
+    pub(super) fn press_on(
+        &mut self,
+        run: &Run<'_>,
+        mut of: Pressing,
+    ) -> Result<Option<Search>, Failure> {
+        let now = self.observed(run).pressure;
+        self.judge(run, &mut of, Some(now))?;
+        self.press(run, of)
+    }
+
+    /// Keeps the packing of a trial with the pressure `now`, or gives it up; `None`: it is outside
+    /// the law. Chooses how far to change the lengths next.
+    fn judge(&mut self, run: &Run<'_>, of: &mut Pressing, now: Option<f64>) -> Result<(), Failure> {
+        let allowed = self.periodic.pressure_tolerance * of.wanted;
+        match now {
+            Some(now) if of.toward * (now - of.wanted) <= allowed => {
+                let slope = of.toward * (now - of.pressure) / of.change;
+                of.slope = Some(slope).filter(|slope| *slope > 0.0);
+                of.pressure = now;
+                self.held.pop();
+                self.held.push(RestState::of(&mut self.system, self.law));
+                let change = of.change;
+                of.beyond = of.beyond.and_then(|of| {
+                    let left = of.change - change;
+                    (left > 0.0).then_some(Beyond { change: left, ..of })
+                });
+            }
+            _ => {
+                let state = self.held.last().expect("the packing before").clone();
+                state.put_back(run.exchange, &mut self.system, self.law)?;
+                of.beyond = Some(Beyond {
+                    change: of.change,
+                    pressure: now,
+                });
+            }
+        }
+        let most = self.periodic.aqs.strain_step;
+        of.change = next_change(of.pressure, of.wanted, of.slope, of.beyond, most);
+        Ok(())
+    }
+}
+
+/// The lengths with those along all axes but the last longer by this part.
+fn widened<D: Dimension>(mut lengths: [f64; 3], by: f64) -> [f64; 3] {
+    lengths[..D::UP].iter_mut().for_each(|l| *l *= 1.0 + by);
+    lengths
 }
 
 /// How far to change the lengths next. Since the pressure rises ever more steeply, the chord to a

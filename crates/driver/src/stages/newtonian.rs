@@ -263,14 +263,14 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         self.step >= self.due.steps
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure> {
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the state at rest.
             let checkpoint = self.checkpoint(run)?;
             run.save_as(checkpoint)?;
         }
         initial_forces(run.exchange, &mut self.system, self.law, &mut NoWalls, None)?;
-        Ok(false)
+        Ok(())
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
@@ -364,8 +364,9 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
             state: StageState {
                 grains: self.system.grain_states(),
                 contacts: self.system.owned_contact_states(self.law),
-                analysed: None,
+
                 displacements: Some(self.motion.displacements.clone()),
+                ..StageState::default()
             },
             keep: self.scene.keep_checkpoints,
         })

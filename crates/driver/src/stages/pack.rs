@@ -213,10 +213,10 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         self.at_rest
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure> {
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         let law = self.law.as_ref();
         initial_forces(run.exchange, &mut self.system, law, &mut self.drive, None)?;
-        Ok(false)
+        Ok(())
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {

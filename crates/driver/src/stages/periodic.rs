@@ -14,6 +14,7 @@ use super::setup::{force, system};
 use super::strain::{self, Strain};
 use crate::header::{Header, Progress};
 use crate::run::{Outcome, Run, StageState, Start};
+use gshear_dem::state::HeldState;
 
 /// Runs the scene from `start` to its last step; collective.
 ///
@@ -44,6 +45,7 @@ pub fn run<D: LawSpace>(
         };
         (None, state)
     };
+    let mut unfinished = None;
     let (progress, written) = match &header {
         None => {
             let progress = Progress {
@@ -52,16 +54,34 @@ pub fn run<D: LawSpace>(
             };
             (progress, None)
         }
-        Some(Header::Aqs { progress, written }) => (*progress, Some(*written)),
+        Some(Header::Aqs {
+            progress,
+            written,
+            unfinished: of,
+        }) => {
+            unfinished.clone_from(of);
+            (*progress, Some(*written))
+        }
         Some(Header::Newtonian { progress, .. }) => (*progress, None),
         Some(Header::Pack { .. } | Header::Shear { .. }) => {
             return Err(Failure::input("the checkpoint is not of a periodic box"));
         }
     };
-    let displacements = state.displacements.clone();
-    let mut system = system::<D>(run, scene, progress.cell::<D>(&scene.sample))?;
+    let StageState {
+        grains,
+        contacts,
+        displacements,
+        held,
+        ..
+    } = state;
+    let sample = &scene.sample;
+    let cell = match &unfinished {
+        Some(of) => of.shape.cell::<D>(sample),
+        None => progress.cell::<D>(sample),
+    };
+    let mut system = system::<D>(run, scene, cell)?;
     // Keeps the forces of the state, because a run without a stop does not compute them again here.
-    let cell = system.cell;
+    let state = HeldState { grains, contacts };
     RestState { cell, state }.put_back(run.exchange, &mut system, law)?;
 
     let mut resumed = None;
@@ -73,7 +93,22 @@ pub fn run<D: LawSpace>(
         (system, progress)
     } else {
         let begins = written.is_none();
-        let mut strain = Strain::new(run, scene, periodic, law, system, progress, written)?;
+        let resumed = written.map(|written| {
+            let (shapes, work) =
+                unfinished.map_or_else(Default::default, |of| (of.held, Some(of.work)));
+            let states = shapes.iter().zip(held);
+            strain::Resumed {
+                written,
+                work,
+                held: states
+                    .map(|(shape, state)| RestState {
+                        cell: shape.cell::<D>(sample),
+                        state,
+                    })
+                    .collect(),
+            }
+        });
+        let mut strain = Strain::new(run, scene, periodic, law, system, progress, resumed)?;
         let outcome = run.drive(&mut strain, begins);
         let (system, progress, outcome) = strain.finish(run, outcome)?;
         if outcome == Outcome::Stopped {

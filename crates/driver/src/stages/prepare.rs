@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::relax::{NOT_AT_REST, overdamped};
+use super::relax::{NOT_AT_REST, begin_overdamped, overdamped};
 use super::scatter::{Placed, move_apart};
 use super::setup::system;
 use crate::run::{Run, StageState};
@@ -138,10 +138,13 @@ fn rest<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairForce<D>,
 ) -> Result<Option<StageState>, Failure> {
-    let asked = || run.asked_to_stop();
-    let Some(steps) = overdamped(&periodic.relax, run.exchange, system, law, asked)? else {
-        return Ok(None);
-    };
+    let mut steps = 0;
+    begin_overdamped(&periodic.relax, run.exchange, system, law)?;
+    while !overdamped(&periodic.relax, run.exchange, system, law, &mut steps)? {
+        if run.is_to_stop() {
+            return Ok(None);
+        }
+    }
     run.terminal.prepared(steps);
     Ok(Some(StageState {
         grains: system.grain_states(),

@@ -2,6 +2,7 @@
 
 use super::rest::RestState;
 use super::spectrum::{GlobalState, Move, newton_step};
+use crate::header::Relaxing;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
@@ -12,6 +13,7 @@ use gshear_dem::system::{Outside, System};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Method, Relax, Sample};
 use gshear_spectrum::Solver;
+use gshear_store::collective::gathered;
 
 /// Greatest number of factorisations; one or two suffice if no contact opens, closes or reaches a
 /// limit.
@@ -26,31 +28,14 @@ const LOOK: u64 = 100;
 /// Beginning of the message of a relaxation that takes too many steps.
 pub(super) const NOT_AT_REST: &str = "not at rest after relax.max_steps";
 
-/// Statistics of a relaxation, or of several.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Equilibrium {
-    /// Factorisations of K.
-    pub factorisations: u64,
-    /// Steps of overdamped dynamics.
-    pub steps: u64,
-    /// Whether overdamped dynamics was needed because Newton's method did not converge.
-    pub fell_back: bool,
-}
-
-impl std::ops::AddAssign for Equilibrium {
-    fn add_assign(&mut self, other: Self) {
-        self.factorisations += other.factorisations;
-        self.steps += other.steps;
-        self.fell_back |= other.fell_back;
-    }
-}
-
-/// Brings packings of a box to mechanical equilibrium.
+/// Brings packings of a box to mechanical equilibrium, a part of the way at a time.
 pub(super) struct Relaxation {
     relax: Relax,
     mean_diameter: f64,
     /// Keeps the ordering of K's pattern from one factorisation to the next.
     solver: Solver,
+    /// The residual that was last computed.
+    pub residual: f64,
 }
 
 impl Relaxation {
@@ -59,49 +44,81 @@ impl Relaxation {
             relax,
             mean_diameter: sample.mean_diameter,
             solver: Solver::default(),
+            residual: f64::NAN,
         }
     }
 
-    /// Relaxes the system, whose forces must be those of its positions.
-    pub fn relax<D: Dimension>(
+    /// Begins to relax the system, whose forces must be those of its positions. Newton's method
+    /// holds the state before it. Collective.
+    pub fn begin<D: Dimension>(
+        &self,
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+        law: &dyn PairForce<D>,
+        held: &mut Vec<RestState>,
+    ) -> Result<Relaxing, Failure> {
+        let mut relaxing = Relaxing::default();
+        if self.relax.method == Method::Newton {
+            held.push(RestState::of(system, law));
+            relaxing.opened = Some(Vec::new());
+        } else {
+            begin_overdamped(&self.relax, exchange, system, law)?;
+        }
+        Ok(relaxing)
+    }
+
+    /// Goes on, as far as the factors of one K serve, or some steps of overdamped dynamics. Returns
+    /// whether the system is at equilibrium. Collective.
+    pub fn go_on<D: Dimension>(
         &mut self,
         exchange: &dyn Parallel,
         system: &mut System<D>,
         law: &dyn PairForce<D>,
-    ) -> Result<Equilibrium, Failure> {
-        let mut found = Equilibrium::default();
-        if self.relax.method == Method::Newton {
-            let before = RestState::of(system, law);
-            if self.newton(exchange, system, law, &mut found.factorisations)? {
-                return Ok(found);
-            }
-            before.put_back(exchange, system, law)?;
+        (relaxing, held): (&mut Relaxing, &mut Vec<RestState>),
+    ) -> Result<bool, Failure> {
+        let Relaxing { found, opened } = relaxing;
+        let Some(of_newton) = opened else {
+            self.residual = residual(exchange, system, self.relax.drag);
+            return overdamped(&self.relax, exchange, system, law, &mut found.steps);
+        };
+        let before = held.last().expect("the state before Newton's method");
+        let before: Vec<[u32; 2]> = before.state.contacts.iter().map(|c| [c.i, c.j]).collect();
+        let before = gathered(exchange, &before, |pair| *pair);
+        let factorisations = &mut found.factorisations;
+        let converged = self.newton(exchange, system, law, (&before, of_newton), factorisations)?;
+        let state = match converged {
+            None => return Ok(false),
+            Some(_) => held.pop().expect("the state before Newton's method"),
+        };
+        if converged == Some(false) {
+            state.put_back(exchange, system, law)?;
+            *opened = None;
             found.fell_back = true;
+            begin_overdamped(&self.relax, exchange, system, law)?;
         }
-        let steps = overdamped(&self.relax, exchange, system, law, || false)?;
-        found.steps = steps.expect("nothing asks it to stop");
-        Ok(found)
+        Ok(converged == Some(true))
     }
 
-    /// Newton's method. Every displacement is one step of the dynamics, so that the histories
-    /// follow it. K is factorised again only if the last factors no longer reduce the residual.
+    /// Newton's method with one K. Every displacement is one step of the dynamics, so that the
+    /// histories follow it. K is factorised again only if the last factors no longer reduce the
+    /// residual. `before`: the contacts before the method, of which it notes those that open.
     /// Returns whether it converged and no contact opened and closed again on the way, because that
-    /// contact would have lost its history.
+    /// contact would have lost its history; `None` if it goes on.
     fn newton<D: Dimension>(
         &mut self,
         exchange: &dyn Parallel,
         system: &mut System<D>,
         law: &dyn PairForce<D>,
+        (before, opened): (&[[u32; 2]], &mut Vec<[u32; 2]>),
         factorisations: &mut u64,
-    ) -> Result<bool, Failure> {
+    ) -> Result<Option<bool>, Failure> {
         let tolerance = self.relax.tolerance;
-        let before = GlobalState::at_rest(exchange, system, law);
         let longest = LONGEST * self.mean_diameter;
-        let mut opened = Vec::new();
         let mut left = residual(exchange, system, 0.0);
-        while left > tolerance {
+        self.residual = left;
+        if left > tolerance {
             if *factorisations == MOST_FACTORISATIONS {
-                return Ok(false);
+                return Ok(Some(false));
             }
             *factorisations += 1;
             let whole = GlobalState::at_rest(exchange, system, law);
@@ -112,7 +129,7 @@ impl Relaxation {
                 system.rebuild(exchange, law, &mut NoWalls)?;
                 let tangent = tangent.as_ref().zip(factors.as_ref());
                 let Some(moves) = newton_step(exchange, system, tangent) else {
-                    return Ok(false);
+                    return Ok(Some(false));
                 };
                 let furthest = moves
                     .iter()
@@ -120,14 +137,15 @@ impl Relaxation {
                 let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
                 let smooth = furthest < longest;
                 if !smooth || displace(exchange, system, law, &moves, 0.0).is_err() {
-                    return Ok(false);
+                    return Ok(Some(false));
                 }
                 let now = residual(exchange, system, 0.0);
-                opened.extend(GlobalState::at_rest(exchange, system, law).opened_since(&before));
+                let state = GlobalState::at_rest(exchange, system, law);
+                opened.extend(before.iter().filter(|pair| !state.has(**pair)));
                 // NaN counts as no progress.
                 let falls = now < left;
                 if !falls {
-                    return Ok(false);
+                    return Ok(Some(false));
                 }
                 let serves = now < SERVING * left;
                 left = now;
@@ -135,9 +153,15 @@ impl Relaxation {
                     break;
                 }
             }
+            opened.sort_unstable();
+            opened.dedup();
+            self.residual = left;
+        }
+        if left > tolerance {
+            return Ok(None);
         }
         let after = GlobalState::at_rest(exchange, system, law);
-        Ok(!opened.into_iter().any(|pair| after.has(pair)))
+        Ok(Some(!opened.iter().any(|pair| after.has(*pair))))
     }
 }
 
@@ -169,47 +193,50 @@ pub(crate) fn eigenvalues_once<D: Dimension>(
     whole.eigenvalues::<D>(exchange, system, law).map(drop)
 }
 
-/// BO's overdamped dynamics, until no force is greater than the tolerance. Returns the number of
-/// steps; `None` if `asked`, called once a step, said on a rank that the run is to stop. Collective.
+/// Begins [`overdamped`] dynamics. Collective.
+pub(super) fn begin_overdamped<D: Dimension>(
+    relax: &Relax,
+    exchange: &dyn Parallel,
+    system: &mut System<D>,
+    law: &dyn PairForce<D>,
+) -> Result<(), Failure> {
+    let mut drive = Overdamped { drag: relax.drag };
+    system.rebuild(exchange, law, &mut drive)?;
+    initial_forces(exchange, system, law, &mut drive, None)
+}
+
+/// Some steps of BO's overdamped dynamics, which are added to `steps`, if a force is greater than
+/// the tolerance. Otherwise brings the system to rest, and returns true. Collective.
 pub(super) fn overdamped<D: Dimension>(
     relax: &Relax,
     exchange: &dyn Parallel,
     system: &mut System<D>,
     law: &dyn PairForce<D>,
-    asked: impl Fn() -> bool,
-) -> Result<Option<u64>, Failure> {
-    let mut drive = Overdamped { drag: relax.drag };
-    system.rebuild(exchange, law, &mut drive)?;
-    initial_forces(exchange, system, law, &mut drive, None)?;
-    let mut steps = 0;
-    let mut left = residual(exchange, system, relax.drag);
-    while left > relax.tolerance {
-        if steps >= relax.max_steps {
+    steps: &mut u64,
+) -> Result<bool, Failure> {
+    let left = residual(exchange, system, relax.drag);
+    if left.is_nan() {
+        return Err(Failure::numbers("a force is no number"));
+    }
+    if left > relax.tolerance {
+        if *steps >= relax.max_steps {
             return Err(Failure::numbers(format!(
                 "{NOT_AT_REST} = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
                  relax.tolerance is {:.2e}",
                 relax.tolerance
             )));
         }
+        let mut drive = Overdamped { drag: relax.drag };
         for _ in 0..LOOK {
-            let request = StepRequest {
-                stop: asked(),
-                ..StepRequest::default()
-            };
-            if advance(exchange, system, law, &mut drive, request)? {
-                return Ok(None);
-            }
+            advance(exchange, system, law, &mut drive, StepRequest::default())?;
         }
-        steps += LOOK;
-        left = residual(exchange, system, relax.drag);
-        if left.is_nan() {
-            return Err(Failure::numbers("a force is no number"));
-        }
+        *steps += LOOK;
+        return Ok(false);
     }
     stop(system);
     system.rebuild(exchange, law, &mut NoWalls)?;
     initial_forces(exchange, system, law, &mut NoWalls, None)?;
-    Ok(Some(steps))
+    Ok(true)
 }
 
 /// The greatest |F| or |T|/R on a grain, without the `drag` (1/time) that the forces contain.

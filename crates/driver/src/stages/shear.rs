@@ -294,7 +294,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
                 .as_ref()
                 .and_then(FrameAnalysis::last)
                 .cloned(),
-            displacements: None,
+            ..StageState::default()
         }
     }
 }
@@ -317,7 +317,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 
     /// Also records the state before the first step.
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure> {
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the packed sample.
             run.save_as(Checkpoint {
@@ -335,7 +335,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             &mut self.walls,
             samples,
         )?;
-        Ok(false)
+        Ok(())
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {

@@ -53,14 +53,8 @@ impl GlobalState {
         }
     }
 
-    /// The contacts of `other` that have opened.
-    pub fn opened_since(&self, other: &Self) -> Vec<(u32, u32)> {
-        let pairs = other.contacts.iter().map(|c| (c.i, c.j));
-        pairs.filter(|&pair| !self.has(pair)).collect()
-    }
-
-    pub fn has(&self, pair: (u32, u32)) -> bool {
-        let found = self.contacts.binary_search_by_key(&pair, |c| (c.i, c.j));
+    pub fn has(&self, [i, j]: [u32; 2]) -> bool {
+        let found = self.contacts.binary_search_by_key(&(i, j), |c| (c.i, c.j));
         found.is_ok()
     }
 }

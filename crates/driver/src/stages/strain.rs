@@ -16,11 +16,13 @@ use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
 use super::box_state::{Observed, observe};
-use super::relax::{Equilibrium, LONGEST, Relaxation, displace, residual};
+use super::relax::{LONGEST, Relaxation, displace, residual};
 use super::rest::RestState;
 use super::spectrum::{Eigenvalues, GlobalState};
 use crate::files::{Files, Format};
-use crate::header::{Birth, Header, Progress, Stretched};
+use crate::header::{
+    Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, Work,
+};
 use crate::run::{Checkpoint, Outcome, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
 use gshear_store::status::Standing;
@@ -41,19 +43,31 @@ pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &Progress)
     }
 }
 
+/// The data with which the strain steps resume.
+pub(super) struct Resumed {
+    /// Frames and rows in the file.
+    pub written: Written,
+    pub work: Option<Work>,
+    pub held: Vec<RestState>,
+}
+
 /// The stage of the strain steps.
 pub(super) struct Strain<'a, D: Dimension> {
     pub(super) scene: &'a Scene,
     pub(super) periodic: &'a PeriodicBox,
     pub(super) law: &'a dyn PairForce<D>,
     pub(super) system: System<D>,
-    pub(super) relaxation: Relaxation,
+    relaxation: Relaxation,
     files: Files,
     pub(super) progress: Progress,
     pub(super) samples: ContactForces,
-    /// The state before the last strain step, and the statistics of its relaxation.
-    before: Option<(RestState, Progress)>,
-    found: Equilibrium,
+    /// What goes on after the last strain step.
+    work: Option<Work>,
+    /// States to return to, the last one first: that before the strain step if the birth of a pair
+    /// is looked for, those of the search, that before Newton's method.
+    pub(super) held: Vec<RestState>,
+    /// The relaxations of the state that has no row yet.
+    unrecorded: Option<Equilibrium>,
     /// Strain and shear stress of the last state.
     latest: Option<[f64; 2]>,
 }
@@ -66,7 +80,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         law: &'a dyn PairForce<D>,
         mut system: System<D>,
         progress: Progress,
-        written: Option<Written>,
+        resumed: Option<Resumed>,
     ) -> Result<Self, Failure> {
         let format = Format {
             name: AQS_FILE,
@@ -82,7 +96,11 @@ impl<'a, D: Dimension> Strain<'a, D> {
             log: false,
             scalars: false,
         };
-        let before = written.map(|_| UpToCheckpoint::new(progress.steps));
+        let before = resumed.as_ref().map(|resumed| UpToCheckpoint {
+            step: progress.steps,
+            last: (resumed.written.rows > 0).then_some(progress.steps),
+        });
+        let (work, held) = resumed.map_or((None, Vec::new()), |of| (of.work, of.held));
         Ok(Self {
             files: Files::open(run.place(), &mut system, &format, before)?,
             relaxation: Relaxation::new(periodic.relax, &scene.sample),
@@ -92,8 +110,9 @@ impl<'a, D: Dimension> Strain<'a, D> {
             system,
             progress,
             samples: ContactForces::default(),
-            before: None,
-            found: Equilibrium::default(),
+            work,
+            held,
+            unrecorded: None,
             latest: None,
         })
     }
@@ -140,27 +159,30 @@ impl<'a, D: Dimension> Strain<'a, D> {
         until > 0.0 && self.progress.pairs == 1 && self.progress.pair.is_some_and(great)
     }
 
-    /// Takes a strain step and relaxes.
-    fn deform(&mut self, run: &Run<'_>) -> Result<Equilibrium, Failure> {
+    /// Begins a strain step. Returns what follows the relaxation; `None` if there is none.
+    fn deform(&mut self, run: &Run<'_>) -> Result<Option<Search>, Failure> {
         let step = self.progress.steps + 1;
         match &self.periodic.deformation {
-            Deformation::SimpleShear => self.shear(run, self.periodic.aqs.strain_step),
+            Deformation::SimpleShear => {
+                self.shear(run, self.periodic.aqs.strain_step)?;
+                Ok(Some(Search::Rest))
+            }
             Deformation::PureShear => self.pure_shear(run, step),
             Deformation::Biaxial => self.biaxial(run, step),
             Deformation::Compression(pressures) => {
-                let found = self.reach_pressure(run, pressures[step as usize - 1], || false)?;
-                Ok(found.expect("nothing asks it to stop"))
+                self.begin_to_press(run, pressures[step as usize - 1])
             }
         }
     }
 
-    /// Shears by `by` and relaxes.
-    fn shear(&mut self, run: &Run<'_>, by: f64) -> Result<Equilibrium, Failure> {
-        let (exchange, system) = (run.exchange, &mut self.system);
-        let height = system.cell.sheared.map_or(0.0, |s| s.height);
+    /// Shears by `by`.
+    fn shear(&mut self, run: &Run<'_>, by: f64) -> Result<(), Failure> {
+        let exchange = run.exchange;
+        let height = self.system.cell.sheared.map_or(0.0, |s| s.height);
         let longest = LONGEST * self.scene.sample.mean_diameter;
         let parts = (by * height / longest).ceil().max(1.0);
         for _ in 0..parts as u64 {
+            let system = &mut self.system;
             system.list.widen(4.0 * longest);
             system.rebuild(exchange, self.law, &mut NoWalls)?;
             let part = by / parts;
@@ -168,11 +190,61 @@ impl<'a, D: Dimension> Strain<'a, D> {
             let affine = |g: usize| [[part * grains.fields(g)[D::UP], 0.0, 0.0], [0.0; 3]];
             let moves: Vec<_> = (0..grains.owned).map(affine).collect();
             let followed = displace(exchange, system, self.law, &moves, part * height);
-            if followed.is_err() {
-                return self.relax(run, followed);
+            self.within_law(run, followed)?;
+        }
+        Ok(())
+    }
+
+    /// What follows a relaxation that is done, if not another one: `None`.
+    fn search(&mut self, run: &Run<'_>, work: &Work) -> Result<Option<Search>, Failure> {
+        match (work.search, self.periodic.pressure) {
+            (Search::Rest, Some(pressure)) if work.prepares => self.begin_to_press(run, pressure),
+            (Search::Rest, _) => Ok(None),
+            (Search::Pressure(of), _) => self.press_on(run, of),
+            (Search::Lateral(of), _) => self.correct(run, of),
+            (Search::Birth { low, high }, _) => {
+                let middle = 0.5 * (low + high);
+                if self.eigenvalues(run)?.pairs() > 0 {
+                    return self.bisect(run, low, middle);
+                }
+                self.held[0] = RestState::of(&mut self.system, self.law);
+                self.bisect(run, middle, high)
             }
         }
-        self.relax(run, Ok(()))
+    }
+
+    /// Begins the relaxation before `search`, or ends the strain step. `found`: what was done so far.
+    fn relax(
+        &mut self,
+        run: &Run<'_>,
+        (prepares, found): (bool, Equilibrium),
+        search: Option<Search>,
+    ) -> Result<(), Failure> {
+        if let Some(search) = search {
+            let (system, held) = (&mut self.system, &mut self.held);
+            let relaxing = self.relaxation.begin(run.exchange, system, self.law, held);
+            let relaxing = relaxing.map_err(|failure| self.of_strain_step(failure))?;
+            self.work = Some(Work {
+                prepares,
+                found,
+                relaxing,
+                search,
+            });
+            return Ok(());
+        }
+        self.unrecorded = Some(found);
+        if prepares {
+            self.begin_stretching();
+            return Ok(());
+        }
+        let progress = &mut self.progress;
+        progress.steps += 1;
+        progress.offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
+        if let Some(stretched) = &mut progress.stretched {
+            stretched.lengths = self.system.cell.lengths::<D>();
+        }
+        progress.fell_back += u64::from(found.fell_back);
+        Ok(())
     }
 
     fn eigenvalues(&mut self, run: &Run<'_>) -> Result<Eigenvalues, Failure> {
@@ -180,34 +252,28 @@ impl<'a, D: Dimension> Strain<'a, D> {
         whole.eigenvalues::<D>(run.exchange, &mut self.system, self.law)
     }
 
-    /// Bisects the strain of the birth between the states before and after a strain step, starting
-    /// from the state before it.
-    fn birth(
-        &mut self,
-        run: &Run<'_>,
-        mut before: RestState,
-        steps: u64,
-    ) -> Result<Birth, Failure> {
+    /// Begins the next step of the bisection of the strain of the birth, between these strains from
+    /// the state before the last strain step on, or ends it.
+    fn bisect(&mut self, run: &Run<'_>, low: f64, high: f64) -> Result<Option<Search>, Failure> {
         let aqs = self.periodic.aqs;
-        let start = aqs.strain_step * steps as f64;
-        let (mut low, mut high) = (0.0, aqs.strain_step);
-        while high - low > aqs.birth_precision {
-            let middle = 0.5 * (low + high);
-            before
-                .clone()
-                .put_back(run.exchange, &mut self.system, self.law)?;
-            self.shear(run, middle - low)?;
-            if self.eigenvalues(run)?.pairs() > 0 {
-                high = middle;
-            } else {
-                low = middle;
-                before = RestState::of(&mut self.system, self.law);
-            }
+        if high - low > aqs.birth_precision {
+            let before = self.held[0].clone();
+            before.put_back(run.exchange, &mut self.system, self.law)?;
+            self.shear(run, 0.5 * (low + high) - low)?;
+            return Ok(Some(Search::Birth { low, high }));
         }
-        Ok(Birth {
+        let start = aqs.strain_step * (self.progress.steps - 1) as f64;
+        let birth = Birth {
             before: start + low,
             after: start + high,
-        })
+        };
+        self.progress.birth = Some(birth);
+        run.terminal.born(&birth);
+        if let Some(after) = self.held.pop() {
+            after.put_back(run.exchange, &mut self.system, self.law)?;
+        }
+        self.held.clear();
+        Ok(None)
     }
 }
 
@@ -225,41 +291,53 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     }
 
     fn is_done(&self) -> bool {
-        self.progress.steps >= self.periodic.aqs.steps || self.has_grown()
+        let last = self.progress.steps >= self.periodic.aqs.steps || self.has_grown();
+        last && self.work.is_none()
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<bool, Failure> {
-        self.found = self
-            .relaxation
-            .relax(run.exchange, &mut self.system, self.law)?;
-        if let Some(pressure) = self.periodic.pressure {
-            let run = &*run;
-            match self.reach_pressure(run, pressure, || run.is_to_stop())? {
-                Some(reached) => self.found += reached,
-                None => return Ok(true),
+    fn goes_on(&self) -> bool {
+        self.work.is_some()
+    }
+
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        let none = Equilibrium::default();
+        self.relax(run, (true, none), Some(Search::Rest))
+    }
+
+    /// A part of a strain step.
+    fn step(&mut self, run: &mut Run<'_>, _: bool) -> Result<bool, Failure> {
+        if let Some(mut work) = self.work.take() {
+            let parts = (&mut work.relaxing, &mut self.held);
+            let at_rest = self
+                .relaxation
+                .go_on(run.exchange, &mut self.system, self.law, parts);
+            if at_rest.map_err(|failure| self.of_strain_step(failure))? {
+                let mut found = work.found;
+                found += work.relaxing.found;
+                let next = self.search(run, &work)?;
+                if next.is_some() || !matches!(work.search, Search::Birth { .. }) {
+                    self.relax(run, (work.prepares, found), next)?;
+                }
+            } else {
+                self.work = Some(work);
             }
+        } else {
+            if self.periodic.aqs.spectrum && self.progress.birth.is_none() {
+                self.held.push(RestState::of(&mut self.system, self.law));
+            }
+            let next = self.deform(run)?;
+            self.relax(run, (false, Equilibrium::default()), next)?;
         }
-        self.begin_stretching();
-        Ok(false)
+        let last = self.work.is_none() && run.options.stop_at == Some(self.progress.steps);
+        Ok(run.is_to_stop() || last)
     }
 
-    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
-        let before = RestState::of(&mut self.system, self.law);
-        self.before = Some((before, self.progress));
-        self.found = self.deform(run)?;
-        let progress = &mut self.progress;
-        progress.steps += 1;
-        progress.offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
-        if let Some(stretched) = &mut progress.stretched {
-            stretched.lengths = self.system.cell.lengths::<D>();
-        }
-        progress.fell_back += u64::from(self.found.fell_back);
-        // A strain step takes long, so requests to stop during it count.
-        Ok(run.is_to_stop() || stop)
-    }
-
-    /// Measures the packing. If the step has led to the first complex pair, bisects its birth.
+    /// Measures the packing after a strain step. If the step has led to the first complex pair,
+    /// begins to bisect its birth.
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+        let Some(found) = self.unrecorded.take() else {
+            return Ok(());
+        };
         let (exchange, aqs) = (run.exchange, &self.periodic.aqs);
         let observed = observe(
             exchange,
@@ -283,7 +361,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             lengths: self.system.cell.lengths::<D>(),
             offset: self.progress.offset,
             observed,
-            found: self.found,
+            found,
             residual: residual(exchange, &mut self.system, 0.0),
             eigenvalues,
         };
@@ -300,15 +378,15 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             self.files
                 .frame(exchange, clock, &edges, (&grains, &contacts))?;
         }
-        let Some((before, of)) = self.before.take() else {
-            return Ok(());
-        };
-        if of.birth.is_none() && self.progress.pairs > 0 {
-            let after = RestState::of(&mut self.system, self.law);
-            let birth = self.birth(run, before, of.steps)?;
-            self.progress.birth = Some(birth);
-            run.terminal.born(&birth);
-            after.put_back(exchange, &mut self.system, self.law)?;
+        if self.progress.birth.is_none() && self.progress.pairs > 0 && !self.held.is_empty() {
+            self.held.push(RestState::of(&mut self.system, self.law));
+            let first = self.bisect(run, 0.0, aqs.strain_step)?;
+            if first.is_some() {
+                self.relax(run, (false, Equilibrium::default()), first)?;
+            }
+        }
+        if self.work.is_none() {
+            self.held.clear();
         }
         Ok(())
     }
@@ -320,6 +398,8 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             steps: Some(self.periodic.aqs.steps),
             strain: self.latest.map(|[strain, _]| strain),
             shear_stress: self.latest.map(|[_, stress]| stress),
+            residual: Some(self.relaxation.residual)
+                .filter(|residual| self.work.is_some() && residual.is_finite()),
             ..Standing::default()
         }
     }
@@ -327,22 +407,32 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     fn save_due(&self) -> Save {
         match self.is_done() {
             true => Save::Now,
+            // Only those of whole strain steps are kept.
+            false if self.scene.keep_checkpoints && self.work.is_some() => Save::No,
             false => Save::IfOld,
         }
     }
 
     fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+        let shape = |state: &RestState| Shape::of::<D>(&state.cell);
+        let unfinished = self.work.as_ref().map(|work| Unfinished {
+            shape: Shape::of::<D>(&self.system.cell),
+            held: self.held.iter().map(shape).collect(),
+            work: work.clone(),
+        });
         Ok(Checkpoint {
             header: Header::Aqs {
                 progress: self.progress,
                 written: self.files.flush(run.exchange)?,
+                unfinished,
             },
             state: StageState {
                 grains: self.system.grain_states(),
                 contacts: self.system.owned_contact_states(self.law),
+                held: self.held.iter().map(RestState::owned).collect(),
                 ..StageState::default()
             },
-            keep: self.scene.keep_checkpoints,
+            keep: self.scene.keep_checkpoints && self.work.is_none(),
         })
     }
 }

@@ -9,8 +9,8 @@ use super::text_writer::{self, unwritten};
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
-    ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, Snapshot,
-    UNKNOWN_IMAGE,
+    ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
+    Snapshot, UNKNOWN_IMAGE,
 };
 use gshear_mpi_exchange::Parallel;
 use records::{Record, length, read_records, stored_bytes, write_one, write_records};
@@ -28,6 +28,10 @@ pub const NAME: &str = "checkpoint.h5";
 pub const PREVIOUS: &str = "checkpoint.previous.h5";
 
 const FORMAT: &str = "gshear-checkpoint";
+/// Before the names of groups and checksums of the states that are held: one after the other, as if
+/// they were one state of more grains.
+const HELD: &str = "held_";
+
 /// Version of the format.
 pub const VERSION: u64 = 7;
 /// The earliest version that is read.
@@ -47,15 +51,19 @@ fn hex(sum: u64) -> String {
     format!("{sum:016x}")
 }
 
-/// Returns the contacts of a checkpoint that has been read, on every rank that holds one of the two
+/// Returns the contacts of a state that has been read, on every rank that holds one of the two
 /// grains. [`read`] returns them on the rank of the first grain only. Collective.
-pub fn to_both_holders(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<ContactState> {
+pub fn to_both_holders(
+    exchange: &dyn Parallel,
+    grains: &[GrainState],
+    contacts: &[ContactState],
+) -> Vec<ContactState> {
     let blocks = IdBlocks {
-        grains: total(exchange, snapshot.grains.len() as u64),
+        grains: total(exchange, grains.len() as u64),
         ranks: exchange.size() as u64,
     };
     let mut to = vec![Vec::new(); exchange.size()];
-    for contact in &snapshot.contacts {
+    for contact in contacts {
         let (a, b) = (blocks.holder(contact.i), blocks.holder(contact.j));
         to[a].extend_from_slice(bytemuck::bytes_of(contact));
         if b != a {
@@ -95,6 +103,16 @@ pub fn write(
     let displacements = snapshot.displacements.as_ref();
     let displacements =
         displacements.map(|displacements| of_grains(exchange, blocks, displacements, |g| g.id));
+    let held = (!snapshot.held.is_empty()).then(|| {
+        let HeldState { grains, contacts } = one_after_another(&snapshot.held, blocks.grains);
+        let blocks = IdBlocks {
+            grains: blocks.grains * snapshot.held.len() as u64,
+            ..blocks
+        };
+        let grains = of_grains(exchange, blocks, &grains, |g| g.id);
+        let contacts = of_contacts(exchange, blocks, &contacts, |c| [c.i, c.j]);
+        (grains, contacts)
+    });
 
     // Rank 0's texts on every rank, because HDF5 requires equal arguments.
     let header = exchange.broadcast(snapshot.header.clone().into_bytes());
@@ -130,6 +148,13 @@ pub fn write(
         let sum = sum(checksum(exchange, &displacements.records, VERSION));
         attributes.push((Displacement::CHECKSUM, sum));
     }
+    let of_held =
+        [GrainState::CHECKSUM, ContactState::CHECKSUM].map(|name| format!("{HELD}{name}"));
+    if let Some((grains, contacts)) = &held {
+        let of_grains = sum(checksum(exchange, &grains.records, VERSION));
+        let of_contacts = sum(checksum(exchange, &contacts.records, VERSION));
+        attributes.extend([(&*of_held[0], of_grains), (&*of_held[1], of_contacts)]);
+    }
     let (part, name) = part_of(exchange, folder)?;
     let path = folder.join(name);
     let file = H5File::create(&path, exchange)?;
@@ -144,6 +169,10 @@ pub fn write(
     if displacements.is_some() {
         needed += bytes(blocks.grains, size_of::<Displacement>());
     }
+    if let Some((grains, contacts)) = &held {
+        needed += bytes(grains.length, size_of::<GrainState>());
+        needed += bytes(contacts.length, size_of::<ContactState>());
+    }
     file.reserve(exchange, needed)?;
     let mut outcome = CollectiveOutcome::default();
     for (name, value) in &attributes {
@@ -154,14 +183,18 @@ pub fn write(
         let local = if root { &text[..] } else { &[] };
         outcome.note(write_one(&file, name, &[text.len()], 0, local));
     }
-    write_records(&file, &mut outcome, &grains);
-    write_records(&file, &mut outcome, &contacts);
+    write_records((&file, ""), &mut outcome, &grains);
+    write_records((&file, ""), &mut outcome, &contacts);
     if let Some((grains, contacts)) = &analysed {
-        write_records(&file, &mut outcome, grains);
-        write_records(&file, &mut outcome, contacts);
+        write_records((&file, ""), &mut outcome, grains);
+        write_records((&file, ""), &mut outcome, contacts);
     }
     if let Some(displacements) = &displacements {
-        write_records(&file, &mut outcome, displacements);
+        write_records((&file, ""), &mut outcome, displacements);
+    }
+    if let Some((grains, contacts)) = &held {
+        write_records((&file, HELD), &mut outcome, grains);
+        write_records((&file, HELD), &mut outcome, contacts);
     }
     file.agree(exchange, outcome)?;
     file.close(exchange)?;
@@ -220,6 +253,44 @@ fn checksums_are(path: &Path, attributes: &[(&str, Attribute)]) -> Result<(), St
         }
     }
     Ok(())
+}
+
+/// The states as one, in which the grains of the k-th have ids from k `grains` on.
+fn one_after_another(states: &[HeldState], grains: u64) -> HeldState {
+    let mut all = HeldState::default();
+    for (k, state) in states.iter().enumerate() {
+        let first = k as u32 * grains as u32;
+        all.grains.extend(state.grains.iter().map(|g| GrainState {
+            id: first + g.id,
+            ..*g
+        }));
+        all.contacts
+            .extend(state.contacts.iter().map(|c| ContactState {
+                i: first + c.i,
+                j: first + c.j,
+                ..*c
+            }));
+    }
+    all
+}
+
+/// The states that were written as one: of each the grains of this rank's block of `blocks`, and
+/// their contacts. Collective.
+fn apart(exchange: &dyn Parallel, blocks: IdBlocks, pieces: &HeldPieces) -> Vec<HeldState> {
+    let grains = blocks.grains as u32;
+    let mut states =
+        vec![HeldState::default(); (pieces.blocks.grains / blocks.grains.max(1)) as usize];
+    for mut g in blocks.redistribute(exchange, &pieces.grains.records, |g| g.id % grains) {
+        let state = g.id / grains;
+        g.id %= grains;
+        states[state as usize].grains.push(g);
+    }
+    for mut c in blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i % grains) {
+        let state = c.i / grains;
+        (c.i, c.j) = (c.i % grains, c.j % grains);
+        states[state as usize].contacts.push(c);
+    }
+    states
 }
 
 /// One rank's part of a list.
@@ -395,6 +466,8 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
     }
     let blocks = pieces.blocks;
     let contacts = blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i);
+    let held = pieces.held.as_ref();
+    let held = held.map_or_else(Vec::new, |held| apart(exchange, blocks, held));
     Ok((
         pieces.scene,
         Snapshot {
@@ -408,6 +481,7 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
             displacements: pieces
                 .displacements
                 .map(|displacements| displacements.records),
+            held,
         },
     ))
 }
@@ -422,10 +496,18 @@ fn check(exchange: &dyn Parallel, pieces: &Pieces) -> Result<(), String> {
         checked.grains(grains, |g| g.id)?;
         checked.contacts(contacts, |c| [c.i, c.j])?;
     }
-    match &pieces.displacements {
-        Some(displacements) => checked.grains(displacements, |g| g.id),
-        None => Ok(()),
+    if let Some(displacements) = &pieces.displacements {
+        checked.grains(displacements, |g| g.id)?;
     }
+    let Some(held) = &pieces.held else {
+        return Ok(());
+    };
+    let checked = Checked {
+        exchange,
+        blocks: held.blocks,
+    };
+    checked.grains(&held.grains, |g| g.id)?;
+    checked.contacts(&held.contacts, |c| [c.i, c.j])
 }
 
 /// Checks the pieces of all ranks, with the same result on every rank.
@@ -479,6 +561,14 @@ struct Pieces {
     contacts: Piece<ContactState>,
     analysed: Option<(Piece<GrainPosition>, Piece<ContactForce>)>,
     displacements: Option<Piece<Displacement>>,
+    held: Option<HeldPieces>,
+}
+
+struct HeldPieces {
+    /// Of the ids of all states together.
+    blocks: IdBlocks,
+    grains: Piece<GrainState>,
+    contacts: Piece<ContactState>,
 }
 
 /// One rank's share of a list, whatever its ids, and the stored checksum of the whole list.
@@ -550,12 +640,13 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         };
         Ok((list, list.range(rank)))
     };
-    let from = (&file, version);
+    let from = (&file, version, "");
     let has = |sum: &str| names.iter().any(|n| n == sum);
     let grains = share("grains/id")?;
     if grains.0.grains == 0 {
         return Err("damaged: it holds no grain".into());
     }
+    let count = grains.0.grains;
     Ok(Pieces {
         header,
         scene,
@@ -585,18 +676,46 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
             )?),
             false => None,
         },
+        held: match has(&format!("{HELD}{}", GrainState::CHECKSUM)) {
+            true => Some(held(&file, version, count, &share)?),
+            false => None,
+        },
+    })
+}
+
+/// The states that are held. `grains`: in each of them; `share`: of this rank in a list.
+fn held(
+    file: &hdf5::File,
+    version: u64,
+    grains: u64,
+    share: &dyn Fn(&str) -> Result<(IdBlocks, Range<u64>), String>,
+) -> Result<HeldPieces, String> {
+    let of = |name: &str| format!("{HELD}{name}");
+    let word = |name: &str| word(file, &of(name));
+    let from = (file, version, HELD);
+    let ids = share(&of("grains/id"))?;
+    if grains == 0 || !ids.0.grains.is_multiple_of(grains) {
+        return Err("damaged: the states that it holds have other grains".into());
+    }
+    Ok(HeldPieces {
+        blocks: ids.0,
+        grains: piece(from, ids, word(GrainState::CHECKSUM)?)?,
+        contacts: piece(
+            from,
+            share(&of("contacts/i"))?,
+            word(ContactState::CHECKSUM)?,
+        )?,
     })
 }
 
 fn piece<R: Record>(
-    (file, version): (&hdf5::File, u64),
+    from: (&hdf5::File, u64, &str),
     (list, local): (IdBlocks, Range<u64>),
     sum: String,
 ) -> Result<Piece<R>, String> {
-    let records = read_records(file, version, list.grains, local)?;
     Ok(Piece {
-        records,
+        records: read_records(from, list.grains, local)?,
         sum,
-        version,
+        version: from.1,
     })
 }

@@ -167,14 +167,14 @@ pub(super) fn write_one<T: H5Type + Copy>(
 }
 
 fn write_column<R: Record, T: H5Type + Copy>(
-    file: &H5File,
+    (file, prefix): (&H5File, &str),
     field: &Field<R, T>,
     all: u64,
     first: u64,
     local: &[R],
 ) -> Result<(), Failure> {
     let values: Vec<T> = local.iter().flat_map(field.get).copied().collect();
-    let name = format!("{}/{}", R::GROUP, field.name);
+    let name = format!("{prefix}{}/{}", R::GROUP, field.name);
     let shape = [all as usize, field.width];
     write_one(
         file,
@@ -185,21 +185,23 @@ fn write_column<R: Record, T: H5Type + Copy>(
     )
 }
 
+/// Writes the records into their group, whose name begins with `prefix`.
 pub(super) fn write_records<R: Record>(
-    file: &H5File,
+    (file, prefix): (&H5File, &str),
     outcome: &mut CollectiveOutcome,
     stretch: &Stretch<R>,
 ) {
     let (all, first, local) = (stretch.length, stretch.first, &stretch.records[..]);
-    outcome.note(file.group(R::GROUP));
+    let to = (file, prefix);
+    outcome.note(file.group(&format!("{prefix}{}", R::GROUP)));
     for field in R::integers() {
-        outcome.note(write_column(file, &field, all, first, local));
+        outcome.note(write_column(to, &field, all, first, local));
     }
     for field in R::numbers() {
-        outcome.note(write_column(file, &field, all, first, local));
+        outcome.note(write_column(to, &field, all, first, local));
     }
     for field in R::signed().1 {
-        outcome.note(write_column(file, &field, all, first, local));
+        outcome.note(write_column(to, &field, all, first, local));
     }
 }
 
@@ -214,19 +216,18 @@ pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
 }
 
 pub(super) fn read_records<R: Record>(
-    file: &hdf5::File,
-    version: u64,
+    (file, version, prefix): (&hdf5::File, u64, &str),
     all: u64,
     local: Range<u64>,
 ) -> Result<Vec<R>, String> {
     fn fill<R: Record, T: H5Type + Copy>(
-        file: &hdf5::File,
+        (file, prefix): (&hdf5::File, &str),
         field: &Field<R, T>,
         all: u64,
         local: &Range<u64>,
         records: &mut [R],
     ) -> Result<(), String> {
-        let name = format!("{}/{}", R::GROUP, field.name);
+        let name = format!("{prefix}{}/{}", R::GROUP, field.name);
         let damaged = |why: &dyn std::fmt::Display| format!("damaged: {name} ({why})");
         let dataset = file.dataset(&name).map_err(|e| damaged(&e))?;
         let shape = [all as usize, field.width];
@@ -257,6 +258,7 @@ pub(super) fn read_records<R: Record>(
         ));
     }
     let mut records = vec![R::zeroed(); (local.end - local.start) as usize];
+    let file = (file, prefix);
     for field in R::integers() {
         fill(file, &field, all, &local, &mut records)?;
     }
