@@ -56,10 +56,15 @@ fn resolution(c: &mut Checker<'_>, raw: &Raw, scene: &Scene) {
             let Some(least) = periodic.least_pressure() else {
                 return;
             };
-            let kappa = derived::stiffness_number(&scene.law, sample, least);
-            let places = vec![raw.aqs.pressures.place(), raw.r#box.pressure.place()];
             let most = derived::STIFFNESS_NUMBER_MAX;
-            (sample.length, kappa.unwrap_or(most), places)
+            let kappa = match derived::stiffness_number(&scene.law, sample, least) {
+                Some(kappa) => kappa,
+                None if derived::pressure(&scene.law, sample, most) > least => most,
+                // Overlaps beyond those of the least κ.
+                None => return,
+            };
+            let places = vec![raw.aqs.pressures.place(), raw.r#box.pressure.place()];
+            (sample.length, kappa, places)
         }
     };
     let lengths = [height, sample.length, sample.width];
