@@ -23,7 +23,6 @@ const RECORD: &str = "run";
 /// The progress of a run: the stage, and the data with which it resumes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "stage", rename_all = "kebab-case", deny_unknown_fields)]
-#[expect(clippy::large_enum_variant, reason = "a run has one header")]
 pub enum Header {
     /// Compression between smooth planes.
     Pack {

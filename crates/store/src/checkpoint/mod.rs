@@ -677,34 +677,35 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
             false => None,
         },
         held: match has(&format!("{HELD}{}", GrainState::CHECKSUM)) {
-            true => Some(held(&file, version, count, &share)?),
+            true => {
+                let shares = [
+                    share(&format!("{HELD}grains/id"))?,
+                    share(&format!("{HELD}contacts/i"))?,
+                ];
+                Some(held(&file, version, count, shares)?)
+            }
             false => None,
         },
     })
 }
 
-/// The states that are held. `grains`: in each of them; `share`: of this rank in a list.
+/// The states that are held. `grains`: in each of them; and the shares of this rank in their grains
+/// and contacts.
 fn held(
     file: &hdf5::File,
     version: u64,
     grains: u64,
-    share: &dyn Fn(&str) -> Result<(IdBlocks, Range<u64>), String>,
+    [ids, contacts]: [(IdBlocks, Range<u64>); 2],
 ) -> Result<HeldPieces, String> {
-    let of = |name: &str| format!("{HELD}{name}");
-    let word = |name: &str| word(file, &of(name));
+    let word = |name: &str| word(file, &format!("{HELD}{name}"));
     let from = (file, version, HELD);
-    let ids = share(&of("grains/id"))?;
     if grains == 0 || !ids.0.grains.is_multiple_of(grains) {
         return Err("damaged: the states that it holds have other grains".into());
     }
     Ok(HeldPieces {
         blocks: ids.0,
         grains: piece(from, ids, word(GrainState::CHECKSUM)?)?,
-        contacts: piece(
-            from,
-            share(&of("contacts/i"))?,
-            word(ContactState::CHECKSUM)?,
-        )?,
+        contacts: piece(from, contacts, word(ContactState::CHECKSUM)?)?,
     })
 }
 
