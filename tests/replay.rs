@@ -238,6 +238,16 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
         }
         r
     };
+    let place = |frame: &FrameRecords, g: usize, axis: usize| {
+        let grain = &frame.grains[g];
+        let turns = if axis < 2 {
+            grain.image[axis] as f64 * periods[axis]
+        } else {
+            0.0
+        };
+        grain.position[axis] + turns
+    };
+    let moved = |g: usize, axis: usize| place(later, g, axis) - place(earlier, g, axis);
     let mut centres = 0;
     for i in 0..n {
         let value = dmin[t * n + i];
@@ -248,9 +258,12 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
         let near: Vec<usize> = (0..n)
             .filter(|&j| j != i && bears(j) && apart(earlier, i, j).norm() < radius)
             .collect();
-        let row = |frame, k: usize| apart(frame, i, near[k]).transpose();
-        let before = DMatrix::from_fn(near.len(), 3, |k, axis| row(earlier, k)[axis]);
-        let after = DMatrix::from_fn(near.len(), 3, |k, axis| row(later, k)[axis]);
+        let row = |k: usize| apart(earlier, i, near[k]).transpose();
+        let before = DMatrix::from_fn(near.len(), 3, |k, axis| row(k)[axis]);
+        // The image that was near goes on.
+        let after = DMatrix::from_fn(near.len(), 3, |k, axis| {
+            row(k)[axis] + moved(near[k], axis) - moved(i, axis)
+        });
         let map = before
             .clone()
             .svd(true, true)
