@@ -152,10 +152,11 @@ table! {
             otherwise: "see below",
             change: Change::Never,
         },
-        /// thickness of each wall over d̄: 2 makes walls of two layers
+        /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min, see below
         wall_thickness: Number {
             range: Bounds { from: Bound::Included(0.5), to: Bound::Included(1e6) },
-            otherwise: "1; more if R_max > 2 R_min, see below",
+            // Of runs from before wide sizes had thicker walls, too.
+            default: Some(1.0),
             change: Change::Never,
         },
     }
