@@ -361,7 +361,7 @@ fn slurm_sees_how_jobs_end(slurm: &Slurm) {
     let bad = submit(&chain, &[], &["my.toml", "--set=seed=-1"]);
     let soft = [
         "my.toml",
-        "--set=load.stiffness_number=11.0",
+        "--set=pack.max_steps=2000",
         "--out=out/soft",
     ];
     let failing = submit(&chain, &[], &soft);

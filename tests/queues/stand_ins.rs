@@ -191,7 +191,7 @@ fn jobs_of_pbs_with_stand_ins() {
         ("CONFIG=my.toml,CHAIN=many", 2),
         ("CONFIG=my.toml,JOB_SCRIPTS=nowhere", 2),
         (
-            "CONFIG=my.toml,OPTIONS=--set=load.stiffness_number=11.0 --out=out/soft,CHAIN=9",
+            "CONFIG=my.toml,OPTIONS=--set=pack.max_steps=2000 --out=out/soft,CHAIN=9",
             3,
         ),
     ] {
