@@ -594,6 +594,38 @@ fn change_attribute(file: &hdf5::File, name: &str) {
     }
 }
 
+/// A resumed run cuts its file after the steps of its checkpoint: with a damaged step it would cut
+/// off more, and leave a gap.
+#[test]
+fn a_damaged_step_is_not_cut_off() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (stopped, run) = (folder.path().join("stopped"), folder.path().join("run"));
+    let mut command = simulate();
+    command.arg(kept_scene("walls.toml")).arg("--stop-at=100");
+    let outcome = bounded(command.arg("--out").arg(&stopped), LONGEST).expect("an end");
+    assert_eq!(outcome.code, 75, "{}", outcome.text);
+    for name in [
+        "particles/trajectory/position/step",
+        "observables/coordination/step",
+        "observables/gshear/dmin_greatest/step",
+    ] {
+        for damaged in [1, u64::MAX] {
+            copy(&stopped, &run);
+            common::change_file(&run.join("run.h5"), |file| {
+                let dataset = file.dataset(name).expect("steps");
+                let mut steps: Vec<u64> = dataset.read_raw().expect("numbers");
+                *steps.last_mut().expect("a step") = damaged;
+                dataset.write_raw(&steps).expect("written");
+            });
+            let mut resume = simulate();
+            resume.arg(kept_scene("walls.toml")).arg("--resume=auto");
+            let outcome = bounded(resume.arg("--out").arg(&run), LONGEST).expect("an end");
+            let refused = outcome.code == 2 && outcome.text.contains("is damaged");
+            assert!(refused, "{name}: {}", outcome.text);
+        }
+    }
+}
+
 /// No number of a run's files can change without being noticed, with the structure intact.
 #[test]
 fn every_number_is_protected() {
