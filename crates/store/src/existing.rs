@@ -148,10 +148,7 @@ pub(crate) fn inspect(
         let mut others = file.group(OBSERVABLES)?.member_names()?;
         let mut first = None;
         for column in series {
-            let place = column
-                .stored_name(|name| others.iter().any(|other| other == name))
-                .and_then(|name| others.iter().position(|other| other == name));
-            let Some(place) = place else {
+            let Some(place) = others.iter().position(|other| other == column.name) else {
                 return Ok(Err(unfit(format!("it has no column {column}; {ANOTHER}"))));
             };
             let name = others.swap_remove(place);
