@@ -39,7 +39,7 @@ def save(folder: Path, name: str, drawn: Drawn) -> str:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for suffix in ("svg", "pdf", "png"):
-        figure.savefig(folder / f"{name}.{suffix}", dpi=150)
+        figure.savefig(folder / f"{name}.{suffix}", dpi=150, bbox_inches="tight")
     for end, table in tables.items():
         write_table(folder / f"{name}{end}.csv", table)
     files = [f"{name}{end}.csv" for end in tables] + [f"{name}.pdf", f"{name}.png"]
