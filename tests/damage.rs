@@ -222,7 +222,7 @@ fn contents(folder: &Path) -> String {
     format!("{files:?}")
 }
 
-/// A file of a run in a periodic box, read for the report of the study and exported.
+/// A file of a run in a periodic box, reduced and exported.
 struct BoxFile {
     name: &'static str,
     /// A whole run.
@@ -242,16 +242,20 @@ impl Subject for BoxFile {
         let name = self.whole.file_name().expect("a name");
         copy(&self.run, &self.folder);
         std::fs::write(self.folder.join(name), bytes).expect("written");
-        let mut report = reduce();
-        report.args(["report", "--study", "bonfanti"]);
         let name = name.to_string_lossy();
-        let reported = ended(report.arg(&self.folder), &name)?;
+        let mut command = reduce();
+        match name.starts_with("newtonian") {
+            true => command.arg("growth"),
+            false => command.args(["stability", "--until-pair"]),
+        };
+        command.arg(self.folder.join(&*name)).arg("--out");
+        let reported = ended(command.arg(self.folder.join("reduced")), &name)?;
         let mut export = reduce();
         export.args(["export", "--format=csv", "--out"]);
         export.arg(self.folder.join("frames/frames.csv"));
         let exported = ended(export.arg(self.folder.join(&*name)), &name)?;
         let read = |of| contents(&self.folder.join(of));
-        Ok((reported.and(exported)).map(|_| read("bonfanti") + &read("frames")))
+        Ok((reported.and(exported)).map(|_| read("reduced") + &read("frames")))
     }
 }
 
