@@ -162,7 +162,7 @@ fn what_is_no_whole_checkpoint_is_refused() {
         .unwrap();
     file.close().unwrap();
     let message = format!(
-        "format version {}; this program reads versions 4 to {VERSION}",
+        "format version {}; this program reads version {VERSION}",
         VERSION + 1
     );
     assert!(refused(&path).contains(&message));

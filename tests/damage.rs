@@ -380,8 +380,8 @@ impl Subject for Input {
 
 /// All kinds of files, of the kept runs.
 fn subjects(folder: &Path) -> Vec<(Box<dyn Subject>, f64)> {
-    let walls = kept_files("walls-6", folder);
-    let cell = kept_files("box-6", folder);
+    let walls = kept_files("walls", folder);
+    let cell = kept_files("box", folder);
     let stopped = folder.join("stopped");
     let mut command = simulate();
     command.arg(kept_scene("walls.toml")).arg("--stop-at=100");
@@ -689,10 +689,10 @@ fn numbers(path: &Path, names: &[String]) -> hdf5::Result<Vec<Vec<u8>>> {
 fn every_bit_of_a_spectrum_is_protected() {
     hdf5::silence_errors(true);
     let folder = tempfile::tempdir().expect("a folder");
-    let run = kept_files("walls-6", folder.path());
+    let run = kept_files("walls", folder.path());
     common::succeed(reduce().arg("dmin").arg(&run));
     let files = [
-        spectrum(&kept_files("box-6", folder.path())),
+        spectrum(&kept_files("box", folder.path())),
         run.join("reduced.h5"),
     ];
     for path in files {
@@ -820,8 +820,8 @@ fn hostile_files_are_refused() {
     let numbers = [7.0; 1000];
     (file.new_dataset_builder().with_data(&numbers).create("x")).expect("numbers");
     file.close().expect("closed");
-    let walls = kept_files("walls-6", folder.path());
-    let cell = kept_files("box-6", folder.path());
+    let walls = kept_files("walls", folder.path());
+    let cell = kept_files("box", folder.path());
     let spectrum = spectrum(&cell);
     let damaged = at("damaged");
     std::fs::create_dir(&damaged).expect("a folder");
@@ -866,11 +866,6 @@ fn hostile_files_are_refused() {
             let path = damaged.join(name);
             std::fs::copy(&whole, &path).expect("a copy");
             common::change_file(&path, |file| {
-                // As in files of earlier versions.
-                let _ = file.unlink("checksums");
-                if let Ok(parameters) = file.group("parameters") {
-                    parameters.delete_attr("checksum").expect("removed");
-                }
                 hostile.replace(file, dataset, &own).expect("replaced");
             });
             let (program, words) = programs[k / Hostile::ALL.len() % programs.len()];

@@ -27,23 +27,9 @@ fn resumed(checkpoint: &Path, out: &Path, ranks: usize) -> Outcome {
 
 #[test]
 fn a_kept_run_is_read_repeated_and_continued() {
-    read_repeated_and_continued("walls");
-}
-
-#[test]
-fn a_kept_run_with_images_is_read_repeated_and_continued() {
-    read_repeated_and_continued("walls-5");
-}
-
-#[test]
-fn a_kept_run_with_limits_is_read_repeated_and_continued() {
-    read_repeated_and_continued("walls-6");
-}
-
-fn read_repeated_and_continued(name: &str) {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
-    let kept = kept_files(name, folder.path());
+    let kept = kept_files("walls", folder.path());
     let run = RunFile::open(&kept).expect("a run");
     let digest = run.digest().expect("a digest").to_string();
     let info = reduce(&["info"], &[&kept]);
@@ -71,23 +57,9 @@ fn read_repeated_and_continued(name: &str) {
 
 #[test]
 fn a_kept_run_in_a_box_is_read_and_continued() {
-    box_read_and_continued("box");
-}
-
-#[test]
-fn a_kept_run_in_a_box_with_images_is_read_and_continued() {
-    box_read_and_continued("box-5");
-}
-
-#[test]
-fn a_kept_run_in_a_box_with_limits_is_read_and_continued() {
-    box_read_and_continued("box-6");
-}
-
-fn box_read_and_continued(name: &str) {
     let _alone = common::alone();
     let folder = tempfile::tempdir().expect("a folder");
-    let kept = kept_files(name, folder.path());
+    let kept = kept_files("box", folder.path());
     reduce(&["growth"], &[&kept]);
     for name in ["growth.csv", "growth-grains.csv"] {
         let units = kept.join(format!("{name}-metadata.json"));

@@ -166,25 +166,12 @@ fn the_measures_of_a_phase_are_those_of_its_frames() {
 #[test]
 fn scalars_that_the_run_has_computed_are_taken() {
     let _alone = alone();
-    let fixture = Fixture::small();
-    let (folder, path) = folder_with(&fixture);
+    let mut fixture = Fixture::small();
     // Where the time series has rows, but not those of the frames.
-    let step: Vec<u64> = vec![300, 400, 500];
-    let file = hdf5::File::open_rw(folder.path().join("run.h5")).expect("the file");
-    for (k, name) in FrameScalars::COLUMNS.iter().enumerate() {
-        let group = file
-            .create_group(&format!("observables/gshear/{name}"))
-            .expect("a group");
-        let values = [0.25, 1.5 + k as f64, 7.0];
-        let write = |name: &str| group.new_dataset_builder().with_data(&values).create(name);
-        write("value").expect("values");
-        group
-            .new_dataset_builder()
-            .with_data(&step)
-            .create("step")
-            .expect("steps");
-    }
-    file.close().expect("closed");
+    let value = |row: usize, k: usize| [0.25, 1.5 + k as f64, 7.0][row];
+    let row = |row| FrameScalars::from_columns(std::array::from_fn(|k| value(row, k)));
+    fixture.scalars = vec![(300, row(0)), (400, row(1)), (500, row(2))];
+    let (folder, path) = folder_with(&fixture);
     done(&["regions", &path]);
     let found = table(&folder.path().join("regions.csv"));
     assert_eq!(found["step"], ["300", "400", "500"]);

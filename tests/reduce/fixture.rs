@@ -1,11 +1,13 @@
-//! A made-up run, written in exactly the format of docs/file-formats.md.
+//! A made-up run, written as the program writes one.
 
 use std::path::Path;
 
-use gshear_dem::state::{ContactSample, Disks, Frame, SeriesRow};
-use hdf5::types::VarLenUnicode;
-use hdf5::{File, Group, H5Type, SimpleExtents};
-use ndarray::{Array1, Array2, Array3};
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactSample, Disks, Frame, GrainSample, SeriesRow};
+use gshear_store::h5::Attribute;
+use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -27,6 +29,8 @@ pub struct Fixture {
     pub seed: u64,
     /// k (N/m) of a spring that pulls the top wall.
     pub spring: Option<f64>,
+    /// Scalars of the frames at these steps, as if the run had computed them.
+    pub scalars: Vec<(u64, FrameScalars)>,
     /// `None`: the run was stopped early.
     pub digest: Option<String>,
 }
@@ -130,6 +134,7 @@ impl Fixture {
             friction: 0.7,
             seed: 1,
             spring: None,
+            scalars: Vec::new(),
             digest: Some("00c0ffee00c0ffee".into()),
         }
     }
@@ -144,200 +149,89 @@ impl Fixture {
         self.try_write(path).expect("the fixture is written");
     }
 
-    fn try_write(&self, path: &Path) -> hdf5::Result<()> {
-        let file = File::create(path)?;
-        let (frames, n) = (self.frames.len(), self.grains.count());
-        let h5md = file.create_group("h5md")?;
-        h5md.new_attr_builder()
-            .with_data(&[1i32, 1])
-            .create("version")?;
-        for part in ["author", "creator"] {
-            text(&h5md.create_group(part)?, "name", "gshear-mpi")?;
-        }
-
-        let particles = file.create_group("particles/trajectory")?;
-        let cell = particles.create_group("box")?;
-        cell.new_attr::<i32>()
-            .create("dimension")?
-            .write_scalar(&3)?;
-        let boundary: Array1<VarLenUnicode> = ["periodic", "none", "none"]
-            .iter()
-            .map(|b| unicode(b))
-            .collect();
-        cell.new_attr_builder()
-            .with_data(&boundary)
-            .create("boundary")?;
-        fixed(&cell, "edges", &[self.grains.length, self.height, 0.0])?;
-        fixed(&particles, "id", &(0..n as u32).collect::<Vec<_>>())?;
-        fixed(&particles, "radius", &self.grains.radius)?;
-        fixed(&particles, "body", &self.grains.body)?;
-        fixed(&particles, "mass", &self.grains.mass)?;
-
-        let position = particles.create_group("position")?;
-        growing(
-            &position,
-            "step",
-            &self.frames.iter().map(|f| f.step).collect::<Vec<_>>(),
-        )?;
-        growing(
-            &position,
-            "time",
-            &self.frames.iter().map(|f| f.time).collect::<Vec<_>>(),
-        )?;
-        let planar = |of: fn(&Frame) -> &[[f64; 2]]| {
-            Array3::from_shape_fn((frames, n, 3), |(t, i, k)| {
-                if k < 2 {
-                    of(&self.frames[t])[i][k]
-                } else {
-                    0.0
-                }
+    fn try_write(&self, path: &Path) -> Result<(), Failure> {
+        let grains: Vec<GrainShape> = (0..self.grains.count())
+            .map(|n| GrainShape {
+                id: n as u32,
+                body: self.grains.body[n].into(),
+                radius: self.grains.radius[n],
+                mass: self.grains.mass[n],
             })
-        };
-        let chunked = |group: &Group, values: &Array3<f64>| {
-            let extents = SimpleExtents::resizable(values.shape());
-            let dataset = group
-                .new_dataset::<f64>()
-                .chunk((4, n, 3))
-                .shape(extents)
-                .create("value")?;
-            dataset.write(values)
-        };
-        chunked(&position, &planar(|f| &f.position))?;
-        let image = particles.create_group("image")?;
-        let along_x =
-            |(t, i, k): (usize, usize, usize)| i32::from(k == 0) * self.frames[t].image[i] as i32;
-        let values = Array3::from_shape_fn((frames, n, 3), along_x);
-        image
-            .new_dataset::<i32>()
-            .chunk((4, n, 3))
-            .shape(SimpleExtents::resizable(values.shape()))
-            .create("value")?
-            .write(&values)?;
-        let velocity = particles.create_group("velocity")?;
-        chunked(&velocity, &planar(|f| &f.velocity))?;
-        let spin = particles.create_group("angular_velocity")?;
-        let values =
-            Array2::from_shape_fn((frames, n), |(t, i)| self.frames[t].angular_velocity[i]);
-        let shape = SimpleExtents::resizable(values.shape());
-        spin.new_dataset::<f64>()
-            .chunk((4, n))
-            .shape(shape)
-            .create("value")?
-            .write(&values)?;
-
-        let contacts = file.create_group("connectivity/contacts")?;
-        for group in [
-            "particles/trajectory/velocity",
-            "particles/trajectory/angular_velocity",
-            "connectivity/contacts",
-        ] {
-            for name in ["step", "time"] {
-                file.link_hard(
-                    &format!("particles/trajectory/position/{name}"),
-                    &format!("{group}/{name}"),
-                )?;
-            }
-        }
-        let all: Vec<&ContactSample> = self.frames.iter().flat_map(|f| &f.contacts).collect();
-        let mut offset = vec![0u64];
-        self.frames
-            .iter()
-            .for_each(|f| offset.push(offset[offset.len() - 1] + f.contacts.len() as u64));
-        growing(&contacts, "offset", &offset)?;
-        growing(&contacts, "i", &all.iter().map(|c| c.i).collect::<Vec<_>>())?;
-        growing(&contacts, "j", &all.iter().map(|c| c.j).collect::<Vec<_>>())?;
-        let column = |name: &str, of: fn(&ContactSample) -> f64| {
-            growing(
-                &contacts,
-                name,
-                &all.iter().map(|c| of(c)).collect::<Vec<_>>(),
-            )
-        };
-        column("normal_force", |c| c.normal_force)?;
-        column("tangential_force", |c| c.tangential_force[0])?;
-        column("tangential_history", |c| c.tangential_history[0])?;
-        column("rolling_history", |c| c.rolling_history)?;
-        column("overlap", |c| c.overlap)?;
-        growing(
-            &contacts,
-            "sliding",
-            &all.iter().map(|c| c.sliding as u8).collect::<Vec<_>>(),
-        )?;
-
-        let observables = file.create_group("observables")?;
-        let columns = SeriesRow::COLUMNS.iter().zip(&self.series);
-        for (name, values) in columns {
-            let group = observables.create_group(name.name)?;
-            if *name == SeriesRow::COLUMNS[0] {
-                growing(&group, "step", &self.series_step)?;
-                let time = self.series_step.iter().map(|step| *step as f64 * TIME_STEP);
-                growing(&group, "time", &time.collect::<Vec<_>>())?;
-            } else {
-                for link in ["step", "time"] {
-                    file.link_hard(
-                        &format!("observables/{}/{link}", SeriesRow::COLUMNS[0]),
-                        &format!("observables/{name}/{link}"),
-                    )?;
-                }
-            }
-            growing(&group, "value", values)?;
-        }
-
-        let parameters = file.create_group("parameters")?;
-        let title = "Made up <for> tests & nothing else";
+            .collect();
         let scene = format!(
-            "title = \"{title}\"\nseed = {}\n\
+            "title = \"Made up <for> tests & nothing else\"\nseed = {}\n\
              material = {{ young_modulus = 1e9, poisson_ratio = 0.2, density = 2500 }}\n\
              contact = {{ friction = {:?}, damping_ratio = 0.1 }}\n\
              sample = {{ grains = 1000, radius_min = 0.5e-6, radius_max = 1e-6, length = 48e-6 }}\n\
              load.stiffness_number = 10_000\nshear = {{ velocity = 1e-4, strain = 0.1 }}\n",
             self.seed, self.friction
         );
-        text(&parameters, "scene", &scene)?;
-        if let Some(stiffness) = self.spring {
-            parameters
-                .new_attr::<f64>()
-                .create("spring_stiffness")?
-                .write_scalar(&stiffness)?;
-        }
-        text(&parameters, "version", "0.1.0")?;
-        text(&parameters, "git_commit", "0000000")?;
-        text(&parameters, "processor", "none")?;
-        text(&parameters, "started", "2026-01-01T00:00:00Z")?;
-        if let Some(digest) = &self.digest {
-            text(&parameters, "digest", digest)?;
-            parameters
-                .new_attr::<f64>()
-                .create("speed")?
-                .write_scalar(&1.25e7)?;
-            parameters
-                .new_attr_builder()
-                .with_data(&[0.0, self.grains.length])
-                .create("rank_map")?;
-        }
-        for (name, value) in [("ranks", 1u64), ("steps_per_frame", 10 * STEPS_PER_ROW)] {
-            parameters
-                .new_attr::<u64>()
-                .create(name)?
-                .write_scalar(&value)?;
-        }
-        let numbers = [
-            ("time_step", TIME_STEP),
-            ("frame_strain", strain_of(10 * STEPS_PER_ROW, self.height)),
-            ("inertial_number", 2e-4),
-            ("stiffness_number", 1e4),
-            ("wall_speed", WALL_SPEED),
-            ("normal_force", 0.6),
-            ("pressure", 13e3),
-            ("height_start", self.height),
+        let mut attributes: Vec<(&str, Attribute)> = vec![
+            ("scene", scene.into()),
+            ("version", "0.1.0".into()),
+            ("git_commit", "0000000".into()),
+            ("processor", "none".into()),
+            ("started", "2026-01-01T00:00:00Z".into()),
+            ("ranks", 1.into()),
+            ("steps_per_frame", (10 * STEPS_PER_ROW).into()),
+            ("time_step", TIME_STEP.into()),
+            (
+                "frame_strain",
+                strain_of(10 * STEPS_PER_ROW, self.height).into(),
+            ),
+            ("inertial_number", 2e-4.into()),
+            ("stiffness_number", 1e4.into()),
+            ("wall_speed", WALL_SPEED.into()),
+            ("normal_force", 0.6.into()),
+            ("pressure", 13e3.into()),
+            ("height_start", self.height.into()),
         ];
-        for (name, value) in numbers {
-            parameters
-                .new_attr::<f64>()
-                .create(name)?
-                .write_scalar(&value)?;
+        attributes.extend(self.spring.map(|k| ("spring_stiffness", k.into())));
+        let edges = [self.grains.length, self.height, 0.0];
+        let header = RunHeader {
+            axes: 2,
+            walls: true,
+            series: &SeriesRow::COLUMNS,
+            edges,
+            author: "gshear-mpi",
+            history_unit: "N",
+            grains: &grains,
+            attributes: &attributes,
+        };
+        let mut writer = TrajectoryWriter::create(&Solo, path, &header)?;
+        let edges = std::array::from_fn(|row| {
+            std::array::from_fn(|column| if row == column { edges[row] } else { 0.0 })
+        });
+        for frame in &self.frames {
+            let vector = |[x, y]: [f64; 2]| [x, y, 0.0];
+            let grains: Vec<GrainSample> = (0..grains.len())
+                .map(|n| GrainSample {
+                    id: n as u64,
+                    position: vector(frame.position[n]),
+                    velocity: vector(frame.velocity[n]),
+                    angular_velocity: [0.0, 0.0, frame.angular_velocity[n]],
+                    image: [frame.image[n], 0, 0],
+                })
+                .collect();
+            let at = (frame.step, frame.time);
+            writer.frame(&Solo, at, &edges, &grains, &frame.contacts)?;
         }
-        file.close()
+        for (k, &step) in self.series_step.iter().enumerate() {
+            let row: Vec<f64> = self.series.iter().map(|values| values[k]).collect();
+            writer.series(&Solo, step, step as f64 * TIME_STEP, &row)?;
+        }
+        if !self.scalars.is_empty() {
+            writer.begin_scalars(&Solo, 0)?;
+            writer.scalars(&Solo, &self.scalars)?;
+        }
+        let at_the_end = self.digest.as_ref().map_or(Vec::new(), |digest| {
+            vec![
+                ("digest", digest.clone().into()),
+                ("speed", 1.25e7.into()),
+                ("rank_map", vec![0.0, self.grains.length].into()),
+            ]
+        });
+        writer.finish(&Solo, &at_the_end)
     }
 }
 
@@ -389,34 +283,4 @@ fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
         angular_velocity,
         contacts,
     }
-}
-
-fn unicode(value: &str) -> VarLenUnicode {
-    value.parse().expect("no zero character")
-}
-
-fn text(group: &Group, name: &str, value: &str) -> hdf5::Result<()> {
-    group
-        .new_attr::<VarLenUnicode>()
-        .create(name)?
-        .write_scalar(&unicode(value))
-}
-
-fn fixed<T: H5Type>(group: &Group, name: &str, values: &[T]) -> hdf5::Result<()> {
-    group
-        .new_dataset_builder()
-        .with_data(values)
-        .create(name)
-        .map(|_| ())
-}
-
-/// A dataset with an unlimited first dimension.
-fn growing<T: H5Type>(group: &Group, name: &str, values: &[T]) -> hdf5::Result<()> {
-    let extents = SimpleExtents::resizable([values.len()]);
-    group
-        .new_dataset::<T>()
-        .chunk(256)
-        .shape(extents)
-        .create(name)?
-        .write_raw(values)
 }

@@ -17,7 +17,7 @@ class Box:
 
     Attributes:
         edges: [3], lengths of the edges; for disks the last one is the unit depth. Between walls
-            the height is that of the frame; in files of earlier versions that at the start.
+            the height is that of the frame.
         periodic: [3], whether the axis is periodic.
         gradient: Axis along which the velocity of the shear changes: 1 (y) for disks, 2 (z) for
             spheres. The shear is along x.

@@ -60,7 +60,7 @@ class Frame(Columns):
     Columns, for N grains: `id`, `radius` (m), `body` (0 free, 1 bottom wall, 2 top wall), `mass`
     (kg; kg/m for disks), each [N]; `position` (m) and `velocity` (m/s), [N, 3], with z = 0 for
     disks; `angular_velocity` (rad/s), [N] for disks, [N, 3] for spheres; `image`, [N, 3], the
-    multiples of the edges by which positions are wrapped (none in files of earlier versions).
+    multiples of the edges by which positions are wrapped.
 
     Attributes:
         index: Number of the frame, from 0 on.
@@ -96,11 +96,7 @@ class Frame(Columns):
 
     @property
     def unwrapped(self) -> NDArray[np.float64]:
-        """[N, 3], positions that move from frame to frame without jumps (m).
-
-        Raises:
-            KeyError: The file is of an earlier version and has no `image`.
-        """
+        """[N, 3], positions that move from frame to frame without jumps (m)."""
         unwrapped: NDArray[np.float64] = self.position + self["image"] @ self.box.vectors
         return unwrapped
 
