@@ -15,7 +15,7 @@ use crate::header::Header;
 use crate::launch::Task;
 use crate::memory;
 use crate::progress::duration;
-use crate::stages::shear::series_columns;
+use gshear_dem::state::series_columns;
 use crate::stages::{PACK, PREPARE, newtonian, prepare};
 use crate::terminal::ranks;
 

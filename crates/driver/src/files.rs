@@ -216,7 +216,7 @@ impl Files {
             walls: format.walls,
             series: format.columns,
             edges,
-            grains: &shapes(system),
+            grains: &GrainShape::owned(system),
             attributes: &attributes,
         };
         Ok(Self {
@@ -365,13 +365,6 @@ impl Files {
             Err(lost) => format!("{what}; and what led to it is lost: {lost}"),
         })
     }
-}
-
-/// The constant properties of the grains that this rank owns.
-pub fn shapes<D: Dimension>(system: &mut System<D>) -> Vec<GrainShape> {
-    let grains = system.grains();
-    let shape = |g: usize| GrainShape::new(&grains.state(g), grains.mass[g]);
-    (0..grains.owned).map(shape).collect()
 }
 
 /// Creates the folder of the results, if it is missing; collective.

@@ -35,7 +35,7 @@ use crate::lock::{Lock, unwritable};
 use crate::options::Options;
 use crate::record::{RunRecord, id_in_scene};
 use crate::say::say_error;
-use crate::stages::shear::series_columns;
+use gshear_dem::state::series_columns;
 use crate::written::{UpToCheckpoint, Written};
 
 /// Files of frames and time series.

@@ -4,7 +4,6 @@
 //! Frames are collected until there are intervals for every rank. Then each rank receives the
 //! consecutive frames of its share of the intervals.
 
-use crate::files::shapes;
 use bytemuck::Zeroable;
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_dem::dimension::Dimension;
@@ -43,7 +42,7 @@ impl FrameAnalysis {
         system: &mut System<D>,
         before: Option<FramePart>,
     ) -> Self {
-        let shapes = gathered(exchange, &shapes(system), |g| g.id);
+        let shapes = gathered(exchange, &GrainShape::owned(system), |g| g.id);
         let frame = shapes.len() * (size_of::<GrainPosition>() + 2 * size_of::<ContactForce>());
         let each = (BATCH_BYTES / frame.max(1)).clamp(1, MOST_INTERVALS);
         Self {

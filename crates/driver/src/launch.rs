@@ -23,7 +23,8 @@ use crate::memory;
 use crate::options::Options;
 use crate::record::{Continuation, RunRecord};
 use crate::report::Reporter;
-use crate::run::{Outcome, Run, Start};
+use crate::options::Outcome;
+use crate::run::{Run, Start};
 use crate::say::say_error;
 use crate::stages::{newtonian, periodic, walls};
 

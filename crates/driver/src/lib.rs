@@ -11,7 +11,7 @@
 //! use gshear_dem::domain::Solo;
 //! use gshear_driver::launch;
 //! use gshear_driver::options::Options;
-//! use gshear_driver::run::Outcome;
+//! use gshear_driver::options::Outcome;
 //! use gshear_scene::Source;
 //!
 //! let task = launch::from_the_start(&Solo, &Source::embedded(), &["shear.strain=0.01".into()])?;

@@ -1,4 +1,4 @@
-//! Options of the command line of a run.
+//! What a run is asked for on the command line, and how it ends.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -37,4 +37,13 @@ pub struct Options {
     /// Compute only the steps from the checkpoint to the end of this window, without terminal
     /// output and into new files.
     pub replay: Option<ReplayWindow>,
+}
+
+/// The outcome of a run that did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// All stages are done.
+    Done,
+    /// The run stopped at a checkpoint before its last step.
+    Stopped,
 }

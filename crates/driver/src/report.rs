@@ -10,7 +10,7 @@ use gshear_store::status::{self, RunState, Standing, Status};
 
 use crate::progress::Pace;
 use crate::record::RunRecord;
-use crate::run::Outcome;
+use crate::options::Outcome;
 use crate::terminal::Terminal;
 
 /// Time between two versions of `status.json`.

@@ -13,21 +13,12 @@ use gshear_store::collective::agree;
 use crate::files::Destination;
 use crate::folder::RunFolder;
 use crate::header::Header;
-use crate::options::Options;
+use crate::options::{Options, Outcome};
 use crate::record::RunRecord;
 use crate::report::Reporter;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use gshear_store::status::Standing;
-
-/// The outcome of a run that did not fail.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// All stages are done.
-    Done,
-    /// The run stopped at a checkpoint before its last step.
-    Stopped,
-}
 
 /// This rank's part of the state with which a stage begins or resumes.
 #[derive(Debug, Clone, Default)]

@@ -14,7 +14,7 @@ use crate::estimate::{Estimate, bytes};
 use crate::launch::{Resumable, Task, await_lock, from_the_start, resume_if_begun};
 use crate::options::{Options, Verbosity};
 use crate::progress::duration;
-use crate::run::Outcome;
+use crate::options::Outcome;
 use crate::say::{self, say_error};
 use crate::terminal::ranks;
 

@@ -420,15 +420,6 @@ impl Command {
     }
 }
 
-/// The folder of a run: itself, or that of its file.
-pub fn folder_of(run: &Path) -> &Path {
-    match run.parent() {
-        _ if run.is_dir() => run,
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    }
-}
-
 /// Runs the command and prints to `output`. Returns the exit code: 0, or 1 if `compare` has found a
 /// difference.
 ///

@@ -18,7 +18,7 @@ use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
 
 use super::braille::plot;
-use super::commands::folder_of;
+use gshear_store::file_names::folder_of;
 use super::output::cannot_write;
 
 /// Time between two looks at the run.

@@ -138,6 +138,15 @@ pub const SERIES_COLUMNS: [Column; SeriesRow::COLUMNS.len() + ImposedRow::COLUMN
             true => SeriesRow::COLUMNS[k],
             false => ImposedRow::COLUMNS[k - SeriesRow::COLUMNS.len()],
         };
+
+/// Columns of the time series; `imposed`: with those of what a protocol imposes.
+pub fn series_columns(imposed: bool) -> &'static [Column] {
+    if imposed {
+        &SERIES_COLUMNS
+    } else {
+        &SeriesRow::COLUMNS
+    }
+}
         k += 1;
     }
     all

@@ -28,7 +28,8 @@ use super::spectra_file::SpectraFile;
 use super::spectrum::GlobalState;
 use crate::files::{Files, Format};
 use crate::header::{Header, Pair, Progress};
-use crate::run::{Checkpoint, Outcome, Run, Save, Stage, StageState};
+use crate::options::Outcome;
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 

@@ -13,7 +13,8 @@ use super::rest::RestState;
 use super::setup::{force, system};
 use super::strain::{self, Strain};
 use crate::header::{Header, Progress};
-use crate::run::{Outcome, Run, StageState, Start};
+use crate::options::Outcome;
+use crate::run::{Run, StageState, Start};
 use gshear_dem::state::HeldState;
 
 /// Runs the scene from `start` to its last step; collective.

@@ -24,7 +24,8 @@ use super::setup::system;
 use crate::files::{Files, Format};
 use crate::frame_scalars::FrameAnalysis;
 use crate::header::Header;
-use crate::run::{Checkpoint, Outcome, Run, Save, Stage, StageState};
+use crate::options::Outcome;
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
 use gshear_store::status::Standing;
@@ -454,14 +455,6 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
 
     fn publish(&mut self) {
         self.files.publish();
-    }
-}
-
-/// Columns of the time series; `imposed`: with those of what a protocol imposes.
-pub(crate) fn series_columns(imposed: bool) -> &'static [Column] {
-    match imposed {
-        true => &SERIES_COLUMNS,
-        false => &SeriesRow::COLUMNS,
     }
 }
 

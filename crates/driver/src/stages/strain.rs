@@ -24,7 +24,8 @@ use crate::files::{Files, Format};
 use crate::header::{
     Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, Work,
 };
-use crate::run::{Checkpoint, Outcome, Run, Save, Stage, StageState};
+use crate::options::Outcome;
+use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::{UpToCheckpoint, Written};
 use gshear_store::status::Standing;
 

@@ -14,7 +14,8 @@ use super::setup::force;
 use super::shear::{From, ShearStage};
 use super::top_wall::{height_between, mass_of_top};
 use crate::header::Header;
-use crate::run::{Outcome, Run, Stage, StageState, Start};
+use crate::options::Outcome;
+use crate::run::{Run, Stage, StageState, Start};
 use crate::written::Written;
 
 /// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.

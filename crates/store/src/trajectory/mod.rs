@@ -49,6 +49,13 @@ impl GrainShape {
             mass,
         }
     }
+
+    /// Those of the grains that this rank owns.
+    pub fn owned<D: Dimension>(system: &mut System<D>) -> Vec<Self> {
+        let grains = system.grains();
+        let shape = |g: usize| Self::new(&grains.state(g), grains.mass[g]);
+        (0..grains.owned).map(shape).collect()
+    }
 }
 
 /// Content of `run.h5` from the start of the run.
