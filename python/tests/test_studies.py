@@ -190,10 +190,11 @@ def test_numbers_of_lee_hurley(originals: Originals, of_seeds: Path) -> None:
 def test_coefficients_of_lee_hurley_against_scipy(of_seeds: Path) -> None:
     found = table(of_seeds / "fig-13.csv")
     phases = table(of_seeds / "run-1" / "measures.csv")
-    long = phases[phases["length"] == "long"]
-    panels = {"b": (phases, "top_max"), "c": (long, "top_max"), "j": (long, "t_p")}
     compared = 0
-    for panel, (rows, name) in panels.items():
+    for panel, (name, over) in zip("abcdefghij", lee_hurley.PANELS, strict=True):
+        if over == "intervals":
+            continue
+        rows = phases if over == "all" else phases[phases["length"] == over]
         of: Any
         for of in found[found["panel"] == panel].rename(columns={"from": "nearer"}).itertuples():
             size = rows["delta_tau_p"] * np.sign(of.to)
@@ -233,11 +234,14 @@ def test_files_of_lee_hurley(originals: Originals, of_seeds: Path) -> None:
 
 def test_wrong_runs_of_lee_hurley(originals: Originals, tmp_path: Path) -> None:
     assert "no such file or folder" in refused("lee_hurley", tmp_path / "none")
-    assert refused("lee_hurley", originals("box"), "--out", tmp_path / "a")
+    for other in ("box", "spheres"):
+        message = refused("lee_hurley", originals(other), "--out", tmp_path / "out")
+        assert "must be a run of disks between walls" in message
     short: dict[str, object] = {"shear.strain": 1e-3, "output.frame_strain": 0}
     run = simulate(SCENES / "crossing.toml", tmp_path / "run", ranks=1, values=short, quiet=True)
     message = refused("lee_hurley", run)
     assert "run.h5: has 0 frames: the study needs two or more" in message
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.fixture(scope="module")

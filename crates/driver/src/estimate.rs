@@ -15,9 +15,9 @@ use crate::header::Header;
 use crate::launch::Task;
 use crate::memory;
 use crate::progress::duration;
-use gshear_dem::state::series_columns;
 use crate::stages::{PACK, PREPARE, newtonian, prepare};
 use crate::terminal::ranks;
+use gshear_dem::state::series_columns;
 
 /// Contacts per grain, of disks and of spheres, as sheared packings with friction have them; the
 /// densest have 2 and 3.

@@ -35,8 +35,8 @@ use crate::lock::{Lock, unwritable};
 use crate::options::Options;
 use crate::record::{RunRecord, id_in_scene};
 use crate::say::say_error;
-use gshear_dem::state::series_columns;
 use crate::written::{UpToCheckpoint, Written};
+use gshear_dem::state::series_columns;
 
 /// Files of frames and time series.
 const TRAJECTORIES: [&str; 3] = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE];

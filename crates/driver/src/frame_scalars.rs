@@ -13,6 +13,7 @@ use gshear_dem::state::{
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::{IdBlocks, gathered, records_of};
+use gshear_store::trajectory::GrainShape;
 
 /// Bytes of frames to collect before they are analysed, per rank on average.
 const BATCH_BYTES: usize = 1 << 20;

@@ -8,9 +8,9 @@ use gshear_scene::Scene;
 use gshear_store::provenance;
 use gshear_store::status::{self, RunState, Standing, Status};
 
+use crate::options::Outcome;
 use crate::progress::Pace;
 use crate::record::RunRecord;
-use crate::options::Outcome;
 use crate::terminal::Terminal;
 
 /// Time between two versions of `status.json`.

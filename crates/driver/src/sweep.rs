@@ -12,9 +12,9 @@ use crate::calibration;
 use crate::check::{check_continued, doubts};
 use crate::estimate::{Estimate, bytes};
 use crate::launch::{Resumable, Task, await_lock, from_the_start, resume_if_begun};
+use crate::options::Outcome;
 use crate::options::{Options, Verbosity};
 use crate::progress::duration;
-use crate::options::Outcome;
 use crate::say::{self, say_error};
 use crate::terminal::ranks;
 

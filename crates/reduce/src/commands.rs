@@ -15,6 +15,7 @@ use gshear_analysis::ranges::Bins;
 use gshear_analysis::regions::{GrReading, MinPoints, Reduction};
 use gshear_analysis::tau::TauReading;
 use gshear_dem::failure::Failure;
+use gshear_store::file_names::folder_of;
 use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
 

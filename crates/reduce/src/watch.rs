@@ -18,8 +18,8 @@ use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
 
 use super::braille::plot;
-use gshear_store::file_names::folder_of;
 use super::output::cannot_write;
+use gshear_store::file_names::folder_of;
 
 /// Time between two looks at the run.
 const INTERVAL: Duration = Duration::from_secs(1);

@@ -27,7 +27,9 @@ pub use cell::{BoxEdges, Cell, Image, Sheared, length, nearest_image};
 pub use contacts::{BlockRange, CandidatePair, Contacts, LocalGrains, Touching, way_to_touch};
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
-pub use sample::{ContactSample, GrainSample, ImposedRow, SERIES_COLUMNS, SeriesRow};
+pub use sample::{
+    ContactSample, GrainSample, ImposedRow, SERIES_COLUMNS, SeriesRow, series_columns,
+};
 pub use snapshot::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
     Snapshot,

@@ -138,6 +138,10 @@ pub const SERIES_COLUMNS: [Column; SeriesRow::COLUMNS.len() + ImposedRow::COLUMN
             true => SeriesRow::COLUMNS[k],
             false => ImposedRow::COLUMNS[k - SeriesRow::COLUMNS.len()],
         };
+        k += 1;
+    }
+    all
+};
 
 /// Columns of the time series; `imposed`: with those of what a protocol imposes.
 pub fn series_columns(imposed: bool) -> &'static [Column] {
@@ -147,7 +151,3 @@ pub fn series_columns(imposed: bool) -> &'static [Column] {
         &SeriesRow::COLUMNS
     }
 }
-        k += 1;
-    }
-    all
-};

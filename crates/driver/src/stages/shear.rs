@@ -11,7 +11,7 @@ use gshear_dem::drive::{GrainWalls, Piston, Slider, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::ContactForces;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{SERIES_COLUMNS, SeriesRow, body};
+use gshear_dem::state::{SeriesRow, body, series_columns};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;

@@ -183,6 +183,9 @@ def study(options: argparse.Namespace) -> Path:
     """
     # All are opened first, so that a wrong name is reported at once.
     runs = [Run(path, quiet=True) for path in options.runs]
+    for of in runs:
+        if of.dimension != 2 or "stress_ratio" not in of.series:
+            raise RunError(f"{of.path}: must be a run of disks between walls")
     out = options.out or runs[0].folder / "lee-hurley"
     studied = [
         Studied(run, label, out / f"run-{k}", options)
