@@ -10,7 +10,7 @@ use gshear_dem::state::Snapshot;
 use gshear_driver::header::Header;
 use gshear_driver::launch::Task;
 use gshear_driver::options::Options;
-use gshear_driver::run::Outcome;
+use gshear_driver::options::Outcome;
 use gshear_driver::say::say_error;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;

@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
-use gshear_dem::columns::Column;
 use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{GrainWalls, Piston, Slider, SliderState};
