@@ -4,9 +4,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::contact::PairForce;
 use crate::contact::dissipation;
-use crate::dimension::Dimension;
+use crate::contact::model::PairModel;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::{Piston, WallForces, WallSteps};
 use crate::simd::{Isa, LANES, Lanes16};
@@ -223,11 +222,11 @@ impl EnergyBudget {
     }
 
     /// The energies of all ranks now. Collective.
-    pub fn balance<D: Dimension>(
+    pub fn balance(
         &mut self,
         exchange: &dyn Exchange,
         isa: Isa,
-        law: &dyn PairForce<D>,
+        law: &dyn PairModel,
         of: SampleState<'_>,
     ) -> EnergyBalance {
         // Elastic energies are greater than the energy dissipated in a step.
@@ -287,9 +286,9 @@ pub struct SampleState<'a> {
 }
 
 /// Adds the elastic energies of the contacts whose first grain this rank owns.
-fn add_elastic<D: Dimension>(
+fn add_elastic(
     isa: Isa,
-    law: &dyn PairForce<D>,
+    law: &dyn PairModel,
     of: &SampleState<'_>,
     unit: FixedPoint,
     sums: &mut [Accumulator; ELASTIC],

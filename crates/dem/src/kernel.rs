@@ -11,6 +11,8 @@
 
 use std::ops::Range;
 
+use crate::contact::model::PairModel;
+use crate::contact::stiffness::Stiffness;
 use crate::contact::{CARRY, ContactLaw, PairMotion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch, prefetch_all};
@@ -134,26 +136,34 @@ impl PassOutcome {
     }
 }
 
-/// Adds the contact forces to the grains and advances the histories.
-pub(crate) fn run<C: ContactLaw>(
-    law: &C,
-    isa: Isa,
-    pass: Pass<'_, C::Space>,
-    scratch: &mut Scratch<C::Space>,
-) -> PassOutcome {
-    let first = pass.part.first;
-    let mut outcome = match (pass.counting, isa.vector()) {
-        (None, Some(vector)) => vector.run(PassWork::<C, false> { law, pass, scratch }),
-        // The portable arrays always account for the dissipation: one instance a law suffices.
-        _ => isa.run(PassWork::<C, true> { law, pass, scratch }),
-    };
-    for (block, _) in [&mut outcome.outside, &mut outcome.too_strong]
-        .into_iter()
-        .flatten()
-    {
-        *block += first;
+/// A contact law of grains in `D` dimensions, with the loop over the contacts compiled for it: one
+/// virtual call per pass. Implemented for every [`ContactLaw`]; [`crate::laws`] makes them.
+pub trait PairForce<D: Dimension>: PairModel {
+    /// Adds the contact forces to the grains and advances the histories.
+    fn pass(&self, isa: Isa, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome;
+}
+
+impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
+    fn pass(
+        &self,
+        isa: Isa,
+        pass: Pass<'_, C::Space>,
+        scratch: &mut Scratch<C::Space>,
+    ) -> PassOutcome {
+        let (law, first) = (self, pass.part.first);
+        let mut outcome = match (pass.counting, isa.vector()) {
+            (None, Some(vector)) => vector.run(PassWork::<C, false> { law, pass, scratch }),
+            // The portable arrays always account for the dissipation: one instance a law suffices.
+            _ => isa.run(PassWork::<C, true> { law, pass, scratch }),
+        };
+        for (block, _) in [&mut outcome.outside, &mut outcome.too_strong]
+            .into_iter()
+            .flatten()
+        {
+            *block += first;
+        }
+        outcome
     }
-    outcome
 }
 
 /// One pass; blocks are numbered from the first of the part.

@@ -19,10 +19,10 @@ use super::keys::{
     DENSITY, KeyReader, LawKey, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2,
 };
 use super::{Constants, Contact, LawKind, Rigidity};
-use crate::contact::PairForce;
 use crate::contact::stiffness::{self, Derivatives, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
+use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
 use crate::state::Masses;
 

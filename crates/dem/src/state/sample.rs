@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{GrainState, Image};
+use super::Image;
 use crate::columns::Column;
 
 /// A grain in a frame: its row of `particles/trajectory` in `run.h5`. In two dimensions the unused
@@ -18,20 +18,8 @@ pub struct GrainSample {
     pub velocity: [f64; 3],
     /// Angular velocity (rad/s).
     pub angular_velocity: [f64; 3],
-    /// Image in which it is; see [`GrainState::image`].
+    /// Image in which it is; see [`GrainState::image`](super::GrainState::image).
     pub image: Image,
-}
-
-impl From<&GrainState> for GrainSample {
-    fn from(grain: &GrainState) -> Self {
-        Self {
-            id: u64::from(grain.id),
-            position: grain.position,
-            velocity: grain.velocity,
-            angular_velocity: grain.angular_velocity,
-            image: grain.image,
-        }
-    }
 }
 
 /// A touching contact in a frame: its row of `contacts` in `run.h5`; `i < j` are grain ids. Forces

@@ -94,6 +94,18 @@ impl ContactState {
     }
 }
 
+impl From<&GrainState> for GrainSample {
+    fn from(grain: &GrainState) -> Self {
+        Self {
+            id: u64::from(grain.id),
+            position: grain.position,
+            velocity: grain.velocity,
+            angular_velocity: grain.angular_velocity,
+            image: grain.image,
+        }
+    }
+}
+
 /// The position of a disk in a frame, for the scalars of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]

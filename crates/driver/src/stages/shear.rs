@@ -4,11 +4,10 @@ use std::time::Instant;
 
 use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
-use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{GrainWalls, Piston, Slider, SliderState};
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::ContactForces;
+use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::{SeriesRow, body, series_columns};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
