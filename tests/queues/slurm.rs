@@ -359,11 +359,7 @@ fn slurm_sees_how_jobs_end(slurm: &Slurm) {
         slurm.submit(&project, variables, &options, arguments)
     };
     let bad = submit(&chain, &[], &["my.toml", "--set=seed=-1"]);
-    let soft = [
-        "my.toml",
-        "--set=pack.max_steps=2000",
-        "--out=out/soft",
-    ];
+    let soft = ["my.toml", "--set=pack.max_steps=2000", "--out=out/soft"];
     let failing = submit(&chain, &[], &soft);
     let nothing = submit(&chain, &[], &[]);
     let elsewhere = submit(&[("JOB_SCRIPTS", "nowhere")], &[], &["my.toml"]);

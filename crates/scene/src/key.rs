@@ -53,8 +53,6 @@ pub(crate) struct Declared<T: Kind> {
     /// What it is, in a few words, and an example: for the message that it is missing.
     pub what: &'static str,
     pub example: &'static str,
-    /// Names that the key had in earlier releases, within its table. They are still taken.
-    pub former: &'static [&'static str],
     /// When it may change after a run has begun.
     pub change: Change,
 }
@@ -79,7 +77,6 @@ impl<T: Kind> Declared<T> {
         otherwise: "",
         what: "",
         example: "",
-        former: &[],
         change: Change::Branch,
     };
 
@@ -116,7 +113,6 @@ impl<T: Kind> Declared<T> {
             condition: self.condition,
             default: self.default.map(T::toml),
             otherwise: self.otherwise,
-            former: self.former,
             change: self.change,
         }
     }
@@ -151,7 +147,6 @@ pub(crate) struct Entry {
     /// As TOML.
     pub default: Option<String>,
     pub otherwise: &'static str,
-    pub former: &'static [&'static str],
     pub change: Change,
 }
 

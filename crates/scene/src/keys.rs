@@ -1,9 +1,6 @@
-//! Unknown and former keys: what the messages suggest.
-
-use std::borrow::Cow;
+//! Unknown keys: what the messages suggest.
 
 use strsim::levenshtein;
-use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::key::Entry;
@@ -13,70 +10,9 @@ use super::source::{EXTENDS, Input};
 use super::sweep::SWEEP;
 use gshear_dem::failure::Failure;
 
-/// Gives keys under a former name their present one. Returns a note for each.
-///
-/// # Errors
-/// `Failure::Input` if a key is given under both names.
-pub(super) fn rename(tree: &mut DeTable<'_>, input: &Input<'_>) -> Result<Vec<String>, Failure> {
-    let mut notes = rename_in(tree, &TOP_KEYS, "", input)?;
-    for table in TABLES.iter() {
-        if let Some(DeValue::Table(inner)) = tree.get_mut(table.name).map(Spanned::get_mut) {
-            let prefix = format!("{}.", table.name);
-            notes.extend(rename_in(inner, &table.keys, &prefix, input)?);
-        }
-    }
-    Ok(notes)
-}
-
-fn rename_in(
-    table: &mut DeTable<'_>,
-    keys: &[Entry],
-    prefix: &str,
-    input: &Input<'_>,
-) -> Result<Vec<String>, Failure> {
-    let mut notes = Vec::new();
-    for (key, former) in keys
-        .iter()
-        .flat_map(|key| key.former.iter().map(move |former| (key, *former)))
-    {
-        let Some((found, value)) = table.remove_entry(former) else {
-            continue;
-        };
-        let at = found.span().start;
-        let path = format!("{prefix}{former}");
-        if let Some((other, _)) = table.get_key_value(key.name) {
-            let what = format!(
-                "is the former name of {}, which {} gives; leave this one out",
-                key.path,
-                input.mention(other.span().start)
-            );
-            return Err(input.failure(at, &path, &what));
-        }
-        notes.push(input.message(at, &path, &renamed(key.path)));
-        table.insert(Spanned::new(found.span(), Cow::Borrowed(key.name)), value);
-    }
-    Ok(notes)
-}
-
-/// What to say of a key under a former name.
-fn renamed(path: &str) -> String {
-    format!("is now called {path}; write that, the next release refuses the former name")
-}
-
-/// The note on the path of a `--set`, if it is a former name.
-pub(super) fn note(path: &str) -> Option<String> {
-    let (table, key) = resolve(path).ok()?;
-    let present = match table {
-        Some(table) => format!("{table}.{key}"),
-        None => key.into(),
-    };
-    (present != path).then(|| renamed(&present))
-}
-
-/// The key of this present or former name.
+/// The key of this name.
 fn find<'a>(keys: &'a [Entry], name: &str) -> Option<&'a Entry> {
-    keys.iter()
-        .find(|key| key.name == name || key.former.contains(&name))
+    keys.iter().find(|key| key.name == name)
 }
 
 /// Refuses the first key of the file that the configuration does not know, and values where tables
@@ -121,7 +57,7 @@ pub(super) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
 /// What to say of a path into a sweep.
 const NO_SWEEP: &str = "only a file has a sweep; write [sweep] and its lists into it";
 
-/// The table and the present name of the key of a path: `seed` or `sample.grains`.
+/// The table and the name of the key of a path: `seed` or `sample.grains`.
 ///
 /// # Errors
 /// What is wrong with the path, and what would be right.
@@ -245,7 +181,6 @@ fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Source, load, notes};
 
     #[test]
     fn a_far_name_is_not_suggested() {
@@ -254,42 +189,6 @@ mod tests {
             Some("radius_min")
         );
         assert_eq!(nearest("gravity", &["radius_min", "length"]), None);
-    }
-
-    /// `output.energy` has the former name `energy_ledger` in tests.
-    #[test]
-    fn a_former_name_is_taken_with_a_note() {
-        let off = "[output]\nenergy_ledger = false";
-        let source = |text: &str| {
-            let scene = include_str!("../../../configs/plane-shear-2d.toml");
-            let scene = scene.replacen("[output]", text, 1);
-            assert!(scene.contains(text));
-            Source::new("s.toml", scene)
-        };
-        let energy = |text: &str, sets: &[String]| {
-            let scene = load(&source(text), sets).unwrap();
-            scene.plane_shear("s.toml").unwrap().output.energy
-        };
-        assert!(!energy(off, &[]));
-        let [note] = &notes(&source(off), &[])[..] else {
-            panic!("one note");
-        };
-        assert!(note.starts_with("s.toml:"), "{note}");
-        assert!(note.contains(": output.energy_ledger: is now called output.energy;"));
-
-        let set = ["output.energy_ledger=false".to_string()];
-        assert!(!energy("[output]", &set));
-        assert_eq!(
-            notes(&source("[output]"), &set),
-            [
-                "--set output.energy_ledger=false: is now called output.energy; write that, the next release refuses the former name"
-            ]
-        );
-        assert_eq!(notes(&source("[output]"), &["seed=2".into()]), [""; 0]);
-
-        let both = format!("{off}\nenergy = true");
-        let refused = load(&source(&both), &[]).unwrap_err().to_string();
-        assert!(refused.contains("output.energy_ledger: is the former name of output.energy"));
     }
 
     #[test]

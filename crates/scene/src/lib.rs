@@ -36,7 +36,7 @@
 //! | --- | --- |
 //! | `source` | reads files, names the places of the text and of `--set` |
 //! | `merge` | merges a file with those that it `extends` |
-//! | `keys`, `overrides` | refuse unknown keys, rename former ones, apply `--set` |
+//! | `keys`, `overrides` | refuse unknown keys, apply `--set` |
 //! | `units` | converts values with units |
 //! | `kind`, `key` | kinds of values; what is declared of a key |
 //! | `raw` | declares tables and keys, reads their values |
@@ -146,20 +146,6 @@ pub fn load_within(
             input.failure(offset, path.map_or("", |(_, path)| path), e.message())
         })?;
     check::scene(&raw, input, tables, boxed, limit, packing)
-}
-
-/// Notes on keys under former names, for standard error: each says where the key is and what it is
-/// called now. Empty for a text that is not TOML.
-pub fn notes(source: &Source, overrides: &[String]) -> Vec<String> {
-    let input = Input { source, overrides };
-    let mut notes = merge::notes(&input);
-    for (k, set) in overrides.iter().enumerate() {
-        let path = set.split_once('=').map_or("", |(path, _)| path.trim());
-        notes.extend(
-            keys::note(path).map(|note| input.message(input.override_offset(k), path, &note)),
-        );
-    }
-    notes
 }
 
 /// Whether a text sets a key, such as `shear.protocol`; not if it is no TOML.

@@ -8,7 +8,7 @@ use super::{keys, overrides::TAKE_AWAY, sweep, words};
 use gshear_dem::failure::Failure;
 
 /// The merged tree of a file and those that it extends, without `extends` and `[sweep]`. Unknown
-/// keys are refused, former names replaced.
+/// keys are refused.
 pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>, Failure> {
     let source = input.source;
     let mut merged = DeTable::new();
@@ -30,22 +30,11 @@ pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>, Failure> {
             let what = "only a file can extend another one; leave it out";
             return Err(input.failure(key.span().start, EXTENDS, what));
         }
-        keys::rename(&mut tree, input)?;
         keys::check_known(&tree, input)?;
         merge(&mut merged, tree);
     }
     take_away(&mut merged);
     Ok(merged)
-}
-
-/// Notes on keys under former names.
-pub(super) fn notes(input: &Input<'_>) -> Vec<String> {
-    let trees = input.source.parts().iter().map(|part| {
-        let tree = DeTable::parse(part.padded()).map(Spanned::into_inner);
-        tree.map(|mut tree| keys::rename(&mut tree, input))
-    });
-    let notes = trees.filter_map(|notes| notes.ok()?.ok());
-    notes.flatten().collect()
 }
 
 /// Adds the keys of `base` that the tree does not have.

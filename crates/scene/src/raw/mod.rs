@@ -20,9 +20,6 @@ use table::{FROM_ZERO, table};
 pub use table::{KeyTable, TableEntry};
 pub use walls::{Analysis, Load, Pack, Shear};
 
-/// Names of former releases in the tests of renamed keys.
-const FORMER_OF_TESTS: &[&str] = if cfg!(test) { &["energy_ledger"] } else { &[] };
-
 table! {
     /// The whole file.
     Raw {
@@ -130,7 +127,6 @@ table! {
         /// record the energy budget in the time series
         energy: Flag {
             default: Some(true),
-            former: FORMER_OF_TESTS,
             change: Change::Resume,
         },
     }
