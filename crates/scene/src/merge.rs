@@ -3,8 +3,9 @@
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
 
-use super::source::{EXTENDS, Input};
-use super::{keys, overrides::TAKE_AWAY, sweep, words};
+use super::source::Input;
+use super::words::{EXTENDS, SWEEP, TAKE_AWAY};
+use super::{keys, sweep, words};
 use gshear_dem::failure::Failure;
 
 /// The merged tree of a file and those that it extends, without `extends` and `[sweep]`. Unknown
@@ -17,12 +18,12 @@ pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>, Failure> {
     for (n, part) in parts.iter().enumerate() {
         let tree = DeTable::parse(part.padded()).map_err(|e| not_toml(input, &e))?;
         let mut tree = tree.into_inner();
-        let sweep = tree.remove_entry(sweep::SWEEP);
+        let sweep = tree.remove_entry(SWEEP);
         if let Some((key, value)) = sweep.filter(|_| !sweeps && !source.is_member()) {
             sweeps = true;
             if value.get_ref().as_str() != Some(TAKE_AWAY) {
                 let what = sweep::not_one_run(source)?;
-                return Err(input.failure(key.span().start, sweep::SWEEP, &what));
+                return Err(input.failure(key.span().start, SWEEP, &what));
             }
         }
         let base = tree.remove_entry(EXTENDS);
