@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 use crate::keys::{TABLES, TOP, tables};
 use crate::law::CONTACT;
 use crate::protocol::PartKeys;
-use crate::table::{laws_with, unit};
+use crate::table::{Table, laws_with, unit};
 use crate::units;
 use crate::value::Value as KeyValue;
 use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, list};
@@ -95,7 +95,7 @@ must match it.",
 
 /// The keys above all tables, then those of each table.
 fn keys() -> impl Iterator<Item = &'static Key> {
-    tables().flat_map(|table| table.keys())
+    tables().flat_map(Table::keys)
 }
 
 /// The meaning of a key, with the laws that take it.
@@ -225,7 +225,7 @@ fn quoted(names: &[&str]) -> String {
 /// kind of a unit. Every key takes `"none"`, which removes the key of the file that is extended.
 pub fn json_schema() -> String {
     let mut properties = object(&TOP.keys());
-    for table in TABLES.iter() {
+    for table in &TABLES {
         let schema = json!({
             "description": table.about.trim(),
             "type": ["object", "string"],
