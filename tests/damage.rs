@@ -222,7 +222,7 @@ fn contents(folder: &Path) -> String {
     format!("{files:?}")
 }
 
-/// A file of a run in a periodic box, read for the report of the study and exported.
+/// A file of a run in a periodic box, reduced and exported.
 struct BoxFile {
     name: &'static str,
     /// A whole run.
@@ -242,16 +242,20 @@ impl Subject for BoxFile {
         let name = self.whole.file_name().expect("a name");
         copy(&self.run, &self.folder);
         std::fs::write(self.folder.join(name), bytes).expect("written");
-        let mut report = reduce();
-        report.args(["report", "--study", "bonfanti"]);
         let name = name.to_string_lossy();
-        let reported = ended(report.arg(&self.folder), &name)?;
+        let mut command = reduce();
+        match name.starts_with("newtonian") {
+            true => command.arg("growth"),
+            false => command.args(["stability", "--until-pair"]),
+        };
+        command.arg(self.folder.join(&*name)).arg("--out");
+        let reported = ended(command.arg(self.folder.join("reduced")), &name)?;
         let mut export = reduce();
         export.args(["export", "--format=csv", "--out"]);
         export.arg(self.folder.join("frames/frames.csv"));
         let exported = ended(export.arg(self.folder.join(&*name)), &name)?;
         let read = |of| contents(&self.folder.join(of));
-        Ok((reported.and(exported)).map(|_| read("bonfanti") + &read("frames")))
+        Ok((reported.and(exported)).map(|_| read("reduced") + &read("frames")))
     }
 }
 
@@ -590,6 +594,38 @@ fn change_attribute(file: &hdf5::File, name: &str) {
         _ => {
             let value = attribute.read_scalar::<u64>().expect("a number");
             attribute.write_scalar(&(value + 1)).expect("written");
+        }
+    }
+}
+
+/// A resumed run cuts its file after the steps of its checkpoint: with a damaged step it would cut
+/// off more, and leave a gap.
+#[test]
+fn a_damaged_step_is_not_cut_off() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (stopped, run) = (folder.path().join("stopped"), folder.path().join("run"));
+    let mut command = simulate();
+    command.arg(kept_scene("walls.toml")).arg("--stop-at=100");
+    let outcome = bounded(command.arg("--out").arg(&stopped), LONGEST).expect("an end");
+    assert_eq!(outcome.code, 75, "{}", outcome.text);
+    for name in [
+        "particles/trajectory/position/step",
+        "observables/coordination/step",
+        "observables/gshear/dmin_greatest/step",
+    ] {
+        for damaged in [1, u64::MAX] {
+            copy(&stopped, &run);
+            common::change_file(&run.join("run.h5"), |file| {
+                let dataset = file.dataset(name).expect("steps");
+                let mut steps: Vec<u64> = dataset.read_raw().expect("numbers");
+                *steps.last_mut().expect("a step") = damaged;
+                dataset.write_raw(&steps).expect("written");
+            });
+            let mut resume = simulate();
+            resume.arg(kept_scene("walls.toml")).arg("--resume=auto");
+            let outcome = bounded(resume.arg("--out").arg(&run), LONGEST).expect("an end");
+            let refused = outcome.code == 2 && outcome.text.contains("is damaged");
+            assert!(refused, "{name}: {}", outcome.text);
         }
     }
 }

@@ -164,10 +164,10 @@ fn numbers(column: &[String]) -> Vec<f64> {
     column.iter().map(read).collect()
 }
 
-/// `stability` counts what `spectrum` finds, in both forms of the matrix, and the ensemble of two
-/// boxes holds what their files say.
+/// `stability` counts what `spectrum` finds, in both forms of the matrix, and `growth` holds what
+/// newtonian.h5 says.
 #[test]
-fn ensembles_of_boxes_hold_what_their_runs_say() {
+fn stability_and_growth_of_boxes_are_what_their_runs_say() {
     let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
@@ -192,7 +192,6 @@ fn ensembles_of_boxes_hold_what_their_runs_say() {
         let output = succeed(command.args(["--threads", "1"]).args(arguments));
         String::from_utf8(output.stdout).expect("text")
     };
-    let mut firsts = Vec::new();
     for (form, options) in [("ours", &[][..]), ("paper", &["--paper-form"][..])] {
         for (k, run) in runs.iter().enumerate() {
             let out = path(folder.path(), &format!("{form}-{k}"));
@@ -203,8 +202,14 @@ fn ensembles_of_boxes_hold_what_their_runs_say() {
             assert_eq!(pairs.len(), 6);
             // Without tangential forces K is symmetric.
             assert_eq!(pairs[0], 0.0);
-            let first = pairs.iter().position(|pairs| *pairs > 0.0);
-            firsts.push(first.map(|t| counted["strain"][t].clone()));
+            let first = pairs.iter().position(|pairs| *pairs > 0.0).expect("a pair");
+            let until = path(folder.path(), &format!("until-{form}-{k}"));
+            let command = ["stability", &of_run, "--until-pair", "--out", &until];
+            reduce(&[&command, options].concat());
+            let until = table(&Path::new(&until).join("stability.csv"));
+            for (name, column) in &until {
+                assert_eq!(column[..], counted[name][..=first], "{name}");
+            }
             reduce(
                 &[
                     &["spectrum", &of_run, "--frame=5", "--dense", "--out", &out],
@@ -231,22 +236,9 @@ fn ensembles_of_boxes_hold_what_their_runs_say() {
             );
         }
     }
-    let out = folder.path().join("ensemble");
-    let [a, b] = [0, 1].map(|k| runs[k].to_str().expect("UTF-8"));
-    let out_name = out.to_str().expect("UTF-8");
-    reduce(&["report", "--study=bonfanti", a, b, "--out", out_name]);
-    let of_runs = table(&out.join("ensemble-runs.csv"));
-    let parse = |cell: &Option<String>| cell.as_ref().map_or(f64::NAN, |x| x.parse().unwrap());
-    for (name, of) in [
-        ("first_frame_with_pair", &firsts[..2]),
-        ("first_frame_with_pair_paper_form", &firsts[2..]),
-    ] {
-        let found = numbers(&of_runs[name]);
-        for (found, of) in found.iter().zip(of) {
-            assert_eq!(found.to_bits(), parse(of).to_bits(), "{name}");
-        }
-    }
-    for (k, run) in runs.iter().enumerate() {
+    for run in &runs {
+        reduce(&["growth", run.to_str().expect("UTF-8")]);
+        let growth = table(&run.join("growth.csv"));
         let moving = RunFile::open_any(&run.join("newtonian.h5")).expect("a run");
         let (time, stress) = (
             &moving.series().time,
@@ -262,43 +254,18 @@ fn ensembles_of_boxes_hold_what_their_runs_say() {
         let end = sum / (time[time.len() - 1] - time[from]);
         let change = (end - stress[0]).abs();
         let pressure = moving.series().column("pressure")[0];
-        let found = numbers(&of_runs["change_over_pressure"])[k];
+        let found = numbers(&growth["change_over_pressure"])[0];
         // The change is a small difference of these.
         let rounding = 1e-12 * (end.abs() + stress[0].abs());
         assert!((found - change / pressure).abs() < rounding / pressure);
-        let found = numbers(&of_runs["change_over_stress"])[k];
+        let found = numbers(&growth["change_over_stress"])[0];
         assert!((found - change / stress[0].abs()).abs() < rounding / stress[0].abs());
-        assert!(numbers(&of_runs["birth"])[k] > 0.0);
+        let grains = table(&run.join("growth-grains.csv"));
+        let weights = numbers(&grains["eigenvector_square"]);
+        assert_eq!(weights.len(), 60);
+        assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        // Cauchy and Schwarz.
+        let overlap = numbers(&growth["overlap"])[0];
+        assert!(overlap > 0.0 && overlap <= 1.0, "{overlap}");
     }
-    let means = table(&out.join("ensemble.csv"));
-    let at = means["what"]
-        .iter()
-        .position(|what| what == "change_over_pressure");
-    let mean = numbers(&means["mean"])[at.expect("a row")];
-    let both = numbers(&of_runs["change_over_pressure"]);
-    assert!((mean / (0.5 * (both[0] + both[1])) - 1.0).abs() < 1e-12);
-    for name in [
-        "ensemble-runs.csv",
-        "ensemble.csv",
-        "ensemble-distributions.csv",
-    ] {
-        assert!(out.join(format!("{name}-metadata.json")).exists(), "{name}");
-    }
-    // What becomes of a pair is not known of a run that was stopped.
-    let stopped = folder.path().join("stopped");
-    let set = |set: &str| format!("--set={set}");
-    let arguments = [
-        scene.to_string(),
-        set("sample.grains=60"),
-        "--stop-at=2".into(),
-    ];
-    assert_eq!(gshear_mpi(1, &stopped, &arguments).code, 75);
-    let refused = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"))
-        .args(["report", "--study=bonfanti", a])
-        .arg(&stopped)
-        .output()
-        .expect("the program starts");
-    assert_eq!(refused.status.code(), Some(2));
-    let said = String::from_utf8_lossy(&refused.stderr);
-    assert!(said.contains("aqs.h5: is not done"), "{said}");
 }

@@ -2,10 +2,11 @@
 //! their energy budget.
 
 use gshear_dem::budget::{EnergyBalance, EnergyBudget, SampleState};
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::hertz::Spheres;
 use gshear_dem::laws::tsuji::TsujiSpheres;
 use gshear_dem::laws::{Constants, Contact};

@@ -1,6 +1,7 @@
 //! `gshear-reduce` through its binary, on made-up runs.
 
 mod compare;
+mod correlate;
 mod export;
 mod fixture;
 mod rate_state;
@@ -8,7 +9,6 @@ mod reading;
 mod references;
 mod results;
 mod spectrum;
-mod study;
 
 use std::path::Path;
 use std::process::{Command, Output};

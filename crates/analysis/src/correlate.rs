@@ -73,20 +73,6 @@ impl Quantity {
         }
     }
 
-    /// Returns LH's symbol; `_{…}` marks a subscript.
-    pub fn symbol(self) -> &'static str {
-        match self {
-            Quantity::DminMax => "mgD²_{min}",
-            Quantity::TopMax => "mg_{t10%}D²_{min}",
-            Quantity::DminSum => "sgD²_{min}",
-            Quantity::TopSum => "sg_{t10%}D²_{min}",
-            Quantity::Duration => "t_{p}",
-            Quantity::RegionsLeast => "N_{c}",
-            Quantity::AngleMean => "mean |θ|",
-            Quantity::AngleMedian => "median |θ|",
-        }
-    }
-
     /// Returns the value for a phase.
     pub fn of(self, phase: &Measured) -> f64 {
         match self {

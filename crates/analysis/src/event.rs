@@ -18,8 +18,6 @@ pub struct Interval<'a> {
     pub frames: [&'a FrameRecords; 2],
     /// Periods that were taken from the Lees–Edwards offset in between; see [`Cell::shear`].
     pub periods: i64,
-    /// Whether the frames have images. Without them grains move by the shortest way.
-    pub has_images: bool,
 }
 
 impl Interval<'_> {
@@ -33,9 +31,6 @@ impl Interval<'_> {
     /// Returns how far the copy of a grain moves that is inside the box in the earlier frame (m).
     pub fn displacement<D: Dimension>(&self, grain: usize) -> [f64; 3] {
         let [from, to] = self.frames.map(|frame| &frame.grains[grain]);
-        if !self.has_images {
-            return self.cells[1].separation::<D>(&to.position, &from.position);
-        }
         let mut crossed: [i64; 3] = std::array::from_fn(|axis| to.image[axis] - from.image[axis]);
         crossed[0] -= self.periods * from.image[D::UP];
         self.cells[1].displacement::<D>(&to.position, &from.position, crossed)
@@ -269,7 +264,6 @@ mod tests {
                 cells,
                 frames: [&earlier, &later],
                 periods,
-                has_images: true,
             };
             non_affine::<D>(&interval, radius, |_| true)
         };
@@ -309,32 +303,6 @@ mod tests {
     }
 
     /// Files of earlier versions have no images.
-    #[test]
-    fn without_images_grains_move_by_the_shortest_way() {
-        let cells = [cell(true, 3); 2];
-        let places = random(200, 3).into_iter().map(|p| p.map(|x| L * x));
-        let places: Vec<[f64; 3]> = places.collect();
-        let moves = random(200, 4).into_iter().zip(&places);
-        let moved = moves.map(|(by, p)| std::array::from_fn(|k| p[k] + by[k] - 0.5));
-        let mut frames = [places.clone(), moved.collect()].map(|p| frame::<Three>(&cells[0], &p));
-        let dmin = |[earlier, later]: &[FrameRecords; 2], has_images: bool| {
-            let interval = Interval {
-                cells,
-                frames: [earlier, later],
-                periods: 0,
-                has_images,
-            };
-            non_affine::<Three>(&interval, 3.0, |_| true)
-        };
-        let followed = dmin(&frames, true);
-        let forget = |grain: &mut GrainSample| grain.image = [0; 3];
-        (frames.iter_mut()).for_each(|frame| frame.grains.iter_mut().for_each(forget));
-        for (shortest, followed) in dmin(&frames, false).into_iter().zip(&followed) {
-            assert!((shortest / followed - 1.0).abs() < 1e-9);
-        }
-        assert!(dmin(&frames, true) != followed);
-    }
-
     #[test]
     fn overlaps_of_equal_and_of_separate_fields() {
         assert_eq!(overlap(&[1.0, 2.0, f64::NAN], &[2.0, 4.0, 9.0]), 1.0);

@@ -18,14 +18,6 @@ const LEAST: i32 = -5;
 const LAST: i32 = -2;
 
 impl Bins {
-    /// Returns the name in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Bins::Decades => "decades",
-            Bins::HalfDecades => "half-decades",
-        }
-    }
-
     fn per_decade(self) -> i32 {
         match self {
             Bins::Decades => 1,
@@ -49,11 +41,7 @@ impl Bins {
 
     fn range(self, number: i32) -> ValueRange {
         let [nearer, farther] = [number, number + 1].map(|k| self.edge(k));
-        ValueRange {
-            nearer,
-            farther,
-            middle: (nearer * farther).sqrt(),
-        }
+        ValueRange { nearer, farther }
     }
 
     /// Returns the ranges of Δτ and Δτ_p: slip from the greatest to the least, then stick from the
@@ -68,7 +56,6 @@ impl Bins {
         let down = up.iter().rev().map(|range| ValueRange {
             nearer: -range.nearer,
             farther: -range.farther,
-            middle: -range.middle,
         });
         down.chain(up.iter().copied()).collect()
     }
@@ -100,9 +87,6 @@ pub struct ValueRange {
     pub nearer: f64,
     /// End farther from zero, excluded; infinite if the range is open.
     pub farther: f64,
-    /// Where figures show the range: its middle on a logarithmic axis, of an open range that of a
-    /// range as wide as its neighbour.
-    pub middle: f64,
 }
 
 impl ValueRange {
@@ -145,14 +129,11 @@ mod tests {
             assert_eq!(ranges.len(), 2 * count);
             for (down, up) in ranges[..count].iter().rev().zip(&ranges[count..]) {
                 assert_eq!((-down.nearer, -down.farther), (up.nearer, up.farther));
-                assert_eq!(-down.middle, up.middle);
             }
             let width = 4.0 / count as f64;
             for (k, range) in ranges[count..].iter().enumerate() {
                 let from = -5.0 + width * k as f64;
                 let off = range.nearer / 10f64.powf(from) - 1.0;
-                assert!(off.abs() < 1e-14, "{range:?}");
-                let off = range.middle / 10f64.powf(from + 0.5 * width) - 1.0;
                 assert!(off.abs() < 1e-14, "{range:?}");
                 match ranges.get(count + k + 1) {
                     Some(next) => assert_eq!(range.farther, next.nearer),

@@ -16,19 +16,6 @@ pub struct Correlation {
     pub count: usize,
 }
 
-impl Correlation {
-    /// Greatest p of the coefficients that LH plot (section 3.3).
-    pub const SIGNIFICANT: f64 = 0.05;
-
-    /// Returns whether p ≤ 0.05 with at least five pairs.
-    ///
-    /// With four pairs the exact p of the most extreme order is 2/4! = 0.08, although Student's t
-    /// gives less.
-    pub fn is_significant(&self) -> bool {
-        self.count >= 5 && self.p <= Self::SIGNIFICANT
-    }
-}
-
 /// Buffers of the ranking, reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct Spearman {

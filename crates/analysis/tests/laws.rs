@@ -3,10 +3,11 @@
 
 use faer::{Par, c64};
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::keys::{Key, KeyReader};
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
 use gshear_dem::simd::Isa;

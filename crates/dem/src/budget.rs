@@ -4,8 +4,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::contact::PairForce;
 use crate::contact::dissipation;
-use crate::contact::model::PairModel;
+use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::{Piston, WallForces, WallSteps};
 use crate::simd::{Isa, LANES, Lanes16};
@@ -222,11 +223,11 @@ impl EnergyBudget {
     }
 
     /// The energies of all ranks now. Collective.
-    pub fn balance(
+    pub fn balance<D: Dimension>(
         &mut self,
         exchange: &dyn Exchange,
         isa: Isa,
-        law: &dyn PairModel,
+        law: &dyn PairForce<D>,
         of: SampleState<'_>,
     ) -> EnergyBalance {
         // Elastic energies are greater than the energy dissipated in a step.
@@ -286,9 +287,9 @@ pub struct SampleState<'a> {
 }
 
 /// Adds the elastic energies of the contacts whose first grain this rank owns.
-fn add_elastic(
+fn add_elastic<D: Dimension>(
     isa: Isa,
-    law: &dyn PairModel,
+    law: &dyn PairForce<D>,
     of: &SampleState<'_>,
     unit: FixedPoint,
     sums: &mut [Accumulator; ELASTIC],

@@ -8,7 +8,7 @@
 //!         /// Pressure on the top wall.
 //!         pressure: "Pa",
 //!         /// Energy dissipated by sliding.
-//!         dissipated: "J", formerly "lost",
+//!         dissipated: "J",
 //!     }
 //! }
 //!
@@ -17,7 +17,6 @@
 //! assert_eq!(Reading::from_columns([2.0, 0.5]), row);
 //! assert_eq!(Reading::COLUMNS[0].name, "pressure");
 //! assert_eq!(Reading::COLUMNS[0].doc, "Pressure on the top wall.");
-//! assert_eq!(Reading::COLUMNS[1].stored_name(|name| name == "lost"), Some("lost"));
 //! ```
 
 use std::fmt;
@@ -31,19 +30,12 @@ pub struct Column {
     pub unit: &'static str,
     /// What the column holds; also the text of docs/file-formats.md.
     pub doc: &'static str,
-    /// Name in the release before this one, which readers accept.
-    pub former: Option<&'static str>,
 }
 
 impl Column {
-    /// A column that has always had this name.
+    /// A column.
     pub const fn new(name: &'static str, unit: &'static str, doc: &'static str) -> Self {
-        Self {
-            name,
-            unit,
-            doc,
-            former: None,
-        }
+        Self { name, unit, doc }
     }
 
     /// Unit in so many dimensions, `None` for pure numbers. In 2D forces, energies and masses are per unit
@@ -55,12 +47,6 @@ impl Column {
             ("N m", 2) => Some("N".into()),
             (unit, _) => Some(unit.into()),
         }
-    }
-
-    /// Name under which a file has the column: the present or the former one.
-    pub fn stored_name(&self, is_stored: impl Fn(&str) -> bool) -> Option<&'static str> {
-        let mut names = std::iter::once(self.name).chain(self.former);
-        names.find(|name| is_stored(name))
     }
 }
 
@@ -86,19 +72,17 @@ pub fn joined_names(columns: &[Column], separator: &str) -> String {
 
 /// Declares the row of a table: a struct of `f64` with `COLUMNS`, `columns` and `from_columns`.
 ///
-/// A field has a doc comment, its name, its unit (see
-/// [`Column::unit`](crate::columns::Column::unit)) and, if it was renamed, `formerly` and the
-/// former name; see [`columns`](mod@crate::columns). The calling crate needs `bytemuck`.
+/// A field has a doc comment, its name and its unit (see
+/// [`Column::unit`](crate::columns::Column::unit)); see [`columns`](mod@crate::columns). The calling
+/// crate needs `bytemuck`.
 #[macro_export]
 macro_rules! columns {
-    (@former) => { None };
-    (@former $former:literal) => { Some($former) };
     (
         $(#[$attribute:meta])*
         $visibility:vis struct $row:ident {
             $(
                 $(#[doc = $doc:literal])+
-                $name:ident: $unit:literal $(, formerly $former:literal)?
+                $name:ident: $unit:literal
             ),+ $(,)?
         }
     ) => {
@@ -116,7 +100,6 @@ macro_rules! columns {
                     name: stringify!($name),
                     unit: $unit,
                     doc: concat!($($doc),+).trim_ascii(),
-                    former: $crate::columns!(@former $($former)?),
                 },)+
             ];
 
@@ -149,7 +132,7 @@ mod tests {
             /// the wall.
             force: "N",
             /// A number.
-            share: "1", formerly "part",
+            share: "1",
         }
     }
 
@@ -160,14 +143,6 @@ mod tests {
         assert_eq!(force.unit_in(3).as_deref(), Some("N"));
         assert_eq!(share.unit_in(2), None);
         assert_eq!(force.doc, "Force along the wall.");
-    }
-
-    #[test]
-    fn the_present_name_comes_before_the_former_one() {
-        let [force, share] = Pair::COLUMNS;
-        assert_eq!(share.stored_name(|_| true), Some("share"));
-        assert_eq!(share.stored_name(|name| name == "part"), Some("part"));
-        assert_eq!(force.stored_name(|name| name == "part"), None);
     }
 
     #[test]

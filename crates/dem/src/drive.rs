@@ -3,9 +3,10 @@
 use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
 
+use crate::contact::PairForce;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
-use crate::kernel::{PairForce, Pass, Scratch};
+use crate::kernel::{Pass, Scratch};
 use crate::protocol::{Protocol, Segment};
 use crate::simd::Isa;
 use crate::state::{CandidatePair, Cell, Contacts, Grains, LocalGrains, body};

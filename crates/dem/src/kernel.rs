@@ -11,8 +11,6 @@
 
 use std::ops::Range;
 
-use crate::contact::model::PairModel;
-use crate::contact::stiffness::Stiffness;
 use crate::contact::{CARRY, ContactLaw, PairMotion, Response, dissipation, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch, prefetch_all};
@@ -136,34 +134,26 @@ impl PassOutcome {
     }
 }
 
-/// A contact law of grains in `D` dimensions, with the loop over the contacts compiled for it: one
-/// virtual call per pass. Implemented for every [`ContactLaw`]; [`crate::laws`] makes them.
-pub trait PairForce<D: Dimension>: PairModel {
-    /// Adds the contact forces to the grains and advances the histories.
-    fn pass(&self, isa: Isa, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome;
-}
-
-impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
-    fn pass(
-        &self,
-        isa: Isa,
-        pass: Pass<'_, C::Space>,
-        scratch: &mut Scratch<C::Space>,
-    ) -> PassOutcome {
-        let (law, first) = (self, pass.part.first);
-        let mut outcome = match (pass.counting, isa.vector()) {
-            (None, Some(vector)) => vector.run(PassWork::<C, false> { law, pass, scratch }),
-            // The portable arrays always account for the dissipation: one instance a law suffices.
-            _ => isa.run(PassWork::<C, true> { law, pass, scratch }),
-        };
-        for (block, _) in [&mut outcome.outside, &mut outcome.too_strong]
-            .into_iter()
-            .flatten()
-        {
-            *block += first;
-        }
-        outcome
+/// Adds the contact forces to the grains and advances the histories.
+pub(crate) fn run<C: ContactLaw>(
+    law: &C,
+    isa: Isa,
+    pass: Pass<'_, C::Space>,
+    scratch: &mut Scratch<C::Space>,
+) -> PassOutcome {
+    let first = pass.part.first;
+    let mut outcome = match (pass.counting, isa.vector()) {
+        (None, Some(vector)) => vector.run(PassWork::<C, false> { law, pass, scratch }),
+        // The portable arrays always account for the dissipation: one instance a law suffices.
+        _ => isa.run(PassWork::<C, true> { law, pass, scratch }),
+    };
+    for (block, _) in [&mut outcome.outside, &mut outcome.too_strong]
+        .into_iter()
+        .flatten()
+    {
+        *block += first;
     }
+    outcome
 }
 
 /// One pass; blocks are numbered from the first of the part.
@@ -303,13 +293,10 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     scratch: &mut Scratch<C::Space>,
 ) -> usize {
     let mut active = 0;
-    let c = |v| L::splat(token, v);
-    let load = |lanes: &Lanes16| L::load(token, lanes);
-    let zero = c(0.0);
-    let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
-    let step = c(pass.step);
+    let spins = C::Space::SPINS;
+    let step = L::splat(token, pass.step);
     let [slip_shift, rotation_shift] =
-        [pass.units.slip, Units::ROTATION].map(|u| c(Units::shift(u)));
+        [pass.units.slip, Units::ROTATION].map(|u| L::splat(token, Units::shift(u)));
     let contacts = &mut pass.part;
     if BUDGET {
         scratch.touched.clear();
@@ -320,128 +307,56 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         .zip(scratch.difference.iter().zip(&scratch.spins_of_j))
         .zip(scratch.motion.iter_mut().zip(&mut scratch.direction))
         .enumerate();
-    for (k, ((([sum, r_i], touching), (difference, spins_of_j)), (motion, direction))) in blocks {
+    for (k, (((radii, touching), (difference, spins_of_j)), (motion, direction))) in blocks {
         let difference = difference.as_ref();
-        let mut r = vector::<L>(token, &difference[C::Space::POSITION..], axes);
-        // Velocity along x of the second grain's image relative to the grain, subtracted from
-        // differences of velocities.
-        let mut image_velocity = None;
-        let mut stretching = None;
-        if let Some(sheared) = &pass.cell.sheared {
-            let up = C::Space::UP;
-            let images = -(r[up] * c(1.0 / sheared.height)).round();
-            r[up] = images.mul_add(c(sheared.height), r[up]);
-            r[0] = images.mul_add(c(sheared.offset), r[0]);
-            image_velocity = Some(images * c(sheared.velocity));
-            stretching = sheared.stretching;
-        }
-        for axis in 0..C::Space::UP {
-            let period = pass.cell.periods[axis];
-            let images = -(r[axis] * c(1.0 / period)).round();
-            r[axis] = images.mul_add(c(period), r[axis]);
-        }
-        let square = C::Space::dot(&r, &r);
-        let per_distance = inverse_sqrt(token, square);
-        // To 0.501 ulp, because the overlap is the small difference of two lengths.
-        let estimate = square * per_distance;
-        let distance =
-            (c(0.5) * per_distance).mul_add((-estimate).mul_add(estimate, square), estimate);
-        let mut n = r;
-        for axis in 0..axes {
-            n[axis] = r[axis] * per_distance;
-        }
-        store_vector(&n, direction, axes);
-        let sum = load(sum);
-        let overlap = sum - distance;
-        overlap.store(&mut motion.overlap);
-        let mut v = vector::<L>(token, &difference[C::Space::VELOCITY..], axes);
-        let mut half_v = vector::<L>(token, &difference[C::Space::HALF_VELOCITY..], axes);
-        if let Some(more) = image_velocity {
-            v[0] = v[0] + more;
-            half_v[0] = half_v[0] + more;
-        }
-        if let Some(rates) = stretching {
-            for axis in 0..axes {
-                half_v[axis] = r[axis].mul_add(c(rates[axis]), half_v[axis]);
-            }
-        }
-        let v_n = C::Space::dot(&v, &n);
-        v_n.store(&mut motion.normal_velocity);
-        let half_normal = C::Space::dot(&half_v, &n);
+        let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
+        let pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
+        store_vector(&pair.n, direction, C::Space::AXES);
+        pair.overlap.store(&mut motion.overlap);
+        let [v, half_v] = Velocity::of_pair::<C::Space>(token, &pair, difference);
+        v.normal.store(&mut motion.normal_velocity);
         if BUDGET {
-            (half_normal * step).store(&mut motion.normal_increment);
+            (half_v.normal * step).store(&mut motion.normal_increment);
         }
         if C::FRICTION {
-            // R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j
-            let r_i = load(r_i);
             let (half_of_j, of_j) = spins_of_j.split_at(spins);
-            let of_difference = vector::<L>(token, &difference[C::Space::SPIN..], spins);
-            let of_j = vector::<L>(token, of_j, spins);
-            let s = weighted(r_i, &of_difference, sum, &of_j);
-            let rotational = C::Space::surface_velocity(&n, &s);
-            let tangential = C::Space::tangential_part(&n, &v, v_n);
+            let s = spin_sum::<C::Space, L>(token, &difference[C::Space::SPIN..], of_j, sum, r_i);
+            let half_s = &difference[C::Space::HALF_SPIN..];
+            let half_s = spin_sum::<C::Space, L>(token, half_s, half_of_j, sum, r_i);
+            let rotational = C::Space::surface_velocity(&pair.n, &s);
+            let tangential = C::Space::tangential_part(&pair.n, &v.vector, v.normal);
             for k in 0..spins {
                 (tangential[k] + rotational[k]).store(&mut motion.tangential_velocity[k]);
             }
-            // The half-step velocity belongs to the tangent plane of the half step, when r was
-            // r - ½Δt v. Without this correction F_t^e would be of first order if n rotates. In
-            // v - v_n n only the length of r differs, by |r|/|r - ½Δt v|, because v × v = 0.
-            let half_step = c(0.5) * step * per_distance;
-            let longer = half_step.mul_add(half_normal, c(1.0));
-            let of_difference = vector::<L>(token, &difference[C::Space::HALF_SPIN..], spins);
-            let of_j = vector::<L>(token, half_of_j, spins);
-            let half_s = weighted(r_i, &of_difference, sum, &of_j);
-            let rotational = C::Space::surface_velocity(&n, &half_s);
-            let tangential = C::Space::tangential_part(&n, &half_v, half_normal);
-            let mut slip = [zero; 3];
-            for k in 0..spins {
-                slip[k] = tangential[k].mul_add(longer, rotational[k]);
-            }
+            let slip = Slip::of_half_step::<C::Space>(token, step, &pair, &half_v, &half_s);
             if spins == 3 {
-                // The spins, too, are rotated from that plane into this one: a part of the twist
-                // becomes tangential.
-                let twist = half_step * C::Space::dot(&n, &half_s);
-                let aside = C::Space::surface_velocity(&n, &half_v);
-                for k in 0..spins {
-                    slip[k] = twist.mul_add(aside[k], slip[k]);
-                }
                 let first = (chunk.start + k) * C::HISTORY;
                 let history = &mut contacts.history[first..first + 3];
-                rotate_with_normal::<L>(token, history, &n, &tangential, half_step * longer);
+                rotate_with_normal::<L>(token, history, &pair.n, &slip);
             }
             for k in 0..spins {
-                let slip = slip[k].mul_add(step, slip_shift) - slip_shift;
-                slip.store(&mut motion.tangential_increment[k]);
+                let rounded = slip.velocity[k].mul_add(step, slip_shift) - slip_shift;
+                rounded.store(&mut motion.tangential_increment[k]);
             }
         }
         if C::ROLLING {
             motion.rolling_velocity = difference[C::Space::SPIN];
-            let rotation = load(&difference[C::Space::HALF_SPIN]).mul_add(step, rotation_shift)
-                - rotation_shift;
+            let half_spin = L::load(token, &difference[C::Space::HALF_SPIN]);
+            let rotation = half_spin.mul_add(step, rotation_shift) - rotation_shift;
             rotation.store(&mut motion.rolling_increment);
         }
         let before = *touching;
-        *touching = overlap.greater(zero).bits();
+        *touching = pair.overlap.greater(L::splat(token, 0.0)).bits();
         if before | *touching != 0 {
             active = k + 1;
         } else {
             let block = chunk.start + k;
             let inner = contacts.first + block < contacts.inner;
-            contacts.asleep_until[block] = match pass.travelled {
-                Some(travelled) if inner => {
-                    let mut gap = f64::INFINITY;
-                    for overlap in motion.overlap.0 {
-                        gap = gap.min(-overlap);
-                    }
-                    travelled + way_to_touch(gap)
-                }
-                // Of ghosts it is not known here how far they travel.
-                _ => 0.0,
-            };
+            contacts.asleep_until[block] = asleep_until(motion, pass.travelled.filter(|_| inner));
         }
         // A pair that touched a step ago overlaps by more than it has approached since.
-        let approach = -half_normal * step;
-        let new = approach.greater(overlap).bits() & *touching;
+        let approach = -half_v.normal * step;
+        let new = approach.greater(pair.overlap).bits() & *touching;
         if new != 0 {
             let approach = approach.to_lanes16();
             for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
@@ -455,14 +370,180 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     active
 }
 
-/// a x + b y.
+/// How far the grains will have travelled (m) when a pair of this block may touch; `travelled` is
+/// how far they are now, `None` if that is not known, as of ghosts.
 #[inline(always)]
-fn weighted<L: Lanes>(a: L, x: &[L; 3], b: L, y: &[L; 3]) -> [L; 3] {
+fn asleep_until(motion: &PairMotion, travelled: Option<f64>) -> f64 {
+    let Some(travelled) = travelled else {
+        return 0.0;
+    };
+    let mut gap = f64::INFINITY;
+    for overlap in motion.overlap.0 {
+        gap = gap.min(-overlap);
+    }
+    travelled + way_to_touch(gap)
+}
+
+/// How sixteen pairs lie to each other.
+struct Separation<L> {
+    /// From j to i (m).
+    r: [L; 3],
+    n: [L; 3],
+    /// 1/|r|.
+    per_distance: L,
+    /// δ (m).
+    overlap: L,
+    /// Velocity along x of the second grain's image relative to the grain, subtracted from
+    /// differences of velocities.
+    image_velocity: Option<L>,
+    /// Rates of the lengths of the cell (1/s).
+    stretching: Option<[f64; 3]>,
+}
+
+impl<L: Lanes> Separation<L> {
+    /// From differences of the records, by the nearest images; `sum` is R_i + R_j.
+    #[inline(always)]
+    fn new<D: Dimension>(token: L::Token, cell: &Cell, difference: &[Lanes16], sum: L) -> Self {
+        let c = |v| L::splat(token, v);
+        let mut r = vector::<L>(token, &difference[D::POSITION..], D::AXES);
+        let (mut image_velocity, mut stretching) = (None, None);
+        if let Some(sheared) = &cell.sheared {
+            let images = -(r[D::UP] * c(1.0 / sheared.height)).round();
+            r[D::UP] = images.mul_add(c(sheared.height), r[D::UP]);
+            r[0] = images.mul_add(c(sheared.offset), r[0]);
+            image_velocity = Some(images * c(sheared.velocity));
+            stretching = sheared.stretching;
+        }
+        for axis in 0..D::UP {
+            let period = cell.periods[axis];
+            let images = -(r[axis] * c(1.0 / period)).round();
+            r[axis] = images.mul_add(c(period), r[axis]);
+        }
+        let square = D::dot(&r, &r);
+        let per_distance = inverse_sqrt(token, square);
+        // To 0.501 ulp, because the overlap is the small difference of two lengths.
+        let estimate = square * per_distance;
+        let distance =
+            (c(0.5) * per_distance).mul_add((-estimate).mul_add(estimate, square), estimate);
+        let mut n = r;
+        for axis in 0..D::AXES {
+            n[axis] = r[axis] * per_distance;
+        }
+        Self {
+            r,
+            n,
+            per_distance,
+            overlap: sum - distance,
+            image_velocity,
+            stretching,
+        }
+    }
+}
+
+/// Relative velocity of sixteen pairs (m/s).
+struct Velocity<L> {
+    vector: [L; 3],
+    /// Along n.
+    normal: L,
+}
+
+impl<L: Lanes> Velocity<L> {
+    /// Those of the full and of the half step.
+    #[inline(always)]
+    fn of_pair<D: Dimension>(
+        token: L::Token,
+        pair: &Separation<L>,
+        difference: &[Lanes16],
+    ) -> [Self; 2] {
+        let mut v = vector::<L>(token, &difference[D::VELOCITY..], D::AXES);
+        let mut half_v = vector::<L>(token, &difference[D::HALF_VELOCITY..], D::AXES);
+        if let Some(more) = pair.image_velocity {
+            v[0] = v[0] + more;
+            half_v[0] = half_v[0] + more;
+        }
+        if let Some(rates) = pair.stretching {
+            for axis in 0..D::AXES {
+                half_v[axis] = pair.r[axis].mul_add(L::splat(token, rates[axis]), half_v[axis]);
+            }
+        }
+        [
+            Self {
+                vector: v,
+                normal: D::dot(&v, &pair.n),
+            },
+            Self {
+                vector: half_v,
+                normal: D::dot(&half_v, &pair.n),
+            },
+        ]
+    }
+}
+
+/// R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j.
+#[inline(always)]
+fn spin_sum<D: Dimension, L: Lanes>(
+    token: L::Token,
+    of_difference: &[Lanes16],
+    of_j: &[Lanes16],
+    sum: L,
+    r_i: L,
+) -> [L; 3] {
+    let of_difference = vector::<L>(token, of_difference, D::SPINS);
+    let of_j = vector::<L>(token, of_j, D::SPINS);
     [
-        a.mul_add(x[0], b * y[0]),
-        a.mul_add(x[1], b * y[1]),
-        a.mul_add(x[2], b * y[2]),
+        r_i.mul_add(of_difference[0], sum * of_j[0]),
+        r_i.mul_add(of_difference[1], sum * of_j[1]),
+        r_i.mul_add(of_difference[2], sum * of_j[2]),
     ]
+}
+
+/// The tangential motion of the half step, in the tangent plane of the full step.
+struct Slip<L> {
+    /// v_t (m/s).
+    velocity: [L; 3],
+    /// Its part without spins, as it was in the plane of the half step (m/s).
+    tangential: [L; 3],
+    /// ½Δt/|r - ½Δt v| (s/m): times `tangential` the angle of n since the half step.
+    half_angle: L,
+}
+
+impl<L: Lanes> Slip<L> {
+    /// `s` is R_i ω_i + R_j ω_j of the half step.
+    ///
+    /// The half-step velocity belongs to the tangent plane of the half step, when r was r - ½Δt v.
+    /// Without this correction F_t^e would be of first order if n rotates. In v - v_n n only the
+    /// length of r differs, by |r|/|r - ½Δt v|, because v × v = 0.
+    #[inline(always)]
+    fn of_half_step<D: Dimension>(
+        token: L::Token,
+        step: L,
+        pair: &Separation<L>,
+        half_v: &Velocity<L>,
+        s: &[L; 3],
+    ) -> Self {
+        let half_step = L::splat(token, 0.5) * step * pair.per_distance;
+        let longer = half_step.mul_add(half_v.normal, L::splat(token, 1.0));
+        let rotational = D::surface_velocity(&pair.n, s);
+        let tangential = D::tangential_part(&pair.n, &half_v.vector, half_v.normal);
+        let mut velocity = [L::splat(token, 0.0); 3];
+        for k in 0..D::SPINS {
+            velocity[k] = tangential[k].mul_add(longer, rotational[k]);
+        }
+        if D::SPINS == 3 {
+            // The spins, too, are rotated from that plane into this one: a part of the twist
+            // becomes tangential.
+            let twist = half_step * D::dot(&pair.n, s);
+            let aside = D::surface_velocity(&pair.n, &half_v.vector);
+            for k in 0..D::SPINS {
+                velocity[k] = twist.mul_add(aside[k], velocity[k]);
+            }
+        }
+        Self {
+            velocity,
+            tangential,
+            half_angle: half_step * longer,
+        }
+    }
 }
 
 /// Rotates a vector u of the last tangent plane into this one, as n has rotated. With p = u·n and
@@ -473,13 +554,12 @@ fn rotate_with_normal<L: Lanes>(
     token: L::Token,
     history: &mut [Lanes16],
     n: &[L; 3],
-    tangential: &[L; 3],
-    half_step: L,
+    slip: &Slip<L>,
 ) {
     let mut u = vector::<L>(token, history, 3);
     let p = Three::dot(&u, n);
     for k in 0..3 {
-        let aside = half_step.mul_add(tangential[k], -n[k]);
+        let aside = slip.half_angle.mul_add(slip.tangential[k], -n[k]);
         u[k] = p.mul_add(aside, u[k]);
     }
     store_vector(&u, history, 3);

@@ -4,8 +4,8 @@
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::budget::{self, EnergyBalance, EnergyBudget};
+use crate::contact::PairForce;
 use crate::contact::dissipation;
-use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::GrainWalls;
@@ -145,7 +145,7 @@ fn owned_potential_energy<D: Dimension>(system: &System<D>, energy: &FixedPoint)
 /// A row of the time series, from the forces of the last step; collective.
 pub fn series<D: Dimension>(
     exchange: &dyn Exchange,
-    law: &dyn PairModel,
+    law: &dyn PairForce<D>,
     system: &mut System<D>,
     samples: &ContactForces,
     walls: &GrainWalls,
@@ -258,7 +258,7 @@ pub fn imposed(walls: &GrainWalls) -> ImposedRow {
 /// This rank's part of a frame: its grains, and the contacts whose first grain it owns.
 pub fn frame<D: Dimension>(
     system: &mut System<D>,
-    law: &dyn PairModel,
+    law: &dyn PairForce<D>,
     samples: &ContactForces,
 ) -> (Vec<GrainSample>, Vec<ContactSample>) {
     system.finish_step();
@@ -298,7 +298,7 @@ pub fn frame<D: Dimension>(
 pub fn digest<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
-    law: &dyn PairModel,
+    law: &dyn PairForce<D>,
     more: &[u8],
     step: u64,
 ) -> String {

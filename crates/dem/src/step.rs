@@ -7,11 +7,12 @@
 use bytemuck::Zeroable;
 
 use crate::clock::StepPhase;
+use crate::contact::PairForce;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::{Drive, WallForces, WallSteps};
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Counting, PairForce, PassOutcome};
+use crate::kernel::{ContactForces, Counting, PassOutcome};
 use crate::simd::{Lanes, Work};
 use crate::state::{Cell, Grains, Sheared, Units, body};
 use crate::system::{Outside, System};

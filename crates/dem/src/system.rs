@@ -2,12 +2,11 @@
 
 use crate::budget::EnergyBudget;
 use crate::clock::Clock;
-use crate::contact::model::PairModel;
+use crate::contact::PairForce;
 use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::Drive;
 use crate::failure::Failure;
-use crate::kernel::PairForce;
 use crate::neighbour;
 use crate::simd::{Isa, Lanes, Work};
 use crate::state::{
@@ -380,7 +379,7 @@ impl<D: Dimension> System<D> {
     }
 
     /// The touching contacts of this rank, including those that another rank has as well.
-    pub fn contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
+    pub fn contact_states(&self, law: &dyn PairForce<D>) -> Vec<ContactState> {
         self.contacts
             .touching()
             .map(|at| self.contacts.state(law, at, &self.grains.id))
@@ -388,7 +387,7 @@ impl<D: Dimension> System<D> {
     }
 
     /// The touching contacts whose first grain this rank owns: each contact on one rank.
-    pub fn owned_contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
+    pub fn owned_contact_states(&self, law: &dyn PairForce<D>) -> Vec<ContactState> {
         self.contacts
             .touching()
             .filter(|at| at.i < self.grains.owned)

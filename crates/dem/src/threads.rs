@@ -10,9 +10,10 @@ use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
 
+use crate::contact::PairForce;
 use crate::dimension::Dimension;
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Counting, PairForce, Pass, PassOutcome, Samples, Scratch};
+use crate::kernel::{ContactForces, Counting, Pass, PassOutcome, Samples, Scratch};
 use crate::simd::Isa;
 use crate::state::{BlockRange, CandidatePair, Cell, Contacts, Grains, Image, Units};
 

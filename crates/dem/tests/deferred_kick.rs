@@ -4,10 +4,10 @@
 mod common;
 
 use bytemuck::Zeroable;
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::{GrainWalls, Piston, Slider};
-use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hertz::{Hertz, Spheres};
 use gshear_dem::laws::hooke::{Hooke, Springs};

@@ -2,10 +2,10 @@
 //! the offset of a sheared box returns.
 
 use bytemuck::Zeroable;
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::{Dimension, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hertz::{Hertz, Spheres};
 use gshear_dem::laws::hooke::{Hooke, Springs};

@@ -4,10 +4,10 @@
 use std::f64::consts::TAU;
 
 use bytemuck::Zeroable;
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::{GrainWalls, Piston, Servo, Slider};
-use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::{Hooke, Springs};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Protocol};

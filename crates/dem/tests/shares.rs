@@ -3,10 +3,10 @@
 mod common;
 
 use common::{CONTACT, gas, setup, springs};
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::hooke::Hooke;
 use gshear_dem::observe;
 use gshear_dem::step::{StepRequest, advance, initial_forces};

@@ -5,10 +5,10 @@ use std::time::Instant;
 
 use bytemuck::Zeroable;
 
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Sheared};
 use gshear_dem::step::{StepRequest, advance, initial_forces};

@@ -53,7 +53,7 @@ const WRITTEN_BESIDE: [&str; 9] = [
     "newtonian.h5.journal",
 ];
 /// What `gshear-reduce` writes into the folder of a run unless told otherwise.
-const REDUCED: [&str; 10] = [
+const REDUCED: [&str; 16] = [
     "report",
     "lee-hurley",
     "bonfanti",
@@ -63,6 +63,12 @@ const REDUCED: [&str; 10] = [
     "regions.csv",
     "measures.csv",
     "correlations.csv",
+    "stages.csv",
+    "stages-steps.csv",
+    "stages-grains.csv",
+    "stages-contacts.csv",
+    "growth.csv",
+    "growth-grains.csv",
     "spectrum.csv",
 ];
 

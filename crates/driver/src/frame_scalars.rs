@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{
-    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPosition, GrainSample, UNKNOWN_IMAGE,
+    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPosition, GrainSample,
 };
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -182,9 +182,6 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
             frame.contacts.extend(records_of(forces).map(contact));
         }
         assert_eq!(seen, grains, "every grain comes once");
-        if frame.image.contains(&UNKNOWN_IMAGE) {
-            frame.image.clear();
-        }
         frame.contacts.sort_by_key(|c| (c.i, c.j));
         frames.push(frame);
     }

@@ -68,13 +68,14 @@ fn boot() -> String {
     fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default()
 }
 
-/// Whether the process of a lock is known to be gone. `free`: the kernel holds no lock on the file.
-fn is_gone(holder: Option<&Holder>, free: bool, age: Duration) -> bool {
+/// Whether the process of a lock is known to be gone. `tried`: the outcome of a try to lock the file.
+fn is_gone(holder: Option<&Holder>, tried: &Result<(), TryLockError>, age: Duration) -> bool {
     match holder {
-        Some(holder) if holder.is_known_here() => free,
+        Some(holder) if holder.is_known_here() => !matches!(tried, Err(TryLockError::WouldBlock)),
         Some(_) => age > STALE,
-        // Its owner may be about to write it.
-        None => age > HEARTBEAT,
+        // An owner locks the file before it writes its name: this one was killed in between, or is
+        // about to write it where the kernel has no locks.
+        None => tried.is_ok() || age > HEARTBEAT,
     }
 }
 
@@ -86,7 +87,7 @@ pub fn is_abandoned(folder: &Path) -> bool {
     };
     let (_, holder) = read(&mut file);
     let age = age(file.metadata());
-    holder.is_some_and(|holder| is_gone(Some(&holder), file.try_lock_shared().is_ok(), age))
+    holder.is_some_and(|holder| is_gone(Some(&holder), &file.try_lock_shared(), age))
 }
 
 /// Opens an existing lock.
@@ -202,9 +203,9 @@ impl Lock {
             Err(e) => return Err(unwritable(folder, &e)),
         };
         // Kept until the lock is removed: of several programs only one removes it.
-        let free = !matches!(file.try_lock(), Err(TryLockError::WouldBlock));
+        let tried = file.try_lock();
         let (found, holder) = read(&mut file);
-        let gone = is_gone(holder.as_ref(), free, age(file.metadata()));
+        let gone = is_gone(holder.as_ref(), &tried, age(file.metadata()));
         let whose = match &holder {
             Some(Holder {
                 host, pid, started, ..
@@ -368,6 +369,13 @@ mod tests {
         write(&folder, &Holder::this(true), Duration::ZERO);
         drop(Lock::take(&folder, false, &mut notes).unwrap());
         assert_eq!(notes.len(), 3);
+        // It was killed before it had written its name.
+        fs::write(folder.join(LOCK_FILE), "{\"host").unwrap();
+        drop(Lock::take(&folder, false, &mut notes).unwrap());
+        assert!(
+            notes[3].contains("an unknown process, is gone"),
+            "{notes:?}"
+        );
         // It could not have one.
         write(&folder, &Holder::this(false), Duration::ZERO);
         assert!(Lock::take(&folder, false, &mut notes).is_err());

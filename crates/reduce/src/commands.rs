@@ -15,13 +15,12 @@ use gshear_analysis::ranges::Bins;
 use gshear_analysis::regions::{GrReading, MinPoints, Reduction};
 use gshear_analysis::tau::TauReading;
 use gshear_dem::failure::Failure;
-use gshear_report::lee_hurley::StudyOptions;
 use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
 
 use super::{
-    columns, compare, correlate, dmin, export, info, phases, rate_state, regions, replay, spectrum,
-    stability, study, watch,
+    columns, compare, correlate, dmin, export, growth, info, phases, rate_state, regions, replay,
+    report, spectrum, stability, stages, watch,
 };
 
 /// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
@@ -156,6 +155,41 @@ pub enum Command {
         #[command(flatten)]
         choices: StatisticsOptions,
     },
+    /// Write the stages of the largest drop of τ, and grains and contacts at steps around it (Lee &
+    /// Hurley, section 3.2)
+    ///
+    /// stages.csv: Stages I, II and III, and the large slips in Stage II. stages-steps.csv,
+    /// stages-grains.csv and stages-contacts.csv: up to 18 intervals around the drop, with the
+    /// direction of tension, D²min, the grains of the greatest reduction of force, non-affine
+    /// displacements, and the changes of the contact forces; they need a frame at both ends of these
+    /// intervals. Missing frames are replayed into the folder replay if checkpoints were kept
+    /// (output.keep_checkpoints). Phases are those of τ at the frames.
+    Stages {
+        /// A run.h5, or the folder that holds one
+        run: PathBuf,
+        /// Folder to write into [default: the run's]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Shear strain at which the stick-slip regime begins
+        #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
+        from: f64,
+        /// Reduction of force of a grain, by which the grains of GR regions are chosen
+        #[arg(long, value_enum, default_value_t = GrainReduction::Net)]
+        reduction: GrainReduction,
+    },
+    /// Fit the growth of the complex pair in newtonian.h5, and say what became of it
+    ///
+    /// growth.csv, of one line: ω_i and ω_r fitted to the mean square displacement, the aftermath
+    /// (catastrophe, saturation or growing) with the changes of stress, pressure, energy and contacts,
+    /// and the overlap of the pair's eigenvector with D²min between the first and the last frame.
+    /// growth-grains.csv: |v|² and D²min of every grain; without lines if there is no pair or no frame.
+    Growth {
+        /// A newtonian.h5, or the folder that holds one
+        run: PathBuf,
+        /// Folder to write into [default: the run's]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Write frames or a checkpoint in the format of another program
     ///
     /// lammps-data and liggghts-data are data files of one state, of atom_style sphere. In 2D the
@@ -231,6 +265,9 @@ pub enum Command {
         /// Take J as printed by Bonfanti et al., whose histories do not turn with the contacts
         #[arg(long)]
         paper_form: bool,
+        /// Stop at the first of these frames with a complex pair
+        #[arg(long)]
+        until_pair: bool,
         /// Folder to write into [default: the run's]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
@@ -264,39 +301,16 @@ pub enum Command {
     /// If no frames show the largest drop of a run between walls but checkpoints were kept
     /// (output.keep_checkpoints), the drop is computed again, with a frame per row. The page of a run
     /// in a periodic box shows what its deformation and Newton's equations have measured.
-    ///
-    /// --study lee-hurley takes one or several runs. It writes every figure of Lee & Hurley that
-    /// shows data, under its number, as fig-NN.svg with fig-NN.csv; the paper's numbers next to
-    /// ours in numbers.csv; the largest drops in drops.csv; and index.html with all of them.
-    /// Missing frames around the largest drop are replayed if checkpoints were kept. A sample of
-    /// more than 2,236 disks is compared with the paper's large one. Phases are those of τ at the
-    /// frames.
-    ///
-    /// --study bonfanti takes the folder of one run in a periodic box. It writes figures 1 to 5 of
-    /// Bonfanti et al. with their data. Of several runs it writes what became of their pairs:
-    /// ensemble.csv, ensemble-runs.csv and ensemble.svg.
     Report {
-        /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run; several with --study
-        #[arg(required = true, value_name = "RUN")]
-        runs: Vec<PathBuf>,
-        /// Folder to write into [default: the first run's folder + /report, /lee-hurley or
-        /// /bonfanti]
+        /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+        run: PathBuf,
+        /// Folder to write into [default: the run's folder + /report]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Repeat a published study
-        #[arg(long, value_enum)]
-        study: Option<PaperStudy>,
-        /// Shear strain at which the stick-slip regime begins [default: the paper's: 0.022 small,
-        /// 0.054 large sample]
-        #[arg(long, value_name = "STRAIN", requires = "study")]
-        from: Option<f64>,
-        /// Choices that the paper leaves open
-        #[command(flatten)]
-        choices: StatisticsOptions,
     },
 }
 
-/// Choices of the statistics, in correlate and in report --study lee-hurley.
+/// Choices of the statistics in correlate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::Args)]
 pub struct StatisticsOptions {
     /// minPts of DBSCAN, the point itself counted: with 1 a single grain is a region, with 2 it
@@ -313,18 +327,13 @@ pub struct StatisticsOptions {
 
 impl StatisticsOptions {
     fn choices(self) -> Choices {
-        let reduction = match self.reduction {
-            GrainReduction::Net => Reduction::Net,
-            GrainReduction::Losses => Reduction::Losses,
-            GrainReduction::GreatestLoss => Reduction::GreatestLoss,
-        };
         let min_points = match self.min_points {
             1 => MinPoints::Itself,
             _ => MinPoints::OneNeighbour,
         };
         Choices {
             regions: GrReading {
-                reduction,
+                reduction: self.reduction.into(),
                 min_points,
             },
             bins: match self.bins {
@@ -371,17 +380,18 @@ pub enum GrainReduction {
     GreatestLoss,
 }
 
+impl From<GrainReduction> for Reduction {
+    fn from(reduction: GrainReduction) -> Self {
+        match reduction {
+            GrainReduction::Net => Reduction::Net,
+            GrainReduction::Losses => Reduction::Losses,
+            GrainReduction::GreatestLoss => Reduction::GreatestLoss,
+        }
+    }
+}
+
 /// γ at both ends of a range.
 type Strains = [f64; 2];
-
-/// A study that can be repeated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum PaperStudy {
-    /// Lee & Hurley: microscopic dynamics of rearrangement and stick-slip
-    LeeHurley,
-    /// Bonfanti et al.: oscillatory instabilities in a periodic box
-    Bonfanti,
-}
 
 /// How often a run under way is read that may be in the middle of a flush, and the time between.
 const ATTEMPTS: usize = 20;
@@ -393,16 +403,19 @@ impl Command {
         match self {
             Self::Columns { .. } | Self::Watch { .. } => Vec::new(),
             Self::Compare { a, b } => vec![a, b],
-            Self::RateState { runs, .. } | Self::Report { runs, .. } => runs.iter().collect(),
+            Self::RateState { runs, .. } => runs.iter().collect(),
             Self::Spectrum(options) => options.run.iter().collect(),
             Self::Info { run }
             | Self::Dmin { run, .. }
             | Self::Phases { run, .. }
             | Self::Regions { run, .. }
             | Self::Correlate { run, .. }
+            | Self::Stages { run, .. }
+            | Self::Growth { run, .. }
             | Self::Export { run, .. }
             | Self::Stability { run, .. }
-            | Self::Replay { run, .. } => vec![run],
+            | Self::Replay { run, .. }
+            | Self::Report { run, .. } => vec![run],
         }
     }
 }
@@ -501,6 +514,29 @@ fn once(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> 
                 writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
             }
         }
+        Command::Stages {
+            run,
+            out,
+            from,
+            reduction,
+        } => {
+            let run = RunFile::open(run)?;
+            let folder = out.as_deref().unwrap_or(run.folder());
+            let request = stages::StagesRequest {
+                from: *from,
+                reduction: (*reduction).into(),
+                threads,
+            };
+            for path in stages::write(&run, folder, request)? {
+                writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
+            }
+        }
+        Command::Growth { run, out } => {
+            let folder = out.as_deref().unwrap_or(folder_of(run));
+            for path in growth::write(run, folder)? {
+                writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
+            }
+        }
         Command::Export {
             run,
             format,
@@ -569,6 +605,7 @@ fn once(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> 
             run,
             frames,
             paper_form,
+            until_pair,
             out,
         } => {
             let run = RunFile::open_any(run)?;
@@ -577,41 +614,13 @@ fn once(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> 
                 false => History::Turned,
             };
             let folder = out.as_deref().unwrap_or(run.folder());
-            let path = stability::write(&run, *frames, history, folder)?;
+            let path = stability::write(&run, (*frames, *until_pair), history, folder)?;
             writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
         }
         Command::Spectrum(options) => spectrum::write(options, output)?,
         Command::Watch { run } => watch::watch(run, output)?,
-        Command::Report {
-            runs,
-            out,
-            study,
-            from,
-            choices,
-        } => {
-            if study.is_none() && choices.choices() != Choices::default() {
-                return Err(Failure::input(
-                    "report: --min-points, --reduction and --bins belong to --study lee-hurley",
-                ));
-            }
-            let out = out.as_deref();
-            let page = match study {
-                Some(PaperStudy::Bonfanti) => study::bonfanti(runs, out)?,
-                Some(PaperStudy::LeeHurley) => {
-                    let choice = StudyOptions {
-                        onset: *from,
-                        choices: choices.choices(),
-                    };
-                    study::lee_hurley(runs, out, choice, threads)?
-                }
-                None if runs.len() > 1 => {
-                    return Err(Failure::input(format!(
-                        "report: {} runs: without --study it takes one",
-                        runs.len()
-                    )));
-                }
-                None => study::report(&runs[0], out, threads)?,
-            };
+        Command::Report { run, out } => {
+            let page = report::write(run, out.as_deref(), threads)?;
             writeln!(output, "wrote {}", page.display()).map_err(cannot_write)?;
         }
     }

@@ -236,13 +236,7 @@ pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison, Failure> {
         cell.see(x, y, Location::Nowhere);
     }
     cell.see(a.height(), b.height(), Location::Nowhere);
-    // Files of earlier versions have no box of every frame.
-    let boxes = if a.has_boxes() && b.has_boxes() {
-        frames
-    } else {
-        0
-    };
-    for t in 0..boxes {
+    for t in 0..frames {
         let [x, y] = [a, b].map(|run| run.box_edges(t));
         for (x, y) in x.as_flattened().iter().zip(y.as_flattened()) {
             cell.see(*x, *y, Location::Frame(t));
@@ -309,9 +303,7 @@ fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
 
 /// Compares the fields of frames, read in blocks.
 fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>, Failure> {
-    let images = a.has_images() && b.has_images();
-    let rolling = a.has_rolling() && b.has_rolling();
-    let mut fields = FrameComparison::new(a.dimension(), images, rolling);
+    let mut fields = FrameComparison::new(a.dimension());
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);
@@ -333,7 +325,7 @@ const CONTACT_FIELDS: [ContactField; 7] = [
     ("rolling_history", false, |c| [c.rolling_history; 3]),
     ("overlap", false, |c| [c.overlap; 3]),
     ("sliding", false, |c| [c.sliding as f64; 3]),
-    // Last: not every run has it.
+    // Last: of disks.
     ("rolling", false, |c| [c.rolling as f64; 3]),
 ];
 
@@ -344,16 +336,18 @@ struct FrameComparison {
     position: FieldComparison,
     velocity: FieldComparison,
     angular_velocity: FieldComparison,
-    /// If both runs have images.
-    image: Option<FieldComparison>,
+    image: FieldComparison,
     /// Whether a contact is in both runs.
     pairs: FieldComparison,
     contacts: Vec<FieldComparison>,
 }
 
 impl FrameComparison {
-    fn new(dimension: Dimensions, images: bool, rolling: bool) -> Self {
-        let columns = CONTACT_FIELDS.len() - usize::from(!rolling);
+    fn new(dimension: Dimensions) -> Self {
+        let columns = match dimension {
+            Dimensions::Two => CONTACT_FIELDS.len(),
+            Dimensions::Three => CONTACT_FIELDS.len() - 1,
+        };
         FrameComparison {
             dimension,
             step: FieldComparison::new("frame step"),
@@ -361,7 +355,7 @@ impl FrameComparison {
             position: FieldComparison::new("position"),
             velocity: FieldComparison::new("velocity"),
             angular_velocity: FieldComparison::new("angular_velocity"),
-            image: images.then(|| FieldComparison::new("image")),
+            image: FieldComparison::new("image"),
             pairs: FieldComparison::new("contacts"),
             contacts: CONTACT_FIELDS[..columns]
                 .iter()
@@ -390,11 +384,10 @@ impl FrameComparison {
                 self.angular_velocity
                     .see(a.angular_velocity[k], b.angular_velocity[k], at);
             }
-            if let Some(image) = &mut self.image {
-                for (k, part) in PARTS.into_iter().enumerate().take(axes) {
-                    let at = Location::GrainOf(t, n, part);
-                    image.see(a.image[k] as f64, b.image[k] as f64, at);
-                }
+            for (k, part) in PARTS.into_iter().enumerate().take(axes) {
+                let at = Location::GrainOf(t, n, part);
+                let [a, b] = [a, b].map(|grain| grain.image[k] as f64);
+                self.image.see(a, b, at);
             }
         }
         self.see_contacts(t, &a.contacts, &b.contacts);
@@ -443,7 +436,7 @@ impl FrameComparison {
             self.velocity,
             self.angular_velocity,
         ];
-        fields.extend(self.image);
+        fields.push(self.image);
         fields.push(self.pairs);
         fields.extend(self.contacts);
         fields

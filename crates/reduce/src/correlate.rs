@@ -23,21 +23,21 @@ pub fn write(
     choices: Choices,
 ) -> Result<[PathBuf; 2], Failure> {
     let FrameSeries {
+        step,
         strain,
         tau,
         scalars,
-        ..
     } = FrameSeries::of(run)?;
     let regime = Regime::from(onset, &strain, &tau, &scalars, choices);
     let paths = ["measures.csv", "correlations.csv"].map(|name| folder.join(name));
-    dictionary::write_table(&paths[0], &measures(&regime))?;
+    dictionary::write_table(&paths[0], &measures(&regime, &step))?;
     let unit = run.grains().mean_radius().powi(2);
     dictionary::write_table(&paths[1], &correlations(&regime, unit))?;
     Ok(paths)
 }
 
-/// Returns one line per phase.
-fn measures(regime: &Regime) -> String {
+/// Returns one line per phase. `step`: of all rows, of which the regime has the last.
+fn measures(regime: &Regime, step: &[u64]) -> String {
     const QUANTITIES: [Quantity; 7] = [
         Quantity::DminMax,
         Quantity::TopMax,
@@ -47,10 +47,13 @@ fn measures(regime: &Regime) -> String {
         Quantity::AngleMean,
         Quantity::AngleMedian,
     ];
+    let step = &step[step.len() - regime.strain.len()..];
     Table::of(regime.phases.iter().enumerate())
         .column("phase", |(k, _)| *k)
         .column("kind", |(_, measured)| measured.phase.kind.name())
         .column("length", |(_, measured)| measured.phase.length_name())
+        .column("start_step", |(_, measured)| step[measured.phase.start])
+        .column("end_step", |(_, measured)| step[measured.phase.end])
         .columns(["start_strain", "end_strain"], |(_, measured)| {
             measured.phase.strain
         })

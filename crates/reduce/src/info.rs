@@ -9,6 +9,7 @@ use crate::output::cannot_write;
 use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
 use gshear_driver::say::fold_for;
+use gshear_scene::identity;
 use gshear_store::run_reader::{RunFile, RunStage};
 
 /// Prints the content of a run.
@@ -29,6 +30,8 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
         None => "stopped early, or still running: no digest".to_string(),
     };
     lines.push(("state", state));
+    let family = family(run.scene(), run.grains().count());
+    lines.push(("family", identity::hash(family.as_bytes())));
 
     let grains = run.grains();
     let of_body = |body: u8| grains.body.iter().filter(|b| **b == body).count();
@@ -139,5 +142,37 @@ fn span(step: &[u64], strain: &[f64]) -> String {
         [first, .., last] => format!("{count}: step {first} … {last}{strains}"),
         [only] => format!("1: step {only}{strains}"),
         [] => "none".to_string(),
+    }
+}
+
+/// What runs have in common that differ in their seed and outputs only.
+fn family(scene: &str, grains: usize) -> String {
+    let others = ["seed", "title", "output", "analysis", "bookkeeping"];
+    let mut family = format!("{grains} grains\n");
+    for (path, value) in identity::values(scene) {
+        let table = path.split('.').next().unwrap_or_default();
+        if !others.contains(&table) {
+            family += &format!("{path} = {value}\n");
+        }
+    }
+    family
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A run made before a key existed has its constant default.
+    #[test]
+    fn a_family_differs_in_what_its_scenes_say() {
+        let of = |seed: u32, contact: &str| {
+            let scene = format!("seed = {seed}\ntitle = \"run {seed}\"\n[contact]\n{contact}\n");
+            family(&scene, 12)
+        };
+        let old = of(1, "friction = 0.7");
+        assert_eq!(of(2, "sliding_damping = 0.0\nfriction = 0.7"), old);
+        assert_ne!(of(2, "sliding_damping = 1.0\nfriction = 0.7"), old);
+        assert_ne!(of(2, "friction = 0.5"), old);
+        assert_ne!(family("[contact]\nfriction = 0.7\n", 13), old);
     }
 }

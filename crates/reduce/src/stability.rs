@@ -16,21 +16,21 @@ use gshear_store::table::Table;
 /// Most unknowns of a dense matrix whose eigenvalues are found.
 const MOST_UNKNOWNS: usize = 6000;
 
-/// Writes `stability.csv` into `folder`, one line per frame. With [`History::Unturned`] K is that of
-/// the paper. Returns its path.
+/// Writes `stability.csv` into `folder`, one line per frame; if asked for, the first frame with a
+/// complex pair is the last. With [`History::Unturned`] K is that of the paper. Returns its path.
 ///
 /// # Errors
 /// A damaged run, a missing frame, too many unknowns, a file that cannot be written; once it is
 /// written, frames whose K is not finite.
 pub fn write(
     run: &RunFile,
-    frames: FrameRange,
+    (frames, until_pair): (FrameRange, bool),
     history: History,
     folder: &Path,
 ) -> Result<PathBuf, Failure> {
     let frames = frames.of(run)?;
     let strains = run.frame_strains()?;
-    let mut rows = Vec::new();
+    let mut rows: Vec<(usize, usize, usize, Result<Stability, Failure>)> = Vec::new();
     // Frames are read one after the other, as many at a time as there are threads.
     for some in frames.chunks(rayon::current_num_threads()) {
         let states = some
@@ -57,6 +57,13 @@ pub fn write(
             })
             .collect::<Result<Vec<_>, Failure>>()?;
         rows.extend(found);
+        let is_pair = |found: &Result<Stability, Failure>| {
+            found.as_ref().is_ok_and(|found| found.pairs > 0.0)
+        };
+        if let (true, Some(k)) = (until_pair, rows.iter().position(|row| is_pair(&row.3))) {
+            rows.truncate(k + 1);
+            break;
+        }
     }
     let csv = Table::of(&rows)
         .column("frame", |(t, ..)| *t)

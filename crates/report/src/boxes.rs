@@ -3,13 +3,15 @@
 use serde_json::{Value, json};
 
 use gshear_dem::failure::Failure;
+use gshear_store::file_names::SPECTRA_FILE;
 use gshear_store::run_reader::{RunFile, RunStage, Series};
+use gshear_store::table;
 
 use super::ReportFigure;
-use super::bonfanti;
 use super::curves::lines;
 use super::history::{Axis, LAYOUT, Panel, Shown, drawn};
 use super::page::Facts;
+use super::spectrum::{self, SpectrumRow};
 use super::summary::parameters;
 
 /// A deformation of the box.
@@ -310,13 +312,26 @@ fn in_time(run: &RunFile, facts: &mut Facts) -> Result<Vec<ReportFigure>, Failur
     }
     let axis = Axis::over_time(series, "time");
     let panels = OF_TIME.iter().filter_map(|panel| drawn(run, &axis, panel));
-    let spectra = bonfanti::spectra_of(run.folder())?.map(|drawn| ReportFigure {
+    Ok(panels.chain(eigenvalues(run)?).collect())
+}
+
+/// The eigenvalues over time, if the run has computed some.
+fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>, Failure> {
+    let path = run.folder().join(SPECTRA_FILE);
+    let rows: Vec<SpectrumRow> = match path.exists() {
+        true => table::read(&path)?,
+        false => Vec::new(),
+    };
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let [svg, data] = spectrum::over_time(&rows);
+    Ok(Some(ReportFigure {
         name: "newtonian-eigenvalues",
         caption: "Imaginary parts of all eigenvalues under Newton's equations.".into(),
-        svg: drawn.svg,
-        data: drawn.csv,
-    });
-    Ok(panels.chain(spectra).collect())
+        svg,
+        data,
+    }))
 }
 
 fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFigure>) {

@@ -36,13 +36,6 @@ pub const CURVES: [RGBColor; 7] = [
     RGBColor(0x56, 0xb4, 0xe9),
     INK,
 ];
-/// Background of the stages before, during and after a drop.
-pub const STAGES: [RGBColor; 3] = [
-    RGBColor(0xd6, 0xea, 0xf5),
-    RGBColor(0xfa, 0xdd, 0xc9),
-    RGBColor(0xdc, 0xee, 0xe4),
-];
-
 /// A colour scale interpolated between equidistant stops.
 pub struct Scale(&'static [u32]);
 

@@ -1,7 +1,7 @@
 //! Reports on runs: figures as SVG, tables as CSV and JSON, and HTML pages that show them.
 //!
-//! [`write()`] makes the report of a single run between walls, [`write_box`] of one in a box. [`lee_hurley`] and [`bonfanti`] draw the figures
-//! of those papers from our runs, [`rate_state`] those of slide-hold-slide and velocity-step tests.
+//! [`write()`] makes the report of a single run between walls, [`write_box`] of one in a box, and
+//! [`rate_state`] that of slide-hold-slide and velocity-step tests.
 //! Figures are made of [`plot`] (axes, lines, markers), [`colour`] and [`ticks`].
 //!
 //! # Example
@@ -16,16 +16,13 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 
-pub mod bonfanti;
 mod boxes;
 pub mod colour;
-mod compose;
 mod curves;
 pub mod drawing;
 mod histogram;
 mod history;
 mod imposed;
-pub mod lee_hurley;
 mod map;
 mod page;
 mod picture;

@@ -73,7 +73,7 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             &velocity,
         ));
     }
-    if run.has_images() && frames > 2 {
+    if frames > 2 {
         let numbers = [frames / 2, frames - 1];
         let earlier = run.records(numbers[0]..numbers[0] + 1)?.swap_remove(0);
         let interval = run.interval(numbers, [&earlier, &last]);

@@ -17,7 +17,7 @@ use super::ticks::Tick;
 const CANVAS: f64 = 10.0;
 const FONT: f64 = 13.0;
 /// The beginning of every figure.
-pub(super) const NAMESPACE: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\"";
+const NAMESPACE: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\"";
 
 /// Size of a figure and position of its axes (px).
 #[derive(Debug, Clone, Copy)]
@@ -37,34 +37,6 @@ pub struct Plot<'a> {
     y: [f64; 2],
     /// How a page reads places off the axes, as attributes of the figure.
     readings: String,
-}
-
-/// Shape of a marker.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Marker {
-    /// Square.
-    Square,
-    /// Diamond.
-    Diamond,
-    /// Triangle that points up.
-    Up,
-    /// Triangle that points down.
-    Down,
-}
-
-impl Marker {
-    /// All shapes, in the order in which curves take them.
-    pub const ALL: [Marker; 4] = [Marker::Square, Marker::Diamond, Marker::Up, Marker::Down];
-
-    /// Corners around the centre (px).
-    fn corners(self) -> &'static [[f64; 2]] {
-        match self {
-            Marker::Square => &[[-3.4, -3.4], [3.4, -3.4], [3.4, 3.4], [-3.4, 3.4]],
-            Marker::Diamond => &[[0.0, -4.8], [4.8, 0.0], [0.0, 4.8], [-4.8, 0.0]],
-            Marker::Up => &[[0.0, -4.6], [4.4, 3.2], [-4.4, 3.2]],
-            Marker::Down => &[[0.0, 4.6], [4.4, -3.2], [-4.4, -3.2]],
-        }
-    }
 }
 
 /// Draws a figure and returns it as SVG. In text `_{…}` sets a subscript and `^{…}` a superscript.
@@ -163,68 +135,6 @@ impl Plot<'_> {
             self.backend
                 .draw_circle(centre, radius, &stroke(outline, 0.5), false)
                 .expect(IN_MEMORY);
-        }
-    }
-
-    /// Draws a filled marker at a data point.
-    pub fn marker(&mut self, at: [f64; 2], marker: Marker, colour: RGBColor) {
-        let [x, y] = self.pixel(at);
-        let corners = marker
-            .corners()
-            .iter()
-            .map(|[dx, dy]| to_canvas([x + dx, y + dy]));
-        self.backend
-            .fill_polygon(corners.collect::<Vec<_>>(), &colour)
-            .expect(IN_MEMORY);
-    }
-
-    /// Draws an arrow between data points; `width` in pixels.
-    pub fn arrow(&mut self, from: [f64; 2], to: [f64; 2], colour: RGBColor, width: f64) {
-        let [a, b] = [self.pixel(from), self.pixel(to)];
-        let d = [b[0] - a[0], b[1] - a[1]];
-        let side = |turn: f64| {
-            [
-                b[0] - 0.3 * d[0] + turn * 0.15 * d[1],
-                b[1] - 0.3 * d[1] - turn * 0.15 * d[0],
-            ]
-        };
-        let path = [a, b, side(1.0), b, side(-1.0)].map(to_canvas);
-        self.backend
-            .draw_path(path, &stroke(colour, width))
-            .expect(IN_MEMORY);
-    }
-
-    /// Writes small text above a data point.
-    pub fn label_above(&mut self, at: [f64; 2], text: &str) {
-        let [x, y] = self.pixel(at);
-        self.text(
-            [x, y - 6.0],
-            text,
-            FONT - 2.0,
-            (HPos::Center, VPos::Bottom),
-            INK,
-        );
-    }
-
-    /// Writes two lines of small text above the axes, left aligned.
-    pub fn small_titles(&mut self, lines: [&str; 2]) {
-        let [[left, top], _] = self.frame();
-        for (line, text) in lines.into_iter().enumerate() {
-            let at = [left, top - 27.0 + 16.0 * line as f64];
-            self.text(at, text, FONT - 2.0, (HPos::Left, VPos::Center), INK);
-        }
-    }
-
-    /// Fills the axes with a colour scale from left to right.
-    pub fn flat_colour_bar(&mut self, scale: &Scale) {
-        const PIECES: usize = 128;
-        let [[left, top], [right, bottom]] = self.frame();
-        // Pieces overlap: each reaches to the end and is covered by the next, so that no seam
-        // shows.
-        for piece in 0..PIECES {
-            let from = left + (right - left) * piece as f64 / PIECES as f64;
-            let colour = scale.at((piece as f64 + 0.5) / PIECES as f64);
-            self.pixel_box([[from, top], [right, bottom]], colour, 1.0);
         }
     }
 

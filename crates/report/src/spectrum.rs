@@ -1,10 +1,16 @@
-//! Figure of a spectrum in the complex plane.
+//! Figures of eigenvalues: in the complex plane, and over time.
 
 use super::colour::{GREY, INK, SLIP, STICK};
+use super::curves::padded;
 use super::plot::{Layout, figure};
 use super::ticks;
 use gshear_spectrum::{Eigenvalue, Verdict};
+use gshear_store::table::Table;
 
+const WIDE: Layout = Layout {
+    size: [900.0, 400.0],
+    margin: [104.0, 62.0, 24.0, 58.0],
+};
 const LAYOUT: Layout = Layout {
     size: [900.0, 480.0],
     margin: [84.0, 36.0, 24.0, 58.0],
@@ -47,4 +53,45 @@ pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {
         plot.axes(&x_ticks, &y_ticks, "Re λ", "Im λ");
         plot.legend(&kinds.map(|(_, colour, name)| (colour, name)));
     })
+}
+
+/// A row of `spectra.csv`.
+#[derive(serde::Deserialize)]
+pub(crate) struct SpectrumRow {
+    time: f64,
+    real: f64,
+    imaginary: f64,
+}
+
+/// Draws the imaginary parts over time. Returns SVG and CSV.
+pub(crate) fn over_time(rows: &[SpectrumRow]) -> [String; 2] {
+    let points: Vec<[f64; 2]> = rows.iter().map(|row| [row.time, row.imaginary]).collect();
+    let x = padded(points.iter().map(|p| p[0]), 0.01);
+    let y = padded(points.iter().map(|p| p[1]), 0.06);
+    let svg = figure(WIDE, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::scientific(x, 8), ticks::scientific(y, 6));
+        plot.grid(&x_ticks, &y_ticks);
+        // One mark per pixel is enough.
+        let mut drawn: Vec<(i64, i64)> = Vec::new();
+        for point in &points {
+            let pixel = |k: usize, range: [f64; 2]| {
+                (WIDE.size[k] * (point[k] - range[0]) / (range[1] - range[0])) as i64
+            };
+            drawn.push((pixel(0, x), pixel(1, y)));
+        }
+        let mut order: Vec<usize> = (0..points.len()).collect();
+        order.sort_by_key(|&k| drawn[k]);
+        order.dedup_by_key(|k| drawn[*k]);
+        for k in order {
+            plot.disk(points[k], 1.6, STICK, None);
+        }
+        plot.clip();
+        plot.axes(&x_ticks, &y_ticks, "time", "Im λ");
+    });
+    let csv = Table::of(rows)
+        .column("time", |row| row.time)
+        .column("real", |row| row.real)
+        .column("imaginary", |row| row.imaginary)
+        .csv();
+    [svg, csv]
 }

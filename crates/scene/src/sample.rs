@@ -236,12 +236,6 @@ impl Placement {
         ("lattice", Placement::Lattice),
         ("random", Placement::Random),
     ];
-
-    /// The name in `sample.placement`.
-    pub fn name(self) -> &'static str {
-        let known = Self::NAMES.iter().find(|(_, known)| *known == self);
-        known.map_or("", |(name, _)| name)
-    }
 }
 
 /// Least standard deviation of radii, over the width of their interval.

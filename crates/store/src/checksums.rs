@@ -187,19 +187,10 @@ pub fn of_clock(step: u64, time: f64, edges: &[f64]) -> u64 {
 
 /// Of a row of the scalars of frames. `has`: whether the file has each column; files of earlier
 /// versions lack some.
-pub fn of_scalars(
-    step: u64,
-    scalars: &FrameScalars,
-    has: [bool; FrameScalars::COLUMNS.len()],
-) -> u64 {
+pub fn of_scalars(step: u64, scalars: &FrameScalars) -> u64 {
     let names = FrameScalars::COLUMNS.map(|column| column.name);
-    let columns = names.into_iter().zip(scalars.columns()).zip(has);
     // They have no time of their own.
-    of_row(
-        step,
-        0.0,
-        columns.filter(|(_, has)| *has).map(|(column, _)| column),
-    )
+    of_row(step, 0.0, names.into_iter().zip(scalars.columns()))
 }
 
 /// Of attributes, as hexadecimal digits.

@@ -56,26 +56,6 @@ gshear_dem::columns! {
     }
 }
 
-/// Columns of [`AqsRow`] and of the scalars of frames that files of earlier versions lack; their
-/// values are read as NaN.
-pub const ADDED: [&str; 15] = [
-    "solid_fraction",
-    "length_x",
-    "length_y",
-    "length_z",
-    "stress_xx",
-    "stress_yy",
-    "stress_zz",
-    "loss_regions",
-    "loss_regions_of_two",
-    "loss_region_angle_mean",
-    "loss_region_angle_median",
-    "greatest_loss_regions",
-    "greatest_loss_regions_of_two",
-    "greatest_loss_region_angle_mean",
-    "greatest_loss_region_angle_median",
-];
-
 gshear_dem::columns! {
     /// One row of the time series of Newton's equations.
     pub struct NewtonianRow {
@@ -115,20 +95,8 @@ mod tests {
     const GLOSSARY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/glossary.md");
 
     fn table(columns: &[Column]) -> String {
-        let renamed = columns.iter().any(|column| column.former.is_some());
-        let [head, rule] = if renamed {
-            [" before |", " --- |"]
-        } else {
-            [""; 2]
-        };
-        let mut text = format!("| column | unit | content |{head}\n| --- | --- | --- |{rule}\n");
-        for Column {
-            name,
-            unit,
-            doc,
-            former,
-        } in columns
-        {
+        let mut text = String::from("| column | unit | content |\n| --- | --- | --- |\n");
+        for Column { name, unit, doc } in columns {
             let unit = match *unit {
                 "1" => "",
                 "m s-1" => "m/s",
@@ -137,12 +105,7 @@ mod tests {
                 unit => unit,
             };
             let doc = doc.replace('|', "\\|");
-            let former = match former {
-                Some(name) => format!(" `{name}` |"),
-                None if renamed => " |".into(),
-                None => String::new(),
-            };
-            let row = format!("| `{name}` | {unit} | {doc} |{former}").replace("|  |", "| |");
+            let row = format!("| `{name}` | {unit} | {doc} |").replace("|  |", "| |");
             assert!(
                 row.chars().count() <= 100,
                 "longer than a line of the page: {row}"
@@ -189,29 +152,20 @@ mod tests {
     }
 
     #[test]
-    fn the_glossary_has_the_columns_and_their_former_names() {
+    fn the_glossary_has_the_columns() {
         let glossary = std::fs::read_to_string(GLOSSARY).unwrap();
-        let mut missing = Vec::new();
-        for column in TABLES.iter().flat_map(|(_, columns)| *columns) {
-            if !glossary.contains(&format!("`{column}`")) {
-                missing.push(format!("`{column}`"));
-            }
-            let renamed = |former| format!("| column `{former}` | `{column}` |");
-            missing.extend(
-                column
-                    .former
-                    .map(renamed)
-                    .filter(|row| !glossary.contains(row)),
-            );
-        }
+        let columns = TABLES.iter().flat_map(|(_, columns)| *columns);
+        let missing: Vec<_> = columns
+            .map(|column| format!("`{column}`"))
+            .filter(|name| !glossary.contains(name))
+            .collect();
         assert!(missing.is_empty(), "docs/glossary.md lacks {missing:#?}");
     }
 
     #[test]
-    fn names_are_unique_with_the_former_ones() {
+    fn names_are_unique() {
         for (table, columns) in TABLES {
             let mut names: Vec<_> = columns.iter().map(|column| column.name).collect();
-            names.extend(columns.iter().filter_map(|column| column.former));
             names.sort_unstable();
             assert!(
                 names.windows(2).all(|pair| pair[0] != pair[1]),

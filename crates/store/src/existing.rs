@@ -3,10 +3,9 @@
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
 use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES};
-use super::run_reader::owner;
+use super::run_reader::{RunFile, owner};
 use super::scalar_columns::SCALARS;
 use super::sound;
-use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use std::path::Path;
@@ -96,32 +95,12 @@ pub fn check(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<(
 pub fn up_to(path: &Path, series: &[Column], last: u64) -> Result<[u64; 3], Failure> {
     hdf5::silence_errors(true);
     inspect(path, series, 0, 0)?;
-    let read = || -> hdf5::Result<[u64; 3]> {
-        let file = sound::open(path)?;
-        // Steps of a column's group, under its present or its former name.
-        let steps = |group: &str, column: &Column| {
-            let exists = |name: &str| file.link_exists(&format!("{group}/{name}"));
-            let stored = column.stored_name(exists).unwrap_or(column.name);
-            file.dataset(&format!("{group}/{stored}/step"))?.read_raw()
-        };
-        let frames = file
-            .dataset(&format!("{PARTICLES}/position/step"))?
-            .read_raw()?;
-        let scalars = match file.link_exists(SCALARS) {
-            true => steps(SCALARS, &FrameScalars::COLUMNS[0])?,
-            false => Vec::new(),
-        };
-        let rows = steps(OBSERVABLES, &series[0])?;
-        Ok([frames, rows, scalars].map(|steps| ascending_up_to(&steps, last)))
-    };
-    read().map_err(|error| unfit(path, &format!("{NO_RUN} ({error})")))
-}
-
-/// Number of ascending steps up to `last`: a killed program may have left anything after them.
-fn ascending_up_to(steps: &[u64], last: u64) -> u64 {
-    let ascends = |k: &usize| *k == 0 || steps[*k] > steps[*k - 1];
-    let before = (0..steps.len()).take_while(|k| steps[*k] <= last && ascends(k));
-    before.count() as u64
+    // Reading compares the checksums: with a damaged step fewer would be counted, and what was left
+    // out overwritten.
+    let run = RunFile::open_any(path)?;
+    let scalars = run.stored_scalars().map_or(&[][..], |rows| &rows.step);
+    let steps = [run.frame_steps(), &run.series().step, scalars];
+    Ok(steps.map(|steps| steps.partition_point(|step| *step <= last) as u64))
 }
 
 fn unfit(path: &Path, why: &str) -> Failure {
@@ -169,10 +148,7 @@ pub(crate) fn inspect(
         let mut others = file.group(OBSERVABLES)?.member_names()?;
         let mut first = None;
         for column in series {
-            let place = column
-                .stored_name(|name| others.iter().any(|other| other == name))
-                .and_then(|name| others.iter().position(|other| other == name));
-            let Some(place) = place else {
+            let Some(place) = others.iter().position(|other| other == column.name) else {
                 return Ok(Err(unfit(format!("it has no column {column}; {ANOTHER}"))));
             };
             let name = others.swap_remove(place);

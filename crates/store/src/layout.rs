@@ -11,7 +11,7 @@ pub const PARTICLES: &str = "particles/trajectory";
 pub const BOX: &str = "particles/trajectory/box";
 pub const OBSERVABLES: &str = "observables";
 const CONTACTS: &str = "connectivity/contacts";
-/// Images of the grains at the frames; files of earlier versions have none.
+/// Images of the grains at the frames.
 /// Flags of rolling at its limit.
 pub const ROLLING: &str = "connectivity/contacts/rolling";
 pub const IMAGE_VALUE: &str = "particles/trajectory/image/value";
@@ -150,23 +150,20 @@ pub struct Checksums {
 }
 
 impl Checksums {
-    /// `None` if an existing file has none: earlier versions wrote it. Collective.
-    pub fn new(file: &H5File, mode: Mode, axes: usize) -> Result<Option<Self>, Failure> {
+    /// Creates or opens them. Collective.
+    pub fn new(file: &H5File, mode: Mode, axes: usize) -> Result<Self, Failure> {
         let width = frame_columns(axes).len();
         if mode == Mode::Open {
-            return match file.has(GROUP) {
-                false => Ok(None),
-                true => Ok(Some(Self {
-                    frames: file.open_dataset(FRAMES)?,
-                    rows: file.open_dataset(ROWS)?,
-                })),
-            };
+            return Ok(Self {
+                frames: file.open_dataset(FRAMES)?,
+                rows: file.open_dataset(ROWS)?,
+            });
         }
         file.group(GROUP)?;
-        Ok(Some(Self {
+        Ok(Self {
             frames: file.dataset(FRAMES, &[0, width], Some(&[CHUNK_ROWS / 8, width]))?,
             rows: file.dataset(ROWS, &[0], Some(&[CHUNK_ROWS]))?,
-        }))
+        })
     }
 }
 
@@ -191,30 +188,29 @@ pub struct Layout<'a> {
 pub struct Datasets {
     /// Dimensions.
     pub axes: usize,
-    /// `[T][3]` or `[T][3][3]`; `None` in a file of an earlier version.
-    pub edges: Option<Dataset<f64>>,
+    /// `[T][3]` or `[T][3][3]`.
+    pub edges: Dataset<f64>,
     pub step: Dataset<u64>,
     pub time: Dataset<f64>,
     /// Of [`elements`].
     pub values: Vec<Dataset<f64>>,
-    /// `[T][N][3]`; `None` in a file of an earlier version.
-    pub image: Option<Dataset<i32>>,
+    /// `[T][N][3]`.
+    pub image: Dataset<i32>,
     pub offset: Dataset<u64>,
     pub i: Dataset<u32>,
     pub j: Dataset<u32>,
     /// Of [`forces`].
     pub forces: Vec<Dataset<f64>>,
     pub sliding: Dataset<u8>,
-    /// Of disks; `None` in a file of an earlier version.
+    /// Of disks.
     pub rolling: Option<Dataset<u8>>,
     pub row_step: Dataset<u64>,
     pub row_time: Dataset<f64>,
     /// Of the time series, in the order of its columns.
     pub observables: Vec<Dataset<f64>>,
-    /// Their names in the file.
+    /// Their names.
     pub names: Vec<&'static str>,
-    /// `None` in a file without.
-    pub checksums: Option<Checksums>,
+    pub checksums: Checksums,
 }
 
 impl Datasets {
@@ -266,18 +262,12 @@ impl Datasets {
         let (step, time) = clock(&element(0))?;
         link_clock(&element(0), &element(1))?;
         link_clock(&element(0), &element(2))?;
-        let image = match mode {
-            Mode::Open if !file.has(IMAGE_VALUE) => None,
-            _ => {
-                let path = format!("{PARTICLES}/image");
-                group(&path)?;
-                link_clock(&element(0), &path)?;
-                Some(of_grains(file, mode, IMAGE_VALUE, grains, 3)?)
-            }
-        };
+        let path = format!("{PARTICLES}/image");
+        group(&path)?;
+        link_clock(&element(0), &path)?;
+        let image = of_grains(file, mode, IMAGE_VALUE, grains, 3)?;
         let edges = match mode {
-            Mode::Open if !file.has(EDGES_VALUE) => None,
-            Mode::Open => Some(file.open_dataset(EDGES_VALUE)?),
+            Mode::Open => file.open_dataset(EDGES_VALUE)?,
             Mode::Create => {
                 let path = format!("{BOX}/edges");
                 file.group(&path)?;
@@ -287,7 +277,7 @@ impl Datasets {
                     false => (&[0, 3, 3], &[CHUNK_ROWS / 16, 3, 3]),
                 };
                 let dataset = file.dataset(EDGES_VALUE, shape, Some(chunk))?;
-                Some(in_units(dataset, &EDGES)?)
+                in_units(dataset, &EDGES)?
             }
         };
 
@@ -309,13 +299,8 @@ impl Datasets {
             file.attribute(CONTACTS, "particles_group", &grains)?;
         }
 
-        let stored: Vec<&str> = series
-            .iter()
-            .map(|column| stored_name(file, OBSERVABLES, column))
-            .collect();
-        let names: Vec<String> = stored
-            .iter()
-            .map(|name| format!("{OBSERVABLES}/{name}"))
+        let names: Vec<String> = (series.iter())
+            .map(|column| format!("{OBSERVABLES}/{column}"))
             .collect();
         let mut observables = Vec::new();
         for (name, column) in names.iter().zip(series) {
@@ -340,24 +325,17 @@ impl Datasets {
             j: growing(file, mode, &contact("j"), rows)?,
             forces: columns,
             sliding: growing(file, mode, &contact("sliding"), rows)?,
-            rolling: match mode {
-                _ if axes != 2 => None,
-                Mode::Open if !file.has(ROLLING) => None,
-                _ => Some(growing(file, mode, ROLLING, rows)?),
+            rolling: match axes {
+                2 => Some(growing(file, mode, ROLLING, rows)?),
+                _ => None,
             },
             row_step,
             row_time,
             observables,
-            names: stored,
+            names: series.iter().map(|column| column.name).collect(),
             checksums: Checksums::new(file, mode, axes)?,
         })
     }
-}
-
-/// A growing dataset with one number per entry, empty if new.
-pub fn stored_name(file: &H5File, group: &str, column: &Column) -> &'static str {
-    let stored = column.stored_name(|name| file.has(&format!("{group}/{name}")));
-    stored.unwrap_or(column.name)
 }
 
 /// Writes the unit of a column as H5MD's units module has it; pure numbers have none. Collective.

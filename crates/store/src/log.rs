@@ -44,12 +44,12 @@ impl Log {
         rows: u64,
     ) -> Result<Self, Failure> {
         Self::of(exchange, || match Self::check(path, columns, last, rows)? {
-            (columns, Some(rows)) => TableFile::open_to_append(path, &columns, rows),
-            (columns, None) => TableFile::create(path, &columns),
+            Some(rows) => TableFile::open_to_append(path, &Self::names(columns), rows),
+            None => TableFile::create(path, &Self::names(columns)),
         })
     }
 
-    /// Returns the columns of a log, and the number of its rows up to the step `last`; `None` if a
+    /// Returns the number of rows of a log up to the step `last`; `None` if a
     /// killed program left it without its first line, and there is nothing to continue. `rows`: their
     /// number in `run.h5`, which may have fewer if it was begun anew. Writes nothing. Not
     /// collective.
@@ -61,12 +61,13 @@ impl Log {
         columns: &[Column],
         last: u64,
         rows: u64,
-    ) -> Result<(Vec<&'static str>, Option<u64>), Failure> {
+    ) -> Result<Option<u64>, Failure> {
         let found = rows_up_to(path, last as f64)?;
         if found.is_none() && rows == 0 {
-            return Ok((Self::names(columns), None));
+            return Ok(None);
         }
-        let (columns, found) = (stored_columns(path, columns)?, found.unwrap_or(0));
+        check_columns(path, columns)?;
+        let found = found.unwrap_or(0);
         if found < rows {
             return Err(unfit(
                 path,
@@ -75,7 +76,7 @@ impl Log {
                 ),
             ));
         }
-        Ok((columns, Some(found)))
+        Ok(Some(found))
     }
 
     /// Compares the rows up to the step `last` with those of the same steps in `run.h5`. Writes
@@ -165,8 +166,8 @@ fn step_of(line: &[u8]) -> Option<u64> {
     std::str::from_utf8(step).ok()?.parse().ok()
 }
 
-/// The columns of an existing log, in which renamed ones may have their former names.
-fn stored_columns(path: &Path, columns: &[Column]) -> Result<Vec<&'static str>, Failure> {
+/// Checks that an existing log has these columns.
+fn check_columns(path: &Path, columns: &[Column]) -> Result<(), Failure> {
     let unfit = |why: String| unfit(path, why);
     let mut line = String::new();
     std::fs::File::open(path)
@@ -176,18 +177,17 @@ fn stored_columns(path: &Path, columns: &[Column]) -> Result<Vec<&'static str>, 
     if (found.next(), found.next()) != (Some("step"), Some("time")) {
         return Err(unfit("its first line must begin with step,time".into()));
     }
-    let mut names = vec!["step", "time"];
     for column in columns {
         let name = found.next().unwrap_or("nothing");
-        names.push(column.stored_name(|known| known == name).ok_or_else(|| {
-            unfit(format!(
+        if name != column.name {
+            return Err(unfit(format!(
                 "it lacks the column {column} (found: {name}); another version wrote it, or its \
                  protocol imposed velocities alone and this one more"
-            ))
-        })?);
+            )));
+        }
     }
     match found.next() {
-        None => Ok(names),
+        None => Ok(()),
         Some(name) => Err(unfit(format!(
             "its column {name} would not be continued; another version wrote it"
         ))),
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn former_names_are_continued_and_other_columns_named() {
+    fn other_columns_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
         let open = |names: &str| {
@@ -328,7 +328,6 @@ mod tests {
         };
         let names = Log::names(&SeriesRow::COLUMNS).join(",");
         assert!(open(&names).is_ok());
-        assert!(open(&names.replace("dissipated_", "lost_")).is_ok());
         let refused = |names: &str| open(names).unwrap_err().to_string();
         assert!(
             refused(&names.replace("slip_rate", "rate")).contains("lacks the column slip_rate")

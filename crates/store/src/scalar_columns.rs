@@ -2,9 +2,8 @@
 
 use super::checksums::{self, of_scalars};
 use super::collective::CollectiveOutcome;
-use super::columns::ADDED;
 use super::h5::{Dataset, H5File};
-use super::layout::{CHUNK_ROWS, by_root, set_unit, stored_name};
+use super::layout::{CHUNK_ROWS, by_root, set_unit};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 
@@ -14,10 +13,10 @@ pub const SCALARS: &str = "observables/gshear";
 /// Datasets of the scalars, and the buffered rows.
 pub struct ScalarColumns {
     step: Dataset<u64>,
-    /// A dataset per column; `None` if a file of an earlier version lacks it.
-    values: [Option<Dataset<f64>>; FrameScalars::COLUMNS.len()],
-    /// Checksums of the rows; `None` in a file without.
-    sums: Option<Dataset<u64>>,
+    /// A dataset per column.
+    values: Vec<Dataset<f64>>,
+    /// Checksums of the rows.
+    sums: Dataset<u64>,
     rows: Vec<(u64, FrameScalars)>,
     written: u64,
 }
@@ -26,16 +25,14 @@ impl ScalarColumns {
     /// Opens the datasets to continue after their first `rows` rows; creates them if the file has
     /// none. Collective.
     pub fn new(file: &H5File, rows: u64) -> Result<Self, Failure> {
-        let names = FrameScalars::COLUMNS.map(|column| stored_name(file, SCALARS, &column));
+        let names = FrameScalars::COLUMNS;
         let name = |n: usize, part: &str| format!("{SCALARS}/{}/{part}", names[n]);
         let all = 0..names.len();
         if !file.has(SCALARS) {
             if rows > 0 {
                 return Err(file.lacks(SCALARS, rows));
             }
-            if file.has(checksums::GROUP) {
-                drop(file.dataset::<u64>(checksums::SCALARS, &[0], Some(&[CHUNK_ROWS]))?);
-            }
+            drop(file.dataset::<u64>(checksums::SCALARS, &[0], Some(&[CHUNK_ROWS]))?);
             for n in all.clone() {
                 file.group(&format!("{SCALARS}/{}", names[n]))?;
                 let values = file.dataset(&name(n, "value"), &[0], Some(&[CHUNK_ROWS]))?;
@@ -50,34 +47,23 @@ impl ScalarColumns {
                 }
             }
         }
-        let mut values = [const { None }; FrameScalars::COLUMNS.len()];
-        for n in all {
-            let stored = name(n, "value");
-            if !ADDED.contains(&names[n]) || file.has(&format!("{SCALARS}/{}", names[n])) {
-                values[n] = Some(file.open_dataset(&stored)?);
-            }
-        }
         let mut columns = ScalarColumns {
             step: file.open_dataset(&name(0, "step"))?,
-            values,
-            sums: match file.has(checksums::SCALARS) {
-                true => Some(file.open_dataset(checksums::SCALARS)?),
-                false => None,
-            },
+            values: (all.map(|n| file.open_dataset(&name(n, "value"))))
+                .collect::<Result<_, _>>()?,
+            sums: file.open_dataset(checksums::SCALARS)?,
             rows: Vec::new(),
             written: rows,
         };
-        let shorter = |sums: &Dataset<u64>| sums.rows() < rows;
         if columns.step.rows() < rows
-            || columns.values.iter().flatten().any(|c| c.rows() < rows)
-            || columns.sums.as_ref().is_some_and(shorter)
+            || columns.values.iter().any(|c| c.rows() < rows)
+            || columns.sums.rows() < rows
         {
             return Err(file.lacks(SCALARS, rows));
         }
         columns.step.resize(rows)?;
-        let mut stored = columns.values.iter_mut().flatten();
-        stored.try_for_each(|c| c.resize(rows))?;
-        columns.sums.iter_mut().try_for_each(|c| c.resize(rows))?;
+        columns.values.iter_mut().try_for_each(|c| c.resize(rows))?;
+        columns.sums.resize(rows)?;
         Ok(columns)
     }
 
@@ -103,19 +89,13 @@ impl ScalarColumns {
         }
         let step: Vec<u64> = rows.iter().map(|r| r.0).collect();
         outcome.note(by_root(root, &mut self.step, self.written, &step));
-        let has = self.values.each_ref().map(Option::is_some);
         for (n, column) in self.values.iter_mut().enumerate() {
-            let Some(column) = column else { continue };
             let values: Vec<f64> = rows.iter().map(|r| r.1.columns()[n]).collect();
             outcome.note(by_root(root, column, self.written, &values));
         }
-        if let Some(sums) = &mut self.sums {
-            let of_rows: Vec<u64> = rows
-                .iter()
-                .map(|(step, row)| of_scalars(*step, row, has))
-                .collect();
-            outcome.note(by_root(root, sums, self.written, &of_rows));
-        }
+        let of_row = |(step, row): &(u64, FrameScalars)| of_scalars(*step, row);
+        let sums: Vec<u64> = rows.iter().map(of_row).collect();
+        outcome.note(by_root(root, &mut self.sums, self.written, &sums));
         self.written += rows.len() as u64;
     }
 }

@@ -1,8 +1,10 @@
 //! The interface of contact laws: numbers in, numbers out. The laws are in [`crate::laws`], the
 //! loop over the contacts in [`crate::kernel`].
 
-pub mod model;
+mod pair_force;
 pub mod stiffness;
+
+pub use pair_force::PairForce;
 
 use crate::dimension::{Dimension, Three, Vector};
 use crate::simd::{Lanes, Lanes16, Portable, PortableToken, inverse_sqrt, ln};

@@ -21,12 +21,12 @@ use super::keys::{
     RESTITUTION, TANGENTIAL_DAMPING, YOUNG_MODULUS,
 };
 use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::PairForce;
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{
     Blocks, ContactLaw, add_damping, dissipation, norm, portable_exp, portable_ln, scaled, vector,
 };
 use crate::dimension::{Dimension, Dimensions, Three};
-use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
 use crate::state::Masses;
 

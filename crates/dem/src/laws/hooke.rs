@@ -36,10 +36,10 @@ use super::keys::{
 };
 use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
+use crate::contact::PairForce;
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
-use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask};
 use crate::state::Masses;
 

@@ -33,10 +33,10 @@ use super::keys::{
 };
 use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
+use crate::contact::PairForce;
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
-use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, Portable, inverse, inverse_sqrt, ln};
 use crate::state::Masses;
 

@@ -17,10 +17,10 @@ use std::sync::Arc;
 use super::hooke::read_stiffnesses;
 use super::keys::{DENSITY, Key, KeyReader, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2};
 use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::PairForce;
 use crate::contact::stiffness::{self, Derivatives, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
-use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
 use crate::state::Masses;
 

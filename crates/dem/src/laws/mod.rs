@@ -16,8 +16,8 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 use self::keys::{Key, KeyReader};
+use crate::contact::PairForce;
 use crate::dimension::{Dimensions, Three, Two};
-use crate::kernel::PairForce;
 use crate::state::Masses;
 
 /// Every law that a scene can name.

@@ -32,8 +32,8 @@ use super::keys::{
     DENSITY, Key, POISSON_RATIO, RESTITUTION, TANGENTIAL_DAMPING_RATIO, YOUNG_MODULUS,
 };
 use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::PairForce;
 use crate::dimension::{Dimensions, Three};
-use crate::kernel::PairForce;
 use crate::simd::{Lanes, inverse_sqrt};
 use crate::state::Masses;
 

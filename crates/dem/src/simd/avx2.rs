@@ -2,8 +2,20 @@
 
 #[allow(clippy::wildcard_imports, reason = "dozens of intrinsics")]
 use std::arch::x86_64::*;
+use std::arch::x86_64::{
+    _mm256_add_epi64 as add_int, _mm256_add_pd as add_pd, _mm256_and_pd as and_pd,
+    _mm256_and_si256 as and_int, _mm256_andnot_pd as andnot_pd, _mm256_castpd_si256 as pd_as_int,
+    _mm256_castsi256_pd as int_as_pd, _mm256_div_pd as div_pd, _mm256_fmadd_pd as fmadd_pd,
+    _mm256_load_pd as load_pd, _mm256_max_pd as max_pd, _mm256_mul_pd as mul_pd,
+    _mm256_or_pd as or_pd, _mm256_round_pd as round_pd, _mm256_set1_epi64x as set1_int,
+    _mm256_set1_pd as set1_pd, _mm256_setzero_si256 as setzero_int, _mm256_sqrt_pd as sqrt_pd,
+    _mm256_srli_epi64 as shift_right_int, _mm256_store_pd as store_pd,
+    _mm256_storeu_si256 as storeu_int, _mm256_sub_epi64 as sub_int, _mm256_sub_pd as sub_pd,
+    _mm256_xor_pd as xor_pd,
+};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use super::vector::{operations, registers, rounding_to_eighths};
 use super::{
     CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
     PairList, Pairs, TO_INTEGER, Work,
@@ -30,53 +42,14 @@ pub(super) fn run<W: Work>(token: Avx2Token, work: W) -> W::Output {
     unsafe { compiled(token, work) }
 }
 
-/// Sixteen f64 in AVX2 registers.
-#[derive(Debug, Clone, Copy)]
-pub struct Avx2([__m256d; 4]);
-
-macro_rules! operator {
-    ($trait:ident, $method:ident, $intrinsic:ident) => {
-        impl $trait for Avx2 {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                // SAFETY: a value of this type is only made from a token.
-                self.zip(other, |a, b| unsafe { $intrinsic(a, b) })
-            }
-        }
-    };
-}
-operator!(Add, add, _mm256_add_pd);
-operator!(Sub, sub, _mm256_sub_pd);
-operator!(Mul, mul, _mm256_mul_pd);
-operator!(Div, div, _mm256_div_pd);
+registers!(Avx2, Counts2, __m256d, __m256i, [0 1 2 3]);
+rounding_to_eighths!(__m256d, __m256i);
 
 /// `[f(0), …, f(3)]`. Unlike `array::from_fn` it is always inlined; code that is not inlined is not
 /// compiled for the instruction set.
 #[inline(always)]
 fn each<T>(f: impl Fn(usize) -> T) -> [T; 4] {
     [f(0), f(1), f(2), f(3)]
-}
-
-impl Avx2 {
-    #[inline(always)]
-    fn map(self, f: impl Fn(__m256d) -> __m256d) -> Self {
-        Avx2(each(|k| f(self.0[k])))
-    }
-
-    #[inline(always)]
-    fn zip(self, other: Self, f: impl Fn(__m256d, __m256d) -> __m256d) -> Self {
-        Avx2(each(|k| f(self.0[k], other.0[k])))
-    }
-}
-
-impl Neg for Avx2 {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe { _mm256_xor_pd(x, _mm256_set1_pd(-0.0)) })
-    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -97,10 +70,6 @@ impl Mask for Mask2 {
     }
 }
 
-/// Sixteen sums of integers.
-#[derive(Debug, Clone, Copy)]
-pub struct Counts2([__m256i; 4]);
-
 /// Integers from 0 to 7: each a permutation of the 32-bit words of half a table of eight f64, and,
 /// in the sign, which half.
 #[derive(Debug, Clone, Copy)]
@@ -112,72 +81,7 @@ impl Lanes for Avx2 {
     type Index = Eighths2;
     type Counts = Counts2;
 
-    #[inline(always)]
-    fn splat(_: Avx2Token, x: f64) -> Self {
-        // SAFETY: the token proves that the processor has AVX2.
-        Avx2(unsafe { [_mm256_set1_pd(x); 4] })
-    }
-
-    #[inline(always)]
-    fn load(_: Avx2Token, from: &Lanes16) -> Self {
-        // SAFETY: the token proves AVX2; `Lanes16` holds sixteen f64 and is aligned; four are read
-        // from each pointer.
-        Avx2(each(|k| unsafe {
-            _mm256_load_pd(from.0.as_ptr().add(4 * k))
-        }))
-    }
-
-    #[inline(always)]
-    fn store(self, to: &mut Lanes16) {
-        for (k, part) in self.0.into_iter().enumerate() {
-            // SAFETY: a value of this type is only made from a token; `Lanes16` holds sixteen f64
-            // and is aligned.
-            unsafe { _mm256_store_pd(to.0.as_mut_ptr().add(4 * k), part) }
-        }
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        Avx2(each(|k| unsafe {
-            _mm256_fmadd_pd(self.0[k], factor.0[k], term.0[k])
-        }))
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe { _mm256_sqrt_pd(x) })
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), x) })
-    }
-
-    #[inline(always)]
-    fn round(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe {
-            _mm256_round_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(x)
-        })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.zip(other, |a, b| unsafe { _mm256_max_pd(a, b) })
-    }
-
-    #[inline(always)]
-    fn copy_sign(self, sign: Self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.zip(sign, |x, s| unsafe {
-            let bit = _mm256_set1_pd(-0.0);
-            _mm256_or_pd(_mm256_andnot_pd(bit, x), _mm256_and_pd(bit, s))
-        })
-    }
+    operations!(Avx2, Avx2Token, Counts2, 4, [0 1 2 3]);
 
     #[inline(always)]
     fn greater(self, other: Self) -> Mask2 {
@@ -254,59 +158,6 @@ impl Lanes for Avx2 {
                 )
             }))
         }
-    }
-
-    #[inline(always)]
-    fn no_counts(_: Avx2Token) -> Counts2 {
-        // SAFETY: the token proves that the processor has AVX2.
-        Counts2(unsafe { [_mm256_setzero_si256(); 4] })
-    }
-
-    #[inline(always)]
-    fn count(self, sums: Counts2) -> Counts2 {
-        let mut sums = sums;
-        for (sum, x) in sums.0.iter_mut().zip(self.0) {
-            // SAFETY: a value of this type is only made from a token.
-            unsafe {
-                let shifted = _mm256_add_pd(x, _mm256_set1_pd(TO_INTEGER));
-                let zero = _mm256_set1_epi64x(TO_INTEGER.to_bits() as i64);
-                let integer = _mm256_sub_epi64(_mm256_castpd_si256(shifted), zero);
-                *sum = _mm256_add_epi64(*sum, integer);
-            }
-        }
-        sums
-    }
-
-    #[inline(always)]
-    fn total(sums: Counts2) -> i128 {
-        let mut all = [0i64; 16];
-        for (k, sum) in sums.0.into_iter().enumerate() {
-            // SAFETY: sums are only made from a token; four i64 are written from each pointer.
-            unsafe { _mm256_storeu_si256(all.as_mut_ptr().add(4 * k).cast(), sum) }
-        }
-        all.iter().copied().map(i128::from).sum()
-    }
-
-    #[inline(always)]
-    fn inverse_start(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe {
-            _mm256_castsi256_pd(_mm256_sub_epi64(
-                _mm256_set1_epi64x(INVERSE_MAGIC as i64),
-                _mm256_castpd_si256(x),
-            ))
-        })
-    }
-
-    #[inline(always)]
-    fn inverse_sqrt_start(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe {
-            _mm256_castsi256_pd(_mm256_sub_epi64(
-                _mm256_set1_epi64x(INVERSE_SQRT_MAGIC as i64),
-                _mm256_srli_epi64::<1>(_mm256_castpd_si256(x)),
-            ))
-        })
     }
 
     #[inline(always)]
@@ -447,30 +298,6 @@ fn joined(low: [[__m256d; 4]; 4], high: [[__m256d; 4]; 4]) -> [Avx2; 8] {
         Avx2(each(|k| high[k][2])),
         Avx2(each(|k| high[k][3])),
     ]
-}
-
-/// The bits of x plus half an eighth of its power of two: rounds the mantissa to eighths.
-///
-/// # Safety
-/// The processor has AVX2.
-#[inline(always)]
-unsafe fn rounded(x: __m256d) -> __m256i {
-    // SAFETY: register operations only, with the feature that the caller guarantees.
-    unsafe { _mm256_add_epi64(_mm256_castpd_si256(x), _mm256_set1_epi64x(1 << 48)) }
-}
-
-/// x over its power of two, after rounding to eighths: in [31/32, 31/16).
-///
-/// # Safety
-/// The processor has AVX2.
-#[inline(always)]
-unsafe fn mantissa_about_one(x: __m256d) -> __m256d {
-    // SAFETY: register operations only, with the feature that the caller guarantees.
-    unsafe {
-        let power = _mm256_and_si256(rounded(x), _mm256_set1_epi64x(0xfff << 52));
-        let raised = _mm256_add_epi64(_mm256_castpd_si256(x), _mm256_set1_epi64x(1023 << 52));
-        _mm256_castsi256_pd(_mm256_sub_epi64(raised, power))
-    }
 }
 
 /// The k for which the mantissa of x is nearest to 1 + k/8, as in [`Eighths2`].

@@ -2,11 +2,23 @@
 
 #[allow(clippy::wildcard_imports, reason = "dozens of intrinsics")]
 use std::arch::x86_64::*;
+use std::arch::x86_64::{
+    _mm512_add_epi64 as add_int, _mm512_add_pd as add_pd, _mm512_and_pd as and_pd,
+    _mm512_and_si512 as and_int, _mm512_andnot_pd as andnot_pd, _mm512_castpd_si512 as pd_as_int,
+    _mm512_castsi512_pd as int_as_pd, _mm512_div_pd as div_pd, _mm512_fmadd_pd as fmadd_pd,
+    _mm512_load_pd as load_pd, _mm512_max_pd as max_pd, _mm512_mul_pd as mul_pd,
+    _mm512_or_pd as or_pd, _mm512_roundscale_pd as round_pd, _mm512_set1_epi64 as set1_int,
+    _mm512_set1_pd as set1_pd, _mm512_setzero_si512 as setzero_int, _mm512_sqrt_pd as sqrt_pd,
+    _mm512_srli_epi64 as shift_right_int, _mm512_store_pd as store_pd,
+    _mm512_storeu_si512 as storeu_int, _mm512_sub_epi64 as sub_int, _mm512_sub_pd as sub_pd,
+    _mm512_xor_pd as xor_pd,
+};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use super::vector::{operations, registers, rounding_to_eighths};
 use super::{
-    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, Lanes, Lanes16, Mask, PairList,
-    Pairs, TO_INTEGER, Work,
+    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
+    PairList, Pairs, TO_INTEGER, Work,
 };
 
 /// Proof that this processor has AVX-512 F and DQ.
@@ -34,47 +46,8 @@ pub(super) fn run<W: Work>(token: Avx512Token, work: W) -> W::Output {
     unsafe { compiled(token, work) }
 }
 
-/// Sixteen f64 in AVX-512 registers.
-#[derive(Debug, Clone, Copy)]
-pub struct Avx512([__m512d; 2]);
-
-macro_rules! operator {
-    ($trait:ident, $method:ident, $intrinsic:ident) => {
-        impl $trait for Avx512 {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                // SAFETY: a value of this type is only made from a token.
-                self.zip(other, |a, b| unsafe { $intrinsic(a, b) })
-            }
-        }
-    };
-}
-operator!(Add, add, _mm512_add_pd);
-operator!(Sub, sub, _mm512_sub_pd);
-operator!(Mul, mul, _mm512_mul_pd);
-operator!(Div, div, _mm512_div_pd);
-
-impl Avx512 {
-    #[inline(always)]
-    fn map(self, f: impl Fn(__m512d) -> __m512d) -> Self {
-        Avx512([f(self.0[0]), f(self.0[1])])
-    }
-
-    #[inline(always)]
-    fn zip(self, other: Self, f: impl Fn(__m512d, __m512d) -> __m512d) -> Self {
-        Avx512([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
-    }
-}
-
-impl Neg for Avx512 {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe { _mm512_xor_pd(x, _mm512_set1_pd(-0.0)) })
-    }
-}
+registers!(Avx512, Counts512, __m512d, __m512i, [0 1]);
+rounding_to_eighths!(__m512d, __m512i);
 
 #[derive(Debug, Clone, Copy)]
 pub struct Mask512([__mmask8; 2]);
@@ -91,10 +64,6 @@ impl Mask for Mask512 {
     }
 }
 
-/// Sixteen sums of integers.
-#[derive(Debug, Clone, Copy)]
-pub struct Counts512([__m512i; 2]);
-
 /// Integers from 0 to 7, in the last three bits.
 #[derive(Debug, Clone, Copy)]
 pub struct Eighths512([__m512i; 2]);
@@ -105,79 +74,7 @@ impl Lanes for Avx512 {
     type Index = Eighths512;
     type Counts = Counts512;
 
-    #[inline(always)]
-    fn splat(_: Avx512Token, x: f64) -> Self {
-        // SAFETY: the token proves that the processor has AVX-512.
-        Avx512(unsafe { [_mm512_set1_pd(x); 2] })
-    }
-
-    #[inline(always)]
-    fn load(_: Avx512Token, from: &Lanes16) -> Self {
-        // SAFETY: the token proves AVX-512; `Lanes16` holds sixteen f64 and is aligned; eight are
-        // read from each pointer.
-        Avx512(unsafe {
-            [
-                _mm512_load_pd(from.0.as_ptr()),
-                _mm512_load_pd(from.0.as_ptr().add(8)),
-            ]
-        })
-    }
-
-    #[inline(always)]
-    fn store(self, to: &mut Lanes16) {
-        // SAFETY: a value of this type is only made from a token; `Lanes16` holds sixteen f64 and
-        // is aligned.
-        unsafe {
-            _mm512_store_pd(to.0.as_mut_ptr(), self.0[0]);
-            _mm512_store_pd(to.0.as_mut_ptr().add(8), self.0[1]);
-        }
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        Avx512(unsafe {
-            [
-                _mm512_fmadd_pd(self.0[0], factor.0[0], term.0[0]),
-                _mm512_fmadd_pd(self.0[1], factor.0[1], term.0[1]),
-            ]
-        })
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe { _mm512_sqrt_pd(x) })
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe { _mm512_andnot_pd(_mm512_set1_pd(-0.0), x) })
-    }
-
-    #[inline(always)]
-    fn round(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe {
-            _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(x)
-        })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.zip(other, |a, b| unsafe { _mm512_max_pd(a, b) })
-    }
-
-    #[inline(always)]
-    fn copy_sign(self, sign: Self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.zip(sign, |x, s| unsafe {
-            let bit = _mm512_set1_pd(-0.0);
-            _mm512_or_pd(_mm512_andnot_pd(bit, x), _mm512_and_pd(bit, s))
-        })
-    }
+    operations!(Avx512, Avx512Token, Counts512, 8, [0 1]);
 
     #[inline(always)]
     fn greater(self, other: Self) -> Mask512 {
@@ -218,12 +115,7 @@ impl Lanes for Avx512 {
         unsafe {
             (
                 self.map(|x| _mm512_getexp_pd(_mm512_castsi512_pd(rounded(x)))),
-                self.map(|x| {
-                    let power = _mm512_and_si512(rounded(x), _mm512_set1_epi64(0xfff << 52));
-                    let raised =
-                        _mm512_add_epi64(_mm512_castpd_si512(x), _mm512_set1_epi64(1023 << 52));
-                    _mm512_castsi512_pd(_mm512_sub_epi64(raised, power))
-                }),
+                self.map(|x| mantissa_about_one(x)),
                 Eighths512([
                     _mm512_srli_epi64::<49>(rounded(self.0[0])),
                     _mm512_srli_epi64::<49>(rounded(self.0[1])),
@@ -242,59 +134,6 @@ impl Lanes for Avx512 {
                 _mm512_permutexvar_pd(k.0[0], table),
                 _mm512_permutexvar_pd(k.0[1], table),
             ]
-        })
-    }
-
-    #[inline(always)]
-    fn no_counts(_: Avx512Token) -> Counts512 {
-        // SAFETY: the token proves that the processor has AVX-512.
-        Counts512(unsafe { [_mm512_setzero_si512(); 2] })
-    }
-
-    #[inline(always)]
-    fn count(self, sums: Counts512) -> Counts512 {
-        let mut sums = sums;
-        for (sum, x) in sums.0.iter_mut().zip(self.0) {
-            // SAFETY: a value of this type is only made from a token.
-            unsafe {
-                let shifted = _mm512_add_pd(x, _mm512_set1_pd(TO_INTEGER));
-                let zero = _mm512_set1_epi64(TO_INTEGER.to_bits() as i64);
-                let integer = _mm512_sub_epi64(_mm512_castpd_si512(shifted), zero);
-                *sum = _mm512_add_epi64(*sum, integer);
-            }
-        }
-        sums
-    }
-
-    #[inline(always)]
-    fn total(sums: Counts512) -> i128 {
-        let mut all = [0i64; 16];
-        for (k, sum) in sums.0.into_iter().enumerate() {
-            // SAFETY: sums are only made from a token; eight i64 are written from each pointer.
-            unsafe { _mm512_storeu_si512(all.as_mut_ptr().add(8 * k).cast(), sum) }
-        }
-        all.iter().copied().map(i128::from).sum()
-    }
-
-    #[inline(always)]
-    fn inverse_start(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe {
-            _mm512_castsi512_pd(_mm512_sub_epi64(
-                _mm512_set1_epi64(INVERSE_MAGIC as i64),
-                _mm512_castpd_si512(x),
-            ))
-        })
-    }
-
-    #[inline(always)]
-    fn inverse_sqrt_start(self) -> Self {
-        // SAFETY: a value of this type is only made from a token.
-        self.map(|x| unsafe {
-            _mm512_castsi512_pd(_mm512_sub_epi64(
-                _mm512_set1_epi64(INVERSE_SQRT_MAGIC as i64),
-                _mm512_srli_epi64::<1>(_mm512_castpd_si512(x)),
-            ))
         })
     }
 
@@ -506,16 +345,6 @@ unsafe fn four_ends<const LINE: usize, const LINES: usize>(
         let b = _mm512_mask_blend_pd(0b0011_0000, a, ends[2]);
         _mm512_mask_blend_pd(0b1100_0000, b, ends[3])
     }
-}
-
-/// The bits of x plus half an eighth of its power of two: rounds the mantissa to eighths.
-///
-/// # Safety
-/// The processor has AVX-512 F.
-#[inline(always)]
-unsafe fn rounded(x: __m512d) -> __m512i {
-    // SAFETY: register operations only, with the feature that the caller guarantees.
-    unsafe { _mm512_add_epi64(_mm512_castpd_si512(x), _mm512_set1_epi64(1 << 48)) }
 }
 
 /// Interleaves (a, b) and (c, 0) of the even and the odd lanes to (a, b, c, 0) of the lanes {0, 2},

@@ -16,6 +16,7 @@ mod avx2;
 mod avx512;
 mod math;
 mod portable;
+mod vector;
 
 use bytemuck::{Pod, Zeroable};
 use std::ops::{Add, Deref, DerefMut, Div, Mul, Neg, Sub};

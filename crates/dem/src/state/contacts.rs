@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use crate::contact::model::PairModel;
+use crate::contact::PairForce;
+use crate::dimension::Dimension;
 use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs};
 
 use super::ContactState;
@@ -36,9 +37,9 @@ pub struct Contacts {
     pub parameters: Vec<Lanes16>,
     /// [`Contacts::history_lanes`] elements per block.
     pub history: Vec<Lanes16>,
-    /// [`PairModel::parameter_lanes`] of the law.
+    /// [`PairForce::parameter_lanes`] of the law.
     pub parameter_lanes: usize,
-    /// [`PairModel::history_lanes`] of the law.
+    /// [`PairForce::history_lanes`] of the law.
     pub history_lanes: usize,
     /// Lanes that touched when the forces were last computed.
     pub touching: Vec<u16>,
@@ -88,10 +89,10 @@ pub struct CandidatePair {
 impl Contacts {
     /// Replaces the list by `candidates`, which are sorted by their ids, with the histories of
     /// `remembered`, which is sorted by (i, j). Other pairs start without a history.
-    pub fn replace(
+    pub fn replace<D: Dimension>(
         &mut self,
         isa: Isa,
-        law: &dyn PairModel,
+        law: &dyn PairForce<D>,
         candidates: &[CandidatePair],
         remembered: &[ContactState],
         grains: LocalGrains<'_>,
@@ -269,7 +270,12 @@ impl Contacts {
     }
 
     /// The history of a touching contact, with the ids of its grains.
-    pub fn state(&self, law: &dyn PairModel, at: Touching, id: &[u32]) -> ContactState {
+    pub fn state<D: Dimension>(
+        &self,
+        law: &dyn PairForce<D>,
+        at: Touching,
+        id: &[u32],
+    ) -> ContactState {
         let mut history = [0.0; 3];
         let lanes = &self.history[at.block * self.history_lanes..][..self.history_lanes];
         for (to, lanes) in history.iter_mut().zip(lanes) {

@@ -30,5 +30,5 @@ pub use grains::{Grains, Masses, Units, body};
 pub use sample::{ContactSample, GrainSample, ImposedRow, SERIES_COLUMNS, SeriesRow};
 pub use snapshot::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
-    Snapshot, UNKNOWN_IMAGE,
+    Snapshot,
 };

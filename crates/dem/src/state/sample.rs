@@ -103,13 +103,13 @@ crate::columns! {
         /// work of the load on the sample, or of walls driven along their normals
         work_load: "J",
         /// dissipated by dampers
-        dissipated_damping: "J", formerly "lost_damping",
+        dissipated_damping: "J",
         /// dissipated by sliding
-        dissipated_friction: "J", formerly "lost_friction",
+        dissipated_friction: "J",
         /// dissipated by rolling at its limit
-        dissipated_rolling: "J", formerly "lost_rolling",
+        dissipated_rolling: "J",
         /// dissipated by changes of k_t at constant force
-        dissipated_stiffness: "J", formerly "lost_stiffness",
+        dissipated_stiffness: "J",
         /// energy not accounted for, over the sum of both works' magnitudes
         energy_residual: "1",
     }

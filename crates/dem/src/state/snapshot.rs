@@ -94,9 +94,6 @@ impl ContactState {
     }
 }
 
-/// The image of a record that was stored without one, by an earlier version.
-pub const UNKNOWN_IMAGE: i64 = i64::MIN;
-
 /// The position of a disk in a frame, for the scalars of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -107,7 +104,7 @@ pub struct GrainPosition {
     pub body: u32,
     /// Wrapped position (m).
     pub position: [f64; 2],
-    /// Image along x in which it is, or [`UNKNOWN_IMAGE`].
+    /// Image along x in which it is.
     pub image: i64,
 }
 
@@ -169,7 +166,7 @@ pub struct Displacement {
     pub start: [f64; 3],
     /// Its rotation since (rad), summed over the steps.
     pub angle: [f64; 3],
-    /// Its image at the start, or [`UNKNOWN_IMAGE`].
+    /// Its image at the start.
     pub image: Image,
 }
 

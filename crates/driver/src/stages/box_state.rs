@@ -3,10 +3,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::ContactForces;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::simd::Lanes16;
 use gshear_dem::state::length;
 use gshear_dem::step::forces;

@@ -3,12 +3,13 @@
 use bytemuck::{Pod, Zeroable};
 
 use gshear_dem::clock::StepPhase;
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::kernel::ContactForces;
 use gshear_dem::observe::{digest, frame};
-use gshear_dem::state::{Displacement, UNKNOWN_IMAGE};
+use gshear_dem::state::Displacement;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -501,14 +502,9 @@ impl GrainMotion {
             .enumerate()
             .map(|(g, displacement)| {
                 let (fields, radius) = (grains.fields(g), grains.radius[g]);
-                let moved = match displacement.image.contains(&UNKNOWN_IMAGE) {
-                    true => cell.separation::<D>(fields, &displacement.start),
-                    false => {
-                        let [now, before] = [grains.image[g], displacement.image];
-                        let crossed = std::array::from_fn(|axis| now[axis] - before[axis]);
-                        cell.displacement::<D>(fields, &displacement.start, crossed)
-                    }
-                };
+                let [now, before] = [grains.image[g], displacement.image];
+                let crossed = std::array::from_fn(|axis| now[axis] - before[axis]);
+                let moved = cell.displacement::<D>(fields, &displacement.start, crossed);
                 let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
                 let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
                 Moved {

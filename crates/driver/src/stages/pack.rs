@@ -1,11 +1,11 @@
 //! Compression of a sample between smooth planes until it is at rest.
 
 use gshear_dem::clock::StepPhase;
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Accumulator;
 use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::body;
 use gshear_dem::step::{StepRequest, advance, initial_forces};

@@ -3,10 +3,10 @@
 use super::rest::RestState;
 use super::spectrum::{GlobalState, Move, newton_step};
 use crate::header::Relaxing;
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{Cell, body};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
 use gshear_dem::system::{Outside, System};

@@ -2,10 +2,10 @@
 
 use std::collections::HashSet;
 
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{Cell, HeldState};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;

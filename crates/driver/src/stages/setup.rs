@@ -1,8 +1,8 @@
 //! What a stage of any scene is made of: the law between the grains, and the system.
 
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::state::Cell;
 use gshear_dem::system::{Setup, System};

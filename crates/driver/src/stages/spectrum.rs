@@ -6,9 +6,9 @@ use faer::c64;
 
 use crate::header::Pair;
 use gshear_analysis::jacobian::{self, History, Jacobian};
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;

@@ -3,10 +3,11 @@
 
 use std::fmt;
 
+use gshear_dem::contact::PairForce;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::kernel::ContactForces;
 use gshear_dem::observe::{digest, frame};
 use gshear_dem::system::System;
 use gshear_scene::{Deformation, PeriodicBox, Scene};

@@ -1,8 +1,8 @@
 //! Runs of scenes between walls: packing, then shear.
 
+use gshear_dem::contact::PairForce;
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, LawSpace};
 use gshear_dem::state::GrainState;
 use gshear_scene::insertion::Lattice;

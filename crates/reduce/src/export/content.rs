@@ -375,7 +375,7 @@ impl<'a> ExportedRun<'a> {
         let radius = RADIUS * grains.mean_radius();
         if dmin::is_planar(self.run) {
             let mut row = vec![0.0; grains.count()];
-            let [before, now] = [before, now].map(|frame| planar(frame, self.run.has_images()));
+            let [before, now] = [before, now].map(|frame| planar(frame));
             NonAffine::default().between(grains, radius, &before, &now, &mut row);
             return row;
         }
@@ -386,7 +386,7 @@ impl<'a> ExportedRun<'a> {
         let mut inside = vec![0.0; self.grains().count()];
         if let Some(before) = before {
             let mut regions = Regions::default();
-            regions.find(self.grains(), &planar(before, false), &planar(now, false));
+            regions.find(self.grains(), &planar(before), &planar(now));
             let reading = GrReading::default();
             let labels = regions.labels(reading);
             for (&grain, label) in regions.grains(reading.reduction).iter().zip(labels) {
@@ -415,16 +415,13 @@ fn columns_of<const K: usize>(rows: &[[f64; K]]) -> Vec<Vec<f64>> {
 }
 
 /// A frame of disks.
-fn planar(frame: &FrameRecords, has_images: bool) -> Frame {
+fn planar(frame: &FrameRecords) -> Frame {
     let two = |[x, y, _]: [f64; 3]| [x, y];
     Frame {
         step: frame.step,
         time: frame.time,
         position: frame.grains.iter().map(|g| two(g.position)).collect(),
-        image: match has_images {
-            true => frame.grains.iter().map(|g| g.image[0]).collect(),
-            false => Vec::new(),
-        },
+        image: frame.grains.iter().map(|g| g.image[0]).collect(),
         velocity: frame.grains.iter().map(|g| two(g.velocity)).collect(),
         angular_velocity: frame.grains.iter().map(|g| g.angular_velocity[2]).collect(),
         contacts: frame.contacts.clone(),

@@ -10,10 +10,10 @@ use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
-    Snapshot, UNKNOWN_IMAGE,
+    Snapshot,
 };
 use gshear_mpi_exchange::Parallel;
-use records::{Record, length, read_records, stored_bytes, write_one, write_records};
+use records::{Record, length, read_records, write_one, write_records};
 use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::ops::Range;
@@ -32,18 +32,13 @@ const FORMAT: &str = "gshear-checkpoint";
 /// they were one state of more grains.
 const HELD: &str = "held_";
 
-/// Version of the format.
+/// Version of the format, the only one that is read.
 pub const VERSION: u64 = 7;
-/// The earliest version that is read.
-const EARLIEST: u64 = 4;
 
 /// Returns the wrapping sum of the records' hashes, which depends neither on their order nor on the
-/// ranks that hold them. `version`: of the format.
-fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R], version: u64) -> u64 {
-    let length = stored_bytes::<R>(version);
-    let hashes = records
-        .iter()
-        .map(|r| xxh3_64(&bytemuck::bytes_of(r)[..length]));
+/// ranks that hold them.
+fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64 {
+    let hashes = records.iter().map(|r| xxh3_64(bytemuck::bytes_of(r)));
     total(exchange, hashes.fold(0, u64::wrapping_add))
 }
 
@@ -125,34 +120,34 @@ pub fn write(
         ("checksum_scene", sum(xxh3_64(&scene))),
         (
             GrainState::CHECKSUM,
-            sum(checksum(exchange, &grains.records, VERSION)),
+            sum(checksum(exchange, &grains.records)),
         ),
         (
             ContactState::CHECKSUM,
-            sum(checksum(exchange, &contacts.records, VERSION)),
+            sum(checksum(exchange, &contacts.records)),
         ),
     ];
     if let Some((grains, contacts)) = &analysed {
         attributes.extend([
             (
                 GrainPosition::CHECKSUM,
-                sum(checksum(exchange, &grains.records, VERSION)),
+                sum(checksum(exchange, &grains.records)),
             ),
             (
                 ContactForce::CHECKSUM,
-                sum(checksum(exchange, &contacts.records, VERSION)),
+                sum(checksum(exchange, &contacts.records)),
             ),
         ]);
     }
     if let Some(displacements) = &displacements {
-        let sum = sum(checksum(exchange, &displacements.records, VERSION));
+        let sum = sum(checksum(exchange, &displacements.records));
         attributes.push((Displacement::CHECKSUM, sum));
     }
     let of_held =
         [GrainState::CHECKSUM, ContactState::CHECKSUM].map(|name| format!("{HELD}{name}"));
     if let Some((grains, contacts)) = &held {
-        let of_grains = sum(checksum(exchange, &grains.records, VERSION));
-        let of_contacts = sum(checksum(exchange, &contacts.records, VERSION));
+        let of_grains = sum(checksum(exchange, &grains.records));
+        let of_contacts = sum(checksum(exchange, &contacts.records));
         attributes.extend([(&*of_held[0], of_grains), (&*of_held[1], of_contacts)]);
     }
     let (part, name) = part_of(exchange, folder)?;
@@ -429,7 +424,7 @@ pub fn is_checkpoint(path: &Path) -> bool {
 /// [`Failure::Other`] if the system does not let it be read.
 pub fn read_texts(path: &Path) -> Result<[String; 2], Failure> {
     hdf5::silence_errors(true);
-    let texts = open(path).and_then(|(file, _)| texts(&file));
+    let texts = open(path).and_then(|file| texts(&file));
     texts.map_err(|why| h5::unread(format!("{}: {why}", path.display())))
 }
 
@@ -444,26 +439,9 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
     // Each rank reads for itself with the serial driver, so that a failure on one rank does not
     // make the others wait.
     let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
-    let mut pieces = agree(exchange, pieces)?;
+    let pieces = agree(exchange, pieces)?;
 
     check(exchange, &pieces).map_err(bad)?;
-    // Only now, because the checksums are those of the file.
-    if let Some((grains, _)) = &mut pieces.analysed
-        && grains.version < GrainPosition::signed().0
-    {
-        grains
-            .records
-            .iter_mut()
-            .for_each(|g| g.image = UNKNOWN_IMAGE);
-    }
-    if let Some(start) = &mut pieces.displacements
-        && start.version < Displacement::signed().0
-    {
-        start
-            .records
-            .iter_mut()
-            .for_each(|g| g.image = [UNKNOWN_IMAGE; 3]);
-    }
     let blocks = pieces.blocks;
     let contacts = blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i);
     let held = pieces.held.as_ref();
@@ -537,7 +515,7 @@ impl Checked<'_> {
     }
 
     fn all<R: Record>(&self, piece: &Piece<R>, ordered: bool) -> Result<(), String> {
-        if hex(checksum(self.exchange, &piece.records, piece.version)) != piece.sum {
+        if hex(checksum(self.exchange, &piece.records)) != piece.sum {
             return Err(format!(
                 "damaged: the checksum of its {} differs from the stored one",
                 R::NAME
@@ -575,8 +553,6 @@ struct HeldPieces {
 struct Piece<R> {
     records: Vec<R>,
     sum: String,
-    /// Version of the format.
-    version: u64,
 }
 
 fn word(file: &hdf5::File, name: &str) -> Result<String, String> {
@@ -585,8 +561,8 @@ fn word(file: &hdf5::File, name: &str) -> Result<String, String> {
     String::from_utf8(value.as_bytes().to_vec()).map_err(|_| format!("damaged: attribute {name}"))
 }
 
-/// Opens a checkpoint. Returns the version of its format as well.
-fn open(path: &Path) -> Result<(hdf5::File, u64), String> {
+/// Opens a checkpoint.
+fn open(path: &Path) -> Result<hdf5::File, String> {
     match std::fs::metadata(path) {
         Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
         Ok(of) if of.is_file() => {}
@@ -605,12 +581,12 @@ fn open(path: &Path) -> Result<(hdf5::File, u64), String> {
         .attr("format_version")
         .and_then(|a| a.read_scalar::<u64>());
     let version = version.map_err(|e| format!("damaged: attribute format_version ({e})"))?;
-    if !(EARLIEST..=VERSION).contains(&version) {
+    if version != VERSION {
         return Err(format!(
-            "a checkpoint of format version {version}; this program reads versions {EARLIEST} to {VERSION}"
+            "a checkpoint of format version {version}; this program reads version {VERSION}"
         ));
     }
-    Ok((file, version))
+    Ok(file)
 }
 
 /// The header and the scene.
@@ -629,7 +605,7 @@ fn texts(file: &hdf5::File) -> Result<[String; 2], String> {
 }
 
 fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String> {
-    let (file, version) = open(path)?;
+    let file = open(path)?;
     let [header, scene] = texts(&file)?;
     let names = file.attr_names().unwrap_or_default();
     let word = |name: &str| word(&file, name);
@@ -640,7 +616,7 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         };
         Ok((list, list.range(rank)))
     };
-    let from = (&file, version, "");
+    let from = (&file, "");
     let has = |sum: &str| names.iter().any(|n| n == sum);
     let grains = share("grains/id")?;
     if grains.0.grains == 0 {
@@ -682,7 +658,7 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
                     share(&format!("{HELD}grains/id"))?,
                     share(&format!("{HELD}contacts/i"))?,
                 ];
-                Some(held(&file, version, count, shares)?)
+                Some(held(&file, count, shares)?)
             }
             false => None,
         },
@@ -693,12 +669,11 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
 /// and contacts.
 fn held(
     file: &hdf5::File,
-    version: u64,
     grains: u64,
     [ids, contacts]: [(IdBlocks, Range<u64>); 2],
 ) -> Result<HeldPieces, String> {
     let word = |name: &str| word(file, &format!("{HELD}{name}"));
-    let from = (file, version, HELD);
+    let from = (file, HELD);
     if grains == 0 || !ids.0.grains.is_multiple_of(grains) {
         return Err("damaged: the states that it holds have other grains".into());
     }
@@ -710,13 +685,12 @@ fn held(
 }
 
 fn piece<R: Record>(
-    from: (&hdf5::File, u64, &str),
+    from: (&hdf5::File, &str),
     (list, local): (IdBlocks, Range<u64>),
     sum: String,
 ) -> Result<Piece<R>, String> {
     Ok(Piece {
         records: read_records(from, list.grains, local)?,
         sum,
-        version: from.1,
     })
 }

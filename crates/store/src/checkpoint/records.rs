@@ -45,17 +45,9 @@ pub(super) trait Record: Pod {
     const CHECKSUM: &'static str;
     fn integers() -> Vec<Field<Self, u32>>;
     fn numbers() -> Vec<Field<Self, f64>>;
-    /// The last fields of the record, which are stored since a version of the format and 0 before.
-    fn signed() -> (u64, Vec<Field<Self, i64>>) {
-        (0, Vec::new())
+    fn signed() -> Vec<Field<Self, i64>> {
+        Vec::new()
     }
-}
-
-/// Bytes of a record that a version of the format stores.
-pub(super) fn stored_bytes<R: Record>(version: u64) -> usize {
-    let (since, fields) = R::signed();
-    let later = fields.iter().map(|field| field.width * size_of::<i64>());
-    size_of::<R>() - if version < since { later.sum() } else { 0 }
 }
 
 impl Record for GrainState {
@@ -78,8 +70,8 @@ impl Record for GrainState {
         ]
     }
 
-    fn signed() -> (u64, Vec<Field<Self, i64>>) {
-        (5, vec![field!(Self, image, 3)])
+    fn signed() -> Vec<Field<Self, i64>> {
+        vec![field!(Self, image, 3)]
     }
 }
 
@@ -96,8 +88,8 @@ impl Record for ContactState {
         vec![field!(Self, history, 3)]
     }
 
-    fn signed() -> (u64, Vec<Field<Self, i64>>) {
-        (6, vec![field!(Self, limits, number)])
+    fn signed() -> Vec<Field<Self, i64>> {
+        vec![field!(Self, limits, number)]
     }
 }
 
@@ -114,8 +106,8 @@ impl Record for GrainPosition {
         vec![field!(Self, position, 2)]
     }
 
-    fn signed() -> (u64, Vec<Field<Self, i64>>) {
-        (7, vec![field!(Self, image, number)])
+    fn signed() -> Vec<Field<Self, i64>> {
+        vec![field!(Self, image, number)]
     }
 }
 
@@ -149,8 +141,8 @@ impl Record for Displacement {
         vec![field!(Self, start, 3), field!(Self, angle, 3)]
     }
 
-    fn signed() -> (u64, Vec<Field<Self, i64>>) {
-        (7, vec![field!(Self, image, 3)])
+    fn signed() -> Vec<Field<Self, i64>> {
+        vec![field!(Self, image, 3)]
     }
 }
 
@@ -200,7 +192,7 @@ pub(super) fn write_records<R: Record>(
     for field in R::numbers() {
         outcome.note(write_column(to, &field, all, first, local));
     }
-    for field in R::signed().1 {
+    for field in R::signed() {
         outcome.note(write_column(to, &field, all, first, local));
     }
 }
@@ -216,7 +208,7 @@ pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
 }
 
 pub(super) fn read_records<R: Record>(
-    (file, version, prefix): (&hdf5::File, u64, &str),
+    (file, prefix): (&hdf5::File, &str),
     all: u64,
     local: Range<u64>,
 ) -> Result<Vec<R>, String> {
@@ -251,7 +243,7 @@ pub(super) fn read_records<R: Record>(
         Ok(())
     }
     // The widest field comes with every record.
-    if all.saturating_mul(stored_bytes::<R>(version) as u64) > file.size() {
+    if all.saturating_mul(size_of::<R>() as u64) > file.size() {
         return Err(format!(
             "damaged: {} has more rows than the file can hold",
             R::GROUP
@@ -265,9 +257,8 @@ pub(super) fn read_records<R: Record>(
     for field in R::numbers() {
         fill(file, &field, all, &local, &mut records)?;
     }
-    let (since, fields) = R::signed();
-    for field in fields.iter().filter(|_| version >= since) {
-        fill(file, field, all, &local, &mut records)?;
+    for field in R::signed() {
+        fill(file, &field, all, &local, &mut records)?;
     }
     Ok(records)
 }

@@ -78,14 +78,22 @@ pub fn write_metadata(
 /// # Errors
 /// [`Failure::Other`] if a file cannot be written.
 pub fn write_table(path: &Path, csv: &str) -> Result<(), Failure> {
+    // None of its columns is a force or an energy, so the dimension does not matter.
+    write_table_in(3, path, csv)
+}
+
+/// [`write_table`] of a run in `axes` dimensions.
+///
+/// # Errors
+/// [`Failure::Other`] if a file cannot be written.
+pub fn write_table_in(axes: usize, path: &Path, csv: &str) -> Result<(), Failure> {
     text_writer::write(path, csv)?;
     let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
     let kind = path.file_name().unwrap_or_default().to_string_lossy();
-    // None of its columns is a force or an energy, so the dimension does not matter.
-    write_metadata(&kind, path, &names, 3)
+    write_metadata(&kind, path, &names, axes)
 }
 
-/// Writes the data of a figure or of a study of a run in `axes` dimensions, and its metadata.
+/// Writes the data of a figure of a run in `axes` dimensions, and its metadata.
 ///
 /// # Errors
 /// [`Failure::Other`] if a file cannot be written.

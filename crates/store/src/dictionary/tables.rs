@@ -349,53 +349,18 @@ const FIELDS: [Column; 4] = [
     Column::new("contacts", "1", "number of contacts"),
 ];
 
-/// The kind of the tables of figures and studies.
+/// The kind of the tables of figures.
 pub(super) const OF_FIGURES: &str = "report/*.csv";
-/// Columns that tables of figures and studies have and no other table, or with another meaning.
-const FIGURES: [Column; 52] = [
-    Column::new("panel", "1", "panel of the figure"),
-    Column::new("run", "1", "name of the run in the legend"),
-    Column::new("stage", "1", "before, during or after the drop"),
-    Column::new("rank", "1", "rank of the drop in its run, from 1 on"),
-    Column::new("what", "1", "quantity"),
-    Column::new("statement", "1", "what the paper says"),
-    Column::new("paper", "1", "value of the paper"),
-    Column::new("ours", "1", "value of the run"),
-    Column::new(
-        "runs_of",
-        "1",
-        "name of the runs that differ in their seeds",
-    ),
-    Column::new("runs", "1", "number of runs"),
-    Column::new("mean", "1", "mean of the runs, in the unit of the quantity"),
-    Column::new("error", "1", "its standard error"),
-    Column::new("least", "1", "least of the runs"),
-    Column::new("greatest", "1", "greatest of the runs"),
-    Column::new("least_pairs", "1", "least number of pairs of a run"),
-    Column::new("rho_mean", "1", "mean of Spearman's ρ of the runs"),
-    Column::new("rho_error", "1", "its standard error"),
-    Column::new("rho_least", "1", "least ρ of the runs"),
-    Column::new("rho_greatest", "1", "greatest ρ of the runs"),
-    Column::new("p_median", "1", "median of the two-sided p of the runs"),
-    Column::new("grain", "1", "id of the grain"),
-    Column::new(
-        "x",
-        "m",
-        "centre; in trajectories of a box displacement over the greatest",
-    ),
+/// Columns that tables of figures have and no other table, or with another meaning.
+const FIGURES: [Column; 24] = [
+    Column::new("x", "m", "centre"),
     Column::new("y", "m", "as x"),
     Column::new("z", "m", "as x"),
     Column::new("x_i", "m", "centre of grain i"),
     Column::new("y_i", "m", "centre of grain i"),
     Column::new("x_j", "m", "centre of grain j"),
     Column::new("y_j", "m", "centre of grain j"),
-    Column::new("u_x", "m", "non-affine displacement"),
-    Column::new("u_y", "m", "non-affine displacement"),
-    Column::new("in_gr_region", "1", "1 in a GR region"),
-    Column::new("greatest_dmin", "1", "1 for the greatest tenth of D²min"),
     Column::new("dmin", "m2", "D²min over the interval"),
-    Column::new("force", "N", "|f|, size of the contact force"),
-    Column::new("force_change", "N", "its change over the interval"),
     Column::new("change", "N", "change of |f| over the drop"),
     Column::new(
         "displacement_x",
@@ -464,126 +429,105 @@ const FIGURES: [Column; 52] = [
         "1",
         "of a box: shear stress over pressure; of pure shear and a biaxial test difference of the stresses over their sum",
     ),
+];
+
+const OF_STAGE: [Column; 1] = [Column::new(
+    "stage",
+    "1",
+    "I, II or III: before, during or after the drop; slip: a large slip in Stage II, the largest first",
+)];
+const MAP_STEP: [Column; 2] = [
     Column::new(
-        "eigenvector_square",
+        "step",
         "1",
-        "|v|² of the grain in the growing pair; the sum is 1",
+        "number of the interval around the drop, from 1 on",
+    ),
+    Column::new(
+        "stage",
+        "1",
+        "I, II or III: before, during or after the drop",
+    ),
+];
+const TENSION: [Column; 4] = [
+    Column::new("x", "m", "place of the greatest D²min"),
+    Column::new("y", "m", "as x"),
+    Column::new(
+        "tension_x",
+        "1",
+        "direction of tension within five mean diameters of it",
+    ),
+    Column::new("tension_y", "1", "as tension_x"),
+];
+const MAP_GRAINS: [Column; 10] = [
+    Column::new("grain", "1", "id of the grain"),
+    Column::new("body", "1", "0 free, 1 bottom wall, 2 top wall"),
+    Column::new("x", "m", "centre at the end of the interval"),
+    Column::new("y", "m", "as x"),
+    RADIUS,
+    Column::new("in_gr_region", "1", "1 in a GR region"),
+    Column::new("dmin", "m2", "D²min over the interval"),
+    Column::new(
+        "greatest_dmin",
+        "1",
+        "1 for the greatest hundredth of D²min",
+    ),
+    Column::new("u_x", "m", "non-affine displacement over the interval"),
+    Column::new("u_y", "m", "as u_x"),
+];
+const MAP_CONTACTS: [Column; 9] = [
+    Column::new("end_strain", "1", "γ at the end"),
+    Column::new("i", "1", "lower id"),
+    Column::new("j", "1", "higher id"),
+    Column::new("x_i", "m", "centre of grain i"),
+    Column::new("y_i", "m", "centre of grain i"),
+    Column::new("x_j", "m", "centre of the image of grain j that touches it"),
+    Column::new("y_j", "m", "as x_j"),
+    Column::new("force", "N", "|f|, size of the contact force"),
+    Column::new(
+        "force_change",
+        "N",
+        "its change over the interval; 0 if the contact was made or lost",
     ),
 ];
 
-/// Columns of the ensembles of boxes.
-const ENSEMBLE: [Column; 31] = [
-    Column::new("path", "1", "folder or file of the run"),
+const GROWTH: [Column; 8] = [
+    Column::new(
+        "fitted_omega_i",
+        "s-1",
+        "ω_i fitted to the mean square displacement; NaN without exponential growth",
+    ),
+    Column::new(
+        "fitted_omega_r",
+        "s-1",
+        "ω_r fitted to its oscillation; NaN if no rows resolve it",
+    ),
+    Column::new("growth_from", "s", "start of the fitted interval of time"),
+    Column::new("growth_to", "s", "end of the fitted interval of time"),
+    Column::new(
+        "decades",
+        "1",
+        "decades by which the mean square displacement grows in that interval",
+    ),
+    Column::new(
+        "overlap",
+        "1",
+        "overlap of |v|² of the growing pair with D²min between the first and the last frame",
+    ),
+    Column::new("overlap_by_chance", "1", "that of independent fields"),
     Column::new(
         "aftermath",
         "1",
         "catastrophe, saturation or growing: by the displacement at the end; empty without a pair",
     ),
-    Column::new("frames", "1", "frames of the strain steps"),
+];
+const GROWTH_GRAINS: [Column; 3] = [
+    Column::new("grain", "1", "id of the grain"),
     Column::new(
-        "birth",
+        "eigenvector_square",
         "1",
-        "strain just above the birth of the first pair, bisected",
+        "|v|² of the grain in the growing pair; the sum is 1",
     ),
-    Column::new("has_pair", "1", "1 if a pair was born"),
-    Column::new(
-        "first_frame_with_pair",
-        "1",
-        "strain of the first frame with a pair",
-    ),
-    Column::new(
-        "first_frame_with_pair_paper_form",
-        "1",
-        "the same with J in the paper's form",
-    ),
-    Column::new("first_omega_r", "s-1", "ω_r of the pair in that frame"),
-    Column::new(
-        "first_omega_r_paper_form",
-        "s-1",
-        "the same with J in the paper's form",
-    ),
-    Column::new("first_omega_i", "s-1", "ω_i of the pair in that frame"),
-    Column::new(
-        "first_omega_i_paper_form",
-        "s-1",
-        "the same with J in the paper's form",
-    ),
-    Column::new(
-        "lambda_i",
-        "s-2",
-        "λ_i of the pair at the start of Newton's equations",
-    ),
-    Column::new(
-        "omega_i_error",
-        "1",
-        "ω_i of the growth over that of the pair, less 1",
-    ),
-    Column::new("omega_r_error", "1", "the same of ω_r"),
-    Column::new(
-        "omega_i_error_of_time_step",
-        "1",
-        "3(ω_rΔt)²/24, what the time step explains of it",
-    ),
-    Column::new("omega_r_error_of_time_step", "1", "(ω_rΔt)²/24"),
-    Column::new(
-        "decades",
-        "1",
-        "decades by which the mean square displacement grows as the pair",
-    ),
-    Column::new(
-        "overlap_less_chance",
-        "1",
-        "overlap of |v|² of the pair with D²min, less that of independent fields",
-    ),
-    Column::new(
-        "catastrophe",
-        "1",
-        "1 for a catastrophe, else 0; NaN without a pair",
-    ),
-    Column::new("saturation", "1", "1 for a saturation, else 0"),
-    Column::new(
-        "growing",
-        "1",
-        "1 if the displacement is still that of the linear growth, else 0",
-    ),
-    Column::new(
-        "change_over_pressure_catastrophe",
-        "1",
-        "change_over_pressure of a catastrophe, else NaN",
-    ),
-    Column::new(
-        "change_over_stress_catastrophe",
-        "1",
-        "change_over_stress of a catastrophe, else NaN",
-    ),
-    Column::new(
-        "stress_over_pressure_before",
-        "1",
-        "|shear stress| over the pressure at the start of Newton's equations",
-    ),
-    Column::new(
-        "energy_change_catastrophe",
-        "1",
-        "energy_change of a catastrophe, else NaN",
-    ),
-    Column::new(
-        "contacts_change_catastrophe",
-        "1",
-        "contacts_change of a catastrophe, else NaN",
-    ),
-    Column::new(
-        "linear_growth_times",
-        "1",
-        "linear_until times ω_i of the pair",
-    ),
-    Column::new(
-        "catastrophe_growth_times",
-        "1",
-        "catastrophe_at times ω_i of the pair",
-    ),
-    Column::new("median", "1", "median of the runs"),
-    Column::new("value", "1", "value on the axis"),
-    Column::new("share_of_runs", "1", "share of the runs up to this value"),
+    Column::new("dmin", "m2", "D²min between the first and the last frame"),
 ];
 
 /// Returns all tables in `axes` dimensions.
@@ -649,15 +593,43 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
         table(
             "measures.csv",
             "phase of τ",
-            &[&PHASE, &STRAINS, &[DURATION, CHANGE], &MEASURES],
+            &[
+                &PHASE,
+                &PHASE_PLACES[2..],
+                &STRAINS,
+                &[DURATION, CHANGE],
+                &MEASURES,
+            ],
         ),
         table("correlations.csv", "range", &[&CORRELATIONS]),
+        table(
+            "stages.csv",
+            "stage of the largest drop, and large slip in it",
+            &[&OF_STAGE, &PHASE_PLACES[2..], &STRAINS],
+        ),
+        table(
+            "stages-steps.csv",
+            "interval around the largest drop",
+            &[&MAP_STEP, &PHASE_PLACES[2..], &STRAINS, &TENSION],
+        ),
+        table(
+            "stages-grains.csv",
+            "grain and interval around the largest drop",
+            &[&MAP_STEP, &STRAINS, &MAP_GRAINS],
+        ),
+        table(
+            "stages-contacts.csv",
+            "contact and interval around the largest drop",
+            &[&MAP_STEP, &MAP_CONTACTS],
+        ),
         table("spectrum.csv", "eigenvalue", &[&SPECTRUM]),
         table(
             "stability.csv",
             "frame",
             &[&[FRAME, STEP, STRAIN], &OF_K, &Stability::COLUMNS],
         ),
+        table("growth.csv", "run", &[&GROWTH, &BoxChange::COLUMNS]),
+        table("growth-grains.csv", "grain", &[&GROWTH_GRAINS]),
         table(
             "rate-state.csv",
             "row of the mean series",
@@ -711,10 +683,6 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
                 &LIMITS[..if axes == 2 { 2 } else { 1 }],
             ],
         ),
-        table(
-            OF_FIGURES,
-            "point, grain, contact, run or number",
-            &[&FIGURES, &ENSEMBLE, &BoxChange::COLUMNS],
-        ),
+        table(OF_FIGURES, "point, grain or contact", &[&FIGURES]),
     ]
 }

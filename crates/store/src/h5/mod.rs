@@ -150,11 +150,11 @@ impl H5File {
             0 => (hdf5::File::with_options().with_fapl(|access| access.libver_v18()))
                 .create(path)
                 .and_then(hdf5::File::close)
-                .inspect_err(|_| LEFT_OPEN.store(true, Ordering::Relaxed))
                 .map_err(|e| Failure::other(format!("{}: cannot create: {e}", path.display()))),
             _ => Ok(()),
         };
-        agree(exchange, made)?;
+        // It may be the close that failed.
+        agree(exchange, made).inspect_err(|_| LEFT_OPEN.store(true, Ordering::Relaxed))?;
         Self::open(path, exchange)
     }
 

@@ -111,8 +111,7 @@ impl RunFile {
         Ok(frames)
     }
 
-    /// Reads [`RunFile::positions`] with the images added, so that nothing jumps at the seams; a
-    /// file of an earlier version has none.
+    /// Reads [`RunFile::positions`] with the images added, so that nothing jumps at the seams.
     ///
     /// # Errors
     /// [`Failure::Input`] if the file is damaged.
@@ -130,23 +129,14 @@ impl RunFile {
         Ok(frames)
     }
 
-    /// Returns whether the file has the flags of rolling at its limit: files of disks, but for earlier
-    /// versions.
+    /// Returns whether the file has the flags of rolling at its limit: files of disks.
     pub fn has_rolling(&self) -> bool {
         self.contacts.rolling.is_some()
     }
 
-    /// Returns whether the file has the images of the grains; those of earlier versions have none.
-    pub fn has_images(&self) -> bool {
-        self.image.is_some()
-    }
-
-    /// Reads the images of some frames, all grains of a frame after the other; none from a file of
-    /// an earlier version.
+    /// Reads the images of some frames, all grains of a frame after the other.
     fn images(&self, range: &Range<usize>) -> Result<Vec<Image>, Failure> {
-        let Some(dataset) = &self.image else {
-            return Ok(Vec::new());
-        };
+        let dataset = &self.image;
         let values = dataset
             .read_slice::<i32, _, Ix3>(s![range.start..range.end, .., ..])
             .map_err(|e| self.damaged(dataset, &e))?;

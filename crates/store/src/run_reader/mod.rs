@@ -17,14 +17,13 @@ pub(crate) use self::source::one_line;
 use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
 use crate::checksums;
-use crate::columns::{ADDED, AqsRow, NewtonianRow};
+use crate::columns::{AqsRow, NewtonianRow};
 use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
-use crate::layout::{IMAGE_VALUE, ROLLING};
+use crate::layout::IMAGE_VALUE;
 pub use crate::parameter::Parameter;
 use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
-use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
     BoxEdges, Cell, Disks, FrameRecords, ImposedRow, SERIES_COLUMNS, SeriesRow, Sheared,
@@ -71,9 +70,7 @@ impl RunStage {
         let is_stored = |name: &str| source.exists(&format!("observables/{name}"));
         let has_all = |stage: &Self| {
             let mut columns = stage.columns().iter();
-            columns.all(|column| {
-                ADDED.contains(&column.name) || column.stored_name(is_stored).is_some()
-            })
+            columns.all(|column| is_stored(column.name))
         };
         Self::ALL.into_iter().find(has_all).unwrap_or(Self::Shear)
     }
@@ -143,14 +140,13 @@ pub struct RunFile {
     scalars: Option<StoredScalars>,
     step: Vec<u64>,
     time: Vec<f64>,
-    /// `[T]` Edges of the box; empty in a file of an earlier version.
+    /// `[T]` Edges of the box.
     boxes: Vec<BoxEdges>,
     offset: Vec<u64>,
     position: Dataset,
     velocity: Dataset,
     angular_velocity: Dataset,
-    /// `None` in a file of an earlier version.
-    image: Option<Dataset>,
+    image: Dataset,
     contacts: ContactColumns,
     sums: FrameSums,
 }
@@ -164,7 +160,7 @@ struct ContactColumns {
     rolling_history: Option<Dataset>,
     overlap: Dataset,
     sliding: Dataset,
-    /// Of disks; `None` in a file of an earlier version.
+    /// Of disks.
     rolling: Option<Dataset>,
 }
 
@@ -245,10 +241,7 @@ impl RunFile {
         let velocity = source.frames("particles/trajectory/velocity/value", &[n, 3])?;
         let angular_velocity =
             source.frames("particles/trajectory/angular_velocity/value", spins)?;
-        let image = match source.exists(IMAGE_VALUE) {
-            true => Some(source.frames(IMAGE_VALUE, &[n, 3])?),
-            false => None,
-        };
+        let image = source.frames(IMAGE_VALUE, &[n, 3])?;
         let mut step: Vec<u64> = source.all("particles/trajectory/position/step")?;
         let mut time: Vec<f64> = source.all("particles/trajectory/position/time")?;
         let mut offset: Vec<u64> = source.all("connectivity/contacts/offset")?;
@@ -270,7 +263,7 @@ impl RunFile {
             },
             overlap: column("overlap")?,
             sliding: column("sliding")?,
-            rolling: match source.exists(ROLLING) {
+            rolling: match planar {
                 true => Some(column("rolling")?),
                 false => None,
             },
@@ -288,7 +281,7 @@ impl RunFile {
             .take_while(|&&end| end <= stored)
             .count()
             .saturating_sub(1);
-        let mut lengths = vec![
+        let lengths = [
             ("particles/trajectory/position/value", position.shape()[0]),
             ("particles/trajectory/velocity/value", velocity.shape()[0]),
             (
@@ -298,8 +291,8 @@ impl RunFile {
             ("particles/trajectory/position/step", step.len()),
             ("particles/trajectory/position/time", time.len()),
             ("connectivity/contacts", whole),
+            (IMAGE_VALUE, image.shape()[0]),
         ];
-        lengths.extend(image.as_ref().map(|image| (IMAGE_VALUE, image.shape()[0])));
         let frames = source.common_length(&lengths, finished, "frames")?;
         step.truncate(frames);
         time.truncate(frames);
@@ -319,10 +312,7 @@ impl RunFile {
             };
             std::array::from_fn(along)
         };
-        let boxes = match width {
-            0 => Vec::new(),
-            _ => (0..frames).map(|t| square(of_box(t))).collect(),
-        };
+        let boxes = (0..frames).map(|t| square(of_box(t))).collect();
 
         Ok(RunFile {
             path,
@@ -446,7 +436,6 @@ impl RunFile {
             cells: numbers.map(|t| self.cell(t)),
             frames,
             periods: self.periods_of_shear(numbers),
-            has_images: self.has_images(),
         }
     }
 
@@ -464,21 +453,10 @@ impl RunFile {
             .sum()
     }
 
-    /// Returns whether the file has the box of every frame; those of earlier versions have not.
-    pub fn has_boxes(&self) -> bool {
-        !self.boxes.is_empty()
-    }
-
     /// Returns the edge vectors of the box at frame t < T (m), one a row. Between walls the edge
-    /// across them is the height, or that at the start in a file of an earlier version.
+    /// across them is the height.
     pub fn box_edges(&self, t: usize) -> BoxEdges {
-        self.boxes
-            .get(t)
-            .copied()
-            .unwrap_or_else(|| match self.dimension {
-                Dimensions::Two => self.cell(t).edges::<Two>(self.height()),
-                Dimensions::Three => self.cell(t).edges::<Three>(self.height()),
-            })
+        self.boxes[t]
     }
 
     /// Returns the time series.

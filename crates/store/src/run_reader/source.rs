@@ -9,7 +9,6 @@ use hdf5::{Dataset, File, H5Type};
 
 use super::{Parameter, Series, StoredScalars};
 use crate::checksums::{OF_PARAMETERS, of_parameters};
-use crate::columns::ADDED;
 use crate::h5;
 use crate::layout::EDGES_VALUE;
 use crate::parameter::attributes;
@@ -21,7 +20,6 @@ use gshear_dem::state::Disks;
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
-const OLD_EDGES: &str = "particles/trajectory/box/edges";
 pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
 /// An open file and its path for messages.
 pub(super) struct OpenFile<'a> {
@@ -127,26 +125,21 @@ impl<'a> OpenFile<'a> {
         &self,
         parameters: &BTreeMap<String, Parameter>,
     ) -> Result<[f64; 3], Failure> {
-        let (name, edges) = match parameters.get("edges") {
-            Some(Parameter::Numbers(edges)) => ("parameters: edges", edges.clone()),
-            // Of an earlier version.
-            _ => (OLD_EDGES, self.all(OLD_EDGES)?),
-        };
-        match edges[..] {
-            [x, y, z] if x > 0.0 && [x, y, z].iter().all(|side| side.is_finite()) => Ok([x, y, z]),
+        match parameters.get("edges") {
+            Some(Parameter::Numbers(edges))
+                if edges.len() == 3 && edges[0] > 0.0 && edges.iter().all(|x| x.is_finite()) =>
+            {
+                Ok([edges[0], edges[1], edges[2]])
+            }
             _ => Err(self.wrong(
-                name,
+                "parameters: edges",
                 "does not hold L_x > 0, height, 0, or L_x > 0, L_y, height",
             )),
         }
     }
 
-    /// The edges of the box at the first `frames` frames, and the numbers of each; none in a file
-    /// of an earlier version.
+    /// The edges of the box at the first `frames` frames, and the numbers of each.
     pub(super) fn frame_edges(&self, frames: usize) -> Result<(Vec<f64>, usize), Failure> {
-        if !self.exists(EDGES_VALUE) {
-            return Ok((Vec::new(), 0));
-        }
         let dataset = self.dataset(EDGES_VALUE)?;
         let (values, width) = match dataset.shape()[..] {
             [_, 3] => (dataset.read_raw::<f64>(), 3),
@@ -164,22 +157,14 @@ impl<'a> OpenFile<'a> {
         Ok((values, width))
     }
 
-    /// A dataset of a column's group, under the present or the former name of the column.
-    pub(super) fn column<T: H5Type>(
+    /// A dataset of a column's group.
+    fn column<T: H5Type>(
         &self,
         group: &str,
         column: &Column,
         part: &str,
     ) -> Result<Vec<T>, Failure> {
-        let stored = column.stored_name(|name| self.exists(&format!("{group}/{name}")));
-        let name = stored.unwrap_or(column.name);
-        self.all(&format!("{group}/{name}/{part}"))
-    }
-
-    /// Whether this file is of an earlier version, without the column.
-    fn is_added(&self, group: &str, column: &Column) -> bool {
-        let stored = |name: &str| self.exists(&format!("{group}/{name}"));
-        ADDED.contains(&column.name) && column.stored_name(stored).is_none()
+        self.all(&format!("{group}/{column}/{part}"))
     }
 
     /// The time series of these columns.
@@ -191,11 +176,7 @@ impl<'a> OpenFile<'a> {
         const GROUP: &str = "observables";
         let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
         let mut time: Vec<f64> = self.column(GROUP, &names[0], "time")?;
-        let is_added = |column: &Column| self.is_added(GROUP, column);
-        let read = |column: &Column| match is_added(column) {
-            true => Ok(vec![f64::NAN; step.len()]),
-            false => self.column(GROUP, column, "value"),
-        };
+        let read = |column: &Column| self.column(GROUP, column, "value");
         let mut columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
         let of_first = ["step", "time"].map(|part| format!("{GROUP}/{}/{part}", names[0]));
         let mut lengths = vec![(&*of_first[0], step.len()), (&*of_first[1], time.len())];
@@ -211,9 +192,7 @@ impl<'a> OpenFile<'a> {
         for column in &mut columns {
             column.truncate(rows);
         }
-        let named = names.iter().zip(columns.iter().map(|c| &c[..]));
-        let named: Vec<_> = named.filter(|(column, _)| !is_added(column)).collect();
-        self.verify_rows((&step, &time), &named)?;
+        self.verify_rows((&step, &time), names, &columns)?;
         Ok(Series {
             declared: names,
             step,
@@ -230,10 +209,7 @@ impl<'a> OpenFile<'a> {
         }
         let names = FrameScalars::COLUMNS;
         let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
-        let read = |column: &Column| match self.is_added(GROUP, column) {
-            true => Ok(vec![f64::NAN; step.len()]),
-            false => self.column(GROUP, column, "value"),
-        };
+        let read = |column: &Column| self.column(GROUP, column, "value");
         let columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
         let lengths = columns.iter().map(Vec::len);
         let mut lengths: Vec<_> = names.iter().map(|c| c.name).zip(lengths).collect();
@@ -243,8 +219,7 @@ impl<'a> OpenFile<'a> {
         let row = |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| columns[c][k]));
         let scalars = (0..rows).map(row).collect();
         let stored = StoredScalars { step, scalars };
-        let has = names.map(|column| !self.is_added(GROUP, &column));
-        self.verify_scalars(&stored, has)?;
+        self.verify_scalars(&stored)?;
         Ok(Some(stored))
     }
 
@@ -288,12 +263,11 @@ impl<'a> OpenFile<'a> {
             .map_err(|e| self.wrong("parameters", one_line(&e)))?;
         let mut parameters = attributes(&group)
             .map_err(|(name, e)| self.wrong(&format!("parameters{name}"), one_line(&e)))?;
-        // A file of an earlier version has none.
-        match parameters.remove(OF_PARAMETERS) {
-            Some(stored) if stored != Parameter::Text(of_parameters(&parameters)) => {
-                Err(self.damage("parameters"))
-            }
-            _ => Ok(parameters),
+        let stored = parameters.remove(OF_PARAMETERS);
+        if stored == Some(Parameter::Text(of_parameters(&parameters))) {
+            Ok(parameters)
+        } else {
+            Err(self.damage("parameters"))
         }
     }
 }

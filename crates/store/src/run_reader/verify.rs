@@ -4,16 +4,13 @@ use std::ops::Range;
 
 use super::StoredScalars;
 use super::source::OpenFile;
-use crate::checksums::{self, CONSTANTS, ContactWeights, FRAMES, GROUP, ROWS, SCALARS};
-use crate::layout::{IMAGE_VALUE, ROLLING, frame_columns};
-use gshear_analysis::frame_scalars::FrameScalars;
+use crate::checksums::{self, CONSTANTS, ContactWeights, FRAMES, ROWS, SCALARS};
+use crate::layout::frame_columns;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;
 
-/// The checksums of the frames of a file. A file of an earlier version has none, and its frames
-/// pass.
-#[derive(Default)]
+/// The checksums of the frames of a file.
 pub struct FrameSums {
     columns: Vec<&'static str>,
     /// `[T][columns]`.
@@ -22,16 +19,7 @@ pub struct FrameSums {
 
 impl FrameSums {
     pub fn read(source: &OpenFile<'_>, axes: usize) -> Result<Self, Failure> {
-        if !source.exists(GROUP) {
-            return Ok(Self::default());
-        }
-        let mut columns = frame_columns(axes);
-        if !source.exists(IMAGE_VALUE) {
-            columns.retain(|name| *name != "image");
-        }
-        if !source.exists(ROLLING) {
-            columns.retain(|name| *name != "rolling");
-        }
+        let columns = frame_columns(axes);
         let sums = source.frames(FRAMES, &[columns.len()])?.read_raw();
         Ok(Self {
             columns,
@@ -64,9 +52,6 @@ impl OpenFile<'_> {
         grains: &Disks,
         edges: &[f64],
     ) -> Result<(), Failure> {
-        if !self.exists(GROUP) {
-            return Ok(());
-        }
         let found =
             checksums::of_constants(0, id, &grains.body, [&grains.radius, &grains.mass], edges);
         let names = ["id", "body", "radius", "mass", "box/edges"];
@@ -77,25 +62,17 @@ impl OpenFile<'_> {
         }
     }
 
-    /// Compares the rows of the time series, whose columns are `series`, with their checksums.
+    /// Compares the rows of the time series with their checksums.
     pub(super) fn verify_rows(
         &self,
         (step, time): (&[u64], &[f64]),
-        series: &[(&Column, &[f64])],
+        names: &[Column],
+        columns: &[Vec<f64>],
     ) -> Result<(), Failure> {
-        if !self.exists(GROUP) {
-            return Ok(());
-        }
-        let names: Vec<&str> = (series.iter())
-            .map(|(column, _)| {
-                let exists = |name: &str| self.exists(&format!("observables/{name}"));
-                column.stored_name(exists).unwrap_or(column.name)
-            })
-            .collect();
         let stored: Vec<u64> = self.all(ROWS)?;
         let found = |k: usize| {
-            let values = series.iter().map(|(_, values)| values[k]);
-            checksums::of_row(step[k], time[k], names.iter().copied().zip(values))
+            let values = columns.iter().map(|values| values[k]);
+            checksums::of_row(step[k], time[k], names.iter().map(|c| c.name).zip(values))
         };
         match (0..step.len().min(stored.len())).find(|&k| found(k) != stored[k]) {
             Some(k) => Err(self.damage(&format!("observables: row {k}"))),
@@ -105,19 +82,11 @@ impl OpenFile<'_> {
 }
 
 impl OpenFile<'_> {
-    /// Compares the rows of the scalars of frames with their checksums. `has`: whether the file has
-    /// each column.
-    pub(super) fn verify_scalars(
-        &self,
-        found: &StoredScalars,
-        has: [bool; FrameScalars::COLUMNS.len()],
-    ) -> Result<(), Failure> {
-        if !self.exists(SCALARS) {
-            return Ok(());
-        }
+    /// Compares the rows of the scalars of frames with their checksums.
+    pub(super) fn verify_scalars(&self, found: &StoredScalars) -> Result<(), Failure> {
         let stored: Vec<u64> = self.all(SCALARS)?;
         let rows = found.step.iter().zip(&found.scalars);
-        let sums = rows.map(|(step, row)| checksums::of_scalars(*step, row, has));
+        let sums = rows.map(|(step, row)| checksums::of_scalars(*step, row));
         match sums
             .zip(&stored)
             .position(|(found, stored)| found != *stored)

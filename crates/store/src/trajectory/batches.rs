@@ -4,7 +4,7 @@ use super::TrajectoryWriter;
 use crate::batch::{ShareColumns, Shares, length};
 use crate::checksums::{of_clock, of_row};
 use crate::collective::CollectiveOutcome;
-use crate::h5::{Dataset, Slab};
+use crate::h5::Slab;
 use crate::layout::{by_root, forces, frame_columns};
 use crate::scalar_columns::ScalarColumns;
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -69,9 +69,7 @@ impl TrajectoryWriter {
         for (column, values) in columns.values.iter_mut().zip(&part.values) {
             outcome.note(column.append(after, block, values));
         }
-        if let Some(image) = &mut columns.image {
-            outcome.note(image.append(after, block, &part.image));
-        }
+        outcome.note(columns.image.append(after, block, &part.image));
         outcome.note(columns.i.append(end, stretch, &part.i));
         outcome.note(columns.j.append(end, stretch, &part.j));
         let forces = forces(columns.axes);
@@ -87,35 +85,28 @@ impl TrajectoryWriter {
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
         outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
         outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));
-        let of_box = columns.edges.as_ref().map_or(0, Dataset::row_length);
+        let of_box = columns.edges.row_length();
         let edges: Vec<f64> = match of_box {
-            0 => Vec::new(),
             3 => (self.frames.edges.iter())
                 .flat_map(|edges| std::array::from_fn::<_, 3, _>(|axis| edges[axis][axis]))
                 .collect(),
             _ => self.frames.edges.as_flattened().as_flattened().to_vec(),
         };
-        if let Some(column) = &mut columns.edges {
-            let slab = Slab {
-                start: [before, 0, 0],
-                count: [if root { count } else { 0 }, 3, 3],
-            };
-            let local = if root { &edges[..] } else { &[] };
-            outcome.note(column.append(after, slab, local));
+        let slab = Slab {
+            start: [before, 0, 0],
+            count: [if root { count } else { 0 }, 3, 3],
+        };
+        let local = if root { &edges[..] } else { &[] };
+        outcome.note(columns.edges.append(after, slab, local));
+        let clock = self.frames.step.iter().zip(&self.frames.time);
+        let rows = sums.chunks_exact(width).zip(clock);
+        let mut checksums = Vec::new();
+        for (t, (row, (&step, &time))) in rows.enumerate().filter(|_| root) {
+            checksums.push(of_clock(step, time, &edges[t * of_box..][..of_box]));
+            checksums.extend(row[1..].iter().map(|&sum| sum as u64));
         }
-        if let Some(checksums) = &mut columns.checksums {
-            let clock = self.frames.step.iter().zip(&self.frames.time);
-            let rows = sums.chunks_exact(width).zip(clock);
-            // A file of an earlier version may have fewer columns.
-            let stored = checksums.frames.row_length();
-            let mut sums = Vec::new();
-            for (t, (row, (&step, &time))) in rows.enumerate().filter(|_| root) {
-                sums.push(of_clock(step, time, &edges[t * of_box..][..of_box]));
-                sums.extend(row[1..stored].iter().map(|&sum| sum as u64));
-            }
-            let rows = Slab::rows(before, (sums.len() / stored) as u64, stored as u64);
-            outcome.note(checksums.frames.append(after, rows, &sums));
-        }
+        let rows = Slab::rows(before, (checksums.len() / width) as u64, width as u64);
+        outcome.note(columns.checksums.frames.append(after, rows, &checksums));
         self.file.agree(exchange, outcome)?;
         (self.frames_written, self.contacts_written) = (after, end);
         self.frames.clear();
@@ -144,14 +135,13 @@ impl TrajectoryWriter {
             let values: Vec<f64> = rows.iter().map(|r| r.2[n]).collect();
             outcome.note(by_root(root, column, before, &values));
         }
-        if let Some(checksums) = &mut columns.checksums {
-            let sum = |(step, time, row): &(u64, f64, Vec<f64>)| {
-                let names = columns.names.iter().copied();
-                of_row(*step, *time, names.zip(row.iter().copied()))
-            };
-            let sums: Vec<u64> = rows.iter().map(sum).collect();
-            outcome.note(by_root(root, &mut checksums.rows, before, &sums));
-        }
+        let sum = |(step, time, row): &(u64, f64, Vec<f64>)| {
+            let names = columns.names.iter().copied();
+            of_row(*step, *time, names.zip(row.iter().copied()))
+        };
+        let sums: Vec<u64> = rows.iter().map(sum).collect();
+        let to = &mut columns.checksums.rows;
+        outcome.note(by_root(root, to, before, &sums));
         if let Some(scalars) = &mut self.scalars {
             scalars.write(root, &mut outcome);
         }

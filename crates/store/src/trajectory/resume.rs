@@ -70,12 +70,8 @@ impl TrajectoryWriter {
         outcome.note(columns.offset.resize(frames + 1));
         outcome.note(columns.step.resize(frames));
         outcome.note(columns.time.resize(frames));
-        if let Some(edges) = &mut columns.edges {
-            outcome.note(edges.resize(frames));
-        }
-        if let Some(image) = &mut columns.image {
-            outcome.note(image.resize(frames));
-        }
+        outcome.note(columns.edges.resize(frames));
+        outcome.note(columns.image.resize(frames));
         columns
             .values
             .iter_mut()
@@ -96,10 +92,8 @@ impl TrajectoryWriter {
             .observables
             .iter_mut()
             .for_each(|c| outcome.note(c.resize(rows)));
-        if let Some(checksums) = &mut columns.checksums {
-            outcome.note(checksums.frames.resize(frames));
-            outcome.note(checksums.rows.resize(rows));
-        }
+        outcome.note(columns.checksums.frames.resize(frames));
+        outcome.note(columns.checksums.rows.resize(rows));
         writer.file.agree(exchange, outcome)?;
         writer.flush_file(exchange)?;
         // The space of removed rows may be used again, which the last journal does not know.

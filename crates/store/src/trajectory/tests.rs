@@ -36,19 +36,13 @@ fn create(path: &Path, rows: u64) {
     writer.finish(&Solo, &[]).unwrap();
 }
 
-/// Gives columns other names, or takes them away (`None`).
-/// As an earlier version wrote it, without checksums.
-fn rename(path: &Path, names: &[(&str, Option<&str>)]) {
+/// Gives a column another name, or takes it away (`None`).
+fn rename(path: &Path, from: &str, to: Option<&str>) {
     let file = hdf5::File::open_rw(path).unwrap();
-    if file.link_exists(checksums::GROUP) {
-        file.unlink(checksums::GROUP).unwrap();
-    }
     let group = file.group(OBSERVABLES).unwrap();
-    for (from, to) in names {
-        match to {
-            Some(to) => group.relink(from, to).unwrap(),
-            None => group.unlink(from).unwrap(),
-        }
+    match to {
+        Some(to) => group.relink(from, to).unwrap(),
+        None => group.unlink(from).unwrap(),
     }
 }
 
@@ -57,15 +51,10 @@ fn append(path: &Path, frames: u64, rows: u64) -> Result<TrajectoryWriter, Failu
 }
 
 #[test]
-fn files_with_former_names_are_read_and_continued() {
+fn files_are_read_and_continued() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     create(&path, 3);
-    let formers: Vec<_> = SeriesRow::COLUMNS
-        .iter()
-        .filter_map(|column| Some((column.name, Some(column.former?))))
-        .collect();
-    rename(&path, &formers);
     let mut writer = append(&path, 1, 2).unwrap();
     (2..5).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
     writer.finish(&Solo, &[]).unwrap();
@@ -76,11 +65,6 @@ fn files_with_former_names_are_read_and_continued() {
         let values: Vec<f64> = (0..5).map(|k| row(k).columns()[c]).collect();
         assert_eq!(run.series().column(column.name), values, "{column}");
     }
-    let file = hdf5::File::open(&path).unwrap();
-    for (present, former) in formers {
-        assert!(file.link_exists(&format!("{OBSERVABLES}/{}", former.unwrap())));
-        assert!(!file.link_exists(&format!("{OBSERVABLES}/{present}")));
-    }
 }
 
 #[test]
@@ -89,7 +73,7 @@ fn a_file_of_other_columns_is_not_continued() {
     let refused = |from: &str, to: Option<&str>| {
         let path = folder.path().join("run.h5");
         create(&path, 3);
-        rename(&path, &[(from, to)]);
+        rename(&path, from, to);
         match append(&path, 1, 3) {
             Err(Failure::Input(message)) => message,
             _ => panic!("not refused"),

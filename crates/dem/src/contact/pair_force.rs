@@ -4,13 +4,19 @@ use std::fmt::Debug;
 
 use super::ContactLaw;
 use super::stiffness::Stiffness;
+use crate::dimension::Dimension;
+use crate::kernel::{self, Pass, PassOutcome, Scratch};
 use crate::simd::{Isa, Lanes, Lanes16, Work};
 
-/// Properties of a contact law other than its forces. Implemented for every [`ContactLaw`].
+/// A contact law of grains in `D` dimensions, with the loop over the contacts compiled for it: one
+/// virtual call per pass. Implemented for every [`ContactLaw`]; [`crate::laws`] makes them.
 ///
-/// A block of sixteen pairs has [`PairModel::parameter_lanes`] times [`Lanes16`] of parameters and
-/// [`PairModel::history_lanes`] times [`Lanes16`] of histories.
-pub trait PairModel: Stiffness + Debug + Send + Sync {
+/// A block of sixteen pairs has [`PairForce::parameter_lanes`] times [`Lanes16`] of parameters and
+/// [`PairForce::history_lanes`] times [`Lanes16`] of histories.
+pub trait PairForce<D: Dimension>: Stiffness + Debug + Send + Sync {
+    /// Adds the contact forces to the grains and advances the histories.
+    fn pass(&self, isa: Isa, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome;
+
     /// Whether forces other than F_n can arise.
     fn has_friction(&self) -> bool;
 
@@ -34,7 +40,7 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// [`crate::state::ContactState`].
     fn to_state(&self, history: [f64; 3]) -> [f64; 3];
 
-    /// The reverse of [`PairModel::to_state`].
+    /// The reverse of [`PairForce::to_state`].
     #[expect(
         clippy::wrong_self_convention,
         reason = "depends on the law, and `to_state` is its reverse"
@@ -53,7 +59,16 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     );
 }
 
-impl<C: ContactLaw + Stiffness> PairModel for C {
+impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
+    fn pass(
+        &self,
+        isa: Isa,
+        pass: Pass<'_, C::Space>,
+        scratch: &mut Scratch<C::Space>,
+    ) -> PassOutcome {
+        kernel::run(self, isa, pass, scratch)
+    }
+
     fn has_friction(&self) -> bool {
         C::FRICTION
     }
