@@ -5,7 +5,8 @@ use std::path::Path;
 use gshear_dem::failure::Failure;
 use gshear_scene::{Source, load};
 
-/// Where the bad inputs lie. Each file's first line is `# expect: ` and the whole message, without the folder.
+/// Where the bad inputs lie. Each file's first line is `# expect: ` and the whole
+/// message, without the folder; ` …` at its end stands for a list of keys.
 const BAD_INPUTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/bad_input");
 
 /// Runs every bad input and compares its message with the one it carries. `run` takes the file's path and returns the message,
@@ -28,7 +29,12 @@ fn each_bad_input(run: impl Fn(&Path) -> String) {
             .strip_prefix("# expect: ")
             .unwrap_or_else(|| panic!("{name}: the first line is not `# expect: …`"));
         let found = run(path).replace(&format!("{BAD_INPUTS}/"), "");
-        if found != expected {
+        // A list of all keys of a table is said by its declarations.
+        let fits = match expected.strip_suffix(" …") {
+            Some(start) => found.starts_with(start),
+            None => found == expected,
+        };
+        if !fits {
             wrong += &format!("{name}\n  expected: {expected}\n  found:    {found}\n");
         }
     }

@@ -92,11 +92,6 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         ));
     }
     let source = read(world, arguments)?;
-    if world.rank() == 0 {
-        for note in gshear_scene::notes(&source, &arguments.set) {
-            say_error(&format!("note: {note}"));
-        }
-    }
     let name = arguments
         .config
         .as_deref()

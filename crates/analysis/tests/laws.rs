@@ -7,7 +7,7 @@ use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::laws::keys::{KeyReader, LawKey};
+use gshear_dem::laws::keys::{Key, KeyReader};
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
@@ -31,7 +31,7 @@ const H: f64 = 2e-5;
 struct Examples;
 
 impl KeyReader for Examples {
-    fn number(&mut self, key: &LawKey) -> Option<f64> {
+    fn number(&mut self, key: &Key) -> Option<f64> {
         if key.path.ends_with("sliding_damping") {
             // It acts without F_n, too.
             return Some(0.0);
@@ -39,17 +39,17 @@ impl KeyReader for Examples {
         Some(key.example.parse().expect("an example is a number"))
     }
 
-    fn required(&mut self, key: &LawKey) -> f64 {
+    fn required(&mut self, key: &Key) -> f64 {
         self.number(key).unwrap_or(f64::NAN)
     }
 
-    fn exactly_one(&mut self, _: &[&LawKey], _: &str) -> usize {
+    fn exactly_one(&mut self, _: &[&Key], _: &str) -> usize {
         0
     }
 
-    fn useless(&mut self, _: &LawKey, _: &str) {}
+    fn useless(&mut self, _: &Key, _: &str) {}
 
-    fn refuse(&mut self, key: &LawKey, what: &str) {
+    fn refuse(&mut self, key: &Key, what: &str) {
         panic!(
             "the examples of the keys do not fit together: {} {what}",
             key.path

@@ -14,7 +14,7 @@
 //! use gshear_dem::dimension::Two;
 //! use gshear_dem::domain::Solo;
 //! use gshear_dem::drive::NoWalls;
-//! use gshear_dem::laws::keys::{LawKey, KeyReader};
+//! use gshear_dem::laws::keys::{Key, KeyReader};
 //! use gshear_dem::laws::{self, Contact, Law, LawSpace};
 //! use gshear_dem::observe::digest;
 //! use gshear_dem::simd::Isa;
@@ -26,18 +26,18 @@
 //! struct Table(&'static [(&'static str, f64)]);
 //!
 //! impl KeyReader for Table {
-//!     fn number(&mut self, key: &LawKey) -> Option<f64> {
+//!     fn number(&mut self, key: &Key) -> Option<f64> {
 //!         let row = self.0.iter().find(|(path, _)| *path == key.path);
 //!         row.map(|&(_, x)| x)
 //!     }
-//!     fn required(&mut self, key: &LawKey) -> f64 {
+//!     fn required(&mut self, key: &Key) -> f64 {
 //!         self.number(key).expect(key.path)
 //!     }
-//!     fn exactly_one(&mut self, keys: &[&LawKey], what: &str) -> usize {
+//!     fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize {
 //!         keys.iter().position(|key| self.number(key).is_some()).expect(what)
 //!     }
-//!     fn useless(&mut self, _: &LawKey, _: &str) {}
-//!     fn refuse(&mut self, key: &LawKey, what: &str) {
+//!     fn useless(&mut self, _: &Key, _: &str) {}
+//!     fn refuse(&mut self, key: &Key, what: &str) {
 //!         panic!("{} {what}", key.path)
 //!     }
 //! }

@@ -31,6 +31,68 @@ pub struct Segment {
     pub bottom: f64,
 }
 
+/// A part of the protocol of a scene. It does not depend on the sample and its time step: amplitudes
+/// along x are those of γ, forces are stresses (Pa), and frequencies are per second.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// What is imposed, in these units.
+    pub imposed: Imposed,
+    /// Duration (s).
+    pub time: f64,
+}
+
+impl Part {
+    /// What it imposes on a layer of this height (m) between walls of this length (m; in 3D area,
+    /// m²), in steps of Δt = `step` (s).
+    pub fn on_layer(&self, height: f64, base: f64, step: f64) -> Imposed {
+        let wave = |of: Wave, unit: f64| Wave {
+            amplitude: of.amplitude * unit,
+            frequency: of.frequency * step,
+        };
+        let course = |of: Course| Course {
+            from: of.from * base,
+            to: of.to * base,
+            wave: of.wave.map(|of| wave(of, base)),
+        };
+        Imposed {
+            along: match self.imposed.along {
+                Along::Velocity(velocity) => Along::Velocity(velocity),
+                Along::Oscillation(of) => Along::Oscillation(wave(of, height)),
+                Along::Force(stress) => Along::Force(course(stress)),
+            },
+            normal: self.imposed.normal.map(|normal| match normal {
+                Normal::Load(pressure) => Normal::Load(course(pressure)),
+                Normal::Velocity(velocity) => Normal::Velocity(velocity),
+            }),
+            bottom: self.imposed.bottom.map(|of| wave(of, 1.0)),
+        }
+    }
+
+    /// The greatest speed (m/s) of the drive of a layer of this height (m); 0 under a stress.
+    pub fn speed(&self, height: f64) -> f64 {
+        match self.imposed.along {
+            Along::Velocity(velocity) => velocity,
+            Along::Oscillation(of) => TAU * of.frequency * of.amplitude * height,
+            Along::Force(_) => 0.0,
+        }
+    }
+
+    /// The greatest frequency (Hz) in it; 0 if there is none.
+    pub fn highest_frequency(&self) -> f64 {
+        let along = match self.imposed.along {
+            Along::Velocity(_) => None,
+            Along::Oscillation(wave) => Some(wave),
+            Along::Force(stress) => stress.wave,
+        };
+        let normal = match self.imposed.normal {
+            Some(Normal::Load(pressure)) => pressure.wave,
+            _ => None,
+        };
+        let waves = [along, normal, self.imposed.bottom].into_iter().flatten();
+        waves.map(|wave| wave.frequency).fold(0.0, f64::max)
+    }
+}
+
 /// What is imposed during a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Imposed {
@@ -82,6 +144,11 @@ impl Course {
             to: value,
             wave: None,
         }
+    }
+
+    /// The amplitude of what is added to it.
+    pub fn amplitude(&self) -> f64 {
+        self.wave.map_or(0.0, |wave| wave.amplitude)
     }
 
     /// The force after so many of all steps of the segment.
@@ -222,7 +289,7 @@ impl Protocol {
     /// The greatest speed of a wall (m/s) that a segment imposes, or a bound of it: forces impose
     /// none. A drive that pulls a spring counts as a wall.
     pub fn fastest(&self) -> f64 {
-        let of_wave = |wave: Wave| TAU * (wave.amplitude * wave.per_step / self.step).abs();
+        let of_wave = |wave: Wave| TAU * (wave.amplitude * wave.frequency / self.step).abs();
         let of_segment = |segment: &Segment| {
             let Imposed {
                 along,
@@ -354,10 +421,10 @@ mod tests {
 
     const STEP: f64 = 1e-3;
 
-    fn wave(amplitude: f64, per_step: f64) -> Wave {
+    fn wave(amplitude: f64, frequency: f64) -> Wave {
         Wave {
             amplitude,
-            per_step,
+            frequency,
         }
     }
 

@@ -2,25 +2,25 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// A sinusoid a sin(2πf t) in whole steps of Δt.
+/// A sinusoid a sin(2πf t).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wave {
     /// a.
     pub amplitude: f64,
-    /// f Δt: cycles per step.
-    pub per_step: f64,
+    /// f: cycles per step of Δt; in a [`Part`](crate::protocol::Part) of a protocol cycles per second.
+    pub frequency: f64,
 }
 
 impl Wave {
     /// The value after so many steps.
     pub fn at(&self, steps: u64) -> f64 {
-        self.amplitude * sine_and_cosine(self.per_step * steps as f64)[0]
+        self.amplitude * sine_and_cosine(self.frequency * steps as f64)[0]
     }
 
     /// The derivative with respect to time after so many steps; Δt is `step` (s).
     pub fn rate(&self, steps: u64, step: f64) -> f64 {
-        let [_, cosine] = sine_and_cosine(self.per_step * steps as f64);
-        self.amplitude * (TAU * self.per_step / step) * cosine
+        let [_, cosine] = sine_and_cosine(self.frequency * steps as f64);
+        self.amplitude * (TAU * self.frequency / step) * cosine
     }
 }
 
@@ -85,7 +85,7 @@ mod tests {
     fn the_rate_is_the_derivative() {
         let wave = Wave {
             amplitude: 3.0,
-            per_step: 1e-6,
+            frequency: 1e-6,
         };
         let step = 2e-3;
         for k in [1, 123_456, 777_777] {

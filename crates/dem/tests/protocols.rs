@@ -241,7 +241,7 @@ fn a_free_wall_oscillates_by_its_force() {
     let course = Course {
         wave: Some(Wave {
             amplitude,
-            per_step: turns,
+            frequency: turns,
         }),
         ..Course::constant(0.0)
     };
@@ -358,7 +358,7 @@ fn is_second_order_under<D: Dimension>(
 fn wave<D: Dimension>(amplitude: f64, cycles: f64, step: f64) -> Wave {
     Wave {
         amplitude,
-        per_step: cycles * step / duration::<D>(),
+        frequency: cycles * step / duration::<D>(),
     }
 }
 

@@ -231,8 +231,8 @@ impl Terminal {
         if let Some(spring) = plane_shear.shear.spring {
             self.say(format!(
                 "drive: a spring of k = {:.4e}, k d/N = {:.4e}",
-                spring.stiffness,
-                spring.stiffness * scene.sample.mean_diameter / plane_shear.load.normal_force
+                spring,
+                spring * scene.sample.mean_diameter / plane_shear.load.normal_force
             ));
         }
         if let Control::Servo { gain, speed_max } = plane_shear.load.control {
@@ -416,7 +416,7 @@ fn phases_within(table: &str, width: usize) -> String {
 
 /// What a segment of a protocol imposes; forces in N, in 2D N/m.
 fn imposed(schedule: &Schedule, segment: &Segment) -> String {
-    let frequency = |wave: &Wave| wave.per_step / schedule.step;
+    let frequency = |wave: &Wave| wave.frequency / schedule.step;
     let course = |of: &Course| {
         let mut text = format!("{:.4e}", of.from);
         if of.to != of.from {

@@ -1,31 +1,74 @@
-//! Collects the problems of a configuration; the first in the order of the file is reported.
+//! Collects the problems of a configuration; the first in the order of the file is reported. Keeps
+//! the values, and fills in those that were not given.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use super::key::Key;
-use super::kind::{Flag, Kind, Number, Text, Whole};
-use super::source::Input;
-use super::words::{list, show};
 use gshear_dem::failure::Failure;
+use gshear_dem::laws::keys::{Key, KeyReader, Values};
+
+use crate::source::Input;
+use crate::value::Value;
+use crate::words::{list, show};
+
+/// The values that were given, by their paths, with their places.
+pub(crate) type Given = BTreeMap<&'static str, (usize, Value)>;
 
 /// One pass over a configuration.
-pub(super) struct Checker<'a> {
+pub(crate) struct Checker<'a> {
     input: Input<'a>,
     /// Where each table that was given begins.
     tables: Vec<(String, usize)>,
+    given: Given,
+    /// Defaults and values that follow from others.
+    filled: BTreeMap<&'static str, Value>,
+    /// Keys that do not apply.
+    omitted: BTreeSet<&'static str>,
     problems: Vec<(usize, String)>,
     /// Places and paths of the keys that do not apply, which are reported together.
     useless: Vec<(usize, &'static str)>,
 }
 
 impl<'a> Checker<'a> {
-    pub fn new(input: Input<'a>, tables: Vec<(String, usize)>) -> Self {
+    pub fn new(input: Input<'a>, tables: Vec<(String, usize)>, given: Given) -> Self {
         Checker {
             input,
             tables,
+            given,
+            filled: BTreeMap::new(),
+            omitted: BTreeSet::new(),
             problems: Vec::new(),
             useless: Vec::new(),
         }
+    }
+
+    /// The value, if given.
+    pub fn value(&self, key: &Key) -> Option<&Value> {
+        self.given.get(key.path).map(|(_, value)| value)
+    }
+
+    pub fn is_given(&self, key: &Key) -> bool {
+        self.given.contains_key(key.path)
+    }
+
+    pub fn offset(&self, key: &Key) -> Option<usize> {
+        self.given.get(key.path).map(|(offset, _)| *offset)
+    }
+
+    /// Gives a key the value that `scene.toml` is to have.
+    pub fn fill(&mut self, key: &Key, value: impl Into<Value>) {
+        self.filled.insert(key.path, value.into());
+    }
+
+    /// Keeps keys that do not apply out of `scene.toml`.
+    pub fn omit(&mut self, keys: &[&Key]) {
+        self.omitted.extend(keys.iter().map(|key| key.path));
+    }
+
+    /// The value that `scene.toml` has.
+    pub fn written(&self, key: &Key) -> Option<&Value> {
+        let value = self.filled.get(key.path).or_else(|| self.value(key));
+        value.filter(|_| !self.omitted.contains(key.path))
     }
 
     /// `line 12` or `--set a.b=c`.
@@ -33,34 +76,35 @@ impl<'a> Checker<'a> {
         self.input.mention(offset)
     }
 
-    /// The path that a value names, relative to the folder of the file that gives it; one given by
-    /// `--set` is relative to the working directory.
-    pub fn resolve(&self, offset: usize, path: &str) -> PathBuf {
+    /// The path that a key's value names, relative to the folder of the file that gives it; one given
+    /// by `--set` is relative to the working directory.
+    pub fn resolve(&self, key: &Key, path: &str) -> PathBuf {
+        let offset = self.offset(key).unwrap_or(0);
         match self.input.override_at(offset) {
             Some(_) => path.into(),
             None => self.input.folder(offset).join(path),
         }
     }
 
-    /// A problem of what a value names, such as a file.
-    pub fn failure(&self, offset: usize, path: &str, what: &str) -> Failure {
-        self.input.failure(offset, path, what)
+    /// A problem of what a key's value names, such as a file.
+    pub fn failure(&self, key: &Key, what: &str) -> Failure {
+        let offset = self.offset(key).unwrap_or(0);
+        self.input.failure(offset, key.path, what)
     }
 
     /// Notes a problem of a key that was given.
-    pub fn refuse<T: Kind>(&mut self, key: &Key<T>, what: &str) {
-        let offset = key.offset().unwrap_or(0);
-        self.problems
-            .push((offset, self.input.message(offset, key.declared.path, what)));
+    pub fn refuse(&mut self, key: &Key, what: &str) {
+        let offset = self.offset(key).unwrap_or(0);
+        let message = self.input.message(offset, key.path, what);
+        self.problems.push((offset, message));
     }
 
     /// Notes a problem that several keys cause: at the one given by `--set`, otherwise at the first
     /// that was given.
-    pub fn refuse_among(&mut self, places: &[(&str, Option<usize>)], what: &str) {
+    pub fn refuse_among(&mut self, keys: &[&Key], what: &str) {
         let given = || {
-            places
-                .iter()
-                .filter_map(|(path, at)| at.map(|at| (*path, at)))
+            keys.iter()
+                .filter_map(|key| Some((key.path, self.offset(key)?)))
         };
         let place = given()
             .find(|(_, at)| self.input.override_at(*at).is_some())
@@ -86,10 +130,19 @@ impl<'a> Checker<'a> {
         self.problems.push(problem);
     }
 
+    /// The default that a key declares, which is filled in.
+    fn default(&mut self, key: &Key) -> Value {
+        let value = Value::default_of(key).expect("a key with a default");
+        self.fill(key, value.clone());
+        value
+    }
+
     /// A number, if given.
-    pub fn number(&mut self, key: &Key<Number>) -> Option<f64> {
-        let Number(x) = *key.value()?;
-        let bounds = key.declared.range;
+    pub fn number(&mut self, key: &Key) -> Option<f64> {
+        let (Some(&Value::Number(x)), Values::Number(bounds)) = (self.value(key), key.values)
+        else {
+            return None;
+        };
         if !x.is_finite() {
             self.refuse(key, &format!("must be a finite number, found {}", show(x)));
         } else if !bounds.hold(x) {
@@ -98,25 +151,54 @@ impl<'a> Checker<'a> {
         Some(x)
     }
 
+    /// A number that is given and was checked; NaN if it is not.
+    pub fn known(&self, key: &Key) -> f64 {
+        match self.value(key) {
+            Some(Value::Number(x)) => *x,
+            _ => f64::NAN,
+        }
+    }
+
     /// A number, or the default that its key declares.
-    pub fn number_or_default(&mut self, key: &Key<Number>) -> f64 {
-        self.number(key)
-            .or(key.declared.default)
-            .expect("a key with a default")
+    pub fn number_or_default(&mut self, key: &Key) -> f64 {
+        match self
+            .number(key)
+            .map_or_else(|| self.default(key), Value::Number)
+        {
+            Value::Number(x) => x,
+            _ => unreachable!("{} is a number", key.path),
+        }
     }
 
     /// A number that must be given; NaN if it is not.
-    pub fn required(&mut self, key: &Key<Number>) -> f64 {
+    pub fn required(&mut self, key: &Key) -> f64 {
         self.number(key).unwrap_or_else(|| {
-            self.lacks(key.declared.table(), &key.declared.lacking());
+            self.lacks(key.table(), &key.lacking());
             f64::NAN
         })
     }
 
+    /// Numbers that must be given, one or more; `what`: each of them.
+    pub fn required_list(&mut self, key: &Key, what: &str) -> Vec<f64> {
+        let (Some(Value::Numbers(given)), Values::Numbers(bounds)) = (self.value(key), key.values)
+        else {
+            self.lacks(key.table(), &key.lacking());
+            return Vec::new();
+        };
+        let given = given.clone();
+        let hold = |x: &f64| x.is_finite() && bounds.hold(*x);
+        if given.is_empty() || !given.iter().all(hold) {
+            let what = format!("must hold one {what} or more, each greater than 0");
+            self.refuse(key, &what);
+        }
+        given
+    }
+
     /// An integer, if given.
-    pub fn whole(&mut self, key: &Key<Whole>) -> Option<i64> {
-        let Whole(n) = *key.value()?;
-        let range = key.declared.range;
+    pub fn whole(&mut self, key: &Key) -> Option<i64> {
+        let (Some(&Value::Whole(n)), Values::Whole(range)) = (self.value(key), key.values) else {
+            return None;
+        };
         if n < range.from || n > range.to {
             self.refuse(key, &format!("{}, found {n}", range.words()));
         }
@@ -124,44 +206,64 @@ impl<'a> Checker<'a> {
     }
 
     /// A number of things, or the default that its key declares.
-    pub fn count(&mut self, key: &Key<Whole>) -> u64 {
-        self.whole(key)
-            .or(key.declared.default)
-            .expect("a key with a default")
-            .unsigned_abs()
+    pub fn count(&mut self, key: &Key) -> u64 {
+        match self
+            .whole(key)
+            .map_or_else(|| self.default(key), Value::Whole)
+        {
+            Value::Whole(n) => n.unsigned_abs(),
+            _ => unreachable!("{} is an integer", key.path),
+        }
     }
 
-    /// A number of things that must be given.
-    pub fn required_count(&mut self, key: &Key<Whole>) -> u64 {
+    /// A number of things that must be given; 0 if it is not.
+    pub fn required_count(&mut self, key: &Key) -> u64 {
         let n = self.whole(key).unwrap_or_else(|| {
-            self.lacks(key.declared.table(), &key.declared.lacking());
-            key.declared.range.from
+            self.lacks(key.table(), &key.lacking());
+            0
         });
         n.unsigned_abs()
     }
 
     /// True or false, if given.
-    pub fn flag(&self, key: &Key<Flag>) -> Option<bool> {
-        key.value().map(|Flag(b)| *b)
+    pub fn flag(&self, key: &Key) -> Option<bool> {
+        match self.value(key)? {
+            Value::Flag(b) => Some(*b),
+            _ => unreachable!("{} is true or false", key.path),
+        }
     }
 
     /// True or false, or the default that its key declares.
-    pub fn flag_or_default(&self, key: &Key<Flag>) -> bool {
-        self.flag(key)
-            .or(key.declared.default)
-            .expect("a key with a default")
+    pub fn flag_or_default(&mut self, key: &Key) -> bool {
+        match self
+            .flag(key)
+            .map_or_else(|| self.default(key), Value::Flag)
+        {
+            Value::Flag(b) => b,
+            _ => unreachable!("{} is true or false", key.path),
+        }
     }
 
     /// A string, if given.
-    pub fn text(&self, key: &Key<Text>) -> Option<String> {
-        key.value().map(|Text(s)| s.clone())
+    pub fn text(&self, key: &Key) -> Option<&str> {
+        match self.value(key)? {
+            Value::Text(s) => Some(s),
+            _ => unreachable!("{} is a string", key.path),
+        }
     }
 
-    /// One of the names that a key declares; `None` if it is not given or has another value.
-    pub fn choice(&mut self, key: &Key<Text>) -> Option<&'static str> {
-        let Text(given) = key.value()?;
-        let names = key.declared.range;
-        let known = names.iter().find(|name| *name == given);
+    /// One of the names that a key declares, or its default; `None` if it is not given and has no
+    /// default, or has another value.
+    pub fn choice(&mut self, key: &Key) -> Option<&'static str> {
+        let Some(given) = self.text(key) else {
+            let default = Some(key.default).filter(|name| !name.is_empty())?;
+            self.fill(key, default);
+            return Some(default);
+        };
+        let Values::Text(names) = key.values else {
+            unreachable!("{} is a string", key.path);
+        };
+        let known = names.iter().find(|name| **name == given);
         if known.is_none() {
             let names: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
             let what = format!("must be {}, found {given:?}", list(&names, "or"));
@@ -170,48 +272,37 @@ impl<'a> Checker<'a> {
         known.copied()
     }
 
-    /// One of the names that a key declares, `default` if it is not given; `None` if it has another
-    /// value.
-    pub fn choice_or(&mut self, key: &Key<Text>, default: &'static str) -> Option<&'static str> {
-        match key.is_given() {
-            true => self.choice(key),
-            false => Some(default),
-        }
-    }
-
-    /// [`choice_or`](Self::choice_or), with the default that the key declares.
-    pub fn choice_or_default(&mut self, key: &Key<Text>) -> Option<&'static str> {
-        let default = key.declared.default.expect("a key with a default");
-        self.choice_or(key, default)
+    /// What the [`choice`](Self::choice) names.
+    pub fn named<T: Copy>(&mut self, key: &Key, names: &[(&str, T)]) -> Option<T> {
+        let chosen = self.choice(key)?;
+        let known = names.iter().find(|(name, _)| *name == chosen);
+        known.map(|(_, value)| *value)
     }
 
     /// Ways to give one quantity: exactly one must be there. Returns which; `what` names the ways
     /// with their units.
-    pub fn exactly_one(&mut self, keys: &[&Key<Number>], what: &str) -> usize {
+    pub fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize {
         let mut given: Vec<(usize, usize)> = (0..keys.len())
-            .filter_map(|k| keys[k].offset().map(|at| (at, k)))
+            .filter_map(|k| self.offset(keys[k]).map(|at| (at, k)))
             .collect();
         given.sort_unstable();
         if let [(first_at, first), (_, second), ..] = given[..] {
-            let names: Vec<&str> = keys.iter().map(|k| k.declared.name()).collect();
-            let second_at = keys[second].offset().unwrap_or(0);
+            let names: Vec<&str> = keys.iter().map(|k| k.name()).collect();
+            let second_at = self.offset(keys[second]).unwrap_or(0);
             let mut text = format!(
                 "contradicts {} ({}); give exactly one of {}",
-                keys[first].declared.path,
+                keys[first].path,
                 self.input.mention_beside(first_at, second_at),
                 names.join(", ")
             );
             if self.input.override_at(second_at).is_some() {
-                text += &format!(
-                    "; --set {}=none takes that one away",
-                    keys[first].declared.path
-                );
+                text += &format!("; --set {}=none takes that one away", keys[first].path);
             } else if self.input.is_extended(second_at)
                 && !self.input.are_beside(first_at, second_at)
             {
                 text += &format!(
                     "; {} = \"none\" in {} takes this one away",
-                    keys[second].declared.path,
+                    keys[second].path,
                     self.input.source.name()
                 );
             }
@@ -220,28 +311,29 @@ impl<'a> Checker<'a> {
         if let Some((_, k)) = given.first() {
             *k
         } else {
-            self.lacks(keys[0].declared.table(), what);
+            self.lacks(keys[0].table(), what);
             0
         }
     }
 
     /// Ways to give one quantity, of which none may be there.
-    pub fn at_most_one(&mut self, keys: &[&Key<Number>]) {
-        if keys.iter().any(|key| key.is_given()) {
+    pub fn at_most_one(&mut self, keys: &[&Key]) {
+        if keys.iter().any(|key| self.is_given(key)) {
             self.exactly_one(keys, "");
         }
     }
 
-    /// Refuses a key that does not apply; `why` says when it does.
-    pub fn useless<T: Kind>(&mut self, key: &Key<T>, why: &str) {
+    /// Refuses a key that does not apply, and omits its default; `why` says when it does.
+    pub fn useless(&mut self, key: &Key, why: &str) {
         self.refuse_useless(key, &format!("{why}; leave it out"));
     }
 
     /// Refuses a key that does not apply; `what` says why and what to do. Adds how to take it away
     /// where leaving it out is not enough.
-    pub fn refuse_useless<T: Kind>(&mut self, key: &Key<T>, what: &str) {
-        let Some(at) = key.offset() else { return };
-        let path = key.declared.path;
+    pub fn refuse_useless(&mut self, key: &Key, what: &str) {
+        self.omit(&[key]);
+        let Some(at) = self.offset(key) else { return };
+        let path = key.path;
         let input = &self.input;
         let more = if input.is_extended(at) {
             let name = input.source.name();
@@ -260,14 +352,23 @@ impl<'a> Checker<'a> {
         Failure::input(format!("{}: {what}", self.input.source.name()))
     }
 
-    /// Fails with the first problem, if there is any; if it is a key that does not apply, with all such
-    /// keys.
+    /// Notes a problem of a key, and returns the first problem.
+    pub fn refused(&mut self, key: &Key, what: &str) -> Failure {
+        self.refuse(key, what);
+        self.first_problem()
+            .unwrap_or_else(|| self.out_of_range(what))
+    }
+
+    /// Fails with the first problem, if there is any.
     pub fn settle(&mut self) -> Result<(), Failure> {
+        self.first_problem().map_or(Ok(()), Err)
+    }
+
+    /// The first problem; if it is a key that does not apply, all such keys.
+    pub fn first_problem(&mut self) -> Option<Failure> {
         self.problems.sort_by_key(|(at, _)| *at);
         self.useless.sort_unstable();
-        let Some((at, text)) = self.problems.first() else {
-            return Ok(());
-        };
+        let (at, text) = self.problems.first()?;
         let mut text = text.clone();
         if self.useless.iter().any(|(of, _)| of == at) {
             let others = self.useless.iter().filter(|(of, _)| of != at);
@@ -288,6 +389,28 @@ impl<'a> Checker<'a> {
                 text += &format!("; {path} = \"none\" in {name} takes such a key of a base away");
             }
         }
-        Err(Failure::input(text))
+        Some(Failure::input(text))
+    }
+}
+
+impl KeyReader for Checker<'_> {
+    fn number(&mut self, key: &Key) -> Option<f64> {
+        Checker::number(self, key)
+    }
+
+    fn required(&mut self, key: &Key) -> f64 {
+        Checker::required(self, key)
+    }
+
+    fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize {
+        Checker::exactly_one(self, keys, what)
+    }
+
+    fn useless(&mut self, key: &Key, why: &str) {
+        Checker::useless(self, key, why);
+    }
+
+    fn refuse(&mut self, key: &Key, what: &str) {
+        Checker::refuse(self, key, what);
     }
 }

@@ -2,8 +2,9 @@
 //! step. Of libm only roots and [`portable_ln`], since all of
 //! them reach the trajectory.
 
-use super::scene::{Dimensions, Sample};
+use super::grains::Sample;
 use gshear_dem::contact::{portable_exp, portable_ln};
+use gshear_dem::dimension::Dimensions;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::laws::{Contact, Law, hooke};
 
@@ -38,9 +39,10 @@ pub fn wall_layers(sample: &Sample) -> f64 {
         return 1.0;
     }
     let beside = 1.0 + least / greatest;
-    let over = match sample.is_planar() {
-        true => (4.0 - beside * beside).sqrt(),
-        false => 1.5 * (4.0 - beside * beside).sqrt(),
+    let over = if sample.is_planar() {
+        (4.0 - beside * beside).sqrt()
+    } else {
+        1.5 * (4.0 - beside * beside).sqrt()
     };
     (greatest * (1.0 + over) / sample.mean_diameter).max(1.0)
 }
@@ -146,9 +148,10 @@ pub fn step_limit(
 ) -> f64 {
     let [mass, secant] = lightest_and_stiffest(law, sample, mean_overlap);
     let rigid = law.rigidity(secant, mass, friction);
-    let rolls = match contact.rolling_friction > 0.0 {
-        true => rigid.rolling,
-        false => 0.0,
+    let rolls = if contact.rolling_friction > 0.0 {
+        rigid.rolling
+    } else {
+        0.0
     };
     let eta = contact.rolling_damping_ratio;
     let (along, across) = if sample.is_planar() {

@@ -7,10 +7,13 @@ use std::fmt;
 use toml::{Table, Value};
 use xxhash_rust::xxh3::xxh3_128;
 
-use crate::key::Entry;
-use crate::raw::{TABLES, TOP_KEYS};
+use crate::keys::key;
+use crate::periodic::AQS;
+use crate::protocol::SHEAR;
+use crate::sample::SAMPLE;
 use crate::scene::{Boundary, Scene};
-use crate::{Change, raw};
+use crate::value::Value as KeyValue;
+use gshear_dem::laws::keys::Change;
 
 /// Returns the 128-bit xxh3 hash of these bytes as 32 hexadecimal digits.
 pub fn hash(bytes: &[u8]) -> String {
@@ -43,16 +46,15 @@ pub fn identity(scene: &Scene) -> String {
 fn counts(path: &str, scene: &Scene) -> bool {
     let before_the_last_stage = match &scene.boundary {
         // Its parts are the drive; a protocol is only ever continued.
-        Boundary::Walls(_) => path == raw::Shear::KEYS.protocol.declared.path,
+        Boundary::Walls(_) => path == SHEAR.protocol.path,
         // Newton's equations begin where the strain steps end.
         Boundary::Periodic(periodic) => {
-            let keys = raw::Aqs::KEYS;
             periodic.newtonian.is_some()
-                && [keys.steps.declared.path, keys.until_imaginary.declared.path].contains(&path)
+                && [AQS.steps.path, AQS.until_imaginary.path].contains(&path)
         }
     };
     // The packing counts by its content.
-    let is_path = path == raw::Sample::KEYS.packing.declared.path;
+    let is_path = path == SAMPLE.packing.path;
     !is_path && (change_of(path).is_physics() || before_the_last_stage)
 }
 
@@ -121,18 +123,13 @@ pub fn values(toml: &str) -> BTreeMap<String, String> {
 
 /// The constant default of a key, written as [`values`] writes it.
 fn default(path: &str) -> Option<String> {
-    let text = entry(path)?.default.as_deref()?;
+    let text = KeyValue::default_of(key(path)?)?.toml();
     let table: Table = toml::from_str(&format!("x = {text}")).ok()?;
     table.get("x").map(Value::to_string)
 }
 
-fn entry(path: &str) -> Option<&'static Entry> {
-    let keys = TABLES.iter().flat_map(|table| &table.keys);
-    TOP_KEYS.iter().chain(keys).find(|entry| entry.path == path)
-}
-
 fn change_of(path: &str) -> Change {
-    entry(path).map_or(Change::Branch, |entry| entry.change)
+    key(path).map_or(Change::Branch, |key| key.change)
 }
 
 #[cfg(test)]

@@ -124,50 +124,14 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
                 if atoms.is_some() {
                     return Err(lines.wrong(at, "a second section Atoms"));
                 }
-                let style = style.split_whitespace().next().unwrap_or("");
-                if !matches!(style, "" | "sphere" | "granular") {
-                    return Err(lines.wrong(
-                        at,
-                        &format!("Atoms are of the style {}; write them with atom_style sphere: {COLUMNS}", shortened(style)),
-                    ));
-                }
-                // The header may say more than the file has.
-                let mut read = Vec::with_capacity((count as usize).min(lines.end));
-                for _ in 0..count {
-                    let atom = lines.atom(types, count)?;
-                    if let Some(first) = place.insert(atom.id, read.len()) {
-                        let first: &Atom = &read[first];
-                        let what = format!("atom {} was on line {} already", atom.id, first.line);
-                        return Err(lines.wrong(atom.line, &what));
-                    }
-                    read.push(atom);
-                }
-                atoms = Some(read);
+                atoms = Some(lines.atoms(at, style, (types, count), &mut place)?);
                 lines.heading(&format!("the header says {count} atoms, here is one more"))?
             }
             "Velocities" => {
                 let Some(atoms) = &mut atoms else {
                     return Err(lines.wrong(at, "Velocities come before Atoms; put them after"));
                 };
-                let mut seen = vec![false; atoms.len()];
-                for _ in 0..count {
-                    let (line, words) = lines.row(count, "Velocities")?;
-                    let form = "a row of Velocities is id vx vy vz wx wy wz";
-                    let id = lines.id(line, &words, form)?;
-                    let Some(&k) = place.get(&id) else {
-                        return Err(lines.wrong(line, &format!("there is no atom {id}")));
-                    };
-                    if std::mem::replace(&mut seen[k], true) {
-                        return Err(lines.wrong(line, &format!("a second velocity of atom {id}")));
-                    }
-                    if words.len() != 7 {
-                        let what = format!("{} columns; {form}", words.len());
-                        return Err(lines.wrong(line, &what));
-                    }
-                    let [vx, vy, vz, wx, wy, wz] = lines.numbers(line, &words, 1, form)?;
-                    atoms[k].velocity = [vx, vy, vz];
-                    atoms[k].angular_velocity = [wx, wy, wz];
-                }
+                lines.velocities(atoms, &place)?;
                 lines.heading(&format!(
                     "the header says {count} atoms, here is a velocity more"
                 ))?
@@ -208,6 +172,83 @@ struct Lines<'a> {
 type Heading<'a> = Option<(usize, &'a str)>;
 
 impl<'a> Lines<'a> {
+    /// The ends of an axis of the box.
+    fn bounds(&self, at: usize, words: &[&str], form: &str) -> Result<[f64; 2], Failure> {
+        let [lo, hi] = self.numbers(at, words, 0, &format!("write: {form}"))?;
+        if hi <= lo {
+            let what = format!("the box is empty: {lo:?} is not below {hi:?}");
+            return Err(self.wrong(at, &what));
+        }
+        if !(hi - lo).is_finite() {
+            let what =
+                format!("the box is too long: from {lo:?} to {hi:?} is more than a number can say");
+            return Err(self.wrong(at, &what));
+        }
+        Ok([lo, hi])
+    }
+
+    /// The rows of the section Atoms, whose heading on line `at` has this style; their places by ids
+    /// are added to `place`.
+    fn atoms(
+        &mut self,
+        at: usize,
+        style: &str,
+        (types, count): (u32, u64),
+        place: &mut HashMap<u64, usize>,
+    ) -> Result<Vec<Atom>, Failure> {
+        let style = style.split_whitespace().next().unwrap_or("");
+        if !matches!(style, "" | "sphere" | "granular") {
+            return Err(self.wrong(
+                at,
+                &format!(
+                    "Atoms are of the style {}; write them with atom_style sphere: {COLUMNS}",
+                    shortened(style)
+                ),
+            ));
+        }
+        // The header may say more than the file has.
+        let mut read = Vec::with_capacity((count as usize).min(self.end));
+        for _ in 0..count {
+            let atom = self.atom(types, count)?;
+            if let Some(first) = place.insert(atom.id, read.len()) {
+                let first: &Atom = &read[first];
+                let what = format!("atom {} was on line {} already", atom.id, first.line);
+                return Err(self.wrong(atom.line, &what));
+            }
+            read.push(atom);
+        }
+        Ok(read)
+    }
+
+    /// The rows of the section Velocities.
+    fn velocities(
+        &mut self,
+        atoms: &mut [Atom],
+        place: &HashMap<u64, usize>,
+    ) -> Result<(), Failure> {
+        let mut seen = vec![false; atoms.len()];
+        let count = atoms.len() as u64;
+        for _ in 0..count {
+            let (line, words) = self.row(count, "Velocities")?;
+            let form = "a row of Velocities is id vx vy vz wx wy wz";
+            let id = self.id(line, &words, form)?;
+            let Some(&k) = place.get(&id) else {
+                return Err(self.wrong(line, &format!("there is no atom {id}")));
+            };
+            if std::mem::replace(&mut seen[k], true) {
+                return Err(self.wrong(line, &format!("a second velocity of atom {id}")));
+            }
+            if words.len() != 7 {
+                let what = format!("{} columns; {form}", words.len());
+                return Err(self.wrong(line, &what));
+            }
+            let [vx, vy, vz, wx, wy, wz] = self.numbers(line, &words, 1, form)?;
+            atoms[k].velocity = [vx, vy, vz];
+            atoms[k].angular_velocity = [wx, wy, wz];
+        }
+        Ok(())
+    }
+
     fn wrong(&self, line: usize, what: &str) -> Failure {
         Failure::input(format!("{}:{line}: {what}", self.name))
     }
@@ -375,9 +416,12 @@ impl DataHeader {
                 .take_while(|word| word.parse::<f64>().is_ok())
                 .count();
             let keyword = words[numbers..].join(" ");
-            let expect = |wanted: usize, form: &str| match numbers == wanted {
-                true => Ok(()),
-                false => Err(lines.wrong(at, &format!("{numbers} numbers; write: {form}"))),
+            let expect = |wanted: usize, form: &str| {
+                if numbers == wanted {
+                    Ok(())
+                } else {
+                    Err(lines.wrong(at, &format!("{numbers} numbers; write: {form}")))
+                }
             };
             let count = || {
                 expect(1, &format!("N {keyword}"))?;
@@ -391,9 +435,12 @@ impl DataHeader {
                     lines.wrong(at, &what)
                 })
             };
-            let once = |given: bool| match given {
-                true => Err(lines.wrong(at, &format!("a second line {keyword}; leave it out"))),
-                false => Ok(()),
+            let once = |given: bool| {
+                if given {
+                    Err(lines.wrong(at, &format!("a second line {keyword}; leave it out")))
+                } else {
+                    Ok(())
+                }
             };
             let axis = AXES
                 .iter()
@@ -403,19 +450,7 @@ impl DataHeader {
                     once(header.bounds[axis].is_some())?;
                     let form = format!("lo hi {keyword}");
                     expect(2, &form)?;
-                    let [lo, hi] =
-                        lines.numbers(at, &words[..numbers], 0, &format!("write: {form}"))?;
-                    if hi <= lo {
-                        let what = format!("the box is empty: {lo:?} is not below {hi:?}");
-                        return Err(lines.wrong(at, &what));
-                    }
-                    if !(hi - lo).is_finite() {
-                        let what = format!(
-                            "the box is too long: from {lo:?} to {hi:?} is more than a number can say"
-                        );
-                        return Err(lines.wrong(at, &what));
-                    }
-                    header.bounds[axis] = Some([lo, hi]);
+                    header.bounds[axis] = Some(lines.bounds(at, &words[..numbers], &form)?);
                 }
                 ("atoms", _) => {
                     once(header.atoms.is_some())?;

@@ -27,64 +27,82 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 //!
-//! A key is declared once, in `raw/` (the keys of a contact law: in [`gshear_dem::laws::keys`]):
-//! name, kind, meaning, unit, range and default. Reading, checks, messages, `scene.toml`, the table
-//! of docs/config.md and the JSON schema ([`mod@reference`]) use that declaration. The way of a
-//! configuration:
+//! A table of the configuration has a file: the declarations of its keys (name, meaning, unit, range,
+//! default), their checks and the checked type. The keys of the contact laws are in
+//! [`gshear_dem::laws::keys`]. Reading, messages, `scene.toml`, the table of docs/config.md and the
+//! JSON schema ([`mod@reference`]) use the declarations. The way of a configuration:
 //!
 //! | module | does |
 //! | --- | --- |
 //! | `source` | reads files, names the places of the text and of `--set` |
 //! | `merge` | merges a file with those that it `extends` |
-//! | `keys`, `overrides` | refuse unknown keys, rename former ones, apply `--set` |
-//! | `units` | converts values with units |
-//! | `kind`, `key` | kinds of values; what is declared of a key |
-//! | `raw` | declares tables and keys, reads their values |
-//! | `check` | checks ranges and contradictions, fills in defaults, derives the rest |
-//! | `write` | writes the scene as TOML again |
+//! | `overrides`, `units` | applies `--set`, converts values with units |
+//! | `table`, `keys` | what is declared of a table; all tables, unknown keys, values of the tree |
+//! | `general`, `law`, `sample`, `load`, `time`, `walls`, `protocol`, `output`, `periodic` | the tables |
+//! | `check`, `checker` | checks the tables in their order; values, defaults and problems |
+//! | `extent` | refuses a run that would not end or not fit on a disk |
+//! | `write` | writes the values that the checks left as TOML again |
 //! | [`identity`] | the hash of all that decides the trajectory; changes of a scene at a resume |
 
 mod check;
 mod checker;
 pub mod derived;
+mod extent;
+mod general;
+mod grains;
 pub mod identity;
-mod key;
+pub mod insertion;
 mod keys;
-mod kind;
 pub mod lammps_data;
-mod law_keys;
+mod law;
+mod load;
 mod merge;
+mod output;
 mod overrides;
 pub mod packing;
-mod raw;
+mod periodic;
+mod protocol;
 pub mod reference;
-pub mod sample;
+mod sample;
 mod scene;
 pub mod schedule;
 mod source;
 pub mod sweep;
+mod table;
+mod time;
 mod units;
 pub mod unlikely;
+mod value;
+mod walls;
 mod words;
 mod write;
+#[cfg(test)]
+mod write_tests;
 
-use std::path::Path;
-
-use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-pub use key::Change;
-pub use scene::*;
-pub use source::Source;
-
-use crate::packing::{GrainLimit, Packing};
 use gshear_dem::failure::Failure;
-use source::Input;
 
-/// Tables of scenes between walls, and of those in a box.
-const OF_WALLS: [&str; 4] = ["load", "pack", "shear", "analysis"];
-const OF_A_BOX: [&str; 3] = ["relax", "aqs", "newtonian"];
+pub use general::{Bookkeeping, SIMD_NAMES};
+pub use grains::{Sample, Sizes};
+pub use gshear_dem::dimension::Dimensions;
+pub use gshear_dem::laws::keys::Change;
+pub use gshear_dem::laws::{Contact, Law};
+pub use gshear_dem::protocol::Part;
+pub use load::{Control, Load};
+pub use output::{Analysis, Output};
+pub use periodic::{Aqs, Deformation, Method, Newtonian, PeriodicBox, Relax};
+pub use protocol::{Motion, Shear, WallSpeed};
+pub use sample::{Origin, PackingFile, Placement, ReadPacking, Walls};
+pub use scene::{Boundary, Scene};
+pub use source::Source;
+pub use time::TimeStep;
+pub use walls::{Pack, PlaneShear};
+
+use checker::Checker;
+use packing::{GrainLimit, Packing};
+use source::Input;
 
 /// Reads the configuration of a run, replaces values by the overrides (`key.path=value`, as `--set`
 /// gives them), checks it and derives the rest.
@@ -98,10 +116,6 @@ pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
         Packing::read(path, copies).map(|packing| packing.file)
     })
 }
-
-/// Returns what a scene must know of the file of a packing with these copies along the periodic
-/// axes. The file may have been read before, or by another rank.
-pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, [u32; 2]) -> Result<PackingFile, Failure>;
 
 /// [`load`], with `packing` called for the file of a packing, if the scene has one.
 ///
@@ -136,30 +150,9 @@ pub fn load_within(
     units::put(&mut tree, &numbers);
 
     let boxed = tree.contains_key("box");
-    refuse_others(&tree, &input, boxed)?;
-    let paths = paths(&tree);
-    let all = 0..input.override_offset(overrides.len());
-    let raw =
-        raw::Raw::deserialize(toml::Deserializer::from(Spanned::new(all, tree))).map_err(|e| {
-            let offset = e.span().map_or(0, |span| span.start);
-            let path = paths.iter().find(|(at, _)| *at == offset);
-            input.failure(offset, path.map_or("", |(_, path)| path), e.message())
-        })?;
-    check::scene(&raw, input, tables, boxed, limit, packing)
-}
-
-/// Notes on keys under former names, for standard error: each says where the key is and what it is
-/// called now. Empty for a text that is not TOML.
-pub fn notes(source: &Source, overrides: &[String]) -> Vec<String> {
-    let input = Input { source, overrides };
-    let mut notes = merge::notes(&input);
-    for (k, set) in overrides.iter().enumerate() {
-        let path = set.split_once('=').map_or("", |(path, _)| path.trim());
-        notes.extend(
-            keys::note(path).map(|note| input.message(input.override_offset(k), path, &note)),
-        );
-    }
-    notes
+    keys::refuse_others(&tree, &input, boxed)?;
+    let given = keys::read(tree, &input)?;
+    check::scene(Checker::new(input, tables, given), boxed, limit, packing)
 }
 
 /// Whether a text sets a key, such as `shear.protocol`; not if it is no TOML.
@@ -179,48 +172,10 @@ pub fn has_key(text: &str, path: &str) -> bool {
     false
 }
 
-/// Refuses the tables of scenes with walls in a scene with a box, and the other way round.
-fn refuse_others(tree: &DeTable<'_>, input: &Input<'_>, boxed: bool) -> Result<(), Failure> {
-    let (others, why) = match boxed {
-        true => (
-            &OF_WALLS[..],
-            "is for scenes with walls, but this one has a [box]",
-        ),
-        false => (
-            &OF_A_BOX[..],
-            "is for scenes with a [box], but this one has none",
-        ),
-    };
-    let found = tree
-        .iter()
-        .filter(|(key, _)| others.contains(&&**key.get_ref()));
-    match found.min_by_key(|(key, _)| key.span().start) {
-        Some((key, _)) => {
-            let table = format!("[{}]", key.get_ref());
-            Err(input.failure(key.span().start, &table, &format!("{why}; leave it out")))
-        }
-        None => Ok(()),
-    }
-}
-
-/// Where each value begins, and its key's path.
-fn paths(tree: &DeTable<'_>) -> Vec<(usize, String)> {
-    let mut all = Vec::new();
-    for (key, value) in tree {
-        match value.get_ref().as_table() {
-            Some(table) => all.extend(
-                table
-                    .iter()
-                    .map(|(k, v)| (v.span().start, format!("{}.{}", key.get_ref(), k.get_ref()))),
-            ),
-            None => all.push((value.span().start, key.get_ref().to_string())),
-        }
-    }
-    all
-}
-
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use gshear_dem::system::ListSettings;
 
     use super::*;
@@ -252,7 +207,6 @@ mod tests {
         assert_eq!(motion(&scene), (WallSpeed::InertialNumber(2e-4), 0.1));
         assert_eq!(walls(&scene).output.progress_lines, 20);
         assert_eq!(scene.bookkeeping.list.skin, None);
-        assert_eq!(scene.time_step.given, StepChoice::Derived);
     }
 
     /// The numbers of the paper, and samples about as high as they are long.
@@ -303,62 +257,40 @@ mod tests {
         assert_eq!(ours, shipped("lee-hurley-small.toml"));
     }
 
-    /// The defaults of docs/config.md.
+    /// A scene of the least keys has the declared defaults, and besides only what is not constant.
     #[test]
     fn defaults() {
         let text = "
-            material = { young_modulus = 1e9, poisson_ratio = 0.2, density = 2500 }
+            material = { young_modulus = 1e9, poisson_ratio = 0.2, density = 2500.0 }
             contact = { friction = 0.7, damping_ratio = 0.1 }
             sample = { grains = 1000, radius_min = 0.5e-6, radius_max = 1e-6, length = 48e-6 }
-            load.stiffness_number = 10_000
+            load.stiffness_number = 10000.0
             shear = { velocity = 1e-4, strain = 0.1 }
         ";
         let scene = load(&Source::new("least.toml", text), &[]).unwrap();
-        assert_eq!(scene.title, "Plane shear");
-        assert_eq!(scene.seed, 1);
-        assert_eq!(scene.contact.rolling_friction, 0.0);
-        assert_eq!(scene.contact.rolling_damping_ratio, 0.0);
+        let given = identity::values(text);
+        let mut found = identity::values(&scene.toml);
+        found.retain(|path, value| given.get(path) != Some(value));
+        let found: Vec<_> = found
+            .iter()
+            .map(|(path, x)| format!("{path} = {x}"))
+            .collect();
+        assert_eq!(
+            found,
+            [
+                "analysis.start = 0.0",
+                "analysis.strain = 0.0001",
+                "contact.law = \"lee-hurley\"",
+                "pack.skip = false",
+                "title = \"Plane shear\"",
+            ]
+        );
         let walls = walls(&scene);
         assert_eq!(
-            walls.pack,
-            Pack {
-                skip: false,
-                friction: 0.0,
-                drag: 1.0,
-                tolerance: 1e-7,
-                max_steps: 5_000_000
-            }
+            (walls.pack.max_steps, walls.output.energy),
+            (5_000_000, true)
         );
-        assert_eq!(
-            walls.output,
-            Output {
-                frame_strain: 1e-4,
-                frame_start: 0.0,
-                series_strain: 1e-5,
-                checkpoint_strain: 0.02,
-                frame_rows: 0,
-                series_rows: 1000,
-                progress_lines: 20,
-                energy: true
-            }
-        );
-        assert_eq!(
-            walls.analysis,
-            Analysis {
-                scalars: false,
-                strain: 1e-4,
-                start: 0.0
-            }
-        );
-        assert!(!scene.keep_checkpoints);
-        assert_eq!(
-            scene.bookkeeping,
-            Bookkeeping {
-                list: ListSettings::default(),
-                simd: "auto",
-                watchdog: 600.0
-            }
-        );
+        assert_eq!(scene.bookkeeping.list, ListSettings::default());
     }
 
     #[test]
@@ -401,6 +333,6 @@ mod tests {
         let sets = ["time.step=1e-6", "time.force=true"].map(String::from);
         let time_step = load(&Source::embedded(), &sets).unwrap().time_step;
         assert_eq!(time_step.step, 1e-6);
-        assert!(time_step.limit < 1e-6 && time_step.given == StepChoice::Given);
+        assert!(time_step.limit < 1e-6);
     }
 }

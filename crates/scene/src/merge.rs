@@ -3,12 +3,13 @@
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
 
-use super::source::{EXTENDS, Input};
-use super::{keys, overrides::TAKE_AWAY, sweep, words};
+use super::source::Input;
+use super::words::{EXTENDS, SWEEP, TAKE_AWAY};
+use super::{keys, sweep, words};
 use gshear_dem::failure::Failure;
 
 /// The merged tree of a file and those that it extends, without `extends` and `[sweep]`. Unknown
-/// keys are refused, former names replaced.
+/// keys are refused.
 pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>, Failure> {
     let source = input.source;
     let mut merged = DeTable::new();
@@ -17,12 +18,12 @@ pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>, Failure> {
     for (n, part) in parts.iter().enumerate() {
         let tree = DeTable::parse(part.padded()).map_err(|e| not_toml(input, &e))?;
         let mut tree = tree.into_inner();
-        let sweep = tree.remove_entry(sweep::SWEEP);
+        let sweep = tree.remove_entry(SWEEP);
         if let Some((key, value)) = sweep.filter(|_| !sweeps && !source.is_member()) {
             sweeps = true;
             if value.get_ref().as_str() != Some(TAKE_AWAY) {
                 let what = sweep::not_one_run(source)?;
-                return Err(input.failure(key.span().start, sweep::SWEEP, &what));
+                return Err(input.failure(key.span().start, SWEEP, &what));
             }
         }
         let base = tree.remove_entry(EXTENDS);
@@ -30,22 +31,11 @@ pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>, Failure> {
             let what = "only a file can extend another one; leave it out";
             return Err(input.failure(key.span().start, EXTENDS, what));
         }
-        keys::rename(&mut tree, input)?;
         keys::check_known(&tree, input)?;
         merge(&mut merged, tree);
     }
     take_away(&mut merged);
     Ok(merged)
-}
-
-/// Notes on keys under former names.
-pub(super) fn notes(input: &Input<'_>) -> Vec<String> {
-    let trees = input.source.parts().iter().map(|part| {
-        let tree = DeTable::parse(part.padded()).map(Spanned::into_inner);
-        tree.map(|mut tree| keys::rename(&mut tree, input))
-    });
-    let notes = trees.filter_map(|notes| notes.ok()?.ok());
-    notes.flatten().collect()
 }
 
 /// Adds the keys of `base` that the tree does not have.

@@ -6,11 +6,13 @@ use std::path::Path;
 use bytemuck::Zeroable;
 
 use crate::identity::hash;
+use crate::insertion::{columns, freeze_walls, stop_walls};
 use crate::lammps_data::{self, Atom, DataFile};
-use crate::sample::{columns, freeze_walls, stop_walls};
+use crate::sample::{Origin, PackingFile, Walls};
+use crate::scene::{Boundary, Scene};
 use crate::source::read_text;
-use crate::{Boundary, Dimensions, Origin, PackingFile, PlaneShear, Scene, Walls};
-use gshear_dem::dimension::{Dimension, Three, Two};
+use crate::walls::PlaneShear;
+use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::neighbour::{self, Cutoff, LocalExtent};
 use gshear_dem::state::{GrainState, Grains, body, length};
@@ -96,6 +98,87 @@ fn replicated(
     Ok(data)
 }
 
+/// Refuses a grain that is out of the box or moves out of the plane of disks, and puts it into the
+/// periods: coordinates along them begin at 0.
+fn place(a: &mut Atom, planar: bool, bounds: &[[f64; 2]; 3]) -> Result<(), String> {
+    let up = if planar { 1 } else { 2 };
+    let out_of_plane = [
+        ("z", a.position[2]),
+        ("vz", a.velocity[2]),
+        ("wx", a.angular_velocity[0]),
+        ("wy", a.angular_velocity[1]),
+    ];
+    let moving = out_of_plane.into_iter().find(|(_, value)| *value != 0.0);
+    if let Some((what, value)) = moving.filter(|_| planar) {
+        return Err(format!(
+            "{what} of atom {} is {value:?}; in a packing of disks it is 0",
+            a.id
+        ));
+    }
+    let (height, [bottom, top]) = (a.position[up], bounds[up]);
+    if !(bottom..=top).contains(&height) {
+        let axis = ["x", "y", "z"][up];
+        return Err(format!(
+            "atom {} is out of the box: {axis} = {height:?}, the box has {bottom:?} {top:?} {axis}lo {axis}hi",
+            a.id
+        ));
+    }
+    for axis in 0..up {
+        let [low, high] = bounds[axis];
+        let (inside, period) = (a.position[axis] - low, high - low);
+        let is_near = inside.abs() <= MOST_PERIODS * period;
+        if !is_near {
+            let name = ["x", "y"][axis];
+            return Err(format!(
+                "{name} of atom {} is {:?}, more than {MOST_PERIODS:e} periods from the box, {low:?} {high:?} {name}lo {name}hi; give a place in the box",
+                a.id, a.position[axis]
+            ));
+        }
+        a.position[axis] = if (0.0..period).contains(&inside) {
+            inside
+        } else {
+            let wrapped = inside.rem_euclid(period);
+            // A little below zero rounds to the period.
+            if wrapped < period { wrapped } else { 0.0 }
+        };
+    }
+    Ok(())
+}
+
+/// Refuses grains that are few for their box.
+fn check_room(atoms: &[Atom], periods: &[f64], largest: f64) -> Result<(), String> {
+    let count = atoms.len();
+    let heights = || atoms.iter().map(|a| a.position[periods.len()]);
+    let tall =
+        heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
+    let room = |length: f64| (length / largest).max(1.0);
+    let rooms = periods
+        .iter()
+        .fold(room(tall), |all, length| all * room(*length));
+    let is_filled = rooms <= MOST_CELLS * count as f64;
+    if is_filled {
+        return Ok(());
+    }
+    Err(format!(
+        "{count} atoms are too few for their box, in which {rooms:.1e} of the largest diameter, {largest:?}, have room; check the units of lengths and diameters"
+    ))
+}
+
+/// Sorts grains by columns as wide as the greatest grain, and from bottom to top.
+fn sort(atoms: &mut [Atom], periods: &[f64], radius_max: f64) {
+    let up = periods.len();
+    let mut widths = [f64::INFINITY; 2];
+    for axis in 0..up {
+        widths[axis] = periods[axis] / f64::from(columns(periods[axis], radius_max));
+    }
+    let column = |a: &Atom| [0, 1].map(|axis| (a.position[axis] / widths[axis]) as u32);
+    atoms.sort_by(|a, b| {
+        let height = a.position[up].total_cmp(&b.position[up]);
+        let same = a.id.cmp(&b.id);
+        column(a).cmp(&column(b)).then(height).then(same)
+    });
+}
+
 /// Refuses atoms so crowded that they cannot be grains: pairs of them might not fit into memory.
 fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result<(), Failure> {
     // What has its centre in a cell is within twice its width.
@@ -166,8 +249,6 @@ impl Packing {
 
     fn new(name: &str, path: &Path, data: DataFile, replicate: [u32; 2]) -> Result<Self, Failure> {
         let mut atoms = data.atoms;
-        let wrong =
-            |line: usize, what: String| Err(Failure::input(format!("{name}:{line}: {what}")));
         let whole = |what: &str| Err(Failure::input(format!("{name}: {what}")));
         let Some(count) = u32::try_from(atoms.len()).ok().filter(|&n| n > 0) else {
             return whole("a packing has 1 to 4294967295 atoms");
@@ -187,93 +268,28 @@ impl Packing {
         let coordinates = of_atoms.chain(data.bounds[..up].as_flattened());
         let farthest = coordinates.fold(0.0, |most: f64, x| most.max(x.abs()));
         for a in &mut atoms {
-            let out_of_plane = [
-                ("z", a.position[2]),
-                ("vz", a.velocity[2]),
-                ("wx", a.angular_velocity[0]),
-                ("wy", a.angular_velocity[1]),
-            ];
-            let moving = out_of_plane.into_iter().find(|(_, value)| *value != 0.0);
-            if let Some((what, value)) = moving.filter(|_| planar) {
-                return wrong(
-                    a.line,
-                    format!(
-                        "{what} of atom {} is {value:?}; in a packing of disks it is 0",
-                        a.id
-                    ),
-                );
-            }
-            let (height, bounds) = (a.position[up], data.bounds[up]);
-            if !(bounds[0]..=bounds[1]).contains(&height) {
-                let axis = ["x", "y", "z"][up];
-                return wrong(
-                    a.line,
-                    format!(
-                        "atom {} is out of the box: {axis} = {height:?}, the box has {:?} {:?} {axis}lo {axis}hi",
-                        a.id, bounds[0], bounds[1]
-                    ),
-                );
-            }
-            for axis in 0..up {
-                let [low, high] = data.bounds[axis];
-                let (inside, period) = (a.position[axis] - low, high - low);
-                let is_near = inside.abs() <= MOST_PERIODS * period;
-                if !is_near {
-                    let name = ["x", "y"][axis];
-                    return wrong(
-                        a.line,
-                        format!(
-                            "{name} of atom {} is {:?}, more than {MOST_PERIODS:e} periods from the box, {low:?} {high:?} {name}lo {name}hi; give a place in the box",
-                            a.id, a.position[axis]
-                        ),
-                    );
-                }
-                a.position[axis] = if (0.0..period).contains(&inside) {
-                    inside
-                } else {
-                    let wrapped = inside.rem_euclid(period);
-                    // A little below zero rounds to the period.
-                    if wrapped < period { wrapped } else { 0.0 }
-                };
-            }
+            let line = a.line;
+            let placed = place(a, planar, &data.bounds);
+            placed.map_err(|what| Failure::input(format!("{name}:{line}: {what}")))?;
         }
 
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
         let radius_max = radii().fold(0.0, f64::max);
         let periods = data.bounds.map(|[low, high]| high - low);
-        let heights = || atoms.iter().map(|a| a.position[up]);
-        let tall =
-            heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
-        let room = |length: f64| (length / largest).max(1.0);
-        let rooms = periods[..up]
-            .iter()
-            .fold(room(tall), |all, length| all * room(*length));
-        let is_filled = rooms <= MOST_CELLS * f64::from(count);
-        if !is_filled {
-            return whole(&format!(
-                "{count} atoms are too few for their box, in which {rooms:.1e} of the largest diameter, {largest:?}, have room; check the units of lengths and diameters"
-            ));
-        }
+        check_room(&atoms, &periods[..up], largest)
+            .map_err(|what| Failure::input(format!("{name}: {what}")))?;
         check_crowding(name, &atoms, up, largest)?;
-        let mut widths = [f64::INFINITY; 2];
-        for axis in 0..up {
-            widths[axis] = periods[axis] / f64::from(columns(periods[axis], radius_max));
-        }
-        let column = |a: &Atom| [0, 1].map(|axis| (a.position[axis] / widths[axis]) as u32);
-        atoms.sort_by(|a, b| {
-            let height = a.position[up].total_cmp(&b.position[up]);
-            let same = a.id.cmp(&b.id);
-            column(a).cmp(&column(b)).then(height).then(same)
-        });
+        sort(&mut atoms, &periods[..up], radius_max);
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
         let edges = |sign: f64| {
             atoms
                 .iter()
                 .map(move |a| a.position[up] + sign * 0.5 * a.diameter)
         };
-        let dimension = match planar {
-            true => Dimensions::Two,
-            false => Dimensions::Three,
+        let dimension = if planar {
+            Dimensions::Two
+        } else {
+            Dimensions::Three
         };
         let has = |kind| atoms.iter().any(|a| a.kind == kind);
         let file = PackingFile {

@@ -6,17 +6,16 @@ use std::ops::Bound;
 
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::LAWS;
-use gshear_dem::laws::keys::Bounds;
+use gshear_dem::laws::keys::{Bounds, Integers, Key, Values};
 use serde_json::{Map, Value, json};
 
-use crate::key::Entry;
-use crate::kind::{Integers, Values};
-use crate::overrides::TAKE_AWAY;
-use crate::raw::part::{PART_KEYS, PartKey};
-use crate::raw::{self, TABLES, TOP_KEYS};
-use crate::source::EXTENDS;
-use crate::sweep::SWEEP;
+use crate::keys::{TABLES, TOP, tables};
+use crate::law::CONTACT;
+use crate::protocol::PartKeys;
+use crate::table::{Table, laws_with, unit};
 use crate::units;
+use crate::value::Value as KeyValue;
+use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, list};
 
 /// Begins the generated part of docs/config.md.
 pub const BEGIN: &str = "<!-- keys: generated -->";
@@ -95,10 +94,19 @@ must match it.",
 ];
 
 /// The keys above all tables, then those of each table.
-fn entries() -> impl Iterator<Item = &'static Entry> {
-    TOP_KEYS
-        .iter()
-        .chain(TABLES.iter().flat_map(|table| &table.keys))
+fn keys() -> impl Iterator<Item = &'static Key> {
+    tables().flat_map(Table::keys)
+}
+
+/// The meaning of a key, with the laws that take it.
+fn doc(key: &Key) -> String {
+    let doc = key.doc.trim_start();
+    let laws: Vec<&str> = laws_with(key).into_iter().map(|(law, _)| law).collect();
+    match laws[..] {
+        [law] => format!("{doc}; law {law} only"),
+        _ if laws.is_empty() || laws.len() == LAWS.len() => doc.into(),
+        _ => format!("{doc}; laws {}", list(&laws, "and")),
+    }
 }
 
 /// The table of keys in Markdown with its footnotes, between [`BEGIN`] and [`END`].
@@ -106,14 +114,14 @@ pub fn key_table() -> String {
     let mut page = format!(
         "{BEGIN}\n\n| key | meaning | unit | default | allowed | change |\n| --- | --- | --- | --- | --- | --- |\n"
     );
-    for entry in entries() {
+    for key in keys() {
         let cells = [
-            format!("`{}`", entry.path),
-            entry.doc.clone(),
-            entry.unit.clone(),
-            marked(default(entry), entry, TableColumn::Default),
-            marked(allowed(entry), entry, TableColumn::Allowed),
-            entry.change.name().into(),
+            format!("`{}`", key.path),
+            doc(key),
+            unit(key),
+            marked(default(key), key, TableColumn::Default),
+            marked(allowed(key), key, TableColumn::Allowed),
+            key.change.name().into(),
         ];
         page.push('|');
         for cell in cells {
@@ -136,18 +144,12 @@ fn part_table() -> String {
     let mut table = String::from(
         "\nKeys of a part of `shear.protocol`:\n\n| key | meaning | unit | allowed |\n| --- | --- | --- | --- |\n",
     );
-    for PartKey {
-        name,
-        doc,
-        unit,
-        range,
-    } in &PART_KEYS
-    {
+    for key in PartKeys::TABLE.own {
         let cells = [
-            format!("`{name}`"),
-            (*doc).into(),
-            (*unit).into(),
-            range.formula(),
+            format!("`{}`", key.path),
+            doc(key),
+            key.unit.into(),
+            allowed(key),
         ];
         let cells = cells.map(|cell| {
             if cell.is_empty() {
@@ -162,25 +164,25 @@ fn part_table() -> String {
 }
 
 /// A cell with the marks of its footnotes.
-fn marked(cell: String, entry: &Entry, column: TableColumn) -> String {
+fn marked(cell: String, key: &Key, column: TableColumn) -> String {
     let notes = FOOTNOTES
         .iter()
-        .filter(|note| note.column == column && note.paths.contains(&entry.path));
+        .filter(|note| note.column == column && note.paths.contains(&key.path));
     let marks = notes.map(|note| note.mark.to_string());
     let words = (!cell.is_empty()).then_some(cell);
     words.into_iter().chain(marks).collect::<Vec<_>>().join(" ")
 }
 
-fn default(entry: &Entry) -> String {
-    match (&entry.default, entry.values) {
-        (None, _) => entry.otherwise.into(),
-        (Some(text), Values::Text(_)) => format!("`{text}`"),
-        (Some(number), _) => number.trim_end_matches(".0").into(),
+fn default(key: &Key) -> String {
+    match KeyValue::default_of(key) {
+        None => key.otherwise.into(),
+        Some(text @ KeyValue::Text(_)) => format!("`{}`", text.toml()),
+        Some(value) => value.toml().trim_end_matches(".0").into(),
     }
 }
 
-fn allowed(entry: &Entry) -> String {
-    let values = match entry.values {
+fn allowed(key: &Key) -> String {
+    let values = match key.values {
         Values::Number(bounds) => bounds.formula(),
         Values::Whole(Integers { from, to }) => match to {
             i64::MAX => format!("integer ≥ {from}"),
@@ -188,16 +190,16 @@ fn allowed(entry: &Entry) -> String {
             _ => format!("integer {from} … {to}"),
         },
         Values::Flag => String::new(),
-        Values::Text(_) if entry.path == raw::Contact::KEYS.law.declared.path => {
+        Values::Text(_) if key.path == CONTACT.law.path => {
             let of = |dimension| quoted(&laws(dimension));
             format!("2D: {}; 3D: {}", of(Dimensions::Two), of(Dimensions::Three))
         }
-        Values::Text([]) if entry.condition.is_empty() => "any string".into(),
+        Values::Text([]) if key.condition.is_empty() => "any string".into(),
         Values::Text(names) => quoted(names),
         Values::Numbers(bounds) => format!("each {}", bounds.formula()),
-        Values::Parts => String::new(),
+        Values::Parts(_) => String::new(),
     };
-    match (&values[..], entry.condition) {
+    match (&values[..], key.condition) {
         (_, "") => values,
         ("", condition) => condition.into(),
         (_, condition) => format!("{values}, {condition}"),
@@ -222,13 +224,13 @@ fn quoted(names: &[&str]) -> String {
 /// of them exclude or require each other is checked by [`load`](crate::load) only, and so is the
 /// kind of a unit. Every key takes `"none"`, which removes the key of the file that is extended.
 pub fn json_schema() -> String {
-    let mut properties = object(&TOP_KEYS);
-    for table in TABLES.iter() {
+    let mut properties = object(&TOP.keys());
+    for table in &TABLES {
         let schema = json!({
-            "description": table.about,
+            "description": table.about.trim(),
             "type": ["object", "string"],
             "pattern": none(),
-            "properties": object(&table.keys),
+            "properties": object(&table.keys()),
             "additionalProperties": unknown(),
         });
         properties.insert(table.name.into(), schema);
@@ -262,40 +264,37 @@ fn unknown() -> Value {
     json!({ "not": { "description": "unknown key; docs/config.md lists the keys" } })
 }
 
-fn object(keys: &[Entry]) -> Map<String, Value> {
-    let mut properties = Map::new();
-    for entry in keys {
-        properties.insert(entry.name.into(), schema(entry, false));
-        for former in entry.former {
-            properties.insert((*former).into(), schema(entry, true));
-        }
-    }
-    properties
+fn object(keys: &[&Key]) -> Map<String, Value> {
+    let properties = keys.iter().map(|key| (key.name().into(), schema(key)));
+    properties.collect()
 }
 
-/// The schema of a key, under its present or a former name.
-fn schema(entry: &Entry, former: bool) -> Value {
-    let mut schema = match entry.values {
-        Values::Number(bounds) => number(bounds, units::applies(&entry.unit)),
-        Values::Whole(Integers { from, to }) => match to {
-            i64::MAX => json!({ "type": "integer", "minimum": from }),
-            _ => json!({ "type": "integer", "minimum": from, "maximum": to }),
-        },
+/// The schema of a key.
+fn schema(key: &Key) -> Value {
+    let with_unit = units::applies(&unit(key));
+    let mut schema = match key.values {
+        Values::Number(bounds) => number(bounds, with_unit),
+        Values::Whole(Integers { from, to }) => {
+            let mut schema = json!({ "type": "integer", "minimum": from });
+            if to < i64::MAX {
+                schema["maximum"] = to.into();
+            }
+            schema
+        }
         Values::Flag => json!({ "type": "boolean" }),
         Values::Text([]) => json!({ "type": "string" }),
-        Values::Text(names) => json!({ "enum": names }),
-        Values::Numbers(bounds) => {
-            let items = number(bounds, units::applies(&entry.unit));
-            json!({ "type": "array", "items": items, "minItems": 1 })
-        }
-        Values::Parts => json!({ "type": "array", "items": part(), "minItems": 1 }),
-    };
-    match entry.values {
-        Values::Text([]) => {}
         Values::Text(names) => {
-            schema["enum"] = names.iter().copied().chain([TAKE_AWAY]).collect();
+            let names: Value = names.iter().copied().chain([TAKE_AWAY]).collect();
+            json!({ "enum": names })
         }
-        Values::Number(_) if units::applies(&entry.unit) => {
+        Values::Numbers(bounds) => {
+            json!({ "type": "array", "items": number(bounds, with_unit), "minItems": 1 })
+        }
+        Values::Parts(keys) => json!({ "type": "array", "items": part(keys), "minItems": 1 }),
+    };
+    match key.values {
+        Values::Text(_) => {}
+        Values::Number(_) if with_unit => {
             schema["pattern"] = format!("{}|{}", none(), quantity()).into();
         }
         _ => {
@@ -303,18 +302,19 @@ fn schema(entry: &Entry, former: bool) -> Value {
             schema["pattern"] = none().into();
         }
     }
-    let unit = match &entry.unit[..] {
-        "" => String::new(),
-        unit => format!(" ({unit})"),
-    };
-    schema["description"] = format!("{}{unit}", entry.doc).into();
-    if let Some(default) = &entry.default {
-        schema["default"] = serde_json::from_str(default).unwrap_or(Value::Null);
-    }
-    if former {
-        schema["deprecated"] = true.into();
+    schema["description"] = description(key).into();
+    if let Some(default) = KeyValue::default_of(key) {
+        schema["default"] = serde_json::from_str(&default.toml()).unwrap_or(Value::Null);
     }
     schema
+}
+
+/// The meaning of a key with its unit.
+fn description(key: &Key) -> String {
+    match &unit(key)[..] {
+        "" => doc(key),
+        unit => format!("{} ({unit})", doc(key)),
+    }
 }
 
 /// The string that removes a key.
@@ -328,9 +328,10 @@ fn quantity() -> &'static str {
 }
 
 fn number(Bounds { from, to }: Bounds, with_unit: bool) -> Value {
-    let mut schema = match with_unit {
-        true => json!({ "type": ["number", "string"], "pattern": quantity() }),
-        false => json!({ "type": "number" }),
+    let mut schema = if with_unit {
+        json!({ "type": ["number", "string"], "pattern": quantity() })
+    } else {
+        json!({ "type": "number" })
     };
     match from {
         Bound::Included(x) => schema["minimum"] = x.into(),
@@ -345,23 +346,16 @@ fn number(Bounds { from, to }: Bounds, with_unit: bool) -> Value {
     schema
 }
 
-/// A part of a protocol.
-fn part() -> Value {
+/// A part of a protocol with these keys.
+fn part(keys: &[&Key]) -> Value {
     let mut properties = Map::new();
-    for PartKey {
-        name,
-        doc,
-        unit,
-        range,
-    } in &PART_KEYS
-    {
-        let mut schema = number(*range, units::applies(unit));
-        let unit = match *unit {
-            "" => String::new(),
-            unit => format!(" ({unit})"),
+    for key in keys {
+        let Values::Number(range) = key.values else {
+            continue;
         };
-        schema["description"] = format!("{doc}{unit}").into();
-        properties.insert((*name).into(), schema);
+        let mut schema = number(range, units::applies(key.unit));
+        schema["description"] = description(key).into();
+        properties.insert(key.path.into(), schema);
     }
     let one_of = |names: &[&str]| {
         let ways: Vec<Value> = names
@@ -386,7 +380,6 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use super::*;
-    use crate::sweep::SWEEP;
 
     fn root() -> PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -404,20 +397,12 @@ mod tests {
         format!("{before}{}{after}", key_table())
     }
 
-    /// The schema as it is outside tests, without the former name that only tests have.
-    fn shipped_schema() -> String {
-        let mut schema: Value = serde_json::from_str(&json_schema()).expect("JSON");
-        let output = schema["properties"]["output"]["properties"].as_object_mut();
-        output.expect("a table").remove("energy_ledger");
-        format!("{schema:#}\n")
-    }
-
     #[test]
     fn the_reference_is_up_to_date() {
         let stale = "is not what the declarations of the keys give; run `make docs`";
         assert!(read("docs/config.md") == page(), "docs/config.md {stale}");
         let schema = read("docs/scene.schema.json");
-        assert!(schema == shipped_schema(), "docs/scene.schema.json {stale}");
+        assert!(schema == json_schema(), "docs/scene.schema.json {stale}");
     }
 
     /// Called by `make docs`.
@@ -426,20 +411,21 @@ mod tests {
     fn write_the_reference() {
         let write = |path: &str, text| std::fs::write(root().join(path), text).expect("written");
         write("docs/config.md", page());
-        write("docs/scene.schema.json", shipped_schema());
+        write("docs/scene.schema.json", json_schema());
     }
 
     #[test]
     fn every_key_is_documented() {
-        for entry in entries() {
-            assert!(!entry.doc.is_empty(), "{} has no meaning", entry.path);
-            assert!(!entry.doc.contains('|'), "{} breaks the table", entry.path);
-            let range = !allowed(entry).is_empty() || matches!(entry.values, Values::Flag);
-            assert!(range, "{} has no range", entry.path);
+        for key in keys() {
+            assert!(!key.doc.contains('|'), "{} breaks the table", key.path);
+            let range = !allowed(key).is_empty() || matches!(key.values, Values::Flag);
+            assert!(range, "{} has no range", key.path);
+            let default = KeyValue::default_of(key).is_some();
+            assert_eq!(default, !key.default.is_empty(), "{}", key.path);
         }
         for note in &FOOTNOTES {
             for path in note.paths {
-                assert!(entries().any(|entry| entry.path == *path), "{path}");
+                assert!(keys().any(|key| key.path == *path), "{path}");
             }
         }
     }
@@ -480,10 +466,10 @@ mod tests {
             "analysis.start",
             "bookkeeping.skin",
         ];
-        let without = entries()
-            .filter(|entry| matches!(entry.values, Values::Number(_) | Values::Numbers(_)))
-            .filter(|entry| entry.unit.is_empty());
-        let found: Vec<&str> = without.map(|entry| entry.path).collect();
+        let without = keys()
+            .filter(|key| matches!(key.values, Values::Number(_) | Values::Numbers(_)))
+            .filter(|key| key.unit.is_empty());
+        let found: Vec<&str> = without.map(|key| key.path).collect();
         assert_eq!(found, pure);
     }
 
@@ -499,7 +485,7 @@ mod tests {
                     .all(|name| value.get(name.as_str().expect("a name")).is_some())
             };
             let fine = match &keyword[..] {
-                "$schema" | "title" | "description" | "default" | "deprecated" => true,
+                "$schema" | "title" | "description" | "default" => true,
                 "type" => {
                     let kinds = wanted.as_array().cloned().unwrap_or(vec![wanted.clone()]);
                     kinds.iter().any(|kind| match kind.as_str() {

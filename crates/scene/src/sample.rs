@@ -1,289 +1,658 @@
-//! The sample: grains inserted without overlap, and walls cut from it.
+//! The sample: `[sample]`, and the file it may come from.
 
-use std::ops::Range;
+use std::ops::Bound;
+use std::path::{Path, PathBuf};
 
-use bytemuck::Zeroable;
-use rand::RngExt;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use gshear_dem::contact::portable_exp;
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::failure::Failure;
+use gshear_dem::laws::keys::{Bounds, Change, Integers, Key, POSITIVE, UNIT, Values};
+use serde::{Deserialize, Serialize};
 
-use crate::{Sample, Sizes};
-use gshear_dem::contact::portable_ln;
-use gshear_dem::state::{GrainState, body};
+use crate::checker::Checker;
+use crate::derived;
+use crate::grains::{Sample, Sizes};
+use crate::insertion::volume_in_box;
+use crate::table::{names, table};
+use crate::value::Value;
+use crate::words::show;
 
-/// Room for the largest grain, over its diameter.
-const ROOM: f64 = 1.05;
+const PLACEMENT_NAMES: [&str; Placement::NAMES.len()] = names(&Placement::NAMES);
+const WALLS_NAMES: [&str; Walls::NAMES.len()] = names(&Walls::NAMES);
 
-/// Columns of grains up to the given radius (m) that have room in a cell of this length (m).
-pub fn columns(length: f64, radius_max: f64) -> u32 {
-    ((length / (2.0 * radius_max * ROOM)) as u32).max(1)
-}
+/// Copies of a packing.
+const COPIES: Bounds = Bounds {
+    from: Bound::Included(1.0),
+    to: Bound::Included(1e6),
+};
+/// Mean diameters. The default is that of runs from before wide sizes had thicker walls, too.
+const LAYERS: Bounds = Bounds {
+    from: Bound::Included(0.5),
+    to: Bound::Included(1e6),
+};
 
-/// Columns of loosely stacked grains, jittered as far as each grain's cell allows; ids run up
-/// column after column. In three dimensions columns that follow each other along y come one after
-/// the other.
-#[derive(Debug, Clone)]
-pub struct Lattice<'a> {
-    sample: &'a Sample,
-    sizes: &'a Sizes,
-    /// Columns along x and along y; in two dimensions one.
-    columns: [u32; 2],
-    /// Of a column (m), along x and along y; none in two dimensions.
-    width: [f64; 2],
-}
-
-impl<'a> Lattice<'a> {
-    /// The lattice on which the grains of a sample are inserted.
-    pub fn new(sample: &'a Sample, sizes: &'a Sizes) -> Self {
-        let planar = sample.is_planar();
-        let along = columns(sample.length, sample.radius_max);
-        let across = match planar {
-            true => 1,
-            false => columns(sample.width, sample.radius_max),
-        };
-        let width = |length: f64, columns: u32| length / f64::from(columns);
-        Self {
-            sample,
-            sizes,
-            columns: [along, across],
-            width: [
-                width(sample.length, along),
-                if planar {
-                    0.0
-                } else {
-                    width(sample.width, across)
-                },
-            ],
-        }
-    }
-
-    /// The ids of a column: the first ones hold one more where the grains do not fill the last row.
-    fn ids(&self, column: u32) -> Range<u32> {
-        let all = self.columns[0] * self.columns[1];
-        let (rows, longer) = (self.sample.grains / all, self.sample.grains % all);
-        let first = |c: u32| c * rows + c.min(longer);
-        first(column)..first(column + 1)
-    }
-
-    /// The grains at rest of this rank's share of the columns. Every grain has its own random
-    /// stream, so any rank may make it.
-    pub fn insert(&self, seed: u64, rank: usize, ranks: usize) -> Vec<GrainState> {
-        let all = u64::from(self.columns[0] * self.columns[1]);
-        let part = |r: usize| (all * r as u64 / ranks as u64) as u32;
-        let columns = part(rank)..part(rank + 1);
-        columns.flat_map(|c| self.column(seed, c)).collect()
-    }
-
-    fn column(&self, seed: u64, column: u32) -> Vec<GrainState> {
-        let at = [column / self.columns[1], column % self.columns[1]];
-        let periods = [self.sample.length, self.sample.width];
-        let planar = self.sample.is_planar();
-        let mut bottom = 0.0;
-        let grain = |id| {
-            let mut uniform = stream(seed, id);
-            let radius = radius(self.sample, self.sizes, &mut uniform);
-            let mut position = [0.0; 3];
-            for axis in 0..if planar { 1 } else { 2 } {
-                let width = self.width[axis];
-                let free = width - 2.0 * radius;
-                let x = width * f64::from(at[axis]) + radius + free * uniform();
-                position[axis] = if x < periods[axis] { x } else { 0.0 };
-            }
-            let gap = 2.0 * radius * (ROOM - 1.0);
-            position[if planar { 1 } else { 2 }] = bottom + radius + gap * uniform();
-            bottom += 2.0 * radius + gap;
-            GrainState {
-                id,
-                position,
-                radius,
-                ..GrainState::zeroed()
-            }
-        };
-        self.ids(column).map(grain).collect()
-    }
-}
-
-/// R (m) of one grain; `uniform` returns random numbers in [0, 1).
-pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64) -> f64 {
-    let (a, b) = (sample.radius_min, sample.radius_max);
-    match sizes {
-        Sizes::Uniform => a + uniform() * (b - a),
-        // By rejection: a radius is taken with the probability e^(-z²/2).
-        Sizes::Normal { mean, deviation } => loop {
-            let r = a + uniform() * (b - a);
-            let z = (r - mean) / deviation;
-            // 1 - u is not 0.
-            if -2.0 * portable_ln(1.0 - uniform()) >= z * z {
-                return r;
-            }
+table! {
+    /// The grains and their cell.
+    SAMPLE: SampleKeys "sample" All {
+        /// number of grains N, those of the walls included
+        grains: Whole(Integers { from: 1, to: u32::MAX as i64 }) {
+            what: "the number of grains",
+            example: "1000",
+            change: Change::Never,
         },
-        Sizes::Binary { large_fraction } => {
-            if uniform() < *large_fraction {
-                b
-            } else {
-                a
-            }
+        /// least radius R
+        radius_min: Number(POSITIVE) {
+            unit: "m",
+            what: "the least R",
+            example: "0.5e-6",
+            change: Change::Never,
+        },
+        /// greatest radius R
+        radius_max: Number(POSITIVE) {
+            unit: "m",
+            condition: "≥ `radius_min`",
+            what: "the greatest R",
+            example: "1e-6",
+            change: Change::Never,
+        },
+        /// distribution of R between them; `"binary"` is either of the two
+        sizes: Text(&Sizes::NAMES) { default: Sizes::NAMES[0], change: Change::Never },
+        /// mean of the normal distribution before its ends are cut off
+        radius_mean: Number(POSITIVE) {
+            unit: "m",
+            condition: "with `\"normal\"`",
+            what: "the mean of the normal distribution before its ends are cut off",
+            example: "1.5e-3",
+            change: Change::Never,
+        },
+        /// its standard deviation
+        radius_deviation: Number(POSITIVE) {
+            unit: "m",
+            condition: "with `\"normal\"`",
+            what: "the standard deviation of the normal distribution",
+            example: "0.5e-3",
+            change: Change::Never,
+        },
+        /// share of the grains that have `radius_max`
+        large_fraction: Number(UNIT) {
+            condition: "with `\"binary\"`",
+            what: "the share of the grains that have radius_max",
+            example: "0.5",
+            change: Change::Never,
+        },
+        /// radii, each as likely as the others, instead of `radius_min` and `radius_max`
+        radii: Numbers(POSITIVE) {
+            unit: "m",
+            condition: "one or more, with `\"list\"`",
+            what: "the radii, each as likely as the others",
+            example: "[1e-3, 1.5e-3]",
+            change: Change::Never,
+        },
+        /// where the grains of a box begin (see below)
+        placement: Text(&PLACEMENT_NAMES) {
+            condition: "with `[box]`",
+            default: PLACEMENT_NAMES[0],
+            change: Change::Never,
+        },
+        /// L_x, periodic
+        length: Number(POSITIVE) {
+            unit: "m",
+            condition: "≥ 4 diameters of the largest grain",
+            what: "L_x",
+            example: "48e-6",
+            change: Change::Never,
+        },
+        /// L_y, periodic; 3D only
+        width: Number(POSITIVE) {
+            unit: "m",
+            condition: "≥ 4 diameters of the largest grain",
+            what: "L_y",
+            example: "30e-3",
+            change: Change::Never,
+        },
+        /// LAMMPS data file with the grains, instead of insertion
+        packing: Text(&[]) {
+            condition: "a path, from the folder of this file",
+            otherwise: "none",
+            change: Change::Never,
+        },
+        /// copies of the packing beside each other along its periodic axes: `[n_x]`, in 3D
+        /// `[n_x, n_y]`
+        replicate: Numbers(COPIES) {
+            condition: "whole numbers",
+            otherwise: "once",
+            change: Change::Never,
+        },
+        /// which of its grains are walls, see below
+        walls: Text(&WALLS_NAMES) { otherwise: "see below", change: Change::Never },
+        /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min, see below
+        wall_thickness: Number(LAYERS) { default: "1.0", change: Change::Never },
+    }
+}
+
+/// Returns what a scene must know of the file of a packing with these copies along the periodic
+/// axes. The file may have been read before, or by another rank.
+pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, [u32; 2]) -> Result<PackingFile, Failure>;
+
+/// Where the grains come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Origin {
+    /// They are inserted on a lattice.
+    Insertion(Sizes),
+    /// A file has them.
+    Packing {
+        /// What is in it.
+        file: PackingFile,
+        /// Which of them are walls.
+        walls: Walls,
+    },
+}
+
+impl Origin {
+    /// The file of the packing, if the grains come from one.
+    pub fn file(&self) -> Option<&PackingFile> {
+        match self {
+            Origin::Insertion(_) => None,
+            Origin::Packing { file, .. } => Some(file),
         }
-        Sizes::List(radii) => {
-            radii[((uniform() * radii.len() as f64) as usize).min(radii.len() - 1)]
+    }
+}
+
+/// What a scene needs to know of the file of a packing. A checkpoint holds it, so that going on
+/// does not need the file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PackingFile {
+    /// The path, absolute.
+    pub path: PathBuf,
+    /// Copies along x and y that are set beside each other; what follows is of all of them.
+    #[serde(default = "once")]
+    pub replicate: [u32; 2],
+    /// Number of grains.
+    pub grains: u32,
+    /// Least R (m).
+    pub radius_min: f64,
+    /// Greatest R (m).
+    pub radius_max: f64,
+    /// d̄ (m).
+    pub mean_diameter: f64,
+    /// π⟨R²⟩ (m²) in 2D, (4/3)π⟨R³⟩ (m³) in 3D.
+    pub mean_volume: f64,
+    /// L_x (m).
+    pub length: f64,
+    /// L_y (m); `None` in 2D.
+    pub width: Option<f64>,
+    /// Coordinates of the lowest and of the highest edge of a grain, along the last axis (m).
+    pub edges: [f64; 2],
+    /// Greatest coordinate of a grain or of its box in the file, in magnitude (m); 0 in checkpoints of
+    /// versions without it.
+    #[serde(default)]
+    pub farthest: f64,
+    /// Whether its types are 1, 2 and 3, all three, so that 2 and 3 can be walls.
+    pub wall_types: bool,
+    /// Hash of the file's bytes; empty in checkpoints of versions without it.
+    #[serde(default)]
+    pub content: String,
+}
+
+/// Of files before there were copies.
+fn once() -> [u32; 2] {
+    [1, 1]
+}
+
+impl PackingFile {
+    /// H (m) with its walls.
+    pub fn height(&self) -> f64 {
+        self.edges[1] - self.edges[0]
+    }
+}
+
+/// Which grains of a packing are walls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Walls {
+    /// Those whose centre is within the thickness of a wall of the lowest and of the highest edge.
+    Layers,
+    /// Type 2 is the bottom, type 3 the top.
+    Types,
+}
+
+impl Walls {
+    /// The names, as `sample.walls` has them.
+    pub const NAMES: [(&str, Walls); 2] = [("layers", Walls::Layers), ("types", Walls::Types)];
+}
+
+/// Where the grains of a box begin, before it is brought to rest without friction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Placement {
+    /// On a loose lattice, jittered, in a larger box that is compressed step by step.
+    Lattice,
+    /// Anywhere in the box itself, each place as likely as the others.
+    Random,
+}
+
+impl Placement {
+    /// The names, as `sample.placement` has them.
+    pub const NAMES: [(&str, Placement); 2] = [
+        ("lattice", Placement::Lattice),
+        ("random", Placement::Random),
+    ];
+}
+
+/// Least standard deviation of radii, over the width of their interval.
+const NARROWEST: f64 = 0.01;
+
+/// Least share of random radii in their interval that the normal distribution takes. The others are
+/// drawn anew.
+const LEAST_TAKEN: f64 = 1e-3;
+
+/// The grains of a scene between walls, as the keys say by themselves.
+pub(crate) enum Grains {
+    Inserted(Sizes),
+    /// Copies of the packing along x and y.
+    File([u32; 2]),
+}
+
+/// Checks each key of a scene between walls by itself.
+pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
+    let keys = &SAMPLE;
+    let replicate = copies(c, dimension);
+    c.choice(&keys.walls);
+    c.number(&keys.wall_thickness);
+    if dimension == Dimensions::Two {
+        c.useless(
+            &keys.width,
+            "is L_y (m) of three dimensions, and dimension = 2",
+        );
+    }
+    c.useless(
+        &keys.placement,
+        "applies to the grains of a [box]; between walls they fall from above",
+    );
+    if c.is_given(&keys.packing) {
+        c.whole(&keys.grains);
+        for key in [
+            &keys.radius_min,
+            &keys.radius_max,
+            &keys.length,
+            &keys.width,
+        ] {
+            c.number(key);
         }
-    }
-}
-
-/// Random numbers in [0, 1) for one grain: first those of its radius, then those of its position.
-pub fn stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream(u64::from(id));
-    move || random.random::<f64>()
-}
-
-/// Number of large grains of a binary mixture of `grains`.
-pub fn large(grains: u32, large_fraction: f64) -> usize {
-    (large_fraction * f64::from(grains)).round() as usize
-}
-
-/// The volume (m³; m² in 2D) of all grains of a box: of a binary mixture there are exactly as many
-/// large ones as its fraction says, other radii are those that are drawn. `volume`: of a radius.
-pub fn volume_in_box(
-    seed: u64,
-    sample: &Sample,
-    sizes: &Sizes,
-    volume: impl Fn(f64) -> f64,
-) -> f64 {
-    let count = f64::from(sample.grains);
-    if let Sizes::Binary { large_fraction } = sizes {
-        let large = large(sample.grains, *large_fraction) as f64;
-        if large == large_fraction * count {
-            return count * sample.mean_volume;
+        let why = "applies to inserted grains, but the grains come from sample.packing";
+        for key in [
+            &keys.sizes,
+            &keys.radii,
+            &keys.radius_mean,
+            &keys.radius_deviation,
+            &keys.large_fraction,
+        ] {
+            c.useless(key, why);
         }
-        return large * volume(sample.radius_max) + (count - large) * volume(sample.radius_min);
+        return Grains::File(replicate);
     }
-    let of_grain = |id| volume(radius(sample, sizes, &mut stream(seed, id)));
-    (0..sample.grains).map(of_grain).sum()
+    if c.is_given(&keys.walls) {
+        c.refuse(
+            &keys.walls,
+            "there is no packing to find walls in; give sample.packing, or leave it out",
+        );
+    }
+    check_inserted(c);
+    c.required(&keys.length);
+    if dimension == Dimensions::Three {
+        c.required(&keys.width);
+    }
+    Grains::Inserted(check_sizes(c))
 }
 
-/// Makes walls of the grains whose centre is within `thickness` (m) of the `planes` (m) across the
-/// axis `up`, the lower one first.
-pub fn freeze_walls(grains: &mut [GrainState], up: usize, planes: [f64; 2], thickness: f64) {
-    for g in grains.iter_mut() {
-        g.body = if g.position[up] < planes[0] + thickness {
-            body::BOTTOM
-        } else if g.position[up] > planes[1] - thickness {
-            body::TOP
-        } else {
-            body::FREE
-        };
-    }
-    stop_walls(grains);
-}
-
-/// Sets the velocities of wall grains to 0.
-pub fn stop_walls(grains: &mut [GrainState]) {
-    for g in grains.iter_mut().filter(|g| g.body != body::FREE) {
-        g.velocity = [0.0; 3];
-        g.angular_velocity = [0.0; 3];
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use gshear_dem::dimension::{Three, Two};
-
-    const SAMPLE: Sample = Sample::uniform(1003, 0.5e-6, 1e-6, 48e-6);
-
-    const SPHERES: Sample = Sample {
-        length: 12e-6,
-        width: 9e-6,
-        ..SAMPLE
+/// Copies along x and, in three dimensions, y.
+fn copies(c: &mut Checker<'_>, dimension: Dimensions) -> [u32; 2] {
+    let key = &SAMPLE.replicate;
+    let (Some(Value::Numbers(given)), Values::Numbers(range)) = (c.value(key), key.values) else {
+        return [1, 1];
     };
-
-    fn distance(sample: &Sample, a: &GrainState, b: &GrainState) -> f64 {
-        let r = match sample.width {
-            f64::INFINITY => sample.cell().separation::<Two>(&a.position, &b.position),
-            _ => sample.cell().separation::<Three>(&a.position, &b.position),
-        };
-        gshear_dem::state::length(r)
+    let given = given.clone();
+    if !c.is_given(&SAMPLE.packing) {
+        c.useless(
+            key,
+            "says how often sample.packing is repeated, which is not given",
+        );
     }
-
-    #[test]
-    fn grains_do_not_overlap_and_their_sizes_are_uniform() {
-        for (sample, up) in [(&SAMPLE, 1), (&SPHERES, 2)] {
-            let grains = Lattice::new(sample, &Sizes::Uniform).insert(3, 0, 1);
-            assert_eq!(grains.len(), sample.grains as usize);
-            for (k, a) in grains.iter().enumerate() {
-                assert_eq!(a.id, k as u32);
-                assert!(
-                    a.position[up] >= a.radius && (0.0..sample.length).contains(&a.position[0])
-                );
-                for b in &grains[k + 1..] {
-                    let least = (a.radius + b.radius) * (1.0 - 1e-12);
-                    assert!(distance(sample, a, b) >= least);
+    let whole = |x: &f64| x.fract() == 0.0 && range.hold(*x);
+    match (dimension, &given[..]) {
+        (Dimensions::Two, [x]) if whole(x) => [*x as u32, 1],
+        (Dimensions::Three, [x, y]) if whole(x) && whole(y) => [*x as u32, *y as u32],
+        _ => {
+            let example = match dimension {
+                Dimensions::Two => "one whole number, the copies along x, such as replicate = [10]",
+                Dimensions::Three => {
+                    "two whole numbers, the copies along x and y, such as replicate = [10, 10]"
                 }
-            }
-            let mean = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
-            // Standard error of the mean of 1,003 uniform numbers is 0.0046 µm.
-            assert!((mean / 0.75e-6 - 1.0).abs() < 4.0 * 0.0061);
-        }
-    }
-
-    /// Means and deviations of 1,003 radii within four standard errors of those of the
-    /// distributions.
-    #[test]
-    fn sizes_are_distributed_as_asked_for() {
-        let list = Sizes::List(vec![0.5e-6, 0.6e-6, 1e-6]);
-        let normal = Sizes::Normal {
-            mean: 0.7e-6,
-            deviation: 0.1e-6,
-        };
-        let binary = Sizes::Binary {
-            large_fraction: 0.3,
-        };
-        for sizes in [Sizes::Uniform, normal, binary, list] {
-            let grains = Lattice::new(&SAMPLE, &sizes).insert(5, 0, 1);
-            let of = |f: fn(f64) -> f64| {
-                let n = grains.len() as f64;
-                let mean = grains.iter().map(|g| f(g.radius / 1e-6)).sum::<f64>() / n;
-                let square = grains
-                    .iter()
-                    .map(|g| f(g.radius / 1e-6).powi(2))
-                    .sum::<f64>()
-                    / n;
-                let error = ((square - mean * mean) / n).sqrt();
-                let expected = sizes.mean([0.5e-6, 1e-6], |r| f(r / 1e-6));
-                assert!(
-                    (mean - expected).abs() < 4.0 * error,
-                    "{sizes:?}: {mean} {expected}"
-                );
             };
-            of(|r| r);
-            of(|r| r * r);
-            of(|r| r * r * r);
+            c.refuse(key, &format!("must be {example}"));
+            [1, 1]
         }
     }
+}
 
-    /// The cut normal distribution against its closed form: ⟨R⟩ = μ + σ (φ(α) - φ(β))/(Φ(β) -
-    /// Φ(α)), from tables of the normal one.
-    #[test]
-    fn mean_of_the_cut_normal_distribution() {
-        let sizes = Sizes::Normal {
-            mean: 1.0,
-            deviation: 0.5,
+/// How many grains are inserted, and between which radii.
+fn check_inserted(c: &mut Checker<'_>) {
+    c.required_count(&SAMPLE.grains);
+    for key in [&SAMPLE.radius_min, &SAMPLE.radius_max] {
+        // A list says itself which is the least and which the greatest.
+        if c.is_given(&SAMPLE.radii) {
+            c.useless(key, "is the least or the greatest of sample.radii");
+        } else {
+            c.required(key);
+        }
+    }
+}
+
+/// The keys of grains in a box, whose size follows from its solid fraction. Returns the
+/// distribution of their radii.
+pub(crate) fn check_boxed(c: &mut Checker<'_>) -> Sizes {
+    let keys = &SAMPLE;
+    let why = "follows from box.solid_fraction";
+    c.useless(&keys.length, why);
+    c.useless(&keys.width, why);
+    let why = "applies to scenes with walls only";
+    for key in [
+        &keys.packing,
+        &keys.walls,
+        &keys.wall_thickness,
+        &keys.replicate,
+    ] {
+        c.useless(key, why);
+    }
+    check_inserted(c);
+    check_sizes(c)
+}
+
+/// The sample in a cubic box (square in 2D) in which its grains have the solid fraction φ.
+pub(crate) fn derive_boxed(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    seed: u64,
+    sizes: &Sizes,
+    solid_fraction: f64,
+) -> Result<Sample, Failure> {
+    let sample = inserted(c, dimension, sizes)?;
+    let volume = |r| dimension.volume(r);
+    let grains = volume_in_box(seed, &sample, sizes, volume);
+    let length = derived::box_length(dimension, grains / solid_fraction);
+    let sample = sample.in_box(dimension, length);
+    if !(sample.mean_volume.is_normal() && sample.length.is_normal()) {
+        return Err(c.out_of_range(&format!(
+            "the mean volume of a grain comes out as {:?} and the length of the box as {:?}; check the units of [sample]",
+            sample.mean_volume, sample.length
+        )));
+    }
+    let least = sample.least_box_length();
+    if sample.length < least {
+        c.refuse(
+            &SAMPLE.grains,
+            &format!(
+                "the box would be {:.3e} long, so that grains would touch their own images; give more grains, for a length of at least {least:.3e}",
+                sample.length
+            ),
+        );
+    }
+    c.settle()?;
+    Ok(sample)
+}
+
+/// Inserted grains in a cell of the given size.
+fn inserted(c: &mut Checker<'_>, dimension: Dimensions, sizes: &Sizes) -> Result<Sample, Failure> {
+    let [a, b] = radii(c, sizes);
+    c.settle()?;
+    Ok(Sample {
+        grains: c.whole(&SAMPLE.grains).map_or(0, |n| n as u32),
+        radius_min: a,
+        radius_max: b,
+        mean_diameter: sizes.mean([a, b], |r| 2.0 * r),
+        mean_volume: sizes.mean([a, b], |r| dimension.volume(r)),
+        length: c.known(&SAMPLE.length),
+        width: c.number(&SAMPLE.width).unwrap_or(f64::INFINITY),
+    })
+}
+
+/// The least and the greatest radius, and whether they can be.
+fn radii(c: &mut Checker<'_>, sizes: &Sizes) -> [f64; 2] {
+    let keys = [&SAMPLE.radius_min, &SAMPLE.radius_max];
+    let [a, b] = match sizes {
+        Sizes::List(radii) => [
+            radii.iter().copied().fold(f64::INFINITY, f64::min),
+            radii.iter().copied().fold(0.0, f64::max),
+        ],
+        _ => keys.map(|key| c.known(key)),
+    };
+    if a > b {
+        c.refuse_among(
+            &keys,
+            &format!("radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"),
+        );
+    }
+    if let Sizes::Normal { deviation, .. } = sizes
+        && a < b
+        && *deviation < NARROWEST * (b - a)
+    {
+        // Radii are drawn between the two until one is in the distribution.
+        c.refuse(
+            &SAMPLE.radius_deviation,
+            &format!("must be at least {NARROWEST} (radius_max - radius_min) = {:.3e}, found {deviation:?}; give radius_min and radius_max closer to the mean", NARROWEST * (b - a)),
+        );
+    } else if let Sizes::Normal { mean, deviation } = sizes
+        && taken(*mean, *deviation, [a, b]) < LEAST_TAKEN
+    {
+        c.refuse_among(
+            &keys,
+            &format!("the normal distribution about {mean:?} with deviation {deviation:?} has hardly a radius between radius_min and radius_max; give a mean between them"),
+        );
+    }
+    [a, b]
+}
+
+/// The share of uniform radii in [a, b] that the normal distribution takes.
+fn taken(mean: f64, deviation: f64, [a, b]: [f64; 2]) -> f64 {
+    let density = |r: f64| {
+        let z = (r - mean) / deviation;
+        portable_exp(-0.5 * z * z)
+    };
+    // About ten of them within the least deviation.
+    let middle = |k: u32| a + (b - a) * (f64::from(k) + 0.5) / 1000.0;
+    (0..1000).map(|k| density(middle(k))).sum::<f64>() / 1000.0
+}
+
+/// How the radii of inserted grains are distributed.
+fn check_sizes(c: &mut Checker<'_>) -> Sizes {
+    let keys = &SAMPLE;
+    let Some(name) = c.choice(&keys.sizes) else {
+        return Sizes::Uniform;
+    };
+    for (key, of) in [
+        (&keys.radius_mean, "normal"),
+        (&keys.radius_deviation, "normal"),
+        (&keys.large_fraction, "binary"),
+        (&keys.radii, "list"),
+    ] {
+        if name != of {
+            c.useless(
+                key,
+                &format!("applies to sample.sizes = {of:?}, not to {name:?}"),
+            );
+        }
+    }
+    match name {
+        "normal" => Sizes::Normal {
+            mean: c.required(&keys.radius_mean),
+            deviation: c.required(&keys.radius_deviation),
+        },
+        "binary" => Sizes::Binary {
+            large_fraction: c.required(&keys.large_fraction),
+        },
+        "list" => Sizes::List(c.required_list(&keys.radii, "radius")),
+        _ => Sizes::Uniform,
+    }
+}
+
+/// The sample, where it comes from, and the thickness of each of its walls over d̄; `skip`: it is not
+/// compressed.
+pub(crate) fn derive(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    grains: Grains,
+    skip: bool,
+    packing: ReadPacking<'_>,
+) -> Result<(Sample, Origin, f64), Failure> {
+    let keys = &SAMPLE;
+    let (sample, origin, layers) = match grains {
+        Grains::Inserted(sizes) => {
+            let sample = inserted(c, dimension, &sizes)?;
+            let height = derived::packed_height(&sample);
+            let sized_by = [
+                &keys.grains,
+                &keys.radius_min,
+                &keys.radius_max,
+                &keys.length,
+            ];
+            let layers = check_size(c, &sample, height, &sized_by)?;
+            (sample, Origin::Insertion(sizes), layers)
+        }
+        Grains::File(copies) => {
+            let path = c.text(&keys.packing).unwrap_or_default();
+            let file = packing(&c.resolve(&keys.packing, path), copies);
+            let file = file.map_err(|failure| match failure {
+                Failure::Input(what) => c.failure(&keys.packing, &what),
+                other => other,
+            })?;
+            let sample = of_file(c, dimension, &file)?;
+            let layers = check_size(c, &sample, file.height(), &[&keys.packing])?;
+            let by_type = skip && file.wall_types;
+            let default = if by_type { Walls::Types } else { Walls::Layers };
+            let walls = c.named(&keys.walls, &Walls::NAMES).unwrap_or(default);
+            fill_from(c, dimension, &file, walls);
+            (sample, Origin::Packing { file, walls }, layers)
+        }
+    };
+    c.fill(&keys.wall_thickness, layers);
+    Ok((sample, origin, layers))
+}
+
+/// The sample that a file holds, which the keys that are given must agree with.
+fn of_file(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    file: &PackingFile,
+) -> Result<Sample, Failure> {
+    let keys = &SAMPLE;
+    let unlike = |given: &dyn std::fmt::Display, of_file: &dyn std::fmt::Display| {
+        format!("is {of_file} in the packing of sample.packing, found {given}; leave it out")
+    };
+    if let Some(n) = c.whole(&keys.grains)
+        && n != i64::from(file.grains)
+    {
+        c.refuse(&keys.grains, &unlike(&n, &file.grains));
+    }
+    let width = file.width.unwrap_or(f64::INFINITY);
+    for (key, of_file) in [
+        (&keys.radius_min, file.radius_min),
+        (&keys.radius_max, file.radius_max),
+        (&keys.length, file.length),
+        (&keys.width, width),
+    ] {
+        if let Some(x) = c.number(key)
+            && x != of_file
+        {
+            c.refuse(key, &unlike(&show(x), &show(of_file)));
+        }
+    }
+    if file.width.is_some() != (dimension == Dimensions::Three) {
+        let (is, dimension) = match file.width {
+            Some(_) => ("spheres", 3),
+            None => ("disks in the plane z = 0", 2),
         };
-        // α = -1, β = 2: φ = 0.2419707245, 0.0539909665; Φ(2) - Φ(-1) = 0.8185946141.
-        let expected = 1.0
-            + 0.5 * (0.241_970_724_519_143_37 - 0.053_990_966_513_188_06) / 0.818_594_614_120_363_6;
-        assert!((sizes.mean([0.5, 2.0], |r| r) - expected).abs() < 1e-12);
+        c.refuse(
+            &keys.packing,
+            &format!("holds {is}; give dimension = {dimension}"),
+        );
     }
+    c.settle()?;
+    Ok(Sample {
+        grains: file.grains,
+        radius_min: file.radius_min,
+        radius_max: file.radius_max,
+        mean_diameter: file.mean_diameter,
+        mean_volume: file.mean_volume,
+        length: file.length,
+        width,
+    })
+}
 
-    #[test]
-    fn any_share_is_the_same_as_the_whole() {
-        for sample in [&SAMPLE, &SPHERES] {
-            let lattice = Lattice::new(sample, &Sizes::Uniform);
-            let whole = lattice.insert(3, 0, 1);
-            let shares: Vec<_> = (0..5).flat_map(|r| lattice.insert(3, r, 5)).collect();
-            assert_eq!(whole, shares);
-            assert_ne!(lattice.insert(4, 0, 1), whole);
-        }
+/// Fills in what follows from a file.
+fn fill_from(c: &mut Checker<'_>, dimension: Dimensions, file: &PackingFile, walls: Walls) {
+    let keys = &SAMPLE;
+    c.fill(&keys.packing, &*file.path.display().to_string());
+    let copies = &file.replicate[..dimension.axes() - 1];
+    c.fill(&keys.replicate, copies);
+    let name = Walls::NAMES.iter().find(|(_, known)| *known == walls);
+    c.fill(&keys.walls, name.map_or("", |(name, _)| name));
+    c.fill(&keys.grains, u64::from(file.grains));
+    c.fill(&keys.radius_min, file.radius_min);
+    c.fill(&keys.radius_max, file.radius_max);
+    c.fill(&keys.length, file.length);
+    if let Some(width) = file.width {
+        c.fill(&keys.width, width);
     }
+}
+
+/// Refuses a cell too small for its grains and walls. Returns the thickness of these over d̄.
+/// `height` (m) includes the walls; `sized_by` are the keys that set the size.
+fn check_size(
+    c: &mut Checker<'_>,
+    sample: &Sample,
+    height: f64,
+    sized_by: &[&Key],
+) -> Result<f64, Failure> {
+    let keys = &SAMPLE;
+    let given = c.number(&keys.wall_thickness);
+    let layers = given.unwrap_or_else(|| derived::wall_layers(sample));
+    let least = 8.0 * sample.radius_max;
+    let narrow = |name: &str, length: f64| {
+        format!(
+            "the cell is too narrow for its grains: {name} = {} m; give at least 4 diameters of the largest, {least:.3e} m",
+            show(length)
+        )
+    };
+    if sample.width < least {
+        c.refuse(&keys.width, &narrow("width", sample.width));
+    }
+    if sample.length < least {
+        // The length first, where it was given.
+        let reversed: Vec<&Key> = sized_by.iter().rev().copied().collect();
+        c.refuse_among(&reversed, &narrow("length", sample.length));
+    }
+    c.settle()?;
+    let needed = derived::least_height(layers) * sample.mean_diameter;
+    if height < needed {
+        let least = derived::least_grains(sample, layers);
+        let mut remedy = if least <= f64::from(u32::MAX) {
+            format!("give at least {least} grains or a shorter cell")
+        } else {
+            "give a shorter cell".into()
+        };
+        if layers > 1.0 {
+            remedy += ", or thinner walls (sample.wall_thickness)";
+        }
+        let of_wall = if layers == 1.0 {
+            "one mean diameter".into()
+        } else {
+            format!("{} mean diameters", (1e3 * layers).round() / 1e3)
+        };
+        let what = format!(
+            "the cell is too low for its walls: {} grains fill about {height:.2e} m of height, but two walls of {of_wall} and five between them take {needed:.2e} m; {remedy}",
+            sample.grains
+        );
+        c.refuse_among(&[sized_by, &[&keys.wall_thickness]].concat(), &what);
+    }
+    c.settle()?;
+    Ok(layers)
 }

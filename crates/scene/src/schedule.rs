@@ -2,10 +2,12 @@
 //! trajectory.
 
 use crate::derived::packed_height;
-use crate::scene::{Oscillation, PartDrive, PartNormal, Stress};
-use crate::{Dimensions, Load, Motion, Part, PlaneShear, Scene, WallSpeed};
-use gshear_dem::protocol::{Along, Course, Imposed, Normal, Protocol, Segment};
-use gshear_dem::wave::Wave;
+use crate::load::Load;
+use crate::protocol::{Motion, WallSpeed};
+use crate::scene::Scene;
+use crate::walls::PlaneShear;
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::protocol::{Part, Protocol, Segment};
 
 /// Steps of a stage that are counted: 2^53, up to which f64 has every whole number.
 pub const MOST_STEPS: u64 = 1 << 53;
@@ -150,8 +152,9 @@ impl Schedule {
             }
             Motion::Protocol(parts) => {
                 let steps = |part: &Part| whole(part.time / step);
-                let imposed = imposed(scene, walls, parts, height);
-                protocol = Protocol::of(step, imposed.into_iter().zip(parts.iter().map(steps)));
+                let base = scene.sample.base();
+                let segment = |part: &Part| (part.on_layer(height, base, step), steps(part));
+                protocol = Protocol::of(step, parts.iter().map(segment));
                 let of_segment = |segment: &Segment| {
                     let every = |rows: u64| match rows {
                         0 => 0,
@@ -280,39 +283,6 @@ impl Schedule {
         let first = self.protocol.segments()[segment].first;
         due(every(&self.intervals[segment]), step - first.max(from))
     }
-}
-
-/// What the parts of a protocol impose on the walls of a layer of this height (m).
-fn imposed(scene: &Scene, walls: &PlaneShear, parts: &[Part], height: f64) -> Vec<Imposed> {
-    let (step, base) = (scene.time_step.step, scene.sample.base());
-    let wave = |of: Oscillation, unit: f64| Wave {
-        amplitude: of.amplitude * unit,
-        per_step: of.frequency * step,
-    };
-    let course = |[from, to]: [f64; 2], of: &Stress| Course {
-        from: from * base,
-        to: to * base,
-        wave: of.wave.map(|of| wave(of, base)),
-    };
-    // A protocol without loads leaves the load of the packed sample as it is.
-    let has_normal = parts.iter().any(Part::has_normal);
-    let pressures = walls.shear.pressures(walls.load.pressure);
-    let of_part = |(part, pressure): (&Part, &Option<[f64; 3]>)| Imposed {
-        along: match &part.drive {
-            PartDrive::Velocity(velocity) => Along::Velocity(*velocity),
-            PartDrive::Strain(of) => Along::Oscillation(wave(*of, height)),
-            PartDrive::Stress(stress) => Along::Force(course(stress.values(0.0), stress)),
-        },
-        normal: has_normal.then(|| match (&part.normal, pressure) {
-            (PartNormal::Pressure(of), Some([from, to, _])) => {
-                Normal::Load(course([*from, *to], of))
-            }
-            (PartNormal::Velocity(velocity), _) => Normal::Velocity(*velocity),
-            (PartNormal::Pressure(_), None) => unreachable!("a pressure has its values"),
-        }),
-        bottom: part.bottom.map(|of| wave(of, 1.0)),
-    };
-    parts.iter().zip(&pressures).map(of_part).collect()
 }
 
 /// At least one step, and none of nothing.

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use toml::de::DeTable;
 
+use crate::words::EXTENDS;
 use gshear_dem::failure::Failure;
 
 /// A configuration as text, with the name that messages give it, and the files that it extends.
@@ -188,9 +189,6 @@ impl Source {
     }
 }
 
-/// The key that names the file that a file extends.
-pub(super) const EXTENDS: &str = "extends";
-
 /// The expected file, as messages about a missing or unreadable one name it.
 const FORMAT: &str =
     "a TOML file, such as configs/plane-shear-2d.toml, or none for the embedded default scene";
@@ -301,9 +299,10 @@ impl<'a> Input<'a> {
     /// [`Self::mention`] in a message about the place `beside`: names the file if that is another one.
     pub fn mention_beside(&self, offset: usize, beside: usize) -> String {
         let in_files = self.override_at(offset).is_none() && self.override_at(beside).is_none();
-        match in_files && !self.are_beside(offset, beside) {
-            true => self.place(offset),
-            false => self.mention(offset),
+        if in_files && !self.are_beside(offset, beside) {
+            self.place(offset)
+        } else {
+            self.mention(offset)
         }
     }
 

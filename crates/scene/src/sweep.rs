@@ -6,13 +6,9 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::keys::resolve;
-use super::overrides::TAKE_AWAY;
 use super::source::{Input, Source};
-use super::words::shortened;
+use super::words::{SWEEP, TAKE_AWAY, shortened};
 use gshear_dem::failure::Failure;
-
-/// Name of the table.
-pub(super) const SWEEP: &str = "sweep";
 
 /// Runs of a sweep. All are listed, and checked before the first one runs.
 pub const MOST_RUNS: usize = 10_000;
@@ -71,13 +67,7 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
     let Some((key, value)) = found else {
         return Ok(None);
     };
-    let refuse = |offset: usize, path: &str, what: &str| {
-        let path = match path {
-            "" => SWEEP.to_string(),
-            path => format!("{SWEEP}.{path}"),
-        };
-        Err(input.failure(offset, &path, what))
-    };
+    let refuse = |offset, path: &str, what: &str| refuse(&input, offset, path, what);
     let at = key.span().start;
     let DeValue::Table(table) = value.get_ref() else {
         return refuse(
@@ -89,6 +79,44 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
     let mut found = Vec::new();
     leaves(table, "", &mut found);
     found.sort_by_key(|(offset, ..)| *offset);
+    let axes = axes(&input, found)?;
+    if axes.is_empty() {
+        return refuse(
+            at,
+            "",
+            "is empty; give lists of values, such as seed = [1, 2, 3]",
+        );
+    }
+    let all = product(&axes);
+    let mut seen = HashSet::new();
+    for member in &all {
+        if !seen.insert(&member.name) {
+            let last = &axes[axes.len() - 1];
+            let what = format!(
+                "gives two runs the name {}; make the values shorter",
+                shortened(&member.name)
+            );
+            return refuse(last.offset, &last.path, &what);
+        }
+    }
+    Ok(Some(all))
+}
+
+/// A failure at a key of the table; of the table itself if there is none.
+fn refuse<T>(input: &Input<'_>, offset: usize, path: &str, what: &str) -> Result<T, Failure> {
+    let path = match path {
+        "" => SWEEP.to_string(),
+        path => format!("{SWEEP}.{path}"),
+    };
+    Err(input.failure(offset, &path, what))
+}
+
+/// The keys of a sweep with their values, from their places, paths and lists.
+fn axes(
+    input: &Input<'_>,
+    found: Vec<(usize, String, &Spanned<DeValue<'_>>)>,
+) -> Result<Vec<Axis>, Failure> {
+    let refuse = |offset, path: &str, what: &str| refuse(input, offset, path, what);
     let mut axes: Vec<Axis> = Vec::new();
     let mut runs = 1usize;
     for (offset, path, value) in found {
@@ -116,7 +144,9 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
             );
             return refuse(offset, &path, &what);
         }
-        let texts = list.iter().map(|v| source.slice(v.span()).to_string());
+        let texts = list
+            .iter()
+            .map(|v| input.source.slice(v.span()).to_string());
         let values: Vec<String> = texts.collect();
         let mut seen = HashSet::new();
         if let Some(twice) = values.iter().find(|value| !seen.insert(*value)) {
@@ -130,26 +160,7 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
             values,
         });
     }
-    if axes.is_empty() {
-        return refuse(
-            at,
-            "",
-            "is empty; give lists of values, such as seed = [1, 2, 3]",
-        );
-    }
-    let all = product(&axes);
-    let mut seen = HashSet::new();
-    for member in &all {
-        if !seen.insert(&member.name) {
-            let last = &axes[axes.len() - 1];
-            let what = format!(
-                "gives two runs the name {}; make the values shorter",
-                shortened(&member.name)
-            );
-            return refuse(last.offset, &last.path, &what);
-        }
-    }
-    Ok(Some(all))
+    Ok(axes)
 }
 
 /// What to say of a sweep that is run as if it were one scene.

@@ -4,12 +4,11 @@
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::kind::Values;
-use super::raw::keys_of;
-use super::raw::part::PART_KEYS;
+use super::keys::table;
 use super::source::Input;
+use super::table::unit;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws;
+use gshear_dem::laws::{self, keys::Values};
 
 /// Twice the exponents of m, kg and s: the laws have half powers of a metre.
 type Dimension = [i32; 3];
@@ -159,9 +158,10 @@ impl Unit {
                 }
             }
         }
-        match divides || group {
-            true => Err(text.into()),
-            false => Ok(unit),
+        if divides || group {
+            Err(text.into())
+        } else {
+            Ok(unit)
         }
     }
 
@@ -178,13 +178,11 @@ impl Unit {
             let end = text.trim_end_matches(|c| raised(c).is_some()).len();
             let (name, exponent) = text.split_at(end);
             let exponent: String = exponent.chars().filter_map(raised).collect();
-            match exponent.is_empty() {
-                true => (name, 2),
+            match exponent.parse::<i32>() {
+                _ if exponent.is_empty() => (name, 2),
                 // Of few digits, as those behind `^` are.
-                false => match exponent.parse::<i32>() {
-                    Ok(exponent) if exponent.abs() <= 12 => (name, 2 * exponent),
-                    _ => return Err(unknown()),
-                },
+                Ok(exponent) if exponent.abs() <= 12 => (name, 2 * exponent),
+                _ => return Err(unknown()),
             }
         };
         if name == "1" {
@@ -370,22 +368,22 @@ fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<(),
     let law = law.filter(|law| laws::kind(law).is_some());
     let mut visit = |at: usize, path: &str, units: &[String], value: &mut DeValue<'a>| {
         let text = value.as_str();
-        match text.is_some_and(|text| quantity(text).is_some()) {
-            true => visit(at, path, units, value),
-            false => Ok(()),
+        if text.is_some_and(|text| quantity(text).is_some()) {
+            visit(at, path, units, value)
+        } else {
+            Ok(())
         }
     };
     for (name, value) in tree.iter_mut() {
-        let keys = keys_of(name.get_ref()).unwrap_or_default();
-        let DeValue::Table(table) = value.get_mut() else {
+        let (Some(known), DeValue::Table(inner)) = (table(name.get_ref()), value.get_mut()) else {
             continue;
         };
-        for (name, value) in table.iter_mut() {
-            let Some(key) = keys.iter().find(|key| key.name == &**name.get_ref()) else {
+        for (name, value) in inner.iter_mut() {
+            let Some(key) = known.key(name.get_ref()) else {
                 continue;
             };
             let at = value.span().start;
-            let units = declared(&key.unit, spheres, law.as_deref());
+            let units = declared(&unit(key), spheres, law.as_deref());
             match (key.values, value.get_mut()) {
                 (Values::Number(_), value) => visit(at, key.path, &units, value)?,
                 (Values::Numbers(_), DeValue::Array(list)) => {
@@ -393,13 +391,13 @@ fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<(),
                         visit(at, key.path, &units, value.get_mut())?;
                     }
                 }
-                (Values::Parts, DeValue::Array(parts)) => {
+                (Values::Parts(keys), DeValue::Array(parts)) => {
                     for (n, part) in parts.iter_mut().enumerate() {
                         let DeValue::Table(part) = part.get_mut() else {
                             continue;
                         };
                         for (name, value) in part.iter_mut() {
-                            let known = PART_KEYS.iter().find(|key| name.get_ref() == key.name);
+                            let known = keys.iter().find(|key| name.get_ref() == key.path);
                             let units = known.map(|key| key.unit.to_string());
                             let path = format!("{}: part {}: {}", key.path, n + 1, name.get_ref());
                             visit(at, &path, units.as_slice(), value.get_mut())?;
@@ -557,9 +555,11 @@ mod tests {
     /// Every unit that is declared, in every law and dimension.
     #[test]
     fn declared_units_are_known() {
-        let keys = crate::raw::TABLES.iter().flat_map(|table| &table.keys);
+        let keys = crate::keys::TABLES
+            .iter()
+            .flat_map(crate::table::Table::keys);
         for key in keys.filter(|key| !key.unit.is_empty()) {
-            let all = [true, false].map(|spheres| declared(&key.unit, spheres, None));
+            let all = [true, false].map(|spheres| declared(&unit(key), spheres, None));
             for unit in all.iter().flatten() {
                 let parsed = Unit::parse(unit).unwrap_or_else(|_| panic!("{}", key.path));
                 assert!(parsed.ten % 2 == 0 && parsed.factor == 1.0, "{}", key.path);

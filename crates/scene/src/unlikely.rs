@@ -5,9 +5,13 @@ use toml::{Table, Value};
 use gshear_dem::state::GrainState;
 
 use crate::packing::force_on_top;
+use crate::periodic::{Newtonian, PeriodicBox};
+use crate::protocol::{Motion, WallSpeed};
+use crate::scene::{Boundary, Scene};
 use crate::schedule::{STEPS_WITHOUT_A_PAIR, Schedule};
+use crate::walls::PlaneShear;
 use crate::words::show;
-use crate::{Boundary, Motion, Newtonian, PartDrive, PeriodicBox, PlaneShear, Scene, WallSpeed};
+use gshear_dem::protocol::Normal;
 
 /// Ranges in which a value of a key raises no doubt.
 struct Likely {
@@ -111,11 +115,14 @@ const AT_LOAD: f64 = 2.0;
 /// force than it is loaded with at the start. `grains`: all of them.
 pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
     let walls = scene.plane_shear("").ok().filter(|of| of.pack.skip)?;
-    let pressures = walls.shear.pressures(walls.load.pressure);
-    let load = match pressures.first() {
+    let first = match &walls.shear.motion {
+        Motion::Strain { .. } => None,
+        Motion::Protocol(parts) => parts[0].imposed.normal,
+    };
+    let load = match first {
         None => walls.load.pressure,
-        // None at a normal velocity.
-        Some(first) => (*first)?[0],
+        Some(Normal::Load(pressure)) => pressure.from,
+        Some(Normal::Velocity(_)) => return None,
     };
     let own = force_on_top(scene, grains) / scene.sample.base();
     let begins = match own / load {
@@ -123,9 +130,10 @@ pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
         ratio if ratio < 1.0 / AT_LOAD => "falls onto it",
         _ => return None,
     };
-    let or_pressure = match own > 0.0 {
-        true => format!(", or load.pressure = {own:.3e}"),
-        false => String::new(),
+    let or_pressure = if own > 0.0 {
+        format!(", or load.pressure = {own:.3e}")
+    } else {
+        String::new()
     };
     Some(format!(
         "sample.packing is not at its load: its overlaps press on the top wall with {own:.3e} Pa, and the load is {load:.3e} Pa; the wall {begins}; give pack.skip = false to compress it under the load{or_pressure}"
@@ -206,9 +214,10 @@ fn first(value: &Value) -> Option<f64> {
 }
 
 fn is(key: &str, value: f64, unit: &str) -> String {
-    let value = match (1e-3..1e5).contains(&value.abs()) || value == 0.0 {
-        true => format!("{value}"),
-        false => format!("{value:.3e}"),
+    let value = if (1e-3..1e5).contains(&value.abs()) || value == 0.0 {
+        format!("{value}")
+    } else {
+        format!("{value:.3e}")
     };
     format!(
         "{key} is {value}{}{unit}:",
@@ -219,12 +228,7 @@ fn is(key: &str, value: f64, unit: &str) -> String {
 fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<String>) {
     let (load, sample) = (&walls.load, &scene.sample);
     let diameter = sample.mean_diameter;
-    let pressures = walls.shear.pressures(load.pressure);
-    let greatest = pressures
-        .iter()
-        .flatten()
-        .map(|[start, end, wave]| start.max(*end) + wave);
-    let greatest = greatest.fold(load.pressure, f64::max);
+    let greatest = walls.shear.greatest_pressure(load.pressure);
     // κ falls as the pressure rises, at least as fast as by its power 2/3.
     let kappa = load.stiffness_number * (load.pressure / greatest).powf(2.0 / 3.0);
     if kappa < RIGID {
@@ -244,13 +248,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
             ..
         } => schedule.inertial_number(*v),
         Motion::Protocol(parts) => {
-            let speeds = parts.iter().map(|part| match &part.drive {
-                PartDrive::Velocity(v) => *v,
-                PartDrive::Strain(wave) => {
-                    std::f64::consts::TAU * wave.frequency * wave.amplitude * height
-                }
-                PartDrive::Stress(_) => 0.0,
-            });
+            let speeds = parts.iter().map(|part| part.speed(height));
             schedule.inertial_number(speeds.fold(0.0, |most, v| most.max(v.abs())))
         }
     };

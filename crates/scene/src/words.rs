@@ -1,4 +1,14 @@
-//! Numbers and lists in messages and in TOML.
+//! Words of configurations; numbers and lists in messages and in TOML.
+
+use strsim::levenshtein;
+
+/// Removes a key, so that the default or another key for the same quantity applies. In a file, it
+/// removes the key of the file that is extended.
+pub const TAKE_AWAY: &str = "none";
+/// The key that names the file that a file extends.
+pub const EXTENDS: &str = "extends";
+/// The table of lists of values, which make several runs.
+pub const SWEEP: &str = "sweep";
 
 /// The shortest decimal that reads back to the same bits, without many zeros.
 pub fn show(x: f64) -> String {
@@ -37,3 +47,43 @@ pub fn shortened(line: &str) -> String {
 
 /// Characters.
 const LONGEST_QUOTE: usize = 120;
+
+/// `start; intro a, b, c`, with no semicolon after a question mark.
+pub fn known_names(start: String, intro: &str, names: &[&str]) -> String {
+    let names = names.join(", ");
+    if start.ends_with('?') {
+        let mut intro = intro.to_string();
+        intro[..1].make_ascii_uppercase();
+        format!("{start} {intro} {names}")
+    } else {
+        format!("{start}; {intro} {names}")
+    }
+}
+
+/// What follows a message about a word that none of these names is: the one that is meant, perhaps.
+pub fn meant(word: &str, names: &[&str]) -> String {
+    nearest(word, names).map_or(String::new(), |near| format!("; did you mean {near}?"))
+}
+
+/// The name nearest by Levenshtein's distance, if it is near enough to be a misspelling.
+pub fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
+    let (distance, name) = names
+        .iter()
+        .map(|name| (levenshtein(word, name), *name))
+        .min()?;
+    (2 * distance <= word.chars().count().max(name.len())).then_some(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_far_name_is_not_suggested() {
+        assert_eq!(
+            nearest("radius", &["radius_min", "length"]),
+            Some("radius_min")
+        );
+        assert_eq!(nearest("gravity", &["radius_min", "length"]), None);
+    }
+}

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::state::GrainState;
+use gshear_scene::insertion::Lattice;
 use gshear_scene::packing::Packing;
-use gshear_scene::sample::Lattice;
 use gshear_scene::{Boundary, Origin, Scene, Source, lammps_data, load, sweep};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};

@@ -25,7 +25,7 @@ pub(super) fn read_ratio(values: &mut dyn KeyReader) -> f64 {
 
 /// Reads the share of the tangential damper that acts on sliding contacts; by default none does.
 pub(super) fn read_sliding(values: &mut dyn KeyReader) -> f64 {
-    let constant = SLIDING_DAMPING.constant.unwrap_or(0.0);
+    let constant = SLIDING_DAMPING.default_number().unwrap_or(0.0);
     values.number(&SLIDING_DAMPING).unwrap_or(constant)
 }
 

@@ -17,7 +17,7 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::keys::{
-    DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, KeyReader, LawKey, NORMAL_DAMPING, POISSON_RATIO,
+    DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, Key, KeyReader, NORMAL_DAMPING, POISSON_RATIO,
     RESTITUTION, TANGENTIAL_DAMPING, YOUNG_MODULUS,
 };
 use super::{Constants, Contact, LawKind, Rigidity};
@@ -167,7 +167,7 @@ impl Constants for Spheres {
         Some(2.943_275_194_3 * deepest / speed)
     }
 
-    fn default_of(&self, key: &LawKey) -> Option<f64> {
+    fn default_of(&self, key: &Key) -> Option<f64> {
         (key.path == TANGENTIAL_DAMPING.path).then_some(self.tangential_damping)
     }
 

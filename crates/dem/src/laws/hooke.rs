@@ -31,7 +31,7 @@ use std::sync::Arc;
 
 use super::damping::{of_ratio, read_ratio, read_sliding};
 use super::keys::{
-    DAMPING_RATIO, DENSITY, KeyReader, LawKey, NORMAL_STIFFNESS, RESTITUTION, SLIDING_DAMPING,
+    DAMPING_RATIO, DENSITY, Key, KeyReader, NORMAL_STIFFNESS, RESTITUTION, SLIDING_DAMPING,
     TANGENTIAL_STIFFNESS,
 };
 use super::rolling::{self, Places, Rolling, rolling_force};
@@ -93,8 +93,8 @@ impl Springs {
 /// Reads k_n and k_t; k_t is at most k_n, and 2/7 of it by default.
 pub(super) fn read_stiffnesses(
     values: &mut dyn KeyReader,
-    normal: &LawKey,
-    tangential: &LawKey,
+    normal: &Key,
+    tangential: &Key,
 ) -> [f64; 2] {
     let k_n = values.required(normal);
     let k_t = values.number(tangential);
@@ -144,7 +144,7 @@ impl Constants for Springs {
         }
     }
 
-    fn default_of(&self, key: &LawKey) -> Option<f64> {
+    fn default_of(&self, key: &Key) -> Option<f64> {
         match key.path {
             path if path == TANGENTIAL_STIFFNESS.path => Some(self.tangential_stiffness),
             path if path == SLIDING_DAMPING.path => Some(self.sliding_damping),

@@ -1,4 +1,5 @@
-//! What the configuration may say about a contact law, declared once for everybody who reads it.
+//! Keys of the configuration: how one is declared, and those of the contact laws. Whoever reads the
+//! configuration uses these declarations.
 
 use std::ops::{Bound, RangeBounds};
 
@@ -103,46 +104,130 @@ fn short(x: f64) -> String {
     }
 }
 
-/// A number of the configuration that a law takes.
-#[derive(Debug, Clone, Copy)]
-pub struct LawKey {
-    /// The table and the name: `material.young_modulus`.
-    pub path: &'static str,
-    /// The symbol, or what it is, in ASCII for messages: `E`.
-    pub symbol: &'static str,
-    /// Empty for a pure number.
-    pub unit: &'static str,
-    /// A value as an example.
-    pub example: &'static str,
-    /// The range of its values.
-    pub bounds: Bounds,
-    /// What it is, for the documentation.
-    pub doc: &'static str,
-    /// The default in words; empty for a key without one.
-    pub default: &'static str,
-    /// A constant default, instead of one in words. A scene with it has the identity of one without
-    /// the key, so that runs of earlier versions can be resumed.
-    pub constant: Option<f64>,
+/// Integers from … to, both included.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Integers {
+    /// The least.
+    pub from: i64,
+    /// The greatest.
+    pub to: i64,
 }
 
-impl LawKey {
-    /// The name without the table.
-    pub fn name(&self) -> &'static str {
-        self.path
-            .split_once('.')
-            .map_or(self.path, |(_, name)| name)
+/// n ≥ 0.
+pub const FROM_ZERO: Integers = Integers {
+    from: 0,
+    to: i64::MAX,
+};
+/// n ≥ 1.
+pub const FROM_ONE: Integers = Integers {
+    from: 1,
+    to: i64::MAX,
+};
+
+impl Integers {
+    /// What a number must be, for messages.
+    pub fn words(&self) -> String {
+        let Integers { from, to } = self;
+        if *to == i64::MAX {
+            format!("must be {from} or greater")
+        } else {
+            format!("must lie in {from} … {to}")
+        }
+    }
+}
+
+/// The values that a key takes.
+#[derive(Debug, Clone, Copy)]
+pub enum Values {
+    /// A number.
+    Number(Bounds),
+    /// A list of numbers.
+    Numbers(Bounds),
+    /// An integer.
+    Whole(Integers),
+    /// True or false.
+    Flag,
+    /// One of these strings; any string if there are none.
+    Text(&'static [&'static str]),
+    /// A list of tables of numbers with these keys: the parts of a protocol.
+    Parts(&'static [&'static Key]),
+}
+
+/// When the value of a key may change after a run has begun.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// Never: the key decides the grains, or what a checkpoint stores of them.
+    Never,
+    /// Only in a branch, because the key decides the trajectory.
+    Branch,
+    /// At every resume: the key decides where a stage ends.
+    End,
+    /// At every resume: output and bookkeeping, which do not reach the trajectory.
+    Resume,
+}
+
+impl Change {
+    /// Whether the key belongs to the identity of a run.
+    pub fn is_physics(self) -> bool {
+        matches!(self, Change::Never | Change::Branch)
     }
 
-    /// The table.
-    pub fn table(&self) -> &'static str {
-        self.path
-            .split_once('.')
-            .map_or(self.path, |(table, _)| table)
+    /// The word in docs/config.md.
+    pub fn name(self) -> &'static str {
+        match self {
+            Change::Never => "never",
+            Change::Branch => "branch",
+            Change::End | Change::Resume => "resume",
+        }
     }
+}
 
-    const fn new(
+/// A key of the configuration. Checks, messages, `scene.toml`, the table of docs/config.md and the
+/// JSON schema are made from its declaration.
+#[derive(Debug, Clone, Copy)]
+pub struct Key {
+    /// The table and the name: `material.young_modulus`.
+    pub path: &'static str,
+    /// The meaning, in Markdown.
+    pub doc: &'static str,
+    /// Empty for a pure number.
+    pub unit: &'static str,
+    /// The values that it takes.
+    pub values: Values,
+    /// What else is asked of a value, in Markdown.
+    pub condition: &'static str,
+    /// A constant default, as text; empty for a key without one. A scene with it has the identity of
+    /// one without the key, so that runs of earlier versions can be resumed.
+    pub default: &'static str,
+    /// What applies if the key is not given and has no constant default, in Markdown.
+    pub otherwise: &'static str,
+    /// What it is, in a few words or as a symbol in ASCII, for the message that it is missing.
+    pub what: &'static str,
+    /// An example for that message.
+    pub example: &'static str,
+    /// When it may change after a run has begun.
+    pub change: Change,
+}
+
+impl Key {
+    /// A number without bounds, unit and default.
+    pub const PLAIN: Self = Self {
+        path: "",
+        doc: "",
+        unit: "",
+        values: Values::Number(ANY),
+        condition: "",
+        default: "",
+        otherwise: "",
+        what: "",
+        example: "",
+        change: Change::Branch,
+    };
+
+    /// A number that a law takes.
+    const fn number(
         path: &'static str,
-        symbol: &'static str,
+        what: &'static str,
         unit: &'static str,
         example: &'static str,
         bounds: Bounds,
@@ -150,29 +235,45 @@ impl LawKey {
     ) -> Self {
         Self {
             path,
-            symbol,
-            unit,
-            example,
-            bounds,
             doc,
-            default: "",
-            constant: None,
+            unit,
+            values: Values::Number(bounds),
+            what,
+            example,
+            ..Self::PLAIN
         }
     }
 
-    const fn default(mut self, words: &'static str) -> Self {
-        self.default = words;
-        self
+    /// The name without the table.
+    pub fn name(&self) -> &'static str {
+        self.path
+            .split_once('.')
+            .map_or(self.path, |(_, name)| name)
     }
 
-    const fn constant(mut self, value: f64) -> Self {
-        self.constant = Some(value);
-        self
+    /// The table; empty for a key above all tables.
+    pub fn table(&self) -> &'static str {
+        self.path.split_once('.').map_or("", |(table, _)| table)
+    }
+
+    /// What a configuration without this key lacks: `grains: the number of grains, such as …`.
+    pub fn lacking(&self) -> String {
+        let unit = match self.unit {
+            "" => String::new(),
+            unit => format!(" ({unit})"),
+        };
+        let (name, what, example) = (self.name(), self.what, self.example);
+        format!("{name}: {what}{unit}, such as {name} = {example}")
+    }
+
+    /// The constant default of a number.
+    pub fn default_number(&self) -> Option<f64> {
+        self.default.parse().ok()
     }
 }
 
 /// E.
-pub const YOUNG_MODULUS: LawKey = LawKey::new(
+pub const YOUNG_MODULUS: Key = Key::number(
     "material.young_modulus",
     "E",
     "Pa",
@@ -181,7 +282,7 @@ pub const YOUNG_MODULUS: LawKey = LawKey::new(
     "Young's modulus E of the grains",
 );
 /// ν.
-pub const POISSON_RATIO: LawKey = LawKey::new(
+pub const POISSON_RATIO: Key = Key::number(
     "material.poisson_ratio",
     "nu",
     "",
@@ -190,7 +291,7 @@ pub const POISSON_RATIO: LawKey = LawKey::new(
     "Poisson's ratio ν of the grains",
 );
 /// ρ.
-pub const DENSITY: LawKey = LawKey::new(
+pub const DENSITY: Key = Key::number(
     "material.density",
     "rho",
     "kg/m³",
@@ -199,7 +300,7 @@ pub const DENSITY: LawKey = LawKey::new(
     "density ρ of the grains",
 );
 /// m.
-pub const MASS: LawKey = LawKey::new(
+pub const MASS: Key = Key::number(
     "material.mass",
     "m",
     "kg, in 2D kg/m",
@@ -208,7 +309,7 @@ pub const MASS: LawKey = LawKey::new(
     "mass m of every grain, whatever its size, instead of ρ",
 );
 /// k_n of a linear spring.
-pub const NORMAL_STIFFNESS: LawKey = LawKey::new(
+pub const NORMAL_STIFFNESS: Key = Key::number(
     "contact.normal_stiffness",
     "k_n",
     "N/m, in 2D Pa",
@@ -217,29 +318,31 @@ pub const NORMAL_STIFFNESS: LawKey = LawKey::new(
     "normal stiffness k_n",
 );
 /// k_t of a linear spring.
-pub const TANGENTIAL_STIFFNESS: LawKey = LawKey::new(
-    "contact.tangential_stiffness",
-    "k_t",
-    "N/m, in 2D Pa",
-    "3e7",
-    POSITIVE,
-    "tangential stiffness k_t, at most k_n",
-)
-.default("(2/7) k_n");
+pub const TANGENTIAL_STIFFNESS: Key = Key {
+    otherwise: "(2/7) k_n",
+    ..Key::number(
+        "contact.tangential_stiffness",
+        "k_t",
+        "N/m, in 2D Pa",
+        "3e7",
+        POSITIVE,
+        "tangential stiffness k_t, at most k_n",
+    )
+};
 /// k_n of a spring F = k δ^(3/2).
-pub const NORMAL_STIFFNESS_3_2: LawKey = LawKey {
+pub const NORMAL_STIFFNESS_3_2: Key = Key {
     unit: "N/m^1.5, in 2D N/m^2.5",
     example: "1e10",
     ..NORMAL_STIFFNESS
 };
 /// k_t of a spring F = k δ^(1/2) t.
-pub const TANGENTIAL_STIFFNESS_3_2: LawKey = LawKey {
+pub const TANGENTIAL_STIFFNESS_3_2: Key = Key {
     unit: "N/m^1.5, in 2D N/m^2.5",
     example: "3e9",
     ..TANGENTIAL_STIFFNESS
 };
 /// γ_n.
-pub const NORMAL_DAMPING: LawKey = LawKey::new(
+pub const NORMAL_DAMPING: Key = Key::number(
     "contact.normal_damping",
     "gamma_n",
     "1/(m s)",
@@ -248,27 +351,31 @@ pub const NORMAL_DAMPING: LawKey = LawKey::new(
     "normal damping γ_n",
 );
 /// γ_t.
-pub const TANGENTIAL_DAMPING: LawKey = LawKey::new(
-    "contact.tangential_damping",
-    "gamma_t",
-    "1/(m s)",
-    "3e7",
-    NOT_NEGATIVE,
-    "tangential damping γ_t",
-)
-.default("γ_n/2");
+pub const TANGENTIAL_DAMPING: Key = Key {
+    otherwise: "γ_n/2",
+    ..Key::number(
+        "contact.tangential_damping",
+        "gamma_t",
+        "1/(m s)",
+        "3e7",
+        NOT_NEGATIVE,
+        "tangential damping γ_t",
+    )
+};
 /// γ_t/γ_n.
-pub const TANGENTIAL_DAMPING_RATIO: LawKey = LawKey::new(
-    "contact.tangential_damping_ratio",
-    "gamma_t/gamma_n",
-    "",
-    "0.5",
-    NOT_NEGATIVE,
-    "tangential over normal damping, γ_t/γ_n",
-)
-.default("0.5");
+pub const TANGENTIAL_DAMPING_RATIO: Key = Key {
+    otherwise: "0.5",
+    ..Key::number(
+        "contact.tangential_damping_ratio",
+        "gamma_t/gamma_n",
+        "",
+        "0.5",
+        NOT_NEGATIVE,
+        "tangential over normal damping, γ_t/γ_n",
+    )
+};
 /// The speed of an impact.
-pub const IMPACT_SPEED: LawKey = LawKey::new(
+pub const IMPACT_SPEED: Key = Key::number(
     "contact.impact_speed",
     "the speed at which two equal spheres collide with that restitution",
     "m/s",
@@ -277,7 +384,7 @@ pub const IMPACT_SPEED: LawKey = LawKey::new(
     "with `restitution`: the speed at which two equal spheres collide with that restitution",
 );
 /// The diameter of the colliding spheres.
-pub const IMPACT_DIAMETER: LawKey = LawKey::new(
+pub const IMPACT_DIAMETER: Key = Key::number(
     "contact.impact_diameter",
     "the diameter of those spheres",
     "m",
@@ -286,7 +393,7 @@ pub const IMPACT_DIAMETER: LawKey = LawKey::new(
     "with `impact_speed`: the diameter of those spheres",
 );
 /// α.
-pub const DAMPING_RATIO: LawKey = LawKey::new(
+pub const DAMPING_RATIO: Key = Key::number(
     "contact.damping_ratio",
     "alpha",
     "",
@@ -295,17 +402,19 @@ pub const DAMPING_RATIO: LawKey = LawKey::new(
     "normal and tangential damping ratio α",
 );
 /// The share of the tangential damper that acts on sliding contacts.
-pub const SLIDING_DAMPING: LawKey = LawKey::new(
-    "contact.sliding_damping",
-    "the share of the tangential damper that acts on sliding contacts",
-    "",
-    "1.0",
-    SHARE,
-    "share of the tangential damper that acts on sliding contacts, too",
-)
-.constant(0.0);
+pub const SLIDING_DAMPING: Key = Key {
+    default: "0.0",
+    ..Key::number(
+        "contact.sliding_damping",
+        "the share of the tangential damper that acts on sliding contacts",
+        "",
+        "1.0",
+        SHARE,
+        "share of the tangential damper that acts on sliding contacts, too",
+    )
+};
 /// e.
-pub const RESTITUTION: LawKey = LawKey::new(
+pub const RESTITUTION: Key = Key::number(
     "contact.restitution",
     "e",
     "",
@@ -317,14 +426,14 @@ pub const RESTITUTION: LawKey = LawKey::new(
 /// Reads the values of a law's keys from a configuration, and collects the errors.
 pub trait KeyReader {
     /// A number within the key's bounds; `None` if it is not given.
-    fn number(&mut self, key: &LawKey) -> Option<f64>;
+    fn number(&mut self, key: &Key) -> Option<f64>;
     /// A number that must be given; NaN if it is not.
-    fn required(&mut self, key: &LawKey) -> f64;
+    fn required(&mut self, key: &Key) -> f64;
     /// Ways to give one quantity, of which exactly one must be given. Returns its place; `what`
     /// names the ways.
-    fn exactly_one(&mut self, keys: &[&LawKey], what: &str) -> usize;
+    fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize;
     /// Refuses a key that means nothing beside the others.
-    fn useless(&mut self, key: &LawKey, why: &str);
+    fn useless(&mut self, key: &Key, why: &str);
     /// Refuses the value of a key.
-    fn refuse(&mut self, key: &LawKey, what: &str);
+    fn refuse(&mut self, key: &Key, what: &str);
 }

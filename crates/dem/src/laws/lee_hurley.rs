@@ -28,7 +28,7 @@ use std::sync::Arc;
 
 use super::damping::{of_ratio, read_ratio, read_sliding};
 use super::keys::{
-    DAMPING_RATIO, DENSITY, KeyReader, LawKey, POISSON_RATIO, RESTITUTION, SLIDING_DAMPING,
+    DAMPING_RATIO, DENSITY, Key, KeyReader, POISSON_RATIO, RESTITUTION, SLIDING_DAMPING,
     YOUNG_MODULUS,
 };
 use super::rolling::{self, Places, Rolling, rolling_force};
@@ -124,7 +124,7 @@ impl Constants for Material {
         }
     }
 
-    fn default_of(&self, key: &LawKey) -> Option<f64> {
+    fn default_of(&self, key: &Key) -> Option<f64> {
         (key.path == SLIDING_DAMPING.path).then_some(self.sliding_damping)
     }
 

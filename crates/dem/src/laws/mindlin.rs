@@ -15,9 +15,7 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::hooke::read_stiffnesses;
-use super::keys::{
-    DENSITY, KeyReader, LawKey, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2,
-};
+use super::keys::{DENSITY, Key, KeyReader, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2};
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
@@ -104,7 +102,7 @@ impl Constants for MindlinSprings {
         }
     }
 
-    fn default_of(&self, key: &LawKey) -> Option<f64> {
+    fn default_of(&self, key: &Key) -> Option<f64> {
         (key.path == TANGENTIAL_STIFFNESS_3_2.path).then_some(self.tangential_stiffness)
     }
 

@@ -15,7 +15,7 @@ pub mod tsuji;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use self::keys::{KeyReader, LawKey};
+use self::keys::{Key, KeyReader};
 use crate::dimension::{Dimensions, Three, Two};
 use crate::kernel::PairForce;
 use crate::state::Masses;
@@ -41,7 +41,7 @@ pub struct LawKind {
     /// Whether it has rolling resistance, in two dimensions.
     pub rolling: bool,
     /// The keys it takes, in the order in which they are written.
-    pub keys: &'static [&'static LawKey],
+    pub keys: &'static [&'static Key],
     /// Makes the constants from the keys' values.
     pub read: fn(&mut dyn KeyReader) -> Arc<dyn Constants>,
 }
@@ -104,7 +104,7 @@ pub trait Constants: Debug + Send + Sync {
     }
 
     /// The value of a key that has a default and was not given.
-    fn default_of(&self, _key: &LawKey) -> Option<f64> {
+    fn default_of(&self, _key: &Key) -> Option<f64> {
         None
     }
 
@@ -127,7 +127,7 @@ pub trait Constants: Debug + Send + Sync {
 #[derive(Debug, Clone)]
 pub struct Law {
     kind: &'static LawKind,
-    given: Vec<(&'static LawKey, f64)>,
+    given: Vec<(&'static Key, f64)>,
     constants: Arc<dyn Constants>,
 }
 
@@ -161,7 +161,7 @@ impl Law {
     }
 
     /// The values of its keys, given or default, in the order of [`LawKind::keys`].
-    pub fn given(&self) -> &[(&'static LawKey, f64)] {
+    pub fn given(&self) -> &[(&'static Key, f64)] {
         &self.given
     }
 

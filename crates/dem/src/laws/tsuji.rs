@@ -29,7 +29,7 @@ use std::sync::Arc;
 
 use super::hertz::{Damper, Hertz, PACKING_RESTITUTION, Spheres, impact};
 use super::keys::{
-    DENSITY, LawKey, POISSON_RATIO, RESTITUTION, TANGENTIAL_DAMPING_RATIO, YOUNG_MODULUS,
+    DENSITY, Key, POISSON_RATIO, RESTITUTION, TANGENTIAL_DAMPING_RATIO, YOUNG_MODULUS,
 };
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::dimension::{Dimensions, Three};
@@ -143,7 +143,7 @@ impl Constants for TsujiSpheres {
         self.spheres.collision_time(radius, speed)
     }
 
-    fn default_of(&self, key: &LawKey) -> Option<f64> {
+    fn default_of(&self, key: &Key) -> Option<f64> {
         (key.path == TANGENTIAL_DAMPING_RATIO.path).then_some(DEFAULT_RATIO)
     }
 

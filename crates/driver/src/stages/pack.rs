@@ -10,7 +10,7 @@ use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::body;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
-use gshear_scene::sample::freeze_walls;
+use gshear_scene::insertion::freeze_walls;
 use gshear_scene::schedule::packing_time;
 use gshear_scene::{Load, PlaneShear, Scene};
 

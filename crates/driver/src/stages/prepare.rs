@@ -20,7 +20,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::state::GrainState;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
-use gshear_scene::sample::{self, radius, stream};
+use gshear_scene::insertion::{self, radius, stream};
 use gshear_scene::{PeriodicBox, Placement, Scene, Sizes};
 use gshear_store::status::Standing;
 
@@ -358,7 +358,7 @@ fn large(scene: &Scene, sizes: &Sizes) -> Vec<bool> {
     let count = scene.sample.grains as usize;
     let mut large = vec![false; count];
     if let Sizes::Binary { large_fraction } = sizes {
-        large[..sample::large(scene.sample.grains, *large_fraction)].fill(true);
+        large[..insertion::large(scene.sample.grains, *large_fraction)].fill(true);
         // A stream of random numbers that no grain uses.
         let mut random = ChaCha8Rng::seed_from_u64(scene.seed);
         random.set_stream(u64::MAX);

@@ -81,7 +81,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         }
         let mut system = system(run, scene, scene.sample.cell())?;
         system.steps = from.step;
-        let spring = plane_shear.shear.spring.map(|spring| spring.stiffness);
+        let spring = plane_shear.shear.spring;
         if spring.is_none() {
             // A wall that begins to move at its full speed is not to leave the list in a step.
             let way = schedule.protocol.fastest() * schedule.step;
@@ -485,7 +485,7 @@ fn attributes(
         ("height_start", number(schedule.height)),
     ];
     if let Some(spring) = plane_shear.shear.spring {
-        attributes.push(("spring_stiffness", number(spring.stiffness)));
+        attributes.push(("spring_stiffness", number(spring)));
     }
     attributes
 }

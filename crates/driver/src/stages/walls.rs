@@ -5,7 +5,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, LawSpace};
 use gshear_dem::state::GrainState;
-use gshear_scene::sample::Lattice;
+use gshear_scene::insertion::Lattice;
 use gshear_scene::schedule::mean_mass;
 use gshear_scene::{Load, Origin, PlaneShear, Scene, Sizes};
 

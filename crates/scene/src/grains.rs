@@ -1,4 +1,4 @@
-//! The grains and their cell.
+//! The sizes of the grains, and their cell.
 
 use gshear_dem::contact::portable_exp;
 use gshear_dem::dimension::Dimensions;
@@ -122,16 +122,6 @@ pub enum Sizes {
 impl Sizes {
     /// The names, as `sample.sizes` has them.
     pub const NAMES: [&str; 4] = ["uniform", "normal", "binary", "list"];
-
-    /// The name in `sample.sizes`.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Sizes::Uniform => Self::NAMES[0],
-            Sizes::Normal { .. } => Self::NAMES[1],
-            Sizes::Binary { .. } => Self::NAMES[2],
-            Sizes::List(_) => Self::NAMES[3],
-        }
-    }
 
     /// ⟨f(R)⟩, between `a` and `b` (m). Polynomials of third order are exact but for rounding where
     /// R is not normal.

@@ -1,23 +1,15 @@
 //! The checked scene: every default filled in, every contradiction refused. SI units throughout; in
 //! a periodic box any consistent units, such as BO's reduced ones.
 
-mod periodic;
-mod sample;
-mod walls;
-
-pub use gshear_dem::dimension::Dimensions;
+use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-pub use gshear_dem::laws::{Contact, Law};
-use gshear_dem::system::ListSettings;
+use gshear_dem::laws::{Contact, Law};
 
-pub use periodic::{
-    Aqs, Deformation, DeformationName, Method, Newtonian, PeriodicBox, Placement, Relax,
-};
-pub use sample::{Sample, Sizes};
-pub use walls::{
-    Analysis, Control, Load, LoadChoice, Motion, Origin, Oscillation, Output, Pack, PackingFile,
-    Part, PartDrive, PartLength, PartNormal, PlaneShear, Shear, Spring, Stress, WallSpeed, Walls,
-};
+use crate::general::Bookkeeping;
+use crate::grains::Sample;
+use crate::periodic::PeriodicBox;
+use crate::time::TimeStep;
+use crate::walls::PlaneShear;
 
 /// A run, ready to be set up.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,41 +64,3 @@ pub enum Boundary {
     /// A periodic box: with a table `[box]`.
     Periodic(PeriodicBox),
 }
-
-/// The time step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TimeStep {
-    /// Δt (s).
-    pub step: f64,
-    /// The stability limit of Δt (s).
-    pub limit: f64,
-    /// Where Δt comes from.
-    pub given: StepChoice,
-    /// Whether Δt may exceed its limit.
-    pub force: bool,
-}
-
-/// Where Δt comes from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum StepChoice {
-    /// From the stiffness of the contacts.
-    Derived,
-    /// From the configuration.
-    Given,
-    /// A hundredth of how long two of the least grains collide at this speed (m/s).
-    Collision(f64),
-}
-
-/// What changes speed, not results.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bookkeeping {
-    /// Skin and rebuilds of the neighbour list.
-    pub list: ListSettings,
-    /// Instruction set of the kernel: one of `SIMD_NAMES`.
-    pub simd: &'static str,
-    /// Time after which a rank that does not answer ends the run (s); 0 is never.
-    pub watchdog: f64,
-}
-
-/// The instruction sets that may be asked for; `auto` is the best that the processor has.
-pub const SIMD_NAMES: [&str; 4] = ["auto", "avx512", "avx2", "portable"];

@@ -1,0 +1,104 @@
+//! From the values of a configuration to a scene in which nothing is optional.
+
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::failure::Failure;
+
+use crate::checker::Checker;
+use crate::general::{SCENE, check_bookkeeping};
+use crate::output::OUTPUT;
+use crate::packing::GrainLimit;
+use crate::sample::{ReadPacking, SAMPLE};
+use crate::scene::{Boundary, Scene};
+use crate::schedule::packing_steps;
+use crate::value::Value;
+use crate::walls::{PACK, PlaneShear};
+use crate::{extent, law, load, periodic, time, walls, write};
+
+/// Checks every value by itself, then those that must agree, and derives what follows. `boxed`: the
+/// scene has a `[box]`; `limit`: of inserted grains; `packing` is called for the file of a packing, if
+/// the scene has one.
+pub(crate) fn scene(
+    mut c: Checker<'_>,
+    boxed: bool,
+    limit: &GrainLimit,
+    packing: ReadPacking<'_>,
+) -> Result<Scene, Failure> {
+    let c = &mut c;
+    let seed = c.count(&SCENE.seed);
+    let dimension = match c.count(&SCENE.dimension) {
+        3 => Dimensions::Three,
+        _ => Dimensions::Two,
+    };
+    let (law, contact) = law::check(c, dimension)?;
+    time::check(c, &law, boxed);
+    check_limit(c, limit);
+    let keep_checkpoints = c.flag_or_default(&OUTPUT.keep_checkpoints);
+    let bookkeeping = check_bookkeeping(c);
+    let (default_title, sample, mut boundary) = if boxed {
+        let (sample, periodic) = periodic::check(c, dimension, seed)?;
+        ("Periodic box", sample, Boundary::Periodic(periodic))
+    } else {
+        let (sample, walls) = walls::check(c, dimension, &law, packing)?;
+        ("Plane shear", sample, Boundary::Walls(walls))
+    };
+    if !c.is_given(&SCENE.title) {
+        c.fill(&SCENE.title, default_title);
+    }
+    let of_walls = match &boundary {
+        Boundary::Walls(walls) => Some(walls),
+        Boundary::Periodic(_) => None,
+    };
+    let time_step = time::derive(c, (&law, &contact), &sample, of_walls)?;
+    if let Boundary::Walls(walls) = &mut boundary {
+        let greatest = (walls.greatest_overlap(&law, &sample), time_step.step);
+        walls.load.control = load::derive_servo(c, (&law, &sample), &walls.load, greatest);
+        c.settle()?;
+    }
+    let mut scene = Scene {
+        title: c.text(&SCENE.title).unwrap_or(default_title).into(),
+        author: c.text(&SCENE.author).map(Into::into),
+        seed,
+        dimension,
+        law,
+        contact,
+        sample,
+        time_step,
+        boundary,
+        keep_checkpoints,
+        bookkeeping,
+        toml: String::new(),
+    };
+    allow_steps(c, &mut scene);
+    extent::check(c, &scene)?;
+    scene.toml = write::toml(c, &scene);
+    Ok(scene)
+}
+
+/// Refuses more inserted grains than the limit.
+fn check_limit(c: &mut Checker<'_>, limit: &GrainLimit) {
+    let range = i64::from(limit.most) + 1..=i64::from(u32::MAX);
+    if let Some(Value::Whole(grains)) = c.value(&SAMPLE.grains)
+        && range.contains(grains)
+    {
+        let GrainLimit { most, reason } = limit;
+        let what = format!("{grains} grains are more than the {most} that {reason}; give fewer");
+        c.refuse(&SAMPLE.grains, &what);
+    }
+}
+
+/// Steps of a packing that are allowed, over those that are expected, if none are given.
+const PATIENCE: f64 = 10.0;
+
+/// Stiff samples come to rest in as many more steps as their time step is shorter.
+fn allow_steps(c: &mut Checker<'_>, scene: &mut Scene) {
+    let Ok(PlaneShear { load, .. }) = scene.plane_shear("") else {
+        return;
+    };
+    let allowed = PATIENCE * packing_steps(scene, load);
+    if let Boundary::Walls(walls) = &mut scene.boundary
+        && !c.is_given(&PACK.max_steps)
+    {
+        walls.pack.max_steps = walls.pack.max_steps.max(allowed as u64);
+        c.fill(&PACK.max_steps, walls.pack.max_steps);
+    }
+}

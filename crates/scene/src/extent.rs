@@ -1,0 +1,318 @@
+//! What a run of the scene takes: steps that can be counted, and files that a disk can hold.
+
+use gshear_dem::failure::Failure;
+use gshear_dem::laws::keys::Key;
+use gshear_dem::protocol::{Normal, Part, Segment};
+use gshear_dem::system::THICKEST_SKIN;
+
+use crate::checker::Checker;
+use crate::derived;
+use crate::load::WAYS;
+use crate::output::OUTPUT;
+use crate::periodic::{AQS, BOX, NEWTONIAN, PeriodicBox};
+use crate::protocol::{Motion, SHEAR};
+use crate::sample::{Origin, SAMPLE};
+use crate::scene::{Boundary, Scene};
+use crate::schedule::{Intervals, MOST_STEPS, STEPS_WITHOUT_A_PAIR, Schedule};
+use crate::time::TIME;
+use crate::walls::PlaneShear;
+use crate::words::show;
+
+/// Bytes of a grain in a frame, and of a row of the time series, at least.
+const FRAME_BYTES: f64 = 50.0;
+const ROW_BYTES: f64 = 100.0;
+/// Time steps of a cycle, at least.
+const LEAST_STEPS_OF_A_CYCLE: f64 = 20.0;
+/// Greatest rounding of a coordinate over the mean overlap.
+const FINEST: f64 = 1e-6;
+/// Bytes that a run may write: a petabyte.
+const MOST_BYTES: f64 = 1e15;
+
+/// Refuses a scene whose run could not end, or whose coordinates do not resolve its overlaps.
+pub(crate) fn check(c: &mut Checker<'_>, scene: &Scene) -> Result<(), Failure> {
+    resolution(c, scene);
+    match &scene.boundary {
+        Boundary::Walls(walls) => of_walls(c, scene, walls),
+        Boundary::Periodic(periodic) => of_a_box(c, scene, periodic),
+    }
+    c.settle()
+}
+
+/// Refuses coordinates whose rounding is more than a millionth of the least mean overlap: contacts
+/// would be lost, or their forces be those of other overlaps. Coordinates along the periodic axes stay in
+/// the cell however far grains move. Of a box without a pressure the overlaps are not known before.
+fn resolution(c: &mut Checker<'_>, scene: &Scene) {
+    let sample = &scene.sample;
+    let (height, kappa, keys) = match &scene.boundary {
+        Boundary::Walls(walls) => {
+            let height = match &walls.origin {
+                Origin::Insertion(_) => derived::packed_height(sample),
+                Origin::Packing { file, .. } => file.farthest.max(file.height()),
+            };
+            let keys = [&[&SAMPLE.packing][..], &WAYS].concat();
+            (height, walls.load.stiffness_number, keys)
+        }
+        Boundary::Periodic(periodic) => {
+            let Some(least) = periodic.least_pressure() else {
+                return;
+            };
+            let most = derived::STIFFNESS_NUMBER_MAX;
+            let kappa = match derived::stiffness_number(&scene.law, sample, least) {
+                Some(kappa) => kappa,
+                None if derived::pressure(&scene.law, sample, most) > least => most,
+                // Overlaps beyond those of the least κ.
+                None => return,
+            };
+            (sample.length, kappa, vec![&AQS.pressures, &BOX.pressure])
+        }
+    };
+    let lengths = [height, sample.length, sample.width];
+    let lengths = lengths.into_iter().filter(|x| x.is_finite());
+    let farthest = lengths.fold(0.0, f64::max);
+    let overlap = sample.mean_diameter / kappa;
+    let rounding = 0.5 * f64::EPSILON * farthest;
+    // How many times too coarse.
+    let coarse = rounding / (FINEST * overlap);
+    if coarse > 1.0 {
+        c.refuse_among(
+            &keys,
+            &format!(
+                "coordinates up to {farthest:.1e} are rounded by {rounding:.1e}, more than {FINEST:e} of the mean overlap of {overlap:.1e}; give coordinates up to {:.1e}, or a load that presses grains together by {:.1e} or more (a stiffness number of at most {:.1e})",
+                farthest / coarse,
+                overlap * coarse,
+                kappa / coarse,
+            ),
+        );
+    }
+}
+
+/// What the drive does in a part of the shear.
+struct DrivePart {
+    /// Its number, for the messages; empty of a shear without parts.
+    name: String,
+    /// The greatest speed (m/s).
+    speed: f64,
+    steps: f64,
+}
+
+/// The keys that set the rate of the shear.
+static RATE: [&Key; 3] = [&SHEAR.protocol, &SHEAR.velocity, &SHEAR.inertial_number];
+
+fn of_walls(c: &mut Checker<'_>, scene: &Scene, walls: &PlaneShear) {
+    let height = match &walls.origin {
+        Origin::Insertion(_) => derived::packed_height(&scene.sample),
+        Origin::Packing { file, .. } => file.height(),
+    };
+    let height = height - 2.0 * walls.wall_thickness(&scene.sample);
+    let schedule = Schedule::new(scene, walls, height);
+    let step = scene.time_step.step;
+    let parts: Vec<DrivePart> = match &walls.shear.motion {
+        Motion::Strain { strain, .. } => {
+            let speed = schedule.protocol.velocity(0);
+            vec![DrivePart {
+                name: String::new(),
+                speed,
+                steps: strain * height / speed / step,
+            }]
+        }
+        Motion::Protocol(parts) => {
+            let part = |(n, part): (usize, &Part)| DrivePart {
+                name: format!("part {}: ", n + 1),
+                speed: part.speed(height),
+                steps: part.time / step,
+            };
+            parts.iter().enumerate().map(part).collect()
+        }
+    };
+    let refused = check_speeds(scene, walls, &parts)
+        .map_err(|what| (&RATE[..], what))
+        .and_then(|()| {
+            check_waves(scene, walls).map_err(|what| (&RATE[..1], what))?;
+            check_steps(&parts, step).map_err(|what| (&LENGTH[..], what))
+        });
+    match refused {
+        Ok(()) => check_output(c, scene, &schedule),
+        Err((keys, what)) => c.refuse_among(keys, &what),
+    }
+}
+
+/// Refuses steps of the drive that leave the cell or the skin of the neighbour list.
+fn check_speeds(scene: &Scene, walls: &PlaneShear, parts: &[DrivePart]) -> Result<(), String> {
+    let (sample, step) = (&scene.sample, scene.time_step.step);
+    for DrivePart { name, speed, .. } in parts {
+        let way = speed * step;
+        // NaN is too long.
+        let is_short = way <= sample.length;
+        if !is_short {
+            return Err(format!(
+                "{name}moves the drive by {way:.1e} m in a time step of {step:.1e} s, further than the cell is long, {:.1e} m; give a lower rate",
+                sample.length
+            ));
+        }
+    }
+    // The greatest step of a wall that the list of pairs allows. A spring moves it as it likes.
+    let given = scene.bookkeeping.list.skin;
+    let half = 0.5 * given.unwrap_or(THICKEST_SKIN) * sample.mean_diameter;
+    let too_fast = parts.iter().find(|part| part.speed * step > half);
+    match too_fast.filter(|_| walls.shear.spring.is_none()) {
+        Some(DrivePart { name, speed, .. }) => Err(format!(
+            "{name}moves the wall by {:.1e} m in a time step of {step:.1e} s, further than {half:.1e} m, half the skin of the neighbour list; give a lower rate, or a smaller time.step{}",
+            speed * step,
+            given.map_or("", |_| ", or a greater bookkeeping.skin")
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Refuses parts of a protocol that a time step does not resolve.
+fn check_waves(scene: &Scene, walls: &PlaneShear) -> Result<(), String> {
+    let (sample, step) = (&scene.sample, scene.time_step.step);
+    let Motion::Protocol(parts) = &walls.shear.motion else {
+        return Ok(());
+    };
+    for (n, part) in parts.iter().enumerate() {
+        let n = n + 1;
+        let fastest = part.highest_frequency();
+        let least = LEAST_STEPS_OF_A_CYCLE;
+        if fastest * step * least > 1.0 {
+            return Err(format!(
+                "part {n}: a cycle of {} Hz takes {:.1} time steps of {step:.1e} s, fewer than {least}; give a lower frequency",
+                show(fastest),
+                1.0 / (fastest * step)
+            ));
+        }
+        let vertical = match part.imposed.normal {
+            Some(Normal::Velocity(velocity)) => velocity.abs() * step,
+            _ => 0.0,
+        };
+        let vibration = part.imposed.bottom.map_or(0.0, |of| of.amplitude);
+        for (name, way) in [("wall_velocity", vertical), ("bottom_amplitude", vibration)] {
+            if way > sample.mean_diameter {
+                return Err(format!(
+                    "part {n}: {name} moves a wall by {way:.1e} m, more than a mean diameter of {:.1e} m, in a step or a cycle; give less",
+                    sample.mean_diameter
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The keys that set how many steps the shear takes.
+static LENGTH: [&Key; 3] = [&SHEAR.strain, &SHEAR.protocol, &TIME.step];
+
+/// Refuses more steps than are counted.
+fn check_steps(parts: &[DrivePart], step: f64) -> Result<(), String> {
+    let steps: f64 = parts.iter().map(|part| part.steps).sum();
+    // NaN is no number of steps.
+    if steps <= MOST_STEPS as f64 {
+        return Ok(());
+    }
+    let number = if steps.is_finite() {
+        format!("{steps:.1e}")
+    } else {
+        "over 1e308".into()
+    };
+    Err(format!(
+        "the shear takes {number} steps of {step:.1e} s, more than the {:.1e} that are counted; give less of it, a higher rate, or another time.step",
+        MOST_STEPS as f64
+    ))
+}
+
+/// Refuses more output of the shear than any disk holds.
+fn check_output(c: &mut Checker<'_>, scene: &Scene, schedule: &Schedule) {
+    let count = |every: fn(&Intervals) -> u64, first: u64| -> f64 {
+        let segments = schedule.protocol.segments().iter().zip(&schedule.intervals);
+        let of_segment = |(segment, intervals): (&Segment, _)| {
+            let steps = segment.steps.saturating_sub(first);
+            steps.checked_div(every(intervals)).unwrap_or(0) as f64
+        };
+        segments.map(of_segment).sum()
+    };
+    let frames = count(|s| s.frames, schedule.first_frame);
+    let rows = count(|s| s.series, 0);
+    let frame = f64::from(scene.sample.grains) * FRAME_BYTES;
+    let keys = &OUTPUT;
+    written(
+        c,
+        &[&keys.frame_strain, &keys.frame_rows],
+        frames,
+        "frames",
+        frame,
+    );
+    let of_rows = [&keys.series_strain, &keys.series_rows];
+    written(c, &of_rows, rows, "rows of the time series", ROW_BYTES);
+}
+
+fn of_a_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
+    let aqs = &periodic.aqs;
+    let frame = f64::from(scene.sample.grains) * FRAME_BYTES;
+    if aqs.steps > MOST_STEPS {
+        let what = format!(
+            "must be at most {MOST_STEPS}, which is as far as steps are counted, found {}",
+            aqs.steps
+        );
+        c.refuse(&AQS.steps, &what);
+        return;
+    }
+    // Floats between two others run out.
+    let least = 1e-15 * aqs.strain_step;
+    if aqs.spectrum && aqs.birth_precision < least {
+        let what = format!(
+            "must be at least 1e-15 aqs.strain_step = {least:.1e}, as strains are no more precise, found {}",
+            show(aqs.birth_precision)
+        );
+        c.refuse(&AQS.birth_precision, &what);
+    }
+    written(
+        c,
+        &[&AQS.steps],
+        aqs.steps as f64,
+        "rows of the time series",
+        ROW_BYTES,
+    );
+    let frames = aqs.steps.checked_div(aqs.frame_every).unwrap_or(0) as f64;
+    written(c, &[&AQS.frame_every], frames, "frames", frame);
+    let Some(newtonian) = &periodic.newtonian else {
+        return;
+    };
+    let longest = MOST_STEPS as f64 / STEPS_WITHOUT_A_PAIR;
+    if newtonian.growth_times > longest {
+        let what = format!(
+            "must be at most {longest:.3e}, as steps are counted up to {:.1e}, found {}",
+            MOST_STEPS as f64,
+            show(newtonian.growth_times)
+        );
+        c.refuse(&NEWTONIAN.growth_times, &what);
+    }
+    // No more than one in each step.
+    let most = newtonian.growth_times * STEPS_WITHOUT_A_PAIR;
+    let at_most = |count: u64| (count as f64).min(most);
+    written(
+        c,
+        &[&NEWTONIAN.rows],
+        at_most(newtonian.rows),
+        "rows of the time series",
+        ROW_BYTES,
+    );
+    written(
+        c,
+        &[&NEWTONIAN.frames],
+        at_most(newtonian.frames),
+        "frames",
+        frame,
+    );
+}
+
+/// Refuses more output than any disk holds.
+fn written(c: &mut Checker<'_>, keys: &[&Key], count: f64, what: &str, bytes: f64) {
+    if count * bytes > MOST_BYTES {
+        c.refuse_among(
+            keys,
+            &format!(
+                "asks for {count:.1e} {what}, at least {:.1e} bytes, more than the {MOST_BYTES:.0e} bytes that a run may write; give fewer",
+                count * bytes
+            ),
+        );
+    }
+}

@@ -1,0 +1,290 @@
+//! The sample: grains inserted without overlap, and walls cut from it.
+
+use std::ops::Range;
+
+use bytemuck::Zeroable;
+use rand::RngExt;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use crate::grains::{Sample, Sizes};
+use gshear_dem::contact::portable_ln;
+use gshear_dem::state::{GrainState, body};
+
+/// Room for the largest grain, over its diameter.
+const ROOM: f64 = 1.05;
+
+/// Columns of grains up to the given radius (m) that have room in a cell of this length (m).
+pub fn columns(length: f64, radius_max: f64) -> u32 {
+    ((length / (2.0 * radius_max * ROOM)) as u32).max(1)
+}
+
+/// Columns of loosely stacked grains, jittered as far as each grain's cell allows; ids run up
+/// column after column. In three dimensions columns that follow each other along y come one after
+/// the other.
+#[derive(Debug, Clone)]
+pub struct Lattice<'a> {
+    sample: &'a Sample,
+    sizes: &'a Sizes,
+    /// Columns along x and along y; in two dimensions one.
+    columns: [u32; 2],
+    /// Of a column (m), along x and along y; none in two dimensions.
+    width: [f64; 2],
+}
+
+impl<'a> Lattice<'a> {
+    /// The lattice on which the grains of a sample are inserted.
+    pub fn new(sample: &'a Sample, sizes: &'a Sizes) -> Self {
+        let planar = sample.is_planar();
+        let along = columns(sample.length, sample.radius_max);
+        let across = if planar {
+            1
+        } else {
+            columns(sample.width, sample.radius_max)
+        };
+        let width = |length: f64, columns: u32| length / f64::from(columns);
+        Self {
+            sample,
+            sizes,
+            columns: [along, across],
+            width: [
+                width(sample.length, along),
+                if planar {
+                    0.0
+                } else {
+                    width(sample.width, across)
+                },
+            ],
+        }
+    }
+
+    /// The ids of a column: the first ones hold one more where the grains do not fill the last row.
+    fn ids(&self, column: u32) -> Range<u32> {
+        let all = self.columns[0] * self.columns[1];
+        let (rows, longer) = (self.sample.grains / all, self.sample.grains % all);
+        let first = |c: u32| c * rows + c.min(longer);
+        first(column)..first(column + 1)
+    }
+
+    /// The grains at rest of this rank's share of the columns. Every grain has its own random
+    /// stream, so any rank may make it.
+    pub fn insert(&self, seed: u64, rank: usize, ranks: usize) -> Vec<GrainState> {
+        let all = u64::from(self.columns[0] * self.columns[1]);
+        let part = |r: usize| (all * r as u64 / ranks as u64) as u32;
+        let columns = part(rank)..part(rank + 1);
+        columns.flat_map(|c| self.column(seed, c)).collect()
+    }
+
+    fn column(&self, seed: u64, column: u32) -> Vec<GrainState> {
+        let at = [column / self.columns[1], column % self.columns[1]];
+        let periods = [self.sample.length, self.sample.width];
+        let planar = self.sample.is_planar();
+        let mut bottom = 0.0;
+        let grain = |id| {
+            let mut uniform = stream(seed, id);
+            let radius = radius(self.sample, self.sizes, &mut uniform);
+            let mut position = [0.0; 3];
+            for axis in 0..if planar { 1 } else { 2 } {
+                let width = self.width[axis];
+                let free = width - 2.0 * radius;
+                let x = width * f64::from(at[axis]) + radius + free * uniform();
+                position[axis] = if x < periods[axis] { x } else { 0.0 };
+            }
+            let gap = 2.0 * radius * (ROOM - 1.0);
+            position[if planar { 1 } else { 2 }] = bottom + radius + gap * uniform();
+            bottom += 2.0 * radius + gap;
+            GrainState {
+                id,
+                position,
+                radius,
+                ..GrainState::zeroed()
+            }
+        };
+        self.ids(column).map(grain).collect()
+    }
+}
+
+/// R (m) of one grain; `uniform` returns random numbers in [0, 1).
+pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64) -> f64 {
+    let (a, b) = (sample.radius_min, sample.radius_max);
+    match sizes {
+        Sizes::Uniform => a + uniform() * (b - a),
+        // By rejection: a radius is taken with the probability e^(-z²/2).
+        Sizes::Normal { mean, deviation } => loop {
+            let r = a + uniform() * (b - a);
+            let z = (r - mean) / deviation;
+            // 1 - u is not 0.
+            if -2.0 * portable_ln(1.0 - uniform()) >= z * z {
+                return r;
+            }
+        },
+        Sizes::Binary { large_fraction } => {
+            if uniform() < *large_fraction {
+                b
+            } else {
+                a
+            }
+        }
+        Sizes::List(radii) => {
+            radii[((uniform() * radii.len() as f64) as usize).min(radii.len() - 1)]
+        }
+    }
+}
+
+/// Random numbers in [0, 1) for one grain: first those of its radius, then those of its position.
+pub fn stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(u64::from(id));
+    move || random.random::<f64>()
+}
+
+/// Number of large grains of a binary mixture of `grains`.
+pub fn large(grains: u32, large_fraction: f64) -> usize {
+    (large_fraction * f64::from(grains)).round() as usize
+}
+
+/// The volume (m³; m² in 2D) of all grains of a box: of a binary mixture there are exactly as many
+/// large ones as its fraction says, other radii are those that are drawn. `volume`: of a radius.
+pub fn volume_in_box(
+    seed: u64,
+    sample: &Sample,
+    sizes: &Sizes,
+    volume: impl Fn(f64) -> f64,
+) -> f64 {
+    let count = f64::from(sample.grains);
+    if let Sizes::Binary { large_fraction } = sizes {
+        let large = large(sample.grains, *large_fraction) as f64;
+        if large == large_fraction * count {
+            return count * sample.mean_volume;
+        }
+        return large * volume(sample.radius_max) + (count - large) * volume(sample.radius_min);
+    }
+    let of_grain = |id| volume(radius(sample, sizes, &mut stream(seed, id)));
+    (0..sample.grains).map(of_grain).sum()
+}
+
+/// Makes walls of the grains whose centre is within `thickness` (m) of the `planes` (m) across the
+/// axis `up`, the lower one first.
+pub fn freeze_walls(grains: &mut [GrainState], up: usize, planes: [f64; 2], thickness: f64) {
+    for g in grains.iter_mut() {
+        g.body = if g.position[up] < planes[0] + thickness {
+            body::BOTTOM
+        } else if g.position[up] > planes[1] - thickness {
+            body::TOP
+        } else {
+            body::FREE
+        };
+    }
+    stop_walls(grains);
+}
+
+/// Sets the velocities of wall grains to 0.
+pub fn stop_walls(grains: &mut [GrainState]) {
+    for g in grains.iter_mut().filter(|g| g.body != body::FREE) {
+        g.velocity = [0.0; 3];
+        g.angular_velocity = [0.0; 3];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gshear_dem::dimension::{Three, Two};
+
+    const SAMPLE: Sample = Sample::uniform(1003, 0.5e-6, 1e-6, 48e-6);
+
+    const SPHERES: Sample = Sample {
+        length: 12e-6,
+        width: 9e-6,
+        ..SAMPLE
+    };
+
+    fn distance(sample: &Sample, a: &GrainState, b: &GrainState) -> f64 {
+        let r = match sample.width {
+            f64::INFINITY => sample.cell().separation::<Two>(&a.position, &b.position),
+            _ => sample.cell().separation::<Three>(&a.position, &b.position),
+        };
+        gshear_dem::state::length(r)
+    }
+
+    #[test]
+    fn grains_do_not_overlap_and_their_sizes_are_uniform() {
+        for (sample, up) in [(&SAMPLE, 1), (&SPHERES, 2)] {
+            let grains = Lattice::new(sample, &Sizes::Uniform).insert(3, 0, 1);
+            assert_eq!(grains.len(), sample.grains as usize);
+            for (k, a) in grains.iter().enumerate() {
+                assert_eq!(a.id, k as u32);
+                assert!(
+                    a.position[up] >= a.radius && (0.0..sample.length).contains(&a.position[0])
+                );
+                for b in &grains[k + 1..] {
+                    let least = (a.radius + b.radius) * (1.0 - 1e-12);
+                    assert!(distance(sample, a, b) >= least);
+                }
+            }
+            let mean = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
+            // Standard error of the mean of 1,003 uniform numbers is 0.0046 µm.
+            assert!((mean / 0.75e-6 - 1.0).abs() < 4.0 * 0.0061);
+        }
+    }
+
+    /// Means and deviations of 1,003 radii within four standard errors of those of the
+    /// distributions.
+    #[test]
+    fn sizes_are_distributed_as_asked_for() {
+        let list = Sizes::List(vec![0.5e-6, 0.6e-6, 1e-6]);
+        let normal = Sizes::Normal {
+            mean: 0.7e-6,
+            deviation: 0.1e-6,
+        };
+        let binary = Sizes::Binary {
+            large_fraction: 0.3,
+        };
+        for sizes in [Sizes::Uniform, normal, binary, list] {
+            let grains = Lattice::new(&SAMPLE, &sizes).insert(5, 0, 1);
+            let of = |f: fn(f64) -> f64| {
+                let n = grains.len() as f64;
+                let mean = grains.iter().map(|g| f(g.radius / 1e-6)).sum::<f64>() / n;
+                let square = grains
+                    .iter()
+                    .map(|g| f(g.radius / 1e-6).powi(2))
+                    .sum::<f64>()
+                    / n;
+                let error = ((square - mean * mean) / n).sqrt();
+                let expected = sizes.mean([0.5e-6, 1e-6], |r| f(r / 1e-6));
+                assert!(
+                    (mean - expected).abs() < 4.0 * error,
+                    "{sizes:?}: {mean} {expected}"
+                );
+            };
+            of(|r| r);
+            of(|r| r * r);
+            of(|r| r * r * r);
+        }
+    }
+
+    /// The cut normal distribution against its closed form: ⟨R⟩ = μ + σ (φ(α) - φ(β))/(Φ(β) -
+    /// Φ(α)), from tables of the normal one.
+    #[test]
+    fn mean_of_the_cut_normal_distribution() {
+        let sizes = Sizes::Normal {
+            mean: 1.0,
+            deviation: 0.5,
+        };
+        // α = -1, β = 2: φ = 0.2419707245, 0.0539909665; Φ(2) - Φ(-1) = 0.8185946141.
+        let expected = 1.0
+            + 0.5 * (0.241_970_724_519_143_37 - 0.053_990_966_513_188_06) / 0.818_594_614_120_363_6;
+        assert!((sizes.mean([0.5, 2.0], |r| r) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn any_share_is_the_same_as_the_whole() {
+        for sample in [&SAMPLE, &SPHERES] {
+            let lattice = Lattice::new(sample, &Sizes::Uniform);
+            let whole = lattice.insert(3, 0, 1);
+            let shares: Vec<_> = (0..5).flat_map(|r| lattice.insert(3, r, 5)).collect();
+            assert_eq!(whole, shares);
+            assert_ne!(lattice.insert(4, 0, 1), whole);
+        }
+    }
+}

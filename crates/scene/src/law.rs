@@ -1,0 +1,135 @@
+//! The contact law: `[material]` and `[contact]`.
+
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::failure::Failure;
+use gshear_dem::laws::keys::{BELOW_ONE, Change, NOT_NEGATIVE};
+use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, hertz, lee_hurley};
+
+use crate::checker::Checker;
+use crate::table::{Scenes, Table, law_keys, laws_with, table};
+use crate::words::list;
+
+/// The names of the contact laws.
+const LAW_NAMES: [&str; LAWS.len()] = {
+    let mut names = [""; LAWS.len()];
+    let mut k = 0;
+    while k < LAWS.len() {
+        names[k] = LAWS[k].name;
+        k += 1;
+    }
+    names
+};
+
+/// The material of the grains, whose keys are those of the laws.
+pub(crate) const MATERIAL: Table = Table {
+    name: "material",
+    about: "The material of the grains.",
+    scenes: Scenes::All,
+    own: &[],
+};
+
+table! {
+    /// The contacts of the grains.
+    CONTACT: ContactKeys "contact" All {
+        /// contact law, see below
+        law: Text(&LAW_NAMES) {
+            otherwise: "`\"lee-hurley\"`, in 3D `\"hertz\"`",
+            change: Change::Never,
+        },
+        /// sliding friction μ_s
+        friction: Number(NOT_NEGATIVE) { what: "mu_s", example: "0.7" },
+        /// rolling friction μ_r; 2D only, not with the law mindlin
+        rolling_friction: Number(NOT_NEGATIVE) { default: "0.0" },
+        /// rolling damping ratio η_r; 2D only, not with the law mindlin
+        rolling_damping_ratio: Number(BELOW_ONE) { default: "0.0" },
+    }
+}
+
+/// The law with its constants, and what all contacts have.
+pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, Contact), Failure> {
+    let kind = choose(c, dimension)?;
+    let why = match (dimension, kind.rolling) {
+        (Dimensions::Three, _) => {
+            Some("rolling resistance is between disks; with dimension = 3 there is none".into())
+        }
+        (Dimensions::Two, false) => {
+            Some(format!("the law {:?} has no rolling resistance", kind.name))
+        }
+        (Dimensions::Two, true) => None,
+    };
+    if let Some(why) = why {
+        c.useless(&CONTACT.rolling_friction, &why);
+        c.useless(&CONTACT.rolling_damping_ratio, &why);
+    }
+    let law = Law::read(kind, c);
+    for (key, value) in law.given() {
+        c.fill(key, *value);
+    }
+    let contact = Contact {
+        friction: c.required(&CONTACT.friction),
+        rolling_friction: c.number_or_default(&CONTACT.rolling_friction),
+        rolling_damping_ratio: c.number_or_default(&CONTACT.rolling_damping_ratio),
+    };
+    Ok((law, contact))
+}
+
+/// The law that is named; refuses what only other laws take.
+fn choose(c: &mut Checker<'_>, dimension: Dimensions) -> Result<&'static LawKind, Failure> {
+    let key = &CONTACT.law;
+    let default = match dimension {
+        Dimensions::Two => lee_hurley::KIND.name,
+        Dimensions::Three => hertz::KIND.name,
+    };
+    let name = if c.is_given(key) {
+        c.choice(key)
+    } else {
+        c.fill(key, default);
+        Some(default)
+    };
+    let Some(kind) = name.and_then(laws::kind) else {
+        c.settle()?;
+        unreachable!("an unknown law is refused");
+    };
+    if !kind.dimensions.contains(&dimension) {
+        let others = LAWS
+            .iter()
+            .filter(|kind| kind.dimensions.contains(&dimension));
+        let (of, give) = match dimension {
+            Dimensions::Three => ("disks", "with dimension = 3 give"),
+            Dimensions::Two => ("spheres", "give dimension = 3, or"),
+        };
+        let others = quoted(others.map(|kind| kind.name), "or");
+        c.refuse(key, &format!("is a law of {of}; {give} {others}"));
+    }
+    let mut seen = Vec::new();
+    for other in law_keys() {
+        let owners = laws_with(other);
+        let is_own = owners.iter().any(|(name, _)| *name == kind.name);
+        if !c.is_given(other) || is_own || seen.contains(&other.path) {
+            continue;
+        }
+        seen.push(other.path);
+        let place = c
+            .offset(key)
+            .map_or("the default".into(), |at| c.mention(at));
+        let choose = if owners.len() == 1 {
+            "that law"
+        } else {
+            "one of those"
+        };
+        let what = format!(
+            "does not apply to the law {:?} ({place}), only to {}; leave it out, or choose {choose} with {}",
+            kind.name,
+            quoted(owners.iter().map(|(name, _)| *name), "and"),
+            key.path
+        );
+        c.refuse_useless(other, &what);
+    }
+    Ok(kind)
+}
+
+/// `"a", "b" and "c"`.
+fn quoted<'n>(names: impl Iterator<Item = &'n str>, and: &str) -> String {
+    let names: Vec<String> = names.map(|name| format!("{name:?}")).collect();
+    list(&names, and)
+}

@@ -1,0 +1,204 @@
+//! The load on the top wall: `[load]`.
+
+use std::ops::Bound;
+
+use gshear_dem::failure::Failure;
+use gshear_dem::laws::Law;
+use gshear_dem::laws::keys::{Bounds, Key, NOT_NEGATIVE, POSITIVE};
+
+use crate::checker::Checker;
+use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
+use crate::grains::Sample;
+use crate::table::table;
+use crate::words::show;
+
+/// Names of [`Control`].
+const CONTROL_NAMES: [&str; 2] = ["mass", "servo"];
+
+table! {
+    /// The load on the top wall.
+    LOAD: LoadKeys "load" Walls {
+        /// κ = d̄/δ̄, mean diameter over mean overlap; in 2D that is k_n/P
+        stiffness_number: Number(Bounds {
+                from: Bound::Included(STIFFNESS_NUMBER_MIN),
+                to: Bound::Included(STIFFNESS_NUMBER_MAX),
+            }) {},
+        /// pressure P
+        pressure: Number(POSITIVE) { unit: "Pa", condition: "κ in its range" },
+        /// N = P L_x, in 3D P L_x L_y, on the top wall
+        normal_force: Number(POSITIVE) { unit: "N, in 2D N/m", condition: "κ in its range" },
+        /// gravity g on the free grains, towards the bottom; see below for τ, P and κ
+        gravity: Number(NOT_NEGATIVE) { unit: "m/s²", default: "0.0" },
+        /// what moves the top wall along its normal: `"mass"`, the load on the mass of its grains;
+        /// `"servo"`, in every step a velocity from the error of the pressure
+        control: Text(&CONTROL_NAMES) { default: CONTROL_NAMES[0] },
+        /// of a servo: velocity over error of the pressure
+        servo_gain: Number(POSITIVE) {
+            unit: "m/(s Pa)",
+            condition: "at most its bound, with `\"servo\"`",
+            otherwise: "see below",
+        },
+        /// of a servo: greatest speed
+        servo_speed_max: Number(POSITIVE) {
+            unit: "m/s",
+            condition: "with `\"servo\"`",
+            otherwise: "`servo_gain` times P",
+        },
+    }
+}
+
+/// The ways to give the load.
+pub(crate) static WAYS: [&Key; 3] = [&LOAD.stiffness_number, &LOAD.pressure, &LOAD.normal_force];
+
+/// The load on the top wall, and gravity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Load {
+    /// P (Pa).
+    pub pressure: f64,
+    /// N = P L_x (N/m), in 3D P L_x L_y (N).
+    pub normal_force: f64,
+    /// κ = d̄/δ̄.
+    pub stiffness_number: f64,
+    /// g (m/s²), towards the bottom.
+    pub gravity: f64,
+    /// What moves the top wall along its normal.
+    pub control: Control,
+}
+
+/// What moves the top wall along its normal under a load.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Control {
+    /// The mass of its grains.
+    Mass,
+    /// In every step a velocity from the error of the pressure.
+    Servo {
+        /// Velocity over error of the pressure (m/(s Pa)).
+        gain: f64,
+        /// Greatest speed (m/s).
+        speed_max: f64,
+    },
+}
+
+impl Load {
+    /// δ̄ = d̄/κ (m): overlap of two grains of the mean radius that carry P d̄, in 3D P d̄².
+    pub fn mean_overlap(&self, sample: &Sample) -> f64 {
+        sample.mean_diameter / self.stiffness_number
+    }
+}
+
+/// Checks each key by itself.
+pub(crate) fn check(c: &mut Checker<'_>) {
+    c.exactly_one(
+        &WAYS,
+        "the load: stiffness_number (kappa), such as stiffness_number = 1e4, or pressure (Pa), or normal_force (N; N/m in 2D)",
+    );
+    for key in WAYS {
+        c.number(key);
+    }
+    c.number_or_default(&LOAD.gravity);
+    if c.choice(&LOAD.control) == Some("mass") {
+        let why = "applies to load.control = \"servo\"";
+        c.useless(&LOAD.servo_gain, why);
+        c.useless(&LOAD.servo_speed_max, why);
+    }
+}
+
+/// P, N and κ from one of them; the numbers of a servo come later ([`derive_servo`]).
+pub(crate) fn derive(c: &mut Checker<'_>, law: &Law, sample: &Sample) -> Result<Load, Failure> {
+    let base = sample.base();
+    let gravity = c.number_or_default(&LOAD.gravity);
+    let load = |pressure, normal_force, stiffness_number| Load {
+        pressure,
+        normal_force,
+        stiffness_number,
+        gravity,
+        control: Control::Mass,
+    };
+    let [kappa, pressure, normal_force] = WAYS.map(|key| c.number(key));
+    let (key, pressure, normal_force) = match (kappa, pressure, normal_force) {
+        (Some(kappa), ..) => {
+            let p = derived::pressure(law, sample, kappa);
+            return Ok(load(p, p * base, kappa));
+        }
+        (_, Some(p), _) => (&LOAD.pressure, p, p * base),
+        (.., force) => {
+            let force = force.unwrap_or(f64::NAN);
+            (&LOAD.normal_force, force / base, force)
+        }
+    };
+    if let Some(kappa) = derived::stiffness_number(law, sample, pressure) {
+        return Ok(load(pressure, normal_force, kappa));
+    }
+    let is_force = key.path == LOAD.normal_force.path;
+    let (unit, factor) = match (is_force, sample.is_planar()) {
+        (true, true) => ("N/m", base),
+        (true, false) => ("N", base),
+        (false, _) => ("Pa", 1.0),
+    };
+    let what = format!(
+        "gives a mean overlap outside {:.1e} … {:.3} mean diameters; it must lie in {:.3e} … {:.3e} {unit}, found {}",
+        1.0 / STIFFNESS_NUMBER_MAX,
+        1.0 / STIFFNESS_NUMBER_MIN,
+        derived::pressure(law, sample, STIFFNESS_NUMBER_MAX) * factor,
+        derived::pressure(law, sample, STIFFNESS_NUMBER_MIN) * factor,
+        show(if is_force { normal_force } else { pressure }),
+    );
+    Err(c.refused(key, &what))
+}
+
+/// Force that the smallest grains must bear at the largest overlap of the law, over P times the diameter
+/// of the largest grains (in 3D its square). Samples of equal disks that bear less do not pack.
+const BORNE: f64 = 1.4;
+
+/// Refuses a load that presses the smallest grains of a packed sample out of the law.
+pub(crate) fn check_packable(c: &mut Checker<'_>, law: &Law, sample: &Sample, load: &Load) {
+    let r = sample.radius_min;
+    let overlap = law.largest_overlap(r, r);
+    let force = law.normal_stiffness(r, r, overlap) * overlap;
+    let largest = 2.0 * sample.radius_max;
+    let section = if sample.is_planar() {
+        largest
+    } else {
+        largest * largest
+    };
+    let most = force / (BORNE * section);
+    if load.pressure <= most {
+        return;
+    }
+    // With few digits it is still enough.
+    let most = 0.99 * most;
+    let least = derived::stiffness_number(law, sample, most).unwrap_or(STIFFNESS_NUMBER_MIN);
+    let what = format!(
+        "presses the smallest grains out of the contact law in a packed sample of these sizes: P = {:.3e} Pa, kappa = {:.1}; give at most {most:.2e} Pa, kappa = {least:.1}, or sizes closer together",
+        load.pressure, load.stiffness_number,
+    );
+    c.refuse_among(&WAYS, &what);
+}
+
+/// What moves the top wall: the numbers of a servo, if there is one, for the greatest mean overlap
+/// (m) and the time step (s).
+pub(crate) fn derive_servo(
+    c: &mut Checker<'_>,
+    (law, sample): (&Law, &Sample),
+    load: &Load,
+    (greatest_overlap, step): (f64, f64),
+) -> Control {
+    if c.choice(&LOAD.control) != Some("servo") {
+        return Control::Mass;
+    }
+    let limit = derived::servo_gain_limit(law, sample, greatest_overlap, step);
+    let default = derived::servo_gain(law, sample, load.mean_overlap(sample)).min(limit);
+    let gain = c.number(&LOAD.servo_gain).unwrap_or(default);
+    if gain > limit {
+        let what = format!(
+            "{} m/(s Pa) is over the bound of {limit:.3e} m/(s Pa) at this time step, beyond which the wall may oscillate; give less, or leave it out for {default:.3e}",
+            show(gain)
+        );
+        c.refuse(&LOAD.servo_gain, &what);
+    }
+    let speed_max = c.number(&LOAD.servo_speed_max);
+    let speed_max = speed_max.unwrap_or(gain * load.pressure);
+    c.fill(&LOAD.servo_gain, gain);
+    c.fill(&LOAD.servo_speed_max, speed_max);
+    Control::Servo { gain, speed_max }
+}

@@ -1,0 +1,181 @@
+//! What is written and computed of the shear: `[output]` and `[analysis]`.
+
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::laws::keys::{Change, FROM_ZERO, Key, NOT_NEGATIVE, POSITIVE};
+
+use crate::checker::Checker;
+use crate::table::table;
+use crate::words::show;
+
+table! {
+    /// What is written.
+    OUTPUT: OutputKeys "output" All {
+        /// Δγ between frames; 0 is never
+        frame_strain: Number(NOT_NEGATIVE) { default: "1e-4", change: Change::Resume },
+        /// γ of the first frame, rounded to a multiple of `frame_strain`
+        frame_start: Number(NOT_NEGATIVE) { default: "0.0", change: Change::Resume },
+        /// Δγ between rows of the time series; 0 is never
+        series_strain: Number(NOT_NEGATIVE) { default: "1e-5", change: Change::Resume },
+        /// Δγ between checkpoints; 0 is only at the end
+        checkpoint_strain: Number(NOT_NEGATIVE) { default: "0.02", change: Change::Resume },
+        /// keep every checkpoint of the shear as `checkpoint-<step>.h5`, from step 0 on, for
+        /// `gshear-reduce replay`; of a box as `checkpoint-aqs-<step>.h5` and
+        /// `checkpoint-newtonian-<step>.h5`
+        keep_checkpoints: Flag { default: "false", change: Change::Resume },
+        /// with a protocol: frames in each part; 0 is none
+        frame_rows: Whole(FROM_ZERO) { default: "0", change: Change::Resume },
+        /// with a protocol: rows of the time series in each part; 0 is none
+        series_rows: Whole(FROM_ZERO) { default: "1000", change: Change::Resume },
+        /// lines of progress over the whole run; a terminal has one that is drawn anew
+        progress_lines: Whole(FROM_ZERO) { default: "20", change: Change::Resume },
+        /// record the energy budget in the time series
+        energy: Flag { default: "true", change: Change::Resume },
+    }
+}
+
+table! {
+    /// What the run computes of its frames.
+    ANALYSIS: AnalysisKeys "analysis" Walls {
+        /// compute the scalars of frames during the run (docs/reduction.md), so that frames need
+        /// not be written; 2D only
+        scalars: Flag { default: "false", change: Change::Resume },
+        /// Δγ between these frames
+        strain: Number(POSITIVE) {
+            condition: "a whole number of `output.series_strain`",
+            otherwise: "`output.frame_strain`",
+            change: Change::Resume,
+        },
+        /// γ of the first of them, rounded to a multiple of `analysis.strain`
+        start: Number(NOT_NEGATIVE) { otherwise: "`output.frame_start`", change: Change::Resume },
+    }
+}
+
+/// Intervals of output as Δγ, and as rows in each part of a protocol; 0 is never.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Output {
+    /// Δγ between frames.
+    pub frame_strain: f64,
+    /// γ from which on frames are written.
+    pub frame_start: f64,
+    /// Δγ between rows of the time series.
+    pub series_strain: f64,
+    /// Δγ between checkpoints.
+    pub checkpoint_strain: f64,
+    /// Frames in each part of a protocol.
+    pub frame_rows: u64,
+    /// Rows of the time series in each part of a protocol.
+    pub series_rows: u64,
+    /// Lines on the terminal over the whole run.
+    pub progress_lines: u64,
+    /// Whether the energy budget is recorded.
+    pub energy: bool,
+}
+
+impl Output {
+    /// How many rows of the time series an interval has, if it has a whole number of them.
+    pub fn rows_in(&self, strain: f64) -> Option<u64> {
+        let rows = strain / self.series_strain;
+        // Decimal fractions divide no better.
+        let whole = rows.round();
+        (rows.is_finite() && whole >= 1.0 && (rows - whole).abs() < 1e-9 * whole)
+            .then_some(whole as u64)
+    }
+}
+
+/// What the run itself computes of its frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Analysis {
+    /// Whether the scalars of frames are computed (LH section 3).
+    pub scalars: bool,
+    /// Δγ between these frames, which need not be written.
+    pub strain: f64,
+    /// γ of the first of them.
+    pub start: f64,
+}
+
+/// The intervals of strain, which a protocol does not have.
+static STRAINS: [&Key; 4] = [
+    &OUTPUT.frame_strain,
+    &OUTPUT.frame_start,
+    &OUTPUT.series_strain,
+    &OUTPUT.checkpoint_strain,
+];
+
+/// The output of a scene between walls. `protocol`: it has one.
+pub(crate) fn check(c: &mut Checker<'_>, protocol: bool) -> Output {
+    let keys = &OUTPUT;
+    if protocol {
+        let why = "does not apply to the parts of shear.protocol; give frame_rows and series_rows, the frames and rows of each part";
+        for key in STRAINS {
+            c.useless(key, why);
+        }
+    } else {
+        let why = "counts per part of shear.protocol, which is not given";
+        c.useless(&keys.frame_rows, why);
+        c.useless(&keys.series_rows, why);
+    }
+    Output {
+        frame_strain: c.number_or_default(&keys.frame_strain),
+        frame_start: c.number_or_default(&keys.frame_start),
+        series_strain: c.number_or_default(&keys.series_strain),
+        checkpoint_strain: c.number_or_default(&keys.checkpoint_strain),
+        frame_rows: c.count(&keys.frame_rows),
+        series_rows: c.count(&keys.series_rows),
+        progress_lines: c.count(&keys.progress_lines),
+        energy: c.flag_or_default(&keys.energy),
+    }
+}
+
+/// The intervals of output of a box are those of `[aqs]` and `[newtonian]`.
+pub(crate) fn check_box(c: &mut Checker<'_>) {
+    let why = "applies to scenes with walls only; a [box] has aqs.frame_every, newtonian.frames and newtonian.rows";
+    let keys = OutputKeys::TABLE.own.iter();
+    for key in keys.filter(|key| key.path != OUTPUT.keep_checkpoints.path) {
+        c.useless(key, why);
+    }
+}
+
+/// What is computed of the frames of a scene between walls. `protocol`: it has one.
+pub(crate) fn check_analysis(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    protocol: bool,
+    output: &Output,
+) -> Analysis {
+    let keys = &ANALYSIS;
+    let scalars = c.flag_or_default(&keys.scalars);
+    let found = Analysis {
+        scalars,
+        strain: c.number(&keys.strain).unwrap_or(output.frame_strain),
+        start: c.number(&keys.start).unwrap_or(output.frame_start),
+    };
+    if scalars && dimension == Dimensions::Three {
+        c.refuse(
+            &keys.scalars,
+            "the scalars of frames are those of disks; leave it out with dimension = 3",
+        );
+    }
+    // 0 is no interval of its own.
+    if found.strain > 0.0 {
+        c.fill(&keys.strain, found.strain);
+    }
+    c.fill(&keys.start, found.start);
+    if protocol {
+        let why = "does not apply to the parts of shear.protocol";
+        c.useless(&keys.strain, why);
+        c.useless(&keys.start, why);
+        if scalars {
+            c.useless(&keys.scalars, why);
+        }
+    }
+    if scalars && output.rows_in(found.strain).is_none() {
+        let what = format!(
+            "every frame that is analysed needs a row of the time series: analysis.strain (default output.frame_strain) must be \
+             a whole number of output.series_strain = {}, found {}",
+            show(output.series_strain),
+            show(found.strain)
+        );
+        c.refuse_among(&[&keys.strain, &keys.scalars], &what);
+    }
+    found
+}

@@ -1,0 +1,395 @@
+//! Grains in a periodic box that is deformed quasi-statically (BO section III): `[box]`, `[relax]`,
+//! `[aqs]` and `[newtonian]`.
+
+use std::ops::Bound;
+
+use gshear_dem::contact::portable_exp;
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::failure::Failure;
+use gshear_dem::laws::keys::{Bounds, Change, FROM_ONE, FROM_ZERO, NOT_NEGATIVE, POSITIVE, UNIT};
+
+use crate::checker::Checker;
+use crate::grains::{Sample, Sizes};
+use crate::output;
+use crate::sample::{self, Placement, SAMPLE};
+use crate::table::{names, table};
+
+/// Names of [`Deformation`].
+const DEFORMATION_NAMES: [&str; 4] = ["simple-shear", "pure-shear", "biaxial", "compression"];
+
+/// The methods and their names.
+const METHODS: [(&str, Method); 2] = [
+    ("newton", Method::Newton),
+    ("overdamped", Method::Overdamped),
+];
+const METHOD_NAMES: [&str; 2] = names(&METHODS);
+
+table! {
+    /// The periodic box.
+    BOX: BoxKeys "box" Box {
+        /// φ, the grains' volume (area in 2D) over that of the box; with it the scene has no walls
+        /// (see below)
+        solid_fraction: Number(Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) }) {
+            what: "phi, the grains' volume over that of the box",
+            example: "0.7",
+            change: Change::Never,
+        },
+        /// what a strain step does to the box (see below)
+        deformation: Text(&DEFORMATION_NAMES) {
+            default: DEFORMATION_NAMES[0],
+            change: Change::Never,
+        },
+        /// the packing is compressed or expanded to this pressure, with the scene's friction, before
+        /// the first strain step; with `"biaxial"` the lateral stress, too
+        pressure: Number(POSITIVE) {
+            unit: "pressure",
+            otherwise: "that of the solid fraction; required with `\"biaxial\"`",
+            what: "the lateral stress",
+            example: "1e-3",
+            change: Change::Never,
+        },
+        /// greatest relative error of these pressures, and of `aqs.pressures`
+        pressure_tolerance: Number(Bounds { from: Bound::Excluded(0.0), to: Bound::Excluded(1.0) }) {
+            default: "1e-4",
+        },
+    }
+}
+
+table! {
+    /// How mechanical equilibrium is found in a box.
+    RELAX: RelaxKeys "relax" Box {
+        /// `"newton"`: Newton's method with the exact K, and overdamped dynamics if it does not
+        /// converge; `"overdamped"`: overdamped dynamics only
+        method: Text(&METHOD_NAMES) { default: METHOD_NAMES[0] },
+        /// greatest net force on a grain at rest, and torque over its radius
+        tolerance: Number(POSITIVE) {
+            unit: "force",
+            what: "the greatest residual of a grain at rest",
+            example: "5e-14",
+        },
+        /// η_0 of overdamped dynamics, -η_0 m v on translations
+        drag: Number(POSITIVE) { unit: "1/time", what: "eta_0 of -eta_0 m v", example: "0.022" },
+        /// steps of overdamped dynamics, for one relaxation
+        max_steps: Whole(FROM_ONE) { default: "10000000", change: Change::Resume },
+    }
+}
+
+table! {
+    /// Athermal quasi-static deformation of a box.
+    AQS: AqsKeys "aqs" Box {
+        /// δγ, or δε of a biaxial box; of a box at a pressure also the greatest relative change of
+        /// a length between two relaxations
+        strain_step: Number(UNIT) { what: "delta gamma", example: "1e-4" },
+        /// number of strain steps
+        steps: Whole(FROM_ZERO) {
+            condition: "not with `\"compression\"`",
+            otherwise: "number of `pressures`",
+            what: "the number of strain steps",
+            example: "100",
+            change: Change::End,
+        },
+        /// pressures that the strain steps of a compression reach, one after the other, up or down
+        pressures: Numbers(POSITIVE) {
+            unit: "pressure",
+            condition: "each, one or more, with `\"compression\"`",
+            what: "the pressures that the packing is to reach",
+            example: "[1e-4, 1e-3]",
+        },
+        /// strain steps between frames; 0 is never
+        frame_every: Whole(FROM_ZERO) { default: "0", change: Change::Resume },
+        /// find all eigenvalues after every step, and the birth of the first complex pair; simple
+        /// shear only
+        spectrum: Flag { default: "false" },
+        /// precision of the birth in γ, by bisection
+        birth_precision: Number(POSITIVE) {
+            condition: "with `spectrum`",
+            default: "1e-10",
+            change: Change::Resume,
+        },
+        /// the strain steps end when a complex pair is alone and its imaginary part is this or
+        /// more; 0 is never
+        until_imaginary: Number(NOT_NEGATIVE) {
+            condition: "with `spectrum`",
+            default: "0.0",
+            change: Change::End,
+        },
+    }
+}
+
+table! {
+    /// Newton's equations in a box, after the strain steps.
+    NEWTONIAN: NewtonianKeys "newtonian" Box {
+        /// duration of the last stage, in 1/ω_i of the complex pair that grows fastest (without one,
+        /// in 1000 Δt); without `[newtonian]` there is none
+        growth_times: Number(POSITIVE) {
+            what: "the duration, in times 1/omega_i in which the complex pair grows by e",
+            example: "20",
+            change: Change::End,
+        },
+        /// rows of its time series at equal intervals, beside two stretches that resolve the
+        /// oscillation; 0 is none
+        rows: Whole(FROM_ZERO) { default: "20000", change: Change::Resume },
+        /// frames of it; 0 is none
+        frames: Whole(FROM_ZERO) { default: "200", change: Change::Resume },
+        /// times at which all eigenvalues are written; 0 is none
+        spectra: Whole(FROM_ZERO) { default: "0", change: Change::Resume },
+    }
+}
+
+/// Quasi-static deformation of a periodic box, and Newton's equations afterwards.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PeriodicBox {
+    /// How the radii are distributed.
+    pub sizes: Sizes,
+    /// Where they begin.
+    pub placement: Placement,
+    /// φ: volume of the grains (area in 2D) over that of the box.
+    pub solid_fraction: f64,
+    /// What a strain step does.
+    pub deformation: Deformation,
+    /// The pressure of the packing before the first strain step; `None`: that of the solid
+    /// fraction.
+    pub pressure: Option<f64>,
+    /// Greatest relative error of a pressure.
+    pub pressure_tolerance: f64,
+    /// How equilibrium is found.
+    pub relax: Relax,
+    /// The strain steps.
+    pub aqs: Aqs,
+    /// `None`: the run ends with the last strain step.
+    pub newtonian: Option<Newtonian>,
+}
+
+impl PeriodicBox {
+    /// Whether the packing is brought to a pressure.
+    pub fn has_pressures(&self) -> bool {
+        self.least_pressure().is_some()
+    }
+
+    /// The least pressure to which the packing is brought, if it is brought to any.
+    pub fn least_pressure(&self) -> Option<f64> {
+        let steps = match &self.deformation {
+            Deformation::Compression(pressures) => &pressures[..],
+            _ => &[],
+        };
+        let all = self.pressure.iter().chain(steps).copied();
+        all.reduce(f64::min)
+    }
+}
+
+/// What a strain step does to the lengths of the box and to its images.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Deformation {
+    /// Displaces the images above along x (Lees and Edwards).
+    SimpleShear,
+    /// Stretches the box along x and shrinks it along the last axis, at constant volume.
+    PureShear,
+    /// Shrinks the box along the last axis, at a constant mean stress along the others.
+    Biaxial,
+    /// Changes all lengths by the same factor, until the pressure is the next one of these.
+    Compression(Vec<f64>),
+}
+
+/// How mechanical equilibrium is found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Relax {
+    /// By which method.
+    pub method: Method,
+    /// Greatest |F| on a grain, and |T| over its radius.
+    pub tolerance: f64,
+    /// η_0, of overdamped dynamics: -η_0 m v on translations (1/time).
+    pub drag: f64,
+    /// Steps of overdamped dynamics after which a relaxation fails.
+    pub max_steps: u64,
+}
+
+/// A method to find mechanical equilibrium.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// Newton's method with the exact K, and overdamped dynamics if it does not converge.
+    Newton,
+    /// Overdamped dynamics only.
+    Overdamped,
+}
+
+/// Athermal quasi-static deformation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aqs {
+    /// δγ; δε of a biaxial box; the greatest relative change of a length between relaxations.
+    pub strain_step: f64,
+    /// Number of strain steps.
+    pub steps: u64,
+    /// Frames are written every so many steps; 0 is never.
+    pub frame_every: u64,
+    /// Whether the eigenvalues of K are found after every step, and the birth of the first complex
+    /// pair.
+    pub spectrum: bool,
+    /// Precision of the birth in γ.
+    pub birth_precision: f64,
+    /// The strain steps end when a pair is alone and |Im λ| of it is at least this; 0 is never.
+    pub until_imaginary: f64,
+}
+
+/// Newton's equations without any drag, from the last state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Newtonian {
+    /// How long, in 1/ω_i of the complex pair (BO eq. 8); without a pair in 1000 Δt.
+    pub growth_times: f64,
+    /// Rows of the time series over that time.
+    pub rows: u64,
+    /// Frames over that time.
+    pub frames: u64,
+    /// Spectra over that time.
+    pub spectra: u64,
+}
+
+/// Of whose dense matrix all eigenvalues are found after every strain step.
+const MOST_UNKNOWNS: u64 = 6000;
+
+/// Checks every key by itself, then those that must agree, and derives the sample.
+pub(crate) fn check(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    seed: u64,
+) -> Result<(Sample, PeriodicBox), Failure> {
+    let sizes = sample::check_boxed(c);
+    let deformation = check_deformation(c);
+    let periodic = PeriodicBox {
+        sizes,
+        placement: c
+            .named(&SAMPLE.placement, &Placement::NAMES)
+            .unwrap_or(Placement::Lattice),
+        solid_fraction: c.required(&BOX.solid_fraction),
+        pressure: check_pressure(c, &deformation),
+        pressure_tolerance: c.number_or_default(&BOX.pressure_tolerance),
+        relax: Relax {
+            method: c.named(&RELAX.method, &METHODS).unwrap_or(Method::Newton),
+            tolerance: c.required(&RELAX.tolerance),
+            drag: c.required(&RELAX.drag),
+            max_steps: c.count(&RELAX.max_steps),
+        },
+        aqs: check_aqs(c, &deformation),
+        deformation,
+        newtonian: check_newtonian(c),
+    };
+    output::check_box(c);
+    c.settle()?;
+
+    let solid_fraction = periodic.solid_fraction;
+    let sample = sample::derive_boxed(c, dimension, seed, &periodic.sizes, solid_fraction)?;
+    let per_grain = match dimension {
+        Dimensions::Two => 3,
+        Dimensions::Three => 6,
+    };
+    if periodic.aqs.spectrum && u64::from(sample.grains) * per_grain > MOST_UNKNOWNS {
+        return Err(c.out_of_range(&format!(
+            "aqs.spectrum finds all eigenvalues at once, of up to {} grains in this dimension; leave it out, and take gshear-reduce spectrum \
+             of checkpoints or frames",
+            MOST_UNKNOWNS / per_grain
+        )));
+    }
+    let least = sample.least_box_length();
+    let shortest = shortest(&sample, &periodic);
+    if shortest < least {
+        return Err(c.out_of_range(&format!(
+            "the box would become {shortest:.3e} long, so that grains would touch their own images; give fewer strain steps or more grains, for a length of at least {least:.3e}"
+        )));
+    }
+    Ok((sample, periodic))
+}
+
+/// The least length of the box, as far as it follows from the number of strain steps.
+fn shortest(sample: &Sample, periodic: &PeriodicBox) -> f64 {
+    let strain = periodic.aqs.strain_step * periodic.aqs.steps as f64;
+    let shrinks = match periodic.deformation {
+        Deformation::PureShear => 0.5 * strain,
+        Deformation::Biaxial => strain,
+        Deformation::SimpleShear | Deformation::Compression(_) => 0.0,
+    };
+    sample.length * portable_exp(-shrinks)
+}
+
+/// What a strain step does, with the pressures of a compression.
+fn check_deformation(c: &mut Checker<'_>) -> Deformation {
+    let deformation = match c.choice(&BOX.deformation) {
+        Some("compression") => {
+            return Deformation::Compression(c.required_list(&AQS.pressures, "pressure"));
+        }
+        Some("pure-shear") => Deformation::PureShear,
+        Some("biaxial") => Deformation::Biaxial,
+        _ => Deformation::SimpleShear,
+    };
+    c.useless(
+        &AQS.pressures,
+        "applies to box.deformation = \"compression\"",
+    );
+    deformation
+}
+
+/// The pressure of the packing before the first strain step.
+fn check_pressure(c: &mut Checker<'_>, deformation: &Deformation) -> Option<f64> {
+    match deformation {
+        Deformation::Biaxial => Some(c.required(&BOX.pressure)),
+        Deformation::Compression(_) => {
+            c.useless(
+                &BOX.pressure,
+                "is the first of aqs.pressures in a compression",
+            );
+            None
+        }
+        Deformation::SimpleShear | Deformation::PureShear => {
+            if !c.is_given(&BOX.pressure) {
+                c.useless(
+                    &BOX.pressure_tolerance,
+                    "applies to a box at a pressure, and there is no box.pressure",
+                );
+            }
+            c.number(&BOX.pressure)
+        }
+    }
+}
+
+fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation) -> Aqs {
+    let keys = &AQS;
+    let spectrum = c.flag_or_default(&keys.spectrum);
+    if !spectrum {
+        let why = "applies to the eigenvalues, which need aqs.spectrum = true";
+        c.useless(&keys.birth_precision, why);
+        c.useless(&keys.until_imaginary, why);
+    }
+    if spectrum && *deformation != Deformation::SimpleShear {
+        c.refuse(
+            &keys.spectrum,
+            "applies to box.deformation = \"simple-shear\"; leave it out, and take gshear-reduce spectrum of checkpoints or frames",
+        );
+    }
+    let steps = match deformation {
+        Deformation::Compression(pressures) => {
+            c.useless(&keys.steps, "is the number of aqs.pressures");
+            pressures.len() as u64
+        }
+        _ => c.required_count(&keys.steps),
+    };
+    Aqs {
+        strain_step: c.required(&keys.strain_step),
+        steps,
+        frame_every: c.count(&keys.frame_every),
+        spectrum,
+        birth_precision: c.number_or_default(&keys.birth_precision),
+        until_imaginary: c.number_or_default(&keys.until_imaginary),
+    }
+}
+
+/// `None` if no key of the table is given.
+fn check_newtonian(c: &mut Checker<'_>) -> Option<Newtonian> {
+    let keys = &NEWTONIAN;
+    if !NewtonianKeys::TABLE.own.iter().any(|key| c.is_given(key)) {
+        return None;
+    }
+    Some(Newtonian {
+        growth_times: c.required(&keys.growth_times),
+        rows: c.count(&keys.rows),
+        frames: c.count(&keys.frames),
+        spectra: c.count(&keys.spectra),
+    })
+}

@@ -1,0 +1,403 @@
+//! How the sample is sheared: `[shear]` and the parts of its protocol.
+
+use gshear_dem::failure::Failure;
+use gshear_dem::laws::Law;
+use gshear_dem::laws::keys::{ANY, Change, Key, NOT_NEGATIVE, POSITIVE, Values};
+use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part};
+use gshear_dem::wave::Wave;
+
+use crate::checker::Checker;
+use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
+use crate::grains::Sample;
+use crate::load::Load;
+use crate::table::table;
+use crate::value::Value;
+use crate::words::{known_names, meant, show};
+
+table! {
+    /// The shear.
+    SHEAR: ShearKeys "shear" Walls {
+        /// inertial number I = γ̇ √(m̄/P) with m̄ per depth, in 3D γ̇ d̄ √(ρ/P)
+        inertial_number: Number(POSITIVE) {},
+        /// V of the top wall
+        velocity: Number(POSITIVE) { unit: "m/s" },
+        /// total γ
+        strain: Number(POSITIVE) { what: "the total gamma", example: "0.1", change: Change::End },
+        /// instead of these three: a list of parts, see below
+        protocol: Parts(PartKeys::TABLE.own) {
+            condition: "one part or more",
+            otherwise: "none",
+            change: Change::End,
+        },
+        /// k of a spring through which the top wall is pulled; without it the wall moves as the
+        /// drive does
+        spring_stiffness: Number(POSITIVE) { unit: "N/m, in 2D Pa", otherwise: "none" },
+        /// the same as k d̄/N
+        spring_number: Number(POSITIVE) {
+            condition: "instead of `spring_stiffness`",
+            otherwise: "none",
+        },
+    }
+}
+
+table! {
+    /// The keys of a part of the protocol.
+    PART: PartKeys {
+        /// velocity of the drive; 0 is a hold
+        velocity: Number(NOT_NEGATIVE) { unit: "m/s" },
+        /// how far the drive moves, with `velocity`
+        distance: Number(POSITIVE) { unit: "m" },
+        /// duration
+        time: Number(POSITIVE) { unit: "s" },
+        /// duration in cycles, with `frequency`
+        cycles: Number(POSITIVE) {},
+        /// cyclic strain: amplitude of γ, with `frequency`
+        strain_amplitude: Number(POSITIVE) {},
+        /// of the strain or of the shear stress
+        frequency: Number(POSITIVE) { unit: "Hz" },
+        /// the top wall is free along x under this stress, which pulls it forward
+        shear_stress: Number(ANY) { unit: "Pa" },
+        /// the stress at the end of a linear ramp
+        shear_stress_end: Number(ANY) { unit: "Pa" },
+        /// of a sinusoid added to the stress, with `frequency`
+        shear_stress_amplitude: Number(POSITIVE) { unit: "Pa" },
+        /// pressure on the top wall, from the start of the part
+        pressure: Number(POSITIVE) { unit: "Pa" },
+        /// the pressure at the end of a linear ramp
+        pressure_end: Number(POSITIVE) { unit: "Pa" },
+        /// of a sinusoid added to the pressure, with `pressure_frequency`
+        pressure_amplitude: Number(POSITIVE) { unit: "Pa" },
+        /// of the pressure
+        pressure_frequency: Number(POSITIVE) { unit: "Hz" },
+        /// instead of a pressure: velocity of the top wall away from the bottom wall; 0 is a constant
+        /// volume
+        wall_velocity: Number(ANY) { unit: "m/s" },
+        /// vibration of the bottom wall along its normal, with `bottom_frequency`
+        bottom_amplitude: Number(POSITIVE) { unit: "m" },
+        /// of the bottom wall
+        bottom_frequency: Number(POSITIVE) { unit: "Hz" },
+    }
+}
+
+/// The shear.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shear {
+    /// How the drive moves.
+    pub motion: Motion,
+    /// k (N/m; Pa in 2D) of the spring between drive and top wall. `None`: the top wall moves as the
+    /// drive does.
+    pub spring: Option<f64>,
+}
+
+/// How the drive moves.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// At one speed to this γ.
+    Strain {
+        /// How fast.
+        drive: WallSpeed,
+        /// γ at the end.
+        strain: f64,
+    },
+    /// Through these parts, one after the other.
+    Protocol(Vec<Part>),
+}
+
+/// How fast the top wall moves along x.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum WallSpeed {
+    /// I (`schedule::inertial_time`); V = γ̇ H with H the height after packing.
+    InertialNumber(f64),
+    /// V (m/s).
+    Velocity(f64),
+}
+
+impl Shear {
+    /// The pressures (Pa) that parts of the protocol impose, by the numbers of the parts.
+    pub(crate) fn pressures(&self) -> impl Iterator<Item = (usize, &Course)> {
+        let parts = match &self.motion {
+            Motion::Strain { .. } => &[],
+            Motion::Protocol(parts) => &parts[..],
+        };
+        parts.iter().enumerate().filter_map(|(n, part)| {
+            if let Some(Normal::Load(pressure)) = &part.imposed.normal {
+                Some((n, pressure))
+            } else {
+                None
+            }
+        })
+    }
+
+    /// The greatest pressure (Pa), if the load has this one.
+    pub(crate) fn greatest_pressure(&self, load: f64) -> f64 {
+        self.pressures().fold(load, |most, (_, of)| {
+            most.max(of.from.max(of.to) + of.amplitude())
+        })
+    }
+}
+
+/// Checks each key by itself.
+pub(crate) fn check(c: &mut Checker<'_>) {
+    let keys = &SHEAR;
+    let springs = [&keys.spring_stiffness, &keys.spring_number];
+    c.at_most_one(&springs);
+    for key in springs {
+        c.number(key);
+    }
+    if c.is_given(&keys.protocol) {
+        let why = "says how the drive moves, and so does shear.protocol";
+        for key in [&keys.inertial_number, &keys.velocity, &keys.strain] {
+            c.useless(key, why);
+        }
+        return;
+    }
+    c.exactly_one(
+        &[&keys.inertial_number, &keys.velocity],
+        "the rate: inertial_number (I), such as inertial_number = 2e-4, or velocity (m/s), or a protocol",
+    );
+    c.number(&keys.inertial_number);
+    c.number(&keys.velocity);
+    c.required(&keys.strain);
+}
+
+/// The shear of this sample under this load.
+pub(crate) fn derive(
+    c: &mut Checker<'_>,
+    (law, sample): (&Law, &Sample),
+    load: &Load,
+) -> Result<Shear, Failure> {
+    let keys = &SHEAR;
+    let number = c.number(&keys.spring_number);
+    let of_number = number.map(|number| number * load.normal_force / sample.mean_diameter);
+    let spring = c.number(&keys.spring_stiffness).or(of_number);
+    let motion = if let Some(Value::Parts(given)) = c.value(&keys.protocol) {
+        match parts(given, load.pressure, spring.is_some()) {
+            Ok(parts) => Motion::Protocol(parts),
+            Err(what) => return Err(c.refused(&keys.protocol, &what)),
+        }
+    } else {
+        let drive = match c.number(&keys.inertial_number) {
+            Some(i) => WallSpeed::InertialNumber(i),
+            None => WallSpeed::Velocity(c.known(&keys.velocity)),
+        };
+        let strain = c.known(&keys.strain);
+        Motion::Strain { drive, strain }
+    };
+    let shear = Shear { motion, spring };
+    check_pressures(&shear, (law, sample), load.pressure)
+        .map_err(|what| c.refused(&keys.protocol, &what))?;
+    Ok(shear)
+}
+
+/// The parts of a protocol that begins at this pressure (Pa) of the load.
+fn parts(
+    given: &[Vec<(String, f64)>],
+    mut pressure: f64,
+    spring: bool,
+) -> Result<Vec<Part>, String> {
+    if given.is_empty() {
+        return Err("has no parts; give one or more, such as [[shear.protocol]] with velocity and distance or time".into());
+    }
+    let mut parts = Vec::new();
+    // A protocol without loads leaves the load of the packed sample as it is.
+    let mut has_normal = false;
+    for (n, values) in given.iter().enumerate() {
+        let values = PartValues(values);
+        let part = values.part(&mut pressure);
+        let part = part.map_err(|what| format!("part {}: {what}", n + 1))?;
+        has_normal |= values.has_normal();
+        parts.push(part);
+    }
+    let is_stress = |part: &Part| matches!(part.imposed.along, Along::Force(_));
+    if let (Some(n), true) = (parts.iter().position(is_stress), spring) {
+        return Err(format!(
+            "part {}: shear_stress pulls the top wall itself, but shear.spring_stiffness or \
+             shear.spring_number gives a spring; leave the spring out",
+            n + 1
+        ));
+    }
+    if !has_normal {
+        for part in &mut parts {
+            part.imposed.normal = None;
+        }
+    }
+    Ok(parts)
+}
+
+/// The values of a part, by their names.
+struct PartValues<'v>(&'v [(String, f64)]);
+
+/// Keys that need another one.
+static NEEDS: [(&Key, &[&Key]); 11] = [
+    (
+        &PART.frequency,
+        &[&PART.strain_amplitude, &PART.shear_stress_amplitude],
+    ),
+    (&PART.strain_amplitude, &[&PART.frequency]),
+    (&PART.shear_stress_amplitude, &[&PART.frequency]),
+    (&PART.shear_stress_amplitude, &[&PART.shear_stress]),
+    (&PART.shear_stress_end, &[&PART.shear_stress]),
+    (&PART.pressure_amplitude, &[&PART.pressure_frequency]),
+    (&PART.pressure_frequency, &[&PART.pressure_amplitude]),
+    (&PART.bottom_amplitude, &[&PART.bottom_frequency]),
+    (&PART.bottom_frequency, &[&PART.bottom_amplitude]),
+    (&PART.cycles, &[&PART.frequency]),
+    (&PART.distance, &[&PART.velocity]),
+];
+
+/// Keys of which no two may be given.
+static EXCLUSIVE: [&[&Key]; 5] = [
+    &[&PART.velocity, &PART.strain_amplitude, &PART.shear_stress],
+    &[&PART.distance, &PART.time, &PART.cycles],
+    &[&PART.wall_velocity, &PART.pressure],
+    &[&PART.wall_velocity, &PART.pressure_end],
+    &[&PART.wall_velocity, &PART.pressure_amplitude],
+];
+
+impl PartValues<'_> {
+    fn of(&self, key: &Key) -> Option<f64> {
+        let known = self.0.iter().find(|(name, _)| name == key.path);
+        known.map(|(_, x)| *x)
+    }
+
+    fn wave(&self, amplitude: &Key, frequency: &Key) -> Option<Wave> {
+        Some(Wave {
+            amplitude: self.of(amplitude)?,
+            frequency: self.of(frequency)?,
+        })
+    }
+
+    fn has_normal(&self) -> bool {
+        let keys = [
+            &PART.wall_velocity,
+            &PART.pressure,
+            &PART.pressure_end,
+            &PART.pressure_amplitude,
+        ];
+        keys.iter().any(|key| self.of(key).is_some())
+    }
+
+    /// The part. `pressure` (Pa): at the end of the part before, then at the end of this one.
+    fn part(&self, pressure: &mut f64) -> Result<Part, String> {
+        self.check()?;
+        let along = self.along()?;
+        let normal = if let Some(velocity) = self.of(&PART.wall_velocity) {
+            Normal::Velocity(velocity)
+        } else {
+            let from = self.of(&PART.pressure).unwrap_or(*pressure);
+            *pressure = self.of(&PART.pressure_end).unwrap_or(from);
+            Normal::Load(Course {
+                from,
+                to: *pressure,
+                wave: self.wave(&PART.pressure_amplitude, &PART.pressure_frequency),
+            })
+        };
+        Ok(Part {
+            imposed: Imposed {
+                along,
+                normal: Some(normal),
+                bottom: self.wave(&PART.bottom_amplitude, &PART.bottom_frequency),
+            },
+            time: self.time(along)?,
+        })
+    }
+
+    /// Refuses unknown keys, values out of range, and keys that do not go together.
+    fn check(&self) -> Result<(), String> {
+        for (name, x) in self.0 {
+            let known = PartKeys::TABLE.key(name);
+            let Some((key, Values::Number(range))) = known.map(|key| (key, key.values)) else {
+                let all: Vec<&str> = PartKeys::TABLE.own.iter().map(|key| key.path).collect();
+                let unknown = format!("unknown key {name}{}", meant(name, &all));
+                return Err(known_names(unknown, "a part knows", &all));
+            };
+            if !x.is_finite() || !range.hold(*x) {
+                let words = if range.hold(*x) {
+                    "must be a finite number".into()
+                } else {
+                    range.words()
+                };
+                return Err(format!("{} {words}, found {}", key.path, show(*x)));
+            }
+        }
+        for (key, others) in NEEDS {
+            if self.of(key).is_some() && others.iter().all(|other| self.of(other).is_none()) {
+                let others: Vec<&str> = others.iter().map(|other| other.path).collect();
+                let others = others.join(" or ");
+                return Err(format!("{} needs {others}; give it as well", key.path));
+            }
+        }
+        for keys in EXCLUSIVE {
+            let given = keys.iter().filter(|key| self.of(key).is_some());
+            if let [one, other, ..] = given.map(|key| key.path).collect::<Vec<_>>()[..] {
+                return Err(format!("has both {one} and {other}; give one of them"));
+            }
+        }
+        Ok(())
+    }
+
+    /// What moves the top wall along x: a velocity (m/s), γ, or a stress (Pa).
+    fn along(&self) -> Result<Along, String> {
+        if let Some(velocity) = self.of(&PART.velocity) {
+            return Ok(Along::Velocity(velocity));
+        }
+        if let Some(strain) = self.wave(&PART.strain_amplitude, &PART.frequency) {
+            return Ok(Along::Oscillation(strain));
+        }
+        let from = self.of(&PART.shear_stress).ok_or(
+            "lacks velocity (m/s), such as velocity = 1e-3; 0 is a hold; or \
+             strain_amplitude, or shear_stress (Pa)",
+        )?;
+        Ok(Along::Force(Course {
+            from,
+            to: self.of(&PART.shear_stress_end).unwrap_or(from),
+            wave: self.wave(&PART.shear_stress_amplitude, &PART.frequency),
+        }))
+    }
+
+    /// The duration (s).
+    fn time(&self, along: Along) -> Result<f64, String> {
+        match (self.of(&PART.distance), along) {
+            (Some(_), Along::Velocity(0.0)) => {
+                return Err("a hold (velocity = 0) covers no distance; give its time (s)".into());
+            }
+            (Some(distance), Along::Velocity(velocity)) => return Ok(distance / velocity),
+            _ => {}
+        }
+        let of_cycles = || Some(self.of(&PART.cycles)? / self.of(&PART.frequency)?);
+        let time = self.of(&PART.time).or_else(of_cycles);
+        time.ok_or("lacks how long it lasts: distance of the drive (m), time (s) or cycles".into())
+    }
+}
+
+/// Checks the pressures of the parts beside the one (Pa) of the load, which was checked.
+fn check_pressures(shear: &Shear, (law, sample): (&Law, &Sample), load: f64) -> Result<(), String> {
+    for (n, of) in shear.pressures() {
+        let (least, most) = (of.from.min(of.to), of.from.max(of.to));
+        if of.amplitude() >= least {
+            return Err(format!(
+                "part {}: pressure_amplitude must be less than the pressure of {} Pa, found {}",
+                n + 1,
+                show(least),
+                show(of.amplitude())
+            ));
+        }
+        let extremes = [most + of.amplitude(), least]
+            .into_iter()
+            .filter(|p| *p != load);
+        for pressure in extremes {
+            if derived::stiffness_number(law, sample, pressure).is_none() {
+                let range = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN]
+                    .map(|kappa| derived::pressure(law, sample, kappa));
+                return Err(format!(
+                    "part {}: a pressure of {} Pa is outside the range of the law, {:.3e} … {:.3e} Pa",
+                    n + 1,
+                    show(pressure),
+                    range[0],
+                    range[1]
+                ));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,131 @@
+//! What a table of the configuration is, and how its keys are declared.
+
+use gshear_dem::laws::keys::Key;
+use gshear_dem::laws::{LAWS, LawKind};
+
+/// A table of the configuration, or its top.
+pub(crate) struct Table {
+    /// Empty for the top.
+    pub name: &'static str,
+    pub about: &'static str,
+    pub scenes: Scenes,
+    /// Its keys but for those of the contact laws.
+    pub own: &'static [&'static Key],
+}
+
+/// The scenes that have a table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Scenes {
+    All,
+    Walls,
+    Box,
+}
+
+impl Table {
+    /// Its keys; those of the contact laws come last.
+    pub fn keys(&self) -> Vec<&'static Key> {
+        let mut keys = self.own.to_vec();
+        for key in law_keys().filter(|key| key.table() == self.name) {
+            if keys.iter().all(|known| known.path != key.path) {
+                keys.push(key);
+            }
+        }
+        keys
+    }
+
+    /// The key of this name.
+    pub fn key(&self, name: &str) -> Option<&'static Key> {
+        self.keys().into_iter().find(|key| key.name() == name)
+    }
+}
+
+/// The keys of all contact laws, some more than once.
+pub(crate) fn law_keys() -> impl Iterator<Item = &'static Key> {
+    LAWS.iter().flat_map(|kind| kind.keys.iter().copied())
+}
+
+/// The contact laws that take a key, and the units that they give it.
+pub(crate) fn laws_with(key: &Key) -> Vec<(&'static str, &'static str)> {
+    let own = |kind: &&LawKind| {
+        let own = kind.keys.iter().find(|own| own.path == key.path)?;
+        Some((kind.name, own.unit))
+    };
+    LAWS.iter().filter_map(own).collect()
+}
+
+/// The unit of a key. If the laws that take it have several: `hooke: N/m; mindlin: N/m^1.5`.
+pub(crate) fn unit(key: &Key) -> String {
+    let laws = laws_with(key);
+    if laws.iter().all(|(_, unit)| *unit == key.unit) {
+        return key.unit.into();
+    }
+    let units = laws.iter().map(|(law, unit)| format!("{law}: {unit}"));
+    units.collect::<Vec<_>>().join("; ")
+}
+
+/// Declares a table: `KEYS: Type "name" Scenes { key: Values { what is declared of it }, … }`. A
+/// key's comment is its meaning in docs/config.md; the other fields are those of [`Key`]. Without a
+/// name the keys are those of the top, or of a part of a protocol.
+macro_rules! table {
+    (
+        $(#[doc = $about:literal])+
+        $keys:ident: $type:ident $table:literal $scenes:ident { $($declared:tt)* }
+    ) => {
+        $crate::table::table! {
+            @all (concat!($table, ".")) $table $scenes [$($about)+] $keys: $type { $($declared)* }
+        }
+    };
+    ($(#[doc = $about:literal])+ $keys:ident: $type:ident { $($declared:tt)* }) => {
+        $crate::table::table! { @all ("") "" All [$($about)+] $keys: $type { $($declared)* } }
+    };
+    (
+        @all ($prefix:expr) $table:literal $scenes:ident [$($about:literal)+]
+        $keys:ident: $type:ident {
+            $(
+                $(#[doc = $doc:literal])+
+                $key:ident: $kind:ident $(($values:expr))? {
+                    $($field:ident: $value:expr),* $(,)?
+                }
+            ),* $(,)?
+        }
+    ) => {
+        $(#[doc = $about])+
+        pub(crate) struct $type {
+            $($(#[doc = $doc])+ pub $key: gshear_dem::laws::keys::Key,)*
+        }
+
+        $(#[doc = $about])+
+        pub(crate) static $keys: $type = $type {
+            $($key: gshear_dem::laws::keys::Key {
+                path: concat!($prefix, stringify!($key)),
+                doc: concat!($($doc),+),
+                values: gshear_dem::laws::keys::Values::$kind $(($values))?,
+                $($field: $value,)*
+                ..gshear_dem::laws::keys::Key::PLAIN
+            },)*
+        };
+
+        impl $type {
+            pub(crate) const TABLE: $crate::table::Table = $crate::table::Table {
+                name: $table,
+                about: concat!($($about),+),
+                scenes: $crate::table::Scenes::$scenes,
+                own: &[$(&$keys.$key),*],
+            };
+        }
+    };
+}
+pub(crate) use table;
+
+/// The names of a list of names and values.
+pub(crate) const fn names<T: Copy, const N: usize>(
+    of: &[(&'static str, T); N],
+) -> [&'static str; N] {
+    let mut names = [""; N];
+    let mut k = 0;
+    while k < N {
+        names[k] = of[k].0;
+        k += 1;
+    }
+    names
+}

@@ -1,0 +1,117 @@
+//! The time step: `[time]`.
+
+use gshear_dem::failure::Failure;
+use gshear_dem::laws::keys::{Change, POSITIVE};
+use gshear_dem::laws::{Contact, Law};
+
+use crate::checker::Checker;
+use crate::derived;
+use crate::grains::Sample;
+use crate::table::table;
+use crate::walls::PlaneShear;
+use crate::words::show;
+
+table! {
+    /// The time step.
+    TIME: TimeKeys "time" All {
+        /// Δt
+        step: Number(POSITIVE) { unit: "s", condition: "at most the stability limit" },
+        /// Δt is a hundredth of the time for which two of the smallest spheres collide at this
+        /// speed; law hertz only
+        collision_speed: Number(POSITIVE) {
+            unit: "m/s",
+            condition: "instead of `step`",
+            otherwise: "none",
+        },
+        /// run with a `step` over the limit
+        force: Flag {
+            condition: "with `step` or `collision_speed`",
+            default: "false",
+            change: Change::Resume,
+        },
+    }
+}
+
+/// The time step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimeStep {
+    /// Δt (s).
+    pub step: f64,
+    /// The stability limit of Δt (s).
+    pub limit: f64,
+}
+
+/// Overlap over d̄ that packings in a box are expected to have, of which ten times bounds Δt.
+const BOX_OVERLAP: f64 = 0.03;
+
+/// Checks each key by itself. `boxed`: the scene has a `[box]`.
+pub(crate) fn check(c: &mut Checker<'_>, law: &Law, boxed: bool) {
+    let keys = &TIME;
+    c.number(&keys.step);
+    if boxed {
+        c.useless(&keys.collision_speed, "applies to scenes with walls only");
+    } else {
+        c.at_most_one(&[&keys.step, &keys.collision_speed]);
+        c.number(&keys.collision_speed);
+    }
+    let is_given = [&keys.step, &keys.collision_speed].map(|key| c.is_given(key));
+    if c.flag_or_default(&keys.force) && is_given == [false; 2] {
+        c.refuse(
+            &keys.force,
+            "there is no step to force; give time.step (s), or leave both out",
+        );
+    }
+    if is_given[1] && law.collision_time(1.0, 1.0).is_none() {
+        c.refuse(
+            &keys.collision_speed,
+            "applies to laws whose collisions take a time that depends on their speed, such as \"hertz\"; give time.step (s), or leave it out",
+        );
+    }
+}
+
+/// Δt and its limit. `walls`: of a scene between walls.
+pub(crate) fn derive(
+    c: &mut Checker<'_>,
+    (law, contact): (&Law, &Contact),
+    sample: &Sample,
+    walls: Option<&PlaneShear>,
+) -> Result<TimeStep, Failure> {
+    let mean_overlap = match walls {
+        Some(walls) => walls.greatest_overlap(law, sample),
+        None => BOX_OVERLAP * sample.mean_diameter,
+    };
+    let friction = contact.friction > 0.0 || walls.is_some_and(|walls| walls.pack.friction > 0.0);
+    let limit_of = |law: &Law| derived::step_limit(law, contact, sample, mean_overlap, friction);
+    let mut limit = limit_of(law);
+    if let Some(walls) = walls.filter(|walls| !walls.pack.skip) {
+        let packing = law.while_packing(sample.mean_diameter, walls.load.pressure);
+        limit = limit.min(limit_of(&packing));
+    }
+    let contact_time = derived::contact_time(law, sample, mean_overlap);
+    let default = derived::default_step(contact_time, limit);
+    let keys = &TIME;
+    let (step, key) = match (c.number(&keys.step), c.number(&keys.collision_speed)) {
+        (Some(step), _) => (step, &keys.step),
+        (None, Some(speed)) => {
+            // A hundredth of how long two of the least grains collide.
+            let duration = law.collision_time(sample.radius_min, speed);
+            (0.01 * duration.unwrap_or(f64::NAN), &keys.collision_speed)
+        }
+        (None, None) => (default, &keys.step),
+    };
+    if step > limit && !c.flag_or_default(&keys.force) {
+        let what = format!(
+            "{} s is over the stability limit of {limit:.3e} s; give less, or leave it out for {default:.3e} s, or run it all the same with time.force = true",
+            show(step)
+        );
+        c.refuse(key, &what);
+    }
+    c.settle()?;
+    // Values that are each within their bounds can still overflow together.
+    if let Some(x) = [step, limit].iter().find(|x| !x.is_normal()) {
+        return Err(c.out_of_range(&format!(
+            "the time step comes out as {x:?} s; check the units of [material], [contact] and [sample]"
+        )));
+    }
+    Ok(TimeStep { step, limit })
+}

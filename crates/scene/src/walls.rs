@@ -1,0 +1,191 @@
+//! Plane shear between walls: `[pack]`, and what follows from all of its tables.
+
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::drive::Servo;
+use gshear_dem::failure::Failure;
+use gshear_dem::laws::Law;
+use gshear_dem::laws::keys::{Change, FROM_ONE, Key, NOT_NEGATIVE, POSITIVE};
+
+use crate::checker::Checker;
+use crate::derived;
+use crate::grains::Sample;
+use crate::load::{self, Control, Load};
+use crate::output::{self, Analysis, Output};
+use crate::protocol::{self, SHEAR, Shear};
+use crate::sample::{self, Origin, ReadPacking, SAMPLE};
+use crate::table::table;
+
+table! {
+    /// The compression of the sample.
+    PACK: PackKeys "pack" Walls {
+        /// shear the grains of `sample.packing` as they are
+        skip: Flag {
+            condition: "true with `sample.packing` only",
+            otherwise: "true with `sample.packing`, false without",
+            change: Change::Never,
+        },
+        /// μ_s while the sample is compressed; 0 packs densest
+        friction: Number(NOT_NEGATIVE) { default: "0.0" },
+        /// drag on grains and planes once the bottom carries the load, over the inverse of
+        /// √(m̄/P), in 3D of √(m̄/(P d̄)); 0.25 to 0.6 comes to rest in fewer steps
+        drag: Number(POSITIVE) { default: "1.0" },
+        /// kinetic energy per grain over P d̄ δ̄ at which the sample is at rest, if the bottom
+        /// carries N and the weight up to a share √`tolerance` (at least 1e-3)
+        tolerance: Number(POSITIVE) { default: "1e-7" },
+        /// steps after which packing is given up; if it is not given, ten times the number that
+        /// `--check` expects where that is more
+        max_steps: Whole(FROM_ONE) { default: "5000000", change: Change::Resume },
+    }
+}
+
+/// Plane shear between walls.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaneShear {
+    /// Where the grains come from.
+    pub origin: Origin,
+    /// Thickness of each wall over d̄.
+    pub wall_layers: f64,
+    /// The load on the top wall, and gravity.
+    pub load: Load,
+    /// The compression.
+    pub pack: Pack,
+    /// The shear.
+    pub shear: Shear,
+    /// What is written, and how often.
+    pub output: Output,
+    /// What the run computes of its frames.
+    pub analysis: Analysis,
+}
+
+/// Compression between smooth planes under P.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pack {
+    /// No compression: the grains are sheared as they come.
+    pub skip: bool,
+    /// μ_s while packing; 0 is a law without history.
+    pub friction: f64,
+    /// Drag once the bottom carries the load, over the inverse `schedule::packing_time`.
+    pub drag: f64,
+    /// Kinetic energy per grain, over P d̄ δ̄, below which the sample is at rest.
+    pub tolerance: f64,
+    /// Steps after which packing is given up.
+    pub max_steps: u64,
+}
+
+impl PlaneShear {
+    /// Thickness of each wall of this sample (m).
+    pub fn wall_thickness(&self, sample: &Sample) -> f64 {
+        self.wall_layers * sample.mean_diameter
+    }
+
+    /// The servo that moves the top wall of this sample, if one does.
+    pub fn servo(&self, sample: &Sample) -> Option<Servo> {
+        match self.load.control {
+            Control::Mass => None,
+            Control::Servo { gain, speed_max } => Some(Servo {
+                gain: gain / sample.base(),
+                fastest: speed_max,
+            }),
+        }
+    }
+
+    /// δ̄ (m) at the greatest pressure.
+    pub(crate) fn greatest_overlap(&self, law: &Law, sample: &Sample) -> f64 {
+        let most = self.shear.greatest_pressure(self.load.pressure);
+        match derived::stiffness_number(law, sample, most) {
+            Some(kappa) if most > self.load.pressure => sample.mean_diameter / kappa,
+            _ => self.load.mean_overlap(sample),
+        }
+    }
+}
+
+/// Checks every key by itself, then those that must agree, and derives the sample and its shear.
+pub(crate) fn check(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    law: &Law,
+    packing: ReadPacking<'_>,
+) -> Result<(Sample, PlaneShear), Failure> {
+    let grains = sample::check(c, dimension);
+    load::check(c);
+    let pack = check_pack(c);
+    protocol::check(c);
+    let has_protocol = c.is_given(&SHEAR.protocol);
+    let output = output::check(c, has_protocol);
+    let analysis = output::check_analysis(c, dimension, has_protocol, &output);
+    c.settle()?;
+
+    let (sample, origin, wall_layers) = sample::derive(c, dimension, grains, pack.skip, packing)?;
+    let load = load::derive(c, law, &sample)?;
+    if !pack.skip {
+        load::check_packable(c, law, &sample, &load);
+    }
+    let shear = protocol::derive(c, (law, &sample), &load)?;
+    c.settle()?;
+    let contact_time = derived::contact_time(law, &sample, load.mean_overlap(&sample));
+    // Values that are each within their bounds can still overflow together, such as a radius of
+    // 1e-200 m squared.
+    let derived = [
+        ("pressure", load.pressure),
+        ("normal force", load.normal_force),
+        ("mean volume of a grain", sample.mean_volume),
+        ("time scale of a contact", contact_time),
+    ];
+    if let Some((name, x)) = derived.iter().find(|(_, x)| !x.is_normal()) {
+        return Err(c.out_of_range(&format!(
+            "the {name} comes out as {x:?}; check the units (SI) of [material], [sample] and [load]"
+        )));
+    }
+    let walls = PlaneShear {
+        origin,
+        wall_layers,
+        load,
+        pack,
+        shear,
+        output,
+        analysis,
+    };
+    Ok((sample, walls))
+}
+
+fn check_pack(c: &mut Checker<'_>) -> Pack {
+    let keys = &PACK;
+    let packing = c.is_given(&SAMPLE.packing);
+    let skip = c.flag(&keys.skip).unwrap_or(packing);
+    c.fill(&keys.skip, skip);
+    if skip && !packing {
+        c.refuse(
+            &keys.skip,
+            "inserted grains are loose and must be packed; give sample.packing, or leave it out",
+        );
+    }
+    if skip {
+        let how: [&Key; 4] = [&keys.friction, &keys.drag, &keys.tolerance, &keys.max_steps];
+        c.omit(&how);
+        let skipped = match c.offset(&keys.skip) {
+            Some(at) => c.mention(at),
+            None => "the default with sample.packing".into(),
+        };
+        for key in how.into_iter().filter(|_| packing) {
+            if c.is_given(key) {
+                c.refuse(
+                    key,
+                    &format!("says how to pack, but pack.skip = true ({skipped}); leave it out, or give pack.skip = false"),
+                );
+            }
+        }
+    }
+    if !skip && packing && c.text(&SAMPLE.walls) == Some("types") {
+        c.refuse(
+            &keys.skip,
+            "contradicts sample.walls = \"types\": a sample that is compressed gets its walls afterwards; leave out one of the two",
+        );
+    }
+    Pack {
+        skip,
+        friction: c.number_or_default(&keys.friction),
+        drag: c.number_or_default(&keys.drag),
+        tolerance: c.number_or_default(&keys.tolerance),
+        max_steps: c.count(&keys.max_steps),
+    }
+}

@@ -1,0 +1,61 @@
+//! The checked scene as TOML again, with every default filled in: what the user chose stays as
+//! chosen, what follows from it stands in comments, so that reading it gives the same scene to the
+//! last bit.
+
+use gshear_dem::dimension::Dimensions;
+
+use crate::checker::Checker;
+use crate::keys::tables;
+use crate::scene::{Boundary, Scene};
+
+/// The configuration of a scene: the values that the checks left, in the order of the declarations.
+pub(crate) fn toml(c: &Checker<'_>, scene: &Scene) -> String {
+    let mut text = String::from("# What is run: every default filled in. What follows from it:\n");
+    for (symbol, x, unit) in derived(scene) {
+        text += format!("# {symbol} = {x:?} {unit}").trim_end();
+        text.push('\n');
+    }
+    for table in tables() {
+        let lines = table.keys().into_iter().filter_map(|key| {
+            let value = c.written(key)?.toml();
+            Some(format!("{} = {value}\n", key.name()))
+        });
+        let lines: String = lines.collect();
+        if !lines.is_empty() && !table.name.is_empty() {
+            text += &format!("\n[{}]\n", table.name);
+        }
+        text += &lines;
+    }
+    text
+}
+
+/// What follows from the keys: symbol, value, unit.
+fn derived(scene: &Scene) -> Vec<(&'static str, f64, &'static str)> {
+    let (step, limit) = (scene.time_step.step, scene.time_step.limit);
+    let walls = match &scene.boundary {
+        Boundary::Walls(walls) => walls,
+        Boundary::Periodic(_) => {
+            return vec![
+                ("time step", step, ""),
+                ("its limit of stability", limit, ""),
+            ];
+        }
+    };
+    let [of_force, of_stiffness] = match scene.dimension {
+        Dimensions::Two => ["N/m", "Pa"],
+        Dimensions::Three => ["N", "N/m"],
+    };
+    let load = &walls.load;
+    let mut found = scene.law.derived();
+    found.push(("pressure P", load.pressure, "Pa"));
+    found.push(("normal force N", load.normal_force, of_force));
+    if let Some(spring) = walls.shear.spring {
+        let number = spring * scene.sample.mean_diameter / load.normal_force;
+        found.push(("stiffness of the spring k", spring, of_stiffness));
+        found.push(("spring number k d/N", number, ""));
+    }
+    found.push(("stiffness number kappa", load.stiffness_number, ""));
+    found.push(("time step", step, "s"));
+    found.push(("stability limit of the time step", limit, "s"));
+    found
+}
